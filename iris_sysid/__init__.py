@@ -1,0 +1,56 @@
+"""From a physics video to the parameters of its governing equation, with honest error bars.
+
+Everything public is here; names are imported when first used, so that ``import iris_sysid`` is quick.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+__version__ = "0.1.0"
+
+DISTRIBUTION = "iris-sysid"
+
+_HOME = {
+    name: module
+    for module, names in {
+        "iris_sysid.calibration": (
+            "scale scale_bar scale_from_text uncalibrated from_osp read_calibration write_calibration to_world"
+        ),
+        "iris_sysid.errors": (
+            "IrisError VideoError TrackingError CalibrationError DataError FitError UnknownNameError "
+            "PluginError OutputError"
+        ),
+        "iris_sysid.events": "segment",
+        "iris_sysid.pipeline": "run track observe save Run",
+        "iris_sysid.registry": "TRACKERS MODELS EFFECTS PHENOMENA",
+        "iris_sysid.smoothing": "smooth",
+        "iris_sysid.diagnosis": "diagnose Diagnosis",
+        "iris_sysid.frames": "to_frame estimates_frame",
+        "iris_sysid.osp": "read_osp marked_tracks",
+        "iris_sysid.report": "write_report",
+        "iris_sysid.table_reading": "read_track read_trajectory",
+        "iris_sysid.tables": "write_track write_trajectory",
+        "iris_sysid.types": (
+            "Calibration Effect Estimate FitResult Frame FrameSource OdeModel Parameter Phenomenon Quantity Segment "
+            "Smoothed Track Tracker TrackOptions Trajectory"
+        ),
+        "iris_sysid.video": "open_video",
+        "fitters.compose": "with_effects",
+        "fitters.ode": "fit simulate",
+    }.items()
+    for name in names.split()
+}
+
+__all__ = sorted(_HOME)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'iris_sysid' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_HOME])

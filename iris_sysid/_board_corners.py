@@ -1,0 +1,185 @@
+"""Where exactly a corner of a checkerboard is: a model of the blurred corner, fitted to the grey levels around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import erf
+
+from iris_sysid.types import Array
+
+# The next corner begins at 1 square, so this much of a square on each side belongs to one corner alone.
+REACH_SQUARES = 0.42
+LARGEST_REACH_PX = 24
+STEPS = 25
+ENOUGH_PX = 1e-4
+ROOT_PI = np.sqrt(np.pi)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Saddles:
+    """Corners as fitted: ``xy_px`` (n, 2), and (n,) each ``stderr_px`` of one coordinate, ``blur_px``, ``contrast``.
+
+    ``blur_px`` is the standard deviation of the wider of a corner's two edges; ``contrast`` half the step between
+    dark and light, positive where the square on the side of +a and +b is light. NaN: no corner was found there.
+    """
+
+    xy_px: Array
+    stderr_px: Array
+    blur_px: Array
+    contrast: Array
+
+
+def refine_by_window(
+    grey: NDArray[np.uint8], xy_px: Array, half_px: int, *, steps: int = 30, eps: float = 0.1
+) -> Array:
+    """Move corners (n, 2) to where the grey levels' gradients point away from, as OpenCV's classical method does.
+
+    Parameters
+    ----------
+    grey
+        Picture (h, w).
+    xy_px
+        Corners to start from (n, 2).
+    half_px
+        Half the side of the window, px; a window that holds a second corner pulls the result towards it.
+    steps, eps
+        Stop after so many steps, or at a step below so many px.
+
+    Returns
+    -------
+    Array
+        (n, 2).
+    """
+    start = np.ascontiguousarray(xy_px, dtype=np.float32).reshape(-1, 1, 2)
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_COUNT, steps, eps)
+    return np.asarray(cv2.cornerSubPix(grey, start, (half_px, half_px), (-1, -1), criteria), float).reshape(-1, 2)
+
+
+def refine_by_model(grey: NDArray[np.uint8], xy_px: Array, squares_px: Array, clear: float = 0.5) -> Saddles:
+    """Fit to the grey levels around each corner ``m + c E(d1/s1) E(d2/s2) + g (x - x0)``, by Levenberg-Marquardt.
+
+    d1 and d2 are distances from the corner's two edges, E the error function: a step blurred by a Gaussian of
+    standard deviation s. The edges' directions, blurs, the levels m and c, and a slope g of the light are fitted with
+    the place. Unlike the classical window, this takes no pixel of another corner, and says how well it is known.
+
+    Parameters
+    ----------
+    grey
+        Picture (h, w).
+    xy_px
+        Corners to start from (n, 2).
+    squares_px
+        The board's two sides of a square at each corner, in px (n, 2, 2): columns are the steps along a and b.
+    clear
+        Squares on each side of an edge that are free of markers; pixels beyond it are not used.
+
+    Returns
+    -------
+    Saddles
+        NaN where no corner was found within 0.3 squares of the start.
+    """
+    rows = [_refine_one(grey, start, sides, clear) for start, sides in zip(xy_px, squares_px, strict=True)]
+    table = np.array(rows, dtype=np.float64).reshape(-1, 5)
+    return Saddles(table[:, :2], table[:, 2], table[:, 3], table[:, 4])
+
+
+NOTHING = (np.nan,) * 5
+
+
+def _refine_one(
+    grey: NDArray[np.uint8], start: Array, sides: Array, clear: float
+) -> tuple[float, float, float, float, float]:
+    pixels, levels = _patch(grey, start, sides, clear)
+    if len(levels) < 25:  # ten unknowns need some pixels more
+        return NOTHING
+    params, covariance = _fit(pixels, levels, _guess(pixels, levels, sides))
+    moved = np.linalg.solve(sides, params[:2])
+    if not (np.all(np.isfinite(params)) and np.abs(moved).max() < 0.3 and np.all(np.isfinite(covariance))):
+        return NOTHING
+    stderr = float(np.sqrt(np.trace(covariance[:2, :2]) / 2))
+    # E(d1) E(d2) is positive where a and b have opposite signs seen from the directions of the edges
+    contrast = -params[7] * np.sign(np.sin(params[3] - params[2]))
+    x, y = start + params[:2]
+    return x, y, stderr, float(np.abs(params[4:6]).max()), float(contrast)
+
+
+def _patch(grey: NDArray[np.uint8], start: Array, sides: Array, clear: float) -> tuple[Array, Array]:
+    """Places of the pixels near a corner (n, 2), relative to it, and their levels (n,)."""
+    reach = int(min(np.ceil(REACH_SQUARES * np.abs(sides).sum(axis=1).max()), LARGEST_REACH_PX))
+    column, row = np.round(start).astype(int)
+    x = np.arange(max(column - reach, 0), min(column + reach + 1, grey.shape[1]))
+    y = np.arange(max(row - reach, 0), min(row + reach + 1, grey.shape[0]))
+    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    squares = np.abs((places - start) @ np.linalg.inv(sides).T)
+    near = (squares.max(axis=1) < REACH_SQUARES) & (squares.min(axis=1) < clear)
+    places = places[near]
+    return places - start, grey[places[:, 1], places[:, 0]].astype(np.float64)
+
+
+def _guess(pixels: Array, levels: Array, sides: Array) -> Array:
+    """x0, y0, two angles, two blurs, m, c, gx, gy to start from."""
+    angle_1, angle_2 = np.arctan2(sides[1], sides[0])
+    params = np.array([0, 0, angle_1, angle_2, 1, 1, levels.mean(), 0, 0, 0], dtype=np.float64)
+    shape = _basis(pixels, params)[2]
+    params[7] = shape @ (levels - params[6]) / max(float(shape @ shape), 1e-12)
+    return params
+
+
+def _basis(pixels: Array, params: Array) -> tuple[Array, Array, Array]:
+    """Distances from the two edges (n, 2), error function of each over its blur (n, 2), and their product (n,)."""
+    offset = pixels - params[:2]
+    sin, cos = np.sin(params[2:4]), np.cos(params[2:4])
+    distance = offset[:, :1] * sin - offset[:, 1:] * cos
+    steps = erf(distance / (np.sqrt(2) * params[4:6]))
+    return distance, steps, steps[:, 0] * steps[:, 1]
+
+
+def _predicted(pixels: Array, params: Array) -> tuple[Array, Array]:
+    """Levels (n,) and their derivatives by the ten parameters (n, 10)."""
+    distance, steps, product = _basis(pixels, params)
+    offset = pixels - params[:2]
+    sin, cos = np.sin(params[2:4]), np.cos(params[2:4])
+    blur = np.sqrt(2) * params[4:6]
+    by_distance = params[7] * steps[:, ::-1] * 2 / ROOT_PI * np.exp(-np.square(distance / blur)) / blur
+    out = np.empty((len(pixels), 10))
+    out[:, 0] = -by_distance @ sin - params[8]
+    out[:, 1] = by_distance @ cos - params[9]
+    out[:, 2:4] = by_distance * (offset[:, :1] * cos + offset[:, 1:] * sin)
+    out[:, 4:6] = -by_distance * distance / params[4:6]
+    out[:, 6], out[:, 7], out[:, 8:] = 1.0, product, offset
+    return params[6] + params[7] * product + offset @ params[8:], out
+
+
+def _fit(pixels: Array, levels: Array, params: Array) -> tuple[Array, Array]:
+    """Parameters of least squares, and their covariance (10, 10) from the scatter that is left."""
+    predicted, slopes = _predicted(pixels, params)
+    residual, damping = levels - predicted, 1e-3
+    for _ in range(STEPS):
+        normal = slopes.T @ slopes
+        damped = normal + damping * np.diag(np.diag(normal) + 1e-9)
+        step = np.linalg.solve(damped, slopes.T @ residual)
+        trial = params + step
+        trial[4:6] = np.clip(trial[4:6], 0.3, LARGEST_REACH_PX)  # 0.3: a pixel's own width, as a Gaussian's
+        predicted, trial_slopes = _predicted(pixels, trial)
+        left = levels - predicted
+        if left @ left < residual @ residual:
+            params, residual, slopes, damping = trial, left, trial_slopes, damping / 5
+            if np.abs(step[:2]).max() < ENOUGH_PX:
+                break
+        else:
+            damping *= 10
+    return params, _covariance(slopes, residual)
+
+
+def _covariance(slopes: Array, residual: Array) -> Array:
+    normal = slopes.T @ slopes
+    size = np.sqrt(np.diag(normal)) + 1e-12
+    scaled = normal / np.outer(size, size)
+    if not np.linalg.cond(scaled) < 1e12:  # a flat patch: nothing fixes the corner
+        return np.full((10, 10), np.nan)
+    variance = residual @ residual / max(len(residual) - 10, 1)
+    return variance * np.linalg.inv(scaled) / np.outer(size, size)

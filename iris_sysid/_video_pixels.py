@@ -1,0 +1,138 @@
+"""From a decoded picture to arrays: the luma plane as it is coded, BGR when asked, both turned as displayed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, partial
+from typing import Any, cast
+
+import cv2
+import numpy as np
+from av import VideoFrame
+from numpy.typing import NDArray
+
+Bytes = NDArray[np.uint8]
+
+# Pixel formats whose first plane is luma alone, of 8 bits or more; the second kind has them in the high end of 16.
+_LUMA_PLANE = re.compile(r"(?:yuv[aj]?4\d\dp|nv(?:12|16|21|24|42)|gray)(?:(\d\d?)(le|be))?")
+_LUMA_HIGH_BITS = re.compile(r"p[0-4]1[026](le|be)")
+
+
+def _turned_about_both(array: Bytes) -> Bytes:
+    return np.asarray(cv2.rotate(cv2.transpose(array), cv2.ROTATE_180))
+
+
+# (transposed, then mirrored left-right, then mirrored up-down): how to do it, clockwise degrees, whether mirrored
+_TURNS: dict[tuple[bool, bool, bool], tuple[Callable[[Bytes], Bytes] | None, int, bool]] = {
+    (False, False, False): (None, 0, False),
+    (True, True, False): (partial(cv2.rotate, rotateCode=cv2.ROTATE_90_CLOCKWISE), 90, False),
+    (False, True, True): (partial(cv2.rotate, rotateCode=cv2.ROTATE_180), 180, False),
+    (True, False, True): (partial(cv2.rotate, rotateCode=cv2.ROTATE_90_COUNTERCLOCKWISE), 270, False),
+    (False, True, False): (partial(cv2.flip, flipCode=1), 0, True),
+    (True, False, False): (cv2.transpose, 90, True),
+    (False, False, True): (partial(cv2.flip, flipCode=0), 180, True),
+    (True, True, True): (_turned_about_both, 270, True),
+}
+_COUNTERCLOCKWISE = {
+    0: (False, False, False),
+    90: (True, False, True),
+    180: (False, True, True),
+    270: (True, True, False),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Orientation:
+    """How the coded picture is turned for display: transposed first, then mirrored in x, in y."""
+
+    transposed: bool = False
+    mirrored_x: bool = False
+    mirrored_y: bool = False
+
+    @property
+    def _turn(self) -> tuple[Callable[[Bytes], Bytes] | None, int, bool]:
+        return _TURNS[self.transposed, self.mirrored_x, self.mirrored_y]
+
+    @property
+    def rotation_deg(self) -> int:
+        """Clockwise rotation from the coded to the displayed picture: 0, 90, 180 or 270 (after mirroring, if any)."""
+        return self._turn[1]
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the displayed picture is a mirror image of the coded one."""
+        return self._turn[2]
+
+    def size(self, width: int, height: int) -> tuple[int, int]:
+        """Displayed width and height of a coded picture of that width and height."""
+        return (height, width) if self.transposed else (width, height)
+
+    def turn(self, array: Bytes) -> Bytes:
+        """The array (h, w) or (h, w, 3) as displayed; itself when nothing is to be done, else a copy."""
+        turn = self._turn[0]
+        return array if turn is None else np.asarray(turn(array))
+
+
+UPRIGHT = Orientation()
+
+
+def orientation_of(picture: VideoFrame) -> Orientation:
+    """The orientation in the picture's display matrix; angles between are taken to the nearest right angle.
+
+    The matrix ((a, b, u), (c, d, v), (x, y, w)) sends the coded point (p, q) to (a p + c q, b p + d q),
+    y down (ISO 14496-12, 8.2.2).
+    """
+    try:
+        matrix = cast(Any, picture.side_data).get("DISPLAYMATRIX")
+    except ValueError:  # PyAV refuses all side data when it does not know the type of one, e.g. EXIF
+        return Orientation(*_COUNTERCLOCKWISE[90 * round(picture.rotation / 90) % 360])
+    if matrix is None:
+        return UPRIGHT
+    (a, b, _), (c, d, _) = np.frombuffer(memoryview(matrix), np.int32).reshape(3, 3)[:2].tolist()
+    if abs(a) + abs(d) >= abs(b) + abs(c):
+        return Orientation(False, a < 0, d < 0)
+    return Orientation(True, c < 0, b < 0)
+
+
+def luma_of(picture: VideoFrame, orientation: Orientation) -> Bytes:
+    """The picture's brightness, (h, w) uint8, read-only.
+
+    Where the picture has a luma plane, this is that plane as coded, without a copy (unless the picture
+    is turned): 16-235 in limited range, 0-255 in full range; deeper planes give their upper 8 bits. The
+    array keeps the decoder's buffer alive and is never written to again. Other pictures (GIF, PNG) are
+    converted: 0.299 R + 0.587 G + 0.114 B (ITU-R BT.601).
+    """
+    layout = _luma_layout(picture.format.name)
+    if layout is None or picture.planes[0].line_size <= 0:
+        luma = np.asarray(cv2.cvtColor(picture.to_ndarray(format="bgr24"), cv2.COLOR_BGR2GRAY))
+    else:
+        luma = _first_plane(picture, *layout)
+    luma = orientation.turn(luma)
+    luma.flags.writeable = False
+    return luma
+
+
+def bgr_of(picture: VideoFrame, orientation: Orientation) -> Bytes:
+    """The picture in colour, (h, w, 3) uint8 in the order blue, green, red; an array of its own."""
+    return orientation.turn(np.ascontiguousarray(picture.to_ndarray(format="bgr24"), dtype=np.uint8))
+
+
+def _first_plane(picture: VideoFrame, dtype: str, shift: int) -> Bytes:
+    plane = picture.planes[0]
+    rows = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)[: picture.height]
+    samples = rows[:, : picture.width * np.dtype(dtype).itemsize].view(dtype)
+    return samples if shift == 0 else np.right_shift(samples, shift).astype(np.uint8)
+
+
+@cache
+def _luma_layout(pixel_format: str) -> tuple[str, int] | None:
+    """Type of a luma sample and how many low bits to drop; None where the first plane is not luma alone."""
+    if high := _LUMA_HIGH_BITS.fullmatch(pixel_format):
+        return ("<u2" if high[1] == "le" else ">u2", 8)
+    if (low := _LUMA_PLANE.fullmatch(pixel_format)) is None:
+        return None
+    if low[1] is None:
+        return ("u1", 0)
+    return ("<u2" if low[2] == "le" else ">u2", int(low[1]) - 8)

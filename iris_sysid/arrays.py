@@ -1,0 +1,52 @@
+"""Arrays as the boxes of :mod:`iris_sysid.types` hold them: copied, checked, read-only."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from iris_sysid.errors import DataError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+def frozen_array(values: ArrayLike, shape: tuple[int | None, ...], name: str) -> Array:
+    """Copy values to a read-only float64 array and check its shape; None allows any length."""
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise DataError(f"{name} must hold numbers only: {error}") from error
+    if array.ndim != len(shape) or any(
+        want is not None and have != want for have, want in zip(array.shape, shape, strict=True)
+    ):
+        wanted = tuple("n" if want is None else want for want in shape)
+        raise DataError(f"{name} must have shape {wanted}, not {array.shape}")
+    array.flags.writeable = False
+    return array
+
+
+def frozen_mask(values: ArrayLike, n: int, name: str) -> Mask:
+    """Copy values to a read-only bool array of length n."""
+    mask = np.array(values, dtype=np.bool_)
+    if mask.shape != (n,):
+        raise DataError(f"{name} must have shape ({n},), not {mask.shape}")
+    mask.flags.writeable = False
+    return mask
+
+
+def increasing_times(t_s: ArrayLike) -> Array:
+    """Copy times in seconds to a read-only array; they must be finite and strictly increase."""
+    times = frozen_array(t_s, (None,), "t_s")
+    if times.size == 0:
+        raise DataError("t_s is empty: there is no sample")
+    if not np.all(np.isfinite(times)):
+        raise DataError(f"t_s[{int(np.argmin(np.isfinite(times)))}] is not a finite number")
+    step = np.diff(times)
+    if np.any(step <= 0):
+        k = int(np.argmax(step <= 0))
+        raise DataError(
+            f"t_s must increase: t_s[{k}] = {times[k]:.6g} >= t_s[{k + 1}] = {times[k + 1]:.6g}; "
+            "is the file sorted by time, without duplicates?"
+        )
+    return times

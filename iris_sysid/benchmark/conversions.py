@@ -1,0 +1,88 @@
+"""How the latent pipeline's alpha and beta are read as physical parameters; a length has two readings.
+
+The publication converts every pendulum file by L = g/alpha (tab:calibration). The baseline's pendulum block takes
+alpha as the length itself (a'' = -g/alpha sin a), the unified one as g/L. So both readings are always given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+GRAVITY = 9.80665  # m/s^2, standard gravity, the constant in the benchmark's code; its text prints 9.81
+
+Values = NDArray[np.float64]
+
+
+def alpha_itself(alpha: ArrayLike, beta: ArrayLike) -> Values:
+    """The first fitted value, alpha, as it is; beta is not used."""
+    return np.asarray(alpha, dtype=np.float64)
+
+
+def beta_itself(alpha: ArrayLike, beta: ArrayLike) -> Values:
+    """The second fitted value, beta, as it is; alpha is not used."""
+    return np.asarray(beta, dtype=np.float64)
+
+
+def negated_beta(alpha: ArrayLike, beta: ArrayLike) -> Values:
+    """Minus beta, the sign of the publication's damping (tab:calibration); alpha is not used."""
+    return -np.asarray(beta, dtype=np.float64)
+
+
+def gravity_over_alpha(alpha: ArrayLike, beta: ArrayLike) -> Values:
+    """Length g/alpha in m; NaN where alpha <= 0, which no length gives. beta is not used."""
+    alpha = np.asarray(alpha, dtype=np.float64)
+    return np.divide(GRAVITY, alpha, out=np.full(alpha.shape, np.nan), where=alpha > 0)
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One way to read a parameter off (alpha, beta).
+
+    ``published`` marks the reading that the publication's own tables use for this parameter, ``floor_zero`` that
+    its comparison sets a negative estimate to 0 before it takes the error.
+    """
+
+    parameter: str
+    unit: str
+    conversion: str
+    convert: Callable[[ArrayLike, ArrayLike], Values]
+    published: bool = True
+    floor_zero: bool = True
+
+
+def _length(parameter: str) -> tuple[Reading, Reading]:
+    return (
+        Reading(parameter, "m", "g/alpha", gravity_over_alpha),
+        Reading(parameter, "m", "alpha as length", alpha_itself, published=False),
+    )
+
+
+_GRAVITY = (Reading("gravity", "m/s^2", "alpha", alpha_itself),)
+_PAIR = (*_length("length_1"), *_length("length_2"))  # one alpha serves both
+
+READINGS: Mapping[str, tuple[Reading, ...]] = {
+    "Dropping_ball": _GRAVITY,
+    "Falling_ball": _GRAVITY,
+    "Pendulum": _length("length"),
+    "Rotation": (
+        Reading("stiffness", "1/s^2", "alpha", alpha_itself),
+        Reading("damping", "1/s", "beta", beta_itself),
+    ),
+    "Two_Moving_Pendulums": _PAIR,
+    "Two_Moving_Pendulum_One_Static": _PAIR,
+    # the published statistics of kappa are those of this column
+    "Hitting_cones": (Reading("coupling", "1/s^2", "alpha", alpha_itself),),
+    "dropped_ball": _GRAVITY,
+    "free_fall": _GRAVITY,
+    "led": (
+        Reading("decay_rate", "1/s", "beta", beta_itself),
+        Reading("decay_rate", "1/s", "alpha", alpha_itself, published=False),
+    ),
+    "pendulum": (*_length("length"), Reading("damping", "1/s", "-beta", negated_beta, floor_zero=False)),
+    "sliding_block": (Reading("friction", "1", "beta", beta_itself),),
+    "torricelli": (Reading("outflow", "m^0.5/s", "alpha", alpha_itself),),
+}

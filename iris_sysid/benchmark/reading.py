@@ -1,0 +1,88 @@
+"""Reading the published files as they are: strict about columns, and saying which line is damaged."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from iris_sysid.errors import DataError
+
+Lines = list[tuple[int, list[str]]]
+
+
+def read_lines(path: str | Path) -> Lines:
+    """The non-empty rows of a CSV file, each with its line number (from 1), header first.
+
+    Raises DataError when the file cannot be read, or holds no row below the header.
+    """
+    path = Path(path)
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+        reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+        rows = [(reader.line_num, [field.strip() for field in row]) for row in reader]
+    except FileNotFoundError as error:
+        raise DataError(f"{path} does not exist; what depends on it cannot be derived") from error
+    except (OSError, ValueError) as error:  # ValueError: bytes that are no text, a NUL in the name
+        raise DataError(f"cannot read {path}: {error}; is it a CSV file?") from error
+    except csv.Error as error:
+        raise DataError(f"cannot read {path} after line {reader.line_num}: {error}") from error
+    rows = [(number, row) for number, row in rows if any(row)]
+    if len(rows) < 2:
+        raise DataError(f"{path} holds {len(rows)} lines; expected a header line and at least one row")
+    return rows
+
+
+def read_columns(path: str | Path, texts: Sequence[str], numbers: Sequence[str] = ()) -> pd.DataFrame:
+    """Read the named columns of a CSV file whose header is as long as its rows.
+
+    Parameters
+    ----------
+    path
+        UTF-8 CSV file.
+    texts
+        Columns kept as text.
+    numbers
+        Columns of finite numbers.
+
+    Returns
+    -------
+    DataFrame
+        These columns in this order, one row a data line.
+
+    Raises
+    ------
+    DataError
+        When the file cannot be read, a column is absent, or a line is damaged; the text names the line.
+    """
+    (_, header), *lines = read_lines(path)
+    absent = [name for name in (*texts, *numbers) if name not in header]
+    if absent:
+        raise DataError(f"{path} has no column {absent[0]!r}; it has {', '.join(header)[:200]}")
+    for number, row in lines:
+        if len(row) != len(header):
+            raise DataError(f"{path} line {number} has {len(row)} fields where the header has {len(header)}")
+    frame = pd.DataFrame({name: [row[header.index(name)] for _, row in lines] for name in texts}, dtype="str")
+    for name in numbers:
+        at = header.index(name)
+        frame[name] = [_finite(row[at], path, number, name) for number, row in lines]
+    return frame
+
+
+def _finite(text: str, path: str | Path, line: int, name: str) -> float:
+    number = parse_number(text)
+    if not math.isfinite(number):
+        raise DataError(f"{path} line {line}: {name} is {text!r:.40}, which is no finite number")
+    return number
+
+
+def parse_number(text: str) -> float:
+    """The number that a field holds; NaN when it holds none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan

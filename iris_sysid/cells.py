@@ -1,0 +1,178 @@
+"""A CSV file as columns of cells, whichever program wrote it; every complaint names line, column and cell."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iris_sysid.errors import DataError
+from iris_sysid.types import Array
+
+BLANK = frozenset({"", "nan", "NaN", "NAN", "NA", "N/A", "null", "None"})
+FLAGS = {"1": 1.0, "0": 0.0, "true": 1.0, "false": 0.0, "1.0": 1.0, "0.0": 0.0} | dict.fromkeys(
+    (text.lower() for text in BLANK), math.nan
+)
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Sheet:
+    """The cells of a file: ``columns`` by header, all of one length, and the ``lines`` they stand in."""
+
+    label: str
+    columns: dict[str, list[str]]
+    lines: list[int]
+    decimal_comma: bool = False
+
+    def __contains__(self, column: str) -> bool:
+        return column in self.columns
+
+    def refuse(self, column: str, row: int, problem: str) -> NoReturn:
+        """Raise the DataError that says where a cell is and what is wrong with it.
+
+        Parameters
+        ----------
+        column
+            Header of its column.
+        row
+            Its row of data, from 0.
+        problem
+            What is wrong, to be put behind the cell's text.
+        """
+        cell = f"{self.columns[column][row].strip()!r:.44}"
+        raise DataError(f"{self.label} line {self.lines[row]}, column {column}: {cell} {problem}")
+
+    def numbers(self, column: str, *, gaps: bool = True) -> Array:
+        """The column as numbers (n,), NaN for a blank cell; with ``gaps=False`` a blank cell is refused too."""
+        cells = [cell.strip() for cell in self.columns[column]]
+        if self.decimal_comma:
+            cells = [cell.replace(",", ".") for cell in cells]
+        try:
+            values = np.array([math.nan if cell in BLANK else float(cell) for cell in cells], dtype=np.float64)
+        except ValueError:
+            values = np.array([])
+        if values.size != len(cells) or any("_" in cell for cell in cells):
+            self.refuse(column, next(row for row, cell in enumerate(cells) if not _is_number(cell)), "is not a number")
+        if np.isinf(values).any():
+            self.refuse(column, int(np.argmax(np.isinf(values))), "is infinite; leave the cell blank for a gap")
+        if not gaps and np.isnan(values).any():
+            self.refuse(column, int(np.argmax(np.isnan(values))), "is blank or not a number; every row needs one")
+        return values
+
+    def amounts(self, column: str) -> Array:
+        """The column as numbers that are not below zero, NaN for a blank cell."""
+        values = self.numbers(column)
+        if np.any(values < 0):
+            self.refuse(column, int(np.argmax(values < 0)), "is below zero")
+        return values
+
+    def whole_numbers(self, column: str) -> NDArray[np.int64]:
+        """The column as whole numbers (n,) int64, none blank."""
+        values = self.numbers(column, gaps=False)
+        whole = (values == np.round(values)) & (np.abs(values) < 2**53)
+        if not whole.all():
+            self.refuse(column, int(np.argmin(whole)), "is not a whole number")
+        return values.astype(np.int64)
+
+    def flags(self, column: str) -> Array:
+        """The column of 1/0 or true/false as 1.0 and 0.0 (n,), NaN for a blank cell."""
+        cells = [cell.strip().lower() for cell in self.columns[column]]
+        for row, cell in enumerate(cells):
+            if cell not in FLAGS:
+                self.refuse(column, row, "is neither 1 nor 0")
+        return np.array([FLAGS[cell] for cell in cells])
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell or "nan")
+    except ValueError:
+        return cell in BLANK
+    return "_" not in cell  # Python reads 1_0 as 10
+
+
+def read_sheet(path: str | Path) -> Sheet:
+    """Read a CSV file: comma, semicolon or tab between cells, with decimal commas where the comma is not the separator.
+
+    UTF-8, with or without a byte order mark, or UTF-16 with one. Blank lines are skipped, unnamed empty columns left
+    out. Raises DataError for what is no such file, has no rows, or has a row or column too many.
+    """
+    label = str(path)
+    text = _decode(_read(path, label), label)
+    header_line = re.split(r"[\r\n]", text.lstrip(), maxsplit=1)[0]
+    separator = next((one for one in ",;\t" if one in header_line), ",")
+    rows = list(_rows(text, separator, label))
+    if not rows:
+        raise DataError(f"{label} is empty: it needs a header line, e.g. t_s,theta_rad, and a line a sample")
+    (_, header), *body = rows
+    if not body:
+        raise DataError(f"{label} has a header but no line of data")
+    _check_width(header, body, separator, label)
+    cells = zip(*(row for _, row in body), strict=True)
+    columns = _named([name.strip() for name in header], cells, label)
+    return Sheet(label, columns, [line for line, _ in body], decimal_comma=separator != ",")
+
+
+def _read(path: str | Path, label: str) -> bytes:
+    try:
+        return Path(path).read_bytes()
+    except (OSError, ValueError) as error:
+        raise DataError(f"cannot read {label}: {getattr(error, 'strerror', None) or error}") from error
+
+
+def _decode(data: bytes, label: str) -> str:
+    encoding = "utf-16" if data.startswith(UTF_16) else "utf-8-sig"
+    try:
+        text = data.decode(encoding)
+    except UnicodeDecodeError as error:
+        raise DataError(
+            f"{label} is not text: byte {error.start} is {data[error.start]:#04x}; is it a CSV file, saved as UTF-8?"
+        ) from error
+    if "\0" in text:
+        raise DataError(f"{label} is not a CSV file: it holds NUL bytes; save the table as CSV (UTF-8)")
+    return text
+
+
+def _rows(text: str, separator: str, label: str) -> Iterator[tuple[int, list[str]]]:
+    """Line number and cells of every line that is not blank."""
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator)
+    try:
+        for row in reader:
+            if any(cell.strip() for cell in row):
+                yield reader.line_num, row
+    except csv.Error as error:
+        raise DataError(f"{label} line {reader.line_num}: {error}; is a quotation mark left open?") from error
+
+
+def _check_width(header: list[str], body: list[tuple[int, list[str]]], separator: str, label: str) -> None:
+    wrong = next(((line, row) for line, row in body if len(row) != len(header)), None)
+    if wrong is None:
+        return
+    line, row = wrong
+    hint = "; decimal commas? separate the cells by semicolons, or write decimal points" if separator == "," else ""
+    raise DataError(
+        f"{label} line {line} has {len(row)} cells, but the header has {len(header)} columns"
+        + (hint if len(row) > len(header) else "")
+    )
+
+
+def _named(header: list[str], cells: Iterator[tuple[str, ...]], label: str) -> dict[str, list[str]]:
+    columns: dict[str, list[str]] = {}
+    for position, (name, column) in enumerate(zip(header, cells, strict=True), start=1):
+        if not name and not any(cell.strip() for cell in column):
+            continue
+        if not name:
+            raise DataError(f"{label}: column {position} has no name; name it or delete it")
+        if name in columns:
+            raise DataError(f"{label} has two columns {name!r:.60}; rename or delete one")
+        columns[name] = list(column)
+    return columns

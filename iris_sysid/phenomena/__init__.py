@@ -1,0 +1,1 @@
+"""The phenomena of the benchmark, one a file: how a track becomes what its model observes."""

@@ -1,0 +1,265 @@
+"""Circles and lines through measured positions, robust and with honest covariance.
+
+Residuals about an arc or a board are not white: the lens, the perspective and a cord that swings out of the plane make
+them slow. The covariance of each fit is therefore that of white residuals times ``(1 + rho) / (1 - rho)`` with their
+correlation rho from one sample to the next (Bayley and Hammersley 1946, J. R. Stat. Soc. Suppl. 8, 184, eq. 5).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from iris_sysid.arrays import Array, Mask
+from iris_sysid.errors import DataError
+from iris_sysid.types import Estimate
+
+NORMAL_MAD = 1.4826  # median absolute deviation to standard deviation of a normal
+OUTLYING = 5.0  # scatters: a good sample is that far off once in two million
+TURNS = 10  # of leaving out; two or three are usual
+DETERMINED = 3.0  # standard errors by which the curvature must differ from zero
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Circle:
+    """A circle through positions: ``x``, ``z``, ``radius`` and their covariance (3, 3) in that order.
+
+    ``off`` (n,) is how far each position lies outside it (negative: inside), ``scatter`` the standard deviation of
+    those that belong to it, ``belongs`` (n,).
+    """
+
+    x: float
+    z: float
+    radius: float
+    covariance: Array
+    off: Array
+    scatter: float
+    belongs: Mask
+
+    @property
+    def stderr(self) -> Array:
+        """Standard errors (3,) of x, z and radius."""
+        return np.sqrt(np.diag(self.covariance))
+
+
+def fit_circle(position: Array, sigma: float = 0.0, radius: float | None = None, radius_stderr: float = 0.0) -> Circle:
+    """Fit a circle that lies below its centre, by least squares of the distances from it, without what lies off it.
+
+    Starts from the algebraic fit of Taubin (1991, IEEE Trans. PAMI 13, 1115) and minimises orthogonal distances over
+    (direction to the centre, place along it, curvature), which stay finite as the arc becomes straight (Chernov 2010,
+    Circular and Linear Regression, section 3.1 and 5.9). Samples more than five scatters off are left out, in turns.
+
+    Parameters
+    ----------
+    position
+        (n, 2): x, z.
+    sigma
+        Standard error of a coordinate: the scatter is never taken to be smaller.
+    radius, radius_stderr
+        Where it is known beforehand, with its standard error: only the centre is fitted.
+
+    Returns
+    -------
+    Circle
+
+    Raises
+    ------
+    DataError
+        With fewer than five positions; when the arc is too small for its noise to fix the centre; or when it bends
+        downwards.
+    """
+    if len(position) < 5:
+        raise DataError(f"an arc needs at least 5 positions, not {len(position)}")
+    anchor = position[np.argmin(np.sum((position - position.mean(axis=0)) ** 2, axis=1))]
+    size = float(np.sqrt(np.mean((position - anchor) ** 2)))
+    if size <= 3 * sigma or size == 0:
+        raise DataError(f"the body moves by {size:.3g} only, with a noise of {sigma:.3g}: no arc can be seen")
+    scaled = (position - anchor) / size
+    curvature = None if radius is None else size / radius
+    belongs = np.ones(len(position), dtype=np.bool_)
+    start = _taubin(scaled)
+    for turn in range(TURNS):
+        start = _least_squares(scaled[belongs], start, curvature, "linear" if turn else "soft_l1", sigma / size)
+        off = _distances(start, scaled)
+        scatter = max(NORMAL_MAD * float(np.median(np.abs(off[belongs]))), sigma / size)
+        now = np.abs(off) < OUTLYING * max(scatter, 1e-12)
+        if turn and np.array_equal(now, belongs):
+            break
+        belongs = now
+    circle = _circle(start, scaled, belongs, curvature is None, anchor, size)
+    if radius is None:
+        return circle
+    shift = radius_stderr * np.array([np.cos(start[0]), np.sin(start[0]), 1.0])
+    return replace(circle, covariance=circle.covariance + np.outer(shift, shift))
+
+
+def circle_about(x: Estimate, z: Estimate, position: Array, sigma: float = 0.0) -> Circle:
+    """The circle about a known centre: its radius is the median distance.
+
+    Parameters
+    ----------
+    x, z
+        The centre, with standard errors.
+    position
+        (n, 2): x, z.
+    sigma
+        Standard error of a coordinate: the scatter is never taken to be smaller.
+    """
+    away = position - np.array([x.value, z.value])
+    distance = np.hypot(*away.T)
+    if not np.all(distance > 0):
+        raise DataError(f"the body passes through the pivot ({x.value:g}, {z.value:g}); is the pivot right?")
+    off = distance - np.median(distance)
+    scatter = max(NORMAL_MAD * float(np.median(np.abs(off))), sigma)
+    belongs = np.abs(off) <= OUTLYING * scatter
+    towards = away[belongs].mean(axis=0) / distance[belongs].mean()  # the radius follows the centre this way
+    own = np.var(off[belongs]) * inflation(off[belongs]) / belongs.sum()
+    covariance = np.diag([x.stderr**2, z.stderr**2, 0.0])
+    covariance[:2, 2] = covariance[2, :2] = -towards * np.diag(covariance)[:2]
+    covariance[2, 2] = own + towards**2 @ np.diag(covariance)[:2]
+    radius = float(distance[belongs].mean())
+    return Circle(x.value, z.value, radius, covariance, distance - radius, float(np.std(off[belongs])), belongs)
+
+
+def _taubin(position: Array) -> Array:
+    """(direction to the centre, place, curvature) of Taubin's fit, by the singular values of its design."""
+    middle = position.mean(axis=0)
+    centred = position - middle
+    square = np.sum(centred**2, axis=1)
+    mean = square.mean()
+    _, _, rows = np.linalg.svd(np.column_stack([(square - mean) / (2 * np.sqrt(mean)), centred]), full_matrices=False)
+    a, b, c = rows[2]
+    a /= 2 * np.sqrt(mean)
+    d = -mean * a
+    if a < 0:
+        a, b, c, d = -a, -b, -c, -d
+    # a |p - middle|² + (b, c)·(p - middle) + d = 0; its gradient at p = 0 points away from the centre
+    gradient = np.array([b, c]) - 2 * a * middle
+    slope = np.hypot(b, c) if a == 0 else np.sqrt(max(b * b + c * c - 4 * a * d, 0.0))
+    curvature = 2 * a / slope
+    direction = np.arctan2(-gradient[1], -gradient[0])
+    length = np.hypot(*gradient) / slope  # distance to the centre in radii
+    place = (length - 1.0) / curvature if curvature > 1e-9 else 0.0
+    return np.array([direction, place, curvature])
+
+
+def _distances(shape: Array, position: Array) -> Array:
+    """Signed orthogonal distance (n,), positive outside; regular where the curvature is zero."""
+    direction, place, curvature = shape
+    normal = np.array([np.cos(direction), np.sin(direction)])
+    from_foot = position - place * normal
+    bulge = curvature * np.sum(from_foot**2, axis=1) - 2 * from_foot @ normal
+    return np.asarray(bulge / (1.0 + np.sqrt(np.maximum(1.0 + curvature * bulge, 0.0))))
+
+
+def _least_squares(
+    position: Array, start: Array, curvature: float | None, loss: Literal["linear", "soft_l1"], sigma: float
+) -> Array:
+    """The shape of least squares, or of least soft deviations, from a start; the curvature may be given."""
+
+    def misses(shape: Array) -> Array:
+        return _distances(shape if curvature is None else np.append(shape, curvature), position)
+
+    soft = max(NORMAL_MAD * float(np.median(np.abs(_distances(start, position)))), sigma, 1e-9)
+    free = start if curvature is None else start[:2]
+    found = least_squares(misses, free, loss=loss, f_scale=soft, xtol=1e-14).x
+    return np.asarray(found if curvature is None else np.append(found, curvature))
+
+
+def _circle(shape: Array, scaled: Array, belongs: Mask, free: bool, anchor: Array, size: float) -> Circle:
+    """Back to the units of the positions, and the covariance of the centre and the radius."""
+    parameters = 3 if free else 2
+    off = _distances(shape, scaled)
+    residual = off[belongs]
+    jacobian = _jacobian(lambda one: _distances(one, scaled[belongs]), shape)[:, :parameters]
+    variance = residual @ residual / max(residual.size - parameters, 1) * inflation(residual)
+    spread = variance * np.linalg.inv(jacobian.T @ jacobian)
+    if free and shape[2] < DETERMINED * np.sqrt(spread[2, 2]):
+        _refuse(shape[2] / size, float(np.sqrt(spread[2, 2])) / size)
+    if np.sin(shape[0]) < 0:
+        raise DataError(
+            "the arc bends downwards, its centre lies below it: is it a pendulum, is down really down in the picture?"
+        )
+    to_centre = _jacobian(_centre, shape)[:, :parameters]
+    x, z, radius = _centre(shape) * size + np.append(anchor, 0.0)
+    return Circle(
+        float(x),
+        float(z),
+        float(radius),
+        size**2 * to_centre @ spread @ to_centre.T,
+        off * size,
+        size * float(np.sqrt(residual @ residual / max(residual.size - parameters, 1))),
+        belongs,
+    )
+
+
+def _refuse(curvature: float, stderr: float) -> None:
+    raise DataError(
+        f"the arc is too small to fix the pivot: its curvature is {curvature:.3g} +- {stderr:.3g} (1 / radius); "
+        "give the pivot (--mark pivot=X,Y in px) or the radius (--set arc_radius=...)"
+    )
+
+
+def _centre(shape: Array) -> Array:
+    """x, z and radius from (direction, place, curvature)."""
+    direction, place, curvature = shape
+    away = place + 1.0 / curvature
+    return np.array([away * np.cos(direction), away * np.sin(direction), 1.0 / curvature])
+
+
+def _jacobian(function: Callable[[Array], Array], at: Array) -> Array:
+    """Central differences of a function of three numbers."""
+    columns = []
+    for k in range(at.size):
+        step = np.zeros(at.size)
+        step[k] = 1e-6 * max(abs(at[k]), 1e-3)
+        columns.append((function(at + step) - function(at - step)) / (2 * step[k]))
+    return np.array(columns).T
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Line:
+    """A straight line: a point on it, the direction of motion, the angle's standard error, the scatter across it."""
+
+    point: Array
+    direction: Array
+    angle_stderr: float
+    across: Array
+    scatter: float
+
+
+def fit_line(position: Array) -> Line:
+    """Fit a straight line by total least squares; it points from the first position to the last.
+
+    The angle's standard error is ``scatter / (sqrt(n) sd along)``, enlarged for correlated residuals.
+
+    Raises
+    ------
+    DataError
+        With fewer than three positions, or when they do not differ.
+    """
+    if len(position) < 3:
+        raise DataError(f"a line needs at least 3 positions, not {len(position)}")
+    point = position.mean(axis=0)
+    _, length, rows = np.linalg.svd(position - point, full_matrices=False)
+    if length[0] == 0:
+        raise DataError("the body does not move: there is no direction to find")
+    direction = rows[0] * (np.sign((position[-1] - position[0]) @ rows[0]) or 1.0)
+    across = (position - point) @ np.array([-direction[1], direction[0]])
+    scatter = float(np.sqrt(across @ across / max(across.size - 2, 1)))
+    return Line(point, direction, scatter * math.sqrt(inflation(across)) / float(length[0]), across, scatter)
+
+
+def inflation(residual: Array) -> float:
+    """``(1 + rho) / (1 - rho)``: how much fewer independent values correlated residuals (n,) stand for; at least 1."""
+    power = float(residual @ residual)
+    if residual.size < 3 or power == 0:
+        return 1.0
+    rho = float(residual[1:] @ residual[:-1]) / power
+    rho = float(np.clip(rho, 0.0, 1.0 - 2.0 / residual.size))  # at least one independent value must remain
+    return (1.0 + rho) / (1.0 - rho)

@@ -1,0 +1,60 @@
+"""What every phenomenon asks of the trajectory and of the user's settings before it begins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from iris_sysid.arrays import Mask
+from iris_sysid.errors import DataError
+from iris_sysid.types import Estimate, Trajectory
+
+
+def only_body(world: Sequence[Trajectory], name: str) -> Trajectory:
+    """The first trajectory, of x and z in one unit; DataError when there is none."""
+    if not world:
+        raise DataError(f"{name} needs the trajectory of one body, but none was given")
+    body = world[0]
+    if len(body.quantities) < 2 or body.quantities[0].unit != body.quantities[1].unit:
+        have = ", ".join(f"{one.name} in {one.unit}" for one in body.quantities)
+        raise DataError(f"{name} needs x and z in the same unit, but the trajectory has {have}")
+    return body
+
+
+def in_motion(body: Trajectory, fewest: int) -> Mask:
+    """The valid samples (n,) of the motion; DataError when there are fewer than ``fewest``."""
+    used = body.valid & body.mask("motion")
+    if used.sum() < fewest:
+        raise DataError(
+            f"the motion has {int(used.sum())} samples, at least {fewest} are needed; "
+            "is the clip cut too short, or is the body seen in too few frames?"
+        )
+    return used
+
+
+def stated(settings: Mapping[str, Estimate], *names: str) -> dict[str, Estimate]:
+    """Those of the named settings that the user gave."""
+    return {name: settings[name] for name in names if name in settings}
+
+
+def stated_length(settings: Mapping[str, Estimate], names: Sequence[str], unit: str) -> Estimate | None:
+    """The first of the named lengths that the user gave, or None; it must be positive and in the unit of the positions.
+
+    Parameters
+    ----------
+    settings
+        What the user gave, by name.
+    names
+        In order of preference.
+    unit
+        Of the positions: m or px.
+    """
+    for name in names:
+        if name not in settings:
+            continue
+        length = settings[name]
+        if length.unit not in (unit, ""):
+            raise DataError(f"{name} is given in {length.unit}, but positions are in {unit}: give the scale as well")
+        if not length.value > 0:
+            raise DataError(f"{name} = {length.value:g} {unit}: a length must be above zero")
+        return length
+    return None

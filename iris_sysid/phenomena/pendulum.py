@@ -1,0 +1,184 @@
+"""A bob on a cord: the angle about a pivot that the arc itself shows, in the picture or out of it.
+
+What a wrong pivot does: with a radius wrong by a fraction e, angles are wrong by -e and nothing else. The frequency,
+and so the length in theta'' = -(g/L) sin theta, does not feel it at small angles; through the amplitude's part of the
+period, theta_0²/16 (Baker and Blackburn 2005, eq. 3.21), L is wrong by about -e theta_0²/4: 0.4 % at 15 degrees for
+e = 0.25. The pivot's standard errors are in ``geometry`` so that this can be propagated:
+d theta / d pivot_x = -cos(theta) / arc_radius, d theta / d pivot_z = -sin(theta) / arc_radius.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iris_sysid.arrays import Array, Mask
+from iris_sysid.errors import DataError
+from iris_sysid.phenomena._geometry import Circle, circle_about, fit_circle
+from iris_sysid.phenomena._motion import in_motion, only_body, stated, stated_length
+from iris_sysid.types import Estimate, FitResult, Phenomenon, Quantity, Segment, Trajectory
+
+TAUT = 3  # samples on the arc in a row after which the cord counts as taut
+RADIUS = ("arc_radius", "length")  # settings that give the arc's radius, in order of preference
+NEAR_THE_TOP = 2.6  # rad; below it an angle cannot have gone round, and a gap must not be taken for a turn
+
+
+def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
+    """Find the pivot from the arc and turn positions into angles from the downward vertical, positive to the right.
+
+    Parameters
+    ----------
+    world
+        One trajectory of x and z, segmented, in m or px.
+    settings
+        ``pivot_x`` and ``pivot_z`` (z up; or ``pivot_y``, the same) in the unit of the trajectory override the arc's;
+        ``arc_radius`` or ``length`` in that unit fixes its radius only. ``ball_radius`` is passed on.
+
+    Returns
+    -------
+    Trajectory
+        ``theta`` in rad; ``sigma`` is the part across the cord only, without the pivot's error, which all samples
+        share. ``geometry``: ``pivot_x``, ``pivot_z``, ``arc_radius``, and ``arc_scatter``, the standard deviation of
+        the distances from the arc. Samples off the arc by more than five of it are not valid; where the motion begins
+        with them the cord is slack, and they are labelled release.
+
+    Raises
+    ------
+    DataError
+        When the motion has fewer than five samples, or its arc is too small for its noise to fix a pivot.
+    """
+    body = only_body(world, "pendulum")
+    used = in_motion(body, 5)
+    circle = _circle(body, used, settings)
+    belongs = np.ones(body.n, dtype=np.bool_)
+    belongs[used] = circle.belongs
+    off = np.zeros(body.n)
+    off[used] = circle.off
+    theta, sigma = _angles(body, circle)
+    return body.with_(
+        quantities=(Quantity("theta", "rad", r"\theta"),),
+        position=theta[:, None],
+        sigma=sigma[:, None],
+        valid=body.valid & belongs,
+        segments=_without_slack(body, used, belongs, off),
+        geometry={**body.geometry, **_geometry(circle, body.quantities[0].unit, settings)},
+        smoothed=None,
+    )
+
+
+def _circle(body: Trajectory, used: Mask, settings: Mapping[str, Estimate]) -> Circle:
+    unit = body.quantities[0].unit
+    position = body.position[used, :2]
+    sigma = body.sigma[used, :2]
+    noise = float(np.median(sigma[np.isfinite(sigma)])) if np.isfinite(sigma).any() else 0.0
+    height = settings.get("pivot_z", settings.get("pivot_y"))
+    if ("pivot_x" in settings) != (height is not None):
+        raise DataError("a pivot needs both pivot_x and pivot_z")
+    if height is not None:
+        return circle_about(settings["pivot_x"], height, position, noise)
+    radius = _stated_radius(settings, unit)
+    if radius is None:
+        return fit_circle(position, noise)
+    return fit_circle(position, noise, radius.value, radius.stderr)
+
+
+def _stated_radius(settings: Mapping[str, Estimate], unit: str) -> Estimate | None:
+    """The arc's radius if the user gave it; the model's length in m says nothing of an arc in px."""
+    told = [name for name in RADIUS if name == "arc_radius" or (name in settings and settings[name].unit in (unit, ""))]
+    return stated_length(settings, told, unit)
+
+
+def _angles(body: Trajectory, circle: Circle) -> tuple[Array, Array]:
+    """Theta (n,) rad, NaN in gaps, and its random standard error."""
+    across, up = body.position[:, 0] - circle.x, body.position[:, 1] - circle.z
+    theta = np.arctan2(across, -up)
+    seen = np.flatnonzero(body.valid)
+    if np.any(np.abs(theta[seen]) > NEAR_THE_TOP):
+        theta[seen] = np.unwrap(theta[seen])
+    tangential = np.hypot(body.sigma[:, 0] * np.cos(theta), body.sigma[:, 1] * np.sin(theta))
+    return theta, tangential / np.hypot(across, up)
+
+
+def _geometry(circle: Circle, unit: str, settings: Mapping[str, Estimate]) -> dict[str, Estimate]:
+    given = "pivot_x" in settings
+    kind, source = ("direct", "given") if given else ("fitted", "circle through the arc of the motion")
+    radius = None if given else _stated_radius(settings, unit)
+    geometry = {
+        "pivot_x": Estimate(circle.x, float(circle.stderr[0]), unit, kind, source),
+        "pivot_z": Estimate(circle.z, float(circle.stderr[1]), unit, kind, source),
+        "arc_radius": radius
+        or Estimate(circle.radius, float(circle.stderr[2]), unit, "fitted", "distance of the body from the pivot"),
+        "arc_scatter": Estimate(
+            circle.scatter, circle.scatter / math.sqrt(2 * circle.off.size), unit, "fitted", "distances from the arc"
+        ),
+    }
+    share = "pivot's error over the arc's radius"
+    geometry["pivot_across"] = Estimate(0.0, float(circle.stderr[0]) / circle.radius, "1", "assumed", share)
+    geometry["pivot_along"] = Estimate(0.0, float(circle.stderr[1]) / circle.radius, "1", "assumed", share)
+    return {**geometry, **stated(settings, "ball_radius")}
+
+
+def _without_slack(body: Trajectory, used: Mask, belongs: Mask, off: Array) -> tuple[Segment, ...]:
+    """The segments, the motion beginning where the cord is taut, and saying which samples are left out."""
+    segments = []
+    for one in body.segments or (Segment("motion", 0, body.n, "the whole clip"),):
+        if one.label != "motion":
+            segments.append(one)
+            continue
+        inside = np.flatnonzero(used[one.start : one.stop]) + one.start
+        taut = _taut_from(belongs[inside])
+        start = one.start if taut == 0 else int(inside[taut])
+        if start > one.start:
+            worst = off[inside[:taut]][np.argmax(np.abs(off[inside[:taut]]))]
+            where = "inside" if worst < 0 else "outside"
+            text = f"off the arc, up to {abs(worst):.3g} {body.quantities[0].unit} {where} it: the cord is not taut"
+            segments.append(Segment("release", one.start, start, text))
+        segments.append(replace(one, start=start, reason=_reason(body, one, inside[taut:], belongs, off)))
+    return tuple(segments)
+
+
+def _taut_from(on_arc: Mask) -> int:
+    """Number of the first of three samples in a row on the arc; 0 where the first sample lies on it, or none do."""
+    if on_arc[0] or on_arc.size < TAUT:
+        return 0
+    taut = np.lib.stride_tricks.sliding_window_view(on_arc, TAUT).all(axis=1)
+    return int(np.argmax(taut))
+
+
+def _reason(body: Trajectory, motion: Segment, inside: NDArray[np.intp], belongs: Mask, off: Array) -> str:
+    left_out = inside[~belongs[inside]]
+    if not left_out.size:
+        return motion.reason
+    times = ", ".join(f"{body.t_s[k]:.3g}" for k in left_out[:5]) + (", ..." if left_out.size > 5 else "")
+    worst, unit = float(np.max(np.abs(off[left_out]))), body.quantities[0].unit
+    return f"{motion.reason}; {left_out.size} left out, off the arc by up to {worst:.3g} {unit}, at {times} s"
+
+
+def refine(fit: FitResult, trajectory: Trajectory) -> Mapping[str, Estimate]:
+    """Take the arc's radius from the period where that fixes it better than the arc does, and the unit is m.
+
+    On a short arc the radius is poorly known, but a bob on a taut cord moves at its pendulum's length from the
+    pivot; the ball's own inertia changes that by less than (2/3) (ball radius / length)^2.
+    """
+    radius, length = trajectory.geometry["arc_radius"], fit.estimates["length"]
+    known = radius.measurement_type == "direct" or radius.unit != "m" or not fit.usable
+    if known or not length.stderr / length.value < radius.stderr / radius.value:
+        return {}
+    return {"arc_radius": Estimate(length.value, length.stderr, "m", "derived", "the period, for a bob on a taut cord")}
+
+
+PHENOMENON = Phenomenon(
+    name="pendulum",
+    summary="a bob swings on a cord; its angle about the pivot that its arc shows",
+    tracker="median-background",
+    model="pendulum",
+    observe=observe,
+    motion="oscillation",
+    settings=("pivot_x", "pivot_z", "pivot_y", "arc_radius"),
+    free=("vertical",),
+    refine=refine,
+)

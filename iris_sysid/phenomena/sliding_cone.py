@@ -1,0 +1,94 @@
+"""A cup or block that slides down a straight board: the way along it, and its angle, both from the motion itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from iris_sysid.errors import DataError
+from iris_sysid.phenomena._geometry import Line, fit_line
+from iris_sysid.phenomena._motion import in_motion, only_body, stated
+from iris_sysid.types import Array, Estimate, Phenomenon, Quantity, Trajectory
+
+STRAIGHT = 0.02  # scatter across the line over its length: a lens bends a board by less, an arc of 25 degrees by more
+
+
+def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
+    """Turn positions into the way along the principal direction of the motion, increasing downhill.
+
+    Parameters
+    ----------
+    world
+        One trajectory of x and z, segmented, in m or px.
+    settings
+        ``angle`` of the board in rad, as the user measured it: it becomes ``geometry["angle"]`` and the one of the
+        motion ``geometry["angle_of_motion"]``.
+
+    Returns
+    -------
+    Trajectory
+        ``s``, zero at the first sample of the motion. ``geometry``: ``angle`` from the horizontal, rad, and
+        ``across_scatter``, the standard deviation of the positions across the line.
+
+    Raises
+    ------
+    DataError
+        When the motion has fewer than five samples or does not follow a straight line.
+    """
+    body = only_body(world, "sliding-cone")
+    used = in_motion(body, 5)
+    line = fit_line(body.position[used, :2])
+    unit = body.quantities[0].unit
+    _check_straight(line, body.position[used, :2], unit)
+    direction = _downhill(line)
+    start = body.position[np.flatnonzero(used)[0], :2]
+    return body.with_(
+        quantities=(Quantity("s", unit, "s"),),
+        position=((body.position[:, :2] - start) @ direction)[:, None],
+        sigma=np.hypot(*(body.sigma[:, :2] * direction).T)[:, None],
+        geometry={**body.geometry, **_geometry(line, direction, int(used.sum()), unit, settings)},
+        smoothed=None,
+    )
+
+
+def _downhill(line: Line) -> Array:
+    """The line's direction, turned so that it points down; along the motion where the line is level."""
+    level = abs(line.direction[1]) < 3 * line.angle_stderr
+    return line.direction if level or line.direction[1] < 0 else -line.direction
+
+
+def _geometry(
+    line: Line, direction: Array, count: int, unit: str, settings: Mapping[str, Estimate]
+) -> dict[str, Estimate]:
+    angle = float(np.arctan2(-direction[1], abs(direction[0])))
+    measured = Estimate(angle, line.angle_stderr, "rad", "fitted", "direction of the motion from the horizontal")
+    scatter = Estimate(line.scatter, line.scatter / math.sqrt(2 * count), unit, "fitted", "positions across the line")
+    given = stated(settings, "angle")
+    return {
+        "angle": given.get("angle", measured),
+        **({"angle_of_motion": measured} if given else {}),
+        "across_scatter": scatter,
+        **stated(settings, "ball_radius"),
+    }
+
+
+def _check_straight(line: Line, position: Array, unit: str) -> None:
+    length = float(np.ptp((position - line.point) @ line.direction))
+    if line.scatter > STRAIGHT * length:
+        raise DataError(
+            f"the motion is not along a straight line: it scatters by {line.scatter:.3g} {unit} across a way of "
+            f"{length:.3g} {unit}; choose the slide with --start and --stop, or another phenomenon"
+        )
+
+
+PHENOMENON = Phenomenon(
+    name="sliding-cone",
+    summary="a cup or block slides down a board; the way along it and the board's angle, from the motion",
+    tracker="median-background",
+    model="incline",
+    observe=observe,
+    motion="slide",
+    settings=("ball_radius",),
+)

@@ -1,0 +1,334 @@
+"""The plane of motion as a camera sees it: pixels to metres and back, with the errors that all samples share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from iris_sysid.arrays import frozen_array
+from iris_sysid.errors import CalibrationError
+from iris_sysid.homographies import apply_homography, homography_sensitivity, homography_slopes
+from iris_sysid.lens import distort, undistort_px
+from iris_sysid.types import Array, Estimate
+
+STEP = 1e-2  # of a standard error: well within where the map is straight
+N_VALUES = 18  # nine entries of the homography, row by row, then the nine of lens.CAMERA_PARAMETERS
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PlaneCalibration:
+    """How pixels become metres in the plane of motion, with everything that is known about its errors.
+
+    ``homography`` (3, 3) maps undistorted px, y down, to metres, x right, z up. ``camera_matrix`` (3, 3) and
+    ``distortion`` (5,) undistort (no distortion where none is known). ``covariance`` (18, 18) of the homography's nine
+    entries, row by row, and of ``lens.CAMERA_PARAMETERS``: common to all samples, so an average over frames does not
+    shrink it. ``budget`` holds its parts by source; they add up. ``scale`` is px per m at ``centre_px``, where the
+    calibration was made. ``fixed`` says in words what the data fixed, ``assumed`` what was taken for granted.
+    """
+
+    homography: Array
+    camera_matrix: Array
+    distortion: Array
+    budget: Mapping[str, Array]
+    image_size: tuple[int, int] | None
+    centre_px: tuple[float, float]
+    fixed: tuple[str, ...]
+    assumed: tuple[str, ...]
+    rms_px: float = math.nan
+    notes: tuple[str, ...] = ()
+    source: str = ""
+    covariance: Array = field(init=False)
+    scale: Estimate = field(init=False)
+
+    def __post_init__(self) -> None:
+        for name, shape in (("homography", (3, 3)), ("camera_matrix", (3, 3)), ("distortion", (5,))):
+            object.__setattr__(self, name, frozen_array(getattr(self, name), shape, name))
+        parts = {
+            name: frozen_array(part, (N_VALUES, N_VALUES), f"budget[{name!r}]") for name, part in self.budget.items()
+        }
+        object.__setattr__(self, "budget", MappingProxyType(parts))
+        total = sum(parts.values(), np.zeros((N_VALUES, N_VALUES)))
+        object.__setattr__(self, "covariance", frozen_array(total, (N_VALUES, N_VALUES), "covariance"))
+        object.__setattr__(self, "scale", local_scale(self, self.centre_px))
+
+    @property
+    def values(self) -> Array:
+        """The 18 numbers that ``covariance`` belongs to."""
+        matrix = self.camera_matrix
+        return np.concatenate([self.homography.ravel(), np.diag(matrix)[:2], matrix[:2, 2], self.distortion])
+
+
+def to_plane(calibration: PlaneCalibration, xy_px: Array) -> tuple[Array, Array, Array]:
+    """Map pixels to the plane of motion, with the derivatives through which errors go.
+
+    The random error of a sample is ``A diag(sigma_px^2) A'`` with A = ``by_px``; the error that samples i and j have in
+    common is ``B_i C B_j'`` with B = ``by_calibration`` and C = ``calibration.covariance`` (GUM, 5.2.2).
+
+    Parameters
+    ----------
+    calibration
+        Of the plane.
+    xy_px
+        Pixels (n, 2), y down, origin at the centre of pixel (0, 0); NaN stays NaN.
+
+    Returns
+    -------
+    position_m
+        (n, 2): x right, z up.
+    by_px
+        Derivatives (n, 2, 2).
+    by_calibration
+        Derivatives (n, 2, 18) by ``calibration.values``.
+
+    Raises
+    ------
+    CalibrationError
+        When a pixel lies beyond the lens model or beyond the plane's horizon.
+    """
+    undistorted, by_px, by_camera = undistort_px(xy_px, calibration.camera_matrix, calibration.distortion)
+    homography = calibration.homography
+    depth = (undistorted @ homography[2, :2] + homography[2, 2]) * _depth_sign(calibration)
+    if np.any(depth <= 0):
+        x, y = xy_px[np.argmax(depth <= 0)]
+        raise CalibrationError(
+            f"pixel ({x:.1f}, {y:.1f}) lies beyond the horizon of the calibrated plane; does the calibration belong to "
+            "this clip and this plane?"
+        )
+    slopes = homography_slopes(homography, undistorted)
+    by_calibration = np.concatenate([homography_sensitivity(homography, undistorted), slopes @ by_camera], axis=2)
+    return apply_homography(homography, undistorted), slopes @ by_px, by_calibration
+
+
+def _depth_sign(calibration: PlaneCalibration) -> float:
+    centre = undistort_px(np.array([calibration.centre_px]), calibration.camera_matrix, calibration.distortion)[0][0]
+    return float(np.sign(calibration.homography[2, :2] @ centre + calibration.homography[2, 2]))
+
+
+def to_pixels(calibration: PlaneCalibration, position_m: Array) -> Array:
+    """Pixels (n, 2) at which the camera sees points ``position_m`` (n, 2) of the plane, x right, z up."""
+    undistorted = apply_homography(np.asarray(np.linalg.inv(calibration.homography)), position_m)
+    matrix = calibration.camera_matrix
+    focal, centre = np.diag(matrix)[:2], matrix[:2, 2]
+    return distort((undistorted - centre) / focal, calibration.distortion)[0] * focal + centre
+
+
+def common_covariance(calibration: PlaneCalibration, xy_px: Array, source: str | None = None) -> Array:
+    """Covariance (2 n, 2 n), m^2, of what the errors of positions have in common through the calibration.
+
+    Parameters
+    ----------
+    calibration
+        Of the plane.
+    xy_px
+        Pixels (n, 2).
+    source
+        One source of its budget; all of them when not given.
+
+    Returns
+    -------
+    Array
+        Order x, z of the first point, then of the next.
+    """
+    sensitivity = to_plane(calibration, xy_px)[2].reshape(-1, N_VALUES)
+    part = calibration.covariance if source is None else calibration.budget[source]
+    return np.asarray(sensitivity @ part @ sensitivity.T)
+
+
+# --------------------------------------------------------------------------- at one place
+
+
+def local_scale(calibration: PlaneCalibration, at_px: tuple[float, float]) -> Estimate:
+    """Pixels a metre at a place ``at_px`` of the picture, as the mean of all directions: ``|det A|^(-1/2)``.
+
+    Its standard error is common to all samples; it is ``assumed`` where nothing says how well it is known.
+    """
+    value, stderr = (float(part[0]) for part in _geometry(calibration, at_px))
+    return Estimate(value, stderr, "px/m", "direct" if stderr > 0 else "assumed", calibration.source)
+
+
+def local_geometry(calibration: PlaneCalibration, at_px: tuple[float, float]) -> dict[str, Estimate]:
+    """Scale and its departures at a place ``at_px`` of the picture, each with the error common to all samples.
+
+    ``stretch`` is the ratio of the scales along the picture's x and y, ``shear_rad`` how far the picture's right angle
+    is off a right angle in the plane, ``turn_rad`` how far the picture's up is turned clockwise from z.
+    """
+    values, stderrs = _geometry(calibration, at_px)
+    names = (("scale", "px/m"), ("stretch", "1"), ("shear_rad", "rad"), ("turn_rad", "rad"))
+    return {
+        name: Estimate(float(value), float(stderr), unit, "direct" if stderr > 0 else "assumed", calibration.source)
+        for (name, unit), value, stderr in zip(names, values, stderrs, strict=True)
+    }
+
+
+def _geometry(calibration: PlaneCalibration, at_px: tuple[float, float]) -> tuple[Array, Array]:
+    """Scale, stretch, shear and turn (4,) at a place, and their standard errors (4,).
+
+    The errors come from steps along each axis of the calibration's covariance.
+    """
+    values = calibration.values
+    found = _geometry_of(values, at_px)
+    size = np.sqrt(np.maximum(np.diag(calibration.covariance), 0))
+    known = size > 0
+    if not known.any():
+        return found, np.zeros(4)
+    scaled = calibration.covariance[np.ix_(known, known)] / np.outer(size[known], size[known])
+    lengths, directions = np.linalg.eigh(scaled)
+    variance = np.zeros(4)
+    for length, direction in zip(np.sqrt(np.maximum(lengths, 0)), directions.T, strict=True):
+        step = np.zeros(N_VALUES)
+        step[known] = STEP * length * direction * size[known]
+        variance += np.square((_geometry_of(values + step, at_px) - _geometry_of(values - step, at_px)) / (2 * STEP))
+    return found, np.sqrt(variance)
+
+
+def _geometry_of(values: Array, at_px: tuple[float, float]) -> Array:
+    fx, fy, cx, cy = values[9:13]
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
+    undistorted, by_px, _ = undistort_px(np.array([at_px], dtype=np.float64), matrix, values[13:])
+    slopes = homography_slopes(values[:9].reshape(3, 3), undistorted)[0] @ by_px[0]
+    (xx, xy), (zx, zy) = slopes
+    along_x, along_y = math.atan2(zx, xx), math.atan2(-zy, -xy)
+    return np.array(
+        [
+            abs(xx * zy - xy * zx) ** -0.5,
+            math.hypot(xy, zy) / math.hypot(xx, zx),
+            math.remainder(along_y - along_x - math.pi / 2, 2 * math.pi),
+            math.remainder(math.pi / 2 - along_y, 2 * math.pi),
+        ]
+    )
+
+
+# --------------------------------------------------------------------------- which way is up
+
+
+def with_plumb_line(
+    calibration: PlaneCalibration,
+    top_px: tuple[float, float],
+    bottom_px: tuple[float, float],
+    *,
+    point_stderr_px: float = 0.5,
+) -> PlaneCalibration:
+    """Turn the world's axes so that z runs along a plumb line that hangs in the plane of motion.
+
+    Parameters
+    ----------
+    calibration
+        Of the plane.
+    top_px, bottom_px
+        Two points of the plumb line, px.
+    point_stderr_px
+        Standard error of each marked coordinate, px.
+
+    Returns
+    -------
+    PlaneCalibration
+        Its budget has the part ``vertical``, the angle's error.
+
+    Raises
+    ------
+    CalibrationError
+        When the two points are too close together to give a direction.
+    """
+    distance_px = math.dist(top_px, bottom_px)
+    angle_stderr = math.sqrt(2) * point_stderr_px / distance_px if distance_px else math.inf
+    if not angle_stderr < 0.1:
+        raise CalibrationError(
+            f"the ends of the plumb line, {top_px} and {bottom_px}, are {distance_px:.1f} px apart, which gives its "
+            "direction to no better than 6 degrees; mark them further apart"
+        )
+
+    def angle_of(values: Array) -> float:
+        top, bottom = _places(values, np.array([top_px, bottom_px], dtype=np.float64))
+        return math.atan2(*(top - bottom))
+
+    turned = _turned_by(calibration, angle_of)
+    spin = _spin(turned.homography)
+    return replace(
+        turned,
+        budget={**turned.budget, "vertical": angle_stderr**2 * np.outer(spin, spin)},
+        fixed=(*calibration.fixed, "the vertical, by a plumb line"),
+        assumed=tuple(one for one in calibration.assumed if not one.startswith("the vertical")),
+    )
+
+
+def upright(calibration: PlaneCalibration, up: Literal["picture", "board"]) -> PlaneCalibration:
+    """Turn the world so that z is up at ``centre_px``, where the ``calibration`` was made.
+
+    ``up``: ``picture`` takes what is up in the picture there, ``board`` the axis of the world nearest to that.
+    """
+    quarter = math.pi / 2
+
+    def by_picture(values: Array) -> float:
+        return float(_geometry_of(values, calibration.centre_px)[3])
+
+    nearest = round(by_picture(calibration.values) / quarter) * quarter
+    said = "the vertical is the picture's" if up == "picture" else "the vertical is the board's edge"
+    turned = _turned_by(calibration, by_picture if up == "picture" else lambda _: nearest)
+    return replace(turned, assumed=(*calibration.assumed, said))
+
+
+def _turned_by(calibration: PlaneCalibration, angle_of: Callable[[Array], float]) -> PlaneCalibration:
+    """Turn the world anticlockwise by an angle that follows from the calibration's own numbers, errors included."""
+    values = calibration.values
+    angle = angle_of(values)
+    cos, sin = math.cos(angle), math.sin(angle)
+    homography = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]]) @ calibration.homography
+    change = np.eye(N_VALUES)
+    change[:9, :9] = np.kron([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]], np.eye(3))
+    steps = STEP * np.sqrt(np.maximum(np.diag(calibration.covariance), 0))
+    slopes = [
+        math.remainder(angle_of(values + step) - angle_of(values - step), 2 * math.pi) / (2 * step.sum())
+        if step.any()
+        else 0.0
+        for step in np.diag(steps)
+    ]
+    change += np.outer(_spin(homography), slopes)
+    return replace(
+        calibration,
+        homography=homography,
+        budget={name: change @ part @ change.T for name, part in calibration.budget.items()},
+    )
+
+
+def _spin(homography: Array) -> Array:
+    """Change (18,) of a calibration's numbers for each radian that its world turns anticlockwise."""
+    out = np.zeros(N_VALUES)
+    out[:3], out[3:6] = -homography[1], homography[0]
+    return out
+
+
+def _places(values: Array, xy_px: Array) -> Array:
+    """Places (n, 2) in the world of pixels, by the 18 numbers of a calibration."""
+    fx, fy, cx, cy = values[9:13]
+    undistorted = undistort_px(xy_px, np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]), values[13:])[0]
+    return apply_homography(values[:9].reshape(3, 3), undistorted)
+
+
+# --------------------------------------------------------------------------- does it belong to the clip
+
+
+def check_image_size(calibrated: tuple[int, int] | None, clip: tuple[int, int]) -> None:
+    """Refuse a calibration made at another resolution or crop than the clip's; sizes are (width, height) px.
+
+    ``calibrated`` None stands for a calibration that was not made from pictures. Raises CalibrationError.
+    """
+    if calibrated is None or tuple(calibrated) == tuple(clip):
+        return
+    (width, height), (clip_width, clip_height) = calibrated, clip
+    sizes = f"the calibration was made from pictures of {width}x{height} px, the clip is {clip_width}x{clip_height} px"
+    if (clip_height, clip_width) == (width, height):
+        raise CalibrationError(f"{sizes}: one of them is turned by 90 degrees; calibrate with the camera held alike")
+    if abs(clip_width * height - clip_height * width) <= max(width, height, clip_width, clip_height):
+        raise CalibrationError(
+            f"{sizes}, of the same shape: a camera often uses another part of its sensor at another resolution; "
+            f"calibrate at {clip_width}x{clip_height} px, or, if the pictures were only resized, resize the calibration"
+        )
+    raise CalibrationError(
+        f"{sizes}, of another shape: the pictures were cropped; calibrate at {clip_width}x{clip_height} px, or "
+        "give the crop's place"
+    )

@@ -1,0 +1,109 @@
+"""Find every tracker, model, effect and phenomenon: one file each, looked up by name.
+
+A plugin file defines one module-level instance of the type that its folder holds. Files whose name
+starts with ``_`` are helpers. Nothing else has to be edited to add one.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from importlib.metadata import packages_distributions
+from types import ModuleType
+from typing import Generic, TypeVar
+
+from iris_sysid.errors import PluginError, UnknownNameError
+from iris_sysid.types import Effect, OdeModel, Phenomenon, Tracker
+
+Item = TypeVar("Item", Tracker, OdeModel, Effect, Phenomenon)
+
+DISTRIBUTION = "iris-sysid"
+
+
+@dataclass(eq=False)
+class Registry(Mapping[str, Item], Generic[Item]):
+    """The items of one type that the modules of one package define, by name; found on first look-up."""
+
+    kind: str
+    package: str
+    item_type: type[Item]
+    _items: dict[str, Item] | None = None
+
+    def __getitem__(self, name: str) -> Item:
+        items = self._found()
+        if name not in items:
+            close = get_close_matches(name, items, n=1)
+            hint = f"did you mean {close[0]!r}? " if close else ""
+            raise UnknownNameError(f"no {self.kind} is named {name!r}; {hint}there are: {', '.join(items)}")
+        return items[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._found())
+
+    def __len__(self) -> int:
+        return len(self._found())
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._found()
+
+    def forget(self) -> None:
+        """Look again at the next look-up, e.g. after a plugin file was added."""
+        self._items = None
+
+    def _found(self) -> dict[str, Item]:
+        if self._items is None:
+            package = importlib.import_module(self.package)
+            check_ours(package)
+            self._items = dict(sorted(self._read(package).items()))
+        return self._items
+
+    def _read(self, package: ModuleType) -> dict[str, Item]:
+        items: dict[str, Item] = {}
+        for info in pkgutil.iter_modules(package.__path__):
+            if info.name.startswith("_") or info.ispkg:
+                continue
+            item = self._item_of(importlib.import_module(f"{self.package}.{info.name}"))
+            if item is None:
+                continue
+            if item.name in items:
+                raise PluginError(f"two files of {self.package} define the {self.kind} {item.name!r}; rename one")
+            if item.name != info.name.replace("_", "-"):
+                raise PluginError(
+                    f"{self.package}/{info.name}.py defines {item.name!r}; "
+                    f"the name must be {info.name.replace('_', '-')!r}, as the file is called"
+                )
+            items[item.name] = item
+        return items
+
+    def _item_of(self, module: ModuleType) -> Item | None:
+        """The one item the module defines; None for a module of the package that is no plugin."""
+        found = [value for value in vars(module).values() if isinstance(value, self.item_type)]
+        if len(found) > 1:
+            raise PluginError(f"{module.__name__} defines {len(found)} items of {self.kind}; one file holds one")
+        return found[0] if found else None
+
+
+def check_ours(package: ModuleType) -> None:
+    """Stop if ``trackers`` or ``fitters`` is, or is mixed with, another distribution's package.
+
+    ``trackers`` is also the import name of a package on PyPI, and pip lays both over one another.
+    """
+    top = importlib.import_module(package.__name__.partition(".")[0])
+    owners = set(packages_distributions().get(top.__name__, ())) - {DISTRIBUTION}
+    if getattr(top, "DISTRIBUTION", None) == DISTRIBUTION and not owners:
+        return
+    other = ", ".join(sorted(owners)) or f"the package at {list(top.__path__)}"
+    raise PluginError(
+        f"the import name {top.__name__!r} belongs to {other}, not to {DISTRIBUTION} alone; "
+        f"install {DISTRIBUTION} in an environment without it, e.g. pip uninstall {other} {DISTRIBUTION} "
+        f"and install {DISTRIBUTION} again"
+    )
+
+
+TRACKERS: Registry[Tracker] = Registry("tracker", "trackers", Tracker)
+MODELS: Registry[OdeModel] = Registry("model", "fitters.models", OdeModel)
+EFFECTS: Registry[Effect] = Registry("effect", "fitters.effects", Effect)
+PHENOMENA: Registry[Phenomenon] = Registry("phenomenon", "iris_sysid.phenomena", Phenomenon)

@@ -1,0 +1,167 @@
+"""The pictures of a report: the track on the clip, the trajectory with its fit, the residual.
+
+Each function returns a matplotlib ``Figure``; nothing here shows or saves one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
+
+from fitters.ode import simulate
+from iris_sysid.types import Array, Calibration, FitResult, FrameSource, Track, Trajectory
+
+# Okabe and Ito (2008): eight colours that stay apart for every kind of colour vision.
+COLOURS = {
+    "motion": "#0072B2",
+    "release": "#E69F00",
+    "hand": "#D55E00",
+    "contact": "#CC79A7",
+    "rest": "#999999",
+    "": "#56B4E9",
+}
+FIT_COLOUR = "#000000"
+PHASES = 9
+CURVE_POINTS = 600
+
+
+def sample_labels(trajectory: Trajectory) -> list[str]:
+    """The segment label of each sample, ``""`` outside every segment."""
+    labels = [""] * trajectory.n
+    for segment in trajectory.segments:
+        labels[segment.start : segment.stop] = [segment.label] * (segment.stop - segment.start)
+    return labels
+
+
+def track_figure(
+    video: FrameSource, tracks: Sequence[Track], trajectory: Trajectory, calibration: Calibration
+) -> Figure:
+    """The clip's phases in one picture with the track over it, coloured by what happens when.
+
+    Parameters
+    ----------
+    video
+        The clip; a few of its frames are laid over one another.
+    tracks
+        One a body, in px.
+    trajectory
+        Its segments colour the samples; its geometry gives the pivot, when it has one.
+    calibration
+        Takes the pivot back to px.
+
+    Returns
+    -------
+    Figure
+        As wide as a page, in the clip's own aspect.
+    """
+    picture = multiple_exposure(video)
+    height, width = picture.shape[:2]
+    figure = Figure(figsize=(9, 9 * height / width), layout="constrained")
+    axes = figure.add_subplot()
+    axes.imshow(picture)
+    labels = np.array(sample_labels(trajectory))
+    for body in tracks:
+        axes.plot(*body.xy_px.T, color="white", linewidth=0.6, alpha=0.6)
+        for label in dict.fromkeys(labels):
+            inside = (labels == label) & body.valid
+            axes.plot(*body.xy_px[inside].T, ".", color=COLOURS[label], markersize=4, label=label or "not used")
+    _draw_pivot(axes, trajectory, calibration)
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x (px)", ylabel="y (px)")
+    handles, names = axes.get_legend_handles_labels()
+    unique = dict(zip(names, handles, strict=True))
+    axes.legend(unique.values(), unique.keys(), loc="lower right", framealpha=0.8)
+    return figure
+
+
+def multiple_exposure(video: FrameSource) -> NDArray[np.uint8]:
+    """Lay some frames over their median so that the body shows at several times; (h, w, 3) uint8 RGB."""
+    stack = np.stack([frame.bgr()[..., ::-1] for frame in video.sample(PHASES)]).astype(np.int16)
+    background = np.median(stack, axis=0)
+    change = np.abs(stack - background).max(axis=3)
+    strongest = change.argmax(axis=0)
+    picture = np.take_along_axis(stack, strongest[None, :, :, None], axis=0)[0]
+    # 24 of 255 grey levels: well above sensor noise, so that only what moved is laid over
+    return np.where(change.max(axis=0)[..., None] > 24, picture, background).astype(np.uint8)
+
+
+def _draw_pivot(axes: Axes, trajectory: Trajectory, calibration: Calibration) -> None:
+    geometry = trajectory.geometry
+    if not {"pivot_x", "pivot_z", "arc_radius"} <= geometry.keys():
+        return
+    inverse = np.linalg.inv(calibration.homography)
+    x, y, w = inverse @ [geometry["pivot_x"].value, geometry["pivot_z"].value, 1.0]
+    edge = inverse @ [geometry["pivot_x"].value + geometry["arc_radius"].value, geometry["pivot_z"].value, 1.0]
+    radius_px = float(np.hypot(edge[0] / edge[2] - x / w, edge[1] / edge[2] - y / w))
+    axes.add_patch(Circle((x / w, y / w), radius_px, fill=False, color="#009E73", linewidth=1, linestyle="--"))
+    axes.plot(x / w, y / w, "+", color="#009E73", markersize=12, label="pivot and arc")
+
+
+def fit_figure(trajectory: Trajectory, fit: FitResult) -> Figure:
+    """Each measured quantity with its fit, and under it the residual against the noise.
+
+    Parameters
+    ----------
+    trajectory
+        What was measured, in the units of its quantities.
+    fit
+        The model's prediction and residual at the same samples.
+
+    Returns
+    -------
+    Figure
+        Two rows a quantity, over time in s.
+    """
+    d = len(fit.model.observed)
+    figure = Figure(figsize=(9, 4.6 * d), layout="constrained")
+    rows = figure.subplots(2 * d, 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": [3, 1.4] * d})[:, 0]
+    labels = np.array(sample_labels(trajectory))
+    curve_s, curve = fitted_curve(fit)
+    for k, quantity in enumerate(fit.model.observed):
+        measured = trajectory.position[:, trajectory.column(quantity.name)]
+        _draw_measured(rows[2 * k], trajectory, measured, labels)
+        rows[2 * k].plot(curve_s, curve[:, k], color=FIT_COLOUR, linewidth=0.9, label="fit")
+        rows[2 * k].set_ylabel(f"{quantity.name} ({quantity.unit})")
+        rows[2 * k].legend(loc="upper right", framealpha=0.8)
+        _draw_residual(rows[2 * k + 1], fit, k)
+        rows[2 * k + 1].set_ylabel(f"residual ({quantity.unit})")
+    rows[-1].set_xlabel("time (s)")
+    return figure
+
+
+def fitted_curve(fit: FitResult) -> tuple[Array, Array]:
+    """The fitted motion (m,) s and (m, d) between the samples too, where there are few of them."""
+    used = np.flatnonzero(fit.used)
+    if not fit.usable or used.size < 2 or used.size > CURVE_POINTS or fit.model.inputs:
+        return fit.t_s, fit.predicted
+    t_s = np.linspace(fit.t_s[used[0]], fit.t_s[used[-1]], CURVE_POINTS)
+    return t_s, simulate(fit.model, t_s, {name: one.value for name, one in fit.estimates.items()}).observed
+
+
+def _draw_measured(axes: Axes, trajectory: Trajectory, measured: Array, labels: NDArray[np.str_]) -> None:
+    for label in dict.fromkeys(labels):
+        inside = (labels == label) & trajectory.valid
+        axes.plot(
+            trajectory.t_s[inside], measured[inside], ".", color=COLOURS[label], markersize=4, label=label or "measured"
+        )
+    axes.margins(x=0.01)
+
+
+def _draw_residual(axes: Axes, fit: FitResult, k: int) -> None:
+    noise = fit.noise[k]
+    axes.axhline(0, color="#888888", linewidth=0.6)
+    if np.isfinite(noise):
+        axes.axhspan(-2 * noise, 2 * noise, color="#009E73", alpha=0.15, label="± 2 noise")
+        axes.legend(loc="upper right", framealpha=0.8)
+    axes.plot(fit.t_s, fit.residual[:, k], ".-", color=COLOURS["motion"], markersize=3, linewidth=0.4)
+
+
+def equation_figure(equation: str) -> Figure:
+    """An equation given as LaTeX math, drawn with matplotlib's own math text."""
+    figure = Figure(figsize=(6, 0.6))
+    figure.text(0.0, 0.5, f"${equation}$", va="center", fontsize=15)
+    return figure

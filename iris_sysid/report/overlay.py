@@ -1,0 +1,92 @@
+"""The track drawn over its own video."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from iris_sysid.files import atomic_path
+from iris_sysid.types import FrameSource, Track
+
+# BGR of the same colour-vision-safe set that the figures use
+BODY_COLOURS = ((178, 114, 0), (0, 94, 213), (115, 158, 0), (167, 121, 204), (0, 159, 230))
+TAIL_S = 0.5
+TIME_BASE = Fraction(1, 90_000)  # the clock of MPEG transport: every common frame time is exact enough in it
+
+
+def write_overlay(
+    video: FrameSource,
+    tracks: Sequence[Track],
+    path: Path,
+    *,
+    overwrite: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Write the clip with a ring around each body and the last half second of its path, at the clip's own times.
+
+    Parameters
+    ----------
+    video
+        The clip that the tracks came from.
+    tracks
+        One a body, in px.
+    path
+        An ``.mp4`` file.
+    overwrite
+        Replace a file of that name.
+    progress
+        Called with (frames done, frames expected).
+
+    Raises
+    ------
+    OutputError
+        When the file exists, or cannot be written.
+    """
+    width, height = video.width - video.width % 2, video.height - video.height % 2  # yuv420p needs even sides
+    with atomic_path(path, overwrite=overwrite) as unfinished, av.open(str(unfinished), "w", format="mp4") as container:
+        # the same bytes each time take one thread and no look-ahead: what that chooses varies now and then
+        stream = container.add_stream("libx264", options={"crf": "20", "preset": "superfast", "bf": "0"})
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        stream.codec_context.time_base = TIME_BASE
+        stream.codec_context.thread_count = 1
+        for count, frame in enumerate(video.frames(), start=1):
+            picture = np.ascontiguousarray(frame.bgr()[:height, :width])
+            for k, body in enumerate(tracks):
+                draw_body(picture, body, frame.t_s, BODY_COLOURS[k % len(BODY_COLOURS)])
+            encoded = av.VideoFrame.from_ndarray(picture, format="bgr24")
+            encoded.pts, encoded.time_base = round(frame.t_s / TIME_BASE), TIME_BASE
+            container.mux(stream.encode(encoded))
+            if progress is not None:
+                progress(count, video.n_expected)
+        container.mux(stream.encode())
+
+
+def draw_body(picture: NDArray[np.uint8], body: Track, t_s: float, colour: tuple[int, int, int]) -> None:
+    """Draw one body's ring and tail at a time into a picture, in place, to 1/16 px.
+
+    Parameters
+    ----------
+    picture
+        (h, w, 3) uint8 BGR, written.
+    body
+        Its track.
+    t_s
+        The time of the picture, s.
+    colour
+        BGR.
+    """
+    now = int(np.searchsorted(body.t_s, t_s + 1e-9)) - 1
+    tail = body.xy_px[(body.t_s > t_s - TAIL_S) & (body.t_s <= t_s + 1e-9) & body.valid]
+    thick = max(1, round(picture.shape[0] / 400))
+    if len(tail) > 1:
+        cv2.polylines(picture, [np.round(tail * 16).astype(np.int32)], False, colour, thick, cv2.LINE_AA, shift=4)
+    if now >= 0 and body.valid[now] and abs(body.t_s[now] - t_s) < 1e-6:
+        radius = 8.0 if body.radius_px is None or np.isnan(body.radius_px[now]) else 1.3 * body.radius_px[now] + 2
+        centre = tuple(int(value) for value in np.round(body.xy_px[now] * 16))
+        cv2.circle(picture, centre, round(radius * 16), colour, thick, cv2.LINE_AA, shift=4)

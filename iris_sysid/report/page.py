@@ -1,0 +1,123 @@
+"""The page that every report uses: a headline, pictures, then sections of tables and lines."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import jinja2
+from matplotlib.figure import Figure
+
+from iris_sysid import wording
+from iris_sysid.files import json_text
+from iris_sysid.report.figures import equation_figure
+from iris_sysid.types import Estimate
+
+DPI = 130
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A drawn picture and what it shows."""
+
+    name: str
+    png: bytes
+    caption: str
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """One part of a page: a table whose number columns are marked with ``#``, lines of text, an equation."""
+
+    title: str
+    columns: Sequence[str] = ()
+    rows: Sequence[Sequence[str]] = ()
+    lines: Sequence[str] = ()
+    equation: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """What a page says, before it is HTML."""
+
+    title: str
+    headline: str
+    summary: str
+    pictures: Sequence[Picture]
+    sections: Sequence[Section]
+    origin: Mapping[str, Any]
+    notes: Sequence[str] = field(default=())
+
+
+def png_of(figure: Figure) -> bytes:
+    """Draw a figure as PNG bytes, the same bytes for the same figure."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def html_of(page: Page) -> str:
+    """The page as one HTML file that needs no other; every text in it is escaped."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("iris_sysid", "report"),
+        autoescape=True,
+        trim_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    pictures = [{"png": _base64(picture.png), "caption": picture.caption} for picture in page.pictures]
+    sections = [_section(section) for section in page.sections]
+    return environment.get_template("page.html").render(
+        title=page.title,
+        headline=page.headline,
+        summary=page.summary,
+        notes=page.notes,
+        pictures=pictures,
+        sections=sections,
+        origin=json_text(dict(page.origin)),
+    )
+
+
+def _section(section: Section) -> dict[str, Any]:
+    columns = [{"title": title.lstrip("#"), "number": title.startswith("#")} for title in section.columns]
+    equation = _base64(png_of(equation_figure(section.equation))) if section.equation else ""
+    return {
+        "title": section.title,
+        "columns": columns,
+        "rows": section.rows,
+        "lines": section.lines,
+        "equation": equation,
+        "equation_text": section.equation,
+    }
+
+
+def _base64(png: bytes) -> str:
+    return base64.b64encode(png).decode("ascii")
+
+
+def estimates_section(title: str, estimates: Mapping[str, Estimate], equation: str = "") -> Section:
+    """A table of estimates by name: value and standard error, 95 % interval, kind and source.
+
+    Parameters
+    ----------
+    title
+        Heading of the section.
+    estimates
+        By name, in the order of the rows.
+    equation
+        LaTeX math of the equation they belong to.
+    """
+    rows = [
+        (
+            name,
+            wording.with_error(estimate),
+            wording.interval(estimate),
+            estimate.measurement_type,
+            estimate.source,
+        )
+        for name, estimate in estimates.items()
+    ]
+    columns = ("quantity", "#value ± standard error", "#95 % interval", "kind", "from")
+    return Section(title, columns, rows, equation=equation)

@@ -1,0 +1,284 @@
+"""What the JSON files hold: one class each, from which the published JSON Schemas are made.
+
+A new kind of file is one class with its own ``document`` and ``version``, entered in ``DOCUMENTS``. In every
+file ``null`` stands for a number that is not known or not finite.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, JsonValue
+
+from iris_sysid.types import Estimate, FitStatus, Quantity, Segment, SegmentLabel
+
+Number = float | None
+Triple = tuple[float, float, float]
+
+
+def known_number(value: Any) -> Number:
+    """The value as a float; None where it is NaN or infinite."""
+    finite = float(value)
+    return finite if math.isfinite(finite) else None
+
+
+def known_numbers(values: Iterable[Any]) -> Any:
+    """Numbers with null for what is not finite: a tuple of a tuple, a list of anything else."""
+    known = [known_number(value) for value in values]
+    return tuple(known) if isinstance(values, tuple) else known
+
+
+def number(value: Number) -> float:
+    """The value; NaN where it is None."""
+    return math.nan if value is None else value
+
+
+class Part(BaseModel):
+    """A piece of a document: no unknown key, no text for a number, no NaN, nothing changed afterwards."""
+
+    model_config = ConfigDict(
+        strict=True, extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+
+class Document(Part):
+    """A whole file; each kind states its ``document`` name and the ``version`` of its layout."""
+
+
+# --------------------------------------------------------------------------- pieces
+
+
+class EstimateEntry(Part):
+    """A number with its standard error, interval and unit."""
+
+    value: Number
+    """Value in the unit; null when there is none."""
+    stderr: Number
+    """Standard error; null when the data do not determine it."""
+    ci95: tuple[Number, Number]
+    """Lower and upper end of the 95 % interval; null where there is none."""
+    unit: str
+    measurement_type: Literal["fitted", "direct", "assumed", "derived", "metadata"]
+    source: str = ""
+    """Where the value comes from, in words."""
+    note: str = ""
+    """Why a number is null."""
+
+    def estimate(self) -> Estimate:
+        """The entry as an Estimate; null becomes NaN, and an open end of the interval infinity."""
+        value, stderr = number(self.value), number(self.stderr)
+        plain = Estimate(value, stderr, self.unit, self.measurement_type, self.source)
+        if known_numbers(plain.interval) == self.ci95:
+            return plain
+        low, high = self.ci95
+        interval = (-math.inf if low is None else low, math.inf if high is None else high)
+        return Estimate(value, stderr, self.unit, self.measurement_type, self.source, interval)
+
+
+class QuantityEntry(Part):
+    """A quantity's name, unit and LaTeX symbol."""
+
+    name: str
+    unit: str
+    symbol: str = ""
+
+    def quantity(self) -> Quantity:
+        """The entry as a Quantity."""
+        return Quantity(self.name, self.unit, self.symbol)
+
+
+class FittedQuantity(QuantityEntry):
+    """How well one observed quantity is fitted, in its unit."""
+
+    noise: Number
+    """Standard deviation of the measurement, estimated without the model."""
+    rms: Number
+    """Root mean square of the residual, observed - predicted."""
+
+
+class SegmentEntry(Part):
+    """Samples ``start`` to ``stop - 1``, counted from 0, and what happens in them."""
+
+    label: SegmentLabel
+    start: Annotated[int, Field(ge=0)]
+    stop: Annotated[int, Field(ge=1)]
+    reason: str = ""
+
+    def segment(self) -> Segment:
+        """The entry as a Segment."""
+        return Segment(self.label, self.start, self.stop, self.reason)
+
+
+class FittedSegment(SegmentEntry):
+    """A segment with its times and how much of it the fit used."""
+
+    start_s: float
+    """Time of the first sample."""
+    stop_s: float
+    """Time of the last sample."""
+    n_used: int
+
+
+class UsedSamples(Part):
+    """Which samples of the trajectory the fit used; first and last included, null when none was."""
+
+    total: int
+    """Samples in the trajectory, gaps included."""
+    first_sample: int | None = None
+    last_sample: int | None = None
+    first_frame: int | None = None
+    """Number of the frame in the video file; null when it is not known."""
+    last_frame: int | None = None
+    first_s: Number = None
+    last_s: Number = None
+
+
+class Smoothing(Part):
+    """How a trajectory was smoothed, one number a quantity."""
+
+    psd: list[Number]
+    """Process noise, unit^2/s^3."""
+    nis: list[Number]
+    """Mean normalised innovation squared; 1 when the filter is consistent."""
+
+
+# --------------------------------------------------------------------------- documents
+
+
+class FitDocument(Document):
+    """A model fitted to a trajectory (fit.json)."""
+
+    document: Literal["fit"] = "fit"
+    version: Literal[1] = 1
+    model: str
+    equation: str
+    """The governing equation, LaTeX."""
+    status: FitStatus
+    message: str
+    """What to make of the status, with the remedy."""
+    parameters: dict[str, EstimateEntry]
+    """Fitted parameters, constants, initial states and derived quantities, by name."""
+    free: list[str]
+    """Names of the fitted ones, in the order of the covariance."""
+    covariance: list[list[Number]]
+    """Random part of the covariance of the free parameters; it allows for autocorrelated residuals."""
+    budget: dict[str, dict[str, Number]]
+    """Standard error of each parameter from each source."""
+    noise: Number
+    """Standard deviation of the measurement, all quantities together; null when their units differ."""
+    rms: Number
+    """Root mean square of the residual, all quantities together; null when their units differ."""
+    n: int
+    """Number of samples used."""
+    aic: Number
+    bic: Number
+    condition: Number
+    """Condition number of the Fisher information, each parameter scaled to unit information; null when infinite."""
+    correlation: Number
+    """Correlation of neighbouring residuals."""
+    t0_s: Number
+    """Time at which the initial states hold."""
+    quantities: list[FittedQuantity]
+    """The observed quantities."""
+    samples: UsedSamples
+    segments: list[FittedSegment]
+    geometry: dict[str, EstimateEntry]
+    """What was measured on the way to the trajectory, e.g. pivot and scale."""
+    origin: dict[str, JsonValue]
+
+    def estimates(self) -> dict[str, Estimate]:
+        """The parameters as Estimates by name."""
+        return {name: entry.estimate() for name, entry in self.parameters.items()}
+
+
+class AddedEffect(Part):
+    """An effect that was added to the model."""
+
+    effect: str
+    parameters: dict[str, EstimateEntry]
+
+
+class Excluded(Part):
+    """The largest size of an effect that the data allow; null where they say nothing about it."""
+
+    effect: str
+    parameter: str
+    upper_95: Number
+    unit: str
+
+
+class FitError(Part):
+    """Root mean square of the residual over the samples fitted, and over later ones that were held out."""
+
+    fitted: Number
+    heldout: Number
+
+
+class ErrorTable(Part):
+    """The error before and after, against the noise of the measurement."""
+
+    before: FitError
+    after: FitError
+    noise_floor: Number
+    unit: str
+
+
+class DiagnosisDocument(Document):
+    """What a model lacks, if anything (diagnosis.json)."""
+
+    document: Literal["diagnosis"] = "diagnosis"
+    version: Literal[1] = 1
+    sentence: str
+    """The result as a person would write it."""
+    base: FitDocument
+    final: FitDocument
+    added: list[AddedEffect]
+    """In the order in which they were found."""
+    indistinguishable: dict[str, list[str]]
+    """For each effect added, those that explain the data as well."""
+    ruled_out: list[Excluded]
+    error: ErrorTable
+    origin: dict[str, JsonValue]
+
+
+class CalibrationDocument(Document):
+    """How pixels become metres in the plane of motion (calibration.json)."""
+
+    document: Literal["calibration"] = "calibration"
+    version: Literal[1] = 1
+    unit: Literal["m", "px"]
+    """Unit of the world; px when no scale is known."""
+    homography: tuple[Triple, Triple, Triple]
+    """Maps (x, y, 1), px, y down, to the world, z up; rows."""
+    scale: EstimateEntry
+    """px per unit; its standard error is common to all samples."""
+    source: str = ""
+    origin: dict[str, JsonValue] = {}
+
+
+class OriginDocument(Document):
+    """What a CSV file cannot say (the .origin.json file beside it)."""
+
+    document: Literal["origin"] = "origin"
+    version: Literal[1] = 1
+    table: str
+    """Name of the CSV file."""
+    table_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+    quantities: list[QuantityEntry] = []
+    inputs: list[QuantityEntry] = []
+    segments: list[SegmentEntry] = []
+    geometry: dict[str, EstimateEntry] = {}
+    smoothing: Smoothing | None = None
+    origin: dict[str, JsonValue] = {}
+    bodies: dict[str, dict[str, JsonValue]] = {}
+    """Origin by body, where the bodies of a track differ."""
+
+
+DOCUMENTS: dict[str, type[Document]] = {
+    "fit": FitDocument,
+    "diagnosis": DiagnosisDocument,
+    "calibration": CalibrationDocument,
+    "origin": OriginDocument,
+}

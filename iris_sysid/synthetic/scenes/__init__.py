@@ -1,0 +1,1 @@
+"""The phenomena that can be rendered: one file each."""

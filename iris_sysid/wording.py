@@ -1,0 +1,142 @@
+"""How numbers and results are spelled for people: value, standard error and unit in one way everywhere."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from iris_sysid.types import Effect, Estimate, FitResult, Segment, Trajectory
+
+if TYPE_CHECKING:
+    from iris_sysid.diagnosis import Diagnosis
+
+
+def rounded(value: float, stderr: float) -> tuple[str, str]:
+    """Spell a value to the second digit of its standard error: (1.70342, 0.0042) is ("1.7034", "0.0042")."""
+    if not math.isfinite(value):
+        return "undetermined", ""
+    if not math.isfinite(stderr) or stderr <= 0:
+        return f"{value:.6g}", ""
+    digits = 1 - math.floor(math.log10(float(f"{stderr:.1e}")))  # of 0.00999, which is 0.010
+    if stderr >= 1e7 or abs(value) >= 1e7 or digits > 9:
+        wanted = max(digits + math.floor(math.log10(max(abs(value), stderr))), 1)
+        return f"{value:.{wanted}e}", f"{stderr:.1e}"
+    # + 0.0: no negative zero
+    return f"{round(value, digits) + 0.0:.{max(digits, 0)}f}", f"{round(stderr, digits):.{max(digits, 0)}f}"
+
+
+def with_error(estimate: Estimate) -> str:
+    """Spell an estimate with its standard error and unit, e.g. ``1.7034 ± 0.0042 m``."""
+    if not math.isfinite(estimate.stderr) and estimate.measurement_type in ("fitted", "derived"):
+        return "undetermined"
+    value, stderr = rounded(estimate.value, estimate.stderr)
+    if value == "undetermined":
+        return value
+    unit = "" if estimate.unit in ("", "1") else f" {estimate.unit}"
+    return f"{value} ± {stderr}{unit}" if stderr else f"{value}{unit}"
+
+
+def interval(estimate: Estimate) -> str:
+    """Spell the 95 % interval, e.g. ``1.6950 to 1.7118``; empty where there is none."""
+    lower, upper = estimate.interval
+    if not (math.isfinite(lower) and math.isfinite(upper)) or upper <= lower:
+        return ""
+    width = upper - lower
+    return f"{rounded(lower, width / 4)[0]} to {rounded(upper, width / 4)[0]}"
+
+
+def shown(fit: FitResult) -> dict[str, Estimate]:
+    """The estimates to show: not the constants that nobody gave, nor what would follow from them."""
+    hidden = ("assumed", "derived")
+    return {
+        name: estimate
+        for name, estimate in fit.estimates.items()
+        if math.isfinite(estimate.value) or estimate.measurement_type not in hidden
+    }
+
+
+def headline(fit: FitResult) -> str:
+    """The result in one line: the fitted and derived values that are no initial state, or why there are none."""
+    initial = {f"{state.name}_0" for state in fit.model.states}
+    parts = [
+        f"{name} = {with_error(estimate)}"
+        for name, estimate in shown(fit).items()
+        if name not in initial and estimate.measurement_type in ("fitted", "derived")
+    ]
+    text = "; ".join(parts)
+    return text if fit.usable and parts else f"{fit.status}: {fit.message}"
+
+
+def frames_text(segment: Segment, trajectory: Trajectory) -> str:
+    """Say which samples a segment covers, e.g. ``0-2 (0.000-0.200 s)``."""
+    last = segment.stop - 1
+    return f"{segment.start}-{last} ({trajectory.t_s[segment.start]:.3f}-{trajectory.t_s[last]:.3f} s)"
+
+
+def residual_text(fit: FitResult) -> str:
+    """Compare the residual with the noise that was estimated without the model, for each quantity."""
+    parts = []
+    for quantity, rms, noise in zip(fit.model.observed, fit.rms, fit.noise, strict=True):
+        ratio = f", {rms / noise:.2f} times the noise of {noise:.3g}" if np.isfinite(noise) and noise > 0 else ""
+        size = f"{rms:.3g} {quantity.unit} rms" if np.isfinite(rms) else "not known"
+        parts.append(f"{quantity.name}: residual {size}{ratio}")
+    return "; ".join(parts)
+
+
+def estimates_text(fit: FitResult) -> str:
+    """The estimates as a small table of plain text: name, value ± standard error, 95 % interval, kind."""
+    rows = [
+        (name, with_error(estimate), interval(estimate), estimate.measurement_type)
+        for name, estimate in shown(fit).items()
+    ]
+    widths = [max(len(row[k]) for row in rows) for k in range(4)]
+    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return "\n".join([*lines, residual_text(fit)])
+
+
+def diagnosis_sentence(diagnosis: Diagnosis) -> str:
+    """What a model lacks, as a person would write it, with the error before and after and what moved."""
+    both = (diagnosis.before, diagnosis.after)
+    heldout = all(math.isfinite(errors.heldout) for errors in both)
+    which = "held-out error" if heldout else "residual"
+    before, after = (_angles(diagnosis, errors.heldout if heldout else errors.fitted) for errors in both)
+    floor = _angles(diagnosis, diagnosis.noise_floor)
+    if not diagnosis.added:
+        return f"Nothing to add: the {which} is {before}, the noise floor {floor}."
+    named = [_effect_text(effect, diagnosis) for effect in diagnosis.added]
+    return (
+        f"Adding {' and '.join(named)} takes the {which} from {before} to {after}; the noise floor is {floor}."
+        f" {_moved(diagnosis)}"
+    ).rstrip()
+
+
+def _effect_text(effect: Effect, diagnosis: Diagnosis) -> str:
+    size = with_error(diagnosis.final.estimates[effect.parameters[0].name])
+    alike = diagnosis.indistinguishable.get(effect.name, ())
+    doubt = f", or as well {' or '.join(one.replace('-', ' ') for one in alike)}" if alike else ""
+    return f"{effect.name.replace('-', ' ')} ({size}{doubt})"
+
+
+def _angles(diagnosis: Diagnosis, value: float) -> str:
+    """Angles in degrees, all else in its own unit."""
+    if not math.isfinite(value):
+        return "not known"
+    if diagnosis.unit == "rad":
+        return f"{np.degrees(value):.3g}°"
+    return f"{value:.3g}" if diagnosis.unit in ("", "1") else f"{value:.3g} {diagnosis.unit}"
+
+
+def _moved(diagnosis: Diagnosis) -> str:
+    """Base parameters that moved by more than twice their standard error before."""
+    parts = []
+    for name in diagnosis.base.free:
+        base, final = diagnosis.base.estimates[name], diagnosis.final.estimates[name]
+        if name.endswith("_0") or not abs(final.value - base.value) > 2 * final.stderr:
+            continue
+        unit = "" if base.unit in ("", "1") else f" {base.unit}"
+        old, new = rounded(base.value, final.stderr)[0], rounded(final.value, final.stderr)[0]
+        parts.append(f"{name} moves from {old} to {new}{unit}")
+    text = "; ".join(parts)
+    return f"{text[0].upper()}{text[1:]}." if parts else ""
