@@ -1,0 +1,211 @@
+"""Sub-pixel centre of one body, by how much of each pixel it covers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from trackers._background import MAD_TO_SD, Bytes, Flags, Image
+
+FINER_SMALL, FINER_LARGE = 4, 2  # how much finer than the pixels the half-way contour is drawn
+SMALL_WINDOW = 64  # px
+TELLING = 4.0  # contrast over noise from which brightness tells coverage
+ONE_SIDED = (0.3, 0.7)  # |f| over s: below it a body is both brighter and darker, above it one of them
+RIM_PX, RIM_SHARE = 1.4, 0.45  # px and share of the depth: what is nearer to the outline is blurred
+OUTLINE_DEPTH = 4.0  # px within which the body's brightness must fit that of its outline
+FEWEST_OUTSIDE = 12  # px from which the noise outside of a body is judged
+SHARE_RANGE = (-0.3, 1.3)  # coverage beyond this is another thing, not noise
+CORD_SHARE = 0.2  # of the inscribed radius: what is thinner is a cord
+TAIL = 0.03  # mean coverage at which the outline has ended
+NARROWEST = 0.75  # px, half the width of the sharpest outline: half a pixel's diagonal
+
+
+@dataclass(frozen=True, slots=True)
+class Centre:
+    """Centre of a body in its window (px), area (px), contrast and intensity (grey levels), with standard errors.
+
+    ``cut`` says that the body reaches the border of the window.
+    """
+
+    x: float
+    y: float
+    sigma_x: float
+    sigma_y: float
+    area: float
+    sigma_area: float
+    contrast: float
+    intensity: float
+    sigma_intensity: float
+    cut: bool
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Window:
+    """What is known about the pixels round a body: grey levels (h, w, channels) of frame, background and noise.
+
+    ``core`` (h, w) is 1 where the body is, right to about two pixels; ``other`` (h, w) is 1 where
+    something else is. ``inflation`` is the variance of sums of noise over that of white noise.
+    """
+
+    image: Image
+    background: Image
+    noise: Image
+    core: Bytes
+    other: Bytes
+    inflation: float = 1.0
+
+
+def coverage_centre(window: Window) -> Centre:
+    """Centre of the body in a window, weighted by how much of each pixel it covers.
+
+    A pixel that the body covers by the share a shows I = a F + (1 - a) B. Let i = (I - B)/noise and
+    f = (F - B)/noise, vectors over the channels, with F continued outwards from the inside of the
+    body, and s the strength |i| continued likewise. In a band about the outline
+
+        a = i.f / |f|^2           where the body is all brighter or all darker, |f| near s,
+        a = |i| / s               where it is both, as a steel ball is, |f| well below s,
+        var a = (1 + (1 - m)^2) / s^2,
+
+    mixed as m to 1 - m in between. a is 1 inside of the band and 0 outside, so that texture,
+    highlights and noise away from the outline do not count. Then, with A = sum(a),
+
+        x = sum(a x) / A,   var x = sum((x_i - x)^2 v_i) / A^2,
+
+    over the pixels i of the band, where v = inflation * q * var a + e^2 a^2 d. Here q >= 1 is how much
+    noisier than the still background the pixels just outside of the band are: compression keeps the
+    noise of what moves. e^2 is the variance of a just inside of the band beyond its noise, that is how
+    badly F is known on a textured body, and d the distance in px over which such an error persists.
+    """
+    depth = np.asarray(cv2.distanceTransform(window.core, cv2.DIST_L2, cv2.DIST_MASK_PRECISE))
+    persistence = max(1.5, float(depth.max()) / 2)
+    share, variance = _share(window, *_continued(window, depth, persistence))
+    distance = _signed_distance(share, depth > 0.5 * depth.max())
+    half_width = _half_width(share, distance)
+    edge = np.abs(distance) <= half_width
+    variance = variance * _liveliness(share, variance, distance + half_width)
+    texture = _texture_variance(share, variance, distance - half_width) * persistence
+    variance = np.where(edge, window.inflation * variance + texture * share**2, 0.0)
+    return _moments(window, np.where(edge, share, distance > 0).astype(np.float64), variance)
+
+
+def _moments(window: Window, share: Image, variance: Image) -> Centre:
+    """Centre and standard error from coverage and its variance."""
+    area = max(float(share.sum()), 1e-9)
+    rows, columns = np.indices(share.shape, dtype=np.float64)
+    x, y = float((share * columns).sum() / area), float((share * rows).sum() / area)
+    inside = window.core > 0
+    border = np.concatenate([share[0], share[-1], share[:, 0], share[:, -1]])
+    return Centre(
+        x=x,
+        y=y,
+        sigma_x=float(np.sqrt(((columns - x) ** 2 * variance).sum())) / area,
+        sigma_y=float(np.sqrt(((rows - y) ** 2 * variance).sum())) / area,
+        area=area,
+        sigma_area=float(np.sqrt(variance.sum())),
+        contrast=float(np.abs(window.image - window.background)[inside].max(axis=-1).mean()),
+        intensity=float(window.image[..., 0][inside].mean()),
+        sigma_intensity=float(window.noise[..., 0][inside].mean() * np.sqrt(window.inflation / inside.sum())),
+        cut=bool(border.max() > 0.5),
+    )
+
+
+def _continued(window: Window, depth: Image, blur: float) -> tuple[Image, Image]:
+    """The body's own brightness, and the strength of its difference in units of noise, continued outwards."""
+    inner = np.clip(depth - min(RIM_PX, RIM_SHARE * float(depth.max())), 0.0, 1.0).astype(np.float32)[..., np.newaxis]
+    strength = np.sqrt((((window.image - window.background) / window.noise) ** 2).sum(axis=-1, keepdims=True))
+    weight = np.maximum(_blurred(inner, blur), np.float32(1e-6))
+    own = np.divide(_blurred(window.image * inner, blur), weight, dtype=np.float32)
+    own_strength = np.divide(_blurred(strength * inner, blur), weight, dtype=np.float32)
+    return own, own_strength[..., 0]
+
+
+def _blurred(image: Image, blur: float) -> Image:
+    """Image (h, w, channels) after a Gaussian blur of that standard deviation, px."""
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), blur), dtype=np.float32).reshape(image.shape)
+
+
+def _share(window: Window, foreground: Image, strength: Image) -> tuple[Image, Image]:
+    """Share of each pixel that the body covers, and its variance; by the core where brightness does not tell."""
+    contrast = (foreground - window.background) / window.noise
+    difference = (window.image - window.background) / window.noise
+    squared = np.maximum((contrast**2).sum(axis=-1), 1e-6)
+    tells = strength > TELLING
+    strength = np.maximum(strength, TELLING)
+    low, high = ONE_SIDED
+    mixed = np.clip((np.sqrt(squared) / strength - low) / (high - low), 0.0, 1.0)
+    signed = np.clip((contrast * difference).sum(axis=-1) / squared, *SHARE_RANGE)
+    unsigned = np.clip(np.sqrt((difference**2).sum(axis=-1)) / strength, *SHARE_RANGE)
+    share = np.where(tells, mixed * signed + (1 - mixed) * unsigned, window.core)
+    variance = np.where(tells, (1 + (1 - mixed) ** 2) / strength**2, 1.0 / 12.0)
+    near = cv2.dilate(window.core, np.ones((5, 5), np.uint8)) > window.other
+    return np.where(near, share, 0.0).astype(np.float32), np.where(near, variance, 0.0).astype(np.float32)
+
+
+def _signed_distance(share: Image, heart: Flags) -> Image:
+    """Distance in px of each pixel's centre to the half-way contour round the heart, positive inside."""
+    height, width = share.shape
+    finer = FINER_SMALL if max(height, width) < SMALL_WINDOW else FINER_LARGE
+    size = (width * finer, height * finer)
+    solid = np.maximum(share, heart.astype(np.float32))
+    fine = (cv2.resize(solid, size, interpolation=cv2.INTER_LINEAR) > 0.5).astype(np.uint8)
+    seed = cv2.resize(heart.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+    fine = _without_cords(filled_round(fine, seed))
+    inside = cv2.distanceTransform(fine, cv2.DIST_L2, cv2.DIST_MASK_5)
+    outside = cv2.distanceTransform(1 - fine, cv2.DIST_L2, cv2.DIST_MASK_5)
+    signed = np.where(fine > 0, inside - 0.5, 0.5 - outside) / finer
+    return np.asarray(cv2.resize(signed.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA))
+
+
+def _without_cords(mask: Bytes) -> Bytes:
+    """The mask without parts thinner than a share of its thickness, its outline elsewhere as it was."""
+    depth = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_5)
+    cord = CORD_SHARE * float(depth.max())
+    away = cv2.distanceTransform((depth < cord).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
+    return mask * (away < cord + 1.0).astype(np.uint8)
+
+
+def filled_round(mask: Bytes, seed: Bytes) -> Bytes:
+    """The parts of ``mask`` that overlap ``seed``, their holes filled."""
+    count, labels = cv2.connectedComponents(mask, connectivity=4)
+    keep = np.zeros(count, dtype=np.uint8)
+    keep[np.unique(labels[(seed > 0) & (mask > 0)])] = 1
+    contours, _ = cv2.findContours(keep[labels], cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    return np.asarray(cv2.drawContours(np.zeros_like(mask), contours, -1, 1, cv2.FILLED), dtype=np.uint8)
+
+
+def _half_width(share: Image, distance: Image) -> float:
+    """Half the width of the outline, px: the distance outside of it at which the mean coverage has vanished."""
+    widest = max(1.0, float(distance.max()) / 2)
+    for half_width in np.arange(NARROWEST, widest, 0.25):
+        ring = (distance < -half_width) & (distance > -half_width - 0.75)
+        if not ring.any() or _trimmed_mean(share[ring]) < TAIL:
+            return float(half_width)
+    return widest
+
+
+def _trimmed_mean(values: Image) -> float:
+    """Mean without the largest and the smallest tenth: a cord crosses the outline there."""
+    cut = values.size // 10
+    return float(np.sort(values)[cut : values.size - cut].mean())
+
+
+def _liveliness(share: Image, variance: Image, beyond: Image) -> float:
+    """Variance of the coverage just outside of the band, where it should be 0, over that expected; at least 1.
+
+    The median keeps out the cord or whatever else is there. ``beyond`` is negative outside of the band.
+    """
+    outside = (beyond < 0) & (variance > 0)
+    if np.count_nonzero(outside) < FEWEST_OUTSIDE:
+        return 1.0
+    spread = MAD_TO_SD * float(np.median(np.abs(share[outside]) / np.sqrt(variance[outside])))
+    return max(1.0, spread**2)
+
+
+def _texture_variance(share: Image, variance: Image, within: Image) -> float:
+    """Variance of the coverage just inside of the band, where it should be 1, beyond its noise."""
+    inside = (within > 0) & (within < OUTLINE_DEPTH)
+    if not inside.any():
+        return 0.0
+    return max(0.0, float(((share[inside] - 1.0) ** 2 - variance[inside]).mean()))

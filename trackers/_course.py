@@ -1,0 +1,61 @@
+"""Where a disc is expected in each frame: along the path of a body, or from circle to circle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from iris_sysid.types import Array
+from trackers._disc_model import Disc, Motion
+from trackers._link import Path
+from trackers._sighting import Glimpse
+
+NEIGHBOURS = 2  # sightings on either side that tell the radius
+LONGEST_BREAK_S = 0.3  # no velocity is told across a longer gap
+
+
+@dataclass(eq=False, slots=True)
+class Course:
+    """Discs by the number of the frame, with the time of each frame in s."""
+
+    times: dict[int, float]
+    discs: dict[int, Disc] = field(default_factory=dict)
+
+    def motion(self, frame: int, exposure_share: float) -> Motion:
+        """What moves within an exposure that takes that share of the time between frames."""
+        frames = sorted(self.discs)
+        place = int(np.searchsorted(frames, frame))
+        before, after = frames[max(0, place - 1)], frames[min(len(frames) - 1, place + 1)]
+        elapsed = self.times[after] - self.times[before]
+        if exposure_share == 0 or not 0 < elapsed <= LONGEST_BREAK_S or not before <= frame <= after:
+            return Motion()
+        share = exposure_share * self.frame_time() / elapsed
+        one, other = self.discs[before], self.discs[after]
+        return Motion((other.x - one.x) * share, (other.y - one.y) * share, (other.radius - one.radius) * share)
+
+    def frame_time(self) -> float:
+        """Time between two frames, s, by the median."""
+        return float(np.median(np.diff(list(self.times.values())))) if len(self.times) > 1 else 0.0
+
+    def extrapolated(self, frame: int, frames: Sequence[int]) -> Disc:
+        """The disc at a frame from those at some others, by a straight line through them."""
+        known = [self.discs[one] for one in frames]
+        if len(known) == 1:
+            return known[0]
+        t_s = np.array([self.times[one] for one in frames])
+        values = np.array([(disc.x, disc.y, disc.radius) for disc in known])
+        slope, level = np.polyfit(t_s - self.times[frame], values, 1)
+        del slope
+        return Disc(float(level[0]), float(level[1]), max(1.0, float(level[2])), blur=known[-1].blur)
+
+
+def course_of(path: Path, glimpses: Sequence[Glimpse]) -> Course:
+    """The course along a path; the radius is that of the area, by the median of a few sightings."""
+    radii = np.array([one.radius for one in path.sightings])
+    course = Course({glimpse.frame: glimpse.t_s for glimpse in glimpses})
+    for k, one in enumerate(path.sightings):
+        near: Array = radii[max(0, k - NEIGHBOURS) : k + NEIGHBOURS + 1]
+        course.discs[one.frame] = Disc(one.x, one.y, float(np.median(near)))
+    return course

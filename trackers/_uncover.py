@@ -1,0 +1,72 @@
+"""Where a body rests for most of a clip the median shows the body: find the samples that show what is behind it."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from trackers._background import Bytes, Flags, Image, Still
+from trackers._foreground import SQUARE, most_of_channels, scene_of
+
+SMALLEST_HOLE = 12  # px
+EDGE_RATIO = 2.0  # how much stronger an edge is in the background than in the frame
+LEAST_EDGE = 1.0  # grey levels a px beyond that
+OUTLINE_SHARE = 0.3  # of a hole's outline: the rest is the outline of what hides the hole's other part
+SHADE = 0.4  # of a component's peak: what is fainter is the shadow of something near
+FEWEST_SAMPLES = 3  # that must show what is behind
+RIM = np.ones((5, 5), np.uint8)  # the outline of a resting body is blurred
+
+
+def usable_samples(stack: Bytes, still: Still) -> Flags | None:
+    """Which of the sampled frames (k, h, w[, 3]) show the background at each pixel; None when all do.
+
+    ``still`` is background and noise as all samples give them.
+
+    Where a body rests in most samples it becomes background, and the other samples differ from it in
+    the body's shape: a hole. A hole is told from a body by its outline, much of which is an edge in
+    the background but not in the frame.
+    """
+    edges = _edges(still.background)
+    scene = scene_of(still)
+    holes = np.zeros(stack.shape[:3], dtype=np.bool_)
+    for k, picture in enumerate(stack):
+        for excess in (cv2.subtract(picture, scene.highest), cv2.subtract(scene.lowest, picture)):
+            excess = np.where(excess > scene.strong, excess, 0).astype(np.uint8)
+            level = most_of_channels(excess)
+            if np.count_nonzero(level) >= SMALLEST_HOLE:
+                holes[k] |= _holes(level, edges, _edges(picture.astype(np.float32)))
+    if holes.sum(axis=0).max() < FEWEST_SAMPLES:
+        return None
+    wide = np.stack([cv2.dilate(hole.astype(np.uint8), RIM) > 0 for hole in holes])
+    return wide | (wide.sum(axis=0) < FEWEST_SAMPLES)
+
+
+def _edges(image: Image) -> Image:
+    """Strength of the edges of an image: length of the gradient of its first channel, grey levels a px."""
+    luma = image if image.ndim == 2 else np.ascontiguousarray(image[..., 0])
+    return np.hypot(cv2.Sobel(luma, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(luma, cv2.CV_32F, 0, 1, scale=1 / 8))
+
+
+def _holes(level: Bytes, edges: Image, edges_now: Image) -> Flags:
+    """Those parts of what differs whose outline is an edge of the background rather than of the frame."""
+    found = np.zeros(level.shape, dtype=np.bool_)
+    closed = cv2.morphologyEx((level > 0).astype(np.uint8), cv2.MORPH_CLOSE, SQUARE)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
+    for label in range(1, count):
+        left, top, width, height, area = (int(value) for value in stats[label])
+        if area < SMALLEST_HOLE:
+            continue
+        y0, x0 = max(0, top - 2), max(0, left - 2)
+        window = (slice(y0, top + height + 2), slice(x0, left + width + 2))
+        one = _without_shade(level[window], labels[window] == label)
+        outline = cv2.morphologyEx(one, cv2.MORPH_GRADIENT, SQUARE) > 0
+        only_behind = edges[window][outline] > EDGE_RATIO * edges_now[window][outline] + LEAST_EDGE
+        if np.count_nonzero(only_behind) > OUTLINE_SHARE * np.count_nonzero(outline):
+            found[window] |= one > 0
+    return found
+
+
+def _without_shade(level: Bytes, one: Flags) -> Bytes:
+    """A component without what is faint beside its strongest contrast."""
+    faint = SHADE * float(cv2.blur(level, (3, 3))[one].max())
+    return (one & (level >= faint)).astype(np.uint8)

@@ -1,0 +1,187 @@
+"""Discs: centre and apparent radius of balls and round plates, by a model fitted to the pixels round them.
+
+A first pass finds where bodies are: those that move before a still background, or, where these are few (a ball
+that falls away from the camera does not move sideways, it gets smaller), circles that follow one another.
+A few frames teach the shading, the shutter and the noise. The second pass fits every frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from iris_sysid.errors import TrackingError
+from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackOptions
+from trackers._choose import follow, held_frames
+from trackers._circles import course_of_circles
+from trackers._course import Course, course_of
+from trackers._disc_background import behind
+from trackers._disc_fit import DiscFit
+from trackers._disc_study import Lesson, Workshop, taught
+from trackers._link import Path
+from trackers._observe import SAMPLES, Stage, observe, stage_of
+from trackers._sighting import Glimpse
+from trackers._view import view_of
+
+WELL_SEEN = 0.8  # of the frames: where a body is found less often, circles are looked for as well
+REPORT_EVERY = 10  # frames between two calls of the progress function
+EMPTY = (np.nan,) * 8
+
+
+def track(video: FrameSource, options: TrackOptions) -> list[Track]:
+    """Fit a disc to each body in every frame; centre, radius, intensity and their standard errors.
+
+    Parameters
+    ----------
+    video
+        The clip; its camera stands still.
+    options
+        ``bodies`` is the number to follow, ``roi`` limits the picture, ``colour`` limits the bodies to
+        one colour, ``progress`` is called now and then.
+
+    Returns
+    -------
+    list of Track
+        ``radius_px`` and ``sigma_radius_px`` beside the position. Position and radius are those at the
+        middle of the exposure, whose length is found from the motion. A frame in which no disc is seen is a gap.
+        ``origin`` says what was found: ``shutter`` is the exposure over the time between frames.
+
+    Raises
+    ------
+    TrackingError
+        When nothing moves or changes its size, or what does is not round.
+    DataError, UnknownNameError
+        When the options do not fit the clip, or name an unknown colour.
+    """
+    stage = stage_of(video, view_of(video, options))
+    frames = video.sample(SAMPLES)
+    glimpses = observe(video, stage, _half(options, 0))
+    if not glimpses:
+        raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
+    workshop, paths = _workshop(video, stage, frames, glimpses, options)
+    fits: list[dict[int, DiscFit]] = [{} for _ in workshop.courses]
+    for place, frame in enumerate(video.frames()):
+        picture = stage.view.picture(frame)
+        for body, found in enumerate(fits):
+            fitted = workshop.fit(body, frame.index, picture)
+            if fitted is not None:
+                found[frame.index] = fitted
+        _report(_half(options, 1), place + 1, len(glimpses))
+    if not all(fits):
+        raise TrackingError(
+            "what moves is not round: no disc could be fitted to it; use the tracker median-background, "
+            "or limit the picture with --roi"
+        )
+    held = [held_frames(path, glimpses) for path in paths] or [set[int]()] * len(fits)
+    return [
+        _track_of(body, fits[body], glimpses, held[body], _origin(workshop.lessons[body], options))
+        for body in range(len(fits))
+    ]
+
+
+def _half(options: TrackOptions, which: int) -> TrackOptions:
+    """The options with progress told as the first or second half of the work."""
+    progress = options.progress
+    if progress is None:
+        return options
+    return replace(options, progress=lambda done, expected: progress((done + which * expected) // 2, expected))
+
+
+def _report(options: TrackOptions, done: int, expected: int) -> None:
+    if options.progress is not None and (done % REPORT_EVERY == 0 or done == expected):
+        options.progress(done, expected)
+
+
+def _workshop(
+    video: FrameSource, stage: Stage, frames: Sequence[Frame], glimpses: Sequence[Glimpse], options: TrackOptions
+) -> tuple[Workshop, list[Path]]:
+    """The courses that fit the sampled frames best, ready to be fitted; and the paths they follow, if any."""
+    by_motion, paths, refusal = _by_motion(stage, frames, glimpses, options)
+    seen = min((len(path.sightings) for path in paths), default=0)
+    if options.bodies > 1 or seen >= WELL_SEEN * len(glimpses):
+        if by_motion is None:
+            raise refusal or TrackingError("nothing moves in the clip")
+        return by_motion, paths
+    course = course_of_circles(video, stage.view)
+    by_circles = None if course is None else _taught(stage, frames, [course])
+    if by_circles is None and by_motion is None:
+        raise refusal or TrackingError("nothing in the clip moves or changes its size")
+    if by_motion is None or (by_circles is not None and _shown(by_circles, frames) > _shown(by_motion, frames)):
+        return by_circles, []  # type: ignore[return-value]  # one of the two is there
+    return by_motion, paths
+
+
+def _by_motion(
+    stage: Stage, frames: Sequence[Frame], glimpses: Sequence[Glimpse], options: TrackOptions
+) -> tuple[Workshop | None, list[Path], TrackingError | None]:
+    """What the bodies that move before the background give, or why there are none."""
+    diagonal = float(np.hypot(stage.view.width, stage.view.height))
+    try:
+        paths = follow(glimpses, options.bodies, diagonal)
+    except TrackingError as refusal:
+        return None, [], refusal
+    return _taught(stage, frames, [course_of(path, glimpses) for path in paths]), paths, None
+
+
+def _taught(stage: Stage, frames: Sequence[Frame], courses: Sequence[Course]) -> Workshop:
+    known = behind(stage.lens.background, stage.view, [frame.index for frame in frames], courses)
+    return taught(Workshop(stage.view, known, courses), frames)
+
+
+def _shown(workshop: Workshop, frames: Sequence[Frame]) -> int:
+    """In how many of some frames a disc is seen where it is expected."""
+    return sum(workshop.fit(0, frame.index, workshop.view.picture(frame)) is not None for frame in frames)
+
+
+def _origin(lesson: Lesson, options: TrackOptions) -> dict[str, object]:
+    return {
+        "tracker": TRACKER.name,
+        "bodies": options.bodies,
+        "roi": options.roi,
+        "colour": options.colour,
+        "shutter": lesson.shutter,
+        "shading_terms": lesson.form.interior,
+        "background_terms": lesson.form.exterior,
+        "oval": lesson.form.oval,
+        "known_background": lesson.form.known_background,
+        "noise_correlated": lesson.correlation is not None,
+    }
+
+
+def _track_of(
+    body: int, fits: dict[int, DiscFit], glimpses: Sequence[Glimpse], held: set[int], origin: dict[str, object]
+) -> Track:
+    """The Track of one body; gaps are NaN."""
+    rows = [_row(fits[glimpse.frame]) if glimpse.frame in fits else EMPTY for glimpse in glimpses]
+    columns = np.array(rows, dtype=np.float64)
+    hand = np.zeros(len(glimpses), dtype=np.bool_)
+    hand[list(held)] = True
+    return Track(
+        t_s=np.array([glimpse.t_s for glimpse in glimpses]),
+        xy_px=columns[:, 0:2],
+        sigma_px=columns[:, 2:4],
+        valid=np.isfinite(columns[:, 0]),
+        frame=np.array([glimpse.frame for glimpse in glimpses]),
+        body=str(body + 1),
+        radius_px=columns[:, 4],
+        sigma_radius_px=columns[:, 5],
+        intensity=columns[:, 6],
+        area_px=columns[:, 7],
+        hand=hand,
+        origin=origin,
+    )
+
+
+def _row(fitted: DiscFit) -> tuple[float, ...]:
+    disc = fitted.disc
+    place = (disc.x, disc.y, disc.sigma_x, disc.sigma_y)
+    return (*place, disc.radius, disc.sigma_radius, disc.intensity, np.pi * disc.radius**2)
+
+
+TRACKER = Tracker(
+    name="disc",
+    summary="centre and apparent radius of round bodies, by a disc fitted to their pixels",
+    track=track,
+)

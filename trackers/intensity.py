@@ -1,0 +1,161 @@
+"""The brightness of something that stays where it is, such as an LED: mean grey level of the region that changes.
+
+The region is found by its change: its pixels share one course over time. Grey levels are reported as the video codes
+them. Cameras code them with a gamma curve, so that light which decays as exp(-t/tau) decays in grey levels about as
+exp(-t/(2.2 tau)): :func:`linear_light` undoes sRGB's curve where the camera is known to use it. Video of limited range
+(16 to 235) is left as it is; subtract 16 and divide by 219 before undoing the curve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from iris_sysid.errors import TrackingError
+from iris_sysid.types import Array, Frame, FrameSource, Track, Tracker, TrackOptions
+from trackers._lamp import Lamp, lamp_of, luma_of
+from trackers._together import Region, region_that_changes
+from trackers._view import View, view_of
+
+SAMPLES = 40  # frames in which the region is sought
+FEWEST_FRAMES = 3
+LEAST_TOGETHER = 0.8  # of what changes in the picture must follow the course of the region
+MAD_TO_SD = 1.4826  # of a normal distribution
+THIRD_DIFFERENCE = np.sqrt(20.0)  # of white noise: 1 + 9 + 9 + 1
+EXCESS = 1.3  # times the noise seen in the picture: from here on the light, or the camera, flickers
+FEWEST_FOR_FLICKER = 12  # frames
+REPORT_EVERY = 10  # frames between two calls of the progress function
+
+
+def track(video: FrameSource, options: TrackOptions) -> list[Track]:
+    """Measure the brightness of the region that changes most, in every frame.
+
+    Parameters
+    ----------
+    video
+        The clip; its camera and what shines stand still.
+    options
+        ``bodies`` is the number of regions, ``roi`` limits the picture, ``colour`` limits the regions to one colour,
+        ``progress`` is called now and then.
+
+    Returns
+    -------
+    list of Track
+        ``intensity`` is the mean grey level of the region and ``sigma_intensity`` its standard error: noise measured
+        in each frame by how the pixels differ from what the common course makes of them, and flicker. The position is
+        the middle of the change, the same in all frames, and ``area_px`` the size of the region.
+        ``origin["clipped"]`` is the share of the region that is cut off at black or white in some frame: pixels that
+        are cut off are used only when there are no others.
+
+    Raises
+    ------
+    TrackingError
+        When nothing changes its brightness, fewer regions do than asked for, or what changes moves.
+    DataError, UnknownNameError
+        When the options do not fit the clip, or name an unknown colour.
+    """
+    view = view_of(video, options)
+    samples = video.sample(SAMPLES)
+    if len(samples) < FEWEST_FRAMES:
+        raise TrackingError(f"the clip has {len(samples)} frame(s); a change of brightness takes at least 3")
+    lamps = [lamp_of(region, view, samples) for region in _regions(view, samples, options)]
+    times: list[tuple[int, float]] = []
+    readings: list[list[tuple[float, float]]] = [[] for _ in lamps]
+    for frame in video.frames():
+        times.append((frame.index, frame.t_s))
+        for lamp, values in zip(lamps, readings, strict=True):
+            values.append(lamp.reading(luma_of(view, frame)))
+        if options.progress is not None and (len(times) % REPORT_EVERY == 0 or len(times) == video.n_expected):
+            options.progress(len(times), video.n_expected)
+    return [
+        _track_of(str(number), times, np.array(values), lamp, options)
+        for number, (lamp, values) in enumerate(zip(lamps, readings, strict=True), start=1)
+    ]
+
+
+def linear_light(grey: Array) -> Array:
+    """Light, 0 to 1, of sRGB ``grey`` levels of full range (0 to 255), element by element.
+
+    IEC 61966-2-1: c/12.92 up to c = 0.04045, else ((c + 0.055)/1.055)^2.4, with c = grey/255.
+    """
+    c = np.asarray(grey, dtype=np.float64) / 255.0
+    return np.where(c <= 0.04045, c / 12.92, ((np.maximum(c, 0.0) + 0.055) / 1.055) ** 2.4)
+
+
+def _regions(view: View, samples: Sequence[Frame], options: TrackOptions) -> list[Region]:
+    """As many regions as asked for, found at the size that is searched; the strongest change first."""
+    stack = np.stack([view.small(luma_of(view, frame)) for frame in samples])
+    free = np.ones(stack.shape[1:], dtype=np.bool_)
+    if view.colour is not None:
+        free = np.any(np.stack([np.asarray(view.wanted(frame)) for frame in samples]), axis=0)
+    found: list[Region] = []
+    while len(found) < options.bodies:
+        region = region_that_changes(stack, free)
+        if region is None:
+            raise TrackingError(_too_few(len(found), options.bodies))
+        if region.together < LEAST_TOGETHER:
+            raise TrackingError(
+                f"what changes does not change as a whole: only {region.together:.0%} of it follows the course of "
+                "the region that changes most, as when something moves; limit the picture with --roi, or use another "
+                "tracker"
+            )
+        found.append(region)
+        free = free & ~region.mask
+    return found
+
+
+def _too_few(found: int, wanted: int) -> str:
+    if found == 0:
+        return (
+            "nothing in the clip changes its brightness beyond the noise of the picture; "
+            "check --start and --stop, and --roi and --colour if given"
+        )
+    return f"{wanted} regions were asked for, but only {found} change(s) its brightness; ask for fewer bodies"
+
+
+def _track_of(
+    body: str, times: Sequence[tuple[int, float]], readings: Array, lamp: Lamp, options: TrackOptions
+) -> Track:
+    """The Track of one region; ``readings`` (n, 2) are its intensity and standard error."""
+    intensity, sigma = readings.T
+    n = len(times)
+    return Track(
+        t_s=np.array([t_s for _, t_s in times]),
+        xy_px=np.tile(lamp.centre, (n, 1)),
+        sigma_px=np.tile(lamp.sigma_centre, (n, 1)),
+        valid=np.ones(n, dtype=np.bool_),
+        frame=np.array([index for index, _ in times]),
+        body=body,
+        intensity=intensity,
+        sigma_intensity=sigma * flicker(intensity, sigma),
+        area_px=np.full(n, float(np.count_nonzero(lamp.mask))),
+        origin={
+            "tracker": TRACKER.name,
+            "bodies": options.bodies,
+            "roi": options.roi,
+            "colour": options.colour,
+            "clipped": lamp.clipped,
+            "flicker": flicker(intensity, sigma),
+            "encoding": "grey levels as coded; gamma not undone",
+        },
+    )
+
+
+def flicker(intensity: Array, sigma: Array) -> float:
+    """By how much a course (n,) scatters more than its standard errors (n,) say: 1 where it does not.
+
+    Third differences leave out whatever is smooth; of white noise they are sqrt(20) times the noise.
+    """
+    if intensity.size < FEWEST_FOR_FLICKER:
+        return 1.0
+    jumps = np.abs(np.diff(intensity / np.median(sigma), n=3)) / THIRD_DIFFERENCE
+    excess = MAD_TO_SD * float(np.median(jumps))
+    return excess if excess > EXCESS else 1.0
+
+
+TRACKER = Tracker(
+    name="intensity",
+    summary="brightness of the region that changes most, such as an LED",
+    track=track,
+)

@@ -1,0 +1,119 @@
+"""Bodies that move before a background that does not: median background, blobs, sub-pixel centres, paths.
+
+Frames sampled over the clip give the background and its noise. In each frame the parts that differ
+are cut into compact bodies (cords and hands come off), each is measured to a fraction of a pixel, and
+the bodies are linked over the frames. The clip is read once beside the sampling, twice where a body stayed so
+long in one place that it became background; frames are not kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from iris_sysid.errors import TrackingError
+from iris_sysid.types import FrameSource, Track, Tracker, TrackOptions
+from trackers._choose import follow, held_frames
+from trackers._link import Path
+from trackers._observe import Stage, observe, stage_of
+from trackers._second_look import second_stage
+from trackers._sighting import Glimpse, Sighting
+from trackers._view import view_of
+
+
+def track(video: FrameSource, options: TrackOptions) -> list[Track]:
+    """Follow the bodies that move farthest before a still background, one Track each.
+
+    Parameters
+    ----------
+    video
+        The clip; its camera stands still.
+    options
+        ``bodies`` is the number to follow, ``roi`` limits the picture, ``colour`` limits the bodies to
+        one colour, ``progress`` is called now and then.
+
+    Returns
+    -------
+    list of Track
+        Every frame has a row; a frame in which the body is not seen, or is cut by the edge of the
+        picture, is a gap. ``hand`` is true where something that reaches in from the edge touches it.
+
+    Raises
+    ------
+    TrackingError
+        When nothing moves, when fewer bodies move than asked for, or when there are fewer than three frames.
+    DataError, UnknownNameError
+        When the options do not fit the clip, or name an unknown colour.
+    """
+    stage = stage_of(video, view_of(video, options))
+    glimpses, paths = _look(video, stage, options)
+    again = second_stage(stage, paths)
+    if again is not None:
+        glimpses, paths = _look(video, again, options)
+    origin = {
+        "tracker": TRACKER.name,
+        "bodies": options.bodies,
+        "roi": options.roi,
+        "colour": options.colour,
+        "colour_used": stage.view.chroma,
+    }
+    return [track_of(path, glimpses, str(number), origin) for number, path in enumerate(paths, start=1)]
+
+
+def _look(video: FrameSource, stage: Stage, options: TrackOptions) -> tuple[list[Glimpse], list[Path]]:
+    """Read the clip once: what each frame shows, and the paths of the bodies."""
+    glimpses = observe(video, stage, options)
+    if not glimpses:
+        raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
+    return glimpses, follow(glimpses, options.bodies, float(np.hypot(video.width, video.height)))
+
+
+def track_of(path: Path, glimpses: Sequence[Glimpse], body: str, origin: dict[str, object]) -> Track:
+    """The Track of one path over all frames; gaps are NaN.
+
+    Parameters
+    ----------
+    path
+        The sightings of the body.
+    glimpses
+        All frames of the clip, in order.
+    body
+        Name of the body.
+    origin
+        Where the track came from.
+    """
+    place = {glimpse.frame: k for k, glimpse in enumerate(glimpses)}
+    table = np.full((len(glimpses), 8), np.nan)
+    table[[place[one.frame] for one in path.sightings]] = [_row(one) for one in path.sightings]
+    hand = np.zeros(len(glimpses), dtype=np.bool_)
+    hand[list(held_frames(path, glimpses))] = True
+    return Track(
+        t_s=np.array([glimpse.t_s for glimpse in glimpses]),
+        xy_px=table[:, 0:2],
+        sigma_px=table[:, 2:4],
+        valid=np.isfinite(table[:, 0]),
+        frame=np.array([glimpse.frame for glimpse in glimpses]),
+        body=body,
+        radius_px=np.sqrt(table[:, 4] / np.pi),
+        sigma_radius_px=table[:, 5] / np.sqrt(4 * np.pi * table[:, 4]),
+        intensity=table[:, 6],
+        sigma_intensity=table[:, 7],
+        area_px=table[:, 4],
+        hand=hand,
+        origin=origin,
+    )
+
+
+def _row(one: Sighting) -> tuple[float, ...]:
+    """Position and its errors, area and its error, intensity and its error."""
+    centre = one.centre
+    errors = (centre.sigma_x, centre.sigma_y)
+    return (one.x, one.y, *errors, centre.area, centre.sigma_area, centre.intensity, centre.sigma_intensity)
+
+
+TRACKER = Tracker(
+    name="median-background",
+    summary="bodies that move before a still background, by the temporal median",
+    track=track,
+)
