@@ -1,0 +1,189 @@
+"""Autoregressive noise in the residual of a fit: order by BIC, coefficients by restricted maximum likelihood.
+
+A residual has lost to the fit what looks like its parameters, mostly slow parts, so plain estimates of its
+autocorrelation are too small. The restricted likelihood (Patterson and Thompson 1971, Biometrika 58, 545) is that
+of the part of the data which the fit cannot reach, and has no such bias to first order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import toeplitz
+from scipy.optimize import minimize
+from scipy.signal import lfilter
+
+from iris_sysid.types import Array
+
+Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
+
+MAX_ORDER = 8
+LONGEST_GAP = 5000  # samples; noise does not remember longer
+RESTRICTED_UP_TO = 5000  # samples; beyond, what the fit took out is too small a share to matter
+EDGE = 0.999  # of the unit circle, for partial autocorrelations
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Autoregression:
+    """e[t] = sum_k coefficients[k] e[t - 1 - k] + white noise of standard deviation ``innovation_sd``.
+
+    ``partial`` (q,) are the partial autocorrelations, ``coefficients`` (q,) follow from them; ``n`` is the
+    number of independent white samples behind the estimate, parameters of the fit deducted.
+    """
+
+    partial: Array
+    coefficients: Array
+    innovation_sd: float
+    n: int
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation of the noise itself."""
+        return self.innovation_sd / float(np.sqrt(np.prod(1.0 - self.partial**2)))
+
+    def partial_covariance(self) -> Array:
+        """Asymptotic covariance (q, q) of the partial autocorrelations.
+
+        That of the coefficients is the innovation variance over n times the inverse autocovariance matrix
+        (Brockwell and Davis 1991, section 8.1); central differences carry it over.
+        """
+        order = self.partial.size
+        steps = 1e-5 * np.eye(order) * (1.0 - self.partial**2)
+        moved = [coefficients_of(self.partial + step)[-1] - coefficients_of(self.partial - step)[-1] for step in steps]
+        inverse = np.linalg.inv(np.array(moved).T / (2.0 * np.diag(steps)))
+        covariance = np.linalg.inv(toeplitz(autocovariance(self.partial, order))) / self.n
+        return np.asarray(inverse @ covariance @ inverse.T)
+
+
+def grid_positions(t_s: Array) -> NDArray[np.int64]:
+    """Position of each sample on an even grid of frames; lost frames leave holes, long gaps are shortened."""
+    step = np.diff(t_s)
+    if step.size == 0:
+        return np.zeros(t_s.size, dtype=np.int64)
+    jumps = np.clip(np.rint(step / np.median(step)), 1, LONGEST_GAP).astype(np.int64)
+    return np.concatenate([[0], np.cumsum(jumps)])
+
+
+def on_grid(positions: NDArray[np.int64], values: Array, fill: float) -> Array:
+    """Spread values (n, ...) over the even grid, with ``fill`` where no sample is."""
+    spread = np.full((int(positions[-1]) + 1, *values.shape[1:]), fill)
+    spread[positions] = values
+    return spread
+
+
+def coefficients_of(partial: Array) -> list[Array]:
+    """Coefficients of the predictors of order 0 to q from partial autocorrelations (Durbin 1960, Levinson 1947)."""
+    rows = [np.zeros(0)]
+    for k, reflection in enumerate(partial):
+        before = rows[-1]
+        rows.append(np.concatenate([before - reflection * before[::-1], [reflection]]) if k else np.array([reflection]))
+    return rows
+
+
+def autocovariance(partial: Array, count: int) -> Array:
+    """Autocovariance at lags 0 to count - 1 of the process with unit innovation variance."""
+    rows = coefficients_of(partial)
+    gamma = [1.0 / float(np.prod(1.0 - partial**2))]
+    for lag in range(1, count):
+        row = rows[min(lag, partial.size)]
+        gamma.append(float(sum(row[k] * gamma[lag - 1 - k] for k in range(min(row.size, lag)))))
+    return np.array(gamma)
+
+
+def burg(residual: Array, max_order: int) -> tuple[Array, Array]:
+    """Partial autocorrelations (max_order,) and innovation variances (max_order + 1,) of a residual with NaN gaps.
+
+    Burg (1967): forward and backward prediction errors are minimised together, so that the result is stable.
+    """
+    forward, backward = residual.copy(), residual.copy()
+    variance = [float(np.nanmean(residual**2))]
+    partial = []
+    for _ in range(max_order):
+        ahead, behind = forward[1:], backward[:-1]
+        both = np.isfinite(ahead) & np.isfinite(behind)
+        power = float(np.sum(ahead[both] ** 2 + behind[both] ** 2))
+        reflection = 2.0 * float(np.sum(ahead[both] * behind[both])) / power if power > 0 else 0.0
+        partial.append(float(np.clip(reflection, -EDGE, EDGE)))
+        forward, backward = ahead - partial[-1] * behind, behind - partial[-1] * ahead
+        variance.append(variance[-1] * (1.0 - partial[-1] ** 2))
+    return np.array(partial), np.array(variance)
+
+
+def choose_order(variance: Array, n: int) -> int:
+    """Order with the smallest Bayesian information criterion n log(variance) + order log(n) (Schwarz 1978)."""
+    criterion = n * np.log(np.maximum(variance, 1e-300)) + np.arange(variance.size) * np.log(n)
+    return int(np.argmin(criterion))
+
+
+def fit_autoregression(residual: Array, basis: Array) -> Autoregression:
+    """Fit an autoregression to a residual on an even grid.
+
+    Parameters
+    ----------
+    residual
+        (n,) with NaN where there is no sample.
+    basis
+        (n, r) orthonormal basis of what the fit could have taken out; anything in the gaps.
+    """
+    n = int(np.isfinite(residual).sum())
+    most = int(np.clip((n - basis.shape[1]) // 10, 0, MAX_ORDER))
+    partial, variance = burg(residual, most)
+    order = choose_order(variance, n)
+    chosen = partial[:order]
+    if order and n <= RESTRICTED_UP_TO:
+        chosen = _most_likely(residual, basis, chosen)
+    innovation_sd = _minus_restricted(residual, basis, chosen)[1]
+    return Autoregression(chosen, coefficients_of(chosen)[-1], innovation_sd, max(n - basis.shape[1], 1))
+
+
+def _most_likely(residual: Array, basis: Array, start: Array) -> Array:
+    """Partial autocorrelations of the largest restricted likelihood, from a start; tanh keeps them inside."""
+
+    def objective(unbounded: Vector) -> float:
+        return _minus_restricted(residual, basis, EDGE * np.tanh(unbounded))[0]
+
+    unbounded = cast("Vector", np.arctanh(start / EDGE * (1 - 1e-6)))
+    found = minimize(objective, unbounded, method="L-BFGS-B", jac="3-point", tol=1e-10)
+    return np.asarray(EDGE * np.tanh(found.x), dtype=np.float64)
+
+
+def _minus_restricted(residual: Array, basis: Array, partial: Array) -> tuple[float, float]:
+    """Minus twice the log restricted likelihood, innovation variance profiled out; and its root."""
+    white, variances = whiten(np.column_stack([residual, basis]), partial)
+    directions, triangle = np.linalg.qr(white[:, 1:])
+    inside = directions.T @ white[:, 0]
+    square = float(white[:, 0] @ white[:, 0] - inside @ inside)
+    degrees = max(white.shape[0] - basis.shape[1], 1)
+    logs = np.log(np.abs(np.diag(triangle)) + 1e-300)
+    value = float(np.sum(np.log(variances)) + 2.0 * np.sum(logs) + degrees * np.log(max(square, 1e-300)))
+    return value, float(np.sqrt(max(square, 0.0) / degrees))
+
+
+def whiten(columns: Array, partial: Array) -> tuple[Array, Array]:
+    """Standardised one-step prediction errors (n, c) of columns whose first one has NaN gaps, and their variances.
+
+    After each gap the predictors of lower order are used until enough samples are known, with their larger
+    variance; gaps themselves are left out. Unit innovation variance.
+    """
+    present = np.isfinite(columns[:, 0])
+    known = _run_length(present)
+    rows = coefficients_of(partial)
+    tail = np.concatenate([np.cumprod((1.0 - partial**2)[::-1])[::-1], [1.0]])  # innovation / prediction variance
+    filled = np.where(present[:, None], columns, 0.0)
+    error = lfilter(np.concatenate([[1.0], -rows[-1]]), [1.0], filled, axis=0)
+    for order in range(partial.size):
+        at = np.flatnonzero(known == order + 1)
+        error[at] = filled[at] - sum(rows[order][k] * filled[at - 1 - k] for k in range(order))
+    order_at = np.minimum(known[present] - 1, partial.size)
+    variances = 1.0 / tail[order_at]
+    return np.asarray(error[present] / np.sqrt(variances)[:, None]), np.asarray(variances)
+
+
+def _run_length(present: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """1, 2, 3, ... along each run of True, 0 elsewhere."""
+    index = np.arange(present.size)
+    last_gap = np.maximum.accumulate(np.where(present, -1, index))
+    return np.where(present, index - last_gap, 0)

@@ -1,0 +1,120 @@
+"""Integrate many initial value problems at once with a step sequence that is fixed beforehand (numba).
+
+The method is the explicit Runge-Kutta method of order 8 of Dormand and Prince in the form of Hairer, Norsett and
+Wanner (1993, Solving Ordinary Differential Equations I, section II.5), with the coefficients that SciPy publishes.
+At a camera's frame rate one step a frame is then exact to rounding, also after hours, when the phase of a method of
+order 5 has drifted. Steps are not chosen on the way: the result is a smooth function of the parameters, and
+differences between columns carry no noise from step control.
+
+The integrator takes the right-hand side as a function pointer, so that it is compiled once, and kept on disk.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+from numba import boolean, float64, int64, njit, types
+from numpy.typing import NDArray
+from scipy.integrate import DOP853
+
+from iris_sysid.types import Array
+
+# Writes dstate/dt of every column: (t, states (s, c), params (p, c), inputs (m,), out (s, c)).
+Columns = Callable[[float, Array, Array, Array, Array], None]
+
+ORDER = 8
+STAGES = 12
+
+# Row k: weights of the slopes before stage k; the last row gives the step itself.
+WEIGHTS = np.vstack([DOP853.A[:STAGES, :STAGES], DOP853.B[:STAGES]])
+NODES = DOP853.C[:STAGES].copy()
+
+_VECTOR = float64[::1]
+_MATRIX = float64[:, ::1]
+_CUBE = float64[:, :, ::1]
+COLUMNS_SIGNATURE = types.void(float64, _MATRIX, _MATRIX, _VECTOR, _MATRIX)
+_COLUMNS = types.FunctionType(COLUMNS_SIGNATURE)
+
+
+def kernel(*signature: Any, inline: Literal["never", "always"] = "never") -> Callable[[Callable[..., Any]], Any]:
+    """Compile with numba and keep the machine code on disk, or only in memory where no disk can be written."""
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        compile_with = functools.partial(njit, *signature, error_model="numpy", inline=inline)
+        try:
+            return compile_with(cache=True)(function)
+        except RuntimeError:  # numba: no locator available, i.e. no folder in which to keep it
+            return compile_with()(function)
+
+    return decorate
+
+
+@kernel(inline="always")
+def _weighted(state: Array, slopes: Array, stage: int, step_s: float, out: Array) -> None:
+    """Fill out = state + step * sum_j WEIGHTS[stage, j] slopes[j], for every state and column."""
+    for i in range(state.shape[0]):
+        for c in range(state.shape[1]):
+            total = 0.0
+            for j in range(stage):
+                total += WEIGHTS[stage, j] * slopes[j, i, c]
+            out[i, c] = state[i, c] + step_s * total
+
+
+@kernel(inline="always")
+def _inputs_at(fraction: float, before: Array, after: Array, linear: bool, out: Array) -> None:
+    """Inputs inside a sample interval: on the line between its ends, or held at the value of its start."""
+    for i in range(before.size):
+        out[i] = before[i] + fraction * (after[i] - before[i]) if linear else before[i]
+
+
+@kernel(types.void(_COLUMNS, _VECTOR, int64[::1], _MATRIX, _MATRIX, _MATRIX, boolean, _CUBE))
+def integrate(
+    columns: Columns,
+    t_s: Array,
+    substeps: NDArray[np.int64],
+    initial: Array,
+    params: Array,
+    inputs: Array,
+    linear: bool,
+    out: Array,
+) -> None:
+    """Fill ``out`` with the states at every sample, for every column of initial states and parameters.
+
+    Parameters
+    ----------
+    columns
+        ``columns(t, states (s, c), params (p, c), inputs (m,), out (s, c))`` writes dstate/dt.
+    t_s
+        (n,) s, increasing, as uneven as it likes.
+    substeps
+        (n - 1,) number of equal steps within each sample interval.
+    initial
+        (s, c) states at ``t_s[0]``.
+    params
+        (p, c).
+    inputs
+        (n, m) at the samples; m may be 0.
+    linear
+        Inputs vary linearly between samples; otherwise each is held until the next sample.
+    out
+        (n, s, c), written. Not finite from where the solution runs away.
+    """
+    slopes = np.zeros((STAGES, initial.shape[0], initial.shape[1]))
+    state = initial.copy()
+    trial = initial.copy()
+    inputs_now = np.zeros(inputs.shape[1])
+    out[0] = state
+    for k in range(t_s.size - 1):
+        step_s = (t_s[k + 1] - t_s[k]) / substeps[k]
+        for m in range(substeps[k]):
+            for stage in range(STAGES):
+                _weighted(state, slopes, stage, step_s, trial)
+                if inputs_now.size > 0:
+                    _inputs_at((m + NODES[stage]) / substeps[k], inputs[k], inputs[k + 1], linear, inputs_now)
+                columns(t_s[k] + (m + NODES[stage]) * step_s, trial, params, inputs_now, slopes[stage])
+            _weighted(state, slopes, STAGES, step_s, trial)
+            state, trial = trial, state
+        out[k + 1] = state

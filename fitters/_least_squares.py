@@ -1,0 +1,199 @@
+"""Least squares on the trajectory itself: the residual, its Jacobian, and lmfit's minimiser with bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import lmfit
+import numpy as np
+from numpy.typing import NDArray
+
+from fitters._problem import InitialValueProblem, adapted_steps, first_steps
+from iris_sysid.types import Array, Mask
+
+Loss = Literal["linear", "soft_l1"]
+
+ROUGH, FINE = 1e-5, 1e-8  # relative change of the sum of squares at which a horizon, or the fit, is done
+ROUGH_STEP, FINE_STEP = 1e-6, 1e-8  # relative error from the finite time step
+ROUGH_EVALUATIONS, FINE_EVALUATIONS = 40, 200
+LARGEST = 1e100  # in units of sigma: squares and their sums stay finite
+SOFT_AT = 2.0  # soft_l1 bends over at this many standard deviations
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Target:
+    """What has to be explained: ``observed`` and ``sigma`` (n, d) at the samples of a problem, ``used`` (n,)."""
+
+    observed: Array
+    sigma: Array
+    used: Mask
+
+    def first(self, n: int) -> Target:
+        """The target up to its n-th sample."""
+        return Target(self.observed[:n], self.sigma[:n], self.used[:n])
+
+    def every(self, k: int) -> Target:
+        """The target at every k-th sample."""
+        return Target(self.observed[::k], self.sigma[::k], self.used[::k])
+
+    def weighted(self, values: Array) -> Array:
+        """Values (n, d, ...) at the used samples in units of sigma, flattened time-major (n_used * d, ...)."""
+        sigma = self.sigma[self.used].reshape(*self.sigma[self.used].shape, *(1,) * (values.ndim - 2))
+        return np.asarray((values[self.used] / sigma).reshape(-1, *values.shape[2:]))
+
+    @property
+    def size(self) -> Array:
+        """Standard deviation (d,) of the observed motion."""
+        return np.asarray(np.std(self.observed[self.used], axis=0))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Unknowns:
+    """Which values are free: their places ``which`` (k,), names and bounds (k,)."""
+
+    which: NDArray[np.intp]
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+
+    def inside(self, values: Array) -> Array:
+        """The values with the free ones moved inside their bounds."""
+        moved = values.copy()
+        width = np.where(np.isfinite(self.upper - self.lower), self.upper - self.lower, 1.0)
+        moved[self.which] = np.clip(values[self.which], self.lower + 1e-6 * width, self.upper - 1e-6 * width)
+        return moved
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Solution:
+    """What least squares found.
+
+    ``values`` (p + s,); ``predicted`` (n, d) by the ``problem`` with its time steps; ``steps`` (k,) for differences;
+    ``rms`` of the residual in units of sigma, infinite where the solution runs away; ``fine`` when the optimiser was
+    not stopped early.
+    """
+
+    problem: InitialValueProblem
+    values: Array
+    predicted: Array
+    steps: Array
+    rms: float
+    converged: bool
+    fine: bool
+    message: str
+
+
+@dataclass(eq=False, slots=True)
+class _Objective:
+    """Residual and Jacobian in the form that lmfit calls; the last prediction and difference steps are kept."""
+
+    problem: InitialValueProblem
+    target: Target
+    unknowns: Unknowns
+    start: Array
+    steps: Array
+    _last: tuple[Array, Array] | None = field(default=None)
+
+    def values_of(self, parameters: lmfit.Parameters) -> Array:
+        values = self.start.copy()
+        values[self.unknowns.which] = [parameters[name].value for name in self.unknowns.names]
+        return values
+
+    def predicted(self, values: Array) -> Array:
+        if self._last is None or not np.array_equal(self._last[0], values, equal_nan=True):
+            self._last = (values, self.problem.predicted(values))
+        return self._last[1]
+
+    def residual(self, parameters: lmfit.Parameters) -> Array:
+        residual = self.target.observed - self.predicted(self.values_of(parameters))
+        return np.clip(-self.target.weighted(residual), -LARGEST, LARGEST)
+
+    def jacobian(self, parameters: lmfit.Parameters) -> Array:
+        values = self.values_of(parameters)
+        slopes = self.problem.rough_sensitivity(values, self.unknowns.which, self.steps, self.predicted(values))
+        self.steps = adapted_steps(self.steps, slopes, self.target.size)
+        return np.clip(np.nan_to_num(self.target.weighted(slopes)), -LARGEST, LARGEST)
+
+
+def minimise(
+    problem: InitialValueProblem,
+    target: Target,
+    unknowns: Unknowns,
+    values: Array,
+    *,
+    rough: bool = False,
+    loss: Loss = "linear",
+    steps: Array | None = None,
+) -> Solution:
+    """Least squares from one start over all samples of the problem, by lmfit's trust region with our Jacobian.
+
+    Parameters
+    ----------
+    problem
+        The model at the samples; its time steps are chosen here, for the start.
+    target
+        What to explain.
+    unknowns
+        The free values and their bounds.
+    values
+        (p + s,) start, and the values held.
+    rough
+        Stop early: good enough for the next horizon.
+    loss
+        As in ``scipy.optimize.least_squares``.
+    steps
+        (k,) difference steps of an earlier solution.
+    """
+    start = unknowns.inside(values)
+    problem = problem.planned(start, ROUGH_STEP if rough else FINE_STEP)
+    steps = first_steps(start, unknowns.which) if steps is None else steps
+    objective = _Objective(problem, target, unknowns, start, steps)
+    predicted = objective.predicted(start)
+    if not np.all(np.isfinite(predicted)):
+        return Solution(problem, start, predicted, objective.steps, np.inf, False, True, "runs away at the start")
+    found = _minimised(objective, loss, rough=rough)
+    best = objective.values_of(found.params)
+    with np.errstate(all="ignore"):
+        rms = float(np.sqrt(np.mean(np.asarray(found.residual) ** 2)))
+    finite = bool(np.isfinite(rms))
+    return Solution(
+        problem=problem,
+        values=best,
+        predicted=objective.predicted(best),
+        steps=objective.steps,
+        rms=rms if finite else np.inf,
+        converged=bool(found.success) and finite,
+        fine=not rough,
+        message=str(found.message),
+    )
+
+
+def _minimised(objective: _Objective, loss: Loss, *, rough: bool) -> lmfit.minimizer.MinimizerResult:
+    tolerance = ROUGH if rough else FINE
+    parameters = lmfit.Parameters()
+    unknowns = objective.unknowns
+    for k, name in enumerate(unknowns.names):
+        first = objective.start[unknowns.which[k]]
+        parameters.add(name, value=first, min=unknowns.lower[k], max=unknowns.upper[k])
+    minimizer = lmfit.Minimizer(
+        objective.residual, parameters, nan_policy="propagate", scale_covar=False, calc_covar=False
+    )
+    with np.errstate(all="ignore"):
+        return minimizer.least_squares(
+            max_nfev=ROUGH_EVALUATIONS if rough else FINE_EVALUATIONS,
+            jac=objective.jacobian,
+            x_scale="jac",
+            loss=loss,
+            f_scale=SOFT_AT,
+            ftol=tolerance,
+            xtol=tolerance,
+            gtol=1e-15,
+        )
+
+
+def reweighted(target: Target, solution: Solution) -> Target:
+    """The target with the weights that a robust loss ends with: sigma grows where the residual is large."""
+    residual = target.observed - solution.predicted
+    softness = np.sqrt(1.0 + (residual / target.sigma / SOFT_AT) ** 2)
+    return replace(target, sigma=np.where(np.isfinite(softness), target.sigma * np.sqrt(softness), target.sigma))

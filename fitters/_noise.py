@@ -1,0 +1,87 @@
+"""Measurement noise without a model, and wild samples: what the data say before anything is fitted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iris_sysid.types import Array, Mask
+
+MAD_TO_SD = 1.4826  # median absolute deviation to standard deviation of a normal
+ORDERS = range(2, 7)
+WILD = 6.0  # robust standard deviations from the neighbours: 2e-9 of normal noise
+WILD_SHARE = 0.05  # more than this is no outlier but a part of the motion
+NEIGHBOURS = 5  # samples on each side
+
+
+def robust_sd(values: Array) -> float:
+    """Standard deviation from the median absolute value, unmoved by a few wild ones; their rms if that is 0."""
+    finite = values[np.isfinite(values)]
+    if finite.size == 0:
+        return float("nan")
+    spread = MAD_TO_SD * float(np.median(np.abs(finite)))
+    return spread if spread > 0 else float(np.sqrt(np.mean(finite**2)))
+
+
+def normalised_difference(t_s: Array, values: Array, order: int) -> Array:
+    """Divided differences (n - order,) scaled so that white noise keeps its standard deviation.
+
+    A difference of order m is zero for a polynomial of degree m - 1, at uneven times too: its weights are
+    1 / prod_j (t_i - t_j) (Newton's divided differences), divided here by their root sum of squares.
+    """
+    n = t_s.size - order
+    times = [t_s[k : k + n] for k in range(order + 1)]
+    span_s = times[-1] - times[0]
+    weights = np.empty((order + 1, n))
+    for i in range(order + 1):
+        others = [(times[i] - times[j]) / span_s for j in range(order + 1) if j != i]
+        weights[i] = 1.0 / np.prod(others, axis=0)
+    difference = np.sum([weights[k] * values[k : k + n] for k in range(order + 1)], axis=0)
+    return np.asarray(difference / np.sqrt(np.sum(weights**2, axis=0)))
+
+
+def noise_from_differences(t_s: Array, values: Array) -> float:
+    """Standard deviation of white noise on a smooth motion, from differences of neighbouring samples.
+
+    The smallest of the robust standard deviations of the differences of orders 2 to 6: too low an order
+    still contains the motion, too high an order needs more samples. Noise that is correlated over samples
+    is seen only in part. NaN with fewer than 8 samples. After von Neumann (1941, Ann. Math. Stat. 12, 367).
+    """
+    if t_s.size < 8:
+        return float("nan")
+    return min(robust_sd(normalised_difference(t_s, values, order)) for order in ORDERS)
+
+
+def deviations_from_neighbours(values: Array) -> Array:
+    """Each value less the median of it and of NEIGHBOURS on each side."""
+    width = min(NEIGHBOURS, (values.size - 1) // 2)
+    padded = np.pad(values, width, mode="reflect")
+    return values - np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1), axis=1)
+
+
+def wild_in_residual(residual: Array, floor: float) -> Mask:
+    """True where a residual (n, d) stands alone: far from its neighbours, not part of a slow misfit.
+
+    None is wild when more than WILD_SHARE are. ``floor`` is the smallest deviation that counts.
+    """
+    wild = np.zeros(residual.shape[0], dtype=np.bool_)
+    for column in residual.T:
+        deviation = np.abs(deviations_from_neighbours(column))
+        wild |= deviation > max(WILD * robust_sd(deviation), floor)
+    return wild if wild.mean() <= WILD_SHARE else np.zeros_like(wild)
+
+
+def wild_in_motion(t_s: Array, values: Array) -> Mask:
+    """True where a sample (n, d) cannot belong to a smooth motion: every difference that contains it is large.
+
+    For a start only: it sees what is far out, and leaves the rest to :func:`wild_in_residual`. A kink of the
+    motion is not marked, because differences that end at it are small. None is wild when too many are.
+    """
+    order = 4
+    wild = np.zeros(t_s.size, dtype=np.bool_)
+    if t_s.size < 3 * order:
+        return wild
+    for column in values.T:
+        size = np.abs(normalised_difference(t_s, column, order))
+        smallest = np.lib.stride_tricks.sliding_window_view(np.pad(size, order, constant_values=np.inf), order + 1)
+        wild |= np.min(smallest, axis=1) > WILD * robust_sd(size)
+    return wild if wild.mean() <= WILD_SHARE else np.zeros_like(wild)

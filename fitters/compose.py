@@ -1,0 +1,165 @@
+"""Add effects to a model: the result is an ordinary model, which the engine fits like any other."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numba.extending import register_jitable
+
+from iris_sysid.errors import FitError
+from iris_sysid.types import Array, Effect, OdeModel, Parameter, Trajectory
+
+# One line a derivative, so that the composed function holds numbers and tuples only, as numba needs.
+_SOURCE = """
+def rhs(t, state, params{inputs}):
+    slopes = base(t, state, {model_params}{inputs})
+    sizes = {effect_params}
+    return {slopes}
+"""
+
+
+def with_effects(model: OdeModel, effects: Sequence[Effect]) -> OdeModel:
+    """The model with each effect added in turn; its parameters are the model's, then the effects'.
+
+    Raises FitError when an effect does not apply to the model, or brings a parameter that is there already.
+    """
+    for effect in effects:
+        model = with_effect(model, effect)
+    return model
+
+
+def with_effect(model: OdeModel, effect: Effect) -> OdeModel:
+    """The model with one effect added, absent at size zero; see :func:`with_effects`."""
+    if not effect.applies(model):
+        raise FitError(f"the effect {effect.name!r} makes no sense for the model {model.name!r}")
+    added = tuple(_in_units_of(model, parameter) for parameter in effect.parameters)
+    taken = {parameter.name for parameter in model.parameters} & {parameter.name for parameter in added}
+    if taken:
+        raise FitError(f"the model {model.name!r} already has {', '.join(sorted(taken))}; add {effect.name!r} once")
+    return replace(
+        model,
+        name=f"{model.name} + {effect.name}",
+        summary=f"{model.summary}, with {effect.summary}",
+        equation=rf"{model.equation}\quad\mathrm{{with}}\quad {effect.equation}",
+        parameters=(*model.parameters, *added),
+        rhs=_rhs(model, effect) if effect.acceleration is not None else _unchanged_rhs(model, effect),
+        guess=_guess(model, effect),
+        observe=_observe(model, effect),
+        warp=_warp(model, effect),
+        derive=model.derive,
+        first_integral=None,
+    )
+
+
+def _in_units_of(model: OdeModel, parameter: Parameter) -> Parameter:
+    return replace(parameter, unit=parameter.unit.replace("{x}", model.observed[0].unit))
+
+
+def _guess(model: OdeModel, effect: Effect) -> Callable[[Trajectory], Mapping[str, float]]:
+    sizes = {parameter.name: parameter.default or 0.0 for parameter in effect.parameters}
+    return lambda trajectory: {**model.guess(trajectory), **sizes}
+
+
+def bodies_of(model: OdeModel) -> list[list[int]]:
+    """Which positions (or, in a model of first order, states) belong to one body: x and z do, angles stand alone."""
+    count = len(model.states) // 2 if model.second_order else len(model.states)
+    groups: dict[str, list[int]] = {}
+    for k, state in enumerate(model.states[:count]):
+        letters = state.name.rstrip("0123456789")
+        key = f"plane{state.name[len(letters) :]}" if letters in ("x", "z") else state.name
+        groups.setdefault(key, []).append(k)
+    return list(groups.values())
+
+
+def _rhs(model: OdeModel, effect: Effect) -> Callable[..., tuple[float, ...]]:
+    count = len(model.states) // 2 if model.second_order else len(model.states)
+    shift = count if model.second_order else 0
+    velocity = [f"state[{shift + k}]" if shift else f"slopes[{k}]" for k in range(count)]
+    lines = [f"slopes[{k}]" for k in range(shift)]
+    for body in bodies_of(model):
+        speed = f"root({' + '.join(f'{velocity[k]} * {velocity[k]}' for k in body)})"
+        for k in body:
+            base = f"slopes[{shift + k}]"
+            lines.append(f"{base} + term(t, state[{k}], {velocity[k]}, {speed}, {base}, sizes)")
+    return _compiled(model.rhs, effect.acceleration, _shape(model, effect), tuple(lines))
+
+
+def _unchanged_rhs(model: OdeModel, effect: Effect) -> Callable[..., tuple[float, ...]]:
+    lines = tuple(f"slopes[{k}]" for k in range(len(model.states)))
+    return _compiled(model.rhs, None, _shape(model, effect), lines)
+
+
+def _shape(model: OdeModel, effect: Effect) -> tuple[int, int, bool]:
+    return len(model.parameters), len(effect.parameters), bool(model.inputs)
+
+
+@functools.lru_cache(maxsize=512)
+def _compiled(
+    base: Callable[..., Any], term: Callable[..., float] | None, shape: tuple[int, int, bool], lines: tuple[str, ...]
+) -> Callable[..., tuple[float, ...]]:
+    """Make the function from numbers of states and parameters alone; nothing in it comes from a file.
+
+    The same model with the same effect is the same function, so that it is compiled once.
+    """
+    count, added, takes_inputs = shape
+    source = _SOURCE.format(
+        inputs=", inputs" if takes_inputs else "",
+        model_params=f"({''.join(f'params[{k}], ' for k in range(count))})",
+        effect_params=f"({''.join(f'params[{k}], ' for k in range(count, count + added))})",
+        slopes=f"({', '.join(lines)},)",
+    )
+    namespace: dict[str, Any] = {"base": register_jitable(base), "root": np.sqrt}
+    if term is not None:
+        namespace["term"] = register_jitable(term)
+    exec(compile(source, "<model with an effect>", "exec"), namespace)
+    composed: Callable[..., tuple[float, ...]] = namespace["rhs"]
+    return composed
+
+
+def _observe(model: OdeModel, effect: Effect) -> Callable[[Array, Array, Array], Array] | None:
+    change, count = effect.observe, len(model.parameters)
+    if change is None:
+        if model.observe is None:
+            return None
+        base = model.observe
+        return lambda t_s, states, params: base(t_s, states, params[:count])
+
+    def observe(t_s: Array, states: Array, params: Array) -> Array:
+        seen = plain_observation(model, t_s, states, params[:count])
+        velocity = np.gradient(seen, t_s, axis=0) if t_s.size > 1 else np.zeros_like(seen)
+        return change(t_s, seen, velocity, params[count:])
+
+    return observe
+
+
+def plain_observation(model: OdeModel, t_s: Array, states: Array, params: Array) -> Array:
+    """What the model observes (n, d): the states of those names, or its own map.
+
+    Parameters
+    ----------
+    model
+        The governing equation.
+    t_s
+        (n,) s.
+    states
+        (n, s).
+    params
+        (p,) in the model's order.
+    """
+    if model.observe is not None:
+        return np.asarray(model.observe(t_s, states, params))
+    names = [state.name for state in model.states]
+    return states[:, [names.index(quantity.name) for quantity in model.observed]]
+
+
+def _warp(model: OdeModel, effect: Effect) -> Callable[[Array, Array], Array] | None:
+    count, before, added = len(model.parameters), model.warp, effect.warp
+    if added is None:
+        return None if before is None else lambda t_s, params: before(t_s, params[:count])
+    if before is None:
+        return lambda t_s, params: added(t_s, params[count:])
+    return lambda t_s, params: before(added(t_s, params[count:]), params[:count])

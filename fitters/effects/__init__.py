@@ -1,0 +1,1 @@
+"""What a governing equation may lack, one effect a file."""

@@ -1,0 +1,35 @@
+"""Which models an effect makes sense for."""
+
+from __future__ import annotations
+
+from iris_sysid.types import OdeModel
+
+
+def moves(model: OdeModel) -> bool:
+    """Whether the model is of second order: something with a velocity of its own."""
+    return model.second_order
+
+
+def moves_on_a_line(model: OdeModel) -> bool:
+    """Whether the model is of second order with one degree of freedom."""
+    return model.second_order and len(model.states) == 2
+
+
+def swings(model: OdeModel) -> bool:
+    """Whether the model is of second order in one angle."""
+    return moves_on_a_line(model) and model.states[0].unit == "rad"
+
+
+def drains(model: OdeModel) -> bool:
+    """Whether the model is of first order: a level or a brightness that goes down."""
+    return not model.second_order and len(model.states) == 1
+
+
+def any_model(model: OdeModel) -> bool:
+    """Every model."""
+    return True
+
+
+def on_a_line(model: OdeModel) -> bool:
+    """Whether one quantity is observed."""
+    return len(model.observed) == 1

@@ -1,0 +1,23 @@
+"""The camera, or the zero of the scale, moves slowly."""
+
+from __future__ import annotations
+
+from fitters.effects._domain import on_a_line
+from iris_sysid.types import Array, Effect, Parameter
+
+
+def observe(t_s: Array, observed: Array, velocity: Array, params: Array) -> Array:
+    """Observed + rate * time."""
+    return observed + params[0] * t_s[:, None]
+
+
+EFFECT = Effect(
+    name="camera-drift",
+    summary="a camera that moves slowly",
+    equation=r"x_\mathrm{seen} = x + u\,t",
+    source="first-order expansion of a slow movement of the camera",
+    parameters=(Parameter("camera_drift", "{x}/s", "u", default=0.0),),
+    applies=on_a_line,
+    observe=observe,
+    alike="initial velocity, where nothing pulls back",
+)

@@ -1,0 +1,24 @@
+"""A constant force along the motion: wind, a tilt, a wrong constant."""
+
+from __future__ import annotations
+
+from fitters.effects._domain import moves_on_a_line
+from iris_sysid.types import Effect, Parameter
+
+
+def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:
+    """A constant."""
+    (force,) = params
+    return force
+
+
+EFFECT = Effect(
+    name="constant-force",
+    summary="a constant force per mass",
+    equation=r"+f",
+    source="Newton's second law",
+    parameters=(Parameter("constant_force", "{x}/s^2", "f", default=0.0),),
+    applies=moves_on_a_line,
+    acceleration=acceleration,
+    alike="zero-offset, for small swings; the acceleration itself, on an incline or in free fall",
+)

@@ -1,0 +1,24 @@
+"""A restoring force that is not linear: a stiff cord, a large angle taken as small."""
+
+from __future__ import annotations
+
+from fitters.effects._domain import moves_on_a_line
+from iris_sysid.types import Effect, Parameter
+
+
+def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:
+    """-k x^3."""
+    (stiffness,) = params
+    return -stiffness * position**3
+
+
+EFFECT = Effect(
+    name="cubic-stiffness",
+    summary="a cubic restoring force",
+    equation=r"-k_3\,x^3",
+    source="Duffing (1918), Erzwungene Schwingungen bei veraenderlicher Eigenfrequenz",
+    parameters=(Parameter("cubic_stiffness", "1/{x}^2/s^2", "k_3", default=0.0),),
+    applies=moves_on_a_line,
+    acceleration=acceleration,
+    alike="radial-distortion and a wrong scale, which also change the period with the amplitude",
+)

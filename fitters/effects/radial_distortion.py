@@ -1,0 +1,23 @@
+"""The lens magnifies differently off its axis."""
+
+from __future__ import annotations
+
+from fitters.effects._domain import on_a_line
+from iris_sysid.types import Array, Effect, Parameter
+
+
+def observe(t_s: Array, observed: Array, velocity: Array, params: Array) -> Array:
+    """Observed * (1 + k observed^2)."""
+    return observed * (1.0 + params[0] * observed**2)
+
+
+EFFECT = Effect(
+    name="radial-distortion",
+    summary="a scale that changes away from the middle",
+    equation=r"x_\mathrm{seen} = x\,(1 + k\,x^2)",
+    source="Brown (1971), Photogrammetric Engineering 37, 855, first radial term",
+    parameters=(Parameter("radial_distortion", "1/{x}^2", "k", default=0.0),),
+    applies=on_a_line,
+    observe=observe,
+    alike="cubic-stiffness",
+)

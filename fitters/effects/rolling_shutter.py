@@ -1,0 +1,23 @@
+"""Rows of the picture are read one after the other, so that the time depends on the place."""
+
+from __future__ import annotations
+
+from fitters.effects._domain import on_a_line
+from iris_sysid.types import Array, Effect, Parameter
+
+
+def observe(t_s: Array, observed: Array, velocity: Array, params: Array) -> Array:
+    """Observed + velocity * delay * observed, to first order in the delay."""
+    return observed + velocity * params[0] * observed
+
+
+EFFECT = Effect(
+    name="rolling-shutter",
+    summary="a time of exposure that depends on the place in the picture",
+    equation=r"x_\mathrm{seen} = x(t + \tau\,x)",
+    source="Liang, Chang and Chen (2008), IEEE Trans. Image Process. 17, 1323",
+    parameters=(Parameter("rolling_shutter", "s/{x}", r"\tau", default=0.0),),
+    applies=on_a_line,
+    observe=observe,
+    alike="quadratic forces, weakly",
+)

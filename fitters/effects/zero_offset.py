@@ -1,0 +1,23 @@
+"""The zero of the scale is not where the motion has its centre: a tilted camera, a pivot a little off."""
+
+from __future__ import annotations
+
+from fitters.effects._domain import on_a_line
+from iris_sysid.types import Array, Effect, Parameter
+
+
+def observe(t_s: Array, observed: Array, velocity: Array, params: Array) -> Array:
+    """Observed + offset."""
+    return observed + params[0]
+
+
+EFFECT = Effect(
+    name="zero-offset",
+    summary="a constant offset of what is observed",
+    equation=r"x_\mathrm{seen} = x + x_0",
+    source="a tilt of the camera about its axis by x_0, for an angle",
+    parameters=(Parameter("zero_offset", "{x}", "x_0", default=0.0),),
+    applies=on_a_line,
+    observe=observe,
+    alike="camera-tilt, constant-force",
+)

@@ -1,0 +1,1 @@
+"""Governing equations, one a file."""

@@ -1,0 +1,67 @@
+"""The damped linear oscillator, for whatever quantity swings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitters.models._guess import samples, start_of, weak_regression
+from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+
+
+def rhs(t: float, state: tuple[float, float], params: tuple[float, float]) -> tuple[float, float]:
+    """Give y'' = -damping y' - stiffness y."""
+    position, velocity = state
+    stiffness, damping = params
+    return velocity, -damping * velocity - stiffness * position
+
+
+def energy(states: Array, params: Array) -> Array:
+    """Energy per inertia, y'^2 / 2 + stiffness y^2 / 2."""
+    position, velocity = states.T
+    return np.asarray(velocity**2 / 2 + params[0] * position**2 / 2)
+
+
+def linear_oscillator(name: str, summary: str, position: Quantity, velocity: Quantity) -> OdeModel:
+    """Make the oscillator that observes one quantity.
+
+    Parameters
+    ----------
+    name, summary
+        Of the model.
+    position, velocity
+        What swings, and its rate.
+    """
+
+    def guess(trajectory: Trajectory) -> Mapping[str, float]:
+        t_s, values = samples(trajectory, position.name)
+        (stiffness, friction), half_width_s = weak_regression(t_s, values, -values[:, None])
+        if not np.isfinite(stiffness):
+            stiffness, friction = (np.pi / 2 / (t_s[-1] - t_s[0])) ** 2, 0.0
+        start = start_of(t_s, values, min(half_width_s, 0.5 / np.sqrt(max(abs(stiffness), 1e-12))))
+        return {
+            "stiffness": float(stiffness),
+            "damping": float(np.clip(-friction, -1.0, 50.0)),
+            f"{position.name}_0": float(start[0]),
+            f"{velocity.name}_0": float(start[1]),
+        }
+
+    symbol = position.symbol
+    return OdeModel(
+        name=name,
+        summary=summary,
+        equation=rf"\ddot {symbol} + \beta\,\dot {symbol} + \alpha\,{symbol} = 0",
+        source="IRIS benchmark, table of equations; Landau and Lifshitz, Mechanics, section 25",
+        states=(position, velocity),
+        # Neither may end at zero: estimates of none scatter about it, and so must their intervals.
+        parameters=(
+            Parameter("stiffness", "1/s^2", r"\alpha", lower=-1e6, upper=1e9),
+            Parameter("damping", "1/s", r"\beta", lower=-1e2, upper=1e4),
+        ),
+        observed=(position,),
+        rhs=rhs,
+        guess=guess,
+        first_integral=energy,
+        dissipative=("damping",),
+    )

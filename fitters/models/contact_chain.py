@@ -1,0 +1,90 @@
+"""Bodies that all pull at one another in proportion to their distance, as the IRIS benchmark has the hitting cones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from fitters.models._guess import samples, start_of, weak_regression
+from iris_sysid.errors import FitError
+from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+
+# One line a body, so that the right-hand side holds numbers and tuples only, as numba needs.
+_SOURCE = """
+def rhs(t, state, params):
+    coupling, damping = params
+    together = {together}
+    return ({velocities}, {accelerations})
+"""
+
+
+def contact_chain(bodies: int) -> OdeModel:
+    """Make the chain of so many bodies; it observes z1, z2, ... FitError for fewer than two."""
+    if bodies < 2:
+        raise FitError(f"a contact chain needs at least 2 bodies, not {bodies}")
+    names = [str(k + 1) for k in range(bodies)]
+    positions = tuple(Quantity(f"z{name}", "m", f"z_{{{name}}}") for name in names)
+    velocities = tuple(Quantity(f"v{name}", "m/s", f"v_{{{name}}}") for name in names)
+    return OdeModel(
+        name="contact-chain",
+        summary=f"{bodies} bodies that all pull at one another in proportion to their distance",
+        equation=r"\ddot z_i + \zeta\,\dot z_i + \kappa\,\sum_j (z_i - z_j) = 0",
+        source="IRIS benchmark, table of equations (multi-body contact)",
+        states=(*positions, *velocities),
+        parameters=(
+            Parameter("coupling", "1/s^2", r"\kappa", lower=-1e4, upper=1e6, default=0.0),
+            Parameter("damping", "1/s", r"\zeta", lower=-1e2, upper=1e4, default=0.0),
+        ),
+        observed=positions,
+        rhs=_rhs(bodies),
+        guess=_guess(bodies),
+        first_integral=_energy,
+        dissipative=("damping",),
+    )
+
+
+def _rhs(bodies: int) -> Callable[..., tuple[float, ...]]:
+    """z_i'' = -damping z_i' - coupling (bodies z_i - sum of all z)."""
+    lines = [f"-damping * state[{bodies + k}] - coupling * ({bodies} * state[{k}] - together)" for k in range(bodies)]
+    source = _SOURCE.format(
+        together=" + ".join(f"state[{k}]" for k in range(bodies)),
+        velocities=", ".join(f"state[{bodies + k}]" for k in range(bodies)),
+        accelerations=", ".join(lines),
+    )
+    namespace: dict[str, Any] = {}
+    exec(compile(source, "<contact chain>", "exec"), namespace)
+    rhs: Callable[..., tuple[float, ...]] = namespace["rhs"]
+    return rhs
+
+
+def _guess(bodies: int) -> Callable[[Trajectory], Mapping[str, float]]:
+    def guess(trajectory: Trajectory) -> Mapping[str, float]:
+        """Take each body's acceleration regressed on its distance from all others and its speed; the median counts."""
+        columns = [samples(trajectory, f"z{k + 1}") for k in range(bodies)]
+        t_s = columns[0][0]
+        together = np.sum([values for _, values in columns], axis=0)
+        values, found = {}, []
+        for k, (_, own) in enumerate(columns):
+            pull = (together - bodies * own)[:, None]
+            (coupling, friction), half_width_s = weak_regression(t_s, own, pull)
+            start = start_of(t_s, own, half_width_s)
+            values[f"z{k + 1}_0"], values[f"v{k + 1}_0"] = float(start[0]), float(start[1])
+            found.append((coupling, -friction))
+        sure = [pair for pair in found if np.all(np.isfinite(pair))]
+        coupling, damping = np.median(sure, axis=0) if sure else (0.0, 0.0)
+        return {**values, "coupling": float(coupling), "damping": float(np.clip(damping, -1.0, 50.0))}
+
+    return guess
+
+
+def _energy(states: Array, params: Array) -> Array:
+    """Sum of v^2 / 2 and of coupling (z_i - z_j)^2 / 2 over all pairs, in m^2/s^2."""
+    bodies = states.shape[1] // 2
+    pairs = sum((states[:, i] - states[:, j]) ** 2 for i, j in combinations(range(bodies), 2))
+    return np.asarray(np.sum(states[:, bodies:] ** 2, axis=1) / 2 + params[0] * pairs / 2)
+
+
+MODEL = contact_chain(3)

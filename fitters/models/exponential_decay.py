@@ -1,0 +1,48 @@
+"""Exponential decay, e.g. of the light of a lamp that was switched off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitters.models._guess import samples, start_of, weak_regression
+from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+
+
+def rhs(t: float, state: tuple[float], params: tuple[float, float]) -> tuple[float]:
+    """Give I' = -decay_rate I, for the part of the intensity that decays."""
+    (intensity,) = state
+    decay_rate, _ = params
+    return (-decay_rate * intensity,)
+
+
+def observe(t_s: Array, states: Array, params: Array) -> Array:
+    """Give the intensity with what stays when all has decayed."""
+    return states + params[1]
+
+
+def guess(trajectory: Trajectory) -> Mapping[str, float]:
+    """Take the decay rate from I' regressed on I in weak form."""
+    t_s, intensity = samples(trajectory, "intensity")
+    (slope,), half_width_s = weak_regression(t_s, intensity, intensity[:, None], order=1)
+    rate = -float(slope) if np.isfinite(slope) else 1.0 / float(t_s[-1] - t_s[0])
+    start = start_of(t_s, intensity, half_width_s, degree=2)
+    return {"decay_rate": float(np.clip(rate, -1e3, 1e5)), "intensity_0": float(start[0])}
+
+
+MODEL = OdeModel(
+    name="exponential-decay",
+    summary="something that fades in proportion to what is left of it, above a background",
+    equation=r"\dot I = -\gamma\,I",
+    source="Rutherford (1900), Phil. Mag. 49, 1, for the law; IRIS benchmark for the lamp",
+    states=(Quantity("intensity", "1", "I"),),
+    parameters=(
+        Parameter("decay_rate", "1/s", r"\gamma", lower=-1e4, upper=1e6),
+        Parameter("background", "1", "I_b", default=0.0, constant=True, source="no background unless it is freed"),
+    ),
+    observed=(Quantity("intensity", "1", "I"),),
+    rhs=rhs,
+    guess=guess,
+    observe=observe,
+)

@@ -1,0 +1,65 @@
+"""A body that slides down a board with dry friction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitters.models._gravity import GRAVITY, MAGNIFICATION
+from fitters.models._guess import parabola, samples
+from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+
+
+def rhs(t: float, state: tuple[float, float], params: tuple[float, float, float, float]) -> tuple[float, float]:
+    """Give s'' = acceleration, s along the board, downhill."""
+    _, velocity = state
+    acceleration, _, _, _ = params
+    return velocity, acceleration
+
+
+def observe(t_s: Array, states: Array, params: Array) -> Array:
+    """The way along the board as the scale shows it."""
+    return states[:, :1] * params[3]
+
+
+def guess(trajectory: Trajectory) -> Mapping[str, float]:
+    """A parabola through all samples."""
+    t_s, way = samples(trajectory, "s")
+    start, velocity, acceleration = parabola(t_s, way)
+    return {"acceleration": acceleration, "s_0": start, "v_0": velocity}
+
+
+def friction(values: Mapping[str, float]) -> Mapping[str, float]:
+    """Coefficient of friction tan(angle) - acceleration / (gravity cos(angle)); NaN when the angle is not known."""
+    angle = values["angle"]
+    return {"friction": math.tan(angle) - values["acceleration"] / (values["gravity"] * math.cos(angle))}
+
+
+def energy(states: Array, params: Array) -> Array:
+    """Kinetic energy less the work done, per mass: v^2 / 2 - acceleration s, in m^2/s^2."""
+    way, velocity = states.T
+    return np.asarray(velocity**2 / 2 - params[0] * way)
+
+
+MODEL = OdeModel(
+    name="incline",
+    summary="a body that slides along a board at constant acceleration, gravity against dry friction",
+    equation=r"\ddot s = a = g\,(\sin\alpha - \mu\cos\alpha)",
+    source="Coulomb (1785); Halliday, Resnick and Walker, Fundamentals of Physics, section 6-1",
+    states=(Quantity("s", "m", "s"), Quantity("v", "m/s", "v")),
+    parameters=(
+        Parameter("acceleration", "m/s^2", "a"),
+        GRAVITY,
+        Parameter("angle", "rad", r"\alpha", constant=True, source="not known: friction needs it"),
+        MAGNIFICATION,
+    ),
+    observed=(Quantity("s", "m", "s"),),
+    rhs=rhs,
+    guess=guess,
+    observe=observe,
+    derived=(Quantity("friction", "1", r"\mu"),),
+    derive=friction,
+    first_integral=energy,
+)

@@ -1,0 +1,40 @@
+"""A tank that drains through a hole."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitters.models._guess import samples, start_of, weak_regression
+from iris_sysid.types import OdeModel, Parameter, Quantity, Trajectory
+
+
+def rhs(t: float, state: tuple[float], params: tuple[float]) -> tuple[float]:
+    """Give h' = -outflow sqrt(h); an empty tank stays empty."""
+    (level,) = state
+    (outflow,) = params
+    return (-outflow * np.sqrt(max(level, 0.0)),)
+
+
+def guess(trajectory: Trajectory) -> Mapping[str, float]:
+    """Take the outflow from h' regressed on sqrt(h) in weak form."""
+    t_s, level = samples(trajectory, "h")
+    (slope,), half_width_s = weak_regression(t_s, level, np.sqrt(np.maximum(level, 0.0))[:, None], order=1)
+    start = start_of(t_s, level, half_width_s, degree=2)
+    if not np.isfinite(slope):
+        slope = (level[-1] - level[0]) / (t_s[-1] - t_s[0]) / np.sqrt(max(level.mean(), 1e-12))
+    return {"outflow": float(np.clip(-slope, -1e2, 1e3)), "h_0": float(start[0])}
+
+
+MODEL = OdeModel(
+    name="torricelli",
+    summary="a tank of constant cross-section that drains through a hole in its floor",
+    equation=r"\dot h = -k\,\sqrt{h},\quad h \geq 0",
+    source="Torricelli (1644), De motu gravium; k = (hole / surface) sqrt(2 g) without losses",
+    states=(Quantity("h", "m", "h"),),
+    parameters=(Parameter("outflow", "m^0.5/s", "k", lower=-1e3, upper=1e4),),
+    observed=(Quantity("h", "m", "h"),),
+    rhs=rhs,
+    guess=guess,
+)

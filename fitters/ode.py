@@ -1,0 +1,268 @@
+"""The ODE engine: integrate a model, and fit it to a measured trajectory with honest errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fitters._least_squares import FINE_STEP, Loss, Solution, Target, minimise, reweighted
+from fitters._noise import wild_in_residual
+from fitters._problem import Hold, InitialValueProblem, difference_steps, initial_value_problem, value_names
+from fitters._result import conclude, failed
+from fitters._shooting import explains, scattered_starts, search
+from fitters._task import Task, check_columns, check_names, in_units_of, known_values, prepare, select, starting_values
+from fitters._verdict import diverged_text, needed_samples, too_short_text
+from iris_sysid.arrays import frozen_array, increasing_times
+from iris_sysid.errors import FitError
+from iris_sysid.types import (
+    Array,
+    Estimate,
+    FitResult,
+    OdeModel,
+    SegmentLabel,
+    Trajectory,
+)
+
+NOTHING: Mapping[str, float] = MappingProxyType({})
+SMALLEST_DEVIATION = 3.0  # in units of the noise, for a sample to count as wild
+
+
+class Simulation(NamedTuple):
+    """States (n, s) and observed quantities (n, d) at the times asked for."""
+
+    states: Array
+    observed: Array
+
+
+def simulate(
+    model: OdeModel,
+    t_s: ArrayLike,
+    values: Mapping[str, float],
+    *,
+    inputs: ArrayLike | None = None,
+    hold: Hold = "linear",
+    tolerance: float = 1e-9,
+) -> Simulation:
+    """Integrate a model from the first of the given times, by Dormand and Prince's method of order 8.
+
+    Parameters
+    ----------
+    model
+        The governing equation.
+    t_s
+        (n,) s, increasing, as uneven as it likes.
+    values
+        Parameters and initial states (``theta_0``) by name; constants have their defaults. Derived quantities,
+        as a fit returns them too, are passed over.
+    inputs
+        (n, m) known inputs at these times, for a model that declares them.
+    hold
+        Inputs between samples: on a line (``linear``) or held until the next sample (``zero-order``).
+    tolerance
+        Largest error of each state from the finite time step, relative to the state's size.
+
+    Returns
+    -------
+    Simulation
+        ``states`` (n, s) and ``observed`` (n, d); NaN or infinite from where the solution runs away.
+
+    Raises
+    ------
+    FitError
+        When a value is missing or unknown, or the right-hand side does not return what it must.
+    DataError
+        When times do not increase or inputs have the wrong shape.
+    """
+    problem, vector = _problem_at(model, t_s, values, inputs, hold)
+    problem = problem.planned(vector, tolerance)
+    states = np.ascontiguousarray(problem.states(vector[:, None])[:, :, 0])
+    return Simulation(states, problem.observe(states, vector))
+
+
+def sensitivity(
+    model: OdeModel,
+    t_s: ArrayLike,
+    values: Mapping[str, float],
+    names: Sequence[str],
+    *,
+    inputs: ArrayLike | None = None,
+    hold: Hold = "linear",
+    tolerance: float = 1e-9,
+) -> Array:
+    """How the observed quantities change with parameters and initial states: d observed / d value (n, d, k).
+
+    Central differences of solutions with the same time steps; relative error about 1e-7.
+
+    Parameters
+    ----------
+    model, t_s, values, inputs, hold, tolerance
+        As for :func:`simulate`.
+    names
+        The k parameters or initial states.
+
+    Raises
+    ------
+    FitError
+        When a name is unknown or a value is missing.
+    """
+    check_names(model, names=names)
+    problem, vector = _problem_at(model, t_s, values, inputs, hold)
+    problem = problem.planned(vector, tolerance)
+    which = np.array([value_names(model).index(name) for name in names], dtype=np.intp)
+    return problem.sensitivity(vector, which, difference_steps(problem, vector, which))
+
+
+def _problem_at(
+    model: OdeModel, t_s: ArrayLike, values: Mapping[str, float], inputs: ArrayLike | None, hold: Hold
+) -> tuple[InitialValueProblem, Array]:
+    derived = {quantity.name for quantity in model.derived}
+    check_names(model, values=[name for name in values if name not in derived])
+    times = increasing_times(t_s)
+    given = {p.name: p.default for p in model.parameters if p.default is not None} | dict(values)
+    missing = [name for name in value_names(model) if name not in given and not _is_constant(model, name)]
+    if missing:
+        raise FitError(f"model {model.name!r} needs a value for {', '.join(missing)}")
+    known = None
+    if model.inputs:
+        known = frozen_array([] if inputs is None else inputs, (times.size, len(model.inputs)), "inputs")
+    vector = np.array([float(given.get(name, np.nan)) for name in value_names(model)])
+    return initial_value_problem(model, times, known, hold), vector
+
+
+def _is_constant(model: OdeModel, name: str) -> bool:
+    return any(parameter.name == name and parameter.constant for parameter in model.parameters)
+
+
+def fit(
+    trajectory: Trajectory,
+    model: OdeModel,
+    *,
+    fixed: Mapping[str, float | Estimate] = NOTHING,
+    free: Sequence[str] = (),
+    start: Mapping[str, float] = NOTHING,
+    segments: Sequence[SegmentLabel] = ("motion",),
+    loss: Loss = "linear",
+    hold: Hold = "linear",
+    multistart: int = 8,
+    nearby: bool = False,
+) -> FitResult:
+    """Fit a model to a measured trajectory, by shooting with a growing horizon.
+
+    The prediction is the solution of the equation itself from its initial states on; nothing is differentiated.
+    Standard errors allow for autocorrelated residuals; errors of known values are propagated and kept apart in
+    ``budget``.
+
+    Parameters
+    ----------
+    trajectory
+        Measured positions; only valid samples inside the wanted segments are used, smoothed ones never.
+        ``sigma`` gives relative weights, the size of the noise is estimated. Its ``geometry`` gives the model's
+        constants of the same name, e.g. ``angle``, and the error of ``scale``.
+    model
+        The governing equation. Everything that is not a constant is estimated, and so are the initial states
+        ``<state>_0``, which hold at the first sample used.
+    fixed
+        Values to hold, by name; an Estimate's standard error is propagated.
+    free
+        Constants to estimate as well, e.g. ``("gravity",)``.
+    start
+        Starting values by name, tried before the model's own guess.
+    segments
+        Labels of the segments to use.
+    loss
+        ``linear`` (least squares) or ``soft_l1`` (large residuals count less). With both, samples that stand
+        alone far from their neighbours' residual are left out, and the message says how many.
+    hold
+        How inputs vary between samples.
+    multistart
+        Number of random starts to try when no start explains the data.
+    nearby
+        ``start`` is near the minimum, e.g. that of a simpler model: go straight down from it.
+
+    Returns
+    -------
+    FitResult
+        With ``status`` and, in ``message``, the remedy. A fit that fails is a result with NaN, never an exception.
+
+    Raises
+    ------
+    FitError
+        When the call makes no sense: a quantity or an input that the trajectory lacks or has in another unit, an
+        unknown name, a value both fixed and free, a right-hand side that does not return one number a state.
+    """
+    check_names(model, fixed=list(fixed), free=list(free), start=list(start))
+    check_columns(trajectory, model)
+    known = known_values(model, trajectory, fixed, free)
+    model = in_units_of(trajectory, model)
+    selection = select(trajectory, segments)
+    n_free = len(value_names(model)) - len(known)
+    n, needed = int(selection.used.sum()), needed_samples(len(model.observed), n_free)
+    if n < needed:
+        return failed(trajectory, model, known, "too-short", too_short_text(n, needed, n_free))
+    task = prepare(trajectory, model, selection, known, hold)
+    if n_free == 0:
+        return conclude(task, task.target, _nothing_to_fit(task), _notes(task, task.target))
+    if nearby:
+        solution = _downhill(task, start)
+    else:
+        solution = search(task.problem, task.target, task.unknowns, _starts(task, start, multistart))
+    if not np.isfinite(solution.rms):
+        return failed(trajectory, model, known, "diverged", diverged_text(task, solution))
+    target, solution = _without_wild_samples(task, solution, loss)
+    if loss != "linear":
+        target = reweighted(target, solution)
+    with np.errstate(all="ignore"):  # garbage has errors without bound: infinite, and shown as such
+        return conclude(task, target, solution, _notes(task, target))
+
+
+def _downhill(task: Task, start: Mapping[str, float]) -> Solution:
+    """Fit all samples from the start given alone."""
+    return minimise(task.problem, task.target, task.unknowns, next(starting_values(task, start)), rough=True)
+
+
+def _starts(task: Task, start: Mapping[str, float], multistart: int) -> Iterator[Array]:
+    """Starts in the order of trust, random ones about the last of them."""
+    values = np.zeros(0)
+    for values in starting_values(task, start):
+        yield values
+    yield from scattered_starts(task.unknowns, values, task.target, multistart)
+
+
+def _nothing_to_fit(task: Task) -> Solution:
+    """The prediction of values that are all known, judged like a fit."""
+    vector = np.array([task.known[name].value for name in value_names(task.model)])
+    problem = task.problem.planned(vector, FINE_STEP)
+    return Solution(problem, vector, problem.predicted(vector), np.zeros(0), 1.0, True, True, "")
+
+
+def _without_wild_samples(task: Task, solution: Solution, loss: Loss) -> tuple[Target, Solution]:
+    """Finish the fit while judging every sample by it: those that stand alone leave, good ones come back."""
+    candidates = task.selection.used[task.selection.span]
+    target = task.target
+    for _ in range(4):
+        wild = np.zeros_like(candidates)
+        if explains(solution, target):
+            residual = (target.observed - solution.predicted) / target.sigma
+            wild[candidates] = wild_in_residual(residual[candidates], SMALLEST_DEVIATION)
+        exact = solution.problem.prediction_error(solution.values, solution.predicted) < 10 * FINE_STEP
+        if solution.fine and exact and np.array_equal(candidates & ~wild, target.used):
+            break
+        target = Target(target.observed, target.sigma, candidates & ~wild)
+        solution = minimise(task.problem, target, task.unknowns, solution.values, loss=loss, steps=solution.steps)
+    return target, solution
+
+
+def _notes(task: Task, target: Target) -> list[str]:
+    """What a reader should know beside the status."""
+    candidates = task.selection.used[task.selection.span]
+    left_out_s = task.problem.t_s[candidates & ~target.used]
+    notes = [task.selection.note, task.problem.rhs.note]
+    if left_out_s.size:
+        times = ", ".join(f"{t:.4g}" for t in left_out_s[:5]) + (", ..." if left_out_s.size > 5 else "")
+        share = f"{left_out_s.size} of {int(candidates.sum())} samples"
+        notes.append(f"{share} stand alone and were left out (t = {times} s)")
+    return [note for note in notes if note]

@@ -1,0 +1,202 @@
+"""What each effect would add to a fitted model's prediction, to first order, without fitting it.
+
+An effect that acts on the motion is a small force e(t) along the motion without it, so one integration
+of the model with that force as an input gives its sensitivity s(t) = d prediction / d size at size zero.
+An effect that acts on what is seen needs no integration.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numba.extending import register_jitable
+from numpy.typing import NDArray
+
+from fitters.compose import bodies_of, plain_observation
+from fitters.ode import simulate
+from iris_sysid.types import Array, Effect, FitResult, OdeModel, Quantity, Trajectory
+
+REFINEMENT = 4  # points in a sample interval at which the force is given
+RESPONSE = 1e-4  # size of the trial force, relative to the largest acceleration
+
+_FORCED = """
+def rhs(t, state, params, inputs):
+    slopes = base(t, state, params{inputs})
+    return {slopes}
+"""
+
+
+def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory) -> Array:
+    """How the prediction changes with the effect's size at size zero.
+
+    Parameters
+    ----------
+    effect
+        Applies to the fitted model.
+    fitted
+        The model without the effect.
+    trajectory
+        What it was fitted to, for its inputs.
+
+    Returns
+    -------
+    ndarray
+        (n_used, d), in observed units per unit of the size.
+    """
+    values = {name: estimate.value for name, estimate in fitted.estimates.items()}
+    t_s = fitted.t_s[fitted.used]
+    sizes = np.array([parameter.default or 0.0 for parameter in effect.parameters])
+    if effect.acceleration is not None:
+        return _of_force(effect, sizes, fitted.model, values, trajectory, t_s)
+    motion = fitted.predicted[fitted.used]
+    velocity = np.gradient(motion, t_s, axis=0)
+    step = np.zeros_like(sizes)
+    if effect.observe is not None:
+        step[0] = 1e-4 * _scale_of(lambda size: effect_change(effect, t_s, motion, velocity, sizes, size), motion)
+        upper = effect.observe(t_s, motion, velocity, sizes + step)
+        lower = effect.observe(t_s, motion, velocity, sizes - step)
+        return np.asarray((upper - lower) / (2 * step[0]))
+    assert effect.warp is not None
+    step[0] = 1e-6
+    moved = (effect.warp(t_s, sizes + step) - effect.warp(t_s, sizes - step)) / (2 * step[0])
+    return np.asarray(velocity * moved[:, None])
+
+
+def effect_change(effect: Effect, t_s: Array, motion: Array, velocity: Array, sizes: Array, size: float) -> Array:
+    """What an effect of a given size changes in what is seen (n, d).
+
+    Parameters
+    ----------
+    effect
+        One that acts on what is seen.
+    t_s
+        (n,) s.
+    motion, velocity
+        (n, d) without the effect.
+    sizes
+        Its parameters at size zero.
+    size
+        The first of them.
+    """
+    assert effect.observe is not None
+    return effect.observe(t_s, motion, velocity, np.concatenate([[size], sizes[1:]])) - motion
+
+
+def _scale_of(change: Callable[[float], Array], motion: Array) -> float:
+    """The size at which an effect changes what is seen by as much as it moves."""
+    per_unit = float(np.max(np.abs(change(1e-6)), initial=0.0)) * 1e6
+    return float(np.ptp(motion)) / per_unit if per_unit > 0 else 1.0
+
+
+def _of_force(
+    effect: Effect, sizes: Array, model: OdeModel, values: Mapping[str, float], trajectory: Trajectory, t_s: Array
+) -> Array:
+    grid, at_samples = refined(t_s)
+    known = _inputs_at(trajectory, grid)
+    states, _ = simulate(model, grid, values, inputs=known)
+    base = rates(model, grid, states, values, known)
+    force = force_along(effect, sizes, model, grid, states, base)
+    largest = float(np.max(np.abs(force), initial=0.0))
+    if not largest > 0 or not np.all(np.isfinite(force)):
+        return np.zeros((t_s.size, len(model.observed)))
+    factor = RESPONSE * max(float(np.max(np.abs(base[:, -force.shape[1] :]), initial=0.0)), 1e-12) / largest
+    pushed = []
+    for sign in (1.0, -1.0):
+        inputs = sign * factor * force if known is None else np.hstack([known, sign * factor * force])
+        pushed.append(simulate(forced(model), grid, values, inputs=inputs)[1])
+    return np.asarray((pushed[0] - pushed[1])[at_samples] / (2 * factor))
+
+
+def refined(t_s: Array) -> tuple[Array, NDArray[np.int_]]:
+    """Times with REFINEMENT points in each interval, and where the samples are among them."""
+    inner = np.arange(REFINEMENT) / REFINEMENT
+    grid = np.append((t_s[:-1, None] + inner * np.diff(t_s)[:, None]).ravel(), t_s[-1])
+    return np.asarray(grid), np.arange(t_s.size) * REFINEMENT
+
+
+def _inputs_at(trajectory: Trajectory, grid: Array) -> Array | None:
+    if trajectory.inputs is None or not trajectory.input_quantities:
+        return None
+    return np.column_stack([np.interp(grid, trajectory.t_s, column) for column in trajectory.inputs.T])
+
+
+def rates(model: OdeModel, t_s: Array, states: Array, values: Mapping[str, float], inputs: Array | None) -> Array:
+    """Derivatives of the states (n, s) along a motion.
+
+    Parameters
+    ----------
+    model
+        The governing equation.
+    t_s
+        (n,) s.
+    states
+        (n, s).
+    values
+        Parameters by name.
+    inputs
+        (n, m), None when the model has none.
+    """
+    params = tuple(values[parameter.name] for parameter in model.parameters)
+    arguments: list[Any] = [t_s, tuple(states.T), params]
+    if inputs is not None:
+        arguments.append(tuple(inputs.T))
+    with np.errstate(all="ignore"):
+        return np.column_stack([np.broadcast_to(slope, t_s.shape) for slope in model.rhs(*arguments)])
+
+
+def force_along(effect: Effect, sizes: Array, model: OdeModel, t_s: Array, states: Array, base: Array) -> Array:
+    """What a unit of the effect adds to the highest derivatives (n, f) along a motion.
+
+    Parameters
+    ----------
+    effect
+        One that acts on the motion.
+    sizes
+        Its parameters at size zero.
+    model
+        The governing equation without it.
+    t_s
+        (n,) s.
+    states, base
+        (n, s) the motion and its derivatives.
+    """
+    assert effect.acceleration is not None
+    count = len(model.states) // 2 if model.second_order else len(model.states)
+    velocity = states[:, count:] if model.second_order else base
+    slopes = base[:, count:] if model.second_order else base
+    unit = (1.0, *sizes[1:])
+    force = np.zeros((t_s.size, count))
+    with np.errstate(all="ignore"):
+        for body in bodies_of(model):
+            speed = np.sqrt(np.sum(velocity[:, body] ** 2, axis=1))
+            for k in body:
+                force[:, k] = effect.acceleration(t_s, states[:, k], velocity[:, k], speed, slopes[:, k], unit)
+    return force
+
+
+@functools.lru_cache(maxsize=64)
+def _forced_rhs(rhs: Callable[..., Any], n_states: int, n_forced: int, n_inputs: int) -> Callable[..., Any]:
+    free = n_states - n_forced
+    lines = [f"slopes[{k}]" for k in range(free)]
+    lines += [f"slopes[{free + k}] + inputs[{n_inputs + k}]" for k in range(n_forced)]
+    own = f", ({''.join(f'inputs[{k}], ' for k in range(n_inputs))})" if n_inputs else ""
+    source = _FORCED.format(inputs=own, slopes=f"({', '.join(lines)},)")
+    namespace: dict[str, Any] = {"base": register_jitable(rhs)}
+    exec(compile(source, "<forced>", "exec"), namespace)
+    made: Callable[..., Any] = namespace["rhs"]
+    return made
+
+
+def forced(model: OdeModel) -> OdeModel:
+    """The model with a force on each of its highest derivatives as further inputs."""
+    count = len(model.states) // 2 if model.second_order else len(model.states)
+    pushes = tuple(Quantity(f"force{k}", "1") for k in range(count))
+    rhs = _forced_rhs(model.rhs, len(model.states), count, len(model.inputs))
+    return replace(model, name=f"{model.name}, forced", rhs=rhs, inputs=(*model.inputs, *pushes))
+
+
+__all__ = ["effect_change", "force_along", "forced", "plain_observation", "rates", "refined", "sensitivity"]
