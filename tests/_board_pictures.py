@@ -1,0 +1,102 @@
+"""Pictures of boards by a camera that is known exactly, and the corners as it sees them."""
+
+import cv2
+import numpy as np
+
+from iris_sysid._camera_fit import matrix_of, projected
+from iris_sysid.board_plane import _homography
+from iris_sysid.board_views import Board, view_of_corners
+from iris_sysid.homographies import apply_homography, homography_slopes
+from iris_sysid.lens import undistort_px
+from iris_sysid.plane import PlaneCalibration, upright
+
+BOARD = Board(9, 6, 0.03)
+SIZE = (960, 540)
+PHONE = np.array([750.0, 750, 480, 262, 0.12, -0.25, 0.0005, -0.0008, 0.0])
+LATTICE = 21  # with 34 samples: Fibonacci numbers, the best such lattice
+STRAIGHT = np.array([750.0, 750, 479.5, 269.5, 0, 0, 0, 0, 0])
+
+
+def pose(tilt=(0.0, 0.0), roll=0.0, distance=0.6, aside=(0.0, 0.0), board=BOARD):
+    """Rotation vector and translation (6,) that put the middle of the board there."""
+    turn = cv2.Rodrigues(np.array([*tilt, 0.0]))[0] @ cv2.Rodrigues(np.array([0.0, 0, roll]))[0]
+    place = np.array([*aside, distance]) - turn @ np.append(board.centre_m, 0.0)
+    return np.concatenate([cv2.Rodrigues(turn)[0].ravel(), place])
+
+
+def random_pose(rng, tilt=0.5, size=SIZE, board=BOARD, camera=PHONE):
+    """A pose in which the whole board is in the picture."""
+    while True:
+        one = pose(
+            rng.uniform(-tilt, tilt, 2), rng.uniform(-0.3, 0.3), rng.uniform(0.4, 0.7), rng.uniform(-0.15, 0.15, 2)
+        )
+        seen = corners(one, board, camera)
+        margin = 40
+        if seen.min() > margin and np.all(seen < np.array(size) - margin):
+            return one
+
+
+def corners(pose, board=BOARD, camera=PHONE):
+    return projected(camera, pose, board.points_m)[0]
+
+
+def simulated(pose, noise_px, rng, *, board=BOARD, camera=PHONE, size=SIZE, name="corners"):
+    """A view with normal noise on each coordinate."""
+    seen = corners(pose, board, camera)
+    return view_of_corners(seen + rng.normal(0, noise_px, seen.shape), size, board, name=name)
+
+
+def simulated_views(rng, n, noise_px=0.1, **where):
+    return [simulated(random_pose(rng, **where), noise_px, rng, name=f"view {k}") for k in range(n)]
+
+
+def true_plane(pose, up_like, offset_m=0.0, board=BOARD, camera=PHONE):
+    """The exact calibration of the plane that lies offset_m in front of a board, its world turned like another's."""
+    homography = _homography(pose, camera, offset_m, 1.0, board.centre_m).reshape(3, 3)
+    exact = PlaneCalibration(homography, matrix_of(camera), camera[4:], {}, SIZE, up_like.centre_px, (), ())
+    return upright(exact, "picture")
+
+
+_RAYS = {}
+
+
+def _rays(camera, size):
+    """Undistorted place of each pixel's centre and how it goes on within the pixel."""
+    key = (tuple(camera), size)
+    if key not in _RAYS:
+        grid = np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), axis=-1).reshape(-1, 2).astype(float)
+        _RAYS[key] = undistort_px(grid, matrix_of(camera), camera[4:])[:2]
+    return _RAYS[key]
+
+
+def picture(pose, *, board=BOARD, camera=PHONE, size=SIZE, blur_px=0.7, noise=2.0, rng=None, samples=34):
+    """The board on white paper before grey, each pixel the mean of that many places in it; uint8 (h, w)."""
+    places, slopes = _rays(camera, size)
+    to_board = _homography(pose, camera, 0.0, 1.0, board.centre_m).reshape(3, 3) / board.square_m
+    to_board[2] *= board.square_m
+    half = (np.array([board.columns, board.rows]) + 1) / 2
+
+    def levels(at):
+        square = np.floor(at + half)
+        inside = np.all((square >= 0) & (square < 2 * half), axis=-1)
+        paper = np.all(np.abs(at) < half + 1, axis=-1)
+        dark = inside & (square.sum(axis=-1) % 2 == board.rows % 2)
+        return np.where(dark, 40.0, np.where(paper, 210.0, 110.0))
+
+    middle = apply_homography(to_board, places)
+    level = levels(middle)
+    reach = 1.5 / np.sqrt(np.abs(np.linalg.det(homography_slopes(np.linalg.inv(to_board), middle))))
+    edge = np.min(np.abs(middle + half - np.round(middle + half)), axis=1) < 1.5 * reach
+    edge &= np.all(np.abs(middle) < half + 2, axis=1)
+    # a lattice that no row or column of samples lies in: else edges along the pixels come out in steps
+    k = np.arange(samples)
+    within = np.stack([(k + 0.5) / samples, (k * LATTICE + 0.5) / samples % 1], axis=1) - 0.5
+    total = np.zeros(int(edge.sum()))
+    for offset in within:
+        total += levels(apply_homography(to_board, places[edge] + slopes[edge] @ offset))
+    level[edge] = total / samples
+    level = level.reshape(size[1], size[0])
+    level = cv2.GaussianBlur(level, (0, 0), blur_px) if blur_px else level
+    if rng is not None:
+        level = level + rng.normal(0, noise, level.shape)
+    return np.clip(np.round(level), 0, 255).astype(np.uint8)

@@ -1,0 +1,118 @@
+"""The written audit: four files, the same bytes, gaps named, nothing run from what was read."""
+
+import csv
+import shutil
+from html.parser import HTMLParser
+
+import pytest
+
+from iris_sysid.benchmark import write_audit
+from iris_sysid.errors import DataError, OutputError
+from tests._project import recording
+
+NAMES = ["audit.csv", "audit.md", "audit.html", "audit.tex"]
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    return write_audit(recording("iris_published"), tmp_path_factory.mktemp("audit") / "out")
+
+
+@pytest.fixture
+def part(tmp_path):
+    shutil.copytree(recording("iris_published"), tmp_path / "part", copy_function=shutil.copyfile)
+    return tmp_path / "part"
+
+
+def text_of(paths, name):
+    return paths[name].read_text(encoding="utf-8")
+
+
+def test_four_files_are_written(written):
+    assert list(written) == NAMES
+    assert all(path.is_file() for path in written.values())
+
+
+def test_second_run_gives_the_same_bytes(written, tmp_path):
+    again = write_audit(recording("iris_published"), tmp_path)
+    assert all(written[name].read_bytes() == again[name].read_bytes() for name in NAMES)
+
+
+def test_pages_name_no_folder_of_this_machine(written):
+    for name in NAMES:
+        assert str(recording("iris_published")) not in text_of(written, name)
+
+
+def test_csv_has_a_line_for_every_way_to_every_number(written):
+    rows = list(csv.DictReader(text_of(written, "audit.csv").splitlines()))
+    assert len({row["key"] for row in rows}) == 494
+    assert len(rows) > 800
+
+
+def test_pages_hold_the_findings_the_counts_and_the_copies(written):
+    for name in ("audit.md", "audit.html"):
+        page = text_of(written, name)
+        assert "alpha is a length, reported as g/alpha" in page
+        assert "341 reproduced" in page
+        assert "line 15 repeats line 14" in page
+
+
+def test_page_is_well_formed(written):
+    page = Balance()
+    page.feed(text_of(written, "audit.html"))
+    assert page.open == []
+
+
+def test_latex_is_balanced_and_needs_only_named_packages(written):
+    text = text_of(written, "audit.tex")
+    assert text.startswith("% needs \\usepackage{booktabs,longtable}")
+    assert text.count(r"\begin{longtable}") == text.count(r"\end{longtable}") == 10
+    plain = text.replace(r"\{", "").replace(r"\}", "")
+    assert plain.count("{") == plain.count("}")
+
+
+def test_existing_audit_is_not_replaced_unless_asked(written):
+    folder = written["audit.csv"].parent
+    with pytest.raises(OutputError, match="exists already"):
+        write_audit(recording("iris_published"), folder)
+    assert list(write_audit(recording("iris_published"), folder, overwrite=True)) == NAMES
+
+
+def test_folder_without_any_released_file_is_refused(tmp_path):
+    with pytest.raises(DataError, match="holds none of the released files"):
+        write_audit(tmp_path, tmp_path / "out")
+
+
+def test_missing_and_damaged_files_are_named(part, tmp_path):
+    (part / "vlm_eval_iris").chmod(0o755)
+    (part / "vlm_eval_iris" / "vlm_iris_results.csv").unlink()
+    damaged = part / "iris_unified" / "iris_unified.csv"
+    damaged.chmod(0o644)
+    damaged.write_text(damaged.read_text(encoding="utf-8") + "Pendulum,pendulum_20,x,1,2,3,4,5\n", encoding="utf-8")
+    page = text_of(write_audit(part, tmp_path / "out"), "audit.md")
+    assert "vlm_eval_iris/vlm_iris_results.csv does not exist" in page
+    assert "iris_unified/iris_unified.csv line 242: 'x' is no number" in page
+    assert "| vlm_eval_iris/vlm_iris_results.csv | absent |" in page
+
+
+def test_names_from_a_file_are_escaped(part, tmp_path):
+    hostile = part / "vlm_eval_iris" / "vlm_iris_results.csv"
+    hostile.chmod(0o644)
+    text = hostile.read_text(encoding="utf-8").replace("free_fall,falling_ball", "x,<script>alert(1)</script>")
+    hostile.write_text(text, encoding="utf-8")
+    assert "<script" not in text_of(write_audit(part, tmp_path / "out"), "audit.html")
+
+
+class Balance(HTMLParser):
+    """Tags that are open; each must be closed in turn."""
+
+    def __init__(self):
+        super().__init__()
+        self.open = []
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in ("meta", "br", "img", "link"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag

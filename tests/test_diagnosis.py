@@ -1,0 +1,125 @@
+"""The loop is closed: what was hidden is found, what was not is not, and limits hold."""
+
+import numpy as np
+import pytest
+
+from fitters.compose import with_effects
+from fitters.ode import fit, simulate
+from fitters.screen import sensitivity
+from iris_sysid.diagnosis import diagnose
+from iris_sysid.errors import FitError
+from iris_sysid.registry import EFFECTS, MODELS
+from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
+from iris_sysid.types import Estimate, Trajectory
+from iris_sysid.wording import diagnosis_sentence
+from tests._real_data import alexiev_length_68
+
+PENDULUM = MODELS["pendulum"]
+TRUTH = {"length": 0.5, "damping": 0.03, "theta_0": 0.7, "omega_0": 0.0}
+NOISE_RAD = 0.002
+
+
+def swing(hidden: dict[str, float], seed: int, *, n: int = 480, noise: float = NOISE_RAD) -> Trajectory:
+    model = with_effects(PENDULUM, [EFFECTS[name] for name in hidden])
+    sizes = {EFFECTS[name].parameters[0].name: size for name, size in hidden.items()}
+    t_s = np.arange(n) / 60
+    theta = simulate(model, t_s, {**TRUTH, **sizes}).observed
+    theta = theta + noise * np.random.default_rng(seed).standard_normal(theta.shape)
+    return Trajectory(t_s, PENDULUM.observed, theta, np.full_like(theta, np.nan), np.ones(n, dtype=bool))
+
+
+@pytest.fixture(scope="module")
+def dragged():
+    trajectory = swing({"quadratic-drag": 0.08}, seed=1)
+    return trajectory, diagnose(trajectory, PENDULUM)
+
+
+@pytest.mark.parametrize("hidden", [{"quadratic-drag": 0.08}, {"zero-offset": 0.02}])
+def test_hidden_effect_is_named_or_in_the_stated_class(hidden):
+    ((name, size),) = hidden.items()
+    found = diagnose(swing(hidden, seed=3), PENDULUM)
+    first = found.added[0].name
+    assert name in (first, *found.indistinguishable[first])
+    if first == name:
+        estimate = found.final.estimates[found.added[0].parameters[0].name]
+        assert abs(estimate.value - size) < 3.5 * estimate.stderr
+
+
+def test_two_hidden_effects_are_found_in_sequence():
+    found = diagnose(swing({"quadratic-drag": 0.1, "zero-offset": 0.03}, seed=5), PENDULUM)
+    named = [{effect.name, *found.indistinguishable[effect.name]} for effect in found.added]
+    assert len(named) == 2
+    assert any("quadratic-drag" in one for one in named)
+    assert any("zero-offset" in one for one in named)
+
+
+def test_error_after_is_the_noise_and_the_base_parameters_come_right(dragged):
+    _, found = dragged
+    assert found.before.heldout > 3 * found.noise_floor
+    assert found.after.heldout < 1.15 * NOISE_RAD
+    assert found.after.fitted < 1.1 * NOISE_RAD
+    damping = found.final.estimates["damping"]
+    assert abs(damping.value - TRUTH["damping"]) < 3.5 * damping.stderr
+    assert abs(found.base.estimates["damping"].value - TRUTH["damping"]) > 0.05
+
+
+def test_clean_data_get_nothing_added_and_limits():
+    found = diagnose(swing({}, seed=0), PENDULUM)
+    assert found.added == ()
+    limits = {one.effect: one.upper_95 for one in found.ruled_out}
+    assert 0 < limits["quadratic-drag"] < 0.02
+    assert diagnosis_sentence(found).startswith("Nothing to add")
+
+
+@pytest.mark.slow
+def test_false_alarms_on_clean_data_stay_near_five_percent():
+    alarms = sum(bool(diagnose(swing({}, seed=100 + k, n=300), PENDULUM).added) for k in range(200))
+    assert alarms <= 20  # binomial: P(more than 20 of 200 at 5 %) = 0.1 %
+
+
+@pytest.mark.parametrize("name", ["quadratic-drag", "coulomb-friction", "zero-offset", "parameter-drift"])
+def test_screened_sensitivity_is_that_of_the_composed_model(name):
+    effect, trajectory = EFFECTS[name], swing({}, seed=2)
+    fitted = fit(trajectory, PENDULUM)
+    values = {key: one.value for key, one in fitted.estimates.items() if key not in ("rope_length", "ball_radius")}
+    composed, step = with_effects(PENDULUM, [effect]), 1e-5
+    sides = [
+        simulate(composed, trajectory.t_s, {**values, effect.parameters[0].name: sign * step}).observed
+        for sign in (1, -1)
+    ]
+    expected = (sides[0] - sides[1]) / (2 * step)
+    screened = sensitivity(effect, fitted, trajectory)
+    np.testing.assert_allclose(screened, expected, atol=5e-3 * np.max(np.abs(expected)))
+
+
+def test_pivot_error_is_left_open_instead_of_being_taken_for_a_force():
+    clean = swing({}, seed=7, noise=2e-4)
+    shifted = clean.position + 0.002 * np.cos(clean.position)
+    geometry = {
+        "pivot_across": Estimate(0.0, 0.002, "1", "fitted", "circle"),
+        "pivot_along": Estimate(0.0, 0.002, "1", "fitted", "circle"),
+    }
+    found = diagnose(clean.with_(position=shifted, geometry=geometry), PENDULUM)
+    assert found.added == ()
+    assert found.base.estimates["pivot_across"].value == pytest.approx(-0.002, abs=3e-4)
+
+
+def test_document_and_page_say_the_same(dragged, tmp_path):
+    trajectory, found = dragged
+    document = diagnosis_document(found, trajectory)
+    assert [one.effect for one in document.added] == ["quadratic-drag"]
+    assert document.error.before.heldout > document.error.after.heldout
+    page = write_diagnosis(found, trajectory, tmp_path).read_text()
+    assert "Adding quadratic drag" in page
+    assert {path.name for path in tmp_path.iterdir()} == {"diagnosis.json", "report.html", "residual.png", "state.png"}
+
+
+def test_trajectory_that_cannot_be_fitted_is_refused_with_the_reason():
+    with pytest.raises(FitError, match="cannot be diagnosed, its fit failed \\(too-short\\)"):
+        diagnose(swing({}, seed=0, n=5), PENDULUM)
+
+
+def test_alexiev_pendulum_keeps_its_length_whatever_is_added():
+    found = diagnose(alexiev_length_68(), PENDULUM)
+    assert found.final.estimates["length"].value == pytest.approx(0.686, rel=0.01)
+    assert found.after.fitted <= found.before.fitted

@@ -1,0 +1,162 @@
+"""What every registered model promises."""
+
+import re
+
+import numpy as np
+import pytest
+
+from fitters.ode import fit, sensitivity, simulate
+from iris_sysid.registry import MODELS
+from iris_sysid.types import OdeModel, Trajectory
+
+# One setting for each model: values, sampling, and noise as a share of the motion's size.
+SETTINGS = {
+    "pendulum": ({"length": 0.6, "damping": 0.08, "theta_0": 1.2, "omega_0": 0.3}, np.arange(600) / 60),
+    "incline": ({"acceleration": 2.1, "s_0": 0.05, "v_0": 0.2}, np.arange(40) / 60),
+    "free-fall": ({"gravity": 9.79, "z_0": 1.5, "vz_0": -0.3}, np.arange(30) / 60),
+    "projectile": ({"x_0": 0.1, "z_0": 0.2, "vx_0": 1.8, "vz_0": 2.5}, np.arange(60) / 120),
+    "exponential-decay": ({"decay_rate": 0.9, "intensity_0": 1.0}, np.arange(180) / 60),
+    "linear-oscillator": ({"stiffness": 20.0, "damping": 0.3, "z_0": 0.2, "vz_0": -0.5}, np.arange(300) / 60),
+    "angular-oscillator": ({"stiffness": 0.1, "damping": 0.05, "phi_0": 6.3, "omega_0": 0.0}, np.arange(1200) / 60),
+    "torricelli": ({"outflow": 0.02, "h_0": 0.25}, np.arange(300) / 10),
+    "apparent-radius": ({"r0_f": 60.0, "h_0": 0.8, "v_0": 0.3}, np.arange(40) / 60),
+    "coupled-pendulums": (
+        {
+            "length_1": 0.5, "length_2": 0.45, "damping_1": 0.1, "damping_2": 0.15, "coupling": 2.0,
+            "theta1_0": 1.0, "theta2_0": -0.3, "omega1_0": 0.0, "omega2_0": 0.2,
+        },
+        np.arange(600) / 60,
+    ),
+    "contact-chain": (
+        {
+            "coupling": 3.0, "damping": 0.4, "z1_0": -0.3, "z2_0": 0.0, "z3_0": 0.1,
+            "v1_0": 1.5, "v2_0": 0.0, "v3_0": 0.1,
+        },
+        np.arange(300) / 60,
+    ),
+}  # fmt: skip
+NOISE = 2e-3
+
+every_model = pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
+
+
+def setting(model: OdeModel):
+    if model.name not in SETTINGS:
+        pytest.fail(f"add a setting for the model {model.name!r} to SETTINGS")
+    return SETTINGS[model.name]
+
+
+def clip(model: OdeModel, noise: float = 0.0, seed: int = 0) -> Trajectory:
+    values, t_s = setting(model)
+    observed = simulate(model, t_s, values).observed
+    size = np.std(observed, axis=0)
+    observed = observed + noise * size * np.random.default_rng(seed).standard_normal(observed.shape)
+    return Trajectory(t_s, model.observed, observed, np.full_like(observed, np.nan), np.ones(t_s.size, bool))
+
+
+@every_model
+def test_name_is_kebab_case(model):
+    assert re.fullmatch(r"[a-z]+(-[a-z0-9]+)*", model.name)
+
+
+@every_model
+def test_equation_source_summary_and_symbols_are_stated(model):
+    assert all([model.summary, model.equation, model.source])
+    assert all(parameter.symbol for parameter in model.parameters)
+
+
+@every_model
+def test_every_quantity_and_parameter_has_a_unit(model):
+    for item in (*model.states, *model.observed, *model.parameters, *model.derived, *model.inputs):
+        assert item.unit, item
+
+
+@every_model
+def test_constants_say_where_they_come_from(model):
+    assert all(parameter.source for parameter in model.parameters if parameter.constant)
+
+
+@every_model
+def test_defaults_lie_inside_the_bounds(model):
+    for parameter in model.parameters:
+        assert parameter.lower < parameter.upper
+        if parameter.default is not None:
+            assert parameter.lower <= parameter.default <= parameter.upper
+
+
+@every_model
+@pytest.mark.parametrize("noise", [0.0, NOISE])
+def test_guess_lies_inside_the_bounds_and_names_what_there_is(model, noise):
+    guess = model.guess(clip(model, noise))
+    names = {parameter.name: parameter for parameter in model.parameters}
+    states = {f"{state.name}_0" for state in model.states}
+    assert set(guess) <= set(names) | states
+    for name in set(guess) & set(names):
+        assert names[name].lower < guess[name] < names[name].upper
+
+
+@every_model
+def test_fit_recovers_the_truth_of_exact_data(model):
+    values, _ = setting(model)
+    result = fit(clip(model), model)
+    assert result.status == "ok", result.message
+    for name, value in values.items():
+        assert result.estimates[name].value == pytest.approx(value, rel=1e-4, abs=1e-5), name
+
+
+@every_model
+def test_fit_recovers_the_truth_of_noisy_data_within_its_errors(model):
+    values, _ = setting(model)
+    result = fit(clip(model, NOISE, seed=3), model)
+    assert result.status == "ok", result.message
+    for name, value in values.items():
+        if name in result.free:
+            assert abs(result.estimates[name].value - value) < 4 * result.estimates[name].stderr, name
+
+
+@every_model
+def test_right_hand_side_is_the_derivative_of_the_solution(model):
+    values, t_s = setting(model)
+    fine = t_s[len(t_s) // 2] + 1e-3 * np.arange(-1, 2)
+    states = simulate(model, np.concatenate([t_s[:1], fine]), values).states[1:]
+    given = {p.name: p.default for p in model.parameters} | values
+    params = tuple(np.nan if given[p.name] is None else given[p.name] for p in model.parameters)
+    slopes = np.array(model.rhs(fine[1], tuple(states[1]), params))
+    np.testing.assert_allclose(slopes, (states[2] - states[0]) / 2e-3, rtol=1e-4, atol=1e-4 * np.abs(slopes).max())
+
+
+@every_model
+def test_first_integral_is_conserved_without_dissipation(model):
+    if model.first_integral is None:
+        pytest.skip("the model states no first integral")
+    values, t_s = setting(model)
+    values = {**values, **dict.fromkeys(model.dissipative, 0.0)}
+    states = simulate(model, t_s, values, tolerance=1e-11).states
+    given = {p.name: p.default for p in model.parameters} | values
+    params = np.array([np.nan if given[p.name] is None else given[p.name] for p in model.parameters])
+    integral = model.first_integral(states, params)
+    assert integral.shape == t_s.shape
+    moving = np.ptp(states, axis=0).max() ** 2
+    assert np.ptp(integral) < 1e-8 * max(np.abs(integral).max(), moving)
+
+
+@every_model
+def test_dissipative_parameters_exist(model):
+    assert {model.parameter(name).name for name in model.dissipative} == set(model.dissipative)
+
+
+@every_model
+def test_every_free_parameter_moves_the_prediction(model):
+    values, t_s = setting(model)
+    names = [parameter.name for parameter in model.parameters if not parameter.constant]
+    slopes = sensitivity(model, t_s, values, names)
+    assert np.all(np.max(np.abs(slopes), axis=(0, 1)) > 0)
+
+
+@every_model
+def test_derived_quantities_are_given_with_errors(model):
+    result = fit(clip(model, NOISE), model)
+    assert set(result.estimates) >= {quantity.name for quantity in model.derived}
+    for quantity in model.derived:
+        assert result.estimates[quantity.name].measurement_type == "derived"
+        assert result.estimates[quantity.name].unit == quantity.unit
