@@ -139,7 +139,7 @@ class Smoothing(Part):
     """How a trajectory was smoothed, one number a quantity."""
 
     psd: list[Number]
-    """Process noise, unit^2/s^3."""
+    """Process noise, unit^2/s^5."""
     nis: list[Number]
     """Mean normalised innovation squared; 1 when the filter is consistent."""
 

@@ -1,0 +1,29 @@
+"""The command ``iris-sysid import``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from iris_sysid import terminal
+from iris_sysid.cli.arguments import Force, Json, Output
+
+
+def import_marks(
+    project: Annotated[Path, typer.Argument(help="A .trk or .trz file of Open Source Physics Tracker.")],
+    output: Output,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Import the marks of an OSP Tracker project. Writes track.csv: one row per mark and body, in px and s.
+
+    \b
+    Example:
+      iris-sysid import toss.trz -o track.csv
+    """
+    from iris_sysid import osp, pipeline, tables
+
+    terminal.check_outputs(project, [output], overwrite=force)
+    tracks = osp.marked_tracks(osp.read_osp(project))
+    tables.write_track(pipeline.from_source(tracks, project, {}), output, overwrite=force)
+    terminal.print_rows([{"body": body.body, "marks": body.n_valid} for body in tracks], json)

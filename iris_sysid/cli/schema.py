@@ -1,0 +1,17 @@
+"""The command ``iris-sysid schema``."""
+
+from typing import Annotated
+
+import typer
+
+
+def schema(name: Annotated[str, typer.Argument(help="fit, diagnosis, calibration or origin.")]) -> None:
+    """Print the JSON Schema of a result file.
+
+    \b
+    Example:
+      iris-sysid schema fit
+    """
+    from iris_sysid import documents, files
+
+    typer.echo(files.json_text(documents.schema(name)).rstrip("\n"))

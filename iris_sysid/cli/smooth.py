@@ -1,0 +1,25 @@
+"""The command ``iris-sysid smooth``."""
+
+import typer
+
+from iris_sysid import terminal
+from iris_sysid.cli.arguments import Force, Output, Table
+
+
+def smooth(table: Table, output: Output, force: Force = False) -> None:
+    """Smooth a trajectory and add its velocities. Kalman filter and Rauch-Tung-Striebel; gaps are bridged.
+
+    \b
+    Example:
+      iris-sysid smooth trajectory.csv -o smoothed.csv
+    """
+    from iris_sysid import smoothing, tables
+    from iris_sysid.table_reading import read_trajectory
+
+    terminal.check_outputs(table, [output], overwrite=force)
+    smoothed = smoothing.smooth(read_trajectory(table))
+    tables.write_trajectory(smoothed, output, overwrite=force)
+    state = smoothed.smoothed
+    assert state is not None
+    for quantity, psd, nis in zip(smoothed.quantities, state.psd, state.nis, strict=True):
+        typer.echo(f"{quantity.name}: process noise {psd:.4g} {quantity.unit}^2/s^5, NIS {nis:.2f}", err=True)

@@ -1,0 +1,69 @@
+"""The command ``iris-sysid track``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from iris_sysid import terminal
+from iris_sysid.cli.arguments import (
+    Bodies,
+    Colour,
+    Force,
+    Fps,
+    Json,
+    KeepPartial,
+    Output,
+    Roi,
+    Start,
+    Stop,
+    TrackerName,
+    Video,
+)
+
+
+def track(
+    video: Video,
+    output: Output,
+    phenomenon: Annotated[str | None, typer.Option(help="Take the tracker from this phenomenon.")] = None,
+    tracker: TrackerName = None,
+    bodies: Bodies = None,
+    fps: Fps = None,
+    start: Start = None,
+    stop: Stop = None,
+    roi: Roi = None,
+    colour: Colour = None,
+    overlay: Annotated[Path | None, typer.Option(help="Also write the clip with the track drawn over it.")] = None,
+    keep_partial: KeepPartial = False,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Follow bodies through a clip. Writes track.csv: one row per frame and body, in px and s.
+
+    \b
+    Example:
+      iris-sysid track toss.mp4 --roi 0,0,640,400 -o track.csv --overlay overlay.mp4
+    """
+    from iris_sysid import options, pipeline, tables
+    from iris_sysid.registry import PHENOMENA
+    from iris_sysid.video import open_video
+
+    chosen = PHENOMENA[phenomenon] if phenomenon else None
+    name = tracker or (chosen.tracker if chosen else "median-background")
+    terminal.check_outputs(video, [output, overlay], overwrite=force)
+    terminal.check_suffix(overlay, ".mp4")
+    clip = open_video(video, fps=fps, start_s=start, stop_s=stop, keep_partial=keep_partial)
+    with terminal.progress("tracking") as report_progress:
+        wanted = options.track_options(bodies or (chosen.bodies if chosen else 1), roi, colour, report_progress)
+        tracks = pipeline.track(clip, name, wanted)
+    asked = {"tracker": name, "fps": fps, "start_s": start, "stop_s": stop, "keep_partial": keep_partial}
+    tables.write_track(pipeline.from_source(tracks, video, asked), output, overwrite=force)
+    if overlay is not None:
+        from iris_sysid.report.overlay import write_overlay
+
+        with terminal.progress("drawing") as report_progress:
+            write_overlay(clip, tracks, overlay, overwrite=force, progress=report_progress)
+    if clip.warning:
+        typer.echo(f"warning: {clip.warning}", err=True)
+    found = [{"body": body.body, "frames": len(body.t_s), "tracked": body.n_valid} for body in tracks]
+    terminal.print_rows(found, json)

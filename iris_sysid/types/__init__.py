@@ -1,0 +1,32 @@
+"""The boxes of the flow: each is frozen, checked when made, and read-only.
+
+Arrays are float64 unless said otherwise and cannot be written to. NaN means "not known";
+``valid`` says so explicitly. Pixels: x right, y down, origin at the centre of pixel (0, 0).
+World: x right, z up.
+"""
+
+from iris_sysid.arrays import Array as Array
+from iris_sysid.arrays import Mask as Mask
+from iris_sysid.types._clip import TRACK_SIGMAS as TRACK_SIGMAS
+from iris_sysid.types._clip import Frame as Frame
+from iris_sysid.types._clip import FrameSource as FrameSource
+from iris_sysid.types._clip import Track as Track
+from iris_sysid.types._clip import TrackOptions as TrackOptions
+from iris_sysid.types._model import Effect as Effect
+from iris_sysid.types._model import OdeModel as OdeModel
+from iris_sysid.types._model import Parameter as Parameter
+from iris_sysid.types._model import RightHandSide as RightHandSide
+from iris_sysid.types._motion import Calibration as Calibration
+from iris_sysid.types._motion import MotionKind as MotionKind
+from iris_sysid.types._motion import Segment as Segment
+from iris_sysid.types._motion import SegmentLabel as SegmentLabel
+from iris_sysid.types._motion import Smoothed as Smoothed
+from iris_sysid.types._motion import Trajectory as Trajectory
+from iris_sysid.types._numbers import NORMAL_975 as NORMAL_975
+from iris_sysid.types._numbers import Estimate as Estimate
+from iris_sysid.types._numbers import Quantity as Quantity
+from iris_sysid.types._numbers import unit_suffix as unit_suffix
+from iris_sysid.types._plugins import Phenomenon as Phenomenon
+from iris_sysid.types._plugins import Tracker as Tracker
+from iris_sysid.types._result import FitResult as FitResult
+from iris_sysid.types._result import FitStatus as FitStatus

@@ -1,0 +1,122 @@
+"""What is read of a clip, and what a tracker makes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iris_sysid.arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
+from iris_sysid.errors import DataError
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Frame:
+    """One decoded frame. ``luma`` is (h, w) uint8; ``bgr()`` converts to (h, w, 3) uint8 when asked."""
+
+    index: int
+    t_s: float
+    luma: NDArray[np.uint8]
+    bgr: Callable[[], NDArray[np.uint8]]
+
+
+class FrameSource(Protocol):
+    """What a tracker is given: frames in order, as often as it asks, with the container's exact times."""
+
+    @property
+    def width(self) -> int:
+        """Width in pixels, as displayed (rotation applied)."""
+
+    @property
+    def height(self) -> int:
+        """Height in pixels, as displayed."""
+
+    @property
+    def n_expected(self) -> int:
+        """Number of frames that the container promises (0 when it does not say)."""
+
+    def frames(self) -> Iterator[Frame]:
+        """Decode every frame from the start, in display order."""
+
+    def sample(self, count: int) -> list[Frame]:
+        """About ``count`` frames spread evenly over the clip, as cheaply as the container allows."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackOptions:
+    """What a user may tell any tracker.
+
+    ``roi`` is (x, y, width, height) in px. ``colour`` is a name or ``#rrggbb``: only pixels of about
+    that hue count. ``progress`` is called with (frames done, frames expected).
+    """
+
+    bodies: int = 1
+    roi: tuple[int, int, int, int] | None = None
+    colour: str | None = None
+    progress: Callable[[int, int], None] | None = None
+
+
+TRACK_SIGMAS = ("sigma_radius_px", "sigma_angle_rad", "sigma_intensity")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Track:
+    """One body, in pixels, over the frames of a clip.
+
+    ``t_s`` (n,) s; ``xy_px`` and ``sigma_px`` (n, 2) px, standard error of each coordinate;
+    ``valid`` (n,). Optional (n,): ``radius_px`` apparent radius, ``angle_rad`` orientation
+    (anticlockwise as seen), ``intensity`` grey levels, ``area_px`` pixels in the blob, ``hand``
+    (true where something that reaches in from the edge of the picture touches the body), and the standard
+    errors ``sigma_radius_px``, ``sigma_angle_rad``, ``sigma_intensity`` of what they are named after.
+    ``frame`` (n,) is the number of each frame in the file. A gap is NaN and not valid.
+    """
+
+    t_s: Array
+    xy_px: Array
+    sigma_px: Array
+    valid: Mask
+    frame: NDArray[np.int64]
+    body: str = "1"
+    radius_px: Array | None = None
+    angle_rad: Array | None = None
+    intensity: Array | None = None
+    area_px: Array | None = None
+    hand: Mask | None = None
+    origin: Mapping[str, Any] = field(default_factory=dict)
+    sigma_radius_px: Array | None = None
+    sigma_angle_rad: Array | None = None
+    sigma_intensity: Array | None = None
+
+    def __post_init__(self) -> None:
+        times = increasing_times(self.t_s)
+        n = times.size
+        valid = frozen_mask(self.valid, n, "valid")
+        for name, value in (
+            ("t_s", times),
+            ("xy_px", frozen_array(self.xy_px, (n, 2), "xy_px")),
+            ("sigma_px", frozen_array(self.sigma_px, (n, 2), "sigma_px")),
+            ("valid", valid),
+            ("origin", MappingProxyType(dict(self.origin))),
+        ):
+            object.__setattr__(self, name, value)
+        frame = np.array(self.frame, dtype=np.int64)
+        if frame.shape != (n,):
+            raise DataError(f"frame must have shape ({n},), not {frame.shape}")
+        frame.flags.writeable = False
+        object.__setattr__(self, "frame", frame)
+        for name in ("radius_px", "angle_rad", "intensity", "area_px", *TRACK_SIGMAS):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, frozen_array(getattr(self, name), (n,), name))
+        if self.hand is not None:
+            object.__setattr__(self, "hand", frozen_mask(self.hand, n, "hand"))
+        if not np.all(np.isfinite(self.xy_px[valid])):
+            raise DataError("a valid sample has a position that is not finite; mark it as a gap")
+
+    @property
+    def n_valid(self) -> int:
+        """Number of frames in which the body was found."""
+        return int(self.valid.sum())

@@ -1,0 +1,115 @@
+"""An equation of motion, and an effect that one may lack."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from iris_sysid.arrays import Array
+from iris_sysid.errors import DataError
+from iris_sysid.types._motion import Trajectory
+from iris_sysid.types._numbers import Quantity
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter of a model: name, unit, LaTeX symbol, bounds.
+
+    ``default`` is used where a model's guess gives no value. ``constant`` parameters are held at
+    their default unless freed (``--free``); ``source`` says where the default comes from and
+    ``stderr`` how well it is known.
+    """
+
+    name: str
+    unit: str
+    symbol: str
+    lower: float = -np.inf
+    upper: float = np.inf
+    default: float | None = None
+    constant: bool = False
+    stderr: float = 0.0
+    source: str = ""
+
+
+# dstate/dt as a tuple, from (t, state, params): scalars and tuples only, so that numba can compile it.
+# A model that declares inputs takes a fourth argument: (t, state, params, inputs).
+RightHandSide = Callable[..., tuple[float, ...]]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class OdeModel:
+    """A governing equation with its parameters: what the ODE engine fits.
+
+    ``states`` in the order that ``rhs`` takes them; the initial value of state ``theta`` is a
+    parameter named ``theta_0``. ``rhs(t, state, params)`` returns the derivatives as a tuple;
+    ``params`` is in the order of ``parameters``. The observed quantities are ``observed``: names of
+    states, unless ``observe(t_s, states (n, s), params (p,)) -> (n, d)`` is given, which must accept
+    arrays. ``guess(trajectory)`` returns starting values by name for parameters and initial states.
+    ``derive(values)`` returns further quantities (declared in ``derived``) from all values by name.
+    ``first_integral(states (n, s), params (p,)) -> (n,)`` is conserved when the parameters named in
+    ``dissipative`` are zero. ``warp(t_s, params (p,))``, where given, returns the times of the motion
+    that the samples at ``t_s`` show.
+    """
+
+    name: str
+    summary: str
+    equation: str
+    source: str
+    states: tuple[Quantity, ...]
+    parameters: tuple[Parameter, ...]
+    observed: tuple[Quantity, ...]
+    rhs: RightHandSide
+    guess: Callable[[Trajectory], Mapping[str, float]]
+    inputs: tuple[Quantity, ...] = ()
+    observe: Callable[[Array, Array, Array], Array] | None = None
+    derived: tuple[Quantity, ...] = ()
+    derive: Callable[[Mapping[str, float]], Mapping[str, float]] | None = None
+    first_integral: Callable[[Array, Array], Array] | None = None
+    dissipative: tuple[str, ...] = ()
+    warp: Callable[[Array, Array], Array] | None = None
+
+    @property
+    def second_order(self) -> bool:
+        """Whether the states are positions followed by their velocities, in the same order."""
+        half, odd = divmod(len(self.states), 2)
+        pairs = zip(self.states[:half], self.states[half : 2 * half], strict=True)
+        return not odd and half > 0 and all(rate.unit == f"{place.unit}/s" for place, rate in pairs)
+
+    def parameter(self, name: str) -> Parameter:
+        """The parameter of that name; DataError lists the names there are."""
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        names = ", ".join(parameter.name for parameter in self.parameters)
+        raise DataError(f"model {self.name!r} has no parameter {name!r}; it has {names}")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Effect:
+    """Something that a governing equation may lack; one of its four maps acts, the others are None.
+
+    ``parameters``: the first is the size, and at zero the effect is absent. In a unit, ``{x}`` stands
+    for the unit of the observed quantity: quadratic drag of an angle has the unit 1/rad.
+
+    ``acceleration(t, position, velocity, speed, base, params)`` returns what is added to one second
+    derivative ``base`` of a model of second order, or to one rate of a model of first order (there
+    ``velocity`` is that rate). It is called for each component of each body; ``speed`` is the norm of
+    the body's velocity, and all are numbers, so that numba can compile it.
+    ``observe(t_s, observed (n, d), velocity (n, d), params)`` returns what the camera sees (n, d).
+    ``warp(t_s, params)`` returns the times (n,) at which the motion really was.
+    ``applies(model)`` says whether the effect makes sense for a model.
+    ``alike`` names effects and parameters that do nearly the same, in words.
+    """
+
+    name: str
+    summary: str
+    equation: str
+    source: str
+    parameters: tuple[Parameter, ...]
+    applies: Callable[[OdeModel], bool]
+    acceleration: Callable[..., float] | None = None
+    observe: Callable[[Array, Array, Array, Array], Array] | None = None
+    warp: Callable[[Array, Array], Array] | None = None
+    alike: str = ""

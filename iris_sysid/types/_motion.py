@@ -1,0 +1,154 @@
+"""A motion in world units, what it is cut into, and how pixels become it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any, Literal
+
+import numpy as np
+
+from iris_sysid.arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
+from iris_sysid.errors import DataError
+from iris_sysid.types._numbers import Estimate, Quantity
+
+MotionKind = Literal["oscillation", "slide", "flight", "any"]
+SegmentLabel = Literal["hand", "release", "motion", "contact", "rest"]
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """Samples ``start`` to ``stop - 1`` of a trajectory, and what happens in them."""
+
+    label: SegmentLabel
+    start: int
+    stop: int
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Smoothed:
+    """Kalman/RTS estimate at each sample, gaps bridged.
+
+    ``position`` and ``velocity`` (n, d); ``covariance`` (n, 2d, 2d), ordered positions then
+    velocities; ``psd`` is the process noise chosen, one a quantity, in unit^2/s^5;
+    ``nis`` is the mean normalised innovation squared per quantity (1 when the filter is consistent).
+    """
+
+    position: Array
+    velocity: Array
+    covariance: Array
+    psd: Array
+    nis: Array
+
+    def __post_init__(self) -> None:
+        position = np.asarray(self.position)
+        if position.ndim != 2:
+            raise DataError(f"smoothed position must be (n, d), not {position.shape}")
+        n, d = position.shape
+        object.__setattr__(self, "position", frozen_array(position, (n, d), "position"))
+        object.__setattr__(self, "velocity", frozen_array(self.velocity, (n, d), "velocity"))
+        object.__setattr__(self, "covariance", frozen_array(self.covariance, (n, 2 * d, 2 * d), "covariance"))
+        object.__setattr__(self, "psd", frozen_array(self.psd, (d,), "psd"))
+        object.__setattr__(self, "nis", frozen_array(self.nis, (d,), "nis"))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Trajectory:
+    """Measured quantities over time, in SI (or in px where no scale is known; the unit says so).
+
+    ``t_s`` (n,) s; ``position`` (n, d) as measured, in the units of ``quantities``; ``sigma`` (n, d)
+    random standard error of each sample, NaN where unknown; ``valid`` (n,). ``inputs`` (n, m) are
+    known inputs u(t) in the units of ``input_quantities``. ``segments`` say what happens when.
+    ``geometry`` holds what was measured on the way here (pivot, angle of the board, scale), with its
+    uncertainty, which is common to all samples. ``smoothed`` is there after :func:`iris_sysid.smooth`.
+    """
+
+    t_s: Array
+    quantities: tuple[Quantity, ...]
+    position: Array
+    sigma: Array
+    valid: Mask
+    input_quantities: tuple[Quantity, ...] = ()
+    inputs: Array | None = None
+    segments: tuple[Segment, ...] = ()
+    geometry: Mapping[str, Estimate] = field(default_factory=dict)
+    smoothed: Smoothed | None = None
+    origin: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        times = increasing_times(self.t_s)
+        n, d = times.size, len(self.quantities)
+        if d == 0:
+            raise DataError("a trajectory needs at least one quantity")
+        position = frozen_array(self.position, (n, d), "position")
+        valid = frozen_mask(self.valid, n, "valid")
+        inputs = self.inputs
+        if self.input_quantities:
+            inputs = frozen_array(
+                np.full((n, len(self.input_quantities)), np.nan) if inputs is None else inputs,
+                (n, len(self.input_quantities)),
+                "inputs",
+            )
+        if not np.all(np.isfinite(position[valid])):
+            raise DataError("a valid sample has a position that is not finite; mark it as a gap")
+        for segment in self.segments:
+            if not 0 <= segment.start < segment.stop <= n:
+                raise DataError(f"segment {segment} does not lie within the {n} samples")
+        for name, value in (
+            ("t_s", times),
+            ("position", position),
+            ("sigma", frozen_array(self.sigma, (n, d), "sigma")),
+            ("valid", valid),
+            ("inputs", inputs),
+            ("quantities", tuple(self.quantities)),
+            ("segments", tuple(self.segments)),
+            ("geometry", MappingProxyType(dict(self.geometry))),
+            ("origin", MappingProxyType(dict(self.origin))),
+        ):
+            object.__setattr__(self, name, value)
+
+    @property
+    def n(self) -> int:
+        """Number of samples, gaps included."""
+        return int(self.t_s.size)
+
+    def column(self, name: str) -> int:
+        """Index of the quantity of that name; DataError lists the names there are."""
+        names = [quantity.name for quantity in self.quantities]
+        if name not in names:
+            raise DataError(f"the trajectory has no quantity {name!r}; it has {', '.join(names)}")
+        return names.index(name)
+
+    def mask(self, *labels: SegmentLabel) -> Mask:
+        """True for samples in a segment of one of these labels (all samples when nothing is segmented)."""
+        if not self.segments:
+            return np.ones(self.n, dtype=np.bool_)
+        inside = np.zeros(self.n, dtype=np.bool_)
+        for segment in self.segments:
+            if segment.label in labels:
+                inside[segment.start : segment.stop] = True
+        return inside
+
+    def with_(self, **changes: Any) -> Trajectory:
+        """A copy with some fields replaced."""
+        return replace(self, **changes)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Calibration:
+    """How pixels become metres in the plane of motion; :func:`iris_sysid.to_world` applies it.
+
+    ``homography`` (3, 3) maps homogeneous (x, y, 1) px, y down, to metres, z up. ``scale`` is px per
+    ``unit`` with its standard error, which is common to all samples. ``unit`` is ``m``, or ``px``
+    when no scale is known: then angles and times are still right, lengths are not.
+    """
+
+    homography: Array
+    scale: Estimate
+    unit: Literal["m", "px"] = "m"
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "homography", frozen_array(self.homography, (3, 3), "homography"))

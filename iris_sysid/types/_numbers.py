@@ -1,0 +1,50 @@
+"""Names and numbers: a quantity with its unit, an estimate with its standard error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+NORMAL_975 = 1.959963984540054  # 97.5 % quantile of the standard normal
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A named quantity with its unit, e.g. ``Quantity("theta", "rad", r"\\theta")``."""
+
+    name: str
+    unit: str
+    symbol: str = ""
+
+    @property
+    def column(self) -> str:
+        """Name of the column that holds it in a table, e.g. ``theta_rad``."""
+        return f"{self.name}_{unit_suffix(self.unit)}"
+
+
+def unit_suffix(unit: str) -> str:
+    """Spell a unit as the end of a column name: ``m/s^2`` becomes ``m_s2``, no unit becomes ``1``."""
+    return unit.replace("^", "").replace("/", "_").replace(" ", "_").replace("-", "") or "1"
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A number with its standard error, unit and origin.
+
+    ``measurement_type`` is ``fitted``, ``direct`` (measured by hand), ``assumed``, ``derived`` or
+    ``metadata``. ``stderr`` is NaN where the data do not determine it. ``ci95`` is normal unless given.
+    ``source`` says where the value comes from, in words.
+    """
+
+    value: float
+    stderr: float
+    unit: str
+    measurement_type: str = "fitted"
+    source: str = ""
+    ci95: tuple[float, float] | None = None
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The 95 % interval (lower, upper)."""
+        if self.ci95 is not None:
+            return self.ci95
+        return (self.value - NORMAL_975 * self.stderr, self.value + NORMAL_975 * self.stderr)

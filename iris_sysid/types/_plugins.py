@@ -1,0 +1,44 @@
+"""A tracker, and a row of the benchmark that says how everything goes together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from iris_sysid.types._clip import FrameSource, Track, TrackOptions
+from iris_sysid.types._motion import MotionKind, Trajectory
+from iris_sysid.types._numbers import Estimate
+from iris_sysid.types._result import FitResult
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Tracker:
+    """A tracking algorithm: frames in, one Track a body out. One file in ``trackers`` holds one."""
+
+    name: str
+    summary: str
+    track: Callable[[FrameSource, TrackOptions], list[Track]]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Phenomenon:
+    """One row of the benchmark: which tracker, how positions become the observable, which model.
+
+    ``observe(world, settings)`` turns trajectories of x and z (one a body, segmented) into the one
+    the model observes; ``settings`` holds what the user stated (ball radius, board angle, pivot).
+    ``motion`` is the kind of motion that the segmentation looks for. ``free`` names constants of the
+    model that a video leaves open, e.g. the direction of the vertical. ``refine(fit, trajectory)``
+    returns settings that the fit knows better than the geometry did, for another pass. ``settings``
+    names what ``observe`` may be told beside the parameters of the model.
+    """
+
+    name: str
+    summary: str
+    tracker: str
+    model: str
+    observe: Callable[[Sequence[Trajectory], Mapping[str, Estimate]], Trajectory]
+    motion: MotionKind = "any"
+    bodies: int = 1
+    free: tuple[str, ...] = ()
+    refine: Callable[[FitResult, Trajectory], Mapping[str, Estimate]] | None = None
+    settings: tuple[str, ...] = ()

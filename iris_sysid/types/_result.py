@@ -1,0 +1,66 @@
+"""What a fit gives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+from iris_sysid.arrays import Array, Mask
+from iris_sysid.types._model import OdeModel
+from iris_sysid.types._numbers import Estimate
+
+FitStatus = Literal["ok", "at-bound", "singular", "diverged", "too-short", "not-converged", "misfit"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FitResult:
+    """A model fitted to a trajectory.
+
+    ``estimates`` by name: fitted parameters, constants, initial states and derived quantities.
+    ``free`` names the fitted ones, in the order of ``covariance`` (p, p), which allows for
+    autocorrelated residuals. ``predicted`` and ``residual`` (n, d) at every sample of the
+    trajectory, residual = observed - predicted, NaN outside ``used`` (n,). ``noise`` (d,) is the
+    standard deviation of the measurement estimated independently of the model, ``rms`` (d,) that of
+    the residual. ``jacobian`` (n_used * d, p) is d predicted / d free, time-major.
+    ``fisher`` (p, p) is the Fisher information for white noise, ``condition`` its condition number
+    after scaling each parameter to unit information. ``budget[name][source]`` is the standard error
+    of a parameter from each source. ``t0_s`` is the time at which the initial states hold.
+    """
+
+    model: OdeModel
+    status: FitStatus
+    message: str
+    estimates: Mapping[str, Estimate]
+    free: tuple[str, ...]
+    covariance: Array
+    t_s: Array
+    used: Mask
+    predicted: Array
+    residual: Array
+    noise: Array
+    rms: Array
+    aic: float
+    bic: float
+    jacobian: Array
+    fisher: Array
+    condition: float
+    correlation: float
+    t0_s: float
+    budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    origin: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def ok(self) -> bool:
+        """Whether the estimates can be used as they are."""
+        return self.status == "ok"
+
+    @property
+    def usable(self) -> bool:
+        """Whether there are estimates at all; with a status other than ok they come with a reservation."""
+        return self.status in ("ok", "misfit", "at-bound", "singular")
+
+    @property
+    def n(self) -> int:
+        """Number of samples used."""
+        return int(self.used.sum())
