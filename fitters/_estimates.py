@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ class Errors:
     """Errors of the free values.
 
     ``covariance`` (k, k) and ``degrees`` (k,) of the random part, NaN for what is undetermined;
-    ``systematic`` by source: (k,) change of the free values for one standard error of a known value.
+    ``systematic`` by source: (k,) change of the free values for one standard error of a known value or a prior.
     """
 
     covariance: Array
@@ -58,13 +58,18 @@ def estimate_all(task: Task, values: Array, errors: Errors) -> Budget:
             continue
         parts = _parts(np.eye(len(task.free))[task.free.index(name)], errors, {})
         budget[name] = parts
-        estimates[name] = _estimate(value, parts, errors.degrees[task.free.index(name)], units[name], "fitted")
+        one = _estimate(value, parts, errors.degrees[task.free.index(name)], units[name], "fitted")
+        estimates[name] = replace(one, source=_prior_text(task.priors[name])) if name in task.priors else one
     for name, (value, gradient, direct) in _derived(task, values).items():
         parts = _parts(gradient, errors, direct)
         degrees = float(np.min(errors.degrees[gradient != 0], initial=np.inf))
         budget[name] = parts
         estimates[name] = _estimate(value, parts, degrees, units[name], "derived")
     return Budget(estimates, budget)
+
+
+def _prior_text(prior: Estimate) -> str:
+    return f"fitted, with the prior {prior.value:g} +- {prior.stderr:g} {prior.unit} ({prior.source or 'given'})"
 
 
 def _units(model: OdeModel) -> dict[str, str]:
@@ -81,7 +86,7 @@ def _parts(gradient: Array, errors: Errors, direct: Mapping[str, float]) -> dict
     moved = gradient != 0
     parts = {}
     variance = gradient[moved] @ errors.covariance[np.ix_(moved, moved)] @ gradient[moved]
-    parts[RANDOM] = float(np.sqrt(variance)) if moved.any() else 0.0
+    parts[RANDOM] = float(np.sqrt(np.maximum(variance, 0.0))) if moved.any() else 0.0  # rounding: never below zero
     for source, shift in errors.systematic.items():
         parts[source] = abs(float(gradient[moved] @ shift[moved]) + direct.get(source, 0.0))
     return parts

@@ -50,12 +50,44 @@ class Target:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Unknowns:
-    """Which values are free: their places ``which`` (k,), names and bounds (k,)."""
+    """Which values are free: their places ``which`` (k,), names and bounds (k,).
+
+    Those measured elsewhere have a normal prior of mean ``expected`` (k,) and standard error 1 / ``precision`` (k,);
+    a precision of zero is no prior.
+    """
 
     which: NDArray[np.intp]
     names: tuple[str, ...]
     lower: Array
     upper: Array
+    expected: Array
+    precision: Array
+
+    @property
+    def measured(self) -> NDArray[np.intp]:
+        """Which of the free values have a prior."""
+        return np.flatnonzero(self.precision)
+
+    @property
+    def prior_rows(self) -> Array:
+        """What the priors add to the sensitivities (j, k), one row each."""
+        return np.asarray(np.diag(self.precision)[self.measured])
+
+    def prior_residual(self, values: Array) -> Array:
+        """What the priors add to the residual (j,), expected - value in standard errors."""
+        part = self.measured
+        return np.asarray((self.expected[part] - values[self.which[part]]) * self.precision[part])
+
+    def weighing_priors(self, factor: float) -> Unknowns:
+        """The same with the weight of every prior multiplied by a factor."""
+        return replace(self, precision=self.precision * factor)
+
+    def without(self, index: int) -> Unknowns:
+        """The same with one of the free values held."""
+        kept = np.arange(self.which.size) != index
+        names = tuple(name for name, keep in zip(self.names, kept, strict=True) if keep)
+        arrays = (self.lower, self.upper, self.expected, self.precision)
+        return Unknowns(self.which[kept], names, *(array[kept] for array in arrays))
 
     def inside(self, values: Array) -> Array:
         """The values with the free ones moved inside their bounds."""
@@ -71,7 +103,8 @@ class Solution:
 
     ``values`` (p + s,); ``predicted`` (n, d) by the ``problem`` with its time steps; ``steps`` (k,) for differences;
     ``rms`` of the residual in units of sigma, infinite where the solution runs away; ``fine`` when the optimiser was
-    not stopped early.
+    not stopped early. ``gradients``: norm of the gradient of the mean squared residual, in units of sigma, by the
+    free values relative to their size, at each iteration so far.
     """
 
     problem: InitialValueProblem
@@ -82,6 +115,7 @@ class Solution:
     converged: bool
     fine: bool
     message: str
+    gradients: tuple[float, ...] = ()
 
 
 @dataclass(eq=False, slots=True)
@@ -93,6 +127,7 @@ class _Objective:
     unknowns: Unknowns
     start: Array
     steps: Array
+    gradients: list[float] = field(default_factory=list)
     _last: tuple[Array, Array] | None = field(default=None)
 
     def values_of(self, parameters: lmfit.Parameters) -> Array:
@@ -106,14 +141,24 @@ class _Objective:
         return self._last[1]
 
     def residual(self, parameters: lmfit.Parameters) -> Array:
-        residual = self.target.observed - self.predicted(self.values_of(parameters))
-        return np.clip(-self.target.weighted(residual), -LARGEST, LARGEST)
+        values = self.values_of(parameters)
+        residual = -self.target.weighted(self.target.observed - self.predicted(values))
+        both = np.concatenate([residual, -self.unknowns.prior_residual(values)])
+        return np.clip(both, -LARGEST, LARGEST)
 
     def jacobian(self, parameters: lmfit.Parameters) -> Array:
         values = self.values_of(parameters)
         slopes = self.problem.rough_sensitivity(values, self.unknowns.which, self.steps, self.predicted(values))
         self.steps = adapted_steps(self.steps, slopes, self.target.size)
-        return np.clip(np.nan_to_num(self.target.weighted(slopes)), -LARGEST, LARGEST)
+        rows = np.concatenate([np.nan_to_num(self.target.weighted(slopes)), self.unknowns.prior_rows])
+        jacobian = np.clip(rows, -LARGEST, LARGEST)
+        self.gradients.append(self._gradient(jacobian, self.residual(parameters), values))
+        return jacobian
+
+    def _gradient(self, jacobian: Array, residual: Array, values: Array) -> float:
+        """Norm of the gradient of the mean square by the relative free values: 1 is one standard deviation."""
+        size = np.maximum(np.abs(values[self.unknowns.which]), 1e-3)
+        return float(np.linalg.norm(2.0 * (residual @ jacobian) * size / residual.size))
 
 
 def minimise(
@@ -125,6 +170,7 @@ def minimise(
     rough: bool = False,
     loss: Loss = "linear",
     steps: Array | None = None,
+    gradients: tuple[float, ...] = (),
 ) -> Solution:
     """Least squares from one start over all samples of the problem, by lmfit's trust region with our Jacobian.
 
@@ -144,6 +190,8 @@ def minimise(
         As in ``scipy.optimize.least_squares``.
     steps
         (k,) difference steps of an earlier solution.
+    gradients
+        Of the iterations so far.
     """
     start = unknowns.inside(values)
     problem = problem.planned(start, ROUGH_STEP if rough else FINE_STEP)
@@ -151,11 +199,13 @@ def minimise(
     objective = _Objective(problem, target, unknowns, start, steps)
     predicted = objective.predicted(start)
     if not np.all(np.isfinite(predicted)):
-        return Solution(problem, start, predicted, objective.steps, np.inf, False, True, "runs away at the start")
+        why = "runs away at the start"
+        return Solution(problem, start, predicted, objective.steps, np.inf, False, True, why, gradients)
     found = _minimised(objective, loss, rough=rough)
     best = objective.values_of(found.params)
+    seen = np.asarray(found.residual)[: int(target.used.sum()) * target.observed.shape[1]]
     with np.errstate(all="ignore"):
-        rms = float(np.sqrt(np.mean(np.asarray(found.residual) ** 2)))
+        rms = float(np.sqrt(np.mean(seen**2)))
     finite = bool(np.isfinite(rms))
     return Solution(
         problem=problem,
@@ -166,6 +216,7 @@ def minimise(
         converged=bool(found.success) and finite,
         fine=not rough,
         message=str(found.message),
+        gradients=(*gradients, *objective.gradients),
     )
 
 

@@ -11,7 +11,7 @@ from fitters._covariance import Uncertainty, inverse_normal, random_uncertainty
 from fitters._estimates import Errors, estimate_all
 from fitters._least_squares import LARGEST, Solution, Target
 from fitters._problem import difference_steps, value_names
-from fitters._task import Task
+from fitters._task import Task, with_priors
 from fitters._verdict import (
     SINGULAR,
     Determination,
@@ -26,25 +26,34 @@ from fitters._verdict import (
 )
 from iris_sysid.types import Array, Estimate, FitResult, FitStatus, Mask, OdeModel, Trajectory
 
+NO_PULLS: Array = np.zeros(0)
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Linearised:
     """The fit near its solution, at the used samples and in units of sigma.
 
     ``residual`` (n, d); ``sensitivity`` (n, d, k) to the free values; ``known`` by name (n, d): change of the
-    prediction for one standard error of each uncertain known value.
+    prediction for one standard error of each uncertain known value; ``prior`` (j, k) rows that priors add to the
+    sensitivities.
     """
 
     t_s: Array
     residual: Array
     sensitivity: Array
     known: Mapping[str, Array]
+    prior: Array
 
     @property
     def flat(self) -> Array:
         """Sensitivity as a matrix (n * d, k), time-major."""
         n, d, k = self.sensitivity.shape
         return self.sensitivity.reshape(n * d, k)
+
+    @property
+    def informed(self) -> Array:
+        """The flat sensitivity with the rows of the priors below it (n * d + j, k)."""
+        return np.concatenate([self.flat, self.prior])
 
 
 def linearise(task: Task, target: Target, solution: Solution) -> Linearised:
@@ -67,14 +76,16 @@ def linearise(task: Task, target: Target, solution: Solution) -> Linearised:
     k = task.unknowns.which.size
     known = {name: scaled[:, :, k + i] * task.known[name].stderr for i, name in enumerate(uncertain)}
     residual = (target.observed - solution.predicted)[target.used] / sigma
-    return Linearised(problem.t_s[target.used], residual, scaled[:, :, :k], known)
+    return Linearised(problem.t_s[target.used], residual, scaled[:, :, :k], known, task.unknowns.prior_rows)
 
 
-def errors_of(near: Linearised, usable: Mask, undetermined: Mask) -> tuple[Errors, Uncertainty]:
+def errors_of(task: Task, near: Linearised, usable: Mask, undetermined: Mask) -> tuple[Errors, Uncertainty]:
     """Random and systematic errors; NaN for values that are undetermined or sit at a bound.
 
     Parameters
     ----------
+    task
+        Its priors are sources of error of their own.
     near
         The linearised fit.
     usable
@@ -84,7 +95,7 @@ def errors_of(near: Linearised, usable: Mask, undetermined: Mask) -> tuple[Error
     """
     k = usable.size
     flat = near.flat[:, usable]
-    bread = inverse_normal(flat, SINGULAR**-0.5)
+    bread = inverse_normal(near.informed[:, usable], SINGULAR**-0.5)
     random = random_uncertainty(near.t_s, near.residual, near.sensitivity[:, :, usable], bread)
     covariance, degrees = np.full((k, k), np.nan), np.full(k, np.nan)
     covariance[np.ix_(usable, usable)] = random.covariance
@@ -95,7 +106,22 @@ def errors_of(near: Linearised, usable: Mask, undetermined: Mask) -> tuple[Error
         shift = np.full(k, np.nan)
         shift[usable] = -bread @ (flat.T @ response.ravel())
         systematic[name] = np.where(undetermined, np.nan, shift)
+    pulls = _prior_shifts(task, bread, usable)
+    systematic |= {name: np.where(undetermined, np.nan, shift) for name, shift in pulls.items()}
     return Errors(covariance, degrees, systematic), random
+
+
+def _prior_shifts(task: Task, bread: Array, usable: Mask) -> dict[str, Array]:
+    """Change of the free values (k,) for one standard error of each prior, by name."""
+    shifts = {}
+    for index in task.unknowns.measured:
+        if not usable[index]:
+            continue
+        name = task.free[index]
+        shifts[name] = np.full(usable.size, np.nan)
+        pull = task.unknowns.precision[index] ** 2 * task.priors[name].stderr
+        shifts[name][usable] = bread[:, int(usable[:index].sum())] * pull
+    return shifts
 
 
 def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -> FitResult:
@@ -111,19 +137,21 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -
     near = linearise(task, target, solution)
     touching = at_bounds(task.unknowns, solution.values)
     found = _determination(near, ~touching)
-    errors, random = errors_of(near, ~touching, found.undetermined)
+    errors, random = errors_of(task, near, ~touching, found.undetermined)
     results = estimate_all(task, solution.values, errors)
     residual = target.observed - solution.predicted
     rms = np.sqrt(np.mean(residual[target.used] ** 2, axis=0))
     status, message = _status(task, target, solution, touching, found, rms)
-    aic, bic = criteria(near.residual, target.sigma[target.used], len(task.free))
+    measured = with_priors(task.unknowns, task.priors)
+    pulls = measured.prior_residual(solution.values)
+    aic, bic = criteria(near.residual, target.sigma[target.used], len(task.free), pulls)
     return FitResult(
         model=task.model,
         status=status,
         message=". ".join(filter(None, [message, *notes, unknown_text(task, results.estimates)])),
         estimates=results.estimates,
         free=task.free,
-        covariance=errors.covariance,
+        covariance=errors.covariance + _from_priors(task, errors),
         t_s=task.trajectory.t_s,
         used=_spread(task, target.used, False).astype(np.bool_),
         predicted=_spread(task, target.observed - residual, np.nan),
@@ -133,7 +161,7 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -
         aic=aic,
         bic=bic,
         jacobian=near.flat * np.repeat(target.sigma[target.used].ravel()[:, None], len(task.free), axis=1),
-        fisher=fisher_information(near),
+        fisher=fisher_information(near) + measured.prior_rows.T @ measured.prior_rows,
         condition=found.condition,
         correlation=_lag_one(near.residual),
         t0_s=float(solution.problem.t_s[0]),
@@ -150,7 +178,7 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -
 
 def _determination(near: Linearised, usable: Mask) -> Determination:
     """What the values that are not at a bound leave undetermined, spread over all free values."""
-    found = determination(near.flat[:, usable])
+    found = determination(near.informed[:, usable])
     null = np.zeros((found.null.shape[0], usable.size))
     null[:, usable] = found.null
     undetermined = np.zeros(usable.size, dtype=np.bool_)
@@ -176,18 +204,26 @@ def _status(
     return status, ". ".join(texts)
 
 
-def criteria(residual: Array, sigma: Array, n_free: int) -> tuple[float, float]:
+def _from_priors(task: Task, errors: Errors) -> Array:
+    """Covariance (k, k) of the free values that comes from the errors of their priors."""
+    shifts = [shift for name, shift in errors.systematic.items() if name in task.priors]
+    return np.asarray(sum((np.outer(shift, shift) for shift in shifts), np.zeros(errors.covariance.shape)))
+
+
+def criteria(residual: Array, sigma: Array, n_free: int, pulls: Array = NO_PULLS) -> tuple[float, float]:
     """Akaike's and the Bayesian criterion for normal white noise of unknown size in each quantity.
 
     -2 log L = sum over quantities of n (log(2 pi s^2) + 1) + 2 sum log sigma, with s^2 the mean square of the
-    residual (n, d) in units of sigma (n, d); every quantity's s counts as a parameter.
+    residual (n, d) in units of sigma (n, d); every quantity's s counts as a parameter. A prior is one more sample:
+    ``pulls`` (j,) are the distances of estimates from their priors in standard errors of those.
     """
     n, d = residual.shape
     with np.errstate(all="ignore"):
         square = np.maximum(np.mean(residual**2, axis=0), 1e-300)
         minus_two_log = float(n * np.sum(np.log(2 * np.pi * square) + 1) + 2 * np.sum(np.log(sigma)))
+    minus_two_log += float(pulls @ pulls)
     count = n_free + d
-    return minus_two_log + 2 * count, minus_two_log + count * float(np.log(n * d))
+    return minus_two_log + 2 * count, minus_two_log + count * float(np.log(n * d + pulls.size))
 
 
 def fisher_information(near: Linearised) -> Array:

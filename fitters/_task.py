@@ -6,6 +6,7 @@ import keyword
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from iris_sysid.errors import FitError
 from iris_sysid.types import Array, Estimate, Mask, OdeModel, Parameter, SegmentLabel, Trajectory
 
 METRE = re.compile(r"\bm\b")
+NO_PRIORS: Mapping[str, Estimate] = MappingProxyType({})
 MAGNIFICATION = "magnification"  # observed length / true length: carries the relative error of the scale
 
 
@@ -39,14 +41,16 @@ class Selection:
 class Task:
     """A fit, ready to run.
 
-    ``known`` by name: the values held, with their uncertainty; ``noise`` (d,) is the standard deviation of the
-    measurement from differences of neighbours, in the units of the observed quantities.
+    ``known`` by name: the values held, with their uncertainty; ``priors`` those estimated that were measured
+    elsewhere; ``noise`` (d,) is the standard deviation of the measurement from differences of neighbours, in the
+    units of the observed quantities.
     """
 
     trajectory: Trajectory
     model: OdeModel
     selection: Selection
     known: Mapping[str, Estimate]
+    priors: Mapping[str, Estimate]
     free: tuple[str, ...]
     problem: InitialValueProblem
     target: Target
@@ -115,23 +119,48 @@ def known_values(
     free
         Names to estimate.
     """
-    both = sorted(set(fixed) & set(free))
-    if both:
-        raise FitError(f"{', '.join(both)} cannot be both fixed and free")
-    known = {}
+    given = _all_given(model, trajectory, fixed)
+    constant = {
+        parameter.name: _constant(parameter, trajectory, model)
+        for parameter in model.parameters
+        if parameter.constant and parameter.name not in fixed
+    }
+    return {name: one for name, one in {**constant, **given}.items() if name not in free}
+
+
+def priors_of(
+    model: OdeModel, trajectory: Trajectory, fixed: Mapping[str, float | Estimate], free: Sequence[str]
+) -> dict[str, Estimate]:
+    """Values that are measured elsewhere and estimated as well, by name: normal priors.
+
+    Parameters
+    ----------
+    model, trajectory
+        As for :func:`known_values`.
+    fixed, free
+        What stands in both is a prior; FitError when it has no standard error.
+    """
+    both = {name: one for name, one in _all_given(model, trajectory, fixed).items() if name in free}
+    exact = sorted(name for name, one in both.items() if not 0 < one.stderr < np.inf)
+    if exact:
+        raise FitError(
+            f"{', '.join(exact)} cannot be both fixed and free: give it with its standard error, which then is a "
+            f"prior (e.g. {exact[0]}={both[exact[0]].value:g}+-0.01), or leave out one of the two"
+        )
+    return both
+
+
+def _all_given(model: OdeModel, trajectory: Trajectory, fixed: Mapping[str, float | Estimate]) -> dict[str, Estimate]:
+    units = {one.name: one.unit for one in model.parameters} | {f"{one.name}_0": one.unit for one in model.states}
+    given = {
+        name: _given(name, fixed[name], _unit_in(trajectory, model, unit))
+        for name, unit in units.items()
+        if name in fixed
+    }
     for parameter in model.parameters:
-        if parameter.name in fixed:
-            known[parameter.name] = _given(
-                parameter.name, fixed[parameter.name], _unit_in(trajectory, model, parameter.unit)
-            )
-            _check_bounds(parameter, known[parameter.name])
-        elif parameter.constant and parameter.name not in free:
-            known[parameter.name] = _constant(parameter, trajectory, model)
-    for state in model.states:
-        if f"{state.name}_0" in fixed:
-            name = f"{state.name}_0"
-            known[name] = _given(name, fixed[name], _unit_in(trajectory, model, state.unit))
-    return known
+        if parameter.name in given:
+            _check_bounds(parameter, given[parameter.name])
+    return given
 
 
 def _unit_in(trajectory: Trajectory, model: OdeModel, unit: str) -> str:
@@ -211,6 +240,7 @@ def prepare(
     selection: Selection,
     known: Mapping[str, Estimate],
     hold: Hold,
+    priors: Mapping[str, Estimate] = NO_PRIORS,
 ) -> Task:
     """Put data and model together.
 
@@ -222,6 +252,8 @@ def prepare(
         Values held; everything else is free.
     hold
         How inputs vary between samples.
+    priors
+        Measured elsewhere, and estimated.
     """
     span, used = selection.span, selection.used[selection.span]
     observed = trajectory.position[span][:, [trajectory.column(quantity.name) for quantity in model.observed]]
@@ -237,10 +269,11 @@ def prepare(
         model=model,
         selection=selection,
         known=known,
+        priors=priors,
         free=free,
         problem=initial_value_problem(model, t_s, _inputs(trajectory, model, span), hold),
         target=Target(observed, sigma, clean),
-        unknowns=_unknowns(model, free),
+        unknowns=_unknowns(model, free, priors),
         noise=noise,
     )
 
@@ -290,11 +323,19 @@ def _bridged(t_s: Array, values: Array, name: str) -> Array:
     return np.interp(t_s, t_s[known], values[known])
 
 
-def _unknowns(model: OdeModel, free: Sequence[str]) -> Unknowns:
+def _unknowns(model: OdeModel, free: Sequence[str], priors: Mapping[str, Estimate]) -> Unknowns:
     names = value_names(model)
     bounds = {parameter.name: (parameter.lower, parameter.upper) for parameter in model.parameters}
     lower, upper = np.array([bounds.get(name, (-np.inf, np.inf)) for name in free]).reshape(-1, 2).T
-    return Unknowns(np.array([names.index(name) for name in free], dtype=np.intp), tuple(free), lower, upper)
+    which, nothing = np.array([names.index(name) for name in free], dtype=np.intp), np.zeros(len(free))
+    return with_priors(Unknowns(which, tuple(free), lower, upper, nothing, nothing), priors)
+
+
+def with_priors(unknowns: Unknowns, priors: Mapping[str, Estimate]) -> Unknowns:
+    """The unknowns with normal priors by name, weighed by their standard errors alone."""
+    expected = np.array([priors[name].value if name in priors else 0.0 for name in unknowns.names])
+    precision = np.array([1.0 / priors[name].stderr if name in priors else 0.0 for name in unknowns.names])
+    return replace(unknowns, expected=expected, precision=precision)
 
 
 def starting_values(task: Task, start: Mapping[str, float]) -> Iterator[Array]:
@@ -303,6 +344,7 @@ def starting_values(task: Task, start: Mapping[str, float]) -> Iterator[Array]:
     FitError when a free parameter has neither a start, nor a guess, nor a default.
     """
     known = {name: estimate.value for name, estimate in task.known.items()}
+    start = {**{name: estimate.value for name, estimate in task.priors.items()}, **start}
     complete = set(task.free) <= set(start)
     if complete:
         yield _vector(task, {**start, **known})

@@ -3,19 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fitters._covariance import inverse_normal, random_uncertainty
 from fitters._least_squares import FINE_STEP, Loss, Solution, Target, minimise, reweighted
 from fitters._noise import wild_in_residual
 from fitters._problem import Hold, InitialValueProblem, difference_steps, initial_value_problem, value_names
-from fitters._result import conclude, failed
+from fitters._result import conclude, failed, linearise
 from fitters._shooting import explains, scattered_starts, search
-from fitters._task import Task, check_columns, check_names, in_units_of, known_values, prepare, select, starting_values
-from fitters._verdict import diverged_text, needed_samples, too_short_text
+from fitters._task import (
+    Task,
+    check_columns,
+    check_names,
+    in_units_of,
+    known_values,
+    prepare,
+    priors_of,
+    select,
+    starting_values,
+    with_priors,
+)
+from fitters._verdict import SINGULAR, diverged_text, needed_samples, too_short_text
 from iris_sysid.arrays import frozen_array, increasing_times
 from iris_sysid.errors import FitError
 from iris_sysid.types import (
@@ -168,7 +181,8 @@ def fit(
     fixed
         Values to hold, by name; an Estimate's standard error is propagated.
     free
-        Constants to estimate as well, e.g. ``("gravity",)``.
+        Constants to estimate as well, e.g. ``("gravity",)``. What is in ``fixed`` too, with its standard error, has
+        that as a normal prior: it takes part in the fit, and its share of each error is kept apart in ``budget``.
     start
         Starting values by name, tried before the model's own guess.
     segments
@@ -192,18 +206,18 @@ def fit(
     ------
     FitError
         When the call makes no sense: a quantity or an input that the trajectory lacks or has in another unit, an
-        unknown name, a value both fixed and free, a right-hand side that does not return one number a state.
+        unknown name, an exact value both fixed and free, a right-hand side that does not return one number a state.
     """
     check_names(model, fixed=list(fixed), free=list(free), start=list(start))
     check_columns(trajectory, model)
-    known = known_values(model, trajectory, fixed, free)
+    known, priors = (asked(model, trajectory, fixed, free) for asked in (known_values, priors_of))
     model = in_units_of(trajectory, model)
     selection = select(trajectory, segments)
     n_free = len(value_names(model)) - len(known)
     n, needed = int(selection.used.sum()), needed_samples(len(model.observed), n_free)
     if n < needed:
         return failed(trajectory, model, known, "too-short", too_short_text(n, needed, n_free))
-    task = prepare(trajectory, model, selection, known, hold)
+    task = prepare(trajectory, model, selection, known, hold, priors)
     if n_free == 0:
         return conclude(task, task.target, _nothing_to_fit(task), _notes(task, task.target))
     if nearby:
@@ -213,6 +227,8 @@ def fit(
     if not np.isfinite(solution.rms):
         return failed(trajectory, model, known, "diverged", diverged_text(task, solution))
     target, solution = _without_wild_samples(task, solution, loss)
+    if priors:
+        task, solution = _with_priors_weighed(task, target, solution, loss)
     if loss != "linear":
         target = reweighted(target, solution)
     with np.errstate(all="ignore"):  # garbage has errors without bound: infinite, and shown as such
@@ -254,6 +270,27 @@ def _without_wild_samples(task: Task, solution: Solution, loss: Loss) -> tuple[T
         target = Target(target.observed, target.sigma, candidates & ~wild)
         solution = minimise(task.problem, target, task.unknowns, solution.values, loss=loss, steps=solution.steps)
     return target, solution
+
+
+def _with_priors_weighed(task: Task, target: Target, solution: Solution, loss: Loss) -> tuple[Task, Solution]:
+    """Weigh the priors against what the data really say: they know less when their noise is large, or correlated.
+
+    Least squares takes each sample for a new one; the mean ratio of the information in the sandwich to that says
+    how far off it is.
+    """
+    for _ in range(2):
+        near = linearise(task, target, solution)
+        bread = inverse_normal(near.informed, SINGULAR**-0.5)
+        random = random_uncertainty(near.t_s, near.residual, near.sensitivity, bread)
+        information = np.einsum("ij,ij->", near.flat @ bread, near.flat)  # trace of J (J'J + priors)^-1 J'
+        middle = near.informed.T @ near.informed @ random.covariance  # J' Gamma J (J'J + priors)^-1
+        factor = float(np.sqrt(max(np.trace(middle), 0.0) / information)) if information > 0 else 1.0
+        if not (np.isfinite(factor) and factor > 0):
+            break
+        weighed = with_priors(task.unknowns, task.priors).weighing_priors(factor)
+        task = replace(task, unknowns=weighed)
+        solution = minimise(solution.problem, target, weighed, solution.values, loss=loss, steps=solution.steps)
+    return task, solution
 
 
 def _notes(task: Task, target: Target) -> list[str]:
