@@ -1,11 +1,10 @@
 """Close the loop: find what a fit leaves over, name the effect that the model lacks, add it, say what changed.
 
-1. Fit the model. 2. Screen every effect that applies by a score test: its sensitivity, freed of what the
-fitted parameters can imitate, against the residual. 3. Refit with the best few; the one that explains most
-is added when its size differs from zero at 5 % over the whole library, autocorrelation allowed for, and
-when it lowers the held-out error as well.
-4. Repeat until nothing is significant. Effects that do as well as the one added are named beside it, and
-for every effect that was not added there is an upper limit.
+1. Fit the model to every clip. 2. Screen every effect that applies by a score test: its sensitivity, freed of what
+the fitted parameters can imitate, against the residual. 3. Refit with the best few; the one that explains most is
+added when its size differs from zero at 5 % over the whole library, autocorrelation allowed for, and when it lowers
+the held-out error as well. 4. Repeat until nothing is significant. Effects that do as well as the one added are named
+beside it, and for every effect that was not added there is an upper limit.
 """
 
 from __future__ import annotations
@@ -16,39 +15,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.stats import norm
 
-from fitters._covariance import inverse_normal, random_uncertainty
 from fitters.compose import with_effect
 from fitters.ode import fit, simulate
-from fitters.screen import sensitivity
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
+from iris_sysid.scores import Score, combined, screen
 from iris_sysid.types import Array, Effect, Estimate, FitResult, OdeModel, Trajectory
 
 FAMILY_LEVEL = 0.05  # chance of adding anything to a model that lacks nothing
 MOST_ADDED = 4
 REFITTED = 4  # best of the screen that are refitted in each round
+WORTH_REFITTING = 6.0  # chi-square of white noise below which no refit can become significant over a library
 ALIKE = 0.99  # cosine between projected sensitivities above which two effects cannot be told apart
-HIDDEN = 1e-4  # share of a sensitivity that must be left after the parameters have taken theirs
-
-
-@dataclass(frozen=True, slots=True)
-class Score:
-    """One effect in one round of the screen.
-
-    ``size`` and ``stderr`` are its first-order estimate in ``unit``; ``gain`` is the share of the residual's
-    sum of squares that it would take away; ``z`` is size / stderr. All NaN when the data cannot show it.
-    """
-
-    effect: str
-    size: float
-    stderr: float
-    unit: str
-    gain: float
-
-    @property
-    def z(self) -> float:
-        """Size in standard errors."""
-        return self.size / self.stderr if self.stderr > 0 else float("nan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +41,11 @@ class Limit:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Errors:
-    """Root mean square of the residual, in the observed unit: over what was fitted, and over what was held out."""
+    """Root mean square of the residual, in the observed unit: over what was fitted, and over what was held out.
+
+    Held out is the end of each clip, after a fit to its beginning; of several clips, also the size of every effect
+    added, which then comes from the other clips.
+    """
 
     fitted: float
     heldout: float
@@ -73,14 +55,16 @@ class Errors:
 class Diagnosis:
     """What a model lacks, if anything.
 
-    ``base`` and ``final`` are fits to the same samples; ``added`` are the effects in the order in which they
-    were found. ``rounds`` hold the screen of each round, best first. ``indistinguishable`` names, for each
-    effect added, those that explain the data as well. ``noise_floor`` is the noise of the measurement.
+    ``bases`` and ``finals`` are fits to the same samples, one a clip, without and with the effects; ``added`` are
+    the effects in the order in which they were found, ``sizes`` by parameter name their size over all clips.
+    ``rounds`` hold the screen of each round, best first. ``indistinguishable`` names, for each effect added, those
+    that explain the data as well. ``noise_floor`` is the noise of the measurement.
     """
 
-    base: FitResult
-    final: FitResult
+    bases: tuple[FitResult, ...]
+    finals: tuple[FitResult, ...]
     added: tuple[Effect, ...]
+    sizes: Mapping[str, Estimate]
     rounds: tuple[tuple[Score, ...], ...]
     indistinguishable: Mapping[str, tuple[str, ...]]
     ruled_out: tuple[Limit, ...]
@@ -89,10 +73,20 @@ class Diagnosis:
     noise_floor: float
     unit: str
 
+    @property
+    def base(self) -> FitResult:
+        """The first clip's fit without the effects."""
+        return self.bases[0]
+
+    @property
+    def final(self) -> FitResult:
+        """The first clip's fit with the effects."""
+        return self.finals[0]
+
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Question:
-    """What is asked: the same for every refit."""
+class _Clip:
+    """What is asked of one clip: the same for every refit."""
 
     trajectory: Trajectory
     fixed: Mapping[str, float | Estimate]
@@ -102,7 +96,7 @@ class _Question:
         begin = start or {}
         return fit(self.trajectory, model, fixed=self.fixed, free=self.free, start=begin, nearby=bool(begin))
 
-    def with_open_geometry(self, model: OdeModel) -> _Question:
+    def with_open_geometry(self, model: OdeModel) -> _Clip:
         """The same question with the geometry that was measured with an error left open, where the data fix it."""
         measured = self.trajectory.geometry
         names = [one.name for one in model.parameters if one.constant and one.name in measured]
@@ -111,8 +105,20 @@ class _Question:
         return wider if unsure and wider.refit(model).status in ("ok", "misfit") else self
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _State:
+    """The fits of all clips with the effects added so far, and their errors."""
+
+    fits: tuple[FitResult, ...]
+    errors: Errors
+
+    @property
+    def model(self) -> OdeModel:
+        return self.fits[0].model
+
+
 def diagnose(
-    trajectory: Trajectory,
+    trajectories: Trajectory | Sequence[Trajectory],
     model: OdeModel,
     *,
     fixed: Mapping[str, float | Estimate] | None = None,
@@ -125,8 +131,9 @@ def diagnose(
 
     Parameters
     ----------
-    trajectory
-        What was measured.
+    trajectories
+        What was measured: one clip, or several of the same kind. Each clip has its own values of the model's
+        parameters; an effect has the same size in all, up to the scatter that they show.
     model
         The governing equation to question.
     fixed
@@ -136,7 +143,7 @@ def diagnose(
     effects
         What it may lack; every registered effect that applies when not given.
     holdout
-        Share of the clip, at its end, that the held-out error is computed on after fitting the rest.
+        Share of each clip, at its end, that the held-out error is computed on after fitting the rest.
     progress
         Called with a line of text at each step.
 
@@ -148,130 +155,138 @@ def diagnose(
     Raises
     ------
     FitError
-        When the base model cannot be fitted, so that there is no residual to explain.
+        When the base model cannot be fitted to a clip, so that there is no residual to explain.
     """
     say = progress or (lambda text: None)
-    question = _Question(trajectory, dict(fixed or {}), free).with_open_geometry(model)
-    base = question.refit(model)
-    if not base.usable:
-        raise FitError(f"the base model cannot be diagnosed, its fit failed ({base.status}): {base.message}")
+    measured = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
+    clips = [_Clip(one, dict(fixed or {}), free).with_open_geometry(model) for one in measured]
+    base = _base(clips, model, holdout)
     library = [one for one in (effects if effects is not None else EFFECTS.values()) if one.applies(model)]
     threshold = float(norm.isf(FAMILY_LEVEL / 2 / max(len(library), 1)))
     current, added, rounds, alike = base, [], [], {}
     for _ in range(MOST_ADDED):
         left = [one for one in library if one not in added]
         say(f"screening {len(left)} effects")
-        scores, projected = screen(left, current, trajectory)
+        scores, parallel = _screened(clips, current, left)
         rounds.append(scores)
-        chosen = _best_refit(question, current, left, scores, threshold, say)
-        if chosen is None or not _predicts_better(question, chosen[1], current, holdout):
+        chosen = _best_refit(clips, current, left, scores, threshold, holdout, say)
+        if chosen is None:
             break
         effect, current, equals = chosen
-        alike[effect.name] = _indistinguishable(effect, equals, scores, projected)
+        alike[effect.name] = tuple(dict.fromkeys([*equals, *parallel.get(effect.name, ())]))
         added.append(effect)
         say(f"added {effect.name}")
-    scores, _ = screen([one for one in library if one not in added], current, trajectory)
+    else:
+        rounds.append(_screened(clips, current, [one for one in library if one not in added])[0])
     return Diagnosis(
-        base=base,
-        final=current,
+        bases=base.fits,
+        finals=current.fits,
         added=tuple(added),
-        rounds=tuple(rounds),
+        sizes={name: pooled(_sizes(current.fits, name)) for effect in added for name in _names(effect)},
+        rounds=tuple(rounds[: len(added) + 1]),
         indistinguishable=alike,
-        ruled_out=tuple(_limit(score, library, model) for score in scores),
-        before=_errors(question, base, holdout),
-        after=_errors(question, current, holdout),
-        noise_floor=float(np.sqrt(np.mean(base.noise**2))),
+        ruled_out=tuple(_limit(score, library) for score in rounds[-1]),
+        before=base.errors,
+        after=current.errors,
+        noise_floor=float(np.sqrt(np.mean([np.mean(one.noise**2) for one in base.fits]))),
         unit=model.observed[0].unit,
     )
 
 
-def screen(
-    effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory
-) -> tuple[tuple[Score, ...], dict[str, Array]]:
-    """Score each effect against the residual of a fit, best first, without refitting.
+def pooled(sizes: Sequence[Estimate]) -> Estimate:
+    """Mean of independent estimates of one quantity, with the scatter between them (DerSimonian and Laird 1986).
 
-    With s the effect's sensitivity, J those of the fitted parameters and r the residual, all in units of the
-    noise, s' = s - J (J'J)^-1 J's is what the parameters cannot imitate, (s'r) / (s's') estimates the size
-    to first order (Rao 1948, Proc. Camb. Phil. Soc. 44, 50), and (s'r)^2 / (s's' r'r) is the gain.
-
-    Parameters
-    ----------
-    effects
-        All apply to the fitted model.
-    fitted
-        The model without them.
-    trajectory
-        What it was fitted to.
-
-    Returns
-    -------
-    scores : tuple of Score
-        In falling order of gain.
-    projected : dict of str to ndarray
-        s' of each effect, of unit length; absent when the parameters imitate it entirely.
+    The only one, where there is but one. Estimates without a standard error are left out.
     """
-    noise = np.where(fitted.noise > 0, fitted.noise, 1.0)
-    residual = fitted.residual[fitted.used] / noise
-    jacobian = fitted.jacobian / np.tile(noise, len(residual))[:, None]
-    basis = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))[0]
-    scores, projected = [], {}
-    for effect in effects:
-        along = (sensitivity(effect, fitted, trajectory) / noise).ravel()
-        apart = along - basis @ (basis.T @ along)
-        unit = effect.parameters[0].unit.replace("{x}", fitted.model.observed[0].unit)
-        length = float(np.linalg.norm(apart))
-        if not np.isfinite(length) or length <= HIDDEN * float(np.linalg.norm(along)):
-            scores.append(Score(effect.name, np.nan, np.nan, unit, 0.0))
-            continue
-        projected[effect.name] = apart / length
-        scores.append(_score(effect.name, unit, apart, jacobian, residual, fitted.t_s[fitted.used]))
-    return tuple(sorted(scores, key=lambda score: -score.gain)), projected
+    known = [one for one in sizes if one.stderr > 0]
+    if len(known) < 2:
+        return known[0] if known else sizes[0]
+    values, weights = np.array([one.value for one in known]), np.array([one.stderr**-2 for one in known])
+    spread = float(np.sum(weights * (values - np.average(values, weights=weights)) ** 2))
+    excess = (spread - (len(known) - 1)) / (weights.sum() - np.sum(weights**2) / weights.sum())
+    weights = 1.0 / (1.0 / weights + max(excess, 0.0))
+    source = f"mean of {len(known)} clips"
+    mean, stderr = float(np.average(values, weights=weights)), float(weights.sum() ** -0.5)
+    return Estimate(mean, stderr, known[0].unit, known[0].measurement_type, source)
 
 
-def _score(name: str, unit: str, apart: Array, jacobian: Array, residual: Array, t_s: Array) -> Score:
-    flat = residual.ravel()
-    size = float(apart @ flat / (apart @ apart))
-    rest = (flat - size * apart).reshape(residual.shape)
-    together = np.column_stack([jacobian, apart]).reshape(*residual.shape, -1)
-    bread = inverse_normal(together.reshape(-1, together.shape[2]))
-    variance = random_uncertainty(t_s, rest, together, bread).covariance[-1, -1]
-    gain = size**2 * float(apart @ apart) / max(float(flat @ flat), 1e-300)
-    return Score(name, size, float(np.sqrt(variance)), unit, gain)
+def _base(clips: Sequence[_Clip], model: OdeModel, holdout: float) -> _State:
+    fits = tuple(clip.refit(model) for clip in clips)
+    for number, one in enumerate(fits, start=1):
+        if not one.usable:
+            which = f" to clip {number} of {len(fits)}" if len(fits) > 1 else ""
+            raise FitError(f"the base model cannot be diagnosed, its fit{which} failed ({one.status}): {one.message}")
+    return _State(fits, _errors(clips, fits, (), holdout))
+
+
+def _screened(
+    clips: Sequence[_Clip], current: _State, effects: Sequence[Effect]
+) -> tuple[tuple[Score, ...], dict[str, list[str]]]:
+    """Scores over all clips, best first, and for each effect those whose sensitivity is parallel in every clip."""
+    each = [screen(effects, one, clip.trajectory) for one, clip in zip(current.fits, clips, strict=True)]
+    by_name = [{score.effect: score for score in scores} for scores, _ in each]
+    together = [combined([scores[effect.name] for scores in by_name]) for effect in effects]
+    directions = [projected for _, projected in each]
+    names = [name for name in directions[0] if all(name in one for one in directions)]
+    parallel = {
+        name: [
+            other
+            for other in names
+            if other != name and all(abs(float(one[name] @ one[other])) > ALIKE for one in directions)
+        ]
+        for name in names
+    }
+    return tuple(sorted(together, key=lambda score: -score.gain)), parallel
 
 
 def _best_refit(
-    question: _Question,
-    current: FitResult,
+    clips: Sequence[_Clip],
+    current: _State,
     effects: Sequence[Effect],
     scores: Sequence[Score],
     threshold: float,
+    holdout: float,
     say: Callable[[str], None],
-) -> tuple[Effect, FitResult, list[str]] | None:
-    """The effect that explains most once all is refitted, its fit, and those that explain as much."""
+) -> tuple[Effect, _State, list[str]] | None:
+    """The effect that explains most once all is refitted, its fits, and those that explain as much."""
     by_name = {effect.name: effect for effect in effects}
-    start = {name: estimate.value for name, estimate in current.estimates.items() if name in current.free}
-    trials: list[tuple[float, Effect, FitResult]] = []
-    for score in [one for one in scores if one.gain > 0][:REFITTED]:
+    trials: list[tuple[float, Effect, tuple[FitResult, ...]]] = []
+    for score in [one for one in scores if one.chi2 > WORTH_REFITTING][:REFITTED]:
         effect = by_name[score.effect]
         say(f"refitting with {effect.name}")
-        first = {**start, effect.parameters[0].name: score.size}
-        refitted = question.refit(with_effect(current.model, effect), first)
-        size = refitted.estimates.get(effect.parameters[0].name)
-        if refitted.usable and size is not None and abs(size.value) > threshold * size.stderr:
-            trials.append((_sum_of_squares(refitted), effect, refitted))
+        fits = tuple(_refitted(clip, one, effect, score.size) for clip, one in zip(clips, current.fits, strict=True))
+        if all(one.usable for one in fits):
+            size = pooled(_sizes(fits, effect.parameters[0].name))
+            if abs(size.value) > threshold * size.stderr:
+                trials.append((sum(_sum_of_squares(one) for one in fits), effect, fits))
     if not trials:
         return None
     trials.sort(key=lambda trial: trial[0])
-    best, effect, refitted = trials[0]
-    # twice the log of 20 : 1, inflated as the residual's correlation thins out the independent samples
-    margin = 2 * np.log(20.0) * (1 + abs(refitted.correlation)) / max(1 - abs(refitted.correlation), 0.05)
-    return effect, refitted, [other.name for cost, other, _ in trials[1:] if cost - best < margin]
+    best, effect, fits = trials[0]
+    state = _State(fits, _errors(clips, fits, _names(effect), holdout))
+    if state.errors.heldout >= current.errors.heldout:  # false where nothing can be held out
+        return None
+    margin = _margin(fits)
+    return effect, state, [other.name for cost, other, _ in trials[1:] if cost - best < margin]
 
 
-def _predicts_better(question: _Question, candidate: FitResult, current: FitResult, holdout: float) -> bool:
-    """Whether the candidate predicts what was held out better too; true where nothing can be held out."""
-    now, before = _errors(question, candidate, holdout).heldout, _errors(question, current, holdout).heldout
-    return not now >= before
+def _refitted(clip: _Clip, fitted: FitResult, effect: Effect, size: float) -> FitResult:
+    start = {name: fitted.estimates[name].value for name in fitted.free}
+    return clip.refit(with_effect(fitted.model, effect), {**start, effect.parameters[0].name: size})
+
+
+def _margin(fits: Sequence[FitResult]) -> float:
+    """Twice the log of 20 : 1, inflated as the residual's correlation thins out the independent samples."""
+    correlation = max(abs(one.correlation) for one in fits)
+    return float(2 * np.log(20.0) * (1 + correlation) / max(1 - correlation, 0.05))
+
+
+def _names(effect: Effect) -> tuple[str, ...]:
+    return tuple(parameter.name for parameter in effect.parameters)
+
+
+def _sizes(fits: Sequence[FitResult], name: str) -> list[Estimate]:
+    return [one.estimates[name] for one in fits]
 
 
 def _sum_of_squares(fitted: FitResult) -> float:
@@ -279,46 +294,45 @@ def _sum_of_squares(fitted: FitResult) -> float:
     return float(np.sum((fitted.residual[fitted.used] / noise) ** 2))
 
 
-def _indistinguishable(
-    effect: Effect, equals: Sequence[str], scores: Sequence[Score], projected: Mapping[str, Array]
-) -> tuple[str, ...]:
-    own = projected.get(effect.name)
-    parallel = [
-        score.effect
-        for score in scores
-        if own is not None
-        and score.effect != effect.name
-        and score.effect in projected
-        and abs(float(projected[score.effect] @ own)) > ALIKE
-    ]
-    return tuple(dict.fromkeys([*equals, *parallel]))
-
-
-def _limit(score: Score, effects: Sequence[Effect], model: OdeModel) -> Limit:
+def _limit(score: Score, effects: Sequence[Effect]) -> Limit:
     effect = next(one for one in effects if one.name == score.effect)
     upper = abs(score.size) + float(norm.isf(0.05)) * score.stderr
     return Limit(effect.name, effect.parameters[0].name, upper, score.unit)
 
 
-def _errors(question: _Question, fitted: FitResult, holdout: float) -> Errors:
-    """The error over the samples fitted, and over the last of them after a fit to the others alone."""
+def _errors(clips: Sequence[_Clip], fits: Sequence[FitResult], added: Sequence[str], holdout: float) -> Errors:
+    """The error over the samples fitted, and over those held out; NaN where a clip has none to spare."""
+    inside = np.concatenate([one.residual[one.used].ravel() for one in fits])
+    later = []
+    for k, (clip, fitted) in enumerate(zip(clips, fits, strict=True)):
+        others = [one for j, one in enumerate(fits) if j != k]
+        given = {name: pooled(_sizes(others, name)).value for name in added} if others else {}
+        later.append(_prediction_error(replace(clip, fixed={**clip.fixed, **given}), fitted, holdout))
+    return Errors(_rms(inside), _rms(np.concatenate(later)))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _prediction_error(clip: _Clip, fitted: FitResult, holdout: float) -> Array:
+    """Observed - predicted over the last samples (m,) after a fit to the others alone; one NaN where there are none."""
+    unknown = np.array([np.nan])
     used = np.flatnonzero(fitted.used)
-    inside = float(np.sqrt(np.mean(fitted.residual[used] ** 2)))
     kept = used[: round(len(used) * (1 - holdout))]
     if len(kept) < 3 * len(fitted.free) or len(kept) == len(used):
-        return Errors(inside, float("nan"))
-    trajectory = question.trajectory
+        return unknown
+    trajectory = clip.trajectory
     early = trajectory.valid.copy()
     early[kept[-1] + 1 :] = False
-    start = {name: fitted.estimates[name].value for name in fitted.free}
-    part = replace(question, trajectory=trajectory.with_(valid=early)).refit(fitted.model, start)
+    start = {name: fitted.estimates[name].value for name in fitted.free if name not in clip.fixed}
+    part = replace(clip, trajectory=trajectory.with_(valid=early)).refit(fitted.model, start)
     if not part.usable:
-        return Errors(inside, float("nan"))
+        return unknown
     values = {name: estimate.value for name, estimate in part.estimates.items()}
     span = slice(used[0], used[-1] + 1)
     known = trajectory.inputs[span] if trajectory.inputs is not None else None
     _, predicted = simulate(fitted.model, trajectory.t_s[span], values, inputs=known)
     columns = [trajectory.column(quantity.name) for quantity in fitted.model.observed]
     later = used[len(kept) :]
-    difference = trajectory.position[later][:, columns] - predicted[later - used[0]]
-    return Errors(inside, float(np.sqrt(np.mean(difference**2))))
+    return np.asarray((trajectory.position[later][:, columns] - predicted[later - used[0]]).ravel())

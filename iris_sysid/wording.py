@@ -113,7 +113,7 @@ def diagnosis_sentence(diagnosis: Diagnosis) -> str:
 
 
 def _effect_text(effect: Effect, diagnosis: Diagnosis) -> str:
-    size = with_error(diagnosis.final.estimates[effect.parameters[0].name])
+    size = with_error(diagnosis.sizes[effect.parameters[0].name])
     alike = diagnosis.indistinguishable.get(effect.name, ())
     doubt = f", or as well {' or '.join(one.replace('-', ' ') for one in alike)}" if alike else ""
     return f"{effect.name.replace('-', ' ')} ({size}{doubt})"

@@ -10,12 +10,13 @@ from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
 from iris_sysid import wording
-from iris_sysid.diagnosis import Diagnosis, Score
+from iris_sysid.diagnosis import Diagnosis
 from iris_sysid.documents import checked, entries_of, fit_document, plain_origin, write_document
 from iris_sysid.files import check_writable
 from iris_sysid.report import write_page
 from iris_sysid.report.page import Page, Picture, Section, estimates_section, png_of
 from iris_sysid.schemas import DiagnosisDocument, known_number
+from iris_sysid.scores import Score
 from iris_sysid.types import Array, FitResult, Trajectory
 
 FILES = ("diagnosis.json", "residual.png", "state.png", "report.html")
