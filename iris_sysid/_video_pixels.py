@@ -108,7 +108,7 @@ def luma_of(picture: VideoFrame, orientation: Orientation) -> Bytes:
     if layout is None or picture.planes[0].line_size <= 0:
         luma = np.asarray(cv2.cvtColor(picture.to_ndarray(format="bgr24"), cv2.COLOR_BGR2GRAY))
     else:
-        luma = _first_plane(picture, *layout)
+        luma = _plane(picture, 0, *layout)
     luma = orientation.turn(luma)
     luma.flags.writeable = False
     return luma
@@ -119,10 +119,22 @@ def bgr_of(picture: VideoFrame, orientation: Orientation) -> Bytes:
     return orientation.turn(np.ascontiguousarray(picture.to_ndarray(format="bgr24"), dtype=np.uint8))
 
 
-def _first_plane(picture: VideoFrame, dtype: str, shift: int) -> Bytes:
-    plane = picture.planes[0]
-    rows = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)[: picture.height]
-    samples = rows[:, : picture.width * np.dtype(dtype).itemsize].view(dtype)
+def chroma_of(picture: VideoFrame, orientation: Orientation) -> tuple[Bytes, Bytes] | None:
+    """The colour planes (cb, cr) as coded, uint8, at their own size; None where there are not two planes beside luma.
+
+    Without a copy, unless the picture is turned or deeper than 8 bits.
+    """
+    layout = _luma_layout(picture.format.name)
+    if layout is None or len(picture.planes) < 3 or any(plane.line_size <= 0 for plane in picture.planes):
+        return None
+    blue, red = (orientation.turn(_plane(picture, number, *layout)) for number in (1, 2))
+    return blue, red
+
+
+def _plane(picture: VideoFrame, number: int, dtype: str, shift: int) -> Bytes:
+    plane = picture.planes[number]
+    rows = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)[: plane.height]
+    samples = rows[:, : plane.width * np.dtype(dtype).itemsize].view(dtype)
     return samples if shift == 0 else np.right_shift(samples, shift).astype(np.uint8)
 
 

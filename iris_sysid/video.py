@@ -20,7 +20,7 @@ from typing import Protocol
 import av
 
 from iris_sysid._video_folders import open_archive, open_folder
-from iris_sysid._video_pixels import Orientation, bgr_of, luma_of
+from iris_sysid._video_pixels import Orientation, bgr_of, chroma_of, luma_of
 from iris_sysid._video_sources import DamageError, open_container
 from iris_sysid.errors import VideoError
 from iris_sysid.files import sha256_of
@@ -206,7 +206,8 @@ class Video:
 
     def _frame(self, index: int, t_s: float, picture: av.VideoFrame) -> Frame:
         orientation = self._source.orientation_for(picture)
-        return Frame(index, t_s, luma_of(picture, orientation), partial(bgr_of, picture, orientation))
+        luma = luma_of(picture, orientation)
+        return Frame(index, t_s, luma, partial(bgr_of, picture, orientation), partial(chroma_of, picture, orientation))
 
     def _wanted(self, last: int | None = None) -> Iterator[tuple[int, float, av.VideoFrame]]:
         """Number, time and picture of each wanted frame, up to number ``last``."""

@@ -1,13 +1,13 @@
 """The picture without its moving bodies, and its noise, from frames sampled over the clip.
 
-The stack of sampled frames stays as bytes; background and noise are worked out tile by tile when
-asked for, so that a 4K clip costs only the tiles that its bodies visit.
+Background and noise are worked out tile by tile when asked for, so that a 4K clip costs only the tiles that its
+bodies visit.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 Image = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 Flags = NDArray[np.bool_]
+Box = tuple[int, int, int, int]  # left, top, right (exclusive), bottom (exclusive), px
 
 QUANTISATION_SD = float(1.0 / np.sqrt(12.0))  # of a rounded grey level
 DENSEST = 0.5  # of the samples: where a body comes by more often, it is taken for background
@@ -24,7 +25,7 @@ INLIER_SIGMAS = 3.0
 SMALLEST_CUT = 5.0  # grey levels: dither and rounding are noise, not motion
 TRUNCATION = 0.9866  # standard deviation of a normal distribution cut at +-3 sigma
 POOL = 9  # px, side of the square over which the noise is averaged
-TILE = 256  # px
+TILE = 128  # px
 BLOCK = 4  # px, side of the blocks over which noise is summed
 PASSING_SIGMAS = 5.0  # of noise: a larger difference is a body that passes
 WIDE = 33  # px: noise that varies over more is flicker
@@ -123,19 +124,42 @@ def _pooled(image: Image) -> Image:
     return np.asarray(cv2.blur(image, (POOL, POOL)), dtype=np.float32)
 
 
+class Stack(Protocol):
+    """Sampled pictures (k, h, w) or (k, h, w, 3) of which windows are asked for."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """As that of an array."""
+
+    def window(self, box: Box) -> Bytes:
+        """A window of all of them."""
+
+    def reduced(self, step: int) -> Stack:
+        """The same with each pixel the mean of ``step`` x ``step``."""
+
+
 @dataclass(eq=False)
 class Background:
-    """Background and noise at full size, worked out tile by tile on demand.
+    """Background and noise, worked out tile by tile on demand.
 
-    ``stack`` (k, h, w) or (k, h, w, 3) are the sampled frames; ``usable`` (k, h', w') says at a
-    reduced size which samples show the background, None that all may be used. ``whole`` is the result
-    where it is known already.
+    ``stack`` are the sampled pictures; ``usable`` (k, h', w') says at a reduced size which samples show the
+    background, None that all may be used. ``whole`` is the result where it is known already. ``coarser`` holds the
+    background of the pictures reduced by some step, of which one may be given.
     """
 
-    stack: Bytes
+    stack: Stack
     usable: Flags | None = None
     whole: Still | None = None
+    coarser: dict[int, Background] = field(default_factory=dict)
     _tiles: dict[tuple[int, int], Still] = field(default_factory=dict)
+
+    def reduced(self, step: int) -> Background:
+        """The background where each pixel is the mean of ``step`` x ``step``."""
+        if step == 1:
+            return self
+        if step not in self.coarser:
+            self.coarser[step] = Background(self.stack.reduced(step), self.usable)
+        return self.coarser[step]
 
     def patch(self, top: int, bottom: int, left: int, right: int) -> Still:
         """Background and noise of rows ``top`` to ``bottom - 1`` and columns ``left`` to ``right - 1``."""
@@ -161,7 +185,7 @@ class Background:
             top, left = row * TILE, column * TILE
             y0, x0 = max(0, top - POOL), max(0, left - POOL)
             y1, x1 = min(height, top + TILE + POOL), min(width, left + TILE + POOL)
-            still = still_of(self.stack[:, y0:y1, x0:x1], self._usable(y0, y1, x0, x1))
+            still = still_of(self.stack.window((x0, y0, x1, y1)), self._usable(y0, y1, x0, x1))
             inside = (slice(top - y0, top - y0 + TILE), slice(left - x0, left - x0 + TILE))
             self._tiles[row, column] = Still(still.background[inside].copy(), still.noise[inside].copy())
         return self._tiles[row, column]

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 
 from iris_sysid.errors import UnknownNameError
-from trackers._background import Bytes, Flags
+from iris_sysid.types import Frame
+from trackers._background import Box, Bytes, Flags
 
 NAMED_RGB = {
     "red": (220, 0, 0), "orange": (255, 128, 0), "yellow": (240, 240, 0), "lime": (170, 255, 0),
@@ -69,8 +70,42 @@ def read_colour(text: str) -> Colour:
     return Colour(hue, saturation, value)
 
 
-def luma_and_chroma(luma: Bytes, bgr: Bytes) -> Bytes:
-    """The luma plane with the two chroma planes behind it, (h, w, 3)."""
-    picture = cv2.cvtColor(bgr, cv2.COLOR_BGR2YCrCb)
-    picture[..., 0] = luma
-    return np.asarray(picture, dtype=np.uint8)
+def colour_planes(frame: Frame, box: Box, step: int) -> tuple[Bytes, Bytes]:
+    """The planes cr and cb of a part of a frame, each pixel the mean of ``step`` x ``step``.
+
+    ``box`` is left, top, right, bottom (exclusive) in px of the frame. Planes as coded are used where there are some:
+    they need no conversion of the whole frame.
+    """
+    planes = frame.chroma()
+    if planes is None:
+        left, top, right, bottom = box
+        picture = cv2.cvtColor(np.ascontiguousarray(frame.bgr()[top:bottom, left:right]), cv2.COLOR_BGR2YCrCb)
+        return reduced(picture[..., 1], step), reduced(picture[..., 2], step)
+    blue, red = (_coded(plane, frame.luma.shape, box, step) for plane in planes)
+    return red, blue
+
+
+def _coded(plane: Bytes, shape: tuple[int, ...], box: Box, step: int) -> Bytes:
+    """A part of one colour plane, which may have half as many pixels a side as the frame of that shape."""
+    left, top, right, bottom = box
+    across, down = -(-shape[1] // plane.shape[1]), -(-shape[0] // plane.shape[0])
+    cut = plane[top // down : -(-bottom // down), left // across : -(-right // across)]
+    if across == down and step % across == 0 and left % across == 0 and top % down == 0:
+        return reduced(cut, step // across)
+    size = (cut.shape[1] * across, cut.shape[0] * down)
+    fine = np.asarray(cv2.resize(cut, size, interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
+    fine = fine[top % down :, left % across :][: bottom - top, : right - left]
+    return reduced(fine, step)
+
+
+def reduced(image: Bytes, step: int) -> Bytes:
+    """An image (h, w[, 3]) with each pixel the mean of ``step`` x ``step``; itself when that is 1."""
+    while step % 2 == 0 and step > 1:  # halving is the quickest way that OpenCV has
+        image = _shrunk(image, 2)
+        step //= 2
+    return image if step == 1 else _shrunk(image, step)
+
+
+def _shrunk(image: Bytes, step: int) -> Bytes:
+    size = (image.shape[1] // step, image.shape[0] // step)
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
-from trackers._background import Bytes, Flags, Image, Still
+from trackers._background import Box, Bytes, Flags, Image, Still
 
 STRONG_SIGMAS, STRONG_FLOOR = 6.0, 8.0  # floor in grey levels: surely something
 WEAK_SIGMAS, WEAK_FLOOR = 3.5, 4.0  # belongs to it when it touches it
@@ -36,6 +36,11 @@ class Scene:
         """How far each pixel lies outside of what the background shows, grey levels."""
         return np.asarray(cv2.max(cv2.subtract(picture, self.highest), cv2.subtract(self.lowest, picture)))
 
+    def part(self, box: Box) -> Scene:
+        """What a part of the picture shows."""
+        window = (slice(box[1], box[3]), slice(box[0], box[2]))
+        return Scene(self.lowest[window], self.highest[window], self.weak[window], self.strong[window])
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Core:
@@ -58,7 +63,7 @@ class Core:
         return int(np.count_nonzero(self.mask))
 
     @property
-    def box(self) -> tuple[int, int, int, int]:
+    def box(self) -> Box:
         """Left, top, right (exclusive), bottom (exclusive)."""
         height, width = self.mask.shape
         return (self.left, self.top, self.left + width, self.top + height)
@@ -73,18 +78,29 @@ class Component:
     left: int
     top: int
 
+    @property
+    def box(self) -> Box:
+        """Left, top, right (exclusive), bottom (exclusive)."""
+        height, width = self.mask.shape
+        return (self.left, self.top, self.left + width, self.top + height)
+
+    def moved(self, left: int, top: int) -> Component:
+        """The same component where the corner of the picture lies farther left and up by so much."""
+        return replace(self, left=self.left + left, top=self.top + top)
+
 
 def scene_of(still: Still) -> Scene:
     """What the background shows; a camera that shakes by a pixel stays within it."""
     return Scene(
-        lowest=_bytes(cv2.erode(still.background, SQUARE)),
-        highest=_bytes(cv2.dilate(still.background, SQUARE)),
-        weak=_bytes(np.maximum(WEAK_SIGMAS * still.noise, WEAK_FLOOR)),
-        strong=_bytes(np.maximum(STRONG_SIGMAS * still.noise, STRONG_FLOOR)),
+        lowest=rounded(cv2.erode(still.background, SQUARE)),
+        highest=rounded(cv2.dilate(still.background, SQUARE)),
+        weak=rounded(np.maximum(WEAK_SIGMAS * still.noise, WEAK_FLOOR)),
+        strong=rounded(np.maximum(STRONG_SIGMAS * still.noise, STRONG_FLOOR)),
     )
 
 
-def _bytes(image: Image) -> Bytes:
+def rounded(image: Image) -> Bytes:
+    """Grey levels as bytes."""
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
@@ -94,9 +110,14 @@ def components(scene: Scene, picture: Bytes, wanted: Flags | None = None) -> Ite
     ``wanted`` (h, w) limits the search to some pixels.
     """
     excess = scene.excess(picture)
-    weak, strong = (any_channel(excess > limit) for limit in (scene.weak, scene.strong))
+    strong = any_channel(excess > scene.strong)
     if wanted is not None:
-        weak, strong = weak & wanted, strong & wanted
+        strong &= wanted
+    if not strong.any():
+        return
+    weak = any_channel(excess > scene.weak)
+    if wanted is not None:
+        weak &= wanted
     closed = cv2.morphologyEx(weak.astype(np.uint8), cv2.MORPH_CLOSE, SQUARE)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
     support = np.bincount(labels[strong], minlength=count)
@@ -131,9 +152,14 @@ def cores(scene: Scene, picture: Bytes, wanted: Flags | None = None) -> list[Cor
     is cut at the share of its peak contrast at which its parts are compact and their outlines sharp,
     the lower share if in doubt.
     """
+    return cores_of(components(scene, picture, wanted), picture.shape)
+
+
+def cores_of(parts: Iterable[Component], shape: tuple[int, ...]) -> list[Core]:
+    """The compact parts of some components of a picture of that shape; see :func:`cores`."""
     found: list[Core] = []
-    for component in components(scene, picture, wanted):
-        faint, bold = (_cores_at(component, share, picture.shape) for share in CONTRAST_SHARES)
+    for component in parts:
+        faint, bold = (_cores_at(component, share, shape) for share in CONTRAST_SHARES)
         found += bold if _clearness(component, bold) > IN_DOUBT * _clearness(component, faint) else faint
     return sorted(found, key=lambda core: -core.area)[:MOST_CORES]
 
@@ -200,13 +226,13 @@ def _hangs_on_edge(depth: Image, seed: Flags, left: int, top: int, shape: tuple[
     return _at_edge((x0 - reach, y0 - reach, x1 + reach, y1 + reach), shape)
 
 
-def _box(mask: Bytes, left: int, top: int) -> tuple[int, int, int, int]:
+def _box(mask: Bytes, left: int, top: int) -> Box:
     """Left, top, right, bottom (exclusive) of what is set in a mask whose corner is (left, top)."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return left + int(columns[0]), top + int(rows[0]), left + int(columns[-1]) + 1, top + int(rows[-1]) + 1
 
 
-def _at_edge(box: tuple[int, int, int, int], shape: tuple[int, ...]) -> bool:
+def _at_edge(box: Box, shape: tuple[int, ...]) -> bool:
     """Whether a box comes within a pixel of the edge of a picture of that shape."""
     return box[0] <= 1 or box[1] <= 1 or box[2] >= shape[1] - 1 or box[3] >= shape[0] - 1
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from iris_sysid.errors import TrackingError
-from iris_sysid.types import Frame, FrameSource, TrackOptions
-from trackers._background import Background, Bytes, Flags, noise_inflation, still_of
+from iris_sysid.types import FrameSource, TrackOptions
+from trackers._attention import Attention, watch_of
+from trackers._background import Background, Bytes, Flags, Still, noise_inflation, still_of
 from trackers._foreground import Scene, cores, scene_of
+from trackers._samples import Samples
 from trackers._sighting import Glimpse, Lens
 from trackers._uncover import usable_samples
 from trackers._view import View
@@ -30,19 +31,32 @@ class Stage:
     view: View
     scene: Scene
     lens: Lens
-    numbers: tuple[int, ...] = ()
+    stack: Samples
+    smalls: Bytes
 
     @property
-    def stack(self) -> Bytes:
-        """The sampled pictures at full size; ``numbers`` are those of their frames."""
-        return self.lens.background.stack
+    def numbers(self) -> tuple[int, ...]:
+        """Numbers of the frames that were sampled: ``stack`` at full size, ``smalls`` (k, h', w') as searched."""
+        return tuple(frame.index for frame in self.stack.frames)
 
     def behind(self, usable: Flags) -> Stage:
         """The same stage with the background from those samples (k, h', w') that may be used."""
-        small = self.view.smalls(self.stack)
-        still = still_of(small, usable)
-        background = Background(self.stack, usable, still if self.view.step == 1 else None)
-        return replace(self, scene=scene_of(still), lens=replace(self.lens, background=background))
+        still = still_of(self.smalls, usable)
+        return replace(
+            self, scene=scene_of(still), lens=replace(self.lens, background=background_of(self.stack, still, usable))
+        )
+
+    def attention(self) -> Attention:
+        """What looks for bodies in the frames of the clip, one after the other."""
+        return Attention(self.view, self.scene, watch_of(self.stack, self.scene, self.lens.background.usable))
+
+
+def background_of(samples: Samples, still: Still, usable: Flags | None) -> Background:
+    """The background at full size, where ``still`` is that at the size that is searched."""
+    step = samples.view.step
+    if step == 1:
+        return Background(samples, usable, still)
+    return Background(samples, usable, None, {step: Background(samples.reduced(step), usable, still)})
 
 
 def stage_of(video: FrameSource, view: View) -> Stage:
@@ -52,29 +66,27 @@ def stage_of(video: FrameSource, view: View) -> Stage:
         raise TrackingError(
             f"the clip has {len(samples)} frame(s): motion shows against a background that takes at least 3"
         )
-    if not view.chroma and luma_misses(view, samples):
+    smalls = np.stack([view.with_chroma().searched(frame) for frame in samples])
+    if view.chroma or luma_misses(smalls):
         view = view.with_chroma()
-    stack = np.stack([view.picture(frame) for frame in samples])
-    small = view.smalls(stack)
-    still = still_of(small)
-    background = Background(stack, None, still if view.step == 1 else None)
-    lens = Lens(background, view.step, view.left, view.top, noise_inflation(small, still))
-    stage = Stage(view, scene_of(still), lens, tuple(frame.index for frame in samples))
-    usable = usable_samples(small, still)
+    else:
+        smalls = np.ascontiguousarray(smalls[..., 0])
+    stack, still = Samples(samples, view), still_of(smalls)
+    lens = Lens(background_of(stack, still, None), view, noise_inflation(smalls, still))
+    stage = Stage(view, scene_of(still), lens, stack, smalls)
+    usable = usable_samples(smalls, still)
     if usable is not None:
         stage = stage.behind(usable)
-    moving = [_covered(stage.scene, picture) for picture in small] if view.colour is not None else []
+    moving = [_covered(stage.scene, picture) for picture in smalls] if view.colour is not None else []
     return replace(stage, view=view.fitted(samples, moving))
 
 
-def luma_misses(view: View, samples: Sequence[Frame]) -> bool:
+def luma_misses(stack: Bytes) -> bool:
     """Whether what moves in colour shows less in luma, or in a tenth of the frames much of it not at all.
 
     A green ball on a wall as bright as it is such a case: what luma shows of it is mostly shade, and its centre
-    that of the lit side. Looking at colour takes longer.
+    that of the lit side. Looking at colour takes longer. ``stack`` (k, h, w, 3) are sampled pictures.
     """
-    coloured = view.with_chroma()
-    stack = np.stack([coloured.small(coloured.picture(frame)) for frame in samples])
     still = still_of(stack)
     scene, luma_scene = scene_of(still), scene_of(still.channel(0))
     missed, clearer = [], []
@@ -107,20 +119,11 @@ def _covered(scene: Scene, picture: Bytes) -> Flags:
 def observe(video: FrameSource, stage: Stage, options: TrackOptions) -> list[Glimpse]:
     """The candidates of every frame, in one pass; ``options.progress`` is told how far it is."""
     glimpses: list[Glimpse] = []
+    attention = stage.attention()
     for frame in video.frames():
-        glimpses.append(glimpse_of(stage, frame))
+        glimpses.append(stage.lens.glimpse(frame, *attention.cores(frame)))
         if options.progress is not None and len(glimpses) % REPORT_EVERY == 0:
             options.progress(len(glimpses), video.n_expected)
     if options.progress is not None:
         options.progress(len(glimpses), video.n_expected)
     return glimpses
-
-
-def glimpse_of(stage: Stage, frame: Frame) -> Glimpse:
-    """The candidates of one frame."""
-    picture = stage.view.picture(frame)
-    small = stage.view.small(picture)
-    things = cores(stage.scene, small)
-    wanted = stage.view.wanted(frame)
-    bodies = things if wanted is None else cores(stage.scene, small, wanted)
-    return stage.lens.glimpse(frame.index, frame.t_s, picture, bodies, things)

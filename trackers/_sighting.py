@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
+from iris_sysid.types import Frame
 from trackers._background import Background, Bytes, Image
 from trackers._centroid import Centre, Window, coverage_centre, filled_round
 from trackers._foreground import CONTRAST_SHARES, SMALLEST_AREA, WEAK_SIGMAS, Core
+from trackers._view import View
 
 THINNEST_BODY = 1.3  # px, inscribed radius
 HAND_SHARE = 0.35  # of the body's inscribed radius: a hand or arm is at least as thick
 HAND_GAP = 0.5  # of the body's inscribed radius: a hand so near is taken to touch it
 MARGIN = 10  # px round a body that its outline and the ring about it need
 RING = 4  # px from the body to the ring in which the background's level is compared
+LARGE_RADIUS = 24.0  # px, inscribed: what is larger is measured in larger pixels, which tell its centre as well
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom, px
 
@@ -87,34 +90,29 @@ class Glimpse:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Lens:
-    """What turns a core into a sighting: the background, the reduction of the search, where the region lies."""
+    """What turns a core into a sighting: the background, the region and its reduction for the search, the noise."""
 
     background: Background
-    step: int
-    left: int
-    top: int
+    view: View
     inflation: float
 
-    def glimpse(self, frame: int, t_s: float, picture: Bytes, bodies: list[Core], things: list[Core]) -> Glimpse:
-        """Look at each body at full size; ``things`` are the cores of whatever moves, bodies and hands.
-
-        ``frame`` and ``t_s`` are the frame's number and time in s, ``picture`` its region at full size.
-        """
+    def glimpse(self, frame: Frame, bodies: list[Core], things: list[Core]) -> Glimpse:
+        """Look at each body closely; ``things`` are the cores of whatever moves, bodies and hands."""
         reaching = [core for core in things if core.held and core.inscribed > THINNEST_BODY]
         inside = [core for core in bodies if not core.at_edge and core.inscribed > THINNEST_BODY]
-        sightings = [self._sighting(frame, t_s, picture, core, bodies, reaching) for core in inside]
+        sightings = [self._sighting(frame, core, bodies, reaching) for core in inside]
         intruders = tuple(self._intruder(core) for core in reaching)
-        return Glimpse(frame, t_s, tuple(one for one in sightings if one is not None), intruders)
+        return Glimpse(frame.index, frame.t_s, tuple(one for one in sightings if one is not None), intruders)
 
     def _intruder(self, core: Core) -> Intruder:
-        left, top, right, bottom = (side * self.step for side in core.box)
-        box = (left + self.left, top + self.top, right + self.left, bottom + self.top)
-        return Intruder(box, float(core.area * self.step**2), core.inscribed * self.step)
+        step, view = self.view.step, self.view
+        left, top, right, bottom = (side * step for side in core.box)
+        box = (left + view.left, top + view.top, right + view.left, bottom + view.top)
+        return Intruder(box, float(core.area * step**2), core.inscribed * step)
 
-    def _sighting(
-        self, frame: int, t_s: float, picture: Bytes, core: Core, bodies: list[Core], reaching: list[Core]
-    ) -> Sighting | None:
-        window, left, top = self._window(picture, core, bodies)
+    def _sighting(self, frame: Frame, core: Core, bodies: list[Core], reaching: list[Core]) -> Sighting | None:
+        size = self._pixel(core)
+        window, left, top = self._window(frame, core, bodies, size)
         if np.count_nonzero(window.core) < SMALLEST_AREA:
             return None
         centre = coverage_centre(window)
@@ -123,47 +121,70 @@ class Lens:
         inside = window.core > 0
         luma = (window.image - window.background)[..., 0]
         return Sighting(
-            frame,
-            t_s,
-            centre,
-            left + self.left,
-            top + self.top,
+            frame.index,
+            frame.t_s,
+            _in_pixels(centre, size),
+            left * size + self.view.left,
+            top * size + self.view.top,
             brightening=float(luma[inside].mean()),
-            sharpness=_sharpness(window),
+            sharpness=_sharpness(window) / size,
             compactness=min(1.0, np.pi * core.inscribed**2 / core.area),
             hand=core.held or any(touches(core, thing) for thing in reaching),
         )
 
-    def _window(self, picture: Bytes, core: Core, bodies: list[Core]) -> tuple[Window, int, int]:
-        """The pixels round a core at full size, and where they begin."""
-        margin = MARGIN + 2 * self.step
-        x0, y0, x1, y1 = (side * self.step for side in core.box)
+    def _pixel(self, core: Core) -> int:
+        """The side, px, of the squares whose means are measured: 1, or more for a large body."""
+        step = self.view.step
+        largest = max(1, int(core.inscribed * step / LARGE_RADIUS))
+        return max(size for size in range(1, step + 1) if step % size == 0 and size <= largest)
+
+    def _window(self, frame: Frame, core: Core, bodies: list[Core], size: int) -> tuple[Window, int, int]:
+        """The pixels round a core, each the mean of ``size`` x ``size``, and where they begin."""
+        finer = self.view.step // size
+        margin = MARGIN + 2 * finer
+        x0, y0, x1, y1 = (side * finer for side in core.box)
         left, top = max(0, x0 - margin), max(0, y0 - margin)
-        bottom, right = min(picture.shape[0], y1 + margin), min(picture.shape[1], x1 + margin)
-        frame = (top, bottom, left, right)
-        image = picture[top:bottom, left:right].astype(np.float32)
-        still = self.background.patch(*frame)
-        mask = self._pasted([core], frame)
-        other = self._pasted([one for one in bodies if one is not core], frame)
+        right, bottom = min(self.view.width // size, x1 + margin), min(self.view.height // size, y1 + margin)
+        image = self.view.part(frame, (left, top, right, bottom), size).astype(np.float32)
+        still = self.background.reduced(size).patch(top, bottom, left, right)
+        within = (top, bottom, left, right)
+        mask = _pasted([core], within, finer)
+        other = _pasted([one for one in bodies if one is not core], within, finer)
         image, background, noise = (np.atleast_3d(part) for part in (image, still.background, still.noise))
         background = background + _level(image - background, mask, other)
-        if self.step > 1:
-            mask = _sharpened(mask, image - background, noise, self.step)
+        if finer > 1:
+            mask = _sharpened(mask, image - background, noise, finer)
         return Window(image, background, noise, mask, other & ~mask, self.inflation), left, top
 
-    def _pasted(self, cores: list[Core], frame: tuple[int, int, int, int]) -> Bytes:
-        """The masks of cores in a window of the picture at full size."""
-        top, bottom, left, right = frame
-        rows, columns = np.arange(top, bottom) // self.step, np.arange(left, right) // self.step
-        pasted = np.zeros((rows.size, columns.size), dtype=np.uint8)
-        for core in cores:
-            x0, y0, x1, y1 = core.box
-            in_rows = np.flatnonzero((rows >= y0) & (rows < y1))
-            in_columns = np.flatnonzero((columns >= x0) & (columns < x1))
-            if in_rows.size and in_columns.size:
-                part = core.mask[(rows[in_rows] - y0)[:, np.newaxis], columns[in_columns] - x0]
-                pasted[in_rows[0] : in_rows[-1] + 1, in_columns[0] : in_columns[-1] + 1] |= part
-        return pasted
+
+def _in_pixels(centre: Centre, size: int) -> Centre:
+    """What was measured in pixels of ``size`` px a side, in px."""
+    if size == 1:
+        return centre
+    return replace(
+        centre,
+        x=centre.x * size + (size - 1) / 2,
+        y=centre.y * size + (size - 1) / 2,
+        sigma_x=centre.sigma_x * size,
+        sigma_y=centre.sigma_y * size,
+        area=centre.area * size**2,
+        sigma_area=centre.sigma_area * size**2,
+    )
+
+
+def _pasted(cores: list[Core], within: tuple[int, int, int, int], finer: int) -> Bytes:
+    """The masks of cores in a window (top, bottom, left, right) whose pixels are so many times finer."""
+    top, bottom, left, right = within
+    rows, columns = np.arange(top, bottom) // finer, np.arange(left, right) // finer
+    pasted = np.zeros((rows.size, columns.size), dtype=np.uint8)
+    for core in cores:
+        x0, y0, x1, y1 = core.box
+        in_rows = np.flatnonzero((rows >= y0) & (rows < y1))
+        in_columns = np.flatnonzero((columns >= x0) & (columns < x1))
+        if in_rows.size and in_columns.size:
+            part = core.mask[(rows[in_rows] - y0)[:, np.newaxis], columns[in_columns] - x0]
+            pasted[in_rows[0] : in_rows[-1] + 1, in_columns[0] : in_columns[-1] + 1] |= part
+    return pasted
 
 
 def _level(difference: Image, mask: Bytes, other: Bytes) -> Image:

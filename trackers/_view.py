@@ -1,8 +1,8 @@
-"""How a frame becomes the picture that is worked on: cut to the region, with or without colour, and made smaller."""
+"""How a frame becomes the pictures that are worked on: cut to the region, with or without colour, and made smaller."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -10,8 +10,8 @@ import numpy as np
 
 from iris_sysid.errors import DataError
 from iris_sysid.types import Frame, FrameSource, TrackOptions
-from trackers._background import Bytes, Flags
-from trackers._colour import Colour, luma_and_chroma, read_colour
+from trackers._background import Box, Bytes, Flags
+from trackers._colour import Colour, colour_planes, read_colour, reduced
 
 WIDEST_DETECTION = 960  # px: wider pictures are searched at reduced size
 
@@ -30,47 +30,75 @@ class View:
     @property
     def step(self) -> int:
         """How many pixels a side make one pixel of the search for bodies."""
-        return -(-self.width // WIDEST_DETECTION)
+        return min(-(-self.width // WIDEST_DETECTION), self.height)
 
     @property
     def small_size(self) -> tuple[int, int]:
-        """Width and height of the picture that is searched."""
-        return (-(-self.width // self.step), -(-self.height // self.step))
+        """Width and height of the picture that is searched; pixels beyond a whole number of them are left out."""
+        return (self.width // self.step, self.height // self.step)
 
     def picture(self, frame: Frame) -> Bytes:
         """The frame's region, (h, w) luma or (h, w, 3) luma and chroma."""
-        luma = self._cut(frame.luma)
-        return luma_and_chroma(luma, self._cut(frame.bgr())) if self.chroma else luma
+        return self.part(frame, (0, 0, self.width, self.height))
+
+    def part(self, frame: Frame, box: Box, step: int = 1) -> Bytes:
+        """A part of the region, (h, w) or (h, w, 3), each pixel the mean of ``step`` x ``step``.
+
+        ``box`` is left, top, right, bottom (exclusive) in such pixels, from the region's corner.
+        """
+        left, top, right, bottom = (side * step for side in box)
+        x, y = left + self.left, top + self.top
+        luma = reduced(frame.luma[y : bottom + self.top, x : right + self.left], step)
+        if not self.chroma:
+            return luma
+        red, blue = colour_planes(frame, (x, y, right + self.left, bottom + self.top), step)
+        return np.asarray(cv2.merge((luma, red, blue)), dtype=np.uint8)
+
+    def searched(self, frame: Frame) -> Bytes:
+        """The frame's region at the size that is searched."""
+        return self.part(frame, (0, 0, *self.small_size), self.step)
+
+    def watched(self, frame: Frame, spacing: int) -> Bytes:
+        """Single pixels of the region, one for every ``spacing`` pixels a side of the picture that is searched."""
+        pace = self.step * spacing
+        height, width = (size // spacing for size in self.small_size[::-1])
+        start = (self.top + pace // 2, self.left + pace // 2)
+        planes = [frame.luma, *(frame.chroma() or ())[::-1]] if self.chroma else [frame.luma]
+        chosen = []
+        for plane in planes:
+            down, across = (-(-frame.luma.shape[k] // plane.shape[k]) for k in (0, 1))
+            rows, columns = start[0] // down, start[1] // across
+            chosen.append(plane[rows :: pace // down, columns :: pace // across][:height, :width])
+        return np.ascontiguousarray(chosen[0]) if len(chosen) == 1 else np.dstack(chosen)
 
     def small(self, picture: Bytes) -> Bytes:
-        """The picture at the size that is searched, each pixel the mean of those it stands for."""
-        if self.step == 1:
-            return picture
-        return np.asarray(cv2.resize(picture, self.small_size, interpolation=cv2.INTER_AREA))
+        """A picture of the region at the size that is searched, each pixel the mean of those it stands for."""
+        width, height = (size * self.step for size in self.small_size)
+        return reduced(picture[:height, :width], self.step)
 
-    def smalls(self, pictures: Bytes) -> Bytes:
+    def smalls(self, pictures: Iterable[Bytes]) -> Bytes:
         """Pictures (k, h, w[, 3]) at the size that is searched."""
-        return pictures if self.step == 1 else np.stack([self.small(picture) for picture in pictures])
+        return np.stack([self.small(picture) for picture in pictures])
 
-    def wanted(self, frame: Frame) -> Flags | None:
-        """True for pixels (at the size that is searched) of the colour asked for; None when none was."""
+    def wanted(self, frame: Frame, box: Box | None = None) -> Flags | None:
+        """True for pixels of the colour asked for, in a box of the picture that is searched; None when none was."""
         if self.colour is None:
             return None
-        return self.colour.mask(self.small(self._cut(frame.bgr())))
+        left, top, right, bottom = (side * self.step for side in box or (0, 0, *self.small_size))
+        bgr = frame.bgr()[top + self.top : bottom + self.top, left + self.left : right + self.left]
+        return self.colour.mask(reduced(bgr, self.step))
 
     def fitted(self, frames: Sequence[Frame], moving: Sequence[Flags]) -> View:
         """The same view with the colour fitted to the pixels that move in some frames."""
         if self.colour is None:
             return self
-        pixels = [self.small(self._cut(frame.bgr()))[where] for frame, where in zip(frames, moving, strict=True)]
+        region = slice(self.top, self.top + self.height), slice(self.left, self.left + self.width)
+        pixels = [self.small(one.bgr()[region])[where] for one, where in zip(frames, moving, strict=True)]
         return replace(self, colour=self.colour.fitted(np.concatenate(pixels)))
 
     def with_chroma(self) -> View:
         """The same view with colour counted."""
         return replace(self, chroma=True)
-
-    def _cut(self, image: Bytes) -> Bytes:
-        return image[self.top : self.top + self.height, self.left : self.left + self.width]
 
 
 def view_of(video: FrameSource, options: TrackOptions) -> View:

@@ -14,14 +14,23 @@ from iris_sysid.arrays import Array, Mask, frozen_array, frozen_mask, increasing
 from iris_sysid.errors import DataError
 
 
+def _no_chroma() -> None:
+    return None
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class Frame:
-    """One decoded frame. ``luma`` is (h, w) uint8; ``bgr()`` converts to (h, w, 3) uint8 when asked."""
+    """One decoded frame. ``luma`` is (h, w) uint8; ``bgr()`` converts to (h, w, 3) uint8 when asked.
+
+    ``chroma()`` gives the two colour planes (cb, cr) as coded, uint8, each as large as luma or smaller; None where
+    the picture is not coded so.
+    """
 
     index: int
     t_s: float
     luma: NDArray[np.uint8]
     bgr: Callable[[], NDArray[np.uint8]]
+    chroma: Callable[[], tuple[NDArray[np.uint8], NDArray[np.uint8]] | None] = _no_chroma
 
 
 class FrameSource(Protocol):
