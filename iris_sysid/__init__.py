@@ -15,9 +15,8 @@ DISTRIBUTION = "iris-sysid"
 _HOME = {
     name: module
     for module, names in {
-        "iris_sysid.calibration": (
-            "scale scale_bar scale_from_text uncalibrated from_osp read_calibration write_calibration to_world"
-        ),
+        "iris_sysid.calibration": "scale scale_bar scale_from_text uncalibrated from_osp to_world",
+        "iris_sysid.calibration_file": "read_calibration write_calibration",
         "iris_sysid.errors": (
             "IrisError VideoError TrackingError CalibrationError DataError FitError UnknownNameError "
             "PluginError OutputError"

@@ -11,17 +11,16 @@ import numpy as np
 
 from iris_sysid._camera_fit import Points, matrix_of, pose_of, projected, rotation_of
 from iris_sysid.board_views import Board, BoardView
+from iris_sysid.calibration import NO_LENS, STRAIGHT_ON
 from iris_sysid.camera import USUAL_FOCAL, CameraCalibration
 from iris_sysid.errors import CalibrationError
 from iris_sysid.homographies import apply_homography, fit_homography, homography_sensitivity
 from iris_sysid.lens import distort
-from iris_sysid.plane import PlaneCalibration, check_image_size, upright
-from iris_sysid.types import Array
+from iris_sysid.plane import UNKNOWN_SCALE, check_image_size, upright, with_scale
+from iris_sysid.types import Array, Calibration
 
 Up = Literal["picture", "board"]
 
-STRAIGHT_ON = "the camera looks straight at the plane of motion"
-NO_LENS = "the lens does not distort"
 LENS_CENTRED = "the lens is centred in the picture"
 PARALLEL = "the board is parallel to the plane of motion"
 BOW_DEVIATIONS = 5.0
@@ -38,7 +37,7 @@ def plane_from_board(
     distance_m: float | None = None,
     distance_stderr_m: float = 0.0,
     up: Up = "picture",
-) -> PlaneCalibration:
+) -> Calibration:
     """Calibrate the plane of motion from one picture of a board held in it, or parallel to it.
 
     With a camera, the board's pose R = [r1 r2 r3], t is fitted, the plane is moved along its normal by the offset, and
@@ -68,7 +67,7 @@ def plane_from_board(
 
     Returns
     -------
-    PlaneCalibration
+    Calibration
         Origin at the middle of the board's inner corners. Its budget has the parts ``corners``, ``camera``,
         ``square``, ``offset`` and ``distance``.
 
@@ -111,7 +110,7 @@ def _check_offset(offset_m: float, offset_stderr_m: float, distance_m: float | N
 
 def _with_camera(
     view: BoardView, board: Board, camera: CameraCalibration, offset_m: float, offset_stderr_m: float
-) -> PlaneCalibration:
+) -> Calibration:
     points = Points(view.points_m(board), np.asarray(view.corners_px))
     parameters = camera.parameters
     pose = pose_of(parameters, points)
@@ -136,22 +135,25 @@ def _with_camera(
     slopes[:, 6:15] -= slopes[:, :6] @ inverse @ by_pose.T @ by_camera
     variance = _variance(residual, unknowns=6) * camera.clustering
     distorts = bool(np.any(camera.distortion))
-    return PlaneCalibration(
-        homography=numbers(np.zeros(17))[:9].reshape(3, 3),
-        camera_matrix=camera.camera_matrix,
-        distortion=camera.distortion,
-        budget={
-            "corners": variance * slopes[:, :6] @ inverse @ slopes[:, :6].T,
-            "camera": slopes[:, 6:15] @ camera.covariance @ slopes[:, 6:15].T,
-            "square": _squared(board.square_stderr_m / board.square_m * slopes[:, 16]),
-            "offset": _squared(offset_stderr_m * slopes[:, 15]),
-        },
-        image_size=view.image_size,
-        centre_px=_pair(projected(parameters, pose, board.centre_m[None])[0][0]),
-        fixed=("scale", "tilt", "distance", "distortion")[: 4 if distorts else 3],
-        assumed=(() if distorts else (NO_LENS,)) + ((PARALLEL,) if offset_m else ()),
-        rms_px=_rms(residual),
-        source=_source(view, board, offset_m),
+    return with_scale(
+        Calibration(
+            scale=UNKNOWN_SCALE,
+            homography=numbers(np.zeros(17))[:9].reshape(3, 3),
+            camera_matrix=camera.camera_matrix,
+            distortion=camera.distortion,
+            budget={
+                "corners": variance * slopes[:, :6] @ inverse @ slopes[:, :6].T,
+                "camera": slopes[:, 6:15] @ camera.covariance @ slopes[:, 6:15].T,
+                "square": _squared(board.square_stderr_m / board.square_m * slopes[:, 16]),
+                "offset": _squared(offset_stderr_m * slopes[:, 15]),
+            },
+            image_size=view.image_size,
+            centre_px=_pair(projected(parameters, pose, board.centre_m[None])[0][0]),
+            fixed=("scale", "tilt", "distance", "distortion")[: 4 if distorts else 3],
+            assumed=(() if distorts else (NO_LENS,)) + ((PARALLEL,) if offset_m else ()),
+            rms_px=_rms(residual),
+            source=_source(view, board, offset_m),
+        )
     )
 
 
@@ -203,7 +205,7 @@ class _OneView:
 
 def _without_camera(
     view: BoardView, board: Board, offset: tuple[float, float], distance: tuple[float, float]
-) -> PlaneCalibration:
+) -> Calibration:
     fit = _one_view((view.points_m(board) - board.centre_m) * [1, -1], np.asarray(view.corners_px), view.image_size)
     middle = fit.camera_matrix[:2, 2]
 
@@ -222,22 +224,25 @@ def _without_camera(
     slopes = _slopes(numbers, np.append(steps, [1e-4] * 3))
     inverse_stderr = 0.0 if math.isinf(distance[0]) else distance[1] / distance[0] ** 2
     values = numbers(np.zeros(12))
-    return PlaneCalibration(
-        homography=values[:9].reshape(3, 3),
-        camera_matrix=fit.camera_matrix,
-        distortion=values[13:],
-        budget={
-            "corners": fit.variance * slopes[:, :9] @ fit.unit @ slopes[:, :9].T,
-            "square": _squared(board.square_stderr_m / board.square_m * slopes[:, 9]),
-            "offset": _squared(offset[1] * slopes[:, 10]),
-            "distance": _squared(inverse_stderr * slopes[:, 11]),
-        },
-        image_size=view.image_size,
-        centre_px=_pair(np.mean(view.corners_px, axis=0)),
-        fixed=("scale", "tilt", "distortion (one coefficient)")[: 3 if fit.lens else 2],
-        assumed=(LENS_CENTRED if fit.lens else NO_LENS,) + ((PARALLEL, STRAIGHT_ON) if offset[0] else ()),
-        rms_px=_rms(fit.residual),
-        source=_source(view, board, offset[0]),
+    return with_scale(
+        Calibration(
+            scale=UNKNOWN_SCALE,
+            homography=values[:9].reshape(3, 3),
+            camera_matrix=fit.camera_matrix,
+            distortion=values[13:],
+            budget={
+                "corners": fit.variance * slopes[:, :9] @ fit.unit @ slopes[:, :9].T,
+                "square": _squared(board.square_stderr_m / board.square_m * slopes[:, 9]),
+                "offset": _squared(offset[1] * slopes[:, 10]),
+                "distance": _squared(inverse_stderr * slopes[:, 11]),
+            },
+            image_size=view.image_size,
+            centre_px=_pair(np.mean(view.corners_px, axis=0)),
+            fixed=("scale", "tilt", "distortion (one coefficient)")[: 3 if fit.lens else 2],
+            assumed=(LENS_CENTRED if fit.lens else NO_LENS,) + ((PARALLEL, STRAIGHT_ON) if offset[0] else ()),
+            rms_px=_rms(fit.residual),
+            source=_source(view, board, offset[0]),
+        )
     )
 
 

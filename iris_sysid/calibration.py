@@ -8,17 +8,13 @@ from __future__ import annotations
 
 import math
 import re
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
-from iris_sysid.documents import checked, entries_of, read_document, write_document
-from iris_sysid.errors import CalibrationError, DataError
-from iris_sysid.files import origin_of
-from iris_sysid.osp import read_osp
-from iris_sysid.schemas import CalibrationDocument
-from iris_sysid.types import Array, Calibration, Estimate, Quantity, Track, Trajectory
+from iris_sysid.errors import CalibrationError
+from iris_sysid.plane import common_errors, to_plane
+from iris_sysid.types import N_VALUES, Array, Calibration, Estimate, Quantity, Track, Trajectory
 
 METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
@@ -30,6 +26,10 @@ MEASURED = re.compile(
     r"\s*(?P<unit>[^\W\d_]+)"
 )
 BAR_ENDS = re.compile(",".join([rf"\s*({SIGNED})\s*"] * 4))
+
+STRAIGHT_ON = "the camera looks straight at the plane of motion"
+NO_LENS = "the lens does not distort"
+PICTURE_UP = "the vertical is the picture's"
 
 SCALE_HELP = "write it as 640px=1m, 398.7(5)px=100cm or 640+-3px=1m (m, cm or mm)"
 BAR_HELP = "write it as x1,y1,x2,y2=length in px and m, cm or mm, e.g. 272.2,446.1,273.2,47.4=1m"
@@ -89,10 +89,28 @@ def scale(
     for name, length, stderr, unit in (("px", px, px_stderr, "px"), ("metres", metres, metres_stderr, "m")):
         _check_length(name, length, stderr, unit)
     px_per_m = px / metres
-    stderr = px_per_m * math.hypot(px_stderr / px, metres_stderr / metres)
+    relative = {"length in px": px_stderr / px, "length in m": metres_stderr / metres}
+    stderr = px_per_m * math.hypot(*relative.values())
     _check_length("px per m", px_per_m, stderr, "px/m")
     kind = "direct" if stderr > 0 else "assumed"
-    return Calibration(_turned_homography(px_per_m), Estimate(px_per_m, stderr, "px/m", kind, source), "m", source)
+    return Calibration(
+        homography=_turned_homography(px_per_m),
+        scale=Estimate(px_per_m, stderr, "px/m", kind, source),
+        source=source,
+        budget={name: scale_part(_turned_homography(px_per_m), part) for name, part in relative.items() if part},
+        fixed=("scale",),
+        assumed=(STRAIGHT_ON, NO_LENS, PICTURE_UP),
+    )
+
+
+def scale_part(homography: Array, relative_stderr: float) -> Array:
+    """The part (18, 18) of a calibration's covariance that is a ``relative_stderr`` of all lengths.
+
+    ``homography`` (3, 3) is what it maps with.
+    """
+    growth = np.zeros(N_VALUES)
+    growth[:6] = homography[:2].ravel()
+    return relative_stderr**2 * np.outer(growth, growth)
 
 
 def _check_length(name: str, length: float, stderr: float, unit: str) -> None:
@@ -253,9 +271,10 @@ def _turned_homography(
 def to_world(track: Track, calibration: Calibration, *, body: int | None = None) -> Trajectory:
     """Map a track from pixels, y down, to the plane of motion, z up.
 
-    With ``(u, v, w) = H (x_px, y_px, 1)``, ``x = u/w`` and ``z = v/w`` (Hartley and Zisserman 2004, eq. 2.5). Standard
-    errors go through the Jacobian of this map at each sample (eq. 5.10); what x and z then have in common is left out.
-    The scale's own error is common to all samples: it is not in ``sigma`` but in ``geometry["scale"]``.
+    Pixels are undistorted and then mapped: with ``(u, v, w) = H (x, y, 1)``, ``x = u/w`` and ``z = v/w`` (Hartley and
+    Zisserman 2004, eq. 2.5). Standard errors of the samples go through the Jacobian of this map (eq. 5.10); what x
+    and z then have in common is left out. The calibration's own errors (scale, tilt, lens, offset) are common to all
+    samples: they are not in ``sigma`` but, by source, in ``systematic``.
 
     Parameters
     ----------
@@ -269,23 +288,26 @@ def to_world(track: Track, calibration: Calibration, *, body: int | None = None)
     Returns
     -------
     Trajectory
-        Quantities x and z in ``calibration.unit``; gaps are NaN and not valid; ``origin`` names the body, the
+        Quantities x and z in ``calibration.unit``; gaps are NaN and not valid; ``systematic`` holds the calibration's
+        errors as ``calibration: corners`` and so on; ``origin`` names the body, the
         calibration and, where no frame was left out, the number of the first frame in the file.
 
     Raises
     ------
     CalibrationError
-        When the homography has no inverse, or puts a sample of the track on or beyond the horizon.
+        When the homography has no inverse, or a sample lies beyond the lens model or the horizon of the plane.
     """
-    _check_homography(calibration.homography)
-    position, jacobian = _project(track, calibration.homography)
-    sigma_px = np.broadcast_to(track.sigma_px[:, None, :], jacobian.shape)
+    check_homography(calibration.homography)
+    xy_px = np.where(track.valid[:, None], track.xy_px, np.nan)
+    position, by_px, by_calibration = to_plane(calibration, xy_px)
+    sigma_px = np.broadcast_to(track.sigma_px[:, None, :], by_px.shape)
     # where= : a coordinate that does not matter adds nothing, even if its error is not known
-    parts = np.multiply(jacobian, sigma_px, out=np.zeros_like(jacobian), where=jacobian != 0)
+    parts = np.multiply(by_px, sigma_px, out=np.zeros_like(by_px), where=by_px != 0)
     ending = "" if body is None else str(body)
     quantities = tuple(
         Quantity(f"{name}{ending}", calibration.unit, f"{name}_{{{ending}}}" if ending else name) for name in "xz"
     )
+    changes = common_errors(calibration, xy_px) if track.n_valid else {}
     return Trajectory(
         t_s=track.t_s,
         quantities=quantities,
@@ -294,82 +316,23 @@ def to_world(track: Track, calibration: Calibration, *, body: int | None = None)
         valid=track.valid,
         geometry={"scale": calibration.scale} if calibration.unit == "m" else {},
         origin={**track.origin, **_first_frame(track), "body": track.body, "calibration": calibration.source},
+        systematic={
+            common_source(name): np.moveaxis(by_calibration @ change.T, 2, 0) for name, change in changes.items()
+        },
     )
 
 
-def _check_homography(homography: Array) -> None:
+def common_source(name: str) -> str:
+    """What the part ``name`` of a calibration's budget is called among the errors of a trajectory or a fit."""
+    return f"calibration: {name}"
+
+
+def check_homography(homography: Array) -> None:
+    """CalibrationError when a ``homography`` (3, 3) has no inverse."""
     # 1e-12: a homography of rank 2 has a condition number of 1e16, one of a tilted camera below 1e9
     if not np.all(np.isfinite(homography)) or 1 / np.linalg.cond(homography) < 1e-12:
         raise CalibrationError("the calibration's homography has no inverse, so it maps the picture on a line; redo it")
 
 
-def _project(track: Track, homography: Array) -> tuple[Array, Array]:
-    """World positions (n, 2), NaN in gaps, and their derivatives by x_px and y_px (n, 2, 2)."""
-    xy_px = np.where(track.valid[:, None], track.xy_px, np.nan)
-    u, v, w = homography @ np.column_stack([xy_px, np.ones(len(xy_px))]).T
-    if track.n_valid and not (np.all(w[track.valid] > 0) or np.all(w[track.valid] < 0)):
-        raise CalibrationError(
-            "the calibration puts part of the track beyond the horizon; does it belong to this clip and this plane?"
-        )
-    position = np.stack([u / w, v / w], axis=1)
-    jacobian = (homography[None, :2, :2] - position[:, :, None] * homography[None, 2:, :2]) / w[:, None, None]
-    return position, jacobian
-
-
 def _first_frame(track: Track) -> dict[str, int]:
     return {"first_frame": int(track.frame[0])} if np.all(np.diff(track.frame) == 1) else {}
-
-
-# --------------------------------------------------------------------------- calibration.json
-
-
-def write_calibration(calibration: Calibration, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Write calibration.json.
-
-    Parameters
-    ----------
-    calibration
-        What to write.
-    path
-        File to write; missing folders are made.
-    overwrite
-        Replace a file that exists.
-
-    Returns
-    -------
-    Path
-        The path as given.
-
-    Raises
-    ------
-    CalibrationError
-        When it cannot be used, e.g. a homography without an inverse.
-    OutputError
-        As :func:`iris_sysid.files.write_atomic`.
-    """
-    _check_homography(calibration.homography)
-    document = checked(
-        CalibrationDocument,
-        unit=calibration.unit,
-        homography=tuple(tuple(row) for row in calibration.homography.tolist()),
-        scale=entries_of({"scale": calibration.scale})["scale"],
-        source=calibration.source,
-        origin=origin_of(None, {}),
-    )
-    return write_document(document, path, overwrite=overwrite)
-
-
-def read_calibration(path: str | Path) -> Calibration:
-    """Read calibration.json, or the axes of a ``.trk`` or ``.trz`` file of Open Source Physics Tracker.
-
-    Raises DataError for a file that is not one of these, CalibrationError for one that does not fix metres per pixel.
-    """
-    path = Path(path)
-    if path.suffix.lower() in (".trk", ".trz"):
-        return from_osp(read_osp(path))
-    document = read_document(path, CalibrationDocument)
-    calibration = Calibration(np.array(document.homography), document.scale.estimate(), document.unit, document.source)
-    _check_homography(calibration.homography)
-    if not calibration.scale.value > 0:
-        raise DataError(f"{path}: scale.value must be above zero, not {document.scale.value}")
-    return calibration

@@ -9,13 +9,12 @@ from typing import Literal
 import numpy as np
 
 from iris_sysid._camera_fit import matrix_of
-from iris_sysid.board_plane import NO_LENS, STRAIGHT_ON
+from iris_sysid.calibration import NO_LENS, PICTURE_UP, STRAIGHT_ON, scale
 from iris_sysid.camera import CameraCalibration
 from iris_sysid.errors import CalibrationError
-from iris_sysid.plane import N_VALUES, PlaneCalibration
-from iris_sysid.types import Array
+from iris_sysid.plane import UNKNOWN_SCALE, with_scale
+from iris_sysid.types import N_VALUES, Array, Calibration
 
-PICTURE_UP = "the vertical is the picture's"
 # 1.4826: MAD to standard deviation of a normal; 1.2533: standard error of a median over that of a mean
 MAD_TO_SIGMA, MEDIAN_FACTOR = 1.4826, 1.2533
 
@@ -28,7 +27,7 @@ def plane_from_size(
     size_m_stderr: float = 0.0,
     image_size: tuple[int, int] | None = None,
     source: str = "object of known size",
-) -> PlaneCalibration:
+) -> Calibration:
     """Calibrate by one length that is known in the picture and in the plane of motion.
 
     Parameters
@@ -44,34 +43,17 @@ def plane_from_size(
 
     Returns
     -------
-    PlaneCalibration
-        Fixes the scale only; origin at the centre of pixel (0, 0). Budget: ``object in px``, ``object in m``.
+    Calibration
+        Fixes the scale only; origin at the centre of pixel (0, 0). Budget: ``length in px``, ``length in m``.
 
     Raises
     ------
     CalibrationError
         When a length is not positive or not known better than to itself.
     """
-    for what, length, stderr, unit in (("size", size_px, size_px_stderr, "px"), ("size", size_m, size_m_stderr, "m")):
-        if not (math.isfinite(length) and length > 0 and 0 <= stderr < length):
-            raise CalibrationError(
-                f"the object's {what} must be above zero and larger than its error, not {length:g} ± {stderr:g} {unit}"
-            )
-    relative = {"object in px": size_px_stderr / size_px, "object in m": size_m_stderr / size_m}
-    m_per_px = size_m / size_px
-    growth = np.zeros(N_VALUES)
-    growth[[0, 4]] = m_per_px, -m_per_px
-    return PlaneCalibration(
-        homography=np.diag([m_per_px, -m_per_px, 1.0]),
-        camera_matrix=np.eye(3),
-        distortion=np.zeros(5),
-        budget={name: part**2 * np.outer(growth, growth) for name, part in relative.items()},
-        image_size=image_size,
-        centre_px=(0.0, 0.0),
-        fixed=("scale",),
-        assumed=(STRAIGHT_ON, NO_LENS, PICTURE_UP),
-        source=f"{source}: {size_px:.2f} px are {size_m:g} m",
-    )
+    calibration = scale(size_px, size_m, px_stderr=size_px_stderr, metres_stderr=size_m_stderr)
+    said = f"{source}: {size_px:.2f} px are {size_m:g} m"
+    return replace(calibration, scale=replace(calibration.scale, source=said), image_size=image_size, source=said)
 
 
 def plane_from_ball(
@@ -82,7 +64,7 @@ def plane_from_ball(
     edge_stderr_px: float = 0.1,
     xy_px: Array | None = None,
     image_size: tuple[int, int] | None = None,
-) -> PlaneCalibration:
+) -> Calibration:
     """Calibrate by a ball of known radius that was tracked: the median of its radius in the picture.
 
     Frames scatter by what the median's standard error says; where the edge of the ball is put is common to all frames
@@ -105,7 +87,7 @@ def plane_from_ball(
 
     Returns
     -------
-    PlaneCalibration
+    Calibration
         As :func:`plane_from_size`, with a note where the apparent radius changes over the picture.
 
     Raises
@@ -211,7 +193,7 @@ def camera_from_field_of_view(
 
 def plane_from_distance(
     camera: CameraCalibration, distance_m: float, *, distance_stderr_m: float, tilt_stderr_rad: float = 0.0
-) -> PlaneCalibration:
+) -> Calibration:
     """Calibrate by the distance from the camera to the plane of motion, which it looks at straight on.
 
     ``x = distance (u - cx) / fx`` and ``z = -distance (v - cy) / fy`` for undistorted pixels (u, v).
@@ -229,7 +211,7 @@ def plane_from_distance(
 
     Returns
     -------
-    PlaneCalibration
+    Calibration
         Origin where the line of sight meets the plane. Budget: ``distance``, ``camera``, ``tilt``.
 
     Raises
@@ -247,16 +229,19 @@ def plane_from_distance(
     homography = np.array([[distance_m / fx, 0, -distance_m * cx / fx], [0, -distance_m / fy, distance_m * cy / fy]])
     homography = np.vstack([homography, [0, 0, 1.0]])
     distorts = bool(np.any(camera.distortion))
-    return PlaneCalibration(
-        homography=homography,
-        camera_matrix=camera.camera_matrix,
-        distortion=camera.distortion,
-        budget=_distance_budget(camera, homography, distance_m, distance_stderr_m, tilt_stderr_rad),
-        image_size=camera.image_size,
-        centre_px=(float(cx), float(cy)),
-        fixed=("scale",) + (("distortion",) if distorts else ()),
-        assumed=(STRAIGHT_ON, *(() if distorts else (NO_LENS,)), PICTURE_UP),
-        source=f"distance {distance_m:g} m; {camera.source}",
+    return with_scale(
+        Calibration(
+            scale=UNKNOWN_SCALE,
+            homography=homography,
+            camera_matrix=camera.camera_matrix,
+            distortion=camera.distortion,
+            budget=_distance_budget(camera, homography, distance_m, distance_stderr_m, tilt_stderr_rad),
+            image_size=camera.image_size,
+            centre_px=(float(cx), float(cy)),
+            fixed=("scale",) + (("distortion",) if distorts else ()),
+            assumed=(STRAIGHT_ON, *(() if distorts else (NO_LENS,)), PICTURE_UP),
+            source=f"distance {distance_m:g} m; {camera.source}",
+        )
     )
 
 

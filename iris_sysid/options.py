@@ -10,7 +10,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TypeVar
 
-from iris_sysid.calibration import read_calibration, scale_bar_from_text, scale_from_text
+from iris_sysid.calibration import scale_bar_from_text, scale_from_text
+from iris_sysid.calibration_file import read_calibration
 from iris_sysid.errors import CalibrationError, DataError
 from iris_sysid.files import origin_of
 from iris_sysid.types import Calibration, Estimate, OdeModel, TrackOptions, Trajectory

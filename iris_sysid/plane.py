@@ -3,67 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
-from types import MappingProxyType
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
-from iris_sysid.arrays import frozen_array
 from iris_sysid.errors import CalibrationError
 from iris_sysid.homographies import apply_homography, homography_sensitivity, homography_slopes
 from iris_sysid.lens import distort, undistort_px
-from iris_sysid.types import Array, Estimate
+from iris_sysid.types import N_VALUES, Array, Calibration, Estimate
 
 STEP = 1e-2  # of a standard error: well within where the map is straight
-N_VALUES = 18  # nine entries of the homography, row by row, then the nine of lens.CAMERA_PARAMETERS
+UNKNOWN_SCALE = Estimate(math.nan, math.nan, "px/m")
+NEGLIGIBLE = 1e-3  # of the largest pattern of a source: adds 1e-6 to its variance
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class PlaneCalibration:
-    """How pixels become metres in the plane of motion, with everything that is known about its errors.
-
-    ``homography`` (3, 3) maps undistorted px, y down, to metres, x right, z up. ``camera_matrix`` (3, 3) and
-    ``distortion`` (5,) undistort (no distortion where none is known). ``covariance`` (18, 18) of the homography's nine
-    entries, row by row, and of ``lens.CAMERA_PARAMETERS``: common to all samples, so an average over frames does not
-    shrink it. ``budget`` holds its parts by source; they add up. ``scale`` is px per m at ``centre_px``, where the
-    calibration was made. ``fixed`` says in words what the data fixed, ``assumed`` what was taken for granted.
-    """
-
-    homography: Array
-    camera_matrix: Array
-    distortion: Array
-    budget: Mapping[str, Array]
-    image_size: tuple[int, int] | None
-    centre_px: tuple[float, float]
-    fixed: tuple[str, ...]
-    assumed: tuple[str, ...]
-    rms_px: float = math.nan
-    notes: tuple[str, ...] = ()
-    source: str = ""
-    covariance: Array = field(init=False)
-    scale: Estimate = field(init=False)
-
-    def __post_init__(self) -> None:
-        for name, shape in (("homography", (3, 3)), ("camera_matrix", (3, 3)), ("distortion", (5,))):
-            object.__setattr__(self, name, frozen_array(getattr(self, name), shape, name))
-        parts = {
-            name: frozen_array(part, (N_VALUES, N_VALUES), f"budget[{name!r}]") for name, part in self.budget.items()
-        }
-        object.__setattr__(self, "budget", MappingProxyType(parts))
-        total = sum(parts.values(), np.zeros((N_VALUES, N_VALUES)))
-        object.__setattr__(self, "covariance", frozen_array(total, (N_VALUES, N_VALUES), "covariance"))
-        object.__setattr__(self, "scale", local_scale(self, self.centre_px))
-
-    @property
-    def values(self) -> Array:
-        """The 18 numbers that ``covariance`` belongs to."""
-        matrix = self.camera_matrix
-        return np.concatenate([self.homography.ravel(), np.diag(matrix)[:2], matrix[:2, 2], self.distortion])
+def with_scale(calibration: Calibration) -> Calibration:
+    """The ``calibration`` with the scale, and its standard error, that it has at its ``centre_px``."""
+    return replace(calibration, scale=local_scale(calibration, calibration.centre_px))
 
 
-def to_plane(calibration: PlaneCalibration, xy_px: Array) -> tuple[Array, Array, Array]:
+def to_plane(calibration: Calibration, xy_px: Array) -> tuple[Array, Array, Array]:
     """Map pixels to the plane of motion, with the derivatives through which errors go.
 
     The random error of a sample is ``A diag(sigma_px^2) A'`` with A = ``by_px``; the error that samples i and j have in
@@ -104,12 +65,12 @@ def to_plane(calibration: PlaneCalibration, xy_px: Array) -> tuple[Array, Array,
     return apply_homography(homography, undistorted), slopes @ by_px, by_calibration
 
 
-def _depth_sign(calibration: PlaneCalibration) -> float:
+def _depth_sign(calibration: Calibration) -> float:
     centre = undistort_px(np.array([calibration.centre_px]), calibration.camera_matrix, calibration.distortion)[0][0]
     return float(np.sign(calibration.homography[2, :2] @ centre + calibration.homography[2, 2]))
 
 
-def to_pixels(calibration: PlaneCalibration, position_m: Array) -> Array:
+def to_pixels(calibration: Calibration, position_m: Array) -> Array:
     """Pixels (n, 2) at which the camera sees points ``position_m`` (n, 2) of the plane, x right, z up."""
     undistorted = apply_homography(np.asarray(np.linalg.inv(calibration.homography)), position_m)
     matrix = calibration.camera_matrix
@@ -117,7 +78,7 @@ def to_pixels(calibration: PlaneCalibration, position_m: Array) -> Array:
     return distort((undistorted - centre) / focal, calibration.distortion)[0] * focal + centre
 
 
-def common_covariance(calibration: PlaneCalibration, xy_px: Array, source: str | None = None) -> Array:
+def common_covariance(calibration: Calibration, xy_px: Array, source: str | None = None) -> Array:
     """Covariance (2 n, 2 n), m^2, of what the errors of positions have in common through the calibration.
 
     Parameters
@@ -139,10 +100,52 @@ def common_covariance(calibration: PlaneCalibration, xy_px: Array, source: str |
     return np.asarray(sensitivity @ part @ sensitivity.T)
 
 
+def common_errors(calibration: Calibration, xy_px: Array) -> dict[str, Array]:
+    """What can be wrong with a calibration, as independent changes of its numbers, as far as it shows at some pixels.
+
+    Parameters
+    ----------
+    calibration
+        Of the plane.
+    xy_px
+        Pixels (n, 2); NaN is passed over.
+
+    Returns
+    -------
+    dict
+        By source of its budget: changes (r, 18) of ``calibration.values`` by one standard error each. To first order
+        the covariance of positions is the sum of the outer products of what they do to them (GUM, 5.2.2).
+    """
+    seen = xy_px[np.isfinite(xy_px).all(axis=1)]
+    sensitivity = to_plane(calibration, seen)[2].reshape(-1, N_VALUES)
+    normal = sensitivity.T @ sensitivity
+    found = {}
+    for source, part in calibration.budget.items():
+        root = _root(part)
+        squares, turns = np.linalg.eigh(root.T @ normal @ root)
+        shown = squares > max(NEGLIGIBLE**2 * squares.max(initial=0.0), np.finfo(np.float64).tiny)
+        if shown.any():
+            found[source] = (root @ turns[:, shown]).T[::-1]
+    return found
+
+
+def changed(calibration: Calibration, change: Array) -> Calibration:
+    """The ``calibration`` with its numbers changed by ``change`` (18,), without a budget."""
+    values = calibration.values + change
+    fx, fy, cx, cy = values[9:13]
+    return replace(
+        calibration,
+        homography=values[:9].reshape(3, 3),
+        camera_matrix=np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]),
+        distortion=values[13:],
+        budget={},
+    )
+
+
 # --------------------------------------------------------------------------- at one place
 
 
-def local_scale(calibration: PlaneCalibration, at_px: tuple[float, float]) -> Estimate:
+def local_scale(calibration: Calibration, at_px: tuple[float, float]) -> Estimate:
     """Pixels a metre at a place ``at_px`` of the picture, as the mean of all directions: ``|det A|^(-1/2)``.
 
     Its standard error is common to all samples; it is ``assumed`` where nothing says how well it is known.
@@ -151,7 +154,7 @@ def local_scale(calibration: PlaneCalibration, at_px: tuple[float, float]) -> Es
     return Estimate(value, stderr, "px/m", "direct" if stderr > 0 else "assumed", calibration.source)
 
 
-def local_geometry(calibration: PlaneCalibration, at_px: tuple[float, float]) -> dict[str, Estimate]:
+def local_geometry(calibration: Calibration, at_px: tuple[float, float]) -> dict[str, Estimate]:
     """Scale and its departures at a place ``at_px`` of the picture, each with the error common to all samples.
 
     ``stretch`` is the ratio of the scales along the picture's x and y, ``shear_rad`` how far the picture's right angle
@@ -165,25 +168,27 @@ def local_geometry(calibration: PlaneCalibration, at_px: tuple[float, float]) ->
     }
 
 
-def _geometry(calibration: PlaneCalibration, at_px: tuple[float, float]) -> tuple[Array, Array]:
+def _geometry(calibration: Calibration, at_px: tuple[float, float]) -> tuple[Array, Array]:
     """Scale, stretch, shear and turn (4,) at a place, and their standard errors (4,).
 
     The errors come from steps along each axis of the calibration's covariance.
     """
     values = calibration.values
-    found = _geometry_of(values, at_px)
-    size = np.sqrt(np.maximum(np.diag(calibration.covariance), 0))
-    known = size > 0
-    if not known.any():
-        return found, np.zeros(4)
-    scaled = calibration.covariance[np.ix_(known, known)] / np.outer(size[known], size[known])
-    lengths, directions = np.linalg.eigh(scaled)
     variance = np.zeros(4)
-    for length, direction in zip(np.sqrt(np.maximum(lengths, 0)), directions.T, strict=True):
-        step = np.zeros(N_VALUES)
-        step[known] = STEP * length * direction * size[known]
+    for direction in _root(calibration.covariance).T:
+        step = STEP * direction
         variance += np.square((_geometry_of(values + step, at_px) - _geometry_of(values - step, at_px)) / (2 * STEP))
-    return found, np.sqrt(variance)
+    return _geometry_of(values, at_px), np.sqrt(variance)
+
+
+def _root(covariance: Array) -> Array:
+    """R (18, r) with R R' = covariance, whose entries may be of very unequal size."""
+    size = np.sqrt(np.maximum(np.diag(covariance), 0))
+    known = size > 0
+    lengths, directions = np.linalg.eigh(covariance[np.ix_(known, known)] / np.outer(size[known], size[known]))
+    root = np.zeros((N_VALUES, int(known.sum())))
+    root[known] = size[known, None] * directions * np.sqrt(np.maximum(lengths, 0))
+    return root
 
 
 def _geometry_of(values: Array, at_px: tuple[float, float]) -> Array:
@@ -207,12 +212,12 @@ def _geometry_of(values: Array, at_px: tuple[float, float]) -> Array:
 
 
 def with_plumb_line(
-    calibration: PlaneCalibration,
+    calibration: Calibration,
     top_px: tuple[float, float],
     bottom_px: tuple[float, float],
     *,
     point_stderr_px: float = 0.5,
-) -> PlaneCalibration:
+) -> Calibration:
     """Turn the world's axes so that z runs along a plumb line that hangs in the plane of motion.
 
     Parameters
@@ -226,7 +231,7 @@ def with_plumb_line(
 
     Returns
     -------
-    PlaneCalibration
+    Calibration
         Its budget has the part ``vertical``, the angle's error.
 
     Raises
@@ -256,7 +261,7 @@ def with_plumb_line(
     )
 
 
-def upright(calibration: PlaneCalibration, up: Literal["picture", "board"]) -> PlaneCalibration:
+def upright(calibration: Calibration, up: Literal["picture", "board"]) -> Calibration:
     """Turn the world so that z is up at ``centre_px``, where the ``calibration`` was made.
 
     ``up``: ``picture`` takes what is up in the picture there, ``board`` the axis of the world nearest to that.
@@ -272,7 +277,7 @@ def upright(calibration: PlaneCalibration, up: Literal["picture", "board"]) -> P
     return replace(turned, assumed=(*calibration.assumed, said))
 
 
-def _turned_by(calibration: PlaneCalibration, angle_of: Callable[[Array], float]) -> PlaneCalibration:
+def _turned_by(calibration: Calibration, angle_of: Callable[[Array], float]) -> Calibration:
     """Turn the world anticlockwise by an angle that follows from the calibration's own numbers, errors included."""
     values = calibration.values
     angle = angle_of(values)

@@ -16,6 +16,7 @@ from iris_sysid.types import Estimate, FitStatus, Quantity, Segment, SegmentLabe
 
 Number = float | None
 Triple = tuple[float, float, float]
+PixelCount = Annotated[int, Field(ge=1, le=100_000)]
 
 
 def known_number(value: Any) -> Number:
@@ -251,10 +252,28 @@ class CalibrationDocument(Document):
     unit: Literal["m", "px"]
     """Unit of the world; px when no scale is known."""
     homography: tuple[Triple, Triple, Triple]
-    """Maps (x, y, 1), px, y down, to the world, z up; rows."""
+    """Maps (x, y, 1), undistorted px, y down, to the world, z up; rows."""
     scale: EstimateEntry
-    """px per unit; its standard error is common to all samples."""
+    """px per unit where the calibration was made; its standard error is common to all samples."""
     source: str = ""
+    camera_matrix: tuple[Triple, Triple, Triple] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    """fx, fy, cx, cy, px; rows. With the distortion it takes pixels to undistorted px."""
+    distortion: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    """k1, k2, p1, p2, k3 as OpenCV defines them."""
+    budget: Annotated[dict[str, list[list[float]]], Field(max_length=100)] = {}
+    """By source: part of the covariance (18, 18) of the homography's nine entries, row by row, and fx, fy, cx, cy, k1,
+    k2, p1, p2, k3; independent parts that add up."""
+    image_size: tuple[PixelCount, PixelCount] | None = None
+    """Width and height of the pictures it is valid for, px; null where it was not made from pictures."""
+    centre_px: tuple[float, float] = (0.0, 0.0)
+    """Where in the picture it was made."""
+    fixed: list[str] = []
+    """What the data fixed."""
+    assumed: list[str] = []
+    """What was taken for granted."""
+    notes: list[str] = []
+    rms_px: Number = None
+    """Root mean square distance of the board's corners from where they should be; null without a board."""
     origin: dict[str, JsonValue] = {}
 
 

@@ -8,7 +8,8 @@ from iris_sysid.board_plane import _homography
 from iris_sysid.board_views import Board, view_of_corners
 from iris_sysid.homographies import apply_homography, homography_slopes
 from iris_sysid.lens import undistort_px
-from iris_sysid.plane import PlaneCalibration, upright
+from iris_sysid.plane import UNKNOWN_SCALE, upright, with_scale
+from iris_sysid.types import Calibration
 
 BOARD = Board(9, 6, 0.03)
 SIZE = (960, 540)
@@ -53,7 +54,16 @@ def simulated_views(rng, n, noise_px=0.1, **where):
 def true_plane(pose, up_like, offset_m=0.0, board=BOARD, camera=PHONE):
     """The exact calibration of the plane that lies offset_m in front of a board, its world turned like another's."""
     homography = _homography(pose, camera, offset_m, 1.0, board.centre_m).reshape(3, 3)
-    exact = PlaneCalibration(homography, matrix_of(camera), camera[4:], {}, SIZE, up_like.centre_px, (), ())
+    exact = with_scale(
+        Calibration(
+            homography,
+            UNKNOWN_SCALE,
+            camera_matrix=matrix_of(camera),
+            distortion=camera[4:],
+            image_size=SIZE,
+            centre_px=up_like.centre_px,
+        )
+    )
     return upright(exact, "picture")
 
 

@@ -10,15 +10,14 @@ from hypothesis import strategies as st
 
 from iris_sysid.calibration import (
     from_osp,
-    read_calibration,
     scale,
     scale_bar,
     scale_bar_from_text,
     scale_from_text,
     to_world,
     uncalibrated,
-    write_calibration,
 )
+from iris_sysid.calibration_file import read_calibration, write_calibration
 from iris_sysid.errors import CalibrationError, DataError, OutputError
 from iris_sysid.types import Calibration, Estimate, Track
 from tests._project import recording
@@ -346,7 +345,7 @@ def test_read_calibration_edited_wrongly_says_what_is_wrong(tmp_path, old, new, 
 @pytest.mark.parametrize("name", ["clip.trk", "clip.TRZ"])
 def test_read_calibration_of_a_tracker_file_asks_its_reader(monkeypatch, name):
     axes = SimpleNamespace(scale_px_per_m=398.7, angle_rad=0.0, origin_px=(1.0, 2.0))
-    monkeypatch.setattr("iris_sysid.calibration.read_osp", lambda path: axes)
+    monkeypatch.setattr("iris_sysid.calibration_file.read_osp", lambda path: axes)
     assert read_calibration(name).scale.value == 398.7
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from iris_sysid.camera import CameraCalibration, FittedView
 from iris_sysid.errors import CalibrationError
-from iris_sysid.plane import PlaneCalibration, to_pixels, to_plane
-from iris_sysid.types import Array
+from iris_sysid.plane import to_pixels, to_plane
+from iris_sysid.types import Array, Calibration
 
 USED, LEFT_OUT, GRID, ORIGIN = "#0072B2", "#D55E00", "#56B4E9", "#E69F00"
 ARROW_PART = 0.03  # a typical residual is drawn this long, of the picture's width
@@ -76,7 +76,7 @@ def view_figure(fitted: FittedView, picture: NDArray[np.uint8]) -> Figure:
     return figure
 
 
-def grid_figure(calibration: PlaneCalibration, picture: NDArray[np.uint8], *, step_m: float | None = None) -> Figure:
+def grid_figure(calibration: Calibration, picture: NDArray[np.uint8], *, step_m: float | None = None) -> Figure:
     """The world's grid over a frame of the clip: lines of equal x and z, bent as the lens bends them.
 
     Parameters
@@ -171,7 +171,7 @@ def _draw_errors(axes: Axes, camera: CameraCalibration) -> None:
     )
 
 
-def _reach(calibration: PlaneCalibration, size: tuple[int, int]) -> tuple[Array, Array]:
+def _reach(calibration: Calibration, size: tuple[int, int]) -> tuple[Array, Array]:
     """Least and largest x and z (2,) that the edge of the picture shows, as far as the calibration reaches."""
     x, y = np.linspace(0, size[0] - 1, 9), np.linspace(0, size[1] - 1, 9)
     inside = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
@@ -181,7 +181,7 @@ def _reach(calibration: PlaneCalibration, size: tuple[int, int]) -> tuple[Array,
     return np.min(seen, axis=0), np.max(seen, axis=0)
 
 
-def _place(calibration: PlaneCalibration, point: Array) -> Array | None:
+def _place(calibration: Calibration, point: Array) -> Array | None:
     try:
         return np.asarray(to_plane(calibration, point[None])[0][0])
     except CalibrationError:  # beyond the horizon or the lens model: there is no grid there
@@ -190,7 +190,7 @@ def _place(calibration: PlaneCalibration, point: Array) -> Array | None:
 
 def _draw_line(
     axes: Axes,
-    calibration: PlaneCalibration,
+    calibration: Calibration,
     axis: int,
     value: float,
     reach: tuple[Array, Array],

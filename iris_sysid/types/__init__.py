@@ -7,6 +7,8 @@ World: x right, z up.
 
 from iris_sysid.arrays import Array as Array
 from iris_sysid.arrays import Mask as Mask
+from iris_sysid.types._calibration import N_VALUES as N_VALUES
+from iris_sysid.types._calibration import Calibration as Calibration
 from iris_sysid.types._clip import TRACK_SIGMAS as TRACK_SIGMAS
 from iris_sysid.types._clip import Frame as Frame
 from iris_sysid.types._clip import FrameSource as FrameSource
@@ -16,7 +18,6 @@ from iris_sysid.types._model import Effect as Effect
 from iris_sysid.types._model import OdeModel as OdeModel
 from iris_sysid.types._model import Parameter as Parameter
 from iris_sysid.types._model import RightHandSide as RightHandSide
-from iris_sysid.types._motion import Calibration as Calibration
 from iris_sysid.types._motion import MotionKind as MotionKind
 from iris_sysid.types._motion import Segment as Segment
 from iris_sysid.types._motion import SegmentLabel as SegmentLabel

@@ -62,7 +62,9 @@ class Trajectory:
     random standard error of each sample, NaN where unknown; ``valid`` (n,). ``inputs`` (n, m) are
     known inputs u(t) in the units of ``input_quantities``. ``segments`` say what happens when.
     ``geometry`` holds what was measured on the way here (pivot, angle of the board, scale), with its
-    uncertainty, which is common to all samples. ``smoothed`` is there after :func:`iris_sysid.smooth`.
+    uncertainty, which is common to all samples. ``systematic`` holds, by source, what errors of the positions have in
+    common: (r, n, d), r independent patterns, each the change of every position for one standard error; an average over
+    samples does not shrink them. ``smoothed`` is there after :func:`iris_sysid.smooth`.
     """
 
     t_s: Array
@@ -76,6 +78,7 @@ class Trajectory:
     geometry: Mapping[str, Estimate] = field(default_factory=dict)
     smoothed: Smoothed | None = None
     origin: Mapping[str, Any] = field(default_factory=dict)
+    systematic: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         times = increasing_times(self.t_s)
@@ -96,6 +99,10 @@ class Trajectory:
         for segment in self.segments:
             if not 0 <= segment.start < segment.stop <= n:
                 raise DataError(f"segment {segment} does not lie within the {n} samples")
+        systematic = {
+            source: frozen_array(patterns, (None, n, d), f"systematic[{source!r}]")
+            for source, patterns in self.systematic.items()
+        }
         for name, value in (
             ("t_s", times),
             ("position", position),
@@ -105,6 +112,7 @@ class Trajectory:
             ("quantities", tuple(self.quantities)),
             ("segments", tuple(self.segments)),
             ("geometry", MappingProxyType(dict(self.geometry))),
+            ("systematic", MappingProxyType(systematic)),
             ("origin", MappingProxyType(dict(self.origin))),
         ):
             object.__setattr__(self, name, value)
@@ -132,23 +140,7 @@ class Trajectory:
         return inside
 
     def with_(self, **changes: Any) -> Trajectory:
-        """A copy with some fields replaced."""
+        """A copy with some fields replaced; where positions are, ``systematic`` must be given anew or is dropped."""
+        if "position" in changes:
+            changes = {"systematic": {}, **changes}
         return replace(self, **changes)
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Calibration:
-    """How pixels become metres in the plane of motion; :func:`iris_sysid.to_world` applies it.
-
-    ``homography`` (3, 3) maps homogeneous (x, y, 1) px, y down, to metres, z up. ``scale`` is px per
-    ``unit`` with its standard error, which is common to all samples. ``unit`` is ``m``, or ``px``
-    when no scale is known: then angles and times are still right, lengths are not.
-    """
-
-    homography: Array
-    scale: Estimate
-    unit: Literal["m", "px"] = "m"
-    source: str = ""
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "homography", frozen_array(self.homography, (3, 3), "homography"))
