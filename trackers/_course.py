@@ -24,16 +24,23 @@ class Course:
     discs: dict[int, Disc] = field(default_factory=dict)
 
     def motion(self, frame: int, exposure_share: float) -> Motion:
-        """What moves within an exposure that takes that share of the time between frames."""
+        """What moves within an exposure that takes that share of the time between frames.
+
+        Velocity and acceleration are those of the parabola through three discs: that before and that after it if
+        there are both.
+        """
         frames = sorted(self.discs)
-        place = int(np.searchsorted(frames, frame))
-        before, after = frames[max(0, place - 1)], frames[min(len(frames) - 1, place + 1)]
-        elapsed = self.times[after] - self.times[before]
-        if exposure_share == 0 or not 0 < elapsed <= LONGEST_BREAK_S or not before <= frame <= after:
+        first = int(np.clip(np.searchsorted(frames, frame) - 1, 0, max(0, len(frames) - 3)))
+        near = frames[first : first + 3]
+        elapsed = self.times[near[-1]] - self.times[near[0]] if near else 0.0
+        if exposure_share == 0 or not 0 < elapsed <= LONGEST_BREAK_S or not near[0] <= frame <= near[-1]:
             return Motion()
+        t_s = (np.array([self.times[one] for one in near]) - self.times[frame]) / elapsed
+        places = np.array([(self.discs[one].x, self.discs[one].y, self.discs[one].radius) for one in near])
+        slope = np.polyfit(t_s, places, len(near) - 1)[::-1]
         share = exposure_share * self.frame_time() / elapsed
-        one, other = self.discs[before], self.discs[after]
-        return Motion((other.x - one.x) * share, (other.y - one.y) * share, (other.radius - one.radius) * share)
+        bend = 2 * share**2 * slope[2, :2] if len(near) == 3 else np.zeros(2)
+        return Motion(*(share * slope[1]), *bend)
 
     def frame_time(self) -> float:
         """Time between two frames, s, by the median."""

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from iris_sysid.types import Array
-from trackers._edge import edge_coverage, edge_reach
+from trackers._disc_coverage import disc_coverage
 from trackers._robust_fit import Start
 
 X, Y, RADIUS, BLUR, OVAL_ALONG, OVAL_ACROSS = range(6)  # the first parameters; the grey levels follow
-PIXEL_VARIANCE = 1.0 / 12.0  # px^2, of a pixel in any direction
 SHARPEST = 0.004  # px^2, variance of the sharpest edge
 FIRST_BLUR = 0.1  # px^2, variance of the edge at the start
 SMALLEST = 0.8  # px, radius
@@ -42,16 +41,27 @@ class Disc:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """By how much centre and radius change within one exposure, px."""
+    """By how much centre and radius change within one exposure, px.
+
+    ``bend_x``, ``bend_y`` are the acceleration, px per exposure squared: by a 24th of it the mean place over the
+    exposure is off the one at its middle.
+    """
 
     x: float = 0.0
     y: float = 0.0
     radius: float = 0.0
+    bend_x: float = 0.0
+    bend_y: float = 0.0
 
     @property
     def length(self) -> float:
         """Farthest that a part of the outline moves, px."""
         return float(np.hypot(self.x, self.y) + abs(self.radius))
+
+    @property
+    def way(self) -> Array:
+        """All of it (5,): x, y, radius, bend_x, bend_y."""
+        return np.array([self.x, self.y, self.radius, self.bend_x, self.bend_y])
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,34 +146,7 @@ class DiscModel:
     def _coverage(self, outline: Array) -> tuple[Array, Array]:
         """Share (n,) of each pixel that the moving disc covers in the mean, and its derivatives by the outline."""
         count = int(np.clip(np.ceil(self.motion.length / SUBSTEP), 1, MOST_SUBSTEPS))
-        share, slopes = np.zeros(self.x.size), np.zeros((self.x.size, outline.size))
-        for time in (np.arange(count) + 0.5) / count - 0.5:
-            placed = outline.copy()
-            placed[: RADIUS + 1] += time * np.array([self.motion.x, self.motion.y, self.motion.radius])
-            self._add(share, slopes, placed, 1 / count)
-        return share / count, slopes / count
-
-    def _add(self, share: Array, slopes: Array, outline: Array, step: float) -> None:
-        """Add the coverage by a disc, and its derivatives; only pixels at its edge need the full formula.
-
-        Within this share of the exposure the edge moves evenly, which blurs it by a twelfth of its way squared.
-        """
-        x, y, radius, blur = outline[: BLUR + 1]
-        along, across = outline[OVAL_ALONG:] if outline.size > OVAL_ALONG else (0.0, 0.0)
-        dx, dy = self.x - x, self.y - y
-        rho = np.maximum(np.hypot(dx, dy), 1e-9)
-        share += rho < radius
-        widest = edge_reach(blur) + step * self.motion.length / 2 + radius * np.hypot(along, across)
-        edge = np.flatnonzero(np.abs(radius - rho) < widest + 0.5)
-        rho = rho[edge]
-        cos, sin = dx[edge] / rho, dy[edge] / rho
-        twice = np.column_stack([cos**2 - sin**2, 2 * cos * sin])
-        bend = (blur + PIXEL_VARIANCE) / (2 * np.maximum(rho, radius / 2))
-        distance = radius * (1 + twice @ (along, across)) - rho - bend
-        way = step * (self.motion.x * cos + self.motion.y * sin + self.motion.radius)
-        part, slope, spread = edge_coverage(distance, (cos, sin), blur + way**2 / 12)
-        share[edge] += part - (rho < radius)
-        by_blur = spread - slope * bend / (blur + PIXEL_VARIANCE)
-        by_oval = (slope * radius)[:, np.newaxis] * twice
-        every = np.column_stack([slope * cos, slope * sin, slope, by_blur, by_oval])
-        slopes[edge] += every[:, : outline.size]
+        every = np.zeros(OVAL_ACROSS + 1)
+        every[: outline.size] = outline
+        share, slopes = disc_coverage(self.x, self.y, every, self.motion.way, count)
+        return share, slopes[:, : outline.size]

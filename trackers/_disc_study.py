@@ -17,6 +17,7 @@ from trackers._disc_model import Disc, Form
 from trackers._view import View
 
 SURROUNDINGS = tuple(Form(4, exterior, known, oval=True) for known, exterior in ((True, 1), (True, 3), (False, 3)))
+PLAIN = Form(3, 1)  # with which the shutter is found: an oval would take up a streak
 INTERIORS = (1, 3, 4, 6)
 ROOM = 2.0  # px of radius for each further term of the shading
 SMALLEST_OVAL = 5.0  # px, radius
@@ -26,6 +27,7 @@ TOO_FAST = 4.0  # radii moved between two frames: the way from one to the other 
 FEWEST_FAST = 3  # frames
 SHUTTERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # exposure over the time between frames
 FINER = (-0.12, -0.06, 0.0, 0.06, 0.12)  # about the best of them
+FINEST = (-0.04, -0.02, 0.0, 0.02, 0.04)  # about the best of these, once the shading is known
 NOT_SEEN = -1e6  # worth of a fit that fails
 WORST = 0.25  # of the frames: in these something else may be wrong
 COUNTS = 0.5  # weight from which on a pixel is of the disc or its surroundings
@@ -65,7 +67,7 @@ class Workshop:
         start, lesson = expected, self.lessons.get(body, Lesson())
         for _ in range(REPEATS):
             fitted = self.fit_as(lesson, body, number, picture, start)
-            if fitted is None or start is None or expected is None:
+            if fitted is None or start is None or expected is None or not shows_disc(fitted, start):
                 return None
             last, start = start, fitted.disc
             if max(abs(start.x - last.x), abs(start.y - last.y), abs(start.radius - last.radius)) < MOVED:
@@ -75,7 +77,7 @@ class Workshop:
     def fit_as(
         self, lesson: Lesson, body: int, number: int, picture: Bytes, start: Disc | None = None
     ) -> DiscFit | None:
-        """One fit with a lesson of one's own, from ``start`` or from where the disc is expected."""
+        """One fit with a lesson of one's own, from ``start`` or from where the disc is expected, shown or not."""
         start = start or self.courses[body].discs.get(number)
         if start is None:
             return None
@@ -83,8 +85,7 @@ class Workshop:
         if cutout is None:
             return None
         motion = self.courses[body].motion(number, lesson.shutter)
-        fitted = fit_disc(cutout, start, form, motion, lesson.correlation)
-        return fitted if fitted is not None and shows_disc(fitted, start) else None
+        return fit_disc(cutout, start, form, motion, lesson.correlation)
 
     def _cutout(
         self, body: int, number: int, picture: Bytes, lesson: Lesson, start: Disc
@@ -127,31 +128,38 @@ def taught(workshop: Workshop, frames: Iterable[Frame]) -> Workshop:
 
 
 def _lesson(workshop: Workshop, body: int, pictures: Mapping[int, Bytes]) -> Lesson:
-    """The plane of colour first, then shading, shutter, shading again, and the noise."""
+    """The plane of colour first, then the shutter, which shows before any shading does, the shading, the noise."""
     course = workshop.courses[body]
     seen = sorted(number for number in pictures if number in course.discs)
     if not seen:
         return Lesson()
-    speed = {number: course.motion(number, 1.0).length for number in seen}
     spread = [seen[k] for k in np.unique(np.linspace(0, len(seen) - 1, STUDIED).astype(int))]
     radius = float(np.median([course.discs[number].radius for number in seen]))
-    fast = sorted((one for one in seen if FAST < speed[one] < TOO_FAST * radius), key=lambda one: -speed[one])[:STUDIED]
     study = _Study(workshop, body, pictures, radius)
     lesson = study.best([Lesson(channel=channel) for channel in range(study.channels)], spread, precision)
-    lesson = _shaded(study, lesson, spread)
+    speed = {number: course.motion(number, 1.0).length for number in seen}
+    fast = sorted((one for one in seen if FAST < speed[one] < TOO_FAST * radius), key=lambda one: -speed[one])[:STUDIED]
     if len(fast) >= FEWEST_FAST:
-        lesson = replace(lesson, longest_shutter=max(SHUTTERS))
+        lesson = replace(lesson, form=PLAIN, longest_shutter=max(SHUTTERS))
         for shutters in (SHUTTERS, FINER):
-            options = [lesson.shutter * (shutters is FINER) + one for one in shutters]
-            lesson = study.best([replace(lesson, shutter=one) for one in options if 0 <= one <= 1], fast, evidence)
-        lesson = _shaded(study, replace(lesson, longest_shutter=0.0), spread)
+            lesson = study.best(_with_shutters(lesson, shutters), fast, evidence, shown=False)
+    lesson = _shaded(study, replace(lesson, longest_shutter=lesson.shutter), spread)
+    if len(fast) >= FEWEST_FAST:
+        longest = min(max(SHUTTERS), lesson.shutter + max(FINEST))
+        lesson = study.best(_with_shutters(replace(lesson, longest_shutter=longest), FINEST), fast, evidence)
+    lesson = replace(lesson, longest_shutter=0.0)
     return replace(lesson, correlation=noise_correlation(_standardised(one) for one in study.fits(lesson, seen) if one))
+
+
+def _with_shutters(lesson: Lesson, steps: Sequence[float]) -> list[Lesson]:
+    """The lesson with its shutter longer by each of some steps, as far as a shutter can be."""
+    shutters = [lesson.shutter + step for step in steps]
+    return [replace(lesson, shutter=one) for one in shutters if 0 <= one <= max(SHUTTERS)]
 
 
 def _shaded(study: _Study, lesson: Lesson, numbers: Sequence[int]) -> Lesson:
     """The lesson with the surroundings, then the shading of the body, for which the frames speak."""
-    surroundings = [replace(form, oval=lesson.form.oval) for form in SURROUNDINGS]
-    lesson = study.best([replace(lesson, form=form) for form in surroundings], numbers, evidence)
+    lesson = study.best([replace(lesson, form=form) for form in SURROUNDINGS], numbers, evidence)
     room = 1 + study.radius / ROOM
     forms = [replace(lesson.form, interior=interior) for interior in INTERIORS if interior <= room]
     lesson = study.best([replace(lesson, form=form) for form in forms], numbers, evidence)
@@ -185,17 +193,25 @@ class _Study:
         """How many planes of colour the pictures have."""
         return int(np.atleast_3d(next(iter(self.pictures.values()))).shape[2])
 
-    def fits(self, lesson: Lesson, numbers: Sequence[int]) -> list[DiscFit | None]:
-        """The fits that a lesson gives in some frames."""
-        return [self.workshop.fit_as(lesson, self.body, number, self.pictures[number]) for number in numbers]
+    def fits(self, lesson: Lesson, numbers: Sequence[int], *, shown: bool = True) -> list[DiscFit | None]:
+        """The fits that a lesson gives in some frames; with ``shown`` those that are surely of a disc."""
+        discs = self.workshop.courses[self.body].discs
+        fits = [self.workshop.fit_as(lesson, self.body, number, self.pictures[number]) for number in numbers]
+        pairs = zip(numbers, fits, strict=True)
+        return [one if one and (not shown or shows_disc(one, discs[number])) else None for number, one in pairs]
 
     def best(
-        self, lessons: Sequence[Lesson], numbers: Sequence[int], worth: Callable[[DiscFit | None], float]
+        self,
+        lessons: Sequence[Lesson],
+        numbers: Sequence[int],
+        worth: Callable[[DiscFit | None], float],
+        *,
+        shown: bool = True,
     ) -> Lesson:
         """The lesson that is worth most, by the mean over the frames but the worst; the first of equals."""
         if len(lessons) == 1:
             return lessons[0]
-        values = np.array([[worth(one) for one in self.fits(lesson, numbers)] for lesson in lessons])
+        values = np.array([[worth(one) for one in self.fits(lesson, numbers, shown=shown)] for lesson in lessons])
         kept = np.sort(values, axis=1)[:, int(WORST * len(numbers)) :]
         return lessons[int(np.argmax(kept.mean(axis=1)))]
 
