@@ -23,6 +23,17 @@ def columns(t, states, params, inputs, out):
         {slopes} = rhs(t, {states}, {params}{inputs})
 """
 
+# Crossing functions and resets of a model with events: its state ends with the mode, out with the event's number.
+_EVENTS = """
+def crossings(t, states, params, inputs, out):
+    for c in range(states.shape[1]):
+        {crossings}
+
+def resets(t, states, params, inputs, out):
+    for c in range(states.shape[1]):
+        {resets}
+"""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CompiledRhs:
@@ -30,6 +41,7 @@ class CompiledRhs:
 
     ``integrate`` is :func:`fitters._integrate.integrate` or, where numba cannot compile the model, the same
     steps in plain Python; ``columns`` is its first argument; ``note`` says so in words, empty when compiled.
+    For a model with events it integrates through them, and ``columns`` is what that takes first.
     """
 
     integrate: Callable[..., None]
@@ -40,9 +52,11 @@ class CompiledRhs:
 def compiled_rhs(model: OdeModel) -> CompiledRhs:
     """Compile the model's right-hand side, once per function; FitError when it does not return what it must.
 
-    A function that numba cannot compile runs in plain Python: slower, with the same steps.
+    A function that numba cannot compile runs in plain Python: slower, with the same steps. Events must compile.
     """
     _check_slopes(model)
+    if model.events:
+        return _with_events(model)
     return _compile(model.rhs, len(model.states), len(model.parameters), len(model.inputs))
 
 
@@ -68,23 +82,69 @@ def _compile(rhs: Callable[..., Any], n_states: int, n_params: int, n_inputs: in
     return CompiledRhs(integrate, columns)
 
 
-def _loop_source(n_states: int, n_params: int, n_inputs: int) -> str:
-    def row(name: str, count: int, index: str) -> str:
-        return "(" + "".join(f"{name}[{i}{index}], " for i in range(count)) + ")"
+def _row(name: str, count: int, index: str = ", c") -> str:
+    return "(" + "".join(f"{name}[{i}{index}], " for i in range(count)) + ")"
 
-    return _LOOP.format(
-        slopes=row("out", n_states, ", c"),
-        states=row("states", n_states, ", c"),
-        params=row("params", n_params, ", c"),
-        inputs=f", {row('inputs', n_inputs, '')}" if n_inputs else "",
-    )
+
+def _arguments(n_states: int, n_params: int, n_inputs: int) -> dict[str, str]:
+    return {
+        "states": _row("states", n_states),
+        "params": _row("params", n_params),
+        "inputs": f", {_row('inputs', n_inputs, '')}" if n_inputs else "",
+    }
+
+
+def _loop_source(n_states: int, n_params: int, n_inputs: int, modes: int = 0) -> str:
+    return _LOOP.format(slopes=_row("out", n_states), **_arguments(n_states + modes, n_params, n_inputs))
 
 
 def _loop(source: str, rhs: Callable[..., Any]) -> Callable[..., None]:
-    namespace: dict[str, Any] = {"rhs": rhs}
-    exec(compile(source, "<columns>", "exec"), namespace)
-    loop: Callable[..., None] = namespace["columns"]
+    loop: Callable[..., None] = _defined(source, {"rhs": rhs})["columns"]
     return loop
+
+
+def _defined(source: str, namespace: dict[str, Any]) -> dict[str, Any]:
+    exec(compile(source, "<columns>", "exec"), namespace)
+    return namespace
+
+
+def _with_events(model: OdeModel) -> CompiledRhs:
+    """Compile a model with its events."""
+    from fitters._events import integrate_through_events  # compiled when imported: only models with events pay for it
+
+    functions = (model.rhs, *(one.crossing for one in model.events), *(one.reset for one in model.events))
+    try:
+        three = _compile_events(functions, len(model.states), len(model.parameters), len(model.inputs))
+    except (NumbaError, NotImplementedError, TypeError) as error:
+        reason = next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
+        raise FitError(
+            f"numba cannot compile the events of model {model.name!r} ({reason[:200]}): rhs, crossing and reset take "
+            "(t, state, params), state ending with the mode, and return numbers and tuples of numbers only"
+        ) from error
+
+    def through(columns: Any, t_s: Any, substeps: Any, initial: Any, params: Any, inputs: Any, *rest: Any) -> None:
+        happened = np.empty((0, 2, initial.shape[1]))
+        integrate_through_events(columns, t_s, substeps, initial, params, inputs, *rest, happened)
+
+    return CompiledRhs(through, (len(model.events), *three))
+
+
+@functools.lru_cache(maxsize=512)
+def _compile_events(functions: tuple[Callable[..., Any], ...], n_states: int, n_params: int, n_inputs: int) -> Any:
+    """Three functions: dstate/dt, crossing functions, resets; from the model's rhs, its crossings and its resets."""
+    rhs, *others = (callable_in_kernels(one) for one in functions)
+    count = len(others) // 2
+    call = "(t, {states}, {params}{inputs})".format(**_arguments(n_states + 1, n_params, n_inputs))
+    cases = [f"if out[{n_states + 1}, c] == {k}: {_row('out', n_states + 1)} = reset_{k}{call}" for k in range(count)]
+    source = _EVENTS.format(
+        crossings="; ".join(f"out[{k}, c] = crossing_{k}{call}" for k in range(count)),
+        resets="\n        ".join(cases),
+    )
+    named = {f"crossing_{k}": one for k, one in enumerate(others[:count])}
+    named |= {f"reset_{k}": one for k, one in enumerate(others[count:])}
+    defined = _defined(source, named)
+    columns = _loop(_loop_source(n_states, n_params, n_inputs, modes=1), rhs)
+    return tuple(cfunc(COLUMNS_SIGNATURE)(one) for one in (columns, defined["crossings"], defined["resets"]))
 
 
 def _quiet(columns: Callable[..., None]) -> Callable[..., None]:
@@ -102,7 +162,8 @@ def _quiet(columns: Callable[..., None]) -> Callable[..., None]:
 
 def _check_slopes(model: OdeModel) -> None:
     """Call the right-hand side once, with ones, to see that it returns one number a state."""
-    arguments: list[Any] = [0.0, (1.0,) * len(model.states), (1.0,) * len(model.parameters)]
+    mode = (0.0,) if model.events else ()
+    arguments: list[Any] = [0.0, (1.0,) * len(model.states) + mode, (1.0,) * len(model.parameters)]
     if model.inputs:
         arguments.append((1.0,) * len(model.inputs))
     try:

@@ -11,7 +11,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, Effect, OdeModel, Parameter, Trajectory
+from iris_sysid.types import Array, Effect, Event, OdeModel, Parameter, Trajectory
 
 # One line a derivative, so that the composed function holds numbers and tuples only, as numba needs.
 _SOURCE = """
@@ -52,7 +52,27 @@ def with_effect(model: OdeModel, effect: Effect) -> OdeModel:
         warp=_warp(model, effect),
         derive=model.derive,
         first_integral=None,
+        events=within(model),
     )
+
+
+def within(model: OdeModel) -> tuple[Event, ...]:
+    """The events of a model inside one that has further parameters or inputs after its own."""
+    shape = len(model.parameters), len(model.inputs)
+    return tuple(
+        replace(one, crossing=_own(one.crossing, *shape), reset=_own(one.reset, *shape)) for one in model.events
+    )
+
+
+@functools.lru_cache(maxsize=512)
+def _own(function: Callable[..., Any], n_params: int, n_inputs: int) -> Callable[..., Any]:
+    params = f"({''.join(f'params[{k}], ' for k in range(n_params))})"
+    inputs = f", ({''.join(f'inputs[{k}], ' for k in range(n_inputs))})" if n_inputs else ""
+    source = f"def own(t, state, params, inputs=()):\n    return base(t, state, {params}{inputs})\n"
+    namespace: dict[str, Any] = {"base": register_jitable(function)}
+    exec(compile(source, "<event>", "exec"), namespace)
+    made: Callable[..., Any] = namespace["own"]
+    return made
 
 
 def _in_units_of(model: OdeModel, parameter: Parameter) -> Parameter:

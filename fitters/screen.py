@@ -16,7 +16,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from fitters.compose import bodies_of, plain_observation
+from fitters.compose import bodies_of, plain_observation, within
 from fitters.ode import simulate
 from iris_sysid.types import Array, Effect, FitResult, OdeModel, Quantity, Trajectory
 
@@ -141,7 +141,8 @@ def rates(model: OdeModel, t_s: Array, states: Array, values: Mapping[str, float
         (n, m), None when the model has none.
     """
     params = tuple(values[parameter.name] for parameter in model.parameters)
-    arguments: list[Any] = [t_s, tuple(states.T), params]
+    mode = (0.0,) if model.events else ()  # as in the first mode: an effect is judged by what it adds there
+    arguments: list[Any] = [t_s, (*states.T, *mode), params]
     if inputs is not None:
         arguments.append(tuple(inputs.T))
     with np.errstate(all="ignore"):
@@ -196,7 +197,8 @@ def forced(model: OdeModel) -> OdeModel:
     count = len(model.states) // 2 if model.second_order else len(model.states)
     pushes = tuple(Quantity(f"force{k}", "1") for k in range(count))
     rhs = _forced_rhs(model.rhs, len(model.states), count, len(model.inputs))
-    return replace(model, name=f"{model.name}, forced", rhs=rhs, inputs=(*model.inputs, *pushes))
+    inputs = (*model.inputs, *pushes)
+    return replace(model, name=f"{model.name}, forced", rhs=rhs, inputs=inputs, events=within(model))
 
 
 __all__ = ["effect_change", "force_along", "forced", "plain_observation", "rates", "refined", "sensitivity"]

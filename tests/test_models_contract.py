@@ -34,6 +34,31 @@ SETTINGS = {
         },
         np.arange(300) / 60,
     ),
+    "linear-pendulum": ({"length": 0.6, "damping": 0.08, "theta_0": 0.2, "omega_0": 0.3}, np.arange(600) / 60),
+    "pendulum-impact": (
+        {
+            "length_1": 0.5, "length_2": 0.45, "damping_1": 0.1, "damping_2": 0.15, "restitution": 0.8,
+            "mass_ratio": 0.7, "contact_ratio": 0.12, "theta1_0": -1.0, "theta2_0": 0.6, "omega1_0": 0.1,
+            "omega2_0": 0.2,
+        },
+        np.arange(300) / 60,
+    ),
+    "bouncing-ball": ({"restitution": 0.8, "floor": 0.03, "z_0": 1.0, "vz_0": -0.2}, np.arange(240) / 60),
+    "stopping-block": ({"friction": 2.5, "s_0": 0.1, "v_0": 1.7}, np.arange(80) / 60),
+    "slack-cord": (
+        {
+            "length": 0.5, "pivot_x": 0.1, "pivot_z": 0.7, "damping": 0.1, "x_0": 0.52, "z_0": 0.72, "vx_0": -0.1,
+            "vz_0": 0.0,
+        },
+        np.arange(300) / 60,
+    ),
+    "impact-chain": (
+        {
+            "damping_1": 0.4, "damping": 0.9, "restitution": 0.6, "mass_ratio": 0.3, "contact_12": 0.12,
+            "contact_23": 0.1, "z1_0": -0.6, "z2_0": 0.0, "z3_0": 0.25, "v1_0": 1.5, "v2_0": 0.0, "v3_0": 0.02,
+        },
+        np.arange(120) / 60,
+    ),
 }  # fmt: skip
 NOISE = 2e-3
 
@@ -121,8 +146,11 @@ def test_right_hand_side_is_the_derivative_of_the_solution(model):
     states = simulate(model, np.concatenate([t_s[:1], fine]), values).states[1:]
     given = {p.name: p.default for p in model.parameters} | values
     params = tuple(np.nan if given[p.name] is None else given[p.name] for p in model.parameters)
-    slopes = np.array(model.rhs(fine[1], tuple(states[1]), params))
-    np.testing.assert_allclose(slopes, (states[2] - states[0]) / 2e-3, rtol=1e-4, atol=1e-4 * np.abs(slopes).max())
+    modes = ((0.0,), (1.0,), (2.0,)) if model.events else ((),)
+    differences = (states[2] - states[0]) / 2e-3
+    slopes = [np.array(model.rhs(fine[1], (*states[1], *mode), params)) for mode in modes]
+    nearest = min(slopes, key=lambda one: np.abs(one - differences).max())
+    np.testing.assert_allclose(nearest, differences, rtol=1e-4, atol=1e-4 * np.abs(nearest).max())
 
 
 @every_model

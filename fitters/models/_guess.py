@@ -70,16 +70,16 @@ def weak_regression(t_s: Array, values: Array, terms: Array, order: int = 2) -> 
     best = (np.inf, np.full(count, np.nan), duration_s / 2)
     half_width_s = duration_s / 2
     while half_width_s >= min(smallest_s, duration_s / 2):
-        left, right = _weak_system(t_s, values, terms, order, half_width_s)
+        left, right = weak_system(t_s, values, terms, order, half_width_s)
         if left.size > count:
-            coefficients, relative_error = _solved(left, right)
+            coefficients, relative_error = solved(left, right)
             if relative_error < best[0]:
                 best = (relative_error, coefficients, half_width_s)
         half_width_s /= 1.7
     return best[1], best[2]
 
 
-def _weak_system(t_s: Array, values: Array, terms: Array, order: int, half_width_s: float) -> tuple[Array, Array]:
+def weak_system(t_s: Array, values: Array, terms: Array, order: int, half_width_s: float) -> tuple[Array, Array]:
     """Left side (w,) and right side (w, k) of the weak form, one row a window."""
     count = int(np.clip((t_s[-1] - t_s[0] - 2 * half_width_s) / (half_width_s / 4), 1, WINDOWS))
     centres_s = np.linspace(t_s[0] + half_width_s, t_s[-1] - half_width_s, count)
@@ -110,7 +110,7 @@ def _bump(u: Array, half_width_s: float) -> tuple[Array, Array, Array]:
     return cube * inner, slope, curve
 
 
-def _solved(left: Array, right: Array) -> tuple[Array, float]:
+def solved(left: Array, right: Array) -> tuple[Array, float]:
     """Least squares, and the standard error of the first coefficient relative to it."""
     size = np.sqrt(np.sum(right**2, axis=0))
     if not np.all(size > 0):

@@ -15,6 +15,7 @@ from iris_sysid.types._clip import FrameSource as FrameSource
 from iris_sysid.types._clip import Track as Track
 from iris_sysid.types._clip import TrackOptions as TrackOptions
 from iris_sysid.types._model import Effect as Effect
+from iris_sysid.types._model import Event as Event
 from iris_sysid.types._model import OdeModel as OdeModel
 from iris_sysid.types._model import Parameter as Parameter
 from iris_sysid.types._model import RightHandSide as RightHandSide

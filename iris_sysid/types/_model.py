@@ -39,6 +39,21 @@ RightHandSide = Callable[..., tuple[float, ...]]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class Event:
+    """Something sudden: it happens where ``crossing`` falls through zero, and ``reset`` gives the state right after.
+
+    Both are called as the model's ``rhs`` is, and numba must be able to compile them. In a model with events ``state``
+    ends with the mode, a whole number that says which equation holds (0 at the start): ``crossing(t, state, params)``
+    returns a number, above zero as long as the event does not happen or cannot happen in this mode;
+    ``reset(t, state, params)`` returns the states and the mode after it.
+    """
+
+    name: str
+    crossing: Callable[..., float]
+    reset: Callable[..., tuple[float, ...]]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class OdeModel:
     """A governing equation with its parameters: what the ODE engine fits.
 
@@ -50,7 +65,7 @@ class OdeModel:
     ``derive(values)`` returns further quantities (declared in ``derived``) from all values by name.
     ``first_integral(states (n, s), params (p,)) -> (n,)`` is conserved when the parameters named in
     ``dissipative`` are zero. ``warp(t_s, params (p,))``, where given, returns the times of the motion
-    that the samples at ``t_s`` show.
+    that the samples at ``t_s`` show. With ``events``, ``state`` ends with the mode; see :class:`Event`.
     """
 
     name: str
@@ -69,6 +84,7 @@ class OdeModel:
     first_integral: Callable[[Array, Array], Array] | None = None
     dissipative: tuple[str, ...] = ()
     warp: Callable[[Array, Array], Array] | None = None
+    events: tuple[Event, ...] = ()
 
     @property
     def second_order(self) -> bool:

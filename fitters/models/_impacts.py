@@ -1,0 +1,55 @@
+"""Starting values from motions that impacts cut into pieces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from scipy.signal import argrelmin
+
+from fitters.models._guess import solved, weak_system
+from iris_sysid.types import Array
+
+NEAR = 0.3  # share of the range of the distance above its smallest value that still counts as near
+SHORTEST = 4  # samples of a piece
+
+Piece = tuple[Array, Array, Array]  # times (n,) s, values (n,), terms (n, k)
+
+
+def between_contacts(apart: Array) -> tuple[float, list[slice]]:
+    """Smallest distance of two bodies (n,) and the stretches between the samples at which they come near."""
+    nearest = float(np.min(apart))
+    near = nearest + NEAR * float(np.ptp(apart))
+    contacts = [int(k) for k in argrelmin(apart, order=1, mode="wrap")[0] if apart[k] < near]
+    edges = [-1, *contacts, apart.size]
+    stretches = [slice(a + 1, b) for a, b in pairwise(edges) if b - a - 1 >= SHORTEST]
+    return nearest, stretches or [slice(0, apart.size)]
+
+
+def pieces_regression(pieces: Sequence[Piece]) -> tuple[Array, float]:
+    """Coefficients c (k + 1,) of ``y'' = c[0] f_0(y) + ... + c[-1] y'`` common to all pieces, in weak form.
+
+    Parameters
+    ----------
+    pieces
+        Each without an impact inside.
+
+    Returns
+    -------
+    coefficients : (k + 1,)
+        NaN where the pieces do not determine them.
+    half_width_s : float
+        Half the width of the widest window.
+    """
+    left, right, widest_s = [], [], 0.0
+    for t_s, values, terms in pieces:
+        half_width_s = 0.45 * float(t_s[-1] - t_s[0])
+        rows = weak_system(t_s, values, terms, 2, half_width_s)
+        left.append(rows[0])
+        right.append(rows[1])
+        widest_s = max(widest_s, half_width_s)
+    sides = np.concatenate(left), np.concatenate(right)
+    if sides[0].size <= sides[1].shape[1]:
+        return np.full(sides[1].shape[1], np.nan), widest_s
+    return solved(*sides)[0], widest_s

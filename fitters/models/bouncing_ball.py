@@ -1,0 +1,84 @@
+"""A ball that falls and is thrown back by a floor, again and again, until it lies still."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitters.models._gravity import GRAVITY, MAGNIFICATION, STANDARD_GRAVITY
+from fitters.models._guess import samples, start_of
+from fitters.models._impacts import between_contacts
+from iris_sysid.types import Array, Event, OdeModel, Parameter, Quantity, Trajectory
+
+SETTLING = 1e-3  # m/s; a slower rebound leaves the ball on the floor: it would rise by 50 nm
+
+
+def rhs(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> tuple[float, float]:
+    """Give z'' = -gravity - damping z' in the air, z upwards, and nothing on the floor."""
+    _, vz, on_floor = state
+    _, _, damping, gravity, _ = params
+    if on_floor == 1.0:
+        return 0.0, 0.0
+    return vz, -gravity - damping * vz
+
+
+def height(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> float:
+    """Height of the centre above where it is when the ball touches the floor."""
+    return 1.0 if state[2] == 1.0 else state[0] - params[1]
+
+
+def bounce(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> tuple[float, float, float]:
+    """Newton's restitution; too slow a rebound leaves the ball on the floor."""
+    up = -params[0] * state[1]
+    if state[1] > 0.0:  # it starts below the floor and rises
+        return state[0], state[1], 0.0
+    if up < SETTLING:
+        return state[0], 0.0, 1.0
+    return state[0], up, 0.0
+
+
+def observe(t_s: Array, states: Array, params: Array) -> Array:
+    """The height as the scale shows it."""
+    return states[:, :1] * params[4]
+
+
+def guess(trajectory: Trajectory) -> Mapping[str, float]:
+    """Take the floor where the height is least, and the restitution from the heights of successive flights."""
+    t_s, z = samples(trajectory, "z")
+    floor, stretches = between_contacts(z)
+    first = stretches[0]
+    start = start_of(t_s[first], z[first], np.inf, degree=2)
+    tops = np.array([np.max(z[one]) for one in stretches]) - floor
+    after = tops[2:] / tops[1:-1] if tops.size > 2 else tops[1:] / tops[:-1]
+    return {
+        "restitution": float(np.clip(np.sqrt(np.median(after)), 0.1, 0.95)) if after.size else 0.7,
+        "floor": floor,
+        "gravity": -float(start[2]) if start[2] < 0 else STANDARD_GRAVITY,
+        "z_0": float(start[0]),
+        "vz_0": float(start[1]),
+    }
+
+
+MODEL = OdeModel(
+    name="bouncing-ball",
+    summary="a ball that falls on a floor and bounces, each time more slowly, until it lies still",
+    equation=r"\ddot z = -g - \beta\,\dot z,\quad \dot z^+ = -e\,\dot z^- \text{ where } z = z_f",
+    source="Newton (1687), Principia, scholium to the laws; Halliday, Resnick and Walker, Fundamentals, section 9-8",
+    states=(Quantity("z", "m", "z"), Quantity("vz", "m/s", "v_z")),
+    parameters=(
+        Parameter("restitution", "1", "e", lower=0.0, upper=1.5, default=0.8),
+        Parameter("floor", "m", "z_f", default=0.0),
+        Parameter(
+            "damping", "1/s", r"\beta", lower=-10.0, upper=100.0, default=0.0, constant=True,
+            source="no drag unless it is freed",
+        ),
+        GRAVITY,
+        MAGNIFICATION,
+    ),
+    observed=(Quantity("z", "m", "z"),),
+    rhs=rhs,
+    guess=guess,
+    observe=observe,
+    events=(Event("impact", height, bounce),),
+)  # fmt: skip
