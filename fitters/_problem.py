@@ -102,16 +102,21 @@ class InitialValueProblem:
             return np.asarray((self._moved(values, which, steps / 100) - predicted[:, :, None]) / (steps / 100))
 
     def _moved(self, values: Array, which: NDArray[np.intp], steps: Array) -> Array:
-        """Predictions (n, d, k), each with one value moved by its step, in batches of columns."""
-        out = np.empty((self.t_s.size, len(self.model.observed), which.size))
+        """Predictions (n, d, k), each with one value moved by its step."""
+        columns = np.repeat(values[:, None], which.size, axis=1)
+        columns[which, np.arange(which.size)] += steps
+        return self.predictions(columns)
+
+    def predictions(self, columns: Array) -> Array:
+        """Observed quantities (n, d, c) for c columns of values (p + s, c), in batches."""
+        count = columns.shape[1]
+        out = np.empty((self.t_s.size, len(self.model.observed), count))
         batch = max(1, BATCH_NUMBERS // (self.t_s.size * len(self.model.states)))
-        for start in range(0, which.size, batch):
-            part = range(start, min(start + batch, which.size))
-            columns = np.repeat(values[:, None], len(part), axis=1)
-            columns[which[part], np.arange(len(part))] += steps[part]
-            states = self.states(columns)
-            for c, k in enumerate(part):
-                out[:, :, k] = self.observe(np.ascontiguousarray(states[:, :, c]), columns[:, c])
+        for start in range(0, count, batch):
+            part = columns[:, start : start + batch]
+            states = self.states(part)
+            for c in range(part.shape[1]):
+                out[:, :, start + c] = self.observe(np.ascontiguousarray(states[:, :, c]), part[:, c])
         return out
 
     def first(self, n: int) -> InitialValueProblem:

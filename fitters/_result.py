@@ -20,22 +20,25 @@ from fitters._verdict import (
     determination,
     is_misfit,
     misfit_text,
+    null_direction_text,
     singular_text,
     status_of,
     unknown_text,
+    weakest_text,
 )
-from iris_sysid.types import Array, Estimate, FitResult, FitStatus, Mask, OdeModel, Trajectory
+from iris_sysid.types import Array, Estimate, FitResult, FitStatus, Identifiability, Mask, OdeModel, Trajectory
 
 NO_PULLS: Array = np.zeros(0)
+NOISE_GAIN = {1: 2.0, 2: 6.0}  # variance of a difference of white noise over its own: 1 + 1, and 1 + 4 + 1
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Linearised:
     """The fit near its solution, at the used samples and in units of sigma.
 
-    ``residual`` (n, d); ``sensitivity`` (n, d, k) to the free values; ``known`` by name (n, d): change of the
-    prediction for one standard error of each uncertain known value; ``prior`` (j, k) rows that priors add to the
-    sensitivities.
+    ``residual`` (n, d); ``sensitivity`` (n, d, k) to the free values; ``known`` by source (r, n, d): change of
+    prediction - observation for one standard error of each uncertain known value (r = 1), and of each pattern that
+    errors of the observation have in common; ``prior`` (j, k) rows that priors add to the sensitivities.
     """
 
     t_s: Array
@@ -74,7 +77,8 @@ def linearise(task: Task, target: Target, solution: Solution) -> Linearised:
     sigma = target.sigma[target.used]
     scaled = np.clip(slopes[target.used] / sigma[:, :, None], -LARGEST, LARGEST)
     k = task.unknowns.which.size
-    known = {name: scaled[:, :, k + i] * task.known[name].stderr for i, name in enumerate(uncertain)}
+    known = {name: scaled[None, :, :, k + i] * task.known[name].stderr for i, name in enumerate(uncertain)}
+    known |= {source: -patterns[:, target.used] / sigma for source, patterns in task.systematic.items()}
     residual = (target.observed - solution.predicted)[target.used] / sigma
     return Linearised(problem.t_s[target.used], residual, scaled[:, :, :k], known, task.unknowns.prior_rows)
 
@@ -102,9 +106,9 @@ def errors_of(task: Task, near: Linearised, usable: Mask, undetermined: Mask) ->
     degrees[usable] = random.degrees
     covariance[undetermined, :] = covariance[:, undetermined] = np.nan
     systematic = {}
-    for name, response in near.known.items():
-        shift = np.full(k, np.nan)
-        shift[usable] = -bread @ (flat.T @ response.ravel())
+    for name, responses in near.known.items():
+        shift = np.full((len(responses), k), np.nan)
+        shift[:, usable] = -responses.reshape(len(responses), -1) @ flat @ bread
         systematic[name] = np.where(undetermined, np.nan, shift)
     pulls = _prior_shifts(task, bread, usable)
     systematic |= {name: np.where(undetermined, np.nan, shift) for name, shift in pulls.items()}
@@ -166,6 +170,7 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -
         correlation=_lag_one(near.residual),
         t0_s=float(solution.problem.t_s[0]),
         budget=results.budget,
+        identifiability=_identifiability(task, target, solution, near, found),
         origin={
             **task.trajectory.origin,
             "rhs_note": solution.problem.rhs.note,
@@ -184,6 +189,36 @@ def _determination(near: Linearised, usable: Mask) -> Determination:
     undetermined = np.zeros(usable.size, dtype=np.bool_)
     undetermined[usable] = found.undetermined
     return Determination(found.condition, null, undetermined)
+
+
+def _identifiability(
+    task: Task, target: Target, solution: Solution, near: Linearised, found: Determination
+) -> Identifiability:
+    values = solution.values[task.unknowns.which]
+    order = 2 if task.model.second_order else 1
+    residual = np.where(target.used[:, None], target.observed - solution.predicted, np.nan)
+    return Identifiability(
+        names=task.free,
+        condition=found.condition,
+        undetermined=tuple(null_direction_text(task.free, values, row) for row in found.null),
+        weakest=weakest_text(task.free, near.informed),
+        gradients=solution.gradients,
+        ode_residual=ode_residual(residual, order),
+        ode_residual_noise=task.noise**2 * NOISE_GAIN[order],
+    )
+
+
+def ode_residual(residual: Array, order: int) -> Array:
+    """Mean squared error (d,) of one step of the fitted equation from sample to sample, in squared units.
+
+    The IRIS benchmark's R, the mean of |z[t+1] - P(z[t])|^2 with P the fitted step. A second-order equation steps
+    from a position and its backward difference, so the error is that of z[t+1] - 2 z[t] + z[t-1] less the
+    acceleration; the fitted motion z - e has none, and what is left is the difference of order ``order`` of the
+    residual e (n, d), up to terms of (rate * step)^2 of it. NaN marks samples that are not used.
+    """
+    step = np.diff(residual, n=order, axis=0)
+    known = np.all(np.isfinite(step), axis=1)
+    return np.asarray(np.mean(step[known] ** 2, axis=0)) if known.any() else np.full(residual.shape[1], np.nan)
 
 
 def _status(

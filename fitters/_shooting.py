@@ -36,14 +36,15 @@ def grow(problem: InitialValueProblem, target: Target, unknowns: Unknowns, value
     """
     n = problem.t_s.size
     values = unknowns.inside(values)
+    gradients: tuple[float, ...] = ()
     stop = max(first_horizon(target, unknowns.which.size), reach(problem, target, values))
     while True:
         part = thinned(problem.first(stop), target.first(stop))
-        found = minimise(*part, unknowns, values, rough=True)
-        values = found.values
+        found = minimise(*part, unknowns, values, rough=True, gradients=gradients)
+        values, gradients = found.values, found.gradients
         if stop == n:
             rough = not explains(found, part[1])
-            return minimise(problem, target, unknowns, values, rough=rough, steps=found.steps)
+            return minimise(problem, target, unknowns, values, rough=rough, steps=found.steps, gradients=gradients)
         stop = next_horizon(problem, target, values, stop)
 
 

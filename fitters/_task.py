@@ -43,7 +43,7 @@ class Task:
 
     ``known`` by name: the values held, with their uncertainty; ``priors`` those estimated that were measured
     elsewhere; ``noise`` (d,) is the standard deviation of the measurement from differences of neighbours, in the
-    units of the observed quantities.
+    units of the observed quantities; ``systematic`` by source (r, n, d) what their errors have in common.
     """
 
     trajectory: Trajectory
@@ -56,6 +56,7 @@ class Task:
     target: Target
     unknowns: Unknowns
     noise: Array
+    systematic: Mapping[str, Array]
 
 
 def select(trajectory: Trajectory, labels: Sequence[SegmentLabel]) -> Selection:
@@ -190,7 +191,7 @@ def _constant(parameter: Parameter, trajectory: Trajectory, model: OdeModel) -> 
     if parameter.default is None or (in_pixels(trajectory, model) and METRE.search(parameter.unit)):
         return Estimate(np.nan, np.nan, parameter.unit, "assumed", "not known")
     stderr, source = parameter.stderr, parameter.source
-    scale = trajectory.geometry.get("scale")
+    scale = None if trajectory.systematic else trajectory.geometry.get("scale")  # its error counts once
     if parameter.name == MAGNIFICATION and scale is not None and scale.value > 0 and scale.stderr > 0:
         stderr, source = scale.stderr / scale.value, f"scale: {scale.source}"
     return Estimate(parameter.default, stderr, parameter.unit, "assumed", source)
@@ -256,8 +257,8 @@ def prepare(
         Measured elsewhere, and estimated.
     """
     span, used = selection.span, selection.used[selection.span]
-    observed = trajectory.position[span][:, [trajectory.column(quantity.name) for quantity in model.observed]]
-    given = trajectory.sigma[span][:, [trajectory.column(quantity.name) for quantity in model.observed]]
+    columns = [trajectory.column(quantity.name) for quantity in model.observed]
+    observed, given = trajectory.position[span][:, columns], trajectory.sigma[span][:, columns]
     t_s = trajectory.t_s[span]
     clean = used.copy()
     clean[used] = ~wild_in_motion(t_s[used], observed[used])
@@ -271,10 +272,11 @@ def prepare(
         known=known,
         priors=priors,
         free=free,
-        problem=initial_value_problem(model, t_s, _inputs(trajectory, model, span), hold),
+        problem=initial_value_problem(model, t_s, known_inputs(trajectory, model, span), hold),
         target=Target(observed, sigma, clean),
         unknowns=_unknowns(model, free, priors),
         noise=noise,
+        systematic={source: one[:, span][:, :, columns] for source, one in trajectory.systematic.items()},
     )
 
 
@@ -301,7 +303,7 @@ def _usable(noise: Array, observed: Array) -> Array:
     return np.asarray(np.where(np.isfinite(noise), np.maximum(noise, 1e-9 * size), 1e-2 * size))
 
 
-def _inputs(trajectory: Trajectory, model: OdeModel, span: slice) -> Array | None:
+def known_inputs(trajectory: Trajectory, model: OdeModel, span: slice) -> Array | None:
     """Inputs (n, m) in the model's order, bridged linearly where they are not known."""
     if not model.inputs:
         return None

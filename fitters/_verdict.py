@@ -15,6 +15,7 @@ from iris_sysid.types import Array, Estimate, FitStatus, Mask
 SINGULAR = 1e12  # condition of the scaled Fisher information; derivatives are good to 1e-7, so 1e14 is rounding
 PART = 1e-4  # of a null direction, in scaled values, that makes a value part of it; rounding gives 1e-8
 SHARE = 0.05  # of the strongest relative change, for a value to be named with the others
+WEAK = 0.3  # of the largest share in a direction, for a value to be named
 MISFIT_NOISE, MISFIT_MOTION = 5.0, 0.05  # residual above 5 times the noise and 5 % of the motion
 SPARE = 3  # samples beyond one for each unknown
 
@@ -62,6 +63,19 @@ def null_direction_text(names: tuple[str, ...], values: Array, direction: Array)
         return f"{listed} scale together: only their ratios are determined"
     changes = ", ".join(f"{name} by {share * sign:+.2g} %" for name, share in part)
     return f"{listed} cannot be told apart: changing {changes} leaves the prediction as it is"
+
+
+def weakest_text(names: tuple[str, ...], sensitivity: Array) -> str:
+    """Say which free values the data tell apart least, and by how much their common error grows through that."""
+    size = np.sqrt(np.sum(sensitivity**2, axis=0))
+    if len(names) < 2 or not np.all(size > 0):
+        return ""
+    _, singular, right = np.linalg.svd(np.linalg.qr(sensitivity / size, mode="r"))
+    shares = np.abs(right[-1]) / np.max(np.abs(right[-1]))
+    part = [name for name, share in zip(names, shares, strict=True) if share > WEAK]
+    if singular[-1] <= 0 or len(part) < 2:
+        return ""
+    return f"{_and(part)} are told apart least: together {1 / singular[-1]:.3g} times the error of each alone"
 
 
 def _and(names: list[str]) -> str:

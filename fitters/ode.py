@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitters._covariance import inverse_normal, random_uncertainty
+from fitters._covariance import inverse_normal, quantile_975, random_uncertainty
+from fitters._intervals import Found, Method, checked_methods, disagreements, intervals_by
 from fitters._least_squares import FINE_STEP, Loss, Solution, Target, minimise, reweighted
 from fitters._noise import wild_in_residual
 from fitters._problem import Hold, InitialValueProblem, difference_steps, initial_value_problem, value_names
-from fitters._result import conclude, failed, linearise
+from fitters._result import conclude, errors_of, failed, linearise
 from fitters._shooting import explains, scattered_starts, search
 from fitters._task import (
     Task,
@@ -28,7 +29,7 @@ from fitters._task import (
     starting_values,
     with_priors,
 )
-from fitters._verdict import SINGULAR, diverged_text, needed_samples, too_short_text
+from fitters._verdict import SINGULAR, at_bounds, diverged_text, needed_samples, too_short_text
 from iris_sysid.arrays import frozen_array, increasing_times
 from iris_sysid.errors import FitError
 from iris_sysid.types import (
@@ -162,6 +163,7 @@ def fit(
     hold: Hold = "linear",
     multistart: int = 8,
     nearby: bool = False,
+    uncertainty: Sequence[str] = ("robust",),
 ) -> FitResult:
     """Fit a model to a measured trajectory, by shooting with a growing horizon.
 
@@ -196,6 +198,10 @@ def fit(
         Number of random starts to try when no start explains the data.
     nearby
         ``start`` is near the minimum, e.g. that of a simpler model: go straight down from it.
+    uncertainty
+        Ways to the 95 % intervals of the random error in ``intervals``: ``robust`` (linearised, allowing for
+        autocorrelation, as the estimates have it), ``profile`` (likelihood), ``bootstrap`` (of residuals in blocks),
+        or ``all``. The message says where they disagree.
 
     Returns
     -------
@@ -206,8 +212,10 @@ def fit(
     ------
     FitError
         When the call makes no sense: a quantity or an input that the trajectory lacks or has in another unit, an
-        unknown name, an exact value both fixed and free, a right-hand side that does not return one number a state.
+        unknown name or way to an interval, an exact value both fixed and free, a right-hand side that does not return
+        one number a state.
     """
+    methods = checked_methods(uncertainty)
     check_names(model, fixed=list(fixed), free=list(free), start=list(start))
     check_columns(trajectory, model)
     known, priors = (asked(model, trajectory, fixed, free) for asked in (known_values, priors_of))
@@ -232,7 +240,8 @@ def fit(
     if loss != "linear":
         target = reweighted(target, solution)
     with np.errstate(all="ignore"):  # garbage has errors without bound: infinite, and shown as such
-        return conclude(task, target, solution, _notes(task, target))
+        result = conclude(task, target, solution, _notes(task, target))
+        return result if methods == ("robust",) else _with_intervals(task, target, solution, result, methods)
 
 
 def _downhill(task: Task, start: Mapping[str, float]) -> Solution:
@@ -246,6 +255,24 @@ def _starts(task: Task, start: Mapping[str, float], multistart: int) -> Iterator
     for values in starting_values(task, start):
         yield values
     yield from scattered_starts(task.unknowns, values, task.target, multistart)
+
+
+def _with_intervals(
+    task: Task, target: Target, solution: Solution, result: FitResult, methods: tuple[Method, ...]
+) -> FitResult:
+    """The result with intervals by several methods, and with what they disagree about in its message."""
+    near = linearise(task, target, solution)
+    touching = at_bounds(task.unknowns, solution.values)
+    usable = ~touching & np.isfinite(np.diag(result.covariance))
+    if not usable.any():
+        return result
+    random = errors_of(task, near, ~touching, ~usable)[1]
+    quantile = np.full(usable.size, np.nan)
+    quantile[~touching] = [quantile_975(degrees) for degrees in random.degrees]
+    found = Found(task, target, solution, near, result.covariance, quantile, usable, random.noise)
+    intervals = intervals_by(found, ("robust", *(one for one in methods if one != "robust")))
+    message = ". ".join(filter(None, [result.message, *disagreements(intervals)]))
+    return replace(result, intervals=intervals, message=message)
 
 
 def _nothing_to_fit(task: Task) -> Solution:
@@ -268,7 +295,15 @@ def _without_wild_samples(task: Task, solution: Solution, loss: Loss) -> tuple[T
         if solution.fine and exact and np.array_equal(candidates & ~wild, target.used):
             break
         target = Target(target.observed, target.sigma, candidates & ~wild)
-        solution = minimise(task.problem, target, task.unknowns, solution.values, loss=loss, steps=solution.steps)
+        solution = minimise(
+            task.problem,
+            target,
+            task.unknowns,
+            solution.values,
+            loss=loss,
+            steps=solution.steps,
+            gradients=solution.gradients,
+        )
     return target, solution
 
 

@@ -32,3 +32,4 @@ from iris_sysid.types._plugins import Phenomenon as Phenomenon
 from iris_sysid.types._plugins import Tracker as Tracker
 from iris_sysid.types._result import FitResult as FitResult
 from iris_sysid.types._result import FitStatus as FitStatus
+from iris_sysid.types._result import Identifiability as Identifiability

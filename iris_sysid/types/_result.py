@@ -14,6 +14,30 @@ FitStatus = Literal["ok", "at-bound", "singular", "diverged", "too-short", "not-
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class Identifiability:
+    """What the data can tell of the free values ``names``, k of them.
+
+    ``condition`` of the Fisher information after scaling each value to unit information; ``undetermined`` holds its
+    null directions in words, ``weakest`` the direction that is known least. ``gradients``: norm of the gradient of
+    the mean squared residual, in units of the noise, by the free values relative to their size, at each iteration.
+    ``ode_residual`` (d,): mean squared error of one step of the equation from sample to sample, in squared units;
+    ``ode_residual_noise`` (d,): what the noise alone makes of it. ``hessian`` (k, k), where it was asked for: second
+    derivatives of minus the log likelihood at the optimum by the free values, for white noise, and
+    ``hessian_condition`` after scaling each value to a unit diagonal.
+    """
+
+    names: tuple[str, ...]
+    condition: float
+    undetermined: tuple[str, ...]
+    weakest: str
+    gradients: tuple[float, ...]
+    ode_residual: Array
+    ode_residual_noise: Array
+    hessian: Array | None = None
+    hessian_condition: float = float("nan")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class FitResult:
     """A model fitted to a trajectory.
 
@@ -26,6 +50,7 @@ class FitResult:
     ``fisher`` (p, p) is the Fisher information for white noise, ``condition`` its condition number
     after scaling each parameter to unit information. ``budget[name][source]`` is the standard error
     of a parameter from each source. ``t0_s`` is the time at which the initial states hold.
+    ``intervals[method][name]`` are 95 % intervals of the random part by other methods than that of the estimates.
     """
 
     model: OdeModel
@@ -48,6 +73,8 @@ class FitResult:
     correlation: float
     t0_s: float
     budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    identifiability: Identifiability | None = None
+    intervals: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
     origin: Mapping[str, Any] = field(default_factory=dict)
 
     @property
