@@ -191,6 +191,20 @@ def _determination(near: Linearised, usable: Mask) -> Determination:
     return Determination(found.condition, null, undetermined)
 
 
+def information_loss(near: Linearised) -> float:
+    """Variance of the noise as the free values feel it, in units of sigma squared: more than its own when correlated.
+
+    The mean ratio of the middle of the sandwich to the information, trace(B J' Gamma J) / trace(B J'J) with
+    B = (J'J + priors)^-1; NaN when there is no information.
+    """
+    flat = near.flat
+    bread = inverse_normal(near.informed, SINGULAR**-0.5)
+    random = random_uncertainty(near.t_s, near.residual, near.sensitivity, bread)
+    information = float(np.einsum("ij,ij->", flat @ bread, flat))
+    middle = near.informed.T @ near.informed @ random.covariance
+    return float(np.trace(middle)) / information if information > 0 else float("nan")
+
+
 def _identifiability(
     task: Task, target: Target, solution: Solution, near: Linearised, found: Determination
 ) -> Identifiability:

@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitters._covariance import inverse_normal, quantile_975, random_uncertainty
+from fitters._covariance import quantile_975
 from fitters._intervals import Found, Method, checked_methods, disagreements, intervals_by
 from fitters._least_squares import FINE_STEP, Loss, Solution, Target, minimise, reweighted
 from fitters._noise import wild_in_residual
 from fitters._problem import Hold, InitialValueProblem, difference_steps, initial_value_problem, value_names
-from fitters._result import conclude, errors_of, failed, linearise
+from fitters._result import conclude, errors_of, failed, information_loss, linearise
 from fitters._shooting import explains, scattered_starts, search
 from fitters._task import (
     Task,
@@ -29,7 +29,7 @@ from fitters._task import (
     starting_values,
     with_priors,
 )
-from fitters._verdict import SINGULAR, at_bounds, diverged_text, needed_samples, too_short_text
+from fitters._verdict import at_bounds, diverged_text, needed_samples, too_short_text
 from iris_sysid.arrays import frozen_array, increasing_times
 from iris_sysid.errors import FitError
 from iris_sysid.types import (
@@ -216,6 +216,46 @@ def fit(
         one number a state.
     """
     methods = checked_methods(uncertainty)
+    found = solve(
+        trajectory,
+        model,
+        fixed=fixed,
+        free=free,
+        start=start,
+        segments=segments,
+        loss=loss,
+        hold=hold,
+        multistart=multistart,
+        nearby=nearby,
+    )
+    if isinstance(found, FitResult):
+        return found
+    task, target, solution = found
+    with np.errstate(all="ignore"):  # garbage has errors without bound: infinite, and shown as such
+        result = conclude(task, target, solution, _notes(task, target))
+        return result if methods == ("robust",) else _with_intervals(task, target, solution, result, methods)
+
+
+def solve(
+    trajectory: Trajectory,
+    model: OdeModel,
+    *,
+    fixed: Mapping[str, float | Estimate] = NOTHING,
+    free: Sequence[str] = (),
+    start: Mapping[str, float] = NOTHING,
+    segments: Sequence[SegmentLabel] = ("motion",),
+    loss: Loss = "linear",
+    hold: Hold = "linear",
+    multistart: int = 8,
+    nearby: bool = False,
+) -> tuple[Task, Target, Solution] | FitResult:
+    """The fit before it is judged: what was asked, the samples that count, what was found; or why there is nothing.
+
+    Parameters
+    ----------
+    trajectory, model, fixed, free, start, segments, loss, hold, multistart, nearby
+        As for :func:`fit`.
+    """
     check_names(model, fixed=list(fixed), free=list(free), start=list(start))
     check_columns(trajectory, model)
     known, priors = (asked(model, trajectory, fixed, free) for asked in (known_values, priors_of))
@@ -227,7 +267,7 @@ def fit(
         return failed(trajectory, model, known, "too-short", too_short_text(n, needed, n_free))
     task = prepare(trajectory, model, selection, known, hold, priors)
     if n_free == 0:
-        return conclude(task, task.target, _nothing_to_fit(task), _notes(task, task.target))
+        return task, task.target, _nothing_to_fit(task)
     if nearby:
         solution = _downhill(task, start)
     else:
@@ -239,9 +279,7 @@ def fit(
         task, solution = _with_priors_weighed(task, target, solution, loss)
     if loss != "linear":
         target = reweighted(target, solution)
-    with np.errstate(all="ignore"):  # garbage has errors without bound: infinite, and shown as such
-        result = conclude(task, target, solution, _notes(task, target))
-        return result if methods == ("robust",) else _with_intervals(task, target, solution, result, methods)
+    return task, target, solution
 
 
 def _downhill(task: Task, start: Mapping[str, float]) -> Solution:
@@ -314,12 +352,7 @@ def _with_priors_weighed(task: Task, target: Target, solution: Solution, loss: L
     how far off it is.
     """
     for _ in range(2):
-        near = linearise(task, target, solution)
-        bread = inverse_normal(near.informed, SINGULAR**-0.5)
-        random = random_uncertainty(near.t_s, near.residual, near.sensitivity, bread)
-        information = np.einsum("ij,ij->", near.flat @ bread, near.flat)  # trace of J (J'J + priors)^-1 J'
-        middle = near.informed.T @ near.informed @ random.covariance  # J' Gamma J (J'J + priors)^-1
-        factor = float(np.sqrt(max(np.trace(middle), 0.0) / information)) if information > 0 else 1.0
+        factor = float(np.sqrt(information_loss(linearise(task, target, solution))))
         if not (np.isfinite(factor) and factor > 0):
             break
         weighed = with_priors(task.unknowns, task.priors).weighing_priors(factor)

@@ -33,3 +33,5 @@ from iris_sysid.types._plugins import Tracker as Tracker
 from iris_sysid.types._result import FitResult as FitResult
 from iris_sysid.types._result import FitStatus as FitStatus
 from iris_sysid.types._result import Identifiability as Identifiability
+from iris_sysid.types._result import PooledFit as PooledFit
+from iris_sysid.types._result import Population as Population

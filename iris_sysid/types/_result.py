@@ -91,3 +91,54 @@ class FitResult:
     def n(self) -> int:
         """Number of samples used."""
         return int(self.used.sum())
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Population:
+    """How one value is spread over clips, beyond what each clip's own error makes of it.
+
+    ``mean`` over all clips that there could be; ``between`` the standard deviation from clip to clip, with its 95 %
+    interval; ``within`` the typical random standard error in one clip. ``q`` is Cochran's sum of squared distances
+    from the weighted mean in standard errors, over ``degrees`` degrees of freedom, and ``p_value`` the chance of so
+    much when all clips have one value.
+    """
+
+    mean: Estimate
+    between: Estimate
+    within: float
+    q: float
+    degrees: int
+    p_value: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class PooledFit:
+    """One model fitted to several clips at once.
+
+    ``shared`` holds the values that are the same in all clips, and ``scatter`` how far those of each clip alone are
+    spread; ``population`` the values that differ from clip to clip as random draws do. ``clips`` are the fits of
+    each clip with the shared values held, in the order given; ``covariance`` (k, k) that of the shared values,
+    random part. ``budget`` as in :class:`FitResult`.
+    """
+
+    model: OdeModel
+    status: FitStatus
+    message: str
+    shared: Mapping[str, Estimate]
+    scatter: Mapping[str, Population]
+    population: Mapping[str, Population]
+    clips: tuple[FitResult, ...]
+    covariance: Array
+    budget: Mapping[str, Mapping[str, float]]
+    aic: float
+    bic: float
+
+    @property
+    def usable(self) -> bool:
+        """Whether there are estimates at all."""
+        return self.status in ("ok", "misfit", "at-bound", "singular")
+
+    @property
+    def estimates(self) -> dict[str, Estimate]:
+        """The shared values, then the means of the population."""
+        return {**self.shared, **{name: one.mean for name, one in self.population.items()}}
