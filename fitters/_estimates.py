@@ -21,7 +21,8 @@ class Errors:
     """Errors of the free values.
 
     ``covariance`` (k, k) and ``degrees`` (k,) of the random part, NaN for what is undetermined;
-    ``systematic`` by source: (k,) change of the free values for one standard error of a known value or a prior.
+    ``systematic`` by source: (k,) change of the free values for one standard error of a known value or a prior, or
+    (r, k) for each of r independent patterns that errors of the measurement have in common.
     """
 
     covariance: Array
@@ -88,7 +89,8 @@ def _parts(gradient: Array, errors: Errors, direct: Mapping[str, float]) -> dict
     variance = gradient[moved] @ errors.covariance[np.ix_(moved, moved)] @ gradient[moved]
     parts[RANDOM] = float(np.sqrt(np.maximum(variance, 0.0))) if moved.any() else 0.0  # rounding: never below zero
     for source, shift in errors.systematic.items():
-        parts[source] = abs(float(gradient[moved] @ shift[moved]) + direct.get(source, 0.0))
+        shifts = np.atleast_2d(shift)[:, moved] @ gradient[moved]
+        parts[source] = float(np.linalg.norm(shifts + direct.get(source, 0.0)))
     return parts
 
 

@@ -31,6 +31,8 @@ STRAIGHT_ON = "the camera looks straight at the plane of motion"
 NO_LENS = "the lens does not distort"
 PICTURE_UP = "the vertical is the picture's"
 
+MARK_SIGMA_PX = 1.0  # how well a person points at something
+
 SCALE_HELP = "write it as 640px=1m, 398.7(5)px=100cm or 640+-3px=1m (m, cm or mm)"
 BAR_HELP = "write it as x1,y1,x2,y2=length in px and m, cm or mm, e.g. 272.2,446.1,273.2,47.4=1m"
 
@@ -244,13 +246,16 @@ def from_osp(project: TrackerAxes) -> Calibration:
     if angle_rad:
         source += f", turned by {math.degrees(angle_rad):.3g} degrees"
     homography = _turned_homography(px_per_m, angle_rad, project.origin_px)
-    return Calibration(homography, Estimate(px_per_m, 0.0, "px/m", "assumed", source), "m", source)
+    estimate = Estimate(px_per_m, 0.0, "px/m", "assumed", source)
+    assumed = (STRAIGHT_ON, NO_LENS, "the vertical is that of the file's axes")
+    return Calibration(homography, estimate, "m", source, fixed=("scale",), assumed=assumed)
 
 
 def uncalibrated() -> Calibration:
     """No scale is known: the world is in px, z up. Angles and times are right all the same."""
     source = "no scale was given: lengths are in px"
-    return Calibration(_turned_homography(1.0), Estimate(1.0, 0.0, "px/px", "assumed", source), "px", source)
+    estimate = Estimate(1.0, 0.0, "px/px", "assumed", source)
+    return Calibration(_turned_homography(1.0), estimate, "px", source, assumed=(STRAIGHT_ON, NO_LENS, PICTURE_UP))
 
 
 def _turned_homography(

@@ -5,25 +5,37 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from fitters.ode import fit
-from iris_sysid.calibration import scale, to_world, uncalibrated
+from iris_sysid import shared_errors
+from iris_sysid.calibration import MARK_SIGMA_PX, to_world, uncalibrated
 from iris_sysid.documents import write_fit
 from iris_sysid.errors import CalibrationError, DataError, UnknownNameError
 from iris_sysid.events import segment
 from iris_sysid.files import check_writable, origin_of
+from iris_sysid.gravity import gravity_calibration, upright, vertical_said
 from iris_sysid.options import units_of
+from iris_sysid.plane import check_image_size
 from iris_sysid.registry import MODELS, PHENOMENA, TRACKERS
 from iris_sysid.report import write_report
 from iris_sysid.smoothing import smooth
 from iris_sysid.tables import write_track, write_trajectory
-from iris_sysid.types import Calibration, Estimate, FitResult, FrameSource, Phenomenon, Track, TrackOptions, Trajectory
+from iris_sysid.types import (
+    Array,
+    Calibration,
+    Estimate,
+    FitResult,
+    FrameSource,
+    Phenomenon,
+    Track,
+    TrackOptions,
+    Trajectory,
+)
 from iris_sysid.video import open_video
 
-MARK_SIGMA_PX = 1.0  # how well a person points at something
 FILES = ("track.csv", "trajectory.csv", "fit.json", "track.png", "fit.png", "report.html")
 PASSES = 4  # of geometry and fit; each takes the error down by about theta_0^2 / 4
 
@@ -113,6 +125,9 @@ def observe(
     calibration: Calibration,
     phenomenon: str,
     settings: Mapping[str, Estimate] | None = None,
+    *,
+    marks_px: Mapping[str, tuple[float, float]] | None = None,
+    clock_stderr: float = 0.0,
 ) -> tuple[list[Trajectory], Trajectory]:
     """Turn tracks into the trajectory that the phenomenon's model observes, segmented and smoothed.
 
@@ -126,19 +141,41 @@ def observe(
         Registered name, e.g. ``pendulum``.
     settings
         What is known beforehand, by name, e.g. ``ball_radius`` or ``pivot_x`` (world units).
+    marks_px
+        Points marked in the picture, (x, y) px by name.
+    clock_stderr
+        Relative standard error of the frame rate.
 
     Returns
     -------
     world : list of Trajectory
         x and z of each body, with segments.
     trajectory : Trajectory
-        The observable, e.g. theta in rad, with segments, geometry and the smoothed state.
+        The observable, e.g. theta in rad, with segments, geometry and the smoothed state; ``systematic`` holds what the
+        errors of calibration and clock do to all its samples alike.
     """
     chosen = PHENOMENA[phenomenon]
     if len(tracks) < chosen.bodies:
         raise DataError(f"{phenomenon} needs {chosen.bodies} bodies, but {len(tracks)} were tracked; see --bodies")
     world = [segment(to_world(one, calibration), hand=one.hand, kind=chosen.motion) for one in tracks]
-    return world, smooth(chosen.observe(world, settings or {}))
+
+    def known(by: Calibration) -> dict[str, Estimate]:
+        found = [_mark_in_world(name, point, tracks[0], by) for name, point in (marks_px or {}).items()]
+        return {**(settings or {}), **{name: value for one in found for name, value in one.items()}}
+
+    def positions(by: Calibration) -> Array:
+        again = [
+            to_world(one, by).with_(segments=first.segments, valid=first.valid)
+            for one, first in zip(tracks, world, strict=True)
+        ]
+        return chosen.observe(again, known(by)).position
+
+    trajectory = smooth(chosen.observe(world, known(calibration)))
+    seen_px = np.concatenate(
+        [one.xy_px[one.valid] for one in tracks] + [[point] for point in (marks_px or {}).values()]
+    )
+    shared = shared_errors.from_calibration(trajectory, positions, calibration, seen_px)
+    return world, trajectory.with_(systematic={**shared, **shared_errors.from_clock(trajectory, clock_stderr)})
 
 
 def run(
@@ -156,6 +193,9 @@ def run(
     free: Sequence[str] = (),
     marks_px: Mapping[str, tuple[float, float]] | None = None,
     scale_from_gravity: Estimate | None = None,
+    plumb_px: tuple[float, float, float, float] | None = None,
+    vertical: Literal["assumed", "motion"] = "assumed",
+    clock_stderr: float = 0.0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Run:
     """Run the chain on one clip: track, calibrate, segment, observe, smooth, fit.
@@ -186,6 +226,12 @@ def run(
         Points marked in the picture, (x, y) px by name: ``pivot`` of a pendulum, ``launch`` of a throw.
     scale_from_gravity
         Known gravity in m/s^2 from which the scale is computed, for motion under gravity alone.
+    plumb_px
+        Two points x1, y1, x2, y2 of a plumb line, upper end first: gravity's direction.
+    vertical
+        ``motion`` takes gravity's direction from the flight; ``assumed`` as the calibration has it.
+    clock_stderr
+        Relative standard error of the frame rate, common to all times.
     progress
         Called with (frames done, frames expected).
 
@@ -199,6 +245,8 @@ def run(
     algorithm = TRACKERS[tracker or chosen.tracker].name
     _check_request(chosen, known, free, marks_px or {}, scale_from_gravity)
     video = open_video(source, fps=fps, start_s=start_s, stop_s=stop_s, keep_partial=keep_partial)
+    if calibration is not None:
+        check_image_size(calibration.image_size, (video.width, video.height))
     wanted = replace(options or TrackOptions(bodies=chosen.bodies), progress=progress)
     asked = {
         "phenomenon": phenomenon,
@@ -211,16 +259,19 @@ def run(
         "scale_from_gravity": None if scale_from_gravity is None else scale_from_gravity.value,
         "free": list(free),
         "marks_px": dict(marks_px or {}),
+        "plumb_px": plumb_px,
+        "vertical": vertical,
+        "clock_stderr": clock_stderr,
     }
     tracks = from_source(track(video, algorithm, wanted), source, asked)
     if scale_from_gravity is not None:
         calibration = gravity_calibration(tracks[0], chosen, scale_from_gravity)
         known["gravity"] = scale_from_gravity
         free = [*free, "magnification"]
-    calibration = calibration or uncalibrated()
-    for name, point_px in (marks_px or {}).items():
-        known.update(_mark_in_world(name, point_px, tracks[0], calibration))
-    world, trajectory, result = observe_and_fit(tracks, calibration, chosen, known, free)
+    calibration = upright(calibration or uncalibrated(), tracks[0], chosen, plumb_px, vertical)
+    world, trajectory, result = observe_and_fit(
+        tracks, calibration, chosen, known, free, marks_px=marks_px, clock_stderr=clock_stderr
+    )
     return Run(
         source=Path(source),
         video=video,
@@ -230,7 +281,7 @@ def run(
         world=world,
         trajectory=trajectory,
         fit=result,
-        notes=tuple(filter(None, [getattr(video, "warning", "")])),
+        notes=tuple(filter(None, [getattr(video, "warning", ""), *calibration.notes, vertical_said(calibration)])),
     )
 
 
@@ -240,6 +291,9 @@ def observe_and_fit(
     phenomenon: Phenomenon,
     settings: Mapping[str, Estimate],
     free: Sequence[str] = (),
+    *,
+    marks_px: Mapping[str, tuple[float, float]] | None = None,
+    clock_stderr: float = 0.0,
 ) -> tuple[list[Trajectory], Trajectory, FitResult]:
     """Observe and fit, again where the fit knows part of the geometry better than the picture does.
 
@@ -255,6 +309,8 @@ def observe_and_fit(
         What is known beforehand, by name.
     free
         Constants of the model to estimate as well.
+    marks_px, clock_stderr
+        As for :func:`observe`.
 
     Returns
     -------
@@ -268,7 +324,9 @@ def observe_and_fit(
     model, known = MODELS[phenomenon.model], dict(settings)
     names = {parameter.name for parameter in model.parameters}
     for _ in range(PASSES):
-        world, trajectory = observe(tracks, calibration, phenomenon.name, known)
+        world, trajectory = observe(
+            tracks, calibration, phenomenon.name, known, marks_px=marks_px, clock_stderr=clock_stderr
+        )
         fixed = {name: value for name, value in known.items() if name in names}
         wanted = [name for name in dict.fromkeys((*phenomenon.free, *free)) if name not in fixed]
         result = fit(trajectory, model, fixed=fixed, free=wanted)
@@ -317,27 +375,6 @@ def save(result: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
     write_trajectory(result.trajectory, folder / "trajectory.csv", overwrite=overwrite)
     write_fit(result.fit, result.trajectory, folder / "fit.json", overwrite=overwrite)
     return write_report(result, folder, overwrite=overwrite)
-
-
-def gravity_calibration(body: Track, phenomenon: Phenomenon, gravity: Estimate) -> Calibration:
-    """The scale at which the body's free motion, a parabola in px, falls with the known gravity in m/s^2.
-
-    A first value only: the fit then frees the model's ``magnification``, which corrects it and carries its error.
-    """
-    world = segment(to_world(body, uncalibrated()), hand=body.hand, kind=phenomenon.motion)
-    used = world.valid & world.mask("motion")
-    if used.sum() < 5:
-        raise CalibrationError(f"gravity cannot give the scale: only {used.sum()} frames of free motion were found")
-    height_px = world.position[used, world.column("z")]
-    coefficients, covariance = np.polyfit(world.t_s[used] - world.t_s[used][0], height_px, 2, cov=True)
-    acceleration, stderr = -2 * coefficients[0], 2 * np.sqrt(covariance[0, 0])
-    if acceleration < 3 * stderr:
-        raise CalibrationError(
-            f"gravity cannot give the scale: the body accelerates downwards by {acceleration:.3g} +- {stderr:.3g} "
-            "px/s^2; is the true frame rate given (--fps), and is down really down in the picture?"
-        )
-    source = f"scale at which the body falls with g = {gravity.value:.6g} m/s^2"
-    return scale(acceleration / gravity.value, 1.0, px_stderr=stderr / gravity.value, source=source)
 
 
 def _mark_in_world(

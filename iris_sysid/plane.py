@@ -248,15 +248,40 @@ def with_plumb_line(
         )
 
     def angle_of(values: Array) -> float:
-        top, bottom = _places(values, np.array([top_px, bottom_px], dtype=np.float64))
+        top, bottom = places(values, np.array([top_px, bottom_px], dtype=np.float64))
         return math.atan2(*(top - bottom))
 
+    return with_vertical(calibration, angle_of, angle_stderr, "the vertical, by a plumb line")
+
+
+def with_vertical(
+    calibration: Calibration, angle_of: Callable[[Array], float], angle_stderr: float, said: str
+) -> Calibration:
+    """Turn the world's axes by a measured angle.
+
+    Parameters
+    ----------
+    calibration
+        Of the plane.
+    angle_of
+        By how much to turn the world anticlockwise, rad, from the 18 numbers of a calibration: the errors of these
+        follow it.
+    angle_stderr
+        Standard error of the angle by its own measurement, rad.
+    said
+        What fixed the vertical, in words.
+
+    Returns
+    -------
+    Calibration
+        Its budget has the part ``vertical``.
+    """
     turned = _turned_by(calibration, angle_of)
     spin = _spin(turned.homography)
     return replace(
         turned,
         budget={**turned.budget, "vertical": angle_stderr**2 * np.outer(spin, spin)},
-        fixed=(*calibration.fixed, "the vertical, by a plumb line"),
+        fixed=(*(one for one in calibration.fixed if not one.startswith("the vertical")), said),
         assumed=tuple(one for one in calibration.assumed if not one.startswith("the vertical")),
     )
 
@@ -307,7 +332,7 @@ def _spin(homography: Array) -> Array:
     return out
 
 
-def _places(values: Array, xy_px: Array) -> Array:
+def places(values: Array, xy_px: Array) -> Array:
     """Places (n, 2) in the world of pixels, by the 18 numbers of a calibration."""
     fx, fy, cx, cy = values[9:13]
     undistorted = undistort_px(xy_px, np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]), values[13:])[0]

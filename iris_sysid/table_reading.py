@@ -182,7 +182,21 @@ def read_trajectory(path: str | Path) -> Trajectory:
         geometry={name: entry.estimate() for name, entry in document.geometry.items()} if document else {},
         smoothed=_smoothed(sheet, columns, measured, document),
         origin={**origin, "converted": converted} if converted else origin,
+        systematic=_systematic(sheet, document, (t_s.size, len(measured))),
     )
+
+
+def _systematic(sheet: Sheet, document: OriginDocument | None, shape: tuple[int, int]) -> dict[str, Array]:
+    """What errors have in common, by source (r, n, d); DataError when it is not of the table's shape (n, d)."""
+    found = {}
+    for source, patterns in document.systematic.items() if document else ():
+        if any(len(rows) != shape[0] or any(len(row) != shape[1] for row in rows) for rows in patterns):
+            raise DataError(
+                f"{sheet.label}: systematic[{source!r}] in the file beside it does not have {shape[1]} numbers for "
+                f"each of {shape[0]} samples; delete that file, or write the table again"
+            )
+        found[source] = np.array(patterns, dtype=np.float64).reshape(len(patterns), *shape)
+    return found
 
 
 def _columns(sheet: Sheet) -> dict[Key, Column]:

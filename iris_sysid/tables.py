@@ -12,6 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from iris_sysid.documents import checked, entries_of, plain_origin, write_document
@@ -86,6 +87,7 @@ def write_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: boo
         "inputs": [asdict(one) for one in trajectory.input_quantities],
         "segments": [asdict(one) for one in trajectory.segments],
         "geometry": entries_of(trajectory.geometry),
+        "systematic": {source: np.nan_to_num(one).tolist() for source, one in trajectory.systematic.items()},
         "smoothing": None if smoothed is None else {k: known_numbers(getattr(smoothed, k)) for k in ("psd", "nis")},
         "origin": plain_origin(trajectory.origin),
     }

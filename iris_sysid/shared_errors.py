@@ -1,0 +1,76 @@
+"""What errors of an observed quantity have in common: the errors of calibration and clock, sent all the way through."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from iris_sysid.calibration import common_source
+from iris_sysid.errors import IrisError
+from iris_sysid.plane import changed, common_errors
+from iris_sysid.types import Array, Calibration, Trajectory
+
+TIME_BASE = "time base"
+# of the range of the positions: below it a pattern is rounding, as that of a scale's error in an angle
+ROUNDING = 1e-9
+
+
+def from_calibration(
+    trajectory: Trajectory, observe: Callable[[Calibration], Array], calibration: Calibration, seen_px: Array
+) -> dict[str, Array]:
+    """Patterns that the calibration's errors leave in what is observed, by central differences of the whole way.
+
+    Parameters
+    ----------
+    trajectory
+        What is observed with the calibration as it is.
+    observe
+        Positions (n, d) observed with another calibration.
+    calibration
+        With its budget.
+    seen_px
+        Pixels (m, 2) that matter: of all bodies and marks.
+
+    Returns
+    -------
+    dict
+        By source, ``calibration: corners`` and so on, patterns (r, n, d) of one standard error each; zero in gaps.
+    """
+    found = {}
+    for name, changes in common_errors(calibration, seen_px).items():
+        patterns = [(_tried(observe, calibration, one) - _tried(observe, calibration, -one)) / 2 for one in changes]
+        stacked = np.nan_to_num(np.array(patterns))
+        if np.abs(stacked).max() > ROUNDING * np.ptp(trajectory.position[trajectory.valid]):
+            found[common_source(name)] = stacked
+    return found
+
+
+def _tried(observe: Callable[[Calibration], Array], calibration: Calibration, change: Array) -> Array:
+    try:
+        return observe(changed(calibration, change))
+    except IrisError as error:
+        raise type(error)(
+            f"within the calibration's own error the motion cannot be observed: {error}; calibrate better"
+        ) from error
+
+
+def from_clock(trajectory: Trajectory, relative_stderr: float) -> dict[str, Array]:
+    """The pattern of a clock that runs fast: velocity times the time since the first sample.
+
+    Parameters
+    ----------
+    trajectory
+        Smoothed.
+    relative_stderr
+        Relative standard error of the frame rate.
+
+    Returns
+    -------
+    dict
+        One pattern (1, n, d) under ``time base``; nothing for an exact clock.
+    """
+    if relative_stderr == 0 or trajectory.smoothed is None:
+        return {}
+    late_s = relative_stderr * (trajectory.t_s - trajectory.t_s[0])
+    return {TIME_BASE: np.nan_to_num(trajectory.smoothed.velocity * late_s[:, None])[None]}
