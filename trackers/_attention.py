@@ -15,14 +15,16 @@ import numpy as np
 
 from iris_sysid.types import Frame
 from trackers._background import Box, Bytes, Flags, still_of
-from trackers._foreground import Component, Core, Scene, any_channel, components, cores_of, rounded
+from trackers._foreground import Component, Core, Scene, any_channel, components, cores_of, rounded, stout
 from trackers._samples import Samples
+from trackers._sighting import THINNEST_BODY
 from trackers._view import View
 
-WHOLE_EVERY = 10  # frames
-SPACING = 2  # pixels of the search between those that are watched
+WHOLE_EVERY, WATCH_EVERY = 12, 3  # frames
+SPACING = 4  # pixels of the search between those that are watched
 WATCH_SIGMAS, WATCH_FLOOR = 5.0, 8.0  # floor in grey levels: surely something
-GROWN_SHARE, GROWN_PX = 0.5, 8  # of its size, and px of the search: how far a thing may go in a frame
+PAIR = np.ones((2, 2), np.uint8)  # watched pixels: what shows in fewer is left to the search of the whole
+GROWN_SHARE, GROWN_PX = 0.2, 6  # of its size, and px of the search: how far a thing may go in a frame
 MOST_CHANGES = 16  # a frame: more are flicker, or a camera that was pushed
 GROWTHS = 3  # times a part of the picture is made larger until it holds what is in it
 
@@ -39,58 +41,72 @@ class Attention:
     scene: Scene
     watch: Scene | None
     _boxes: list[Box] = field(default_factory=list)
+    _count: int = 0
     _until_whole: int = 0
 
     def cores(self, frame: Frame) -> tuple[list[Core], list[Core]]:
         """The cores of the bodies in a frame, and those of whatever moves: more where a colour is wanted."""
-        parts = self._parts(frame)
-        self._boxes = [one.box for ones in parts.values() for one in ones]
-        height, width = self.scene.lowest.shape[:2]
-        things = cores_of((one for ones in parts.values() for one in ones), (height, width))
+        parts, things = self._found(frame, self._where(frame))
+        if len(_followed(things)) < self._count and self._whole not in parts:
+            parts, things = self._found(frame, [self._whole])
+        followed = _followed(things)
+        self._count = len(followed)
+        found = [one.box for ones in parts.values() for one in ones]
+        self._boxes = [box for box in found if any(_overlap(box, one) for one in followed)]
+        self._until_whole = WHOLE_EVERY if self._whole in parts else self._until_whole - 1
         if self.view.colour is None:
             return things, things
         chosen = [one for box in parts for one in self._components(frame, box, self.view.wanted(frame, box))]
-        return cores_of(chosen, (height, width)), things
+        return cores_of(chosen, self._shape), things
 
-    def _parts(self, frame: Frame) -> dict[Box, list[Component]]:
-        """The components of a frame by the box in which they are; no box cuts one."""
-        found: dict[Box, list[Component]] = {}
-        boxes = self._where(frame)
+    def _found(self, frame: Frame, boxes: list[Box]) -> tuple[dict[Box, list[Component]], list[Core]]:
+        """The components in some boxes, which grow until none cuts one, and their cores."""
+        parts = {box: self._components(frame, box) for box in boxes}
         for _ in range(GROWTHS):
-            found = {box: found[box] if box in found else self._components(frame, box) for box in boxes}
-            cut = {box for box, ones in found.items() if any(self._leaves(one.box, box) for one in ones)}
+            cut = {box for box, ones in parts.items() if any(self._leaves(one.box, box) for one in ones)}
             if not cut:
-                return found
-            boxes = merged([self._grown(box) if box in cut else box for box in boxes])
-        return {self._whole: self._components(frame, self._whole)}
+                break
+            boxes = merged([self._grown(box) if box in cut else box for box in parts])
+            parts = {box: parts[box] if box in parts else self._components(frame, box) for box in boxes}
+        else:
+            parts = {self._whole: self._components(frame, self._whole)}
+        return parts, cores_of((one for ones in parts.values() for one in ones), self._shape)
 
     def _components(self, frame: Frame, box: Box, wanted: Flags | None = None) -> list[Component]:
         picture = self.view.part(frame, box, self.view.step)
-        return [one.moved(box[0], box[1]) for one in components(self.scene.part(box), picture, wanted)]
+        found = (one.moved(box[0], box[1]) for one in components(self.scene.part(box), picture, wanted))
+        return list(found if self.watch is None else map(stout, found))
+
+    @property
+    def _shape(self) -> tuple[int, ...]:
+        return self.scene.lowest.shape[:2]
 
     @property
     def _whole(self) -> Box:
-        height, width = self.scene.lowest.shape[:2]
-        return (0, 0, width, height)
+        return (0, 0, self._shape[1], self._shape[0])
 
     def _where(self, frame: Frame) -> list[Box]:
         """The boxes to search, which do not overlap."""
-        self._until_whole -= 1
-        if self.watch is not None and self._until_whole > 0:
-            changes = self._changes(self.watch, self.view.watched(frame, SPACING))
-            if len(changes) <= MOST_CHANGES:
-                return merged([self._grown(box) for box in self._boxes + changes])
-        self._until_whole = WHOLE_EVERY
-        return [self._whole]
+        if self.watch is None or self._until_whole <= 0:
+            return [self._whole]
+        known = [self._grown(box) for box in self._boxes]
+        if self._until_whole % WATCH_EVERY:
+            return merged(known)
+        changes = self._changes(self.watch, self.view.watched(frame, SPACING), known)
+        return merged(known + changes) if len(changes) <= MOST_CHANGES else [self._whole]
 
-    def _changes(self, watch: Scene, picture: Bytes) -> list[Box]:
-        """Boxes round the watched pixels that show something."""
+    def _changes(self, watch: Scene, picture: Bytes, known: list[Box]) -> list[Box]:
+        """Boxes round the watched pixels that show something compact which is not in the known boxes."""
         shown = any_channel(watch.excess(picture) > watch.strong).astype(np.uint8)
+        for left, top, right, bottom in known:
+            shown[top // SPACING : -(-bottom // SPACING), left // SPACING : -(-right // SPACING)] = 0
+        shown = cv2.erode(shown, PAIR, borderType=cv2.BORDER_CONSTANT, borderValue=0)
         if not shown.any():
             return []
         contours, _ = cv2.findContours(shown, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
         boxes = [cv2.boundingRect(contour) for contour in contours]
-        return [(x * SPACING, y * SPACING, (x + w) * SPACING, (y + h) * SPACING) for x, y, w, h in boxes]
+        boxes = [(x * SPACING, y * SPACING, (x + w) * SPACING, (y + h) * SPACING) for x, y, w, h in boxes]
+        return [self._grown(box) for box in boxes]
 
     def _grown(self, box: Box) -> Box:
         """A box made larger on every side, within the picture."""
@@ -100,8 +116,12 @@ class Attention:
 
     def _leaves(self, one: Box, box: Box) -> bool:
         """Whether something reaches a side of its box that is no side of the picture."""
-        sides = zip(one, box, self._whole, strict=True)
-        return any(side == limit != end for side, limit, end in sides)
+        return any(end == limit != edge for end, limit, edge in zip(one, box, self._whole, strict=True))
+
+
+def _followed(things: list[Core]) -> list[Box]:
+    """The boxes of those things that are thick enough for a body."""
+    return [one.box for one in things if one.inscribed > THINNEST_BODY]
 
 
 def merged(boxes: Iterable[Box]) -> list[Box]:

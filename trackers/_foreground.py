@@ -20,6 +20,9 @@ THINNEST = 2.5  # px: a component with a smaller inscribed circle is not taken a
 CORE_SHARE = 0.5  # of the inscribed radius: thinner parts are cords, arms of clamps, fingers
 ARM_SHARE = 0.25  # of the inscribed radius: what holds a body at the edge is at least as thick
 MOST_CORES = 16  # a frame
+FRINGE = 4  # px that the outline of a body may lie beyond its stout part
+CORD_RADIUS = 6.0  # px: half the width of the thickest cord that is cut off
+LARGE_BOX = 3000  # px: a smaller component is not worth cutting
 SQUARE = np.ones((3, 3), np.uint8)
 
 
@@ -164,6 +167,23 @@ def cores_of(parts: Iterable[Component], shape: tuple[int, ...]) -> list[Core]:
     return sorted(found, key=lambda core: -core.area)[:MOST_CORES]
 
 
+def stout(component: Component) -> Component:
+    """A component cut to the box of what is thicker than a cord: a cord's box is large, and slow to look through."""
+    if component.mask.size < LARGE_BOX:
+        return component
+    depth = cv2.distanceTransform(np.pad(component.mask, 1), cv2.DIST_L2, cv2.DIST_MASK_3)
+    thick = min(CORD_RADIUS, ARM_SHARE * float(depth.max()))
+    x, y, width, height = cv2.boundingRect((depth > thick).astype(np.uint8))
+    reach = int(thick) + FRINGE
+    window = slice(max(0, y - 1 - reach), y + height + reach), slice(max(0, x - 1 - reach), x + width + reach)
+    return Component(
+        np.ascontiguousarray(component.mask[window]),
+        np.ascontiguousarray(component.level[window]),
+        component.left + window[1].start,
+        component.top + window[0].start,
+    )
+
+
 def _clearness(component: Component, parts: list[Core]) -> float:
     """How compact some parts are, times how sharp their outlines are, grey levels a px."""
     level = component.level.astype(np.float32)
@@ -182,14 +202,16 @@ def _clearness(component: Component, parts: list[Core]) -> float:
 def _cores_at(component: Component, share: float, shape: tuple[int, ...]) -> list[Core]:
     """The cores of those parts of a component that have at least some share of its peak contrast."""
     faint = share * float(cv2.blur(component.level, (3, 3))[component.mask > 0].max())
-    mask = filled(component.mask & (component.level >= faint).astype(np.uint8))
+    mask = component.mask & (component.level >= faint).astype(np.uint8)
+    x0, y0, width, height = cv2.boundingRect(mask)
+    mask = filled(mask[y0 : y0 + height, x0 : x0 + width])
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
     found: list[Core] = []
     for label in range(1, count):
         x, y, width, height, area = (int(value) for value in stats[label])
         if area >= SMALLEST_AREA:
             part = (labels[y : y + height, x : x + width] == label).astype(np.uint8)
-            found += _split(part, component.left + x, component.top + y, shape)
+            found += _split(part, component.left + x0 + x, component.top + y0 + y, shape)
     return found
 
 
@@ -203,6 +225,9 @@ def _split(component: Bytes, left: int, top: int, shape: tuple[int, ...]) -> lis
         return [_core(component, left, top, thickest, (edge, edge))]
     cut = CORE_SHARE * thickest
     count, labels = cv2.connectedComponents((depth > cut).astype(np.uint8), connectivity=8)
+    inland = not _near_edge(_box(component, left, top), ARM_SHARE * thickest, shape)
+    if count == 2 and inland:
+        return [_lone(padded, depth, cut, (left - 1, top - 1))]
     seeds = [labels == label for label in range(1, count)]
     away = [cv2.distanceTransform((~s).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) for s in seeds]
     nearest, near = np.argmin(away, axis=0), np.min(away, axis=0) <= cut + 1.0
@@ -210,9 +235,21 @@ def _split(component: Bytes, left: int, top: int, shape: tuple[int, ...]) -> lis
     for k, seed in enumerate(seeds):
         mask = ((nearest == k) & near & (padded > 0)).astype(np.uint8)[1:-1, 1:-1]
         edge = _at_edge(_box(mask, left, top), shape)
-        held = edge or _hangs_on_edge(depth, seed, left - 1, top - 1, shape)
+        held = edge or (not inland and _hangs_on_edge(depth, seed, left - 1, top - 1, shape))
         found.append(_core(mask, left, top, float(depth[seed].max()), (edge, held)))
     return found
+
+
+def _lone(mask: Bytes, depth: Image, cut: float, corner: tuple[int, int]) -> Core:
+    """The one core of a part that is not near the edge of the picture: what lies about where it is deep."""
+    x, y, width, height = cv2.boundingRect((depth > cut).astype(np.uint8))
+    reach = int(cut) + 2
+    x0, y0 = max(0, x - reach), max(0, y - reach)
+    window = slice(y0, y + height + reach), slice(x0, x + width + reach)
+    shallow = (depth[window] <= cut).astype(np.uint8)
+    near = cv2.distanceTransform(shallow, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= cut + 1.0
+    body = mask[window] & near.astype(np.uint8)
+    return _core(body, corner[0] + x0, corner[1] + y0, float(depth.max()), (False, False))
 
 
 def _hangs_on_edge(depth: Image, seed: Flags, left: int, top: int, shape: tuple[int, ...]) -> bool:
@@ -221,15 +258,19 @@ def _hangs_on_edge(depth: Image, seed: Flags, left: int, top: int, shape: tuple[
     thick, labels = cv2.connectedComponents((depth > arm).astype(np.uint8), connectivity=8)
     if thick <= 1:
         return False
-    x0, y0, x1, y1 = _box((labels == labels[seed][0]).astype(np.uint8), left, top)
+    return _near_edge(_box((labels == labels[seed][0]).astype(np.uint8), left, top), arm, shape)
+
+
+def _near_edge(box: Box, arm: float, shape: tuple[int, ...]) -> bool:
+    """Whether a box comes as near to the edge of a picture of that shape as an arm is thick."""
     reach = int(arm) + 1
-    return _at_edge((x0 - reach, y0 - reach, x1 + reach, y1 + reach), shape)
+    return _at_edge((box[0] - reach, box[1] - reach, box[2] + reach, box[3] + reach), shape)
 
 
 def _box(mask: Bytes, left: int, top: int) -> Box:
     """Left, top, right, bottom (exclusive) of what is set in a mask whose corner is (left, top)."""
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    return left + int(columns[0]), top + int(rows[0]), left + int(columns[-1]) + 1, top + int(rows[-1]) + 1
+    x, y, width, height = cv2.boundingRect(mask)
+    return left + x, top + y, left + x + width, top + y + height
 
 
 def _at_edge(box: Box, shape: tuple[int, ...]) -> bool:
