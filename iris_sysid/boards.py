@@ -73,7 +73,7 @@ def find_board(
         When there is no board, only part of one, another one than stated, or it is blurred, too small, or mirrored; the
         message says what to do.
     """
-    grey = _grey(picture)
+    grey = grey_picture(picture)
     name = name or (Path(picture).name if isinstance(picture, str | Path) else "the picture")
     found = locate(grey, board, thorough)
     if found is None:
@@ -131,7 +131,8 @@ def find_boards(
     return BoardSearch(tuple(views), missing)
 
 
-def _grey(picture: Picture) -> NDArray[np.uint8]:
+def grey_picture(picture: Picture) -> NDArray[np.uint8]:
+    """The ``picture`` in grey levels (h, w); CalibrationError for what is no picture."""
     if isinstance(picture, str | Path):
         return _read_grey(Path(picture))
     array = np.asarray(picture)

@@ -173,19 +173,24 @@ def scale_bar(
     )
 
 
-def scale_from_text(text: str) -> Calibration:
-    """Read ``640px=1m``: pixels on one side, m, cm or mm on the other, each with its standard error when known.
-
-    ``398.7(5)px`` is 398.7 with 0.5 in its last digit; ``640+-3px`` and ``640±3px`` are the same in full. Raises
-    CalibrationError with an example of what is right.
-    """
+def scale_sides(text: str) -> tuple[float, float, float, float]:
+    """What ``640+-3px=1.00(1)m`` states: length in px, its standard error, length in m, its standard error."""
     sides = text.split("=")
     measured = [_measured(side, text, SCALE_HELP) for side in sides]
     units = [unit for _, _, unit in measured]
     if len(measured) != 2 or units.count("px") != 1:
         raise CalibrationError(f"cannot read the scale {text!r}: one side must be in px; {SCALE_HELP}")
     (px, px_stderr, _), (length, length_stderr, unit) = sorted(measured, key=lambda one: one[2] != "px")
-    metres, metres_stderr = _in_metres(length, length_stderr, unit, text, SCALE_HELP)
+    return px, px_stderr, *_in_metres(length, length_stderr, unit, text, SCALE_HELP)
+
+
+def scale_from_text(text: str) -> Calibration:
+    """Read ``640px=1m``: pixels on one side, m, cm or mm on the other, each with its standard error when known.
+
+    ``398.7(5)px`` is 398.7 with 0.5 in its last digit; ``640+-3px`` and ``640±3px`` are the same in full. Raises
+    CalibrationError with an example of what is right.
+    """
+    px, px_stderr, metres, metres_stderr = scale_sides(text)
     return scale(px, metres, px_stderr=px_stderr, metres_stderr=metres_stderr, source=f"stated: {text.strip()}")
 
 

@@ -304,7 +304,7 @@ def _calibration(
         rms_px=_rms(np.concatenate(fit.residuals)),
         noise_px=fit.noise_px,
         fitted=fitted,
-        views=tuple(_fitted_view(fit.parameters, view, board, reasons.get(view.name, "")) for view in views),
+        views=tuple(fitted_view(fit.parameters, view, board, reasons.get(view.name, "")) for view in views),
         clustering=fit.clustering,
         coverage=coverage,
         notes=_notes(fit, image_size, coverage),
@@ -312,7 +312,8 @@ def _calibration(
     )
 
 
-def _fitted_view(parameters: Array, view: BoardView, board: Board, left_out: str) -> FittedView:
+def fitted_view(parameters: Array, view: BoardView, board: Board, left_out: str = "") -> FittedView:
+    """A ``view`` of the ``board`` with what a camera of these ``parameters`` (9,) leaves of its corners."""
     points = Points(view.points_m(board), np.asarray(view.corners_px))
     pose = pose_of(parameters, points)
     residual = points.seen_px - projected(parameters, pose, points.board_m)[0]

@@ -9,7 +9,20 @@ import sys
 import typer
 
 from iris_sysid import terminal
-from iris_sysid.cli import audit, demo, diagnose, fit, import_marks, list_names, render, run, schema, smooth, track
+from iris_sysid.cli import (
+    audit,
+    calibrate,
+    demo,
+    diagnose,
+    fit,
+    import_marks,
+    list_names,
+    render,
+    run,
+    schema,
+    smooth,
+    track,
+)
 from iris_sysid.errors import IrisError
 
 app = typer.Typer(
@@ -23,6 +36,7 @@ app = typer.Typer(
 
 # in the order in which help shows them: one file a command
 app.command("run")(run.run)
+app.command("calibrate")(calibrate.calibrate)
 app.command("track")(track.track)
 app.command("import")(import_marks.import_marks)
 app.command("smooth")(smooth.smooth)
