@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from iris_sysid.calibration import MARK_SIGMA_PX, to_world, uncalibrated
 from iris_sysid.documents import write_fit
 from iris_sysid.errors import CalibrationError, DataError, UnknownNameError
 from iris_sysid.events import segment
-from iris_sysid.files import check_writable, origin_of
+from iris_sysid.files import check_writable
 from iris_sysid.gravity import gravity_calibration, upright, vertical_said
 from iris_sysid.options import units_of
 from iris_sysid.plane import check_image_size
@@ -23,6 +23,7 @@ from iris_sysid.registry import MODELS, PHENOMENA, TRACKERS
 from iris_sysid.report import write_report
 from iris_sysid.smoothing import smooth
 from iris_sysid.tables import write_track, write_trajectory
+from iris_sysid.tracking import from_source, track
 from iris_sysid.types import (
     Array,
     Calibration,
@@ -53,39 +54,6 @@ class Run:
     trajectory: Trajectory
     fit: FitResult
     notes: tuple[str, ...] = field(default=())
-
-
-def track(video: FrameSource, tracker: str = "median-background", options: TrackOptions | None = None) -> list[Track]:
-    """Follow the bodies of a clip with the tracker of that name.
-
-    Parameters
-    ----------
-    video
-        Frames with their times, from :func:`iris_sysid.open_video`.
-    tracker
-        Registered name; ``iris-sysid list`` shows them.
-    options
-        Region, colour, number of bodies, progress.
-
-    Returns
-    -------
-    list of Track
-        One a body, in px and s; a frame without the body is NaN and not valid.
-
-    Raises
-    ------
-    UnknownNameError
-        When no tracker has that name.
-    TrackingError
-        When nothing moves, or nothing that moves can be followed.
-    """
-    return TRACKERS[tracker].track(video, options or TrackOptions())
-
-
-def from_source(tracks: Sequence[Track], source: str | Path, options: Mapping[str, Any]) -> list[Track]:
-    """The tracks with the file they come from, its sha256, the options and the versions of packages as their origin."""
-    origin = origin_of(Path(source), options)
-    return [replace(one, origin={**one.origin, **origin}) for one in tracks]
 
 
 def _numbers(estimates: Mapping[str, Estimate]) -> dict[str, dict[str, float | str]]:

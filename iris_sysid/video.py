@@ -26,8 +26,8 @@ from iris_sysid.errors import VideoError
 from iris_sysid.files import sha256_of
 from iris_sysid.types import Frame
 
-# Pixels that may be decoded to sample a clip: 60 frames of 3840x2160, 240 of 1920x1080
-SAMPLING_PIXELS = 500_000_000
+# Pixels that may be decoded to sample a clip: 30 frames of 3840x2160, 120 of 1920x1080
+SAMPLING_PIXELS = 250_000_000
 # A background needs this many different moments, or a third of those asked for
 FEWEST_KEY_FRAMES = 8
 GOLDEN = (math.sqrt(5) - 1) / 2

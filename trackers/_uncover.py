@@ -14,6 +14,7 @@ LEAST_EDGE = 1.0  # grey levels a px beyond that
 OUTLINE_SHARE = 0.3  # of a hole's outline: the rest is the outline of what hides the hole's other part
 SHADE = 0.4  # of a component's peak: what is fainter is the shadow of something near
 FEWEST_SAMPLES = 3  # that must show what is behind
+MARGIN = 4  # px round what differs, in which its edges lie
 RIM = np.ones((5, 5), np.uint8)  # the outline of a resting body is blurred
 
 
@@ -33,8 +34,14 @@ def usable_samples(stack: Bytes, still: Still) -> Flags | None:
         for excess in (cv2.subtract(picture, scene.highest), cv2.subtract(scene.lowest, picture)):
             excess = np.where(excess > scene.strong, excess, 0).astype(np.uint8)
             level = most_of_channels(excess)
+            left, top, width, height = cv2.boundingRect(level)
             if np.count_nonzero(level) >= SMALLEST_HOLE:
-                holes[k] |= _holes(level, edges, _edges(picture.astype(np.float32)))
+                window = (
+                    slice(max(0, top - MARGIN), top + height + MARGIN),
+                    slice(max(0, left - MARGIN), left + width + MARGIN),
+                )
+                part = np.ascontiguousarray(picture[window]).astype(np.float32)
+                holes[k][window] |= _holes(np.ascontiguousarray(level[window]), edges[window], _edges(part))
     if holes.sum(axis=0).max() < FEWEST_SAMPLES:
         return None
     wide = np.stack([cv2.dilate(hole.astype(np.uint8), RIM) > 0 for hole in holes])

@@ -21,9 +21,9 @@ def import_marks(
     Example:
       iris-sysid import toss.trz -o track.csv
     """
-    from iris_sysid import osp, pipeline, tables
+    from iris_sysid import osp, tables, tracking
 
     terminal.check_outputs(project, [output], overwrite=force)
     tracks = osp.marked_tracks(osp.read_osp(project))
-    tables.write_track(pipeline.from_source(tracks, project, {}), output, overwrite=force)
+    tables.write_track(tracking.from_source(tracks, project, {}), output, overwrite=force)
     terminal.print_rows([{"body": body.body, "marks": body.n_valid} for body in tracks], json)

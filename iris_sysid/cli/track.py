@@ -44,7 +44,7 @@ def track(
     Example:
       iris-sysid track toss.mp4 --roi 0,0,640,400 -o track.csv --overlay overlay.mp4
     """
-    from iris_sysid import options, pipeline, tables
+    from iris_sysid import options, tables, tracking
     from iris_sysid.registry import PHENOMENA
     from iris_sysid.video import open_video
 
@@ -55,9 +55,9 @@ def track(
     clip = open_video(video, fps=fps, start_s=start, stop_s=stop, keep_partial=keep_partial)
     with terminal.progress("tracking") as report_progress:
         wanted = options.track_options(bodies or (chosen.bodies if chosen else 1), roi, colour, report_progress)
-        tracks = pipeline.track(clip, name, wanted)
+        tracks = tracking.track(clip, name, wanted)
     asked = {"tracker": name, "fps": fps, "start_s": start, "stop_s": stop, "keep_partial": keep_partial}
-    tables.write_track(pipeline.from_source(tracks, video, asked), output, overwrite=force)
+    tables.write_track(tracking.from_source(tracks, video, asked), output, overwrite=force)
     if overlay is not None:
         from iris_sysid.report.overlay import write_overlay
 
