@@ -30,6 +30,8 @@ def between_contacts(apart: Array) -> tuple[float, list[slice]]:
 def pieces_regression(pieces: Sequence[Piece]) -> tuple[Array, float]:
     """Coefficients c (k + 1,) of ``y'' = c[0] f_0(y) + ... + c[-1] y'`` common to all pieces, in weak form.
 
+    Where the pieces are too short for that, at a low frame rate, second differences stand for the derivative.
+
     Parameters
     ----------
     pieces
@@ -50,6 +52,19 @@ def pieces_regression(pieces: Sequence[Piece]) -> tuple[Array, float]:
         right.append(rows[1])
         widest_s = max(widest_s, half_width_s)
     sides = np.concatenate(left), np.concatenate(right)
+    if sides[0].size <= 2 * sides[1].shape[1]:
+        sides = _differences(pieces)
     if sides[0].size <= sides[1].shape[1]:
         return np.full(sides[1].shape[1], np.nan), widest_s
     return solved(*sides)[0], widest_s
+
+
+def _differences(pieces: Sequence[Piece]) -> tuple[Array, Array]:
+    """Second differences (m,) of the values, and the terms with the first differences (m, k + 1) beside them."""
+    second, beside = [], []
+    for t_s, values, terms in pieces:
+        slope = np.diff(values) / np.diff(t_s)
+        across_s = t_s[2:] - t_s[:-2]
+        second.append(2.0 * np.diff(slope) / across_s)
+        beside.append(np.column_stack([terms[1:-1], (values[2:] - values[:-2]) / across_s]))
+    return np.concatenate(second), np.concatenate(beside)

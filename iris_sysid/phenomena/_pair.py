@@ -1,0 +1,147 @@
+"""Two pendulums that meet: the angle of each about the pivot that its own arc shows, over the whole motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from iris_sysid.arrays import Array, Mask
+from iris_sysid.errors import DataError
+from iris_sysid.phenomena._geometry import Circle, fit_circle
+from iris_sysid.types import Estimate, Quantity, Segment, Trajectory
+
+TAUT = 3  # samples on their arcs in a row after which the cords count as taut
+FEWEST = 8  # samples of each body
+
+
+def observe_pair(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
+    """Turn the positions of two bodies into angles from the downward vertical, positive to the right, left body first.
+
+    The motion is everything from where nothing holds the bodies and their cords are taut: impacts are part of it.
+
+    Parameters
+    ----------
+    world
+        Two trajectories of x and z at the same times, in m or px.
+    settings
+        ``arc_radius``, in that unit, fixes the radius of both arcs.
+
+    Returns
+    -------
+    Trajectory
+        ``theta1`` and ``theta2`` in rad. ``geometry``: ``arc_radius_1``, ``arc_radius_2``, and ``pivot_ratio``, the
+        distance of the pivots over the first radius. Samples off an arc by more than five scatters are not valid.
+
+    Raises
+    ------
+    DataError
+        When there are not two bodies at the same times, or an arc is too small for its noise to fix a pivot.
+    """
+    first, second = _two_bodies(world)
+    free = _free(first) & _free(second)
+    if free.sum() < FEWEST:
+        raise DataError(f"both bodies move free of a hand in {int(free.sum())} frames only, {FEWEST} are needed")
+    circles = _circles((first, second), free, settings)
+    angles = [_angle(body, circle) for body, circle in zip((first, second), circles, strict=True)]
+    taut = free.copy()
+    for circle in circles:
+        taut[free] &= circle.belongs
+    return first.with_(
+        quantities=(Quantity("theta1", "rad", r"\theta_1"), Quantity("theta2", "rad", r"\theta_2")),
+        position=np.column_stack([theta for theta, _ in angles]),
+        sigma=np.column_stack([sigma for _, sigma in angles]),
+        valid=taut,
+        segments=_segments(first, free, taut),
+        geometry={**first.geometry, **_geometry(circles, first.quantities[0].unit)},
+        smoothed=None,
+    )
+
+
+def _two_bodies(world: Sequence[Trajectory]) -> tuple[Trajectory, Trajectory]:
+    if len(world) < 2:
+        raise DataError(f"two pendulums need the trajectories of two bodies, but there are {len(world)}; see --bodies")
+    first, second = world[0], world[1]
+    if not np.array_equal(first.t_s, second.t_s):
+        raise DataError("the trajectories of the two bodies are not at the same times")
+    middles = [np.median(one.position[one.valid, 0]) for one in (first, second)]
+    return (first, second) if middles[0] <= middles[1] else (second, first)
+
+
+def _free(body: Trajectory) -> Mask:
+    """Valid samples after the last one in a hand that the motion comes after."""
+    held = body.mask("hand") if body.segments else np.zeros(body.n, dtype=np.bool_)
+    moving = np.flatnonzero(body.mask("motion"))
+    before = np.flatnonzero(held[: int(moving[0])] if moving.size else held)
+    free = body.valid & ~held
+    free[: int(before[-1]) + 1 if before.size else 0] = False
+    return np.asarray(free)
+
+
+def _circles(
+    bodies: tuple[Trajectory, Trajectory], free: Mask, settings: Mapping[str, Estimate]
+) -> tuple[Circle, Circle]:
+    """The arcs of both; one that is too small for its noise has the other's radius."""
+    unit = bodies[0].quantities[0].unit
+    told = settings.get("arc_radius")
+    if told is not None and told.unit not in (unit, ""):
+        raise DataError(f"arc_radius is given in {told.unit}, but positions are in {unit}: give the scale as well")
+    found: list[Circle | DataError] = []
+    for body in bodies:
+        try:
+            found.append(_circle(body, free, told))
+        except DataError as error:
+            found.append(error)
+    good = [one for one in found if isinstance(one, Circle)]
+    if not good and isinstance(found[0], DataError):
+        raise found[0]
+    radius = Estimate(good[0].radius, float(good[0].stderr[2]), unit)
+    first, second = (
+        one if isinstance(one, Circle) else _circle(body, free, radius) for one, body in zip(found, bodies, strict=True)
+    )
+    return first, second
+
+
+def _circle(body: Trajectory, free: Mask, radius: Estimate | None) -> Circle:
+    position, sigma = body.position[free, :2], body.sigma[free, :2]
+    noise = float(np.median(sigma[np.isfinite(sigma)])) if np.isfinite(sigma).any() else 0.0
+    if radius is None:
+        return fit_circle(position, noise)
+    return fit_circle(position, noise, radius.value, radius.stderr)
+
+
+def _angle(body: Trajectory, circle: Circle) -> tuple[Array, Array]:
+    """Angle (n,) rad, NaN in gaps, and its random standard error across the cord."""
+    across, up = body.position[:, 0] - circle.x, body.position[:, 1] - circle.z
+    theta = np.arctan2(across, -up)
+    tangential = np.hypot(body.sigma[:, 0] * np.cos(theta), body.sigma[:, 1] * np.sin(theta))
+    return theta, tangential / np.hypot(across, up)
+
+
+def _segments(body: Trajectory, free: Mask, taut: Mask) -> tuple[Segment, ...]:
+    """What was held or slack before, then the motion from the first three samples in a row with both cords taut."""
+    seen = np.flatnonzero(free)
+    runs = np.lib.stride_tricks.sliding_window_view(taut[seen], TAUT).all(axis=1)
+    if not runs.any():
+        raise DataError("the bodies are never on their arcs for three frames in a row; do they hang on cords?")
+    start, stop = int(seen[int(np.argmax(runs))]), int(np.flatnonzero(taut)[-1]) + 1
+    why = f"both cords are taut from {body.t_s[start]:.3g} s on, until {body.t_s[stop - 1]:.3g} s; impacts included"
+    motion = Segment("motion", start, stop, why)
+    before = []
+    if seen[0] > 0:
+        before.append(Segment("hand", 0, int(seen[0]), "one of the two is held, or not seen"))
+    if seen[0] < start:
+        before.append(Segment("release", int(seen[0]), start, "off the arc: a cord is not taut"))
+    return (*before, motion)
+
+
+def _geometry(circles: tuple[Circle, Circle], unit: str) -> dict[str, Estimate]:
+    one, two = circles
+    source = "circle through the arc of the motion"
+    apart, stderr = two.x - one.x, math.hypot(float(one.stderr[0]), float(two.stderr[0]))
+    return {
+        "arc_radius_1": Estimate(one.radius, float(one.stderr[2]), unit, "fitted", source),
+        "arc_radius_2": Estimate(two.radius, float(two.stderr[2]), unit, "fitted", source),
+        "pivot_ratio": Estimate(apart / one.radius, stderr / one.radius, "1", "fitted", "centres of the two arcs"),
+    }

@@ -1,0 +1,17 @@
+"""A ball on a cord that strikes another, which hangs at rest beside it."""
+
+from __future__ import annotations
+
+from iris_sysid.phenomena._pair import observe_pair
+from iris_sysid.types import Phenomenon
+
+PHENOMENON = Phenomenon(
+    name="two-moving-pendulum-one-static",
+    summary="a ball on a cord strikes another that hangs at rest; the angle of each about the pivot that its arc shows",
+    tracker="median-background",
+    model="pendulum-impact",
+    observe=observe_pair,
+    bodies=2,
+    free=("vertical_1", "vertical_2"),
+    settings=("arc_radius",),
+)
