@@ -15,16 +15,13 @@ import numpy as np
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Frame, FrameSource, Track, Tracker, TrackOptions
 from trackers._lamp import Lamp, lamp_of, luma_of
+from trackers._smooth_course import excess_scatter, pooled
 from trackers._together import Region, region_that_changes
 from trackers._view import View, view_of
 
 SAMPLES = 40  # frames in which the region is sought
 FEWEST_FRAMES = 3
 LEAST_TOGETHER = 0.8  # of what changes in the picture must follow the course of the region
-MAD_TO_SD = 1.4826  # of a normal distribution
-THIRD_DIFFERENCE = np.sqrt(20.0)  # of white noise: 1 + 9 + 9 + 1
-EXCESS = 1.3  # times the noise seen in the picture: from here on the light, or the camera, flickers
-FEWEST_FOR_FLICKER = 12  # frames
 REPORT_EVERY = 10  # frames between two calls of the progress function
 
 
@@ -43,8 +40,9 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     -------
     list of Track
         ``intensity`` is the mean grey level of the region and ``sigma_intensity`` its standard error: noise measured
-        in each frame by how the pixels differ from what the common course makes of them, and flicker. The position is
-        the middle of the change, the same in all frames, and ``area_px`` the size of the region.
+        in each frame by how the pixels differ from what the common course makes of them, and how far the course
+        scatters about a smooth one (flicker, compression); ``origin["scatter"]`` is the factor that this adds. The
+        position is the middle of the change, the same in all frames, and ``area_px`` the size of the region.
         ``origin["clipped"]`` is the share of the region that is cut off at black or white in some frame: pixels that
         are cut off are used only when there are no others.
 
@@ -119,16 +117,18 @@ def _track_of(
 ) -> Track:
     """The Track of one region; ``readings`` (n, 2) are its intensity and standard error."""
     intensity, sigma = readings.T
-    n = len(times)
+    n, t_s = len(times), np.array([t_s for _, t_s in times])
+    sigma = pooled(sigma)
+    scatter = excess_scatter(t_s, intensity, sigma)
     return Track(
-        t_s=np.array([t_s for _, t_s in times]),
+        t_s=t_s,
         xy_px=np.tile(lamp.centre, (n, 1)),
         sigma_px=np.tile(lamp.sigma_centre, (n, 1)),
         valid=np.ones(n, dtype=np.bool_),
         frame=np.array([index for index, _ in times]),
         body=body,
         intensity=intensity,
-        sigma_intensity=sigma * flicker(intensity, sigma),
+        sigma_intensity=sigma * scatter,
         area_px=np.full(n, float(np.count_nonzero(lamp.mask))),
         origin={
             "tracker": TRACKER.name,
@@ -136,22 +136,10 @@ def _track_of(
             "roi": options.roi,
             "colour": options.colour,
             "clipped": lamp.clipped,
-            "flicker": flicker(intensity, sigma),
+            "scatter": float(np.median(scatter)),
             "encoding": "grey levels as coded; gamma not undone",
         },
     )
-
-
-def flicker(intensity: Array, sigma: Array) -> float:
-    """By how much a course (n,) scatters more than its standard errors (n,) say: 1 where it does not.
-
-    Third differences leave out whatever is smooth; of white noise they are sqrt(20) times the noise.
-    """
-    if intensity.size < FEWEST_FOR_FLICKER:
-        return 1.0
-    jumps = np.abs(np.diff(intensity / np.median(sigma), n=3)) / THIRD_DIFFERENCE
-    excess = MAD_TO_SD * float(np.median(jumps))
-    return excess if excess > EXCESS else 1.0
 
 
 TRACKER = Tracker(

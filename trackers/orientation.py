@@ -1,0 +1,191 @@
+"""Orientation of a body that turns about an axis that stands still: an arm with a cup, a disc with a mark.
+
+A first pass follows the angle roughly, by the polar picture of what differs from the still background. Frames sampled
+over the clip then teach the look of the body and the place of the axis, in turn; a second pass finds the angle at
+which each frame shows that look. All is done at the size at which bodies are searched, at most 960 px wide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from iris_sysid.errors import DataError, TrackingError
+from iris_sysid.types import Array, FrameSource, Track, Tracker, TrackOptions
+from trackers._background import Image
+from trackers._observe import Stage, stage_of
+from trackers._smooth_course import excess_scatter, pooled
+from trackers._turned_pattern import Pattern, centred, luma_of, pattern_of, turned
+from trackers._turning import Axis, Middle, Turns, activity, axis_of, middle_of
+from trackers._view import view_of
+
+BLURS = (6.0, 3.0, 1.5, 0.7, 0.7)  # px, from rough to fine: how far off the angles may be before each
+LEAST_TURN = 0.03  # rad: what turns less is not told from what shakes
+EXPLAINED = 0.5  # of what changes must turn with the body
+SHOWN = 0.4  # of the points of the body must show it in a frame
+LARGEST_ERROR = 0.1  # rad
+REPORT_EVERY = 10  # frames between two calls of the progress function
+
+
+def track(video: FrameSource, options: TrackOptions) -> list[Track]:
+    """Follow the orientation of the body that turns, over full turns, in every frame.
+
+    Parameters
+    ----------
+    video
+        The clip; its camera and the axis stand still, and the body turns by less than a quarter between two frames.
+    options
+        ``bodies`` must be 1, ``roi`` limits the picture, ``colour`` makes colour count where bodies are searched,
+        ``progress`` is called now and then.
+
+    Returns
+    -------
+    list of Track
+        ``angle_rad`` is the direction from the axis to the middle of what turns, anticlockwise from the right, counted
+        on through full turns, and ``sigma_angle_rad`` its standard error without that of the zero, which all frames
+        share. The position is that middle. ``origin["axis_px"]`` is the axis.
+
+    Raises
+    ------
+    TrackingError
+        When nothing turns, or what moves does not turn about a point in the picture.
+    DataError, UnknownNameError
+        When the options do not fit the clip, or name an unknown colour.
+    """
+    view = view_of(video, options)
+    if options.bodies != 1:
+        raise DataError(f"bodies = {options.bodies}: the tracker orientation follows one body; choose it with --roi")
+    stage = stage_of(video, view)
+    shown = [activity(stage.scene, one) for one in stage.smalls]
+    axis = axis_of(shown)
+    clip = _roughly(video, stage, axis, options)
+    if np.ptp(clip.angle) < LEAST_TURN:
+        raise TrackingError(
+            f"what moves does not turn: its angle varies by {np.degrees(np.ptp(clip.angle)):.2g} degrees over the "
+            "clip; choose another tracker, or another part of the clip"
+        )
+    lesson = _lesson(stage, axis, clip.angle[clip.places(stage)])
+    better = clip.angle + np.interp(clip.number, stage.numbers, lesson.angles - clip.angle[clip.places(stage)])
+    found = _finely(video, stage, lesson.pattern, better, options)
+    return [_track_of(clip, found, lesson, middle_of(shown, lesson.pattern.axis, lesson.angles), stage, options)]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Clip:
+    """Numbers (n,) and times (n,) s of the frames of a clip, and the angle (n,) rad in each to a few degrees."""
+
+    number: NDArray[np.int64]
+    t_s: Array
+    angle: Array
+
+    def places(self, stage: Stage) -> NDArray[np.intp]:
+        """Where among the frames those are that were sampled."""
+        return np.searchsorted(self.number, np.array(stage.numbers))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Lesson:
+    """The look of the body, and the angles (k,) rad of the sampled frames that taught it."""
+
+    pattern: Pattern
+    angles: Array
+
+
+def _roughly(video: FrameSource, stage: Stage, axis: Axis, options: TrackOptions) -> _Clip:
+    turns, numbers, times, spokes = Turns(axis), list[int](), list[float](), list[float]()
+    for frame in video.frames():
+        numbers.append(frame.index)
+        times.append(frame.t_s)
+        spokes.append(turns.follow(activity(stage.scene, stage.view.searched(frame))))
+        _report(options, len(times), 2 * video.n_expected)
+    return _Clip(np.array(numbers), np.array(times), np.radians(spokes))
+
+
+def _report(options: TrackOptions, done: int, expected: int) -> None:
+    """Tell how far the work is; each frame is looked at twice."""
+    if options.progress is not None and (done % REPORT_EVERY == 0 or done == expected):
+        options.progress(done // 2, expected // 2)
+
+
+def _lesson(stage: Stage, axis: Axis, angles: Array) -> _Lesson:
+    """Learn look, angles and axis from the sampled frames, from rough to fine."""
+    small = [luma_of(one) for one in stage.smalls]
+    for blur in BLURS:
+        pictures = [_blurred(one, blur) for one in small]
+        pattern = pattern_of(pictures, angles, axis).telling()
+        found = [turned(pattern, one, angle, loose=True) for one, angle in zip(pictures, angles, strict=True)]
+        angles = np.array([one.angle for one in found])
+        axis = centred(axis, angles, np.array([one.shift for one in found]))
+    pattern = pattern_of(pictures, angles, axis)
+    _check_turns(pattern, pictures)
+    return _Lesson(pattern.telling(), angles)
+
+
+def _blurred(picture: Image, sigma: float) -> Image:
+    return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma), dtype=np.float32)
+
+
+def _check_turns(pattern: Pattern, pictures: Sequence[Image]) -> None:
+    """TrackingError when what changes in the pictures does not turn with the pattern."""
+    axis = pattern.axis
+    rows = np.clip(np.rint(pattern.place[:, 1] + axis.y), 0, pictures[0].shape[0] - 1).astype(int)
+    columns = np.clip(np.rint(pattern.place[:, 0] + axis.x), 0, pictures[0].shape[1] - 1).astype(int)
+    standing = np.stack([one[rows, columns] for one in pictures]).var(axis=0)
+    explained = 1 - float((pattern.spread**2).sum() / max(float(standing.sum()), 1e-9))
+    if explained < EXPLAINED:
+        raise TrackingError(
+            f"what moves does not turn about a point in the picture: turning explains {max(explained, 0.0):.0%} of "
+            "what changes; limit the picture with --roi, or use the tracker median-background"
+        )
+
+
+def _finely(video: FrameSource, stage: Stage, pattern: Pattern, start: Array, options: TrackOptions) -> Array:
+    """Angle and standard error (n, 2), rad, in every frame; NaN where the body does not show."""
+    rows: list[tuple[float, float]] = []
+    for frame, angle in zip(video.frames(), start, strict=True):
+        found = turned(pattern, _blurred(luma_of(stage.view.searched(frame)), BLURS[-1]), float(angle))
+        seen = found.share > SHOWN and found.sigma < LARGEST_ERROR
+        rows.append((found.angle, found.sigma) if seen else (np.nan, np.nan))
+        _report(options, len(start) + len(rows), 2 * len(start))
+    return np.array(rows)
+
+
+def _track_of(clip: _Clip, found: Array, lesson: _Lesson, middle: Middle, stage: Stage, options: TrackOptions) -> Track:
+    angle, sigma = found.T
+    valid = np.isfinite(angle)
+    if not valid.any():
+        raise TrackingError("the body that turns shows in no frame as it was learnt; limit the picture with --roi")
+    sigma[valid] = pooled(sigma[valid])
+    sigma[valid] *= excess_scatter(clip.t_s[valid], angle[valid], sigma[valid])
+    view, axis = stage.view, lesson.pattern.axis
+    axis_px = (np.array([axis.x, axis.y]) + 0.5) * view.step - 0.5 + np.array([view.left, view.top])
+    way = view.step * middle.radius
+    along = np.column_stack([np.cos(angle + middle.direction), -np.sin(angle + middle.direction)])
+    return Track(
+        t_s=clip.t_s,
+        xy_px=axis_px + way * along,
+        sigma_px=np.repeat(np.hypot(way * sigma, view.step * middle.sigma)[:, np.newaxis], 2, axis=1),
+        valid=valid,
+        frame=clip.number,
+        angle_rad=angle + middle.direction,
+        sigma_angle_rad=sigma,
+        origin={
+            "tracker": TRACKER.name,
+            "bodies": options.bodies,
+            "roi": options.roi,
+            "colour": options.colour,
+            "axis_px": [float(one) for one in axis_px],
+            "reach_px": view.step * axis.reach,
+        },
+    )
+
+
+TRACKER = Tracker(
+    name="orientation",
+    summary="orientation of a body that turns about a fixed axis, such as an arm or a marked disc",
+    track=track,
+)
