@@ -313,7 +313,22 @@ def _calibration(
 
 
 def fitted_view(parameters: Array, view: BoardView, board: Board, left_out: str = "") -> FittedView:
-    """A ``view`` of the ``board`` with what a camera of these ``parameters`` (9,) leaves of its corners."""
+    """Put a view of a board into the pose that leaves least of its corners.
+
+    Parameters
+    ----------
+    parameters
+        Of the camera (9,).
+    view, board
+        What was seen, and of what.
+    left_out
+        Why the camera was not fitted to it, empty where it was.
+
+    Returns
+    -------
+    FittedView
+        With its residuals.
+    """
     points = Points(view.points_m(board), np.asarray(view.corners_px))
     pose = pose_of(parameters, points)
     residual = points.seen_px - projected(parameters, pose, points.board_m)[0]

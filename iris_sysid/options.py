@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from iris_sysid.calibration import scale_bar_from_text, scale_from_text
 from iris_sysid.calibration_file import read_calibration
@@ -18,7 +18,8 @@ from iris_sysid.types import Calibration, Estimate, OdeModel, TrackOptions, Traj
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 SETTING = re.compile(rf"([A-Za-z_][A-Za-z0-9_]*)=({NUMBER})(?:\s*(?:\+-|\+/-|±)\s*({NUMBER}))?(.*)")
-MARKS = ("pivot", "launch")
+MARKS = ("pivot", "launch", "plumb")
+PLUMB = "plumb="
 ANY_UNIT: Mapping[str, str] = MappingProxyType({})
 # what a user may write -> the unit that it is kept in, and the factor
 UNITS = {
@@ -107,8 +108,17 @@ def region(text: str | None) -> tuple[int, int, int, int] | None:
 
 
 def marks(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Read ``pivot=437,42`` into points in px by name."""
-    return _each_once(map(_mark, texts), "mark")
+    """Read ``pivot=437,42`` into points in px by name; a ``plumb`` line is read by :func:`plumb_line`."""
+    return _each_once((_mark(one) for one in texts if not one.startswith(PLUMB)), "mark")
+
+
+def plumb_line(texts: Sequence[str]) -> tuple[float, float, float, float] | None:
+    """Read ``plumb=x1,y1,x2,y2`` among marks: two points of a plumb line in px, upper end first."""
+    found = [one.removeprefix(PLUMB) for one in texts if one.startswith(PLUMB)]
+    if len(found) > 1:
+        raise DataError("the mark 'plumb' is given twice; give it once")
+    ends = numbers(found[0], "x1,y1,x2,y2") if found else None
+    return None if ends is None else (ends[0], ends[1], ends[2], ends[3])
 
 
 def _mark(text: str) -> tuple[str, tuple[float, float]]:
@@ -117,6 +127,13 @@ def _mark(text: str) -> tuple[str, tuple[float, float]]:
         raise DataError(f"cannot read the mark {text!r}: write it as {MARKS[0]}=437,42; marks are {', '.join(MARKS)}")
     x, y = numbers(place, "x,y") or (math.nan, math.nan)
     return name, (x, y)
+
+
+def vertical(text: str) -> Literal["assumed", "motion"]:
+    """Read how gravity's direction is to be found."""
+    if text not in ("assumed", "motion"):
+        raise DataError(f"the vertical is assumed or taken from the motion, not {text!r}; write assumed or motion")
+    return "motion" if text == "motion" else "assumed"
 
 
 def size(text: str) -> tuple[int, int]:
@@ -167,6 +184,24 @@ def calibration_of(
     if scale_bar is not None:
         return None, scale_bar_from_text(scale_bar)
     return None, None if file is None else read_calibration(file)
+
+
+def metres_of(scale: str | None, scale_bar: str | None, file: Path | None, *, needed: bool) -> Calibration | None:
+    """The calibration for positions in m that are not fitted; CalibrationError when one is ``needed`` and none given.
+
+    Parameters
+    ----------
+    scale, scale_bar, file
+        As for :func:`calibration_of`; gravity gives no scale here.
+    needed
+        Whether positions in m were asked for.
+    """
+    from_gravity, calibration = calibration_of(scale, scale_bar, file)
+    if from_gravity is not None:
+        raise CalibrationError("gravity gives the scale of a fitted flight only; use iris-sysid run for that")
+    if needed and calibration is None:
+        raise CalibrationError("positions in m need --calibration, --scale or --scale-bar")
+    return calibration
 
 
 def track_options(

@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from iris_sysid.calibration import to_world
 from iris_sysid.documents import checked, entries_of, plain_origin, write_document
 from iris_sysid.files import check_writable, sha256_of, write_atomic
 from iris_sysid.frames import estimates_frame, to_frame
 from iris_sysid.schemas import OriginDocument, known_numbers
 from iris_sysid.table_reading import read_track, read_trajectory, side_car_of
-from iris_sysid.types import Track, Trajectory
+from iris_sysid.types import Calibration, Track, Trajectory
 
 __all__ = ["estimates_frame", "read_track", "read_trajectory", "to_frame", "write_track", "write_trajectory"]
 
@@ -92,6 +93,34 @@ def write_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: boo
         "origin": plain_origin(trajectory.origin),
     }
     return _write(to_frame(trajectory), path, beside, overwrite=overwrite)
+
+
+def write_worlds(
+    tracks: Sequence[Track], calibration: Calibration, path: str | Path, *, overwrite: bool = False
+) -> list[Path]:
+    """Write x and z of each body in the plane of motion, a CSV file each.
+
+    Parameters
+    ----------
+    tracks
+        One a body, in px.
+    calibration
+        Pixels to metres.
+    path
+        File to write; with several bodies their names are put behind it: ``world-1.csv``.
+    overwrite
+        Replace files that exist.
+
+    Returns
+    -------
+    list of Path
+        The files.
+    """
+    path = Path(path)
+    paths = [path] if len(tracks) == 1 else [path.with_name(f"{path.stem}-{one.body}{path.suffix}") for one in tracks]
+    for one, place in zip(tracks, paths, strict=True):
+        write_trajectory(to_world(one, calibration), place, overwrite=overwrite)
+    return paths
 
 
 def _write(frame: pd.DataFrame, path: str | Path, beside: Mapping[str, Any], *, overwrite: bool) -> Path:

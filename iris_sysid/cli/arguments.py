@@ -24,6 +24,10 @@ Free = Annotated[list[str] | None, typer.Option("--free", help="Estimate this co
 Scale = Annotated[str | None, typer.Option(help="640px=1m; or gravity=9.79 to take it from the fall itself.")]
 ScaleBar = Annotated[str | None, typer.Option(help="Two points a known length apart: x1,y1,x2,y2=0.84m.")]
 CalibrationFile = Annotated[Path | None, typer.Option("--calibration", help="calibration.json, or a .trk/.trz file.")]
-Marks = Annotated[list[str] | None, typer.Option("--mark", help="A point in px: pivot=437,42 or launch=5,103.")]
+Marks = Annotated[
+    list[str] | None, typer.Option("--mark", help="A point in px: pivot=437,42, launch=5,103; plumb=x1,y1,x2,y2.")
+]
+Vertical = Annotated[str, typer.Option(help="Gravity's direction: assumed, or motion (by the flight itself).")]
+TimeBase = Annotated[str, typer.Option(help="Standard error of the frame rate: 0.01% or 50ppm.")]
 Starts = Annotated[list[str] | None, typer.Option("--start-at", help="A starting value, e.g. length=0.5.")]
 ModelName = Annotated[str, typer.Option("--model", help="Governing equation; see iris-sysid list.")]

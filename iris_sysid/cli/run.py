@@ -20,7 +20,9 @@ from iris_sysid.cli.arguments import (
     Settings,
     Start,
     Stop,
+    TimeBase,
     TrackerName,
+    Vertical,
     Video,
 )
 
@@ -39,6 +41,8 @@ def run(
     colour: Colour = None,
     tracker: TrackerName = None,
     mark: Marks = None,
+    vertical: Vertical = "assumed",
+    time_base: TimeBase = "0%",
     known: Settings = None,
     free: Free = None,
     keep_partial: KeepPartial = False,
@@ -52,6 +56,7 @@ def run(
       iris-sysid run pendulum.mp4 --phenomenon pendulum --scale 640px=1m -o out/
     """
     from iris_sysid import options, pipeline
+    from iris_sysid.measures import SHARES, measured
     from iris_sysid.registry import PHENOMENA
 
     known_names = pipeline.accepted_settings(PHENOMENA[phenomenon])
@@ -72,6 +77,9 @@ def run(
             settings=options.settings(known or (), known_names),
             free=free or (),
             marks_px=options.marks(mark or ()),
+            plumb_px=options.plumb_line(mark or ()),
+            vertical=options.vertical(vertical),
+            clock_stderr=measured(time_base, SHARES, "50ppm")[0],
             progress=report_progress,
         )
     page = pipeline.save(result, output, overwrite=force)

@@ -8,6 +8,7 @@ import typer
 from iris_sysid import terminal
 from iris_sysid.cli.arguments import (
     Bodies,
+    CalibrationFile,
     Colour,
     Force,
     Fps,
@@ -15,6 +16,8 @@ from iris_sysid.cli.arguments import (
     KeepPartial,
     Output,
     Roi,
+    Scale,
+    ScaleBar,
     Start,
     Stop,
     TrackerName,
@@ -34,6 +37,10 @@ def track(
     roi: Roi = None,
     colour: Colour = None,
     overlay: Annotated[Path | None, typer.Option(help="Also write the clip with the track drawn over it.")] = None,
+    scale: Scale = None,
+    scale_bar: ScaleBar = None,
+    calibration: CalibrationFile = None,
+    world: Annotated[Path | None, typer.Option(help="With a scale: also write x and z in m, a file a body.")] = None,
     keep_partial: KeepPartial = False,
     force: Force = False,
     json: Json = False,
@@ -45,19 +52,25 @@ def track(
       iris-sysid track toss.mp4 --roi 0,0,640,400 -o track.csv --overlay overlay.mp4
     """
     from iris_sysid import options, tables, tracking
+    from iris_sysid.plane import check_image_size
     from iris_sysid.registry import PHENOMENA
     from iris_sysid.video import open_video
 
     chosen = PHENOMENA[phenomenon] if phenomenon else None
     name = tracker or (chosen.tracker if chosen else "median-background")
-    terminal.check_outputs(video, [output, overlay], overwrite=force)
+    metres = options.metres_of(scale, scale_bar, calibration, needed=world is not None)
+    terminal.check_outputs(video, [output, overlay, world], overwrite=force)
     terminal.check_suffix(overlay, ".mp4")
     clip = open_video(video, fps=fps, start_s=start, stop_s=stop, keep_partial=keep_partial)
+    if metres is not None:
+        check_image_size(metres.image_size, (clip.width, clip.height))
     with terminal.progress("tracking") as report_progress:
         wanted = options.track_options(bodies or (chosen.bodies if chosen else 1), roi, colour, report_progress)
         tracks = tracking.track(clip, name, wanted)
     asked = {"tracker": name, "fps": fps, "start_s": start, "stop_s": stop, "keep_partial": keep_partial}
     tables.write_track(tracking.from_source(tracks, video, asked), output, overwrite=force)
+    if world is not None and metres is not None:
+        tables.write_worlds(tracks, metres, world, overwrite=force)
     if overlay is not None:
         from iris_sysid.report.overlay import write_overlay
 

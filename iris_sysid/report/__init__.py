@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from iris_sysid import wording
 from iris_sysid.files import check_writable, write_atomic
+from iris_sysid.report.budget import budget_sections, calibration_section
 from iris_sysid.report.figures import fit_figure, track_figure
 from iris_sysid.report.page import Page, Picture, Section, estimates_section, html_of, png_of
 from iris_sysid.types import FitResult, Trajectory
@@ -85,7 +84,8 @@ def clip_page(run: Run) -> Page:
         pictures=pictures,
         sections=[
             estimates_section("Parameters", wording.shown(fit), fit.model.equation),
-            *_budget_sections(fit.budget),
+            *budget_sections(fit),
+            calibration_section(run.calibration, run.tracks),
             *_segment_sections(trajectory),
             *([estimates_section("Measured on the way", trajectory.geometry)] if trajectory.geometry else []),
             Section("Checks", lines=_checks(trajectory, fit)),
@@ -93,21 +93,6 @@ def clip_page(run: Run) -> Page:
         origin=fit.origin,
         notes=[*run.notes, *([] if fit.ok else [fit.message])],
     )
-
-
-def _budget_sections(budget: Mapping[str, Mapping[str, float]]) -> list[Section]:
-    sources = sorted({source for parts in budget.values() for source in parts})
-    if not sources:
-        return []
-    known = {name: parts for name, parts in budget.items() if all(map(math.isfinite, parts.values()))}
-    rows = [(name, *(_part(parts, source) for source in sources)) for name, parts in known.items()]
-    note = "Standard errors in each parameter's unit; the parts are independent and add in squares."
-    columns = ("parameter", *(f"#{source}" for source in sources))
-    return [Section("Where the uncertainty comes from", columns, rows, lines=[note])]
-
-
-def _part(parts: Mapping[str, float], source: str) -> str:
-    return f"{parts[source]:.2g}" if source in parts else ""
 
 
 def _segment_sections(trajectory: Trajectory) -> list[Section]:
