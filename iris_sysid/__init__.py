@@ -32,12 +32,13 @@ _HOME = {
         "iris_sysid.table_reading": "read_track read_trajectory",
         "iris_sysid.tables": "write_track write_trajectory",
         "iris_sysid.types": (
-            "Calibration Effect Estimate FitResult Frame FrameSource OdeModel Parameter Phenomenon Quantity Segment "
-            "Smoothed Track Tracker TrackOptions Trajectory"
+            "Calibration Discovery Effect Estimate FitResult Frame FrameSource OdeModel Parameter Phenomenon Quantity "
+            "Segment Smoothed Track Tracker TrackOptions Trajectory"
         ),
         "iris_sysid.video": "open_video",
         "fitters.compose": "with_effects",
         "fitters.ode": "fit simulate",
+        "fitters.sindy": "discover",
     }.items()
     for name in names.split()
 }

@@ -15,17 +15,32 @@ from iris_sysid.errors import DataError, UnknownNameError
 from iris_sysid.files import json_text, write_atomic
 from iris_sysid.schemas import (
     DOCUMENTS,
+    DiscoveryDocument,
     Document,
+    EquationEntry,
     EstimateEntry,
     FitDocument,
     FittedQuantity,
     FittedSegment,
+    MatchEntry,
+    NearestEntry,
     Number,
+    TermEntry,
     UsedSamples,
     known_number,
     known_numbers,
 )
-from iris_sysid.types import Array, Estimate, FitResult, FitStatus, Segment, Trajectory
+from iris_sysid.types import (
+    Array,
+    DiscoveredTerm,
+    Discovery,
+    Estimate,
+    FitResult,
+    FitStatus,
+    Match,
+    Segment,
+    Trajectory,
+)
 
 Kind = TypeVar("Kind", bound=Document)
 
@@ -276,3 +291,48 @@ def _segment(segment: Segment, result: FitResult) -> FittedSegment:
         stop_s=float(result.t_s[segment.stop - 1]),
         n_used=int(result.used[segment.start : segment.stop].sum()),
     )
+
+
+# --------------------------------------------------------------------------- discovery.json
+
+
+def discovery_document(found: Discovery, sentence: str) -> DiscoveryDocument:
+    """The content of discovery.json for a discovery, with the ``sentence`` that says what it is."""
+    matched, nearest = found.matched, found.nearest
+    return checked(
+        DiscoveryDocument,
+        sentence=sentence,
+        status=found.status,
+        message=found.message,
+        equations=[EquationEntry(lhs=one.lhs, rhs=one.rhs, latex=one.latex) for one in found.equations],
+        terms=[_term(one) for one in found.terms],
+        matched=None if matched is None else _match(matched),
+        nearest=None
+        if nearest is None
+        else NearestEntry(model=nearest.model, missing=list(nearest.missing), extra=list(nearest.extra)),
+        alternatives=list(found.alternatives),
+        proposed=list(found.proposed),
+        noise=[known_number(value) for one in found.fits for value in one.noise],
+        rms=[known_number(value) for one in found.fits for value in one.rms],
+        n=[one.n for one in found.fits],
+        origin=plain_origin(found.origin),
+    )
+
+
+def _term(one: DiscoveredTerm) -> TermEntry:
+    return TermEntry(
+        equation=one.equation,
+        term=one.term,
+        coefficient=known_number(one.coefficient.value),
+        ci95=known_numbers(one.coefficient.interval),
+        inclusion=one.inclusion,
+        selected=one.selected,
+        stderr=known_number(one.coefficient.stderr),
+        unit=one.coefficient.unit,
+        latex=one.latex,
+        parameter=one.parameter,
+    )
+
+
+def _match(one: Match) -> MatchEntry:
+    return MatchEntry(model=one.model, parameters=entries_of(one.parameters), same=list(one.same), note=one.note)

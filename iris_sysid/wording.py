@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from iris_sysid.types import Effect, Estimate, FitResult, Segment, Trajectory
+from iris_sysid.types import Discovery, Effect, Estimate, FitResult, Segment, Trajectory
 
 if TYPE_CHECKING:
     from iris_sysid.diagnosis import Diagnosis
+
+NOTEWORTHY = 0.2  # inclusion of a term that was not selected, from which on it is shown
 
 
 def rounded(value: float, stderr: float) -> tuple[str, str]:
@@ -140,3 +142,38 @@ def _moved(diagnosis: Diagnosis) -> str:
         parts.append(f"{name} moves from {old} to {new}{unit}")
     text = "; ".join(parts)
     return f"{text[0].upper()}{text[1:]}." if parts else ""
+
+
+def discovery_sentence(found: Discovery) -> str:
+    """Name the discovered equation: a model of the bank with its parameters, or the nearest one and how it differs."""
+    matched, nearest = found.matched, found.nearest
+    if matched is not None:
+        values = [f"{name} = {with_error(one)}" for name, one in matched.parameters.items()
+                  if one.measurement_type != "assumed"]  # fmt: skip
+        text = f"This is the {matched.model} with {', '.join(values)}."
+        text += f" The same equation: {', '.join(matched.same)}." if matched.same else ""
+        text += f" But its {matched.note}." if matched.note else ""
+    elif nearest is not None:
+        lacks = [f"{', '.join(nearest.missing)} was not found"] if nearest.missing else []
+        lacks += [f"{', '.join(nearest.extra)} is there as well"] if nearest.extra else []
+        text = f"Not in the bank: the nearest is {nearest.model}, but {'; '.join(lacks)}."
+    else:
+        text = "Not in the bank: no model there observes these quantities."
+    if found.alternatives:
+        text += f" The data cannot tell it from {' or from '.join(found.alternatives)}."
+    if found.status != "ok":
+        text += f" With a reservation ({found.status}): {found.message}"
+    return text
+
+
+def discovery_text(found: Discovery) -> str:
+    """The equations, their terms with interval and inclusion, and the sentence, as plain text."""
+    rows = [("term", "coefficient", "95 % interval", "inclusion")]
+    rows += [
+        (f"{one.equation}: {one.term}", with_error(one.coefficient), interval(one.coefficient), f"{one.inclusion:.2f}")
+        for one in found.terms
+        if one.selected or one.inclusion >= NOTEWORTHY
+    ]
+    widths = [max(len(row[k]) for row in rows) for k in range(4)]
+    table = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return "\n".join([*(f"{one.lhs} = {one.rhs}" for one in found.equations), *table, discovery_sentence(found)])

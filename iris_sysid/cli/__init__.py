@@ -14,6 +14,7 @@ from iris_sysid.cli import (
     calibrate,
     demo,
     diagnose,
+    discover,
     fit,
     import_marks,
     list_names,
@@ -42,6 +43,7 @@ app.command("import")(import_marks.import_marks)
 app.command("smooth")(smooth.smooth)
 app.command("fit")(fit.fit)
 app.command("diagnose")(diagnose.diagnose)
+app.command("discover")(discover.discover)
 app.command("render")(render.render)
 app.command("demo")(demo.demo)
 app.command("audit")(audit.audit)

@@ -14,6 +14,10 @@ from iris_sysid.types._clip import Frame as Frame
 from iris_sysid.types._clip import FrameSource as FrameSource
 from iris_sysid.types._clip import Track as Track
 from iris_sysid.types._clip import TrackOptions as TrackOptions
+from iris_sysid.types._discovery import DiscoveredEquation as DiscoveredEquation
+from iris_sysid.types._discovery import DiscoveredTerm as DiscoveredTerm
+from iris_sysid.types._discovery import Discovery as Discovery
+from iris_sysid.types._discovery import Match as Match
 from iris_sysid.types._model import Effect as Effect
 from iris_sysid.types._model import Event as Event
 from iris_sysid.types._model import OdeModel as OdeModel

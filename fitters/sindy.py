@@ -1,0 +1,281 @@
+"""Discover the governing equation itself: sparse regression proposes it, trajectory fitting disposes.
+
+1. The weak form of every candidate equation, with the noise of its rows known, gives rows to pysindy's stepwise sparse
+   regression; how many terms it proposes is decided by prediction of rows held out.
+2. The proposed equation is fitted to the trajectories by the ODE engine. About that fit, all candidates compete again
+   on the sensitivities of the trajectory; the price of a term is chosen by prediction of held-out parts of the clips.
+   The new choice is fitted in turn, until the choice stays.
+3. Blocks of time and clips are resampled, which gives each term the probability that it is included. A term that fewer
+   than half of the resampled data sets include is taken out again (stability selection).
+4. The result is compared with the bank, see :mod:`fitters.sindy_bank`.
+
+Numbers come from the trajectory fit, never from the regression.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # ships none
+
+from fitters.sindy_bank import match
+from fitters.sindy_library import Library, library_of
+from fitters.sindy_model import model_of
+from fitters.sindy_refine import Refined, added_alone, as_good, disposed, inclusion, refined, stable
+from fitters.sindy_sparse import Compressed, Kept, predicted_best, proposed, significant, term_price
+from fitters.sindy_weak import Rows, pieces_of, rows_of
+from iris_sysid.errors import DataError, FitError
+from iris_sysid.types import (
+    NORMAL_975,
+    Array,
+    DiscoveredEquation,
+    DiscoveredTerm,
+    Discovery,
+    Estimate,
+    FitStatus,
+    Match,
+    Trajectory,
+)
+
+NOTHING: Mapping[str, Estimate] = MappingProxyType({})
+ALIKE = 3.84  # chi-squared, one degree of freedom, 95 %: choices that differ by less cannot be told apart
+
+
+def discover(
+    trajectories: Trajectory | Sequence[Trajectory],
+    *,
+    quantities: Sequence[str] = (),
+    known: Mapping[str, Estimate] = NOTHING,
+    resampled: int = 100,
+    seed: int = 0,
+) -> Discovery:
+    """Find the equation that trajectories obey, with error bars, and its name in the bank.
+
+    Parameters
+    ----------
+    trajectories
+        One or several clips of the same quantities, of any lengths; only valid samples in motion are used.
+    quantities
+        Names of those to find equations for; all when not given.
+    known
+        Constants of the bank's models by name, e.g. gravity, with their errors.
+    resampled
+        Number of resampled data sets for the inclusion probabilities.
+    seed
+        Of the resampling.
+
+    Returns
+    -------
+    Discovery
+        Equations, every candidate with coefficient, interval and inclusion, and the matching model of the bank.
+        A discovery whose fit is not good has a ``status`` other than ok and a message.
+
+    Raises
+    ------
+    DataError
+        When there are too few samples, a quantity does not move, is unknown, or differs between clips.
+    FitError
+        When no proposed equation could be fitted.
+    """
+    clips = _clips(trajectories, quantities)
+    library = library_of(clips[0].quantities, clips[0].input_quantities)
+    with threadpool_limits(limits=1, user_api="blas"):  # the matrices are small: threads cost more than they give
+        starts = _starts(clips, library)
+        found = disposed(clips, library, starts)
+        if not found.usable:
+            raise FitError(f"no equation of the library could be fitted: {found.fits[0].message}")
+        found, shares = stable(clips, library, found, np.random.default_rng(seed), resampled)
+        named, alike, matched, nearest = _named(clips, library, found, known)
+        if named is not found:
+            shares = inclusion(named, np.random.default_rng(seed), resampled)
+    discovery = _discovery(library, named, starts[0][0], shares, alike, matched, nearest)
+    return replace(discovery, origin=_origin(clips))
+
+
+# --------------------------------------------------------------------------- what is asked
+
+
+def _clips(trajectories: Trajectory | Sequence[Trajectory], quantities: Sequence[str]) -> list[Trajectory]:
+    clips = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
+    if not clips:
+        raise DataError("there is no trajectory: give at least one")
+    clips = [_only(clip, quantities) for clip in clips]
+    first = _columns(clips[0])
+    for place, clip in enumerate(clips[1:], start=2):
+        if _columns(clip) != first:
+            raise DataError(
+                f"clip {place} has {', '.join(_columns(clip))} but clip 1 {', '.join(first)}: "
+                "clips of one discovery must have the same quantities, in the same units"
+            )
+    return clips
+
+
+def _columns(clip: Trajectory) -> list[str]:
+    return [quantity.column for quantity in (*clip.quantities, *clip.input_quantities)]
+
+
+def _only(clip: Trajectory, names: Sequence[str]) -> Trajectory:
+    if not names:
+        return clip
+    places = [clip.column(name) for name in names]
+    return clip.with_(
+        quantities=tuple(clip.quantities[k] for k in places),
+        position=clip.position[:, places],
+        sigma=clip.sigma[:, places],
+        smoothed=None,
+    )
+
+
+def _origin(clips: Sequence[Trajectory]) -> dict[str, Any]:
+    """Where the first clip comes from, and the sources of all where there are several."""
+    origin = dict(clips[0].origin)
+    if len(clips) > 1:
+        origin["clips"] = [{key: clip.origin.get(key) for key in ("source", "sha256")} for clip in clips]
+    return origin
+
+
+# --------------------------------------------------------------------------- proposals
+
+
+def _starts(clips: Sequence[Trajectory], library: Library) -> list[tuple[Kept, dict[str, float]]]:
+    """Proposed choices with coefficients: pysindy's, then the significant ones, then single terms."""
+    pieces = [piece for clip in clips for piece in pieces_of(clip, library)]
+    if not pieces:
+        raise DataError("no stretch of motion without a gap is long enough to discover an equation in")
+    rows = rows_of(pieces, library)
+    choices = [proposed(one) for one in rows]
+    best = [path[predicted_best(one, path)] for one, path in zip(rows, choices, strict=True)]
+    normals = [Compressed.of(one.right, one.left) for one in rows]
+    sure = [np.array(significant(one, term_price(one)), dtype=np.intp) for one in normals]
+    single = [path[min(1, len(path) - 1)] for path in choices]
+    return [_start(library, rows, choice) for choice in (best, sure, single)]
+
+
+def _start(library: Library, rows: Sequence[Rows], choice: Sequence[Any]) -> tuple[Kept, dict[str, float]]:
+    kept: list[int] = []
+    start: dict[str, float] = {}
+    for equation, (one, places) in enumerate(zip(rows, choice, strict=True)):
+        terms = [library.of_equation(equation)[k] for k in places]
+        solved = np.linalg.lstsq(one.right[:, places], one.left, rcond=1e-10)[0]
+        start |= {library.names[k]: float(value) for k, value in zip(terms, solved, strict=True)}
+        kept += terms
+    return tuple(sorted(kept)), start
+
+
+# --------------------------------------------------------------------------- a name
+
+
+def _named(
+    clips: Sequence[Trajectory], library: Library, found: Refined, known: Mapping[str, Estimate]
+) -> tuple[Refined, list[Kept], Match | None, Match | None]:
+    """Match with the bank; of choices that the data cannot tell apart, one that the bank has is taken."""
+    constants = {**clips[0].geometry, **known}
+    alike = as_good(found, library, ALIKE)
+    matched, nearest = _match(library, found, constants)
+    for other in alike if matched is None else ():
+        values = found.total.solved(other)[0]
+        start = {library.names[k]: float(value) for k, value in zip(other, values, strict=True)}
+        second = refined(clips, library, other, start)
+        count = max(found.count, second.count)
+        if second.criterion(count) > found.criterion(count) + ALIKE:
+            continue
+        named, _ = _match(library, second, constants)
+        if named is not None:
+            rest = [one for one in alike if one != other]
+            return second, [found.kept, *rest], named, None
+    return found, alike, matched, nearest
+
+
+def _match(library: Library, found: Refined, known: Mapping[str, Estimate]) -> tuple[Match | None, Match | None]:
+    values, errors = _values(found)
+    return match(library, found.kept, values, errors, found.covariance, known)
+
+
+def _values(found: Refined) -> tuple[Array, Array]:
+    """Coefficients (k,) and standard errors: of the fit for those chosen, if added for the others."""
+    values, errors = added_alone(found)
+    values[list(found.kept)] = found.coefficients
+    errors[list(found.kept)] = np.sqrt(np.diag(found.covariance))
+    return values, errors
+
+
+# --------------------------------------------------------------------------- the result
+
+
+def _discovery(
+    library: Library,
+    found: Refined,
+    first: Kept,
+    shares: Array,
+    alike: Sequence[Kept],
+    matched: Match | None,
+    nearest: Match | None,
+) -> Discovery:
+    values, errors = _values(found)
+    terms = tuple(
+        DiscoveredTerm(
+            equation=library.variables[term.equation].left,
+            term=term.text,
+            latex=term.latex or "1",
+            parameter=term.parameter.name,
+            coefficient=Estimate(
+                float(values[k]),
+                float(errors[k]),
+                term.parameter.unit,
+                ci95=(float(values[k] - NORMAL_975 * errors[k]), float(values[k] + NORMAL_975 * errors[k])),
+            ),
+            inclusion=float(shares[k]),
+            selected=k in found.kept,
+        )
+        for k, term in enumerate(library.terms)
+    )
+    chosen = [library.names[k] for k in found.kept]
+    status: FitStatus = next((one.status for one in found.fits if one.status != "ok"), "ok")
+    return Discovery(
+        equations=tuple(_equation(library, k, terms) for k in range(len(library.variables))),
+        terms=terms,
+        proposed=tuple(library.names[k] for k in first),
+        model=model_of(library, chosen),
+        fits=found.fits,
+        matched=matched,
+        nearest=nearest,
+        alternatives=tuple(_exchange(library, found.kept, other) for other in alike),
+        status=status,
+        message=next((one.message for one in found.fits if one.status != "ok"), ""),
+    )
+
+
+def _equation(library: Library, equation: int, terms: Sequence[DiscoveredTerm]) -> DiscoveredEquation:
+    """The equation with its numbers."""
+    own = [terms[k] for k in library.of_equation(equation) if terms[k].selected]
+    variable = library.variables[equation]
+    text = " ".join(_signed(one.coefficient, one.term if one.term != "1" else "", " ") for one in own)
+    latex = " ".join(_signed(one.coefficient, one.latex if one.latex != "1" else "", r"\,") for one in own)
+    right = text.removeprefix("+ ") or "0"
+    return DiscoveredEquation(variable.left, right, f"{variable.left_latex} = {latex.removeprefix('+ ') or '0'}")
+
+
+def _signed(coefficient: Estimate, term: str, between: str) -> str:
+    digits = f"{abs(coefficient.value):.{_digits(coefficient)}g}"
+    return f"{'-' if coefficient.value < 0 else '+'} {digits}{between if term else ''}{term}"
+
+
+def _digits(coefficient: Estimate) -> int:
+    """Significant digits, to the second one of the standard error."""
+    if not coefficient.stderr > 0 or not np.isfinite(coefficient.stderr) or coefficient.value == 0:
+        return 6
+    return int(np.clip(2 + np.floor(np.log10(abs(coefficient.value) / coefficient.stderr)) + 1, 2, 9))
+
+
+def _exchange(library: Library, kept: Kept, other: Kept) -> str:
+    """Say which term could be which other, e.g. ``theta in place of sin(theta) in theta''``."""
+    gone = [library.terms[k] for k in kept if k not in other]
+    come = [library.terms[k] for k in other if k not in kept]
+    pairs = zip(gone, come, strict=True)
+    return ", ".join(
+        f"{new.text} in place of {old.text} in {library.variables[old.equation].left}" for old, new in pairs
+    )

@@ -1,0 +1,332 @@
+"""SINDy proposes, the fit disposes: trajectory fits of a choice of terms, and selection among all terms about the fit.
+
+About a fitted motion the samples are, to first order, a linear function of all coefficients of the library, those that
+are zero included: y = prediction + S dc + noise. The sensitivities S come from the ODE engine. So sparse regression on
+S weighs every term by what it does to the trajectory itself, with the noise where it arose, and no derivative at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitters.ode import fit, sensitivity
+from fitters.sindy_library import Library
+from fitters.sindy_model import model_of
+from fitters.sindy_sparse import Compressed, Kept, predictive_price, significant, together
+from fitters.sindy_weak import inputs_of
+from iris_sysid.types import Array, FitResult, OdeModel, Trajectory
+
+BLOCKS = 24  # of a clip, for resampling
+LEAST_IN_BLOCK = 4
+RESAMPLED = 100
+STABLE = 0.5  # inclusion of a term that stays
+ROUNDS = 8
+MOST_CORRELATION = 0.98
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Refined:
+    """A choice of terms fitted to all clips.
+
+    ``kept`` are places in the library, with their ``coefficients`` and ``covariance``; one fit a clip; ``parts`` are
+    compressed rows about the fits, of every block of every clip, with a column for each of the ``terms`` of the
+    library and then for each initial state of each clip.
+    """
+
+    kept: Kept
+    coefficients: Array
+    covariance: Array
+    fits: tuple[FitResult, ...]
+    parts: tuple[tuple[Compressed, ...], ...]
+    terms: int
+
+    @property
+    def usable(self) -> bool:
+        """Whether every clip could be fitted."""
+        return bool(self.parts)
+
+    @property
+    def total(self) -> Compressed:
+        """All blocks of all clips, initial states fitted whatever the terms are."""
+        return together([part for clip in self.parts for part in clip]).without(self.terms)
+
+    @property
+    def count(self) -> float:
+        """How many independent samples the residuals are worth."""
+        return sum(part.count for clip in self.parts for part in clip)
+
+    def criterion(self, count: float) -> float:
+        """Information criterion of this choice, from its own residual, for so many independent samples."""
+        if not self.usable:
+            return np.inf
+        spread = np.mean([np.log(np.mean((one.rms / _noise(one)) ** 2)) for one in self.fits])
+        return float(count * spread + len(self.kept) * (np.log(max(count, 3.0)) + 2 * np.log(self.terms)))
+
+
+def _noise(one: FitResult) -> Array:
+    return np.where(np.isfinite(one.noise) & (one.noise > 0), one.noise, np.maximum(one.rms, 1e-300))
+
+
+# --------------------------------------------------------------------------- fitting a choice
+
+
+def refined(clips: Sequence[Trajectory], library: Library, kept: Kept, start: Mapping[str, float]) -> Refined:
+    """Fit the chosen terms to all clips together by trajectories.
+
+    Parameters
+    ----------
+    clips
+        Trajectories of the library's quantities.
+    library
+        All candidates.
+    kept
+        Places of those chosen.
+    start
+        Starting values by parameter name.
+    """
+    model = model_of(library)
+    names = library.names
+    chosen = [names[k] for k in kept]
+    fixed = {name: 0.0 for name in names if name not in chosen}
+    first = {name: value for name, value in start.items() if name in chosen}
+    fits = [_fit(clip, model, fixed, first) for clip in clips]
+    if not all(one.usable and np.all(np.isfinite(one.rms)) for one in fits):
+        return Refined(kept, np.full(len(kept), np.nan), np.full((len(kept),) * 2, np.nan), tuple(fits), (), len(names))
+    if len(clips) == 1:
+        return _of_one(clips[0], library, kept, fits[0])
+    return _jointly(clips, library, kept, fits)
+
+
+def _fit(clip: Trajectory, model: OdeModel, fixed: Mapping[str, float], start: Mapping[str, float]) -> FitResult:
+    return fit(clip, model, fixed=fixed, start=start, multistart=0)
+
+
+def _of_one(clip: Trajectory, library: Library, kept: Kept, one: FitResult) -> Refined:
+    places = [one.free.index(library.names[k]) for k in kept]
+    values = np.array([one.estimates[library.names[k]].value for k in kept])
+    covariance = one.covariance[np.ix_(places, places)]
+    parts = (tuple(_linearised(clip, library, one, 0, 1)),)
+    return Refined(kept, values, covariance, (one,), parts, len(library.names))
+
+
+def _jointly(clips: Sequence[Trajectory], library: Library, kept: Kept, fits: list[FitResult]) -> Refined:
+    """Gauss-Newton steps for coefficients that all clips share, each clip with initial states of its own."""
+    names, model = library.names, model_of(library)
+    values, covariance = _averaged(library, kept, fits)
+    for _ in range(4):
+        fixed = dict.fromkeys(names, 0.0) | {names[k]: float(c) for k, c in zip(kept, values, strict=True)}
+        fits = [_fit(clip, model, fixed, {}) for clip in clips]
+        if not all(one.usable and np.all(np.isfinite(one.rms)) for one in fits):
+            return Refined(kept, values, covariance, tuple(fits), (), len(names))
+        parts = tuple(
+            tuple(_linearised(clip, library, one, place, len(clips)))
+            for place, (clip, one) in enumerate(zip(clips, fits, strict=True))
+        )
+        found = Refined(kept, values, covariance, tuple(fits), parts, len(names))
+        better, covariance = found.total.solved(kept)
+        moved = np.abs(better - values) / np.sqrt(np.diag(covariance))
+        values = better
+        if np.max(moved, initial=0.0) < 0.1:
+            break
+    return Refined(kept, values, covariance, tuple(fits), parts, len(names))
+
+
+def _averaged(library: Library, kept: Kept, fits: Sequence[FitResult]) -> tuple[Array, Array]:
+    """Mean of the clips' coefficients, weighted by the inverse of their covariance."""
+    weight, weighted = np.zeros((len(kept), len(kept))), np.zeros(len(kept))
+    for one in fits:
+        places = [one.free.index(library.names[k]) for k in kept]
+        inverse = np.linalg.pinv(np.nan_to_num(one.covariance[np.ix_(places, places)], nan=1e12))
+        weight += inverse
+        weighted += inverse @ np.array([one.estimates[library.names[k]].value for k in kept])
+    covariance = np.linalg.pinv(weight)
+    return covariance @ weighted, np.asarray(covariance, dtype=np.float64)
+
+
+# --------------------------------------------------------------------------- linear in all coefficients
+
+
+def _linearised(clip: Trajectory, library: Library, one: FitResult, place: int, clips: int) -> list[Compressed]:
+    """Compressed rows of each block of one clip about its fit."""
+    model, used = one.model, np.flatnonzero(one.used)
+    span = slice(int(used[0]), int(used[-1]) + 1)
+    states = [f"{state.name}_0" for state in model.states]
+    values = {name: estimate.value for name, estimate in one.estimates.items()}
+    slopes = sensitivity(
+        model, clip.t_s[span], values, [*library.names, *states], inputs=inputs_of(clip, library, span), tolerance=1e-7
+    )[used - used[0]]
+    residual = one.residual[used]
+    slopes = np.where(np.isfinite(slopes), slopes, 0.0)
+    coefficients = np.array([values[name] for name in library.names])
+    target = residual + slopes[:, :, : coefficients.size] @ coefficients
+    scale = np.maximum(one.rms, 1e-300)
+    columns, target = slopes / scale[:, None], target / scale
+    wide = np.zeros((*columns.shape[:2], coefficients.size + clips * len(states)))
+    wide[:, :, : coefficients.size] = columns[:, :, : coefficients.size]
+    own = coefficients.size + place * len(states)
+    wide[:, :, own : own + len(states)] = columns[:, :, coefficients.size :]
+    count = int(np.clip(used.size // LEAST_IN_BLOCK, 1, BLOCKS))
+    share = 1.0 / _inflation(one)
+    return [
+        Compressed.of(wide[part].reshape(-1, wide.shape[2]), target[part].ravel(), share)
+        for part in np.array_split(np.arange(used.size), count)
+    ]
+
+
+def _inflation(one: FitResult) -> float:
+    """How many neighbouring samples are worth one independent one, from their correlation."""
+    correlation = float(np.clip(np.nan_to_num(one.correlation), 0.0, MOST_CORRELATION))
+    return (1 + correlation) / (1 - correlation)
+
+
+# --------------------------------------------------------------------------- selection
+
+
+def disposed(
+    clips: Sequence[Trajectory], library: Library, starts: Sequence[tuple[Kept, Mapping[str, float]]]
+) -> Refined:
+    """From proposed structures to the one that the trajectories support: fit, select about the fit, until it stays.
+
+    Parameters
+    ----------
+    clips
+        Trajectories.
+    library
+        All candidates.
+    starts
+        Proposed choices with starting values, in the order of trust; the next one is tried when none can be fitted.
+    """
+    visited: dict[Kept, Refined] = {}
+    for place, (kept, start) in enumerate(starts):
+        if place > 1 and any(one.usable and all(fit.status == "ok" for fit in one.fits) for one in visited.values()):
+            break
+        for _ in range(ROUNDS):
+            if kept in visited:
+                break
+            visited[kept] = now = refined(clips, library, kept, start)
+            if not now.usable:
+                break
+            kept = chosen_about(now)
+            values = now.total.solved(kept)[0]
+            start = {library.names[k]: float(value) for k, value in zip(kept, values, strict=True)}
+    count = max(one.count for one in visited.values())
+    return min(visited.values(), key=lambda one: one.criterion(count))
+
+
+def chosen_about(found: Refined) -> Kept:
+    """The terms that the linear problem about a fit supports, at the price that predicts best what is held out."""
+    total = found.total
+    return significant(total, price_about(found), ((), tuple(range(found.terms)), found.kept))
+
+
+def price_about(found: Refined) -> float:
+    """What a term must explain, chosen by prediction of held-out parts of the clips."""
+    return predictive_price([together(group) for group in _folds(found.parts)], found.terms)
+
+
+def _folds(parts: Sequence[Sequence[Compressed]], folds: int = 5) -> list[list[Compressed]]:
+    """Contiguous blocks of every clip, in groups to hold out."""
+    groups: list[list[Compressed]] = [[] for _ in range(folds)]
+    for clip in parts:
+        for k, group in enumerate(np.array_split(np.arange(len(clip)), folds)):
+            groups[k] += [clip[j] for j in group]
+    return [group for group in groups if group]
+
+
+def inclusion(found: Refined, rng: np.random.Generator, count: int = RESAMPLED) -> Array:
+    """Share of resampled data sets in which each term is chosen (k,).
+
+    Blocks of time are drawn with replacement within each clip, and clips as well where there are at least three
+    (moving-block bootstrap, Kuensch 1989, Ann. Statist. 17, 1217; stability selection, Meinshausen and Buehlmann 2010,
+    J. R. Stat. Soc. B 72, 417; ensemble SINDy, Fasel et al. 2022, Proc. R. Soc. A 478, 20210904).
+
+    Parameters
+    ----------
+    found
+        A fitted choice.
+    rng
+        Source of chance.
+    count
+        Number of resampled data sets.
+    """
+    times, price = np.zeros(found.terms), price_about(found)
+    for _ in range(count):
+        clips = (
+            rng.integers(len(found.parts), size=len(found.parts)) if len(found.parts) > 2 else range(len(found.parts))
+        )
+        drawn = [found.parts[c][k] for c in clips for k in rng.integers(len(found.parts[c]), size=len(found.parts[c]))]
+        resampled = together(drawn).without(found.terms)
+        times[list(significant(resampled, price, ((), found.kept)))] += 1
+    return times / count
+
+
+def stable(
+    clips: Sequence[Trajectory], library: Library, found: Refined, rng: np.random.Generator, count: int
+) -> tuple[Refined, Array]:
+    """Take out terms that fewer than half of the resampled data sets include, the least included first.
+
+    Parameters
+    ----------
+    clips, library
+        What was fitted, with which candidates.
+    found
+        A fitted choice.
+    rng
+        Source of chance.
+    count
+        Number of resampled data sets.
+
+    Returns
+    -------
+    found, shares
+        The choice that is left, fitted, and the inclusion (k,) of every term about it.
+    """
+    shares = inclusion(found, rng, count)
+    while found.kept and min(shares[list(found.kept)]) < STABLE:
+        least = int(np.argmin(shares[list(found.kept)]))
+        kept = found.kept[:least] + found.kept[least + 1 :]
+        values = found.total.solved(kept)[0]
+        fewer = refined(clips, library, kept, dict(zip((library.names[k] for k in kept), values.tolist(), strict=True)))
+        if not fewer.usable:
+            break
+        found, shares = fewer, inclusion(fewer, rng, count)
+    return found, shares
+
+
+def added_alone(found: Refined) -> tuple[Array, Array]:
+    """Each term's coefficient and standard error (k,): with the chosen ones, or added to them."""
+    total = found.total
+    values, errors = np.zeros(found.terms), np.zeros(found.terms)
+    for k in range(found.terms):
+        kept = found.kept if k in found.kept else (*found.kept, k)
+        solved, covariance = total.solved(kept)
+        place = kept.index(k)
+        values[k], errors[k] = solved[place], np.sqrt(max(covariance[place, place], 0.0))
+    return values, errors
+
+
+def as_good(found: Refined, library: Library, worse: float) -> list[Kept]:
+    """Choices of the same size, one term exchanged for another of its equation, that explain the data nearly as well.
+
+    Parameters
+    ----------
+    found
+        A fitted choice.
+    library
+        All candidates.
+    worse
+        By how much the sum of squares, in units of the noise, may be larger.
+    """
+    total = found.total
+    base, choices = total.residual(found.kept), []
+    for place, k in enumerate(found.kept):
+        for other in library.of_equation(library.terms[k].equation):
+            if other in found.kept:
+                continue
+            swapped = tuple(sorted((*found.kept[:place], *found.kept[place + 1 :], other)))
+            if base > 0 and total.residual(swapped) < base * np.exp(worse / total.count):
+                choices.append(swapped)
+    return choices

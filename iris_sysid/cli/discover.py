@@ -1,0 +1,51 @@
+"""The command ``iris-sysid discover``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from iris_sysid import terminal
+from iris_sysid.cli.arguments import Force, Json, Output, Settings
+
+Tables = Annotated[list[Path], typer.Argument(help="CSV with t_s and <quantity>_<unit> columns; several clips of one.")]
+
+
+def discover(
+    tables: Tables,
+    output: Output,
+    quantity: Annotated[list[str] | None, typer.Option(help="Only this quantity, e.g. theta.")] = None,
+    known: Settings = None,
+    plot: Annotated[Path | None, typer.Option(help="Also draw terms and fit to this PNG file.")] = None,
+    seed: Annotated[int, typer.Option(help="Of the resampling.", min=0)] = 0,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Find the governing equation itself, with error bars on its terms, and its name. Writes discovery.json.
+
+    \b
+    Example:
+      iris-sysid discover trajectory.csv -o discovery.json --plot discovery.png
+    """
+    from fitters.sindy import discover as find
+    from iris_sysid import documents, files, options
+    from iris_sysid.registry import MODELS
+    from iris_sysid.table_reading import read_trajectory
+    from iris_sysid.wording import discovery_sentence, discovery_text
+
+    for table in tables:
+        terminal.check_outputs(table, [output, plot], overwrite=force)
+    terminal.check_suffix(plot, ".png")
+    units = {one.name: one.unit for model in MODELS.values() for one in model.parameters}
+    constants = options.settings(known or (), units)
+    asked = {"quantity": quantity, "set": known, "seed": seed}
+    clips = [options.asked(read_trajectory(table), **asked) for table in tables]
+    found = find(clips, quantities=quantity or (), known=constants, seed=seed)
+    document = documents.discovery_document(found, discovery_sentence(found))
+    documents.write_document(document, output, overwrite=force)
+    if plot is not None:
+        from iris_sysid.report.discovery_figure import discovery_figure
+        from iris_sysid.report.page import png_of
+
+        files.write_atomic(plot, png_of(discovery_figure(found, clips)), overwrite=force)
+    typer.echo(documents.document_text(document).rstrip("\n") if json else discovery_text(found))

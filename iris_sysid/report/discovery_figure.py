@@ -1,0 +1,106 @@
+"""The picture of a discovery: how sure each term is, and the motion that the equation makes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from iris_sysid.report.figures import COLOURS, FIT_COLOUR, fitted_curve
+from iris_sysid.types import DiscoveredTerm, Discovery, FitResult, Trajectory
+
+TERM_HEIGHT = 0.3  # inches a term
+OTHER_COLOUR = "#999999"
+
+
+def discovery_figure(found: Discovery, clips: Sequence[Trajectory]) -> Figure:
+    """Every candidate with its inclusion and interval, then the data of the longest clip with the equation's motion.
+
+    Intervals are drawn relative to their own half width, so that terms of all units fit in: what matters is whether
+    zero is inside.
+
+    Parameters
+    ----------
+    found
+        The discovery.
+    clips
+        What it was made from.
+
+    Returns
+    -------
+    Figure
+        Terms above, data and residual below.
+    """
+    longest = int(np.argmax([one.n for one in found.fits]))
+    fit, clip = found.fits[longest], clips[longest]
+    d, rows = len(fit.model.observed), len(found.terms)
+    heights = [max(2.0, TERM_HEIGHT * rows + 0.8), *([2.4, 1.2] * d)]
+    figure = Figure(figsize=(9, sum(heights) + 0.4), layout="constrained")
+    parts = figure.add_gridspec(1 + 2 * d, 2, height_ratios=heights)
+    figure.suptitle("\n".join(f"${one.latex}$" for one in found.equations), fontsize=12)
+    _draw_inclusion(figure.add_subplot(parts[0, 0]), found.terms)
+    _draw_intervals(figure.add_subplot(parts[0, 1]), found.terms)
+    for k in range(d):
+        _draw_motion(figure.add_subplot(parts[1 + 2 * k, :]), fit, clip, k)
+        _draw_residual(figure.add_subplot(parts[2 + 2 * k, :]), fit, k, last=k == d - 1)
+    return figure
+
+
+def _label(term: DiscoveredTerm) -> str:
+    return f"{term.equation}: {term.term}"
+
+
+def _draw_inclusion(axes: Axes, terms: Sequence[DiscoveredTerm]) -> None:
+    places = np.arange(len(terms))[::-1]
+    colours = [COLOURS["motion"] if term.selected else OTHER_COLOUR for term in terms]
+    axes.barh(places, [term.inclusion for term in terms], color=colours, height=0.6)
+    axes.set_yticks(places, [_label(term) for term in terms], fontsize=8)
+    axes.set(xlim=(0, 1.02), xlabel="inclusion in resampled data", title="blue: selected")
+    axes.title.set_fontsize(9)
+
+
+def _draw_intervals(axes: Axes, terms: Sequence[DiscoveredTerm]) -> None:
+    """Coefficients in units of their 95 % half width, on a scale that is linear near zero."""
+    places = np.arange(len(terms))[::-1]
+    for place, term in zip(places, terms, strict=True):
+        lower, upper = term.coefficient.interval
+        half = (upper - lower) / 2
+        if not (np.isfinite(half) and half > 0):
+            continue
+        centre = term.coefficient.value / half
+        colour = COLOURS["motion"] if term.selected else OTHER_COLOUR
+        axes.plot([centre - 1, centre + 1], [place, place], color=colour, linewidth=2)
+        axes.plot(centre, place, "o", color=colour, markersize=4)
+        text = f"{term.coefficient.value:.4g} ± {half:.1g}" if term.selected else ""
+        axes.annotate(text, (centre, place), textcoords="offset points", xytext=(0, 5), ha="center", fontsize=7)
+    axes.axvline(0, color="#444444", linewidth=0.8)
+    axes.set_xscale("symlog", linthresh=5)
+    axes.set_yticks(places, [""] * len(terms))
+    axes.set(xlabel="coefficient / half width of its 95 % interval", ylim=(-0.7, len(terms) - 0.3))
+    axes.set_title("interval (grey: if it were added)", fontsize=9)
+    axes.margins(x=0.15)
+
+
+def _draw_motion(axes: Axes, fit: FitResult, clip: Trajectory, k: int) -> None:
+    quantity = fit.model.observed[k]
+    measured = clip.position[:, clip.column(quantity.name)]
+    axes.plot(clip.t_s[clip.valid], measured[clip.valid], ".", color=COLOURS["motion"], markersize=3, label="measured")
+    curve_s, curve = fitted_curve(fit)
+    axes.plot(curve_s, curve[:, k], color=FIT_COLOUR, linewidth=0.9, label="equation, simulated")
+    axes.set_ylabel(f"{quantity.name} ({quantity.unit})")
+    axes.legend(loc="upper right", framealpha=0.8, fontsize=8)
+    axes.margins(x=0.01)
+
+
+def _draw_residual(axes: Axes, fit: FitResult, k: int, *, last: bool) -> None:
+    axes.axhline(0, color="#888888", linewidth=0.6)
+    if np.isfinite(fit.noise[k]):
+        axes.axhspan(-2 * fit.noise[k], 2 * fit.noise[k], color="#009E73", alpha=0.15, label="± 2 noise")
+        axes.legend(loc="upper right", framealpha=0.8, fontsize=8)
+    axes.plot(fit.t_s, fit.residual[:, k], ".", color=COLOURS["motion"], markersize=2)
+    axes.set_ylabel(f"residual ({fit.model.observed[k].unit})")
+    axes.margins(x=0.01)
+    if last:
+        axes.set_xlabel("time (s)")

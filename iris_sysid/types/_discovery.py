@@ -1,0 +1,87 @@
+"""What discovery gives: the equation itself, how sure each of its terms is, and what the bank calls it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from iris_sysid.types._model import OdeModel
+from iris_sysid.types._numbers import Estimate
+from iris_sysid.types._result import FitResult, FitStatus
+
+
+@dataclass(frozen=True, slots=True)
+class DiscoveredTerm:
+    """One candidate of the library, in one equation.
+
+    ``coefficient`` is what the trajectory fit makes of it where it is ``selected``, otherwise what it would be if it
+    were added to those that are. ``parameter`` names it in the model. ``inclusion`` is the share of resampled data
+    sets in which it is selected.
+    """
+
+    equation: str
+    term: str
+    latex: str
+    parameter: str
+    coefficient: Estimate
+    inclusion: float
+    selected: bool
+
+
+@dataclass(frozen=True, slots=True)
+class DiscoveredEquation:
+    """One equation as plain text (``lhs``, ``rhs``) and as LaTeX."""
+
+    lhs: str
+    rhs: str
+    latex: str
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """A model of the bank, and what its parameters are if it is the one discovered.
+
+    ``missing`` are terms that the model must have and the discovery has not, ``extra`` those it has beside the
+    model's; both are empty for a match. ``same`` names other models of the bank with the same equation.
+    """
+
+    model: str
+    parameters: Mapping[str, Estimate]
+    missing: tuple[str, ...] = ()
+    extra: tuple[str, ...] = ()
+    same: tuple[str, ...] = ()
+    note: str = ""
+
+    @property
+    def exact(self) -> bool:
+        """Whether the structure is that of the model."""
+        return not self.missing and not self.extra
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Discovery:
+    """A governing equation found in trajectories.
+
+    ``terms`` holds every candidate of every equation. ``proposed`` names the parameters that the weak-form regression
+    proposed, ``model`` is the equation after refinement, ready for the ODE engine, and ``fits`` its fit to each clip.
+    ``matched`` is the model of the bank with this structure, ``nearest`` the one that comes nearest where none has.
+    ``alternatives`` say which term could be exchanged for which other one without the data telling the difference.
+    """
+
+    equations: tuple[DiscoveredEquation, ...]
+    terms: tuple[DiscoveredTerm, ...]
+    proposed: tuple[str, ...]
+    model: OdeModel
+    fits: tuple[FitResult, ...]
+    matched: Match | None
+    nearest: Match | None
+    alternatives: tuple[str, ...] = ()
+    status: FitStatus = "ok"
+    message: str = ""
+    origin: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def selected(self) -> tuple[DiscoveredTerm, ...]:
+        """The terms of the equation."""
+        return tuple(term for term in self.terms if term.selected)
