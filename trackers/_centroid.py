@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
+from iris_sysid.types import Array
 from trackers._background import MAD_TO_SD, Bytes, Flags, Image
 
 FINER_SMALL, FINER_LARGE = 4, 2  # how much finer than the pixels the half-way contour is drawn
 SMALL_WINDOW = 64  # px
 TELLING = 4.0  # contrast over noise from which brightness tells coverage
 ONE_SIDED = (0.3, 0.7)  # |f| over s: below it a body is both brighter and darker, above it one of them
+DEEPEST = 0.6  # of the depth: the body's brightness is taken from there at least
+SHADINGS, FEWEST_A_TERM, MOST_SHADED = (3, 6), 20, 1500  # terms of a polynomial; pixels to which it is fitted
+EXPLAINED = 0.15  # of the variance that fewer terms leave
+OUTSKIRTS, FAINT, LEAST_FREE = 4.0, 0.3, 0.02  # px outside of the outline; coverage and share of pixels there
 RIM_PX, RIM_SHARE = 1.4, 0.45  # px and share of the depth: what is nearer to the outline is blurred
 OUTLINE_DEPTH = 4.0  # px within which the body's brightness must fit that of its outline
 FEWEST_OUTSIDE = 12  # px from which the noise outside of a body is judged
@@ -80,9 +85,13 @@ def coverage_centre(window: Window) -> Centre:
     """
     depth = np.asarray(cv2.distanceTransform(window.core, cv2.DIST_L2, cv2.DIST_MASK_PRECISE))
     persistence = max(1.5, float(depth.max()) / 2)
-    share, variance = _share(window, *_continued(window, depth, persistence))
+    rim = min(RIM_PX, RIM_SHARE * float(depth.max()))
+    share, _ = _share(window, *_continued(window, np.clip(depth - rim, 0.0, 1.0), persistence))
     distance = _signed_distance(share, depth > 0.5 * depth.max())
     half_width = _half_width(share, distance)
+    window = replace(window, background=window.background + _level_outside(window, share, distance + half_width))
+    inner = np.clip(distance - min(half_width, DEEPEST * float(distance.max())), 0.0, 1.0)
+    share, variance = _share(window, *_continued(window, inner, persistence))
     edge = np.abs(distance) <= half_width
     variance = variance * _liveliness(share, variance, distance + half_width)
     texture = _texture_variance(share, variance, distance - half_width) * persistence
@@ -111,14 +120,59 @@ def _moments(window: Window, share: Image, variance: Image) -> Centre:
     )
 
 
-def _continued(window: Window, depth: Image, blur: float) -> tuple[Image, Image]:
-    """The body's own brightness, and the strength of its difference in units of noise, continued outwards."""
-    inner = np.clip(depth - min(RIM_PX, RIM_SHARE * float(depth.max())), 0.0, 1.0).astype(np.float32)[..., np.newaxis]
-    strength = np.sqrt((((window.image - window.background) / window.noise) ** 2).sum(axis=-1, keepdims=True))
+def _continued(window: Window, inner: Image, blur: float) -> tuple[Image, Image]:
+    """The body's own brightness, and the strength of its difference in units of noise, continued outwards.
+
+    ``inner`` (h, w), 0 to 1, is how far a pixel is of the body alone. Its shading is followed by a polynomial, what
+    is left by the mean of what is near.
+    """
+    inner = inner.astype(np.float32)[..., np.newaxis]
     weight = np.maximum(_blurred(inner, blur), np.float32(1e-6))
-    own = np.divide(_blurred(window.image * inner, blur), weight, dtype=np.float32)
-    own_strength = np.divide(_blurred(strength * inner, blur), weight, dtype=np.float32)
-    return own, own_strength[..., 0]
+    shade = _shading(window.image, inner[..., 0] > 0.5)
+    own = shade + np.divide(_blurred((window.image - shade) * inner, blur), weight, dtype=np.float32)
+    strength = np.sqrt((((own - window.background) / window.noise) ** 2).sum(axis=-1, keepdims=True))
+    seen = np.sqrt((((window.image - window.background) / window.noise) ** 2).sum(axis=-1, keepdims=True))
+    excess = np.divide(_blurred((seen - strength) * inner, blur), weight, dtype=np.float32)
+    return own, (strength + excess)[..., 0]
+
+
+def _shading(image: Image, inside: Flags) -> Image:
+    """The polynomial in x and y (h, w, channels), constant to quadratic, that the pixels inside speak for.
+
+    More terms must explain a good part of what fewer leave: shading does, texture does not.
+    """
+    rows, columns = np.nonzero(inside)
+    if rows.size == 0:
+        return np.zeros_like(image)
+    thin = slice(None, None, max(1, rows.size // MOST_SHADED))
+    rows, columns = rows[thin], columns[thin]
+    x0, y0, scale = columns.mean(), rows.mean(), max(1.0, float(np.ptp(columns)) / 2)
+    terms = _terms((columns - x0) / scale, (rows - y0) / scale)
+    values = image[rows, columns].astype(np.float64)
+    best, left = values.mean(axis=0, keepdims=True), float(values.var(axis=0).sum())
+    for count in SHADINGS:
+        solved = np.asarray(np.linalg.lstsq(terms[:, :count], values, rcond=None)[0], dtype=np.float64)
+        spread = float(((values - terms[:, :count] @ solved) ** 2).mean(axis=0).sum())
+        if rows.size >= FEWEST_A_TERM * count and spread < (1 - EXPLAINED) * left:
+            best, left = solved, spread
+    y, x = np.indices(image.shape[:2], dtype=np.float64)
+    near = (_terms((x - x0) / scale, (y - y0) / scale)[..., : len(best)] @ best).astype(np.float32)
+    return np.clip(near, values.min(axis=0), values.max(axis=0), dtype=np.float32)
+
+
+def _terms(u: Array, v: Array) -> Array:
+    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
+
+
+def _level_outside(window: Window, share: Image, beyond: Image) -> Image:
+    """By how much the background about the body differs from the still one, e.g. in a soft shadow: continued inwards.
+
+    ``beyond`` is negative outside of the outline; what covers much of a pixel there, a cord, does not count.
+    """
+    free = (beyond < 0) & (beyond > -OUTSKIRTS) & (np.abs(share) < FAINT) & (window.other == 0)
+    weight = free.astype(np.float32)[..., np.newaxis]
+    blurred = np.maximum(_blurred(weight, OUTSKIRTS), np.float32(LEAST_FREE))
+    return np.divide(_blurred((window.image - window.background) * weight, OUTSKIRTS), blurred, dtype=np.float32)
 
 
 def _blurred(image: Image, blur: float) -> Image:
@@ -176,12 +230,20 @@ def filled_round(mask: Bytes, seed: Bytes) -> Bytes:
 
 
 def _half_width(share: Image, distance: Image) -> float:
-    """Half the width of the outline, px: the distance outside of it at which the mean coverage has vanished."""
+    """Half the width of the outline, px: the distance outside of it at which the mean coverage falls no more.
+
+    What it has fallen to is not the outline: a soft shadow, or nothing.
+    """
     widest = max(1.0, float(distance.max()) / 2)
+    before = 0.5
     for half_width in np.arange(NARROWEST, widest, 0.25):
         ring = (distance < -half_width) & (distance > -half_width - 0.75)
-        if not ring.any() or _trimmed_mean(share[ring]) < TAIL:
+        if not ring.any():
             return float(half_width)
+        level = _trimmed_mean(share[ring])
+        if level < TAIL or before - level < TAIL / 4:
+            return float(half_width)
+        before = level
     return widest
 
 

@@ -21,7 +21,8 @@ from trackers._disc_background import behind
 from trackers._disc_fit import DiscFit
 from trackers._disc_study import Lesson, Workshop, taught
 from trackers._link import Path
-from trackers._observe import SAMPLES, Stage, observe, stage_of
+from trackers._observe import Stage, observe, stage_of
+from trackers._scatter import with_scatter
 from trackers._sighting import Glimpse
 from trackers._view import view_of
 
@@ -56,7 +57,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         When the options do not fit the clip, or name an unknown colour.
     """
     stage = stage_of(video, view_of(video, options))
-    frames = video.sample(SAMPLES)
+    frames = stage.stack.frames
     glimpses = observe(video, stage, _half(options, 0))
     if not glimpses:
         raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
@@ -158,15 +159,16 @@ def _track_of(
     columns = np.array(rows, dtype=np.float64)
     hand = np.zeros(len(glimpses), dtype=np.bool_)
     hand[list(held)] = True
+    t_s = np.array([glimpse.t_s for glimpse in glimpses])
     return Track(
-        t_s=np.array([glimpse.t_s for glimpse in glimpses]),
+        t_s=t_s,
         xy_px=columns[:, 0:2],
-        sigma_px=columns[:, 2:4],
+        sigma_px=np.column_stack([with_scatter(t_s, columns[:, axis], columns[:, axis + 2]) for axis in (0, 1)]),
         valid=np.isfinite(columns[:, 0]),
         frame=np.array([glimpse.frame for glimpse in glimpses]),
         body=str(body + 1),
         radius_px=columns[:, 4],
-        sigma_radius_px=columns[:, 5],
+        sigma_radius_px=with_scatter(t_s, columns[:, 4], columns[:, 5]),
         intensity=columns[:, 6],
         area_px=columns[:, 7],
         hand=hand,

@@ -17,6 +17,7 @@ from iris_sysid.types import FrameSource, Track, Tracker, TrackOptions
 from trackers._choose import follow, held_frames
 from trackers._link import Path
 from trackers._observe import Stage, observe, stage_of
+from trackers._scatter import with_scatter
 from trackers._second_look import second_stage
 from trackers._sighting import Glimpse, Sighting
 from trackers._view import view_of
@@ -88,10 +89,11 @@ def track_of(path: Path, glimpses: Sequence[Glimpse], body: str, origin: dict[st
     table[[place[one.frame] for one in path.sightings]] = [_row(one) for one in path.sightings]
     hand = np.zeros(len(glimpses), dtype=np.bool_)
     hand[list(held_frames(path, glimpses))] = True
+    t_s = np.array([glimpse.t_s for glimpse in glimpses])
     return Track(
-        t_s=np.array([glimpse.t_s for glimpse in glimpses]),
+        t_s=t_s,
         xy_px=table[:, 0:2],
-        sigma_px=table[:, 2:4],
+        sigma_px=np.column_stack([with_scatter(t_s, table[:, axis], table[:, axis + 2]) for axis in (0, 1)]),
         valid=np.isfinite(table[:, 0]),
         frame=np.array([glimpse.frame for glimpse in glimpses]),
         body=body,
