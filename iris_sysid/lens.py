@@ -113,7 +113,9 @@ def _solve(seen: Array, distortion: Array, xy_px: Array) -> Array:
         if not np.any(np.abs(seen - distorted) > 1e-13):
             break
     distorted, slopes, _ = distort(flat, distortion)
-    wrong = ~(np.abs(seen - distorted).max(axis=1) < 1e-9) | ~(np.linalg.det(slopes) > 0)
+    # beyond one fold the map is mirrored (determinant below zero), beyond both it is turned (trace below zero)
+    unfolded = (np.linalg.det(slopes) > 0) & (np.trace(slopes, axis1=1, axis2=2) > 0)
+    wrong = ~(np.abs(seen - distorted).max(axis=1) < 1e-9) | ~unfolded
     if wrong.any():
         x, y = xy_px[np.argmax(wrong)]
         raise CalibrationError(

@@ -418,15 +418,17 @@ def scored(seed, offset_m=0.0, with_camera=True):
 def test_interval_of_the_scale_from_one_picture_covers_the_truth():
     scores = np.array([scored(seed, with_camera=False) for seed in range(200)])
     assert 0.93 <= np.mean(np.abs(scores[:, 0]) < 1.96) <= 0.97
-    assert np.all(np.abs(np.mean(np.abs(scores) < 1.96, axis=0) - 0.95) < 0.045)
+    covered = np.sum(np.abs(scores) < 1.96, axis=0)
+    assert all(scipy.stats.binomtest(int(one), 200, 0.95).pvalue > 0.001 for one in covered)
 
 
 @pytest.mark.slow
 def test_interval_of_the_scale_with_a_calibrated_camera_covers_the_truth():
-    # of 800 seeds 94.0 % are covered; any 200 of them scatter about that by 1.6 %
-    scores = np.array([scored(seed, offset_m=0.05) for seed in range(1200, 1400)])
-    assert 0.93 <= np.mean(np.abs(scores[:, 0]) < 1.96) <= 0.97
-    assert np.all(np.abs(np.mean(np.abs(scores) < 1.96, axis=0) - 0.95) < 0.045)
+    covered = np.sum(np.abs([scored(seed, offset_m=0.05) for seed in range(600)]) < 1.96, axis=0)
+    # 93 to 97 % is the claim; a true 95 % of 600 seeds scatters by 0.9 %
+    assert 0.93 <= covered[0] / 600 <= 0.97
+    # the seven numbers of one seed go together: each is tested by itself, at a level that all may fail at once
+    assert all(scipy.stats.binomtest(int(one), 600, 0.95).pvalue > 0.001 for one in covered)
 
 
 def test_scores_of_scale_and_places_have_unit_variance_with_a_calibrated_camera():
