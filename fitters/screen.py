@@ -1,27 +1,29 @@
 """What each effect would add to a fitted model's prediction, to first order, without fitting it.
 
-An effect that acts on the motion is a small force e(t) along the motion without it, so one integration
-of the model with that force as an input gives its sensitivity s(t) = d prediction / d size at size zero.
-An effect that acts on what is seen needs no integration.
+An effect that acts on the motion is a small force e(t) along the motion without it. The linearised motion answers
+with P(t) times the integral of P(t)^-1 e(t), where P(t) = d state(t) / d state(0): a few integrations for P serve
+all effects. An effect that acts on what is seen needs no integration.
 """
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_simpson
 
 from fitters.compose import bodies_of, plain_observation, within
 from fitters.ode import simulate
 from iris_sysid.types import Array, Effect, FitResult, OdeModel, Quantity, Trajectory
 
 REFINEMENT = 4  # points in a sample interval at which the force is given
-RESPONSE = 1e-4  # size of the trial force, relative to the largest acceleration
+RESPONSE = 1e-4  # size of a trial change, relative to the range of what is changed
+WORST_CONDITION = 1e8  # of the transition, which loses digits as the motion forgets how it began
 
 _FORCED = """
 def rhs(t, state, params, inputs):
@@ -30,7 +32,92 @@ def rhs(t, state, params, inputs):
 """
 
 
-def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory) -> Array:
+@dataclass(frozen=True, eq=False, slots=True)
+class Motion:
+    """A fitted motion on a grid finer than the samples, and how it answers to small forces.
+
+    ``grid`` (m,) s, of which ``at_samples`` (n,) are the samples used; ``states`` and ``slopes`` (m, s);
+    ``values`` of the parameters by name; ``inputs`` (m, i) or None; ``transition`` (m, s, s) d state / d initial
+    state, and ``inverse`` (m, s, f) the columns of its inverse for the highest derivatives, None where it is
+    too near singular to be used.
+    """
+
+    model: OdeModel
+    grid: Array
+    at_samples: NDArray[np.int_]
+    values: Mapping[str, float]
+    inputs: Array | None
+    states: Array
+    slopes: Array
+    transition: Array
+    inverse: Array | None
+
+    def answer(self, force: Array) -> Array:
+        """What is seen (n, d) of a unit of a small force (m, f) on the highest derivatives."""
+        largest = float(np.max(np.abs(force), initial=0.0))
+        if not largest > 0 or not np.all(np.isfinite(force)):
+            return np.zeros((self.at_samples.size, len(self.model.observed)))
+        if self.inverse is None:
+            return self._integrated(force, largest)
+        drawn = cumulative_simpson(np.einsum("msf,mf->ms", self.inverse, force), x=self.grid, axis=0, initial=0.0)
+        change = np.einsum("mrs,ms->mr", self.transition[self.at_samples], drawn[self.at_samples])
+        return self._seen(change)
+
+    def _seen(self, change: Array) -> Array:
+        """Observed change (n, d) of a small change (n, s) of the states."""
+        params = np.array([self.values[parameter.name] for parameter in self.model.parameters])
+        states, t_s = self.states[self.at_samples], self.grid[self.at_samples]
+        step = RESPONSE * max(float(np.ptp(states)), 1e-12) / max(float(np.max(np.abs(change))), 1e-300)
+        sides = [plain_observation(self.model, t_s, states + sign * step * change, params) for sign in (1.0, -1.0)]
+        return np.asarray((sides[0] - sides[1]) / (2 * step))
+
+    def _integrated(self, force: Array, largest: float) -> Array:
+        """The same by integrating the model with the force, twice."""
+        slopes = np.max(np.abs(self.slopes[:, -force.shape[1] :]), initial=0.0)
+        factor = RESPONSE * max(float(slopes), 1e-12) / largest
+        pushed = []
+        for sign in (1.0, -1.0):
+            push = sign * factor * force
+            inputs = push if self.inputs is None else np.hstack([self.inputs, push])
+            pushed.append(simulate(forced(self.model), self.grid, self.values, inputs=inputs)[1])
+        return np.asarray((pushed[0] - pushed[1])[self.at_samples] / (2 * factor))
+
+
+def motion_of(fitted: FitResult, trajectory: Trajectory) -> Motion:
+    """The motion of a fit, with how it changes with each initial state.
+
+    Parameters
+    ----------
+    fitted
+        A model and its estimates.
+    trajectory
+        What it was fitted to, for its inputs.
+    """
+    model, values = fitted.model, {name: estimate.value for name, estimate in fitted.estimates.items()}
+    grid, at_samples = refined(fitted.t_s[fitted.used])
+    known = _inputs_at(trajectory, grid)
+    states, _ = simulate(model, grid, values, inputs=known)
+    columns = []
+    for k, state in enumerate(model.states):
+        step, name = RESPONSE * max(float(np.ptp(states[:, k])), 1e-9), f"{state.name}_0"
+        sides = [
+            simulate(model, grid, {**values, name: values[name] + sign * step}, inputs=known)[0] for sign in (1, -1)
+        ]
+        columns.append((sides[0] - sides[1]) / (2 * step))
+    transition = np.stack(columns, axis=2)
+    slopes = rates(model, grid, states, values, known)
+    return Motion(model, grid, at_samples, values, known, states, slopes, transition, _inverse(model, transition))
+
+
+def _inverse(model: OdeModel, transition: Array) -> Array | None:
+    """Columns (m, s, f) of the inverse that forces act through; None where a matrix is too near singular."""
+    count = len(model.states) // 2 if model.second_order else len(model.states)
+    if not np.all(np.isfinite(transition)) or np.max(np.linalg.cond(transition)) > WORST_CONDITION:
+        return None
+    return np.asarray(np.linalg.inv(transition)[:, :, -count:])
+
+
+def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory, motion: Motion | None = None) -> Array:
     """How the prediction changes with the effect's size at size zero.
 
     Parameters
@@ -41,24 +128,25 @@ def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory) -> Ar
         The model without the effect.
     trajectory
         What it was fitted to, for its inputs.
+    motion
+        :func:`motion_of` the fit, to save the time when many effects are asked for.
 
     Returns
     -------
     ndarray
         (n_used, d), in observed units per unit of the size.
     """
-    values = {name: estimate.value for name, estimate in fitted.estimates.items()}
-    t_s = fitted.t_s[fitted.used]
     sizes = np.array([parameter.default or 0.0 for parameter in effect.parameters])
     if effect.acceleration is not None:
-        return _of_force(effect, sizes, fitted.model, values, trajectory, t_s)
-    motion = fitted.predicted[fitted.used]
-    velocity = np.gradient(motion, t_s, axis=0)
+        motion = motion or motion_of(fitted, trajectory)
+        return motion.answer(force_along(effect, sizes, fitted.model, motion.grid, motion.states, motion.slopes))
+    t_s, seen = fitted.t_s[fitted.used], fitted.predicted[fitted.used]
+    velocity = np.gradient(seen, t_s, axis=0)
     step = np.zeros_like(sizes)
     if effect.observe is not None:
-        step[0] = 1e-4 * _scale_of(lambda size: effect_change(effect, t_s, motion, velocity, sizes, size), motion)
-        upper = effect.observe(t_s, motion, velocity, sizes + step)
-        lower = effect.observe(t_s, motion, velocity, sizes - step)
+        step[0] = 1e-4 * _scale_of(lambda size: effect_change(effect, t_s, seen, velocity, sizes, size), seen)
+        upper = effect.observe(t_s, seen, velocity, sizes + step)
+        lower = effect.observe(t_s, seen, velocity, sizes - step)
         return np.asarray((upper - lower) / (2 * step[0]))
     assert effect.warp is not None
     step[0] = 1e-6
@@ -90,25 +178,6 @@ def _scale_of(change: Callable[[float], Array], motion: Array) -> float:
     """The size at which an effect changes what is seen by as much as it moves."""
     per_unit = float(np.max(np.abs(change(1e-6)), initial=0.0)) * 1e6
     return float(np.ptp(motion)) / per_unit if per_unit > 0 else 1.0
-
-
-def _of_force(
-    effect: Effect, sizes: Array, model: OdeModel, values: Mapping[str, float], trajectory: Trajectory, t_s: Array
-) -> Array:
-    grid, at_samples = refined(t_s)
-    known = _inputs_at(trajectory, grid)
-    states, _ = simulate(model, grid, values, inputs=known)
-    base = rates(model, grid, states, values, known)
-    force = force_along(effect, sizes, model, grid, states, base)
-    largest = float(np.max(np.abs(force), initial=0.0))
-    if not largest > 0 or not np.all(np.isfinite(force)):
-        return np.zeros((t_s.size, len(model.observed)))
-    factor = RESPONSE * max(float(np.max(np.abs(base[:, -force.shape[1] :]), initial=0.0)), 1e-12) / largest
-    pushed = []
-    for sign in (1.0, -1.0):
-        inputs = sign * factor * force if known is None else np.hstack([known, sign * factor * force])
-        pushed.append(simulate(forced(model), grid, values, inputs=inputs)[1])
-    return np.asarray((pushed[0] - pushed[1])[at_samples] / (2 * factor))
 
 
 def refined(t_s: Array) -> tuple[Array, NDArray[np.int_]]:
@@ -199,6 +268,3 @@ def forced(model: OdeModel) -> OdeModel:
     rhs = _forced_rhs(model.rhs, len(model.states), count, len(model.inputs))
     inputs = (*model.inputs, *pushes)
     return replace(model, name=f"{model.name}, forced", rhs=rhs, inputs=inputs, events=within(model))
-
-
-__all__ = ["effect_change", "force_along", "forced", "plain_observation", "rates", "refined", "sensitivity"]

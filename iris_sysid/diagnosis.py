@@ -19,13 +19,14 @@ from fitters.compose import with_effect
 from fitters.ode import fit, simulate
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
-from iris_sysid.scores import Score, combined, screen
+from iris_sysid.scores import Score, combined, screen, shaped
 from iris_sysid.types import Array, Effect, Estimate, FitResult, OdeModel, Trajectory
 
 FAMILY_LEVEL = 0.05  # chance of adding anything to a model that lacks nothing
 MOST_ADDED = 4
+PARTS = 10  # of the clip, the ends of which are held out to judge what acts at one moment
 REFITTED = 4  # best of the screen that are refitted in each round
-WORTH_REFITTING = 6.0  # chi-square of white noise below which no refit can become significant over a library
+WORTH_REFITTING = 0.7  # of the chi-square that is significant; a refit can find more than the first order shows
 ALIKE = 0.99  # cosine between projected sensitivities above which two effects cannot be told apart
 
 
@@ -162,14 +163,16 @@ def diagnose(
     clips = [_Clip(one, dict(fixed or {}), free).with_open_geometry(model) for one in measured]
     base = _base(clips, model, holdout)
     library = [one for one in (effects if effects is not None else EFFECTS.values()) if one.applies(model)]
-    threshold = float(norm.isf(FAMILY_LEVEL / 2 / max(len(library), 1)))
-    current, added, rounds, alike = base, [], [], {}
+    share = FAMILY_LEVEL / max(len(library), 1)
+    current, alike = base, {}
+    added: list[Effect] = []
+    rounds: list[tuple[Score, ...]] = []
     for _ in range(MOST_ADDED):
-        left = [one for one in library if one not in added]
+        left = _without(library, added)
         say(f"screening {len(left)} effects")
         scores, parallel = _screened(clips, current, left)
-        rounds.append(scores)
-        chosen = _best_refit(clips, current, left, scores, threshold, holdout, say)
+        rounds.append(tuple(combined(one) for one in scores))
+        chosen = _best_refit(clips, current, left, scores, share, holdout, say)
         if chosen is None:
             break
         effect, current, equals = chosen
@@ -177,7 +180,8 @@ def diagnose(
         added.append(effect)
         say(f"added {effect.name}")
     else:
-        rounds.append(_screened(clips, current, [one for one in library if one not in added])[0])
+        left = _without(library, added)
+        rounds.append(tuple(combined(one) for one in _screened(clips, current, left)[0]))
     return Diagnosis(
         bases=base.fits,
         finals=current.fits,
@@ -221,11 +225,11 @@ def _base(clips: Sequence[_Clip], model: OdeModel, holdout: float) -> _State:
 
 def _screened(
     clips: Sequence[_Clip], current: _State, effects: Sequence[Effect]
-) -> tuple[tuple[Score, ...], dict[str, list[str]]]:
-    """Scores over all clips, best first, and for each effect those whose sensitivity is parallel in every clip."""
+) -> tuple[list[tuple[Score, ...]], dict[str, list[str]]]:
+    """Scores in all clips, best effect first, and for each those whose sensitivity is parallel in every clip."""
     each = [screen(effects, one, clip.trajectory) for one, clip in zip(current.fits, clips, strict=True)]
     by_name = [{score.effect: score for score in scores} for scores, _ in each]
-    together = [combined([scores[effect.name] for scores in by_name]) for effect in effects]
+    together = [tuple(scores[effect.name] for scores in by_name) for effect in effects]
     directions = [projected for _, projected in each]
     names = [name for name in directions[0] if all(name in one for one in directions)]
     parallel = {
@@ -236,43 +240,82 @@ def _screened(
         ]
         for name in names
     }
-    return tuple(sorted(together, key=lambda score: -score.gain)), parallel
+    return sorted(together, key=lambda one: -combined(one).gain), parallel
 
 
 def _best_refit(
     clips: Sequence[_Clip],
     current: _State,
     effects: Sequence[Effect],
-    scores: Sequence[Score],
-    threshold: float,
+    scores: Sequence[tuple[Score, ...]],
+    share: float,
     holdout: float,
     say: Callable[[str], None],
 ) -> tuple[Effect, _State, list[str]] | None:
     """The effect that explains most once all is refitted, its fits, and those that explain as much."""
     by_name = {effect.name: effect for effect in effects}
+    worth = [one for one in scores if combined(one).chi2 > WORTH_REFITTING * _threshold(one, share) ** 2]
     trials: list[tuple[float, Effect, tuple[FitResult, ...]]] = []
-    for score in [one for one in scores if one.chi2 > WORTH_REFITTING][:REFITTED]:
-        effect = by_name[score.effect]
+    for score in worth[:REFITTED]:
+        effect = by_name[score[0].effect]
         say(f"refitting with {effect.name}")
-        fits = tuple(_refitted(clip, one, effect, score.size) for clip, one in zip(clips, current.fits, strict=True))
-        if all(one.usable for one in fits):
-            size = pooled(_sizes(fits, effect.parameters[0].name))
-            if abs(size.value) > threshold * size.stderr:
-                trials.append((sum(_sum_of_squares(one) for one in fits), effect, fits))
+        fits = _refitted(clips, current.fits, effect, score)
+        if all(one.usable for one in fits) and _significant(fits, effect, _threshold(score, share)):
+            trials.append((sum(_sum_of_squares(one) for one in fits), effect, fits))
     if not trials:
         return None
     trials.sort(key=lambda trial: trial[0])
     best, effect, fits = trials[0]
     state = _State(fits, _errors(clips, fits, _names(effect), holdout))
-    if state.errors.heldout >= current.errors.heldout:  # false where nothing can be held out
+    if not _predicts_better(clips, state, current, effect, holdout):
         return None
     margin = _margin(fits)
     return effect, state, [other.name for cost, other, _ in trials[1:] if cost - best < margin]
 
 
-def _refitted(clip: _Clip, fitted: FitResult, effect: Effect, size: float) -> FitResult:
-    start = {name: fitted.estimates[name].value for name in fitted.free}
-    return clip.refit(with_effect(fitted.model, effect), {**start, effect.parameters[0].name: size})
+def _significant(fits: Sequence[FitResult], effect: Effect, threshold: float) -> bool:
+    size = pooled(_sizes(fits, effect.parameters[0].name))
+    return abs(size.value) > threshold * size.stderr
+
+
+def _predicts_better(
+    clips: Sequence[_Clip], candidate: _State, current: _State, effect: Effect, holdout: float
+) -> bool:
+    """Whether held-out samples are predicted better; true where nothing can be held out.
+
+    What acts at one moment only may act in the part that is held out, and cannot be learnt then: for such an effect
+    it is enough when the ends of many short parts of the clip are predicted better.
+    """
+    if not candidate.errors.heldout >= current.errors.heldout:
+        return True
+    if effect.trials is None:
+        return False
+    now, before = (_errors(clips, one.fits, _names(effect), holdout, PARTS).heldout for one in (candidate, current))
+    return not now >= before
+
+
+def _threshold(scores: Sequence[Score], share: float) -> float:
+    """Standard errors from which a size is significant, when an effect was tried in several shapes in each clip."""
+    return float(norm.isf(share / 2 / scores[0].tried ** len(scores)))
+
+
+def _without(library: Sequence[Effect], added: Sequence[Effect]) -> list[Effect]:
+    names = {one.name for one in added}
+    return [one for one in library if one.name not in names]
+
+
+def _refitted(
+    clips: Sequence[_Clip], fits: Sequence[FitResult], effect: Effect, scores: Sequence[Score]
+) -> tuple[FitResult, ...]:
+    """Every clip's fit with the effect added, from the size and the shape that the screen found there."""
+    refits = []
+    for clip, fitted, score in zip(clips, fits, scores, strict=True):
+        own = shaped(effect, score.shape)
+        start = {name: fitted.estimates[name].value for name in fitted.free}
+        start |= {one.name: one.default or 0.0 for one in own.parameters if not one.constant}
+        size = np.nan_to_num(combined(scores).size)
+        refits.append(clip.refit(with_effect(fitted.model, own), {**start, effect.parameters[0].name: float(size)}))
+    return tuple(refits)
 
 
 def _margin(fits: Sequence[FitResult]) -> float:
@@ -300,14 +343,16 @@ def _limit(score: Score, effects: Sequence[Effect]) -> Limit:
     return Limit(effect.name, effect.parameters[0].name, upper, score.unit)
 
 
-def _errors(clips: Sequence[_Clip], fits: Sequence[FitResult], added: Sequence[str], holdout: float) -> Errors:
+def _errors(
+    clips: Sequence[_Clip], fits: Sequence[FitResult], added: Sequence[str], holdout: float, parts: int = 1
+) -> Errors:
     """The error over the samples fitted, and over those held out; NaN where a clip has none to spare."""
     inside = np.concatenate([one.residual[one.used].ravel() for one in fits])
     later = []
     for k, (clip, fitted) in enumerate(zip(clips, fits, strict=True)):
         others = [one for j, one in enumerate(fits) if j != k]
         given = {name: pooled(_sizes(others, name)).value for name in added} if others else {}
-        later.append(_prediction_error(replace(clip, fixed={**clip.fixed, **given}), fitted, holdout))
+        later.append(_prediction_error(replace(clip, fixed={**clip.fixed, **given}), fitted, holdout, parts))
     return Errors(_rms(inside), _rms(np.concatenate(later)))
 
 
@@ -315,18 +360,18 @@ def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _prediction_error(clip: _Clip, fitted: FitResult, holdout: float) -> Array:
-    """Observed - predicted over the last samples (m,) after a fit to the others alone; one NaN where there are none."""
+def _prediction_error(clip: _Clip, fitted: FitResult, holdout: float, parts: int) -> Array:
+    """Observed - predicted over the last samples (m,) of each part after a fit to the others; one NaN without any."""
     unknown = np.array([np.nan])
     used = np.flatnonzero(fitted.used)
-    kept = used[: round(len(used) * (1 - holdout))]
-    if len(kept) < 3 * len(fitted.free) or len(kept) == len(used):
+    later = used[(np.arange(len(used)) * parts / len(used)) % 1.0 >= 1.0 - holdout]
+    if len(used) - len(later) < 3 * len(fitted.free) or len(later) == 0:
         return unknown
     trajectory = clip.trajectory
-    early = trajectory.valid.copy()
-    early[kept[-1] + 1 :] = False
+    kept = trajectory.valid.copy()
+    kept[later] = False
     start = {name: fitted.estimates[name].value for name in fitted.free if name not in clip.fixed}
-    part = replace(clip, trajectory=trajectory.with_(valid=early)).refit(fitted.model, start)
+    part = replace(clip, trajectory=trajectory.with_(valid=kept)).refit(fitted.model, start)
     if not part.usable:
         return unknown
     values = {name: estimate.value for name, estimate in part.estimates.items()}
@@ -334,5 +379,4 @@ def _prediction_error(clip: _Clip, fitted: FitResult, holdout: float) -> Array:
     known = trajectory.inputs[span] if trajectory.inputs is not None else None
     _, predicted = simulate(fitted.model, trajectory.t_s[span], values, inputs=known)
     columns = [trajectory.column(quantity.name) for quantity in fitted.model.observed]
-    later = used[len(kept) :]
     return np.asarray((trajectory.position[later][:, columns] - predicted[later - used[0]]).ravel())

@@ -7,14 +7,14 @@ s' = s - J (J'J)^-1 J's is what the parameters cannot imitate, (s'r) / (s's') es
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from fitters._autoregression import Autoregression, grid_positions, on_grid
 from fitters._covariance import inverse_normal, middle, random_uncertainty
-from fitters.screen import sensitivity
+from fitters.screen import motion_of, sensitivity
 from iris_sysid.types import Array, Effect, FitResult, Trajectory
 
 HIDDEN = 1e-4  # share of a sensitivity that must be left after the parameters have taken theirs
@@ -36,6 +36,8 @@ class Score:
     gain: float
     total: float
     chi2: float
+    shape: tuple[float, ...] = ()
+    tried: int = 1
 
     @property
     def z(self) -> float:
@@ -106,26 +108,72 @@ def screen(
     noise = np.where(fitted.noise > 0, fitted.noise, 1.0)
     residual = _Residual.of(fitted, noise)
     scores, projected = [], {}
+    forces = any(effect.acceleration is not None for effect in effects)
+    motion = motion_of(fitted, trajectory) if forces else None
     for effect in effects:
-        along = (sensitivity(effect, fitted, trajectory) / noise).ravel()
-        apart = along - residual.basis @ (residual.basis.T @ along)
-        unit = effect.parameters[0].unit.replace("{x}", fitted.model.observed[0].unit)
-        length = float(np.linalg.norm(apart))
-        if not np.isfinite(length) or length <= HIDDEN * float(np.linalg.norm(along)):
-            scores.append(Score(effect.name, np.nan, np.nan, unit, 0.0, residual.total, 0.0))
-            continue
-        projected[effect.name] = apart / length
-        scores.append(_score(effect.name, unit, apart / length, length, residual))
+        best, direction = _best_shape(
+            effect, fitted, residual, lambda one: sensitivity(one, fitted, trajectory, motion) / noise
+        )
+        scores.append(best)
+        if direction is not None:
+            projected[effect.name] = direction
     return tuple(sorted(scores, key=lambda score: -score.gain)), projected
 
 
-def _score(name: str, unit: str, direction: Array, length: float, residual: _Residual) -> Score:
+def shaped(effect: Effect, shape: Sequence[float]) -> Effect:
+    """The effect with other values of its parameters after the first as their defaults; as it is when there are none.
+
+    Parameters
+    ----------
+    effect
+        The effect.
+    shape
+        As many values as parameters after the first, or none.
+    """
+    if not shape:
+        return effect
+    size, *rest = effect.parameters
+    changed = (replace(one, default=value) for one, value in zip(rest, shape, strict=True))
+    return replace(effect, parameters=(size, *changed))
+
+
+def _best_shape(
+    effect: Effect, fitted: FitResult, residual: _Residual, sensitivity_of: Callable[[Effect], Array]
+) -> tuple[Score, Array | None]:
+    """The score of the effect in the shape that explains most, and its direction; None when it cannot be seen."""
+    seen = (fitted.predicted + fitted.residual)[fitted.used]
+    shapes = list(effect.trials(residual.t_s, seen)) if effect.trials is not None else [()]
+    unit = effect.parameters[0].unit.replace("{x}", fitted.model.observed[0].unit)
+    best = Score(effect.name, np.nan, np.nan, unit, 0.0, residual.total, 0.0, tried=len(shapes))
+    seen_best: tuple[float, Array, tuple[float, ...]] | None = None
+    for shape in shapes:
+        along = sensitivity_of(shaped(effect, shape)).ravel()
+        apart = along - residual.basis @ (residual.basis.T @ along)
+        length = float(np.linalg.norm(apart))
+        if not np.isfinite(length) or length <= HIDDEN * float(np.linalg.norm(along)):
+            continue
+        explained = abs(float(apart @ residual.values.ravel())) / length
+        if seen_best is None or explained > seen_best[0]:
+            seen_best = (explained, apart, shape)
+    if seen_best is None:
+        return best, None
+    length = float(np.linalg.norm(seen_best[1]))
+    direction = seen_best[1] / length
+    return replace(_scored(best, direction, length, residual), shape=seen_best[2]), direction
+
+
+def _scored(score: Score, direction: Array, length: float, residual: _Residual) -> Score:
+    """The score with its numbers along a direction of unit length."""
     along = float(direction @ residual.values.ravel())
     gain = min(along**2 / residual.total, 1.0)
     degrees = max(direction.size - residual.basis.shape[1] - 1, 1)
-    stderr = float(np.sqrt(residual.variance_along(direction))) / length
-    chi2 = degrees * gain / max(1.0 - gain, 1e-12)
-    return Score(name, along / length, stderr, unit, gain, residual.total, chi2)
+    return replace(
+        score,
+        size=along / length,
+        stderr=float(np.sqrt(residual.variance_along(direction))) / length,
+        gain=gain,
+        chi2=degrees * gain / max(1.0 - gain, 1e-12),
+    )
 
 
 def combined(scores: Sequence[Score]) -> Score:
@@ -137,7 +185,8 @@ def combined(scores: Sequence[Score]) -> Score:
     total = sum(one.total for one in scores)
     gain = sum(one.gain * one.total for one in scores) / total
     chi2 = sum(one.chi2 for one in scores)
+    together = replace(first, size=np.nan, stderr=np.nan, gain=gain, total=total, chi2=chi2)
     if not weights.sum() > 0:
-        return Score(first.effect, np.nan, np.nan, first.unit, gain, total, chi2)
+        return together
     size = float(np.sum(weights * np.nan_to_num([one.size for one in scores])) / weights.sum())
-    return Score(first.effect, size, float(weights.sum() ** -0.5), first.unit, gain, total, chi2)
+    return replace(together, size=size, stderr=float(weights.sum() ** -0.5))

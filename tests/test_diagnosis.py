@@ -1,12 +1,14 @@
 """The loop is closed: what was hidden is found, what was not is not, and limits hold."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from fitters.compose import with_effects
 from fitters.ode import fit, simulate
-from fitters.screen import sensitivity
-from iris_sysid.diagnosis import diagnose
+from fitters.screen import force_along, motion_of, sensitivity
+from iris_sysid.diagnosis import diagnose, pooled
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
@@ -123,3 +125,49 @@ def test_alexiev_pendulum_keeps_its_length_whatever_is_added():
     found = diagnose(alexiev_length_68(), PENDULUM)
     assert found.final.estimates["length"].value == pytest.approx(0.686, rel=0.01)
     assert found.after.fitted <= found.before.fitted
+
+
+@pytest.mark.parametrize(("name", "size", "when"), [("impact", 0.15, 4.1), ("dropped-frame", 1 / 60, 3.3)])
+def test_sudden_effect_is_found_where_it_acts(name, size, when):
+    effect = EFFECTS[name]
+    _, moment, _ = (parameter.name for parameter in effect.parameters)
+    model = with_effects(PENDULUM, [effect])
+    t_s = np.arange(480) / 60
+    width = effect.parameters[2].name
+    theta = simulate(model, t_s, {**TRUTH, effect.parameters[0].name: size, moment: when, width: 0.03}).observed
+    theta = theta + 5e-4 * np.random.default_rng(4).standard_normal(theta.shape)
+    found = diagnose(
+        Trajectory(t_s, PENDULUM.observed, theta, np.full_like(theta, np.nan), np.ones(480, dtype=bool)), PENDULUM
+    )
+    assert found.added[0].name == name
+    assert found.final.estimates[moment].value == pytest.approx(when, abs=0.05)
+    assert found.sizes[effect.parameters[0].name].value == pytest.approx(size, rel=0.1)
+
+
+def test_size_over_several_clips_is_that_of_all_and_more_certain():
+    clips = [swing({"quadratic-drag": 0.04}, seed=20 + k, n=240) for k in range(3)]
+    found = diagnose(clips, PENDULUM)
+    assert [effect.name for effect in found.added] == ["quadratic-drag"]
+    together = found.sizes["quadratic_drag"]
+    assert abs(together.value - 0.04) < 3.5 * together.stderr
+    assert together.stderr < 0.8 * min(one.estimates["quadratic_drag"].stderr for one in found.finals)
+    assert found.after.heldout < 1.2 * NOISE_RAD
+
+
+@pytest.mark.parametrize("name", ["quadratic-drag", "periodic-forcing"])
+def test_answer_of_the_linearised_motion_is_that_of_integrating_the_force(name):
+    trajectory = swing({}, seed=2)
+    motion = motion_of(fit(trajectory, PENDULUM), trajectory)
+    effect = EFFECTS[name]
+    sizes = np.array([parameter.default or 0.0 for parameter in effect.parameters])
+    force = force_along(effect, sizes, PENDULUM, motion.grid, motion.states, motion.slopes)
+    integrated = replace(motion, inverse=None).answer(force)
+    np.testing.assert_allclose(motion.answer(force), integrated, atol=2e-3 * np.max(np.abs(integrated)))
+
+
+def test_pooled_estimate_has_the_scatter_between_clips_in_its_error():
+    alike = [Estimate(1.0, 0.1, "m"), Estimate(1.05, 0.1, "m")]
+    assert pooled(alike).stderr == pytest.approx(0.1 / np.sqrt(2))
+    apart = [Estimate(1.0, 0.1, "m"), Estimate(3.0, 0.1, "m")]
+    assert pooled(apart).value == pytest.approx(2.0)
+    assert pooled(apart).stderr == pytest.approx(1.0, rel=0.02)

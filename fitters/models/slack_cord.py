@@ -11,6 +11,7 @@ from fitters.models._guess import samples, start_of
 from iris_sysid.types import Event, OdeModel, Parameter, Quantity, Trajectory
 
 TAUT = 1.0  # mode; 0 is slack
+ALMOST = 0.97  # of the length from the pivot: nearer, the cord is surely slack
 SETTLING = 1e-3  # m/s along the cord; a slower rebound leaves the cord taut
 
 Four = tuple[float, float, float, float]
@@ -65,9 +66,12 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
     low = z <= np.median(z)
     design = np.column_stack([x[low], z[low], np.ones(int(low.sum()))])
     (a, b, c), *_ = np.linalg.lstsq(design, -(x[low] ** 2 + z[low] ** 2), rcond=None)  # x^2 + z^2 + a x + b z + c = 0
-    across, along = (start_of(t_s, one, 0.15 * float(t_s[-1] - t_s[0]), degree=2) for one in (x, z))
+    length = float(np.sqrt(max(a * a / 4 + b * b / 4 - c, 1e-6)))
+    slack = np.hypot(x + a / 2, z + b / 2) < ALMOST * length
+    flight = slice(0, max(int(np.argmin(slack)) if not slack.all() else t_s.size, 6))
+    across, along = (start_of(t_s[flight], one[flight], np.inf, degree=2) for one in (x, z))
     return {
-        "length": float(np.sqrt(max(a * a / 4 + b * b / 4 - c, 1e-6))),
+        "length": length,
         "pivot_x": -a / 2,
         "pivot_z": -b / 2,
         "x_0": float(across[0]),
@@ -81,8 +85,8 @@ MODEL = OdeModel(
     name="slack-cord",
     summary="a ball on a cord, in free flight while the cord is slack, swinging while it is taut",
     equation=(
-        r"\ddot{\mathbf r} = \mathbf g - \zeta\,\dot{\mathbf r} - T\,\mathbf r,\quad T \geq 0,\; |\mathbf r| \leq L,"
-        r"\; T\,(L - |\mathbf r|) = 0,\quad \dot r^+ = -e\,\dot r^- \text{ where } |\mathbf r| = L"
+        r"\ddot{\mathbf{r}} = \mathbf{g} - \zeta\,\dot{\mathbf{r}} - T\,\mathbf{r},\quad T \geq 0,\; |\mathbf{r}| \leq L,"
+        r"\; T\,(L - |\mathbf{r}|) = 0,\quad \dot r^+ = -e\,\dot r^- \text{ where } |\mathbf{r}| = L"
     ),
     source="Moreau (1988), Unilateral contact and dry friction, section 2, for the inextensible cord",
     states=(

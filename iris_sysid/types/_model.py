@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,6 +117,8 @@ class Effect:
     ``warp(t_s, params)`` returns the times (n,) at which the motion really was.
     ``applies(model)`` says whether the effect makes sense for a model.
     ``alike`` names effects and parameters that do nearly the same, in words.
+    ``trials(t_s (n,), observed (n, d))``, where given, returns the values of the parameters after the first to
+    try, e.g. times at which something may have happened: at size zero nothing tells one from another.
     """
 
     name: str
@@ -129,3 +131,4 @@ class Effect:
     observe: Callable[[Array, Array, Array, Array], Array] | None = None
     warp: Callable[[Array, Array], Array] | None = None
     alike: str = ""
+    trials: Callable[[Array, Array], Sequence[tuple[float, ...]]] | None = None

@@ -1,0 +1,26 @@
+"""Moments at which something sudden may have happened."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iris_sysid.types import Array
+
+FEWEST, MOST = 8, 40
+SAMPLES_EACH = 10  # between two moments, unless that makes too many
+WIDTH = 2.0  # frame intervals: sudden for the camera, smooth for the integrator
+
+
+def moments(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
+    """Times (s) spread evenly over the clip, its ends left out, and how sudden (s) it is.
+
+    Parameters
+    ----------
+    t_s
+        (n,) s.
+    observed
+        (n, d), not used.
+    """
+    count = int(np.clip(t_s.size // SAMPLES_EACH, FEWEST, MOST))
+    width = WIDTH * float(np.median(np.diff(t_s)))
+    return [(float(when), width) for when in np.linspace(t_s[0], t_s[-1], count + 2)[1:-1]]

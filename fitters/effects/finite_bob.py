@@ -1,0 +1,24 @@
+"""The bob is a body, not a point: its own moment of inertia slows the swing."""
+
+from __future__ import annotations
+
+from fitters.effects._domain import swings
+from iris_sysid.types import Effect, Parameter
+
+
+def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:
+    """The base acceleration over 1 + k, less itself."""
+    (inertia,) = params
+    return base * (1.0 / (1.0 + inertia) - 1.0)
+
+
+EFFECT = Effect(
+    name="finite-bob",
+    summary="a bob of finite size: k = (2/5) (r / l)^2 for a ball at the distance l",
+    equation=r"\ddot\theta_0\,\left(\frac{1}{1 + k} - 1\right)",
+    source="Nelson and Olsson (1986), Am. J. Phys. 54, 112, section III",
+    parameters=(Parameter("finite_bob", "1", "k", lower=-0.5, default=0.0),),
+    applies=swings,
+    acceleration=acceleration,
+    alike="the length itself, unless it is known; time-scale",
+)

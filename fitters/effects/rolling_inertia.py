@@ -1,0 +1,29 @@
+"""What rolls has to be spun up as well: all accelerations are smaller by one factor."""
+
+from __future__ import annotations
+
+from fitters.effects._domain import moves
+from iris_sysid.types import Effect, OdeModel, Parameter
+
+
+def applies(model: OdeModel) -> bool:
+    """Where a body moves along a way."""
+    return moves(model) and model.states[0].unit == "m"
+
+
+def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:
+    """The base acceleration over 1 + k, less itself."""
+    (inertia,) = params
+    return base * (1.0 / (1.0 + inertia) - 1.0)
+
+
+EFFECT = Effect(
+    name="rolling-inertia",
+    summary="rolling instead of sliding: k = I / (m r^2), 2/5 for a ball",
+    equation=r"\ddot x_0\,\left(\frac{1}{1 + k} - 1\right)",
+    source="Goldstein (1980), Classical Mechanics, section 1.4",
+    parameters=(Parameter("rolling_inertia", "1", "k", lower=-0.5, default=0.0),),
+    applies=applies,
+    acceleration=acceleration,
+    alike="the acceleration itself, unless it is known; time-scale",
+)

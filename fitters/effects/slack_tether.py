@@ -1,0 +1,30 @@
+"""A cord pulls but does not push, or touches a peg: the restoring force differs from side to side."""
+
+from __future__ import annotations
+
+from fitters.effects._domain import moves_on_a_line, swings
+from iris_sysid.types import Effect, OdeModel, Parameter
+
+
+def applies(model: OdeModel) -> bool:
+    """Where something pulls back to the middle."""
+    pulled = any(parameter.name == "stiffness" for parameter in model.parameters)
+    return swings(model) or (pulled and moves_on_a_line(model))
+
+
+def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:
+    """Minus a share of the base acceleration, on the negative side."""
+    (slack,) = params
+    return -slack * base * (position < 0.0)
+
+
+EFFECT = Effect(
+    name="slack-tether",
+    summary="a cord that pulls less on one side; s = 1 is a cord that goes slack there",
+    equation=r"-s\,\ddot x_0\quad (x < 0)",
+    source="one-sided stiffness; Shaw and Holmes (1983), J. Sound Vib. 90, 129",
+    parameters=(Parameter("slack_tether", "1", "s", upper=1.5, default=0.0),),
+    applies=applies,
+    acceleration=acceleration,
+    alike="zero-offset and constant-force, for swings of one size",
+)
