@@ -14,7 +14,7 @@ from iris_sysid.types import Array
 DEGREE = 4  # of the local polynomials
 WINDOWS = (7, 11, 15, 21, 31)  # frames that one of them follows
 FEWEST_WINDOWS = 4
-STILL_NOISE = 1.3  # times the least scatter: beyond it a window is too long for the motion
+GROWTH = 1.1  # of the scatter from one window to the next: where it grows by more, the window bends with the motion
 EVEN = 1.5  # times its even length in time that a window may take: gaps
 
 
@@ -24,8 +24,8 @@ def with_scatter(t_s: Array, values: Array, sigma: Array) -> Array:
     The values are followed by local polynomials of degree 4, weighted by 1/sigma^2. The scatter of a window of w
     samples is the rms of its residuals over sigma, by its w - 5 degrees of freedom; that of a length of window the
     median over all windows, so that impacts do not count. Short windows miss errors that persist over some frames,
-    long ones bend with the motion: the longest one counts whose scatter is within 1.3 of the least. A factor that
-    chance explains, below 1 + 1/sqrt(n), is left out.
+    long ones bend with the motion, which goes by a high power of their length: the longest one counts up to which
+    the scatter grows by less than a tenth at a time. A factor that chance explains, below 1 + 1/sqrt(n), is left out.
 
     Parameters
     ----------
@@ -39,9 +39,13 @@ def with_scatter(t_s: Array, values: Array, sigma: Array) -> Array:
     seen = [one for one in scatter if one is not None]
     if not seen:
         return sigma
-    fitting = [one for one in seen if one <= STILL_NOISE * min(seen)]
-    significant = fitting[-1] > 1 + 1 / np.sqrt(np.count_nonzero(known))
-    return np.asarray(sigma * fitting[-1]) if significant else sigma
+    factor = seen[0]
+    for longer in seen[1:]:
+        if longer > GROWTH * factor:
+            break
+        factor = longer
+    significant = factor > 1 + 1 / np.sqrt(np.count_nonzero(known))
+    return np.asarray(sigma * factor) if significant else sigma
 
 
 def _scatter(t_s: Array, values: Array, sigma: Array, window: int) -> float | None:

@@ -1,0 +1,167 @@
+"""The disc tracker on drawn clips, whose truth is exact: at the Cramér-Rao bound, through blur, and what it refuses."""
+
+import numpy as np
+import pytest
+
+from iris_sysid.errors import TrackingError
+from iris_sysid.types import TrackOptions
+from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
+from trackers.disc import track
+
+SHAPE = (96, 160)
+CENTRE = (80.0, 48.0)
+PLAIN = np.full(SHAPE, 120.0)
+
+
+def one_track(clip, **options):
+    return track(clip, TrackOptions(**options))[0]
+
+
+def rms(values):
+    return float(np.sqrt(np.nanmean(np.square(values))))
+
+
+# --------------------------------------------------------------------------- sub-pixel
+
+
+def cramer_rao_px(radius, contrast=100.0, noise=3.0):
+    """Least standard error of x that pixels with white noise allow for a disc."""
+    shape, at, step = (int(2 * radius) + 60,) * 2, radius + 30.3, 1e-3
+    slope = (disc(shape, at + step, at, radius, 64) - disc(shape, at - step, at, radius, 64)) / (2 * step)
+    return noise / (contrast * np.sqrt(np.sum(slope**2)))
+
+
+@pytest.fixture(scope="module", params=[4, 12])
+def measured(request):
+    path = swing(150, CENTRE, (55, 25), period=73.7)
+    return request.param, path, one_track(moving_disc(path, request.param, SHAPE, contrast=100.0, noise=3.0))
+
+
+def test_centre_of_drawn_disc_is_within_a_quarter_of_the_cramer_rao_bound(measured):
+    radius, path, found = measured
+    assert found.n_valid == len(path)
+    assert rms(found.xy_px - path) <= 1.25 * cramer_rao_px(radius)
+
+
+def test_centre_of_drawn_disc_is_not_locked_to_the_pixels(measured):
+    _, path, found = measured
+    first_harmonic = 2 * np.mean((found.xy_px - path) * np.exp(2j * np.pi * path))
+    assert abs(first_harmonic) < 0.005
+
+
+def test_radius_of_drawn_disc_has_neither_bias_nor_scatter_beyond_a_fiftieth_of_a_pixel(measured):
+    radius, _, found = measured
+    assert abs(np.mean(found.radius_px) - radius) < 0.02
+    assert np.std(found.radius_px) < 0.02
+
+
+def test_standard_errors_of_drawn_disc_are_true(measured):
+    radius, path, found = measured
+    assert 0.88 < np.std((found.xy_px - path) / found.sigma_px) < 1.12
+    assert 0.85 < np.std((found.radius_px - radius) / found.sigma_radius_px) < 1.15
+
+
+# --------------------------------------------------------------------------- blur
+
+
+def streaked_clip(exposure, n=40, radius=10.0, circle=30.0, step=12.0, noise=2.0):
+    """A disc on a circle, exposed for that share of the time between frames, by 48 exact discs a frame."""
+    turn = step / circle
+    within = exposure * ((np.arange(48) + 0.5) / 48 - 0.5)
+
+    def place(k):
+        return CENTRE[0] + circle * np.cos(turn * k), CENTRE[1] + circle * np.sin(turn * k)
+
+    def streak(k):
+        return np.mean([disc(SHAPE, *place(k + delay), radius, 8) for delay in within], axis=0)
+
+    pictures = noisy([paint(PLAIN, streak(k), 200.0) for k in range(n)], noise)
+    return DrawnClip(pictures), np.array([place(k) for k in range(n)])
+
+
+def test_streak_is_placed_at_the_middle_of_the_exposure_and_the_exposure_is_found():
+    clip, path = streaked_clip(0.8)
+    found = one_track(clip)
+    assert found.origin["shutter"] == pytest.approx(0.8, abs=0.05)
+    inwards = (np.array(CENTRE) - path) / 30.0
+    mean_over_exposure_px = 12.0**2 / 30.0 * 0.8**2 / 24  # how far the mean of the streak lies inwards: v^2/R T^2/24
+    assert mean_over_exposure_px > 0.12
+    assert abs(np.mean(np.sum((found.xy_px - path) * inwards, axis=1))) < 0.015
+    assert rms(found.xy_px - path) < 0.05
+    assert np.median(found.radius_px) == pytest.approx(10.0, abs=0.05)
+
+
+def test_short_exposure_leaves_no_streak():
+    clip, path = streaked_clip(0.02, n=30)
+    found = one_track(clip)
+    assert found.origin["shutter"] < 0.15
+    assert rms(found.xy_px - path) < 0.03
+
+
+# --------------------------------------------------------------------------- apparent radius
+
+
+def test_ball_that_goes_straight_away_is_measured_by_its_radius():
+    radius = 22.0 / (1 + 0.04 * np.arange(40))
+    pictures = [paint(PLAIN, disc(SHAPE, 80.3, 47.6, r, 16), 220.0) for r in radius]
+    found = one_track(DrawnClip(noisy(pictures, 2.0)))
+    assert found.n_valid >= 36
+    assert rms(found.radius_px - radius) < 0.05
+    assert rms(found.xy_px - [80.3, 47.6]) < 0.05
+
+
+# --------------------------------------------------------------------------- gaps, two discs, bad input
+
+
+def test_disc_that_leaves_the_picture_leaves_a_gap():
+    path = swing(60, (80, 48), (110, 10), period=60)
+    found = one_track(moving_disc(path, 7, SHAPE))
+    gone = (path[:, 0] < -8) | (path[:, 0] > SHAPE[1] + 7)
+    inside = (path[:, 0] > 9) & (path[:, 0] < SHAPE[1] - 10)
+    assert gone.any()
+    assert not found.valid[gone].any()
+    assert found.valid[inside].mean() > 0.95
+    assert rms((found.xy_px - path)[inside]) < 0.05
+
+
+def test_two_discs_are_fitted_side_by_side():
+    paths = swing(50, (80, 26), (55, 5), 47.3), swing(50, (80, 70), (-55, 5), 53.1)
+    pictures = [
+        paint(paint(PLAIN, disc(SHAPE, *a, 9), 220.0), disc(SHAPE, *b, 6), 30.0) for a, b in zip(*paths, strict=True)
+    ]
+    tracks = track(DrawnClip(noisy(pictures, 2.0)), TrackOptions(bodies=2))
+    for path, radius in zip(paths, (9.0, 6.0), strict=True):
+        nearest = min(tracks, key=lambda one: rms(one.xy_px - path))
+        assert rms(nearest.xy_px - path) < 0.03
+        assert np.median(nearest.radius_px) == pytest.approx(radius, abs=0.03)
+
+
+def test_tiny_disc_is_found_without_bias():
+    path = swing(60, CENTRE, (50, 20), period=57.3)
+    found = one_track(moving_disc(path, 2.0, SHAPE))
+    assert found.n_valid >= 57
+    assert rms(found.xy_px - path) < 0.05
+    assert np.nanmedian(found.radius_px) == pytest.approx(2.0, abs=0.05)
+
+
+def bar_clip(n=30):
+    """A bar, nine times as long as it is wide, that moves to and fro."""
+    pictures = []
+    for x, _ in swing(n, CENTRE, (40, 0), 29.3):
+        picture = PLAIN.copy()
+        picture[14:86, round(x) - 4 : round(x) + 4] = 220.0
+        pictures.append(picture)
+    return DrawnClip(noisy(pictures, 2.0))
+
+
+BAD = [
+    (lambda: DrawnClip(noisy([PLAIN] * 25, 3.0)), "nothing"),
+    (lambda: moving_disc(swing(2, CENTRE, (50, 20)), 7, SHAPE), "2 frame.* at least 3"),
+    (bar_clip, "not round.*median-background"),
+]
+
+
+@pytest.mark.parametrize(("clip", "text"), BAD, ids=["empty", "two-frames", "bar"])
+def test_clip_without_a_disc_is_refused_with_what_to_do(clip, text):
+    with pytest.raises(TrackingError, match=text):
+        track(clip(), TrackOptions())
