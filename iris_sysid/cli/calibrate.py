@@ -59,9 +59,8 @@ def calibrate(
     """Calibrate camera and plane of motion. From a board, or by an object, a ball, or a distance.
 
     \b
-    Examples:
+    Example:
       iris-sysid calibrate board.mp4 --board 9x6 --square 25mm -o calibration.json --plot
-      iris-sysid calibrate clip.mp4 --object 200+-1px=50cm -o calibration.json
     """
     from iris_sysid import calibrate as made
 

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from iris_sysid import wording
 from iris_sysid.camera import CameraCalibration, FittedView
 from iris_sysid.errors import CalibrationError
 from iris_sysid.plane import to_pixels, to_plane
@@ -114,9 +115,7 @@ def grid_figure(calibration: Calibration, picture: NDArray[np.uint8], *, step_m:
     axes.plot(*origin, "+", color=ORIGIN, markersize=14, markeredgewidth=2)
     _frame(axes, size)
     scale, (x, y) = calibration.scale, calibration.centre_px
-    axes.set_title(
-        f"grid of {step:g} m, x right, z up; {scale.value:.1f} ± {scale.stderr:.2g} px/m at ({x:.0f}, {y:.0f}) px"
-    )
+    axes.set_title(f"grid of {step:g} m, x right, z up; {wording.with_error(scale)} at ({x:.0f}, {y:.0f}) px")
     return figure
 
 
