@@ -45,6 +45,12 @@ def a_vessel_that_drains():
 OTHERS = {"intensity": a_lamp_that_fades, "orientation": an_arm_that_turns, "level": a_vessel_that_drains}
 # of the middle of an arm with a weight, or of the place between two walls, no more is promised
 ROUGHLY = {"orientation": 4.0, "level": 2.0}
+# what a tracker has to be told about the disc
+TOLD = {"colour": {"colour": "#b4b4b4"}, "template": {"roi": (112, 35, 27, 27)}}
+
+
+def options_for(name, **more):
+    return TrackOptions(**{**TOLD.get(name, {}), **more})
 
 
 def clip_for(name):
@@ -61,7 +67,7 @@ def tracker(request):
 
 @pytest.fixture
 def tracks(tracker):
-    return tracker.track(clip_for(tracker.name).clip, TrackOptions())
+    return tracker.track(clip_for(tracker.name).clip, options_for(tracker.name))
 
 
 def test_tracker_has_a_name_and_a_one_line_summary(tracker):
@@ -96,19 +102,19 @@ def test_origin_names_the_tracker(tracker, tracks):
 
 
 def test_same_frames_give_the_same_tracks(tracker, tracks):
-    (again,) = tracker.track(clip_for(tracker.name).clip, TrackOptions())
+    (again,) = tracker.track(clip_for(tracker.name).clip, options_for(tracker.name))
     np.testing.assert_array_equal(again.xy_px, tracks[0].xy_px)
     np.testing.assert_array_equal(again.sigma_px, tracks[0].sigma_px)
 
 
 def test_region_that_is_not_in_the_picture_is_refused(tracker):
     with pytest.raises(DataError, match="160"):
-        tracker.track(clip_for(tracker.name).clip, TrackOptions(roi=(100, 50, 200, 100)))
+        tracker.track(clip_for(tracker.name).clip, options_for(tracker.name, roi=(100, 50, 200, 100)))
 
 
 def test_progress_is_reported_up_to_the_last_frame(tracker):
     calls = []
-    options = TrackOptions(progress=lambda done, expected: calls.append((done, expected)))
+    options = options_for(tracker.name, progress=lambda done, expected: calls.append((done, expected)))
     tracker.track(clip_for(tracker.name).clip, options)
     assert calls
     assert calls[-1] == (N, N)
@@ -117,7 +123,7 @@ def test_progress_is_reported_up_to_the_last_frame(tracker):
 def refusal(tracker, clip):
     """What a tracker says against a clip; None when it takes it."""
     try:
-        tracker.track(clip, TrackOptions())
+        tracker.track(clip, options_for(tracker.name))
     except IrisError as error:
         return str(error)
     return None

@@ -59,7 +59,7 @@ def follow(glimpses: Sequence[Glimpse], count: int, diagonal: float) -> list[Pat
     shadows = [path for path in first if any(is_shadow(path, seed) for seed in seeds if seed is not path)]
     paths = link(_only_alike(glimpses, seeds, shadows), FIRST_REACH * diagonal, BOLD_REACH * diagonal)
     bodies = _seeds(paths, count)
-    return _joined(bodies, [path for path in paths if not any(path is one for one in bodies)])
+    return joined(bodies, [path for path in paths if not any(path is one for one in bodies)])
 
 
 def _only_alike(glimpses: Sequence[Glimpse], bodies: Sequence[Path], shadows: Sequence[Path]) -> list[Glimpse]:
@@ -114,7 +114,7 @@ def is_shadow(path: Path, body: Path) -> bool:
     return bool(lengths > 0 and (steps[0] * steps[1]).sum() / lengths > SHADOW_LIKENESS)
 
 
-def _joined(bodies: list[Path], pieces: list[Path]) -> list[Path]:
+def joined(bodies: list[Path], pieces: list[Path]) -> list[Path]:
     """The bodies, each with the pieces that can only be more of it, the best pieces first."""
     for piece in sorted(pieces, key=lambda path: -len(path.sightings)):
         free = [body for body in bodies if not body.frames & piece.frames and _may_be(piece, body)]

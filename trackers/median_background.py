@@ -8,18 +8,16 @@ long in one place that it became background; frames are not kept.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import FrameSource, Track, Tracker, TrackOptions
-from trackers._choose import follow, held_frames
+from trackers._choose import follow
 from trackers._link import Path
 from trackers._observe import Stage, observe, stage_of
-from trackers._scatter import with_scatter
 from trackers._second_look import second_stage
-from trackers._sighting import Glimpse, Sighting
+from trackers._sighting import Glimpse
+from trackers._tracks import track_of
 from trackers._view import view_of
 
 
@@ -68,50 +66,6 @@ def _look(video: FrameSource, stage: Stage, options: TrackOptions) -> tuple[list
     if not glimpses:
         raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
     return glimpses, follow(glimpses, options.bodies, float(np.hypot(video.width, video.height)))
-
-
-def track_of(path: Path, glimpses: Sequence[Glimpse], body: str, origin: dict[str, object]) -> Track:
-    """The Track of one path over all frames; gaps are NaN.
-
-    Parameters
-    ----------
-    path
-        The sightings of the body.
-    glimpses
-        All frames of the clip, in order.
-    body
-        Name of the body.
-    origin
-        Where the track came from.
-    """
-    place = {glimpse.frame: k for k, glimpse in enumerate(glimpses)}
-    table = np.full((len(glimpses), 8), np.nan)
-    table[[place[one.frame] for one in path.sightings]] = [_row(one) for one in path.sightings]
-    hand = np.zeros(len(glimpses), dtype=np.bool_)
-    hand[list(held_frames(path, glimpses))] = True
-    t_s = np.array([glimpse.t_s for glimpse in glimpses])
-    return Track(
-        t_s=t_s,
-        xy_px=table[:, 0:2],
-        sigma_px=np.column_stack([with_scatter(t_s, table[:, axis], table[:, axis + 2]) for axis in (0, 1)]),
-        valid=np.isfinite(table[:, 0]),
-        frame=np.array([glimpse.frame for glimpse in glimpses]),
-        body=body,
-        radius_px=np.sqrt(table[:, 4] / np.pi),
-        sigma_radius_px=table[:, 5] / np.sqrt(4 * np.pi * table[:, 4]),
-        intensity=table[:, 6],
-        sigma_intensity=table[:, 7],
-        area_px=table[:, 4],
-        hand=hand,
-        origin=origin,
-    )
-
-
-def _row(one: Sighting) -> tuple[float, ...]:
-    """Position and its errors, area and its error, intensity and its error."""
-    centre = one.centre
-    errors = (centre.sigma_x, centre.sigma_y)
-    return (one.x, one.y, *errors, centre.area, centre.sigma_area, centre.intensity, centre.sigma_intensity)
 
 
 TRACKER = Tracker(
