@@ -26,8 +26,11 @@ OPENED = np.ones((2, 2), np.uint8)  # single pixels of the foreground are noise
 class Subtractor(Protocol):
     """One of OpenCV's background subtractors."""
 
-    def apply(self, image: Bytes, fgmask: None = None, learningRate: float = -1) -> Bytes: ...
-    def getBackgroundImage(self) -> Bytes: ...
+    def apply(self, image: Bytes, fgmask: None = None, learningRate: float = -1) -> Bytes:
+        """The foreground of the next ``image``, not 0 where it is; ``fgmask`` and ``learningRate`` as OpenCV's."""
+
+    def getBackgroundImage(self) -> Bytes:
+        """What the background shows."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
