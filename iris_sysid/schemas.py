@@ -226,6 +226,14 @@ class ErrorTable(Part):
     unit: str
 
 
+class FurtherClip(Part):
+    """A clip after the first: its fits without and with the effects, and where it comes from."""
+
+    base: FitDocument
+    final: FitDocument
+    origin: dict[str, JsonValue]
+
+
 class DiagnosisDocument(Document):
     """What a model lacks, if anything (diagnosis.json)."""
 
@@ -234,13 +242,15 @@ class DiagnosisDocument(Document):
     sentence: str
     """The result as a person would write it."""
     base: FitDocument
+    """Of the first clip, as ``final``."""
     final: FitDocument
     added: list[AddedEffect]
-    """In the order in which they were found."""
+    """In the order in which they were found; of several clips, their size over all."""
     indistinguishable: dict[str, list[str]]
     """For each effect added, those that explain the data as well."""
     ruled_out: list[Excluded]
     error: ErrorTable
+    further_clips: list[FurtherClip] = []
     origin: dict[str, JsonValue]
 
 

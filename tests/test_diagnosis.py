@@ -108,7 +108,7 @@ def test_pivot_error_is_left_open_instead_of_being_taken_for_a_force():
 
 def test_document_and_page_say_the_same(dragged, tmp_path):
     trajectory, found = dragged
-    document = diagnosis_document(found, trajectory)
+    document = diagnosis_document(found, [trajectory])
     assert [one.effect for one in document.added] == ["quadratic-drag"]
     assert document.error.before.heldout > document.error.after.heldout
     page = write_diagnosis(found, trajectory, tmp_path).read_text()

@@ -30,4 +30,4 @@ Marks = Annotated[
 Vertical = Annotated[str, typer.Option(help="Gravity's direction: assumed, or motion (by the flight itself).")]
 TimeBase = Annotated[str, typer.Option(help="Standard error of the frame rate: 0.01% or 50ppm.")]
 Starts = Annotated[list[str] | None, typer.Option("--start-at", help="A starting value, e.g. length=0.5.")]
-ModelName = Annotated[str, typer.Option("--model", help="Governing equation; see iris-sysid list.")]
+ModelName = Annotated[str, typer.Option("--model", help="Governing equation; see iris-sysid list. Or FILE.py:NAME.")]

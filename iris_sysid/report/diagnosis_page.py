@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,11 @@ def check_folder(folder: str | Path, *, overwrite: bool = False) -> Path:
 
 
 def write_diagnosis(
-    diagnosis: Diagnosis, trajectory: Trajectory, folder: str | Path, *, overwrite: bool = False
+    diagnosis: Diagnosis,
+    trajectories: Trajectory | Sequence[Trajectory],
+    folder: str | Path,
+    *,
+    overwrite: bool = False,
 ) -> Path:
     """Write ``diagnosis.json`` and ``report.html`` with its pictures into a folder.
 
@@ -39,8 +44,8 @@ def write_diagnosis(
     ----------
     diagnosis
         What :func:`iris_sysid.diagnose` returned.
-    trajectory
-        What was diagnosed.
+    trajectories
+        What was diagnosed, one clip or several.
     folder
         Made when it does not exist.
     overwrite
@@ -52,16 +57,21 @@ def write_diagnosis(
         The page, written last.
     """
     folder = check_folder(folder, overwrite=overwrite)
-    write_document(diagnosis_document(diagnosis, trajectory), folder / "diagnosis.json", overwrite=overwrite)
-    return write_page(diagnosis_page(diagnosis, trajectory), folder, overwrite=overwrite)
+    clips = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
+    write_document(diagnosis_document(diagnosis, clips), folder / "diagnosis.json", overwrite=overwrite)
+    return write_page(diagnosis_page(diagnosis, clips), folder, overwrite=overwrite)
 
 
-def diagnosis_document(diagnosis: Diagnosis, trajectory: Trajectory) -> DiagnosisDocument:
-    """The content of diagnosis.json."""
-    final = diagnosis.final.estimates
+def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> DiagnosisDocument:
+    """The content of diagnosis.json; ``clips`` as they were given to :func:`iris_sysid.diagnose`."""
+    sizes = diagnosis.sizes
     added = [
-        {"effect": effect.name, "parameters": entries_of({one.name: final[one.name] for one in effect.parameters})}
+        {"effect": effect.name, "parameters": entries_of({one.name: sizes[one.name] for one in effect.parameters})}
         for effect in diagnosis.added
+    ]
+    first, *others = [
+        {"base": fit_document(base, clip), "final": fit_document(final, clip), "origin": plain_origin(clip.origin)}
+        for base, final, clip in zip(diagnosis.bases, diagnosis.finals, clips, strict=True)
     ]
     ruled_out = [
         {"effect": one.effect, "parameter": one.parameter, "upper_95": known_number(one.upper_95), "unit": one.unit}
@@ -75,18 +85,17 @@ def diagnosis_document(diagnosis: Diagnosis, trajectory: Trajectory) -> Diagnosi
     return checked(
         DiagnosisDocument,
         sentence=wording.diagnosis_sentence(diagnosis),
-        base=fit_document(diagnosis.base, trajectory),
-        final=fit_document(diagnosis.final, trajectory),
+        **first,
         added=added,
         indistinguishable={name: list(others) for name, others in diagnosis.indistinguishable.items()},
         ruled_out=ruled_out,
         error={**errors, **floor},
-        origin=plain_origin(trajectory.origin),
+        further_clips=others,
     )
 
 
-def diagnosis_page(diagnosis: Diagnosis, trajectory: Trajectory) -> Page:
-    """Say what the model lacks."""
+def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Page:
+    """Say what the model lacks; the pictures and values are those of the first clip."""
     base, final = diagnosis.base, diagnosis.final
     pictures = [Picture("residual", png_of(residual_figure(diagnosis)), "What is left over, before and after")]
     if base.model.second_order:
@@ -96,6 +105,7 @@ def diagnosis_page(diagnosis: Diagnosis, trajectory: Trajectory) -> Page:
         Section("Error before and after", ("", "#fitted", "#held out", "#noise floor"), _error_rows(diagnosis)),
         estimates_section("After", wording.shown(final), final.model.equation),
         estimates_section("Before", wording.shown(base), base.model.equation),
+        *_clips_section(diagnosis, clips),
         *(_round_section(k, scores) for k, scores in enumerate(diagnosis.rounds, start=1)),
         Section(
             "Ruled out",
@@ -103,15 +113,38 @@ def diagnosis_page(diagnosis: Diagnosis, trajectory: Trajectory) -> Page:
             [(one.effect, _limit_text(one)) for one in diagnosis.ruled_out],
         ),
     ]
-    name = str(trajectory.origin.get("source", "trajectory"))
+    name = _name(clips[0]) + (f" and {len(clips) - 1} more" if len(clips) > 1 else "")
     return Page(
         title=f"{name}: what {base.model.name} lacks",
         headline=wording.diagnosis_sentence(diagnosis),
         summary=base.model.summary,
         pictures=pictures,
         sections=sections,
-        origin=trajectory.origin,
+        origin=clips[0].origin,
     )
+
+
+def _name(clip: Trajectory) -> str:
+    return str(clip.origin.get("source", "trajectory"))
+
+
+def _clips_section(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> list[Section]:
+    """Residual and effects of each clip, when there are several."""
+    if len(clips) < 2:
+        return []
+    names = [effect.parameters[0].name for effect in diagnosis.added]
+    rows = [
+        (
+            _name(clip),
+            *(
+                f"{float(np.sqrt(np.nanmean(one.residual[one.used] ** 2))):.4g} {diagnosis.unit}"
+                for one in (base, final)
+            ),
+            *(wording.with_error(final.estimates[name]) for name in names),
+        )
+        for clip, base, final in zip(clips, diagnosis.bases, diagnosis.finals, strict=True)
+    ]
+    return [Section("Clips", ("clip", "#residual before", "#residual after", *(f"#{name}" for name in names)), rows)]
 
 
 def _error_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
