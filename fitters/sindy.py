@@ -23,11 +23,11 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # ships none
 
 from fitters.sindy_bank import match
-from fitters.sindy_library import Library, library_of
+from fitters.sindy_library import Library, library_of, turnover_of
 from fitters.sindy_model import model_of
 from fitters.sindy_refine import Refined, added_alone, as_good, disposed, inclusion, refined, stable
 from fitters.sindy_sparse import Compressed, Kept, predicted_best, proposed, significant, term_price
-from fitters.sindy_weak import Rows, pieces_of, rows_of
+from fitters.sindy_weak import Piece, Rows, pieces_of, rows_of
 from iris_sysid.errors import DataError, FitError
 from iris_sysid.types import (
     NORMAL_975,
@@ -84,7 +84,12 @@ def discover(
     clips = _clips(trajectories, quantities)
     library = library_of(clips[0].quantities, clips[0].input_quantities)
     with threadpool_limits(limits=1, user_api="blas"):  # the matrices are small: threads cost more than they give
-        starts = _starts(clips, library)
+        pieces = [piece for clip in clips for piece in pieces_of(clip, library)]
+        if not pieces:
+            raise DataError("no stretch of motion without a gap is long enough to discover an equation in")
+        speeds = np.concatenate([piece.rates for piece in pieces])
+        library = library_of(clips[0].quantities, clips[0].input_quantities, turnover_of(speeds))
+        starts = _starts(pieces, library)
         found = disposed(clips, library, starts)
         if not found.usable:
             raise FitError(f"no equation of the library could be fitted: {found.fits[0].message}")
@@ -141,11 +146,8 @@ def _origin(clips: Sequence[Trajectory]) -> dict[str, Any]:
 # --------------------------------------------------------------------------- proposals
 
 
-def _starts(clips: Sequence[Trajectory], library: Library) -> list[tuple[Kept, dict[str, float]]]:
+def _starts(pieces: list[Piece], library: Library) -> list[tuple[Kept, dict[str, float]]]:
     """Proposed choices with coefficients: pysindy's, then the significant ones, then single terms."""
-    pieces = [piece for clip in clips for piece in pieces_of(clip, library)]
-    if not pieces:
-        raise DataError("no stretch of motion without a gap is long enough to discover an equation in")
     rows = rows_of(pieces, library)
     choices = [proposed(one) for one in rows]
     best = [path[predicted_best(one, path)] for one, path in zip(rows, choices, strict=True)]
@@ -187,7 +189,26 @@ def _named(
         if named is not None:
             rest = [one for one in alike if one != other]
             return second, [found.kept, *rest], named, None
+    if nearest is not None and not nearest.missing:
+        nearest = _without_extra(clips, library, found, nearest, constants)
     return found, alike, matched, nearest
+
+
+def _without_extra(
+    clips: Sequence[Trajectory], library: Library, found: Refined, nearest: Match, constants: Mapping[str, Estimate]
+) -> Match:
+    """The nearest model's parameters from its own terms alone, and how much larger the residual then is."""
+    where = library.variables
+    named = {f"{term.text} in {where[term.equation].left}": k for k, term in enumerate(library.terms)}
+    kept = tuple(k for k in found.kept if k not in {named[text] for text in nearest.extra})
+    values = found.total.solved(kept)[0]
+    fewer = refined(clips, library, kept, dict(zip((library.names[k] for k in kept), values.tolist(), strict=True)))
+    again = _match(library, fewer, constants)[0] if fewer.usable else None
+    if again is None or again.model != nearest.model:
+        return nearest
+    pairs = zip(fewer.fits, found.fits, strict=True)
+    ratio = float(np.sqrt(np.mean([np.mean((one.rms / other.rms) ** 2) for one, other in pairs])))
+    return replace(nearest, parameters=again.parameters, note=f"its residual is {ratio:.3g} times as large")
 
 
 def _match(library: Library, found: Refined, known: Mapping[str, Estimate]) -> tuple[Match | None, Match | None]:

@@ -277,7 +277,8 @@ def _parameters(
         residual, start, jac="3-point", x_scale=scale, diff_step=np.full(start.size, 1e-3), xtol=1e-10, ftol=1e-10
     )
     jacobian = np.asarray(solved.jac)
-    spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(jacobian.T @ jacobian)), 0.0))
+    size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-150)
+    spread = np.linalg.norm(np.linalg.pinv(jacobian / size), axis=1) / size
     freedom = residual(start).size - start.size
     note = ""
     if freedom > 0 and chi2.sf(2 * solved.cost, freedom) < DISAGREE:

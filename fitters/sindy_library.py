@@ -30,8 +30,8 @@ CODES: dict[Kind, tuple[int, ...]] = {
     "size": (ONE, LINEAR, RATE),
     "amount": (ONE, LINEAR, ROOT, SQUARE),
 }
-# Within this speed, relative to 1 unit/s, the sign of the velocity turns over smoothly (as in coulomb-friction).
-TURNOVER = 3e-2
+# Within this share of the usual speed the sign of the velocity turns over smoothly, for the integrator to follow it.
+TURNOVER = 0.1
 NAMES = {
     ONE: "constant", LINEAR: "linear", SIN: "sin", COS: "cos", CUBE: "cube", ROOT: "root", SQUARE: "square",
     RATE: "rate", DRAG: "drag", DRY: "dry",
@@ -76,12 +76,17 @@ class Term:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Library:
-    """The variables and candidates for trajectories of some quantities; terms are in order of their equation."""
+    """The variables and candidates for trajectories of some quantities; terms are in order of their equation.
+
+    ``partner`` says with which variable each one moves in a plane (itself where there is none), ``turnover`` is the
+    speed below which sign(v) turns over smoothly.
+    """
 
     variables: tuple[Variable, ...]
     terms: tuple[Term, ...]
     inputs: tuple[Quantity, ...]
     partner: tuple[int, ...]
+    turnover: float
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -122,14 +127,25 @@ def variable_of(quantity: Quantity) -> Variable:
     return Variable(quantity, kind, 1 if kind == "amount" else 2, state, rate)
 
 
+def turnover_of(rates: Array) -> float:
+    """The speed below which sign(v) turns over, for rates (n, d): a power of 4, so that few models differ."""
+    speed = max(float(np.sqrt(np.mean(rates**2))), 1e-12)
+    return float(4.0 ** np.round(np.log(TURNOVER * speed) / np.log(4.0)))
+
+
 def value_of(variable: Variable, observed: Array) -> Array:
     """The variable's values of observed ones (n,)."""
     return 1.0 / observed if variable.kind == "size" else observed
 
 
 @functools.lru_cache(maxsize=64)
-def library_of(quantities: tuple[Quantity, ...], inputs: tuple[Quantity, ...] = ()) -> Library:
-    """The candidates for trajectories of these quantities and inputs; DataError when equations of two orders mix."""
+def library_of(
+    quantities: tuple[Quantity, ...], inputs: tuple[Quantity, ...] = (), turnover: float = TURNOVER
+) -> Library:
+    """The candidates for trajectories of these quantities and inputs, whose sign(v) turns over below ``turnover``.
+
+    Raises DataError when equations of two orders mix.
+    """
     variables = tuple(variable_of(quantity) for quantity in quantities)
     orders = {variable.order for variable in variables}
     if len(orders) > 1:
@@ -144,7 +160,7 @@ def library_of(quantities: tuple[Quantity, ...], inputs: tuple[Quantity, ...] = 
         for equation, variable in enumerate(variables)
         for term in _terms(equation, variable, variables, inputs, partner)
     ]
-    return Library(variables, tuple(terms), inputs, partner)
+    return Library(variables, tuple(terms), inputs, partner, turnover)
 
 
 def _partners(variables: tuple[Variable, ...]) -> tuple[int, ...]:
@@ -225,7 +241,7 @@ def _coefficient_unit(own: Variable, dimension: tuple[float, int], per: Quantity
 
 
 def term_value(  # noqa: C901 - one line a function; a table of functions is nothing that numba could compile
-    code: int, own: Any, other: Any, velocity: Any, speed: Any, pushed: Any
+    code: int, own: Any, other: Any, velocity: Any, speed: Any, pushed: Any, turnover: Any
 ) -> Any:  # numbers in the integrator, arrays over samples elsewhere
     """What a term is worth.
 
@@ -239,6 +255,8 @@ def term_value(  # noqa: C901 - one line a function; a table of functions is not
         Rate of the variable, and the speed of its body.
     pushed
         Value of the input.
+    turnover
+        Speed below which the sign of the velocity turns over.
     """
     if code == ONE:
         return 1.0 + 0.0 * own
@@ -261,7 +279,7 @@ def term_value(  # noqa: C901 - one line a function; a table of functions is not
     if code == DRAG:
         return speed * velocity
     if code == DRY:
-        return velocity / np.sqrt(speed * speed + TURNOVER * TURNOVER)
+        return velocity / np.sqrt(speed * speed + turnover * turnover)
     if code == INPUT:
         return pushed
     return np.sqrt(np.maximum(other, 0.0))
@@ -286,7 +304,7 @@ def evaluated(library: Library, values: Array, rates: Array, inputs: Array | Non
         speed = np.abs(velocity) if library.partner[k] == k else np.hypot(velocity, along)
         second = values[:, other] if term.code in (DIFFERENCE, OTHER_ROOT) else values[:, k]
         pushed = inputs[:, other] if term.code == INPUT and inputs is not None else values[:, k]
-        columns.append(term_value(term.code, values[:, k], second, velocity, speed, pushed))
+        columns.append(term_value(term.code, values[:, k], second, velocity, speed, pushed, library.turnover))
     return np.column_stack(columns) if columns else np.zeros((len(values), 0))
 
 

@@ -28,7 +28,7 @@ def model_of(library: Library, names: Sequence[str] | None = None) -> OdeModel:
     sizes = tuple(variable.kind == "size" for variable in variables)
     return bare_model(
         variables,
-        rhs=_rhs(len(variables), variables[0].order, _spec(library, terms), library.partner, len(library.inputs)),
+        rhs=_rhs(len(variables), variables[0].order, _spec(library, terms), library.partner, library.turnover),
         equation=r",\quad ".join(equation_latex(library, k, terms) for k in range(len(variables))),
         parameters=tuple(term.parameter for term in terms),
         inputs=library.inputs if any(term.code == INPUT for term in terms) else (),
@@ -57,7 +57,7 @@ def _reciprocal(sizes: tuple[bool, ...]) -> Callable[[Array, Array, Array], Arra
 
 @functools.lru_cache(maxsize=256)
 def _rhs(
-    d: int, order: int, spec: tuple[tuple[int, int, int], ...], partner: tuple[int, ...], n_inputs: int
+    d: int, order: int, spec: tuple[tuple[int, int, int], ...], partner: tuple[int, ...], turnover: float
 ) -> Callable[..., tuple[Any, ...]]:
     """The right-hand side for a choice of terms, put together from functions; the same choice is the same function."""
     slopes = _nothing
@@ -65,7 +65,7 @@ def _rhs(
         slopes = _and(slopes, _state(d + k))
     for k in range(d):
         own = [(place, code, other) for place, (equation, code, other) in enumerate(spec) if equation == k]
-        slopes = _and(slopes, _equation(k, d if order == 2 else 0, partner[k], tuple(own)))
+        slopes = _and(slopes, _equation(k, d if order == 2 else 0, partner[k], tuple(own), turnover))
     if any(code == INPUT for _, code, _ in spec):
         return slopes
 
@@ -101,7 +101,9 @@ def _and(before: Callable[..., Any], one: Callable[..., Any]) -> Callable[..., A
 _term_value = _in_kernels(term_value)
 
 
-def _equation(k: int, shift: int, along: int, own: tuple[tuple[int, int, int], ...]) -> Callable[..., Any]:
+def _equation(
+    k: int, shift: int, along: int, own: tuple[tuple[int, int, int], ...], turnover: float
+) -> Callable[..., Any]:
     """The sum of one equation's terms: coefficient ``place`` times what ``code`` makes of variable ``k``."""
 
     @_in_kernels
@@ -110,12 +112,12 @@ def _equation(k: int, shift: int, along: int, own: tuple[tuple[int, int, int], .
 
     total: Callable[..., Any] = nothing
     for place, code, other in own:
-        total = _plus(total, place, code, k, shift, along, other)
+        total = _plus(total, place, code, k, shift, along, other, turnover)
     return total
 
 
 def _plus(
-    before: Callable[..., Any], place: int, code: int, k: int, shift: int, along: int, other: int
+    before: Callable[..., Any], place: int, code: int, k: int, shift: int, along: int, other: int, turnover: float
 ) -> Callable[..., Any]:
     pushes, couples = code == INPUT, code in (DIFFERENCE, OTHER_ROOT)
     second = other if couples else k
@@ -125,7 +127,7 @@ def _plus(
         velocity = state[shift + k]
         speed = np.abs(velocity) if along == k else np.sqrt(velocity**2 + state[shift + along] ** 2)
         pushed = inputs[other] if pushes else velocity
-        term = _term_value(code, state[k], state[second], velocity, speed, pushed)
+        term = _term_value(code, state[k], state[second], velocity, speed, pushed, turnover)
         return before(t, state, params, inputs) + params[place] * term
 
     return total

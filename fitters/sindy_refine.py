@@ -224,10 +224,10 @@ def chosen_about(found: Refined) -> Kept:
 
 def price_about(found: Refined) -> float:
     """What a term must explain, chosen by prediction of held-out parts of the clips."""
-    return predictive_price([together(group) for group in _folds(found.parts)], found.terms)
+    return predictive_price([together(group) for group in folds_of(found.parts)], found.terms)
 
 
-def _folds(parts: Sequence[Sequence[Compressed]], folds: int = 5) -> list[list[Compressed]]:
+def folds_of(parts: Sequence[Sequence[Compressed]], folds: int = 5) -> list[list[Compressed]]:
     """Contiguous blocks of every clip, in groups to hold out."""
     groups: list[list[Compressed]] = [[] for _ in range(folds)]
     for clip in parts:

@@ -22,6 +22,7 @@ from iris_sysid.schemas import (
     FitDocument,
     FittedQuantity,
     FittedSegment,
+    IdentifiabilityEntry,
     MatchEntry,
     NearestEntry,
     Number,
@@ -190,6 +191,11 @@ def fit_document(result: FitResult, trajectory: Trajectory | None = None) -> Fit
         samples=_samples(result, trajectory),
         segments=[] if trajectory is None else [_segment(one, result) for one in trajectory.segments],
         geometry={} if trajectory is None else entries_of(trajectory.geometry),
+        intervals={
+            method: {name: known_numbers(ends) for name, ends in found.items()}
+            for method, found in result.intervals.items()
+        },
+        identifiability=_identifiability(result),
         origin=plain_origin(result.origin or (trajectory.origin if trajectory else {})),
     )
 
@@ -237,6 +243,24 @@ def plain_origin(origin: Mapping[str, Any]) -> dict[str, Any]:
     """The origin in the types that JSON knows; DataError when it holds anything else."""
     plain: dict[str, Any] = json.loads(json_text(origin))
     return plain
+
+
+def _identifiability(result: FitResult) -> IdentifiabilityEntry | None:
+    found = result.identifiability
+    if found is None:
+        return None
+    return IdentifiabilityEntry(
+        names=list(found.names),
+        fisher=[known_numbers(row) for row in result.fisher],
+        condition=known_number(found.condition),
+        undetermined=list(found.undetermined),
+        weakest=found.weakest,
+        hessian=None if found.hessian is None else [known_numbers(row) for row in found.hessian],
+        hessian_condition=known_number(found.hessian_condition),
+        gradients=known_numbers(list(found.gradients)),
+        ode_residual=known_numbers(found.ode_residual),
+        ode_residual_noise=known_numbers(found.ode_residual_noise),
+    )
 
 
 def _goodness(result: FitResult) -> dict[str, Any]:
@@ -309,7 +333,13 @@ def discovery_document(found: Discovery, sentence: str) -> DiscoveryDocument:
         matched=None if matched is None else _match(matched),
         nearest=None
         if nearest is None
-        else NearestEntry(model=nearest.model, missing=list(nearest.missing), extra=list(nearest.extra)),
+        else NearestEntry(
+            model=nearest.model,
+            missing=list(nearest.missing),
+            extra=list(nearest.extra),
+            parameters=entries_of(nearest.parameters),
+            note=nearest.note,
+        ),
         alternatives=list(found.alternatives),
         proposed=list(found.proposed),
         noise=[known_number(value) for one in found.fits for value in one.noise],

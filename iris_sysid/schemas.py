@@ -122,6 +122,97 @@ class FittedSegment(SegmentEntry):
     n_used: int
 
 
+class IdentifiabilityEntry(Part):
+    """What the data can tell of the fitted values."""
+
+    names: list[str]
+    fisher: list[list[Number]]
+    """Fisher information of these values for white noise."""
+    condition: Number
+    """Its condition number after scaling each value to unit information; null when infinite."""
+    undetermined: list[str]
+    """Directions in which nothing changes, in words."""
+    weakest: str
+    """Values that the data tell apart least, in words; empty for fewer than two."""
+    hessian: list[list[Number]] | None
+    """Second derivatives of minus the log likelihood at the optimum, white noise assumed."""
+    hessian_condition: Number
+    """Its condition number after the same scaling; null when it is not positive definite, or not computed."""
+    gradients: list[Number]
+    """Norm of the gradient of the mean squared residual in units of the noise, by relative values, each iteration."""
+    ode_residual: list[Number]
+    """Mean squared error of one step of the equation from sample to sample, squared unit of each quantity."""
+    ode_residual_noise: list[Number]
+    """What the noise alone makes of it."""
+
+
+class PopulationEntry(Part):
+    """How one value is spread over clips, beyond the error in each."""
+
+    mean: EstimateEntry
+    between: EstimateEntry
+    """Standard deviation from clip to clip."""
+    within: Number
+    """Typical random standard error in one clip."""
+    q: Number
+    """Squared distances from the weighted mean in standard errors, summed."""
+    degrees: int
+    p_value: Number
+    """Chance of so much when all clips have one value."""
+
+
+class ClipEntry(Part):
+    """One clip of a fit to several."""
+
+    table: str
+    """Name of the CSV file."""
+    status: FitStatus
+    message: str
+    parameters: dict[str, EstimateEntry]
+    noise: Number
+    rms: Number
+    n: int
+
+
+class ClipsEntry(Part):
+    """A fit to several clips: the parameters of the document are the shared values and the means over clips."""
+
+    shared: list[str]
+    scatter: dict[str, PopulationEntry]
+    """For each shared value, how far those of each clip alone are spread."""
+    population: dict[str, PopulationEntry]
+    """Values that differ from clip to clip."""
+    clips: list[ClipEntry]
+
+
+class CandidateEntry(Part):
+    """One model that was tried on a trajectory."""
+
+    model: str
+    reading: str
+    """What the track was taken for, e.g. an angle about a pivot."""
+    heldout: Number
+    """Error of the prediction of the last samples from the first ones, in units of the noise; null when it failed."""
+    residual: Number
+    """Residual over all samples, in units of the noise."""
+    bic: Number
+    adequate: bool
+    """Whether the residual is near the noise."""
+    note: str = ""
+
+
+class SelectionEntry(Part):
+    """How the model was chosen from the bank."""
+
+    message: str
+    chosen: str | None
+    """null when none of them fits; the document then holds the nearest."""
+    heldout_margin: Number
+    """Held-out error of the next model over that of the first; null when there is no other."""
+    bic_margin: Number
+    ranking: list[CandidateEntry]
+
+
 class UsedSamples(Part):
     """Which samples of the trajectory the fit used; first and last included, null when none was."""
 
@@ -187,6 +278,13 @@ class FitDocument(Document):
     segments: list[FittedSegment]
     geometry: dict[str, EstimateEntry]
     """What was measured on the way to the trajectory, e.g. pivot and scale."""
+    intervals: dict[str, dict[str, tuple[Number, Number]]] = {}
+    """95 % intervals of the random error by method (robust, profile, bootstrap) and name, where they were asked for."""
+    identifiability: IdentifiabilityEntry | None = None
+    clips: ClipsEntry | None = None
+    """Where several clips were fitted."""
+    selection: SelectionEntry | None = None
+    """Where the model was chosen from the bank."""
     origin: dict[str, JsonValue]
 
     def estimates(self) -> dict[str, Estimate]:
@@ -296,6 +394,9 @@ class NearestEntry(Part):
     model: str
     missing: list[str]
     extra: list[str]
+    parameters: dict[str, EstimateEntry] = {}
+    """What they would be if the model were true."""
+    note: str = ""
 
 
 class DiscoveryDocument(Document):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from iris_sysid.types import Discovery, Effect, Estimate, FitResult, Segment, Trajectory
+from iris_sysid.types import Discovery, Effect, Estimate, FitResult, PooledFit, Segment, Trajectory
 
 if TYPE_CHECKING:
     from iris_sysid.diagnosis import Diagnosis
@@ -98,6 +98,18 @@ def estimates_text(fit: FitResult) -> str:
     return "\n".join([*lines, residual_text(fit)])
 
 
+def pooled_text(pooled: PooledFit) -> str:
+    """A fit to several clips as plain text: shared values, then means over clips with the scatter between them."""
+    count = sum(one.usable for one in pooled.clips)
+    lines = [f"{name}  {with_error(one)}  shared by {count} clips" for name, one in pooled.shared.items()]
+    lines += [
+        f"{name}  {with_error(one.mean)}  mean over {count} clips; between clips {with_error(one.between)} "
+        f"({interval(one.between) or 'no scatter seen'}), within one {one.within:.3g}"
+        for name, one in pooled.population.items()
+    ]
+    return "\n".join(lines)
+
+
 def diagnosis_sentence(diagnosis: Diagnosis) -> str:
     """What a model lacks, as a person would write it, with the error before and after and what moved."""
     both = (diagnosis.before, diagnosis.after)
@@ -157,6 +169,9 @@ def discovery_sentence(found: Discovery) -> str:
         lacks = [f"{', '.join(nearest.missing)} was not found"] if nearest.missing else []
         lacks += [f"{', '.join(nearest.extra)} is there as well"] if nearest.extra else []
         text = f"Not in the bank: the nearest is {nearest.model}, but {'; '.join(lacks)}."
+        values = [f"{name} = {with_error(one)}" for name, one in nearest.parameters.items()
+                  if one.measurement_type != "assumed"]  # fmt: skip
+        text += f" As {nearest.model} alone it has {', '.join(values)}, and {nearest.note}." if values else ""
     else:
         text = "Not in the bank: no model there observes these quantities."
     if found.alternatives:
