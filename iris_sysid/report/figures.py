@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.mathtext import MathTextParser
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
@@ -161,7 +162,12 @@ def _draw_residual(axes: Axes, fit: FitResult, k: int) -> None:
 
 
 def equation_figure(equation: str) -> Figure:
-    """An equation given as LaTeX math, drawn with matplotlib's own math text."""
+    """An equation given as LaTeX math, drawn with matplotlib's own math text; as it is written where that fails."""
     figure = Figure(figsize=(6, 0.6))
-    figure.text(0.0, 0.5, f"${equation}$", va="center", fontsize=15)
+    text = f"${equation}$"
+    try:
+        MathTextParser("agg").parse(text)
+    except ValueError:
+        text = equation.replace("$", r"\$")
+    figure.text(0.0, 0.5, text, va="center", fontsize=15)
     return figure
