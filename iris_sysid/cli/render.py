@@ -1,46 +1,131 @@
 """The command ``iris-sysid render``."""
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from iris_sysid import terminal
-from iris_sysid.cli.arguments import Force, Output, PhenomenonName, Settings
+from iris_sysid.cli.arguments import Force, Settings
+from iris_sysid.errors import DataError, UnknownNameError
+
+# where nothing else is asked for; clips of the data set are as the benchmark's
+SIZE, SECONDS = "1280x720", 10.0
+DATASET_SIZE, TRIALS = "3840x2160", 10
+EVERY_CLASS = "all"
+NOT_OF_THE_BENCHMARK = ("led", "torricelli")  # of another data set, in the same shape
 
 
 def render(
-    phenomenon: PhenomenonName,
-    output: Output,
+    phenomenon: Annotated[str | None, typer.Option(help="What is filmed; see iris-sysid list.")] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Where the clip goes.")] = None,
     effect: Annotated[list[str] | None, typer.Option(help="Hide an effect, e.g. quadratic-drag=0.08.")] = None,
     known: Settings = None,
-    size: Annotated[str, typer.Option(help="Picture size in px: WIDTHxHEIGHT.")] = "1280x720",
+    size: Annotated[str | None, typer.Option(help=f"WIDTHxHEIGHT in px: {SIZE}; data set {DATASET_SIZE}.")] = None,
     fps: Annotated[float, typer.Option(help="Frame rate in 1/s.")] = 60.0,
-    seconds: Annotated[float, typer.Option(help="Length of the clip in s.")] = 10.0,
+    seconds: Annotated[float | None, typer.Option(help="Length of the clip in s: 10; of a data set as filmed.")] = None,
     seed: Annotated[int, typer.Option(help="Same seed, same clip.")] = 0,
+    dataset: Annotated[Path | None, typer.Option(help="Render the benchmark's 240 clips into this folder.")] = None,
+    classes: Annotated[list[str] | None, typer.Option(help="Only this class of the data set; 'all': 10.")] = None,
+    trials: Annotated[int | None, typer.Option(help=f"Clips a setting of the data set: {TRIALS}.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Clips of the data set side by side: 1.")] = None,
     force: Force = False,
 ) -> None:
-    """Render a clip whose every number is known. The exact truth goes beside it.
+    """Render a clip whose every number is known, or the whole benchmark. The exact truth goes beside each clip.
+
+    With --dataset a run that was interrupted takes up where it stopped: finished clips are kept.
 
     \b
     Example:
       iris-sysid render --phenomenon pendulum --effect quadratic-drag=0.08 -o clip.mp4
     """
+    if dataset is not None:
+        asked = {"--phenomenon": phenomenon, "-o": output, "--effect": effect, "--set": known, "--force": force}
+        _refuse(asked, "belongs to a single clip, not to --dataset; leave it out")
+        _render_dataset(dataset, size or DATASET_SIZE, fps, seconds, seed, classes or [], trials, workers)
+        return
+    _refuse({"--classes": classes, "--trials": trials, "--workers": workers}, "belongs to --dataset; give its folder")
+    if phenomenon is None or output is None:
+        raise DataError("say what to render: --phenomenon NAME -o CLIP.mp4 for a clip, --dataset FOLDER for all")
+    _render_clip(phenomenon, output, effect or [], known or [], (size or SIZE, fps, seconds or SECONDS, seed), force)
+    typer.echo(f"{output}", err=True)
+
+
+def _refuse(options: Mapping[str, object], reason: str) -> None:
+    """Raise DataError when one of the options was given."""
+    for name, value in options.items():
+        if value:
+            raise DataError(f"{name} {reason}")
+
+
+def _render_clip(
+    phenomenon: str,
+    output: Path,
+    effect: list[str],
+    known: list[str],
+    film: tuple[str, float, float, int],
+    force: bool,
+) -> None:
     from iris_sysid import options
     from iris_sysid.synthetic import render_clip
     from iris_sysid.synthetic.plan import scene_named
 
+    size, fps, seconds, seed = film
     units = {one.name: one.unit for one in scene_named(phenomenon).parameters}
     with terminal.progress("rendering") as report_progress:
         render_clip(
             phenomenon,
             output,
-            effects=options.effects(effect or ()),
+            effects=options.effects(effect),
             size=options.size(size),
             fps=fps,
             duration_s=seconds,
             seed=seed,
-            overrides={name: value.value for name, value in options.settings(known or (), units).items()},
+            overrides={name: value.value for name, value in options.settings(known, units).items()},
             progress=report_progress,
             overwrite=force,
         )
-    typer.echo(f"{output}", err=True)
+
+
+def _render_dataset(
+    folder: Path,
+    size: str,
+    fps: float,
+    seconds: float | None,
+    seed: int,
+    classes: list[str],
+    trials: int | None,
+    workers: int | None,
+) -> None:
+    from iris_sysid import options
+    from iris_sysid.synthetic import render_dataset
+
+    with terminal.progress("rendering") as report_progress:
+        done = render_dataset(
+            folder,
+            size=options.size(size),
+            fps=fps,
+            trials=TRIALS if trials is None else trials,
+            seed=seed,
+            workers=1 if workers is None else workers,
+            phenomena=_phenomena(classes),
+            duration_s=seconds,
+            progress=report_progress,
+        )
+    typer.echo(f"{folder}: {len(done.written)} clips rendered, {len(done.kept)} were there", err=True)
+
+
+def _phenomena(classes: list[str]) -> list[str]:
+    """Names of the scenes of some classes, each named by its folder or its phenomenon."""
+    from iris_sysid.synthetic import SCENES
+
+    if EVERY_CLASS in classes:
+        return list(SCENES)
+    names = {scene.folder.lower(): name for name, scene in SCENES.items()} | {name: name for name in SCENES}
+    for one in classes:
+        if one.lower() not in names:
+            folders = ", ".join(scene.folder for scene in SCENES.values())
+            raise UnknownNameError(f"no class is named {one!r}; there are: {folders}, or {EVERY_CLASS}")
+    chosen = [names[one.lower()] for one in classes]
+    return list(dict.fromkeys(chosen)) or [name for name in SCENES if name not in NOT_OF_THE_BENCHMARK]
