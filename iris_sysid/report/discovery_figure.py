@@ -76,7 +76,7 @@ def _draw_intervals(axes: Axes, terms: Sequence[DiscoveredTerm]) -> None:
         text = f"{term.coefficient.value:.4g} ± {half:.1g}" if term.selected else ""
         axes.annotate(text, (centre, place), textcoords="offset points", xytext=(0, 5), ha="center", fontsize=7)
     axes.axvline(0, color="#444444", linewidth=0.8)
-    axes.set_xscale("symlog", linthresh=10, subs=())
+    axes.set_xscale("symlog", linthresh=10)
     axes.set_xticks([-1e4, -1e2, -10, 0, 10, 1e2, 1e4])
     axes.set_yticks(places, [""] * len(terms))
     axes.set(xlabel="coefficient / half width of its 95 % interval", ylim=(-0.7, len(terms) - 0.3))
