@@ -98,6 +98,13 @@ def test_colliding_pendulums_equal_the_twin_also_while_they_stay_together(scene,
     np.testing.assert_allclose(mine[:5], theirs[:5], atol=1e-6)
 
 
+def test_balls_that_start_beyond_the_horizontal_do_not_count_as_overlapping():
+    values = {"length_1": 0.5, "length_2": 0.5, "mass_ratio": 1.0, "restitution": 0.8, "contact_ratio": 0.12}
+    start = {"theta1_0": -1.8, "theta2_0": 1.8, "omega1_0": 0.0, "omega2_0": 0.0}
+    found = event_times(MODELS["pendulum-impact"], np.arange(60) / 60, values | start)
+    assert 0.4 < found[0].t_s < 0.5
+
+
 def test_slack_cord_equals_free_flight_then_a_pendulum():
     values = {"length": 0.5, "pivot_x": 0.0, "pivot_z": 0.0, "damping": 0.0, "gravity": 9.81}
     start = {"x_0": 0.4, "z_0": 0.0, "vx_0": 0.0, "vz_0": 0.0}

@@ -30,7 +30,8 @@ def meeting(state: tuple[float, ...], params: tuple[float, ...]) -> tuple[float,
     across = length_1 * apart + length_2 * sin_2 - length_1 * sin_1
     up = length_1 * cos_1 - length_2 * cos_2
     distance = np.sqrt(across * across + up * up)
-    side = across * (cos_1 + cos_2) + up * (sin_1 + sin_2)
+    middle = (state[0] + state[1]) / 2
+    side = across * np.cos(middle) + up * np.sin(middle)
     away = distance if side >= 0 else -distance
     n_x, n_z = across / away, up / away
     slope_1, slope_2 = -length_1 * (cos_1 * n_x + sin_1 * n_z), length_2 * (cos_2 * n_x + sin_2 * n_z)

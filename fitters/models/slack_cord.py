@@ -85,8 +85,8 @@ MODEL = OdeModel(
     name="slack-cord",
     summary="a ball on a cord, in free flight while the cord is slack, swinging while it is taut",
     equation=(
-        r"\ddot{\mathbf{r}} = \mathbf{g} - \zeta\,\dot{\mathbf{r}} - T\,\mathbf{r},\quad T \geq 0,\; |\mathbf{r}| \leq L,"
-        r"\; T\,(L - |\mathbf{r}|) = 0,\quad \dot r^+ = -e\,\dot r^- \text{ where } |\mathbf{r}| = L"
+        r"\ddot{\mathbf{r}} = \mathbf{g} - \zeta\,\dot{\mathbf{r}} - T\,\mathbf{r},\quad T \geq 0,"
+        r"\; |\mathbf{r}| \leq L,\; T\,(L - |\mathbf{r}|) = 0,\quad \dot r^+ = -e\,\dot r^- \text{ where } |\mathbf{r}| = L"
     ),
     source="Moreau (1988), Unilateral contact and dry friction, section 2, for the inextensible cord",
     states=(
