@@ -86,7 +86,8 @@ MODEL = OdeModel(
     summary="a ball on a cord, in free flight while the cord is slack, swinging while it is taut",
     equation=(
         r"\ddot{\mathbf{r}} = \mathbf{g} - \zeta\,\dot{\mathbf{r}} - T\,\mathbf{r},\quad T \geq 0,"
-        r"\; |\mathbf{r}| \leq L,\; T\,(L - |\mathbf{r}|) = 0,\quad \dot r^+ = -e\,\dot r^- \text{ where } |\mathbf{r}| = L"
+        r"\; |\mathbf{r}| \leq L,\; T\,(L - |\mathbf{r}|) = 0,"
+        r"\quad \dot r^+ = -e\,\dot r^- \text{ where } |\mathbf{r}| = L"
     ),
     source="Moreau (1988), Unilateral contact and dry friction, section 2, for the inextensible cord",
     states=(
