@@ -23,6 +23,7 @@ SIZE = (3840, 2160)  # the benchmark's clips
 NOISE_PX = 0.1  # of a tracked centre; rendered clips of any size give 0.03 to 0.1
 GREY_LEVELS = 255.0
 NOISE_GREY = 0.3  # of a lamp's mean brightness over its disc
+ERRORS = ("one-step", "multi-step", "baseline", "corrected", "per-clip", "multi-clip")  # columns that hold errors
 CHAIN_COUPLING = 2.0  # 1/s^2: the cups with the benchmark's own spring in place of impacts
 
 
@@ -165,7 +166,7 @@ def best_latent(folder: str, setting: str, parameter: str) -> float:
     errors = []
     for value in all_values():
         same = value.phenomenon.lower() == folder.lower() and value.setting == setting
-        if same and value.parameter in (plain, parameter) and value.column not in ("truth", "difference"):
+        if same and value.parameter in (plain, parameter) and value.column in ERRORS:
             errors.append(_number(value.printed))
     return min(filter(np.isfinite, errors), default=np.nan)
 
