@@ -23,6 +23,7 @@ from iris_sysid.gravity import upright, vertical_said, with_motion_vertical
 from iris_sysid.measures import ANGLES, LENGTHS, SHARES, measured
 from iris_sysid.plane import common_covariance, to_pixels, to_plane
 from iris_sysid.registry import PHENOMENA
+from iris_sysid.report.budget import budget_sections, calibration_section
 from iris_sysid.table_reading import read_trajectory
 from iris_sysid.tables import write_track, write_trajectory, write_worlds
 from iris_sysid.types import Track
@@ -151,6 +152,25 @@ def test_score_of_gravity_through_a_new_calibration_each_time_has_unit_variance(
 def test_interval_of_gravity_through_a_new_calibration_each_time_covers_the_truth():
     covered = sum(abs(gravity_score(seed)) < 1.96 for seed in range(200))
     assert scipy.stats.binomtest(covered, 200, 0.95).pvalue > 0.001
+
+
+def test_budget_table_lists_every_part_with_its_share_and_kind(calibration):
+    _, fit = fitted(falling(calibration, np.random.default_rng(1)), calibration, clock_stderr=1e-4)
+    (section,) = budget_sections(fit)
+    start = next(k for k, row in enumerate(section.rows) if row[0] == "gravity")
+    rows = []
+    for row in section.rows[start + 1 :]:
+        if row[0]:
+            break
+        rows.append(row)
+    assert {row[1] for row in rows} >= {"calibration: corners", "calibration: offset", "time base"}
+    assert [row[2] for row in rows if "tracking noise" in row[1]] == ["random"]
+    assert sum(float(row[4].removesuffix(" %")) for row in rows) == pytest.approx(100, abs=0.5)
+    variance = sum(float(row[3]) ** 2 for row in rows)
+    assert math.sqrt(variance) == pytest.approx(fit.estimates["gravity"].stderr, rel=0.05)
+    lines = " ".join(calibration_section(calibration, [falling(calibration, np.random.default_rng(1))]).lines)
+    assert "Fixed by the data: scale, tilt, distance, distortion" in lines
+    assert "the vertical is the picture's" in lines
 
 
 # --------------------------------------------------------------------------- which way is down

@@ -15,6 +15,7 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from fitters.ode import simulate
+from iris_sysid.plane import to_pixels
 from iris_sysid.types import Array, Calibration, FitResult, FrameSource, Track, Trajectory
 
 # Okabe and Ito (2008): eight colours that stay apart for every kind of colour vision.
@@ -94,12 +95,11 @@ def _draw_pivot(axes: Axes, trajectory: Trajectory, calibration: Calibration) ->
     geometry = trajectory.geometry
     if not {"pivot_x", "pivot_z", "arc_radius"} <= geometry.keys():
         return
-    inverse = np.linalg.inv(calibration.homography)
-    x, y, w = inverse @ [geometry["pivot_x"].value, geometry["pivot_z"].value, 1.0]
-    edge = inverse @ [geometry["pivot_x"].value + geometry["arc_radius"].value, geometry["pivot_z"].value, 1.0]
-    radius_px = float(np.hypot(edge[0] / edge[2] - x / w, edge[1] / edge[2] - y / w))
-    axes.add_patch(Circle((x / w, y / w), radius_px, fill=False, color="#009E73", linewidth=1, linestyle="--"))
-    axes.plot(x / w, y / w, "+", color="#009E73", markersize=12, label="pivot and arc")
+    across, height, radius = (geometry[name].value for name in ("pivot_x", "pivot_z", "arc_radius"))
+    (x, y), edge = to_pixels(calibration, np.array([[across, height], [across + radius, height]]))
+    radius_px = float(np.hypot(*(edge - [x, y])))
+    axes.add_patch(Circle((x, y), radius_px, fill=False, color="#009E73", linewidth=1, linestyle="--"))
+    axes.plot(x, y, "+", color="#009E73", markersize=12, label="pivot and arc")
 
 
 def fit_figure(trajectory: Trajectory, fit: FitResult) -> Figure:
