@@ -211,11 +211,10 @@ def rates(model: OdeModel, t_s: Array, states: Array, values: Mapping[str, float
     """
     params = tuple(values[parameter.name] for parameter in model.parameters)
     mode = (0.0,) if model.events else ()  # as in the first mode: an effect is judged by what it adds there
-    arguments: list[Any] = [t_s, (*states.T, *mode), params]
-    if inputs is not None:
-        arguments.append(tuple(inputs.T))
-    with np.errstate(all="ignore"):
-        return np.column_stack([np.broadcast_to(slope, t_s.shape) for slope in model.rhs(*arguments)])
+    known = [()] * len(t_s) if inputs is None else [(tuple(row),) for row in inputs.tolist()]
+    rows = zip(t_s.tolist(), states.tolist(), known, strict=True)
+    with np.errstate(all="ignore"):  # one by one: a right-hand side takes numbers
+        return np.array([model.rhs(t, (*state, *mode), params, *more) for t, state, more in rows])
 
 
 def force_along(effect: Effect, sizes: Array, model: OdeModel, t_s: Array, states: Array, base: Array) -> Array:

@@ -171,3 +171,14 @@ def test_pooled_estimate_has_the_scatter_between_clips_in_its_error():
     apart = [Estimate(1.0, 0.1, "m"), Estimate(3.0, 0.1, "m")]
     assert pooled(apart).value == pytest.approx(2.0)
     assert pooled(apart).stderr == pytest.approx(1.0, rel=0.02)
+
+
+def test_model_whose_equation_takes_numbers_only_is_diagnosed():
+    tank, t_s = MODELS["torricelli"], np.arange(300) / 30
+    leaking = with_effects(tank, [EFFECTS["leak"]])
+    level = simulate(leaking, t_s, {"outflow": 0.03, "h_0": 0.3, "leak": 0.02}).observed
+    level = level + 1e-4 * np.random.default_rng(0).standard_normal(level.shape)
+    clip = Trajectory(t_s, tank.observed, level, np.full_like(level, np.nan), np.ones(t_s.size, dtype=bool))
+    found = diagnose(clip, tank)
+    first = found.added[0].name
+    assert "leak" in (first, *found.indistinguishable[first])

@@ -112,7 +112,7 @@ class Effect:
     ``acceleration(t, position, velocity, speed, base, params)`` returns what is added to one second
     derivative ``base`` of a model of second order, or to one rate of a model of first order (there
     ``velocity`` is that rate). It is called for each component of each body; ``speed`` is the norm of
-    the body's velocity, and all are numbers, so that numba can compile it.
+    the body's velocity. It must accept numbers, so that numba can compile it, and arrays of them.
     ``observe(t_s, observed (n, d), velocity (n, d), params)`` returns what the camera sees (n, d).
     ``warp(t_s, params)`` returns the times (n,) at which the motion really was.
     ``applies(model)`` says whether the effect makes sense for a model.

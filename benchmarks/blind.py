@@ -1,0 +1,220 @@
+"""Blind test of the diagnosis: 0, 1 or 2 hidden effects, random in kind, sign and size, in motions of many models."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy.stats import norm
+
+from fitters.compose import with_effects
+from fitters.ode import fit, simulate
+from iris_sysid.diagnosis import FAMILY_LEVEL, diagnose
+from iris_sysid.errors import FitError
+from iris_sysid.registry import EFFECTS, MODELS
+from iris_sysid.scores import Score, screen, shaped
+from iris_sysid.types import Array, Effect, OdeModel, Trajectory
+
+FRAME_RATE_HZ = 60.0
+# by model: length of the clip, s; noise, in the observed unit (0.1 px of a 720-line picture); ranges of the truth
+SETTINGS: Mapping[str, tuple[float, float, Mapping[str, tuple[float, float]]]] = {
+    "pendulum": (
+        10.0, 5e-4, {"length": (0.3, 1.0), "damping": (0.01, 0.1), "theta_0": (0.3, 1.2), "omega_0": (-0.5, 0.5)},
+    ),
+    "linear-oscillator": (
+        10.0, 2e-4, {"stiffness": (9.0, 60.0), "damping": (0.02, 0.2), "z_0": (0.1, 0.3), "vz_0": (-0.2, 0.2)},
+    ),
+    "incline": (2.0, 2e-4, {"acceleration": (0.5, 2.0), "s_0": (0.0, 0.1), "v_0": (0.1, 0.5)}),
+    "free-fall": (0.6, 2e-4, {"gravity": (9.8, 9.8), "z_0": (1.5, 2.0), "vz_0": (-0.2, 0.2)}),
+    "projectile": (
+        0.8, 2e-4, {"x_0": (0.0, 0.1), "z_0": (0.5, 0.8), "vx_0": (1.5, 2.5), "vz_0": (2.0, 3.5)},
+    ),
+    "torricelli": (20.0, 2e-4, {"outflow": (0.02, 0.035), "h_0": (0.2, 0.3)}),
+    "exponential-decay": (5.0, 0.3, {"decay_rate": (0.4, 1.0), "intensity_0": (150.0, 220.0)}),
+}  # fmt: skip
+FACTORS = (0.5, 20.0)  # hidden sizes, in units of the smallest detectable one
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What was hidden in a case and what was found.
+
+    ``factors`` are the hidden sizes over the smallest detectable ones, ``found`` whether each is the effect added or
+    in its stated class, ``off`` how far each size is off, in standard errors, NaN where another name was given;
+    ``wrong`` are the effects added in whose class nothing hidden is, ``excess`` is the error after over the noise.
+    """
+
+    model: str
+    hidden: tuple[str, ...]
+    factors: tuple[float, ...]
+    found: tuple[bool, ...]
+    off: tuple[float, ...]
+    added: tuple[str, ...]
+    wrong: tuple[str, ...]
+    excess: float
+
+
+def threshold_of(score: Score, library: int) -> float:
+    """Standard errors that a size must have to be significant over the library."""
+    return float(norm.isf(FAMILY_LEVEL / library / 2 / score.tried))
+
+
+def measured(model: OdeModel, values: Mapping[str, float], rng: np.random.Generator) -> Trajectory:
+    """A motion of a model with white noise of the setting.
+
+    Parameters
+    ----------
+    model
+        With or without hidden effects.
+    values
+        By parameter.
+    rng
+        For the noise.
+    """
+    seconds, noise, _ = SETTINGS[model.name.partition(" + ")[0]]
+    t_s = np.arange(round(seconds * FRAME_RATE_HZ)) / FRAME_RATE_HZ
+    seen: Array = simulate(model, t_s, values).observed
+    if not np.all(np.isfinite(seen)):
+        raise FitError("the motion runs away")
+    seen = seen + noise * rng.standard_normal(seen.shape)
+    return Trajectory(t_s, model.observed, seen, np.full_like(seen, np.nan), np.ones(t_s.size, dtype=bool))
+
+
+def drawn(model: OdeModel, rng: np.random.Generator) -> dict[str, float]:
+    """Random values of the model."""
+    return {name: float(rng.uniform(*ends)) for name, ends in SETTINGS[model.name][2].items()}
+
+
+def hide(
+    model: OdeModel, values: Mapping[str, float], count: int, rng: np.random.Generator
+) -> tuple[list[Effect], dict[str, float], list[float]]:
+    """Choose effects that the data can show, and their sizes, which are also given over what is detectable.
+
+    Parameters
+    ----------
+    model, values
+        The motion without them.
+    count
+        How many.
+    rng
+        Of the case.
+    """
+    clean = measured(model, values, rng)
+    library = [one for one in EFFECTS.values() if one.applies(model)]
+    scores = [one for one in screen(library, fit(clean, model), clean)[0] if one.stderr > 0]
+    effects, sizes, factors = [], {}, []
+    for index in rng.permutation(len(scores))[:count]:
+        score, effect = scores[index], EFFECTS[scores[index].effect]
+        shapes = list(effect.trials(clean.t_s, clean.position)) if effect.trials else [()]
+        factor = float(np.exp(rng.uniform(*np.log(FACTORS))))
+        effect = shaped(effect, shapes[int(rng.integers(len(shapes)))])
+        size = rng.choice([-1.0, 1.0]) * factor * threshold_of(score, len(library)) * score.stderr
+        first = effect.parameters[0]
+        sizes[first.name] = float(np.clip(size, first.lower, first.upper))
+        effects.append(effect)
+        factors.append(factor)
+    return effects, sizes, factors
+
+
+def case(seed: int, count: int) -> Outcome | None:
+    """One case: hide, diagnose, compare; None when the motion with what is hidden in it runs away.
+
+    Parameters
+    ----------
+    seed
+        Of everything random.
+    count
+        How many effects to hide.
+    """
+    rng = np.random.default_rng(seed)
+    model = MODELS[list(SETTINGS)[seed % len(SETTINGS)]]
+    values = drawn(model, rng)
+    effects, sizes, factors = hide(model, values, count, rng)
+    try:
+        trajectory = measured(with_effects(model, effects), {**values, **sizes}, rng)
+        found = diagnose(trajectory, model)
+    except FitError:
+        return None
+    classes = [{one.name, *found.indistinguishable[one.name]} for one in found.added]
+    hidden = tuple(one.name for one in effects)
+    return Outcome(
+        model=model.name,
+        hidden=hidden,
+        factors=tuple(factors),
+        found=tuple(any(name in one for one in classes) for name in hidden),
+        off=tuple(
+            (found.sizes[name].value - size) / found.sizes[name].stderr if name in found.sizes else np.nan
+            for name, size in sizes.items()
+        ),
+        added=tuple(one.name for one in found.added),
+        wrong=tuple(one.name for one, names in zip(found.added, classes, strict=True) if not names & set(hidden)),
+        excess=found.after.fitted / SETTINGS[model.name][1],
+    )
+
+
+def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
+    """Rates by how large a hidden effect is."""
+    rows = []
+    for label, low, high in (("below detectable", 0, 1), ("1 to 2 times", 1, 2), ("above 2 times", 2, np.inf)):
+        part = [(one, k) for one in outcomes for k, factor in enumerate(one.factors) if low <= factor < high]
+        off = np.array([one.off[k] for one, k in part])
+        rows.append(
+            {
+                "hidden size": label,
+                "effects": len(part),
+                "named or in the class": _percent([one.found[k] for one, k in part]),
+                "interval covers": _percent(np.abs(off[np.isfinite(off)]) < norm.isf(0.025)),
+                "wrong name in the case": _percent([bool(one.wrong) for one, _ in part]),
+                "error after / noise": f"{np.median([one.excess for one, _ in part]):.3f}" if part else "",
+            }
+        )
+    clean = [one for one in outcomes if not one.hidden]
+    rows.append(
+        {
+            "hidden size": "nothing hidden",
+            "effects": len(clean),
+            "wrong name in the case": _percent([bool(one.wrong) for one in clean]),
+            "error after / noise": f"{np.median([one.excess for one in clean]):.3f}" if clean else "",
+        }
+    )
+    return pd.DataFrame(rows).fillna("")
+
+
+def _percent(flags: Sequence[bool] | Array) -> str:
+    return f"{100 * np.mean(flags):.1f} %" if len(flags) else ""
+
+
+def main() -> None:
+    """Print the table, and the cases that went wrong."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cases", type=int, default=300)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=0)
+    arguments = parser.parse_args()
+    seeds = np.arange(arguments.cases) + 10_000 * arguments.seed
+    counts = np.random.default_rng(arguments.seed).integers(0, 3, arguments.cases)
+    with ProcessPoolExecutor(arguments.workers) as pool:
+        every = list(pool.map(case, seeds.tolist(), counts.tolist()))
+    outcomes = [one for one in every if one is not None]
+    print(f"{len(outcomes)} cases; {len(every) - len(outcomes)} ran away or could not be fitted")
+    print(table(outcomes).to_string(index=False))
+    for one in outcomes:
+        missed = [
+            name
+            for name, factor, found in zip(one.hidden, one.factors, one.found, strict=True)
+            if factor > 2 and not found
+        ]
+        if one.wrong or missed:
+            hidden = (
+                ", ".join(f"{name} x {factor:.1f}" for name, factor in zip(one.hidden, one.factors, strict=True))
+                or "nothing"
+            )
+            print(f"  {one.model}: hidden {hidden}; added {', '.join(one.added) or 'nothing'}")
+
+
+if __name__ == "__main__":
+    main()
