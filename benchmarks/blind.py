@@ -203,16 +203,9 @@ def main() -> None:
     print(f"{len(outcomes)} cases; {len(every) - len(outcomes)} ran away or could not be fitted")
     print(table(outcomes).to_string(index=False))
     for one in outcomes:
-        missed = [
-            name
-            for name, factor, found in zip(one.hidden, one.factors, one.found, strict=True)
-            if factor > 2 and not found
-        ]
-        if one.wrong or missed:
-            hidden = (
-                ", ".join(f"{name} x {factor:.1f}" for name, factor in zip(one.hidden, one.factors, strict=True))
-                or "nothing"
-            )
+        sizes = list(zip(one.hidden, one.factors, one.found, strict=True))
+        if one.wrong or any(factor > 2 and not found for _, factor, found in sizes):
+            hidden = ", ".join(f"{name} x {factor:.1f}" for name, factor, _ in sizes) or "nothing"
             print(f"  {one.model}: hidden {hidden}; added {', '.join(one.added) or 'nothing'}")
 
 
