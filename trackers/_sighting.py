@@ -100,17 +100,31 @@ class Lens:
         """Look at each body closely; ``things`` are the cores of whatever moves, bodies and hands."""
         reaching = [core for core in things if core.held and core.inscribed > THINNEST_BODY]
         inside = [core for core in bodies if not core.at_edge and core.inscribed > THINNEST_BODY]
-        sightings = [self._sighting(frame, core, bodies, reaching) for core in inside]
-        intruders = tuple(self._intruder(core) for core in reaching)
+        sightings = [self.sighting(frame, core, bodies, reaching) for core in inside]
+        intruders = tuple(self.intruder(core) for core in reaching)
         return Glimpse(frame.index, frame.t_s, tuple(one for one in sightings if one is not None), intruders)
 
-    def _intruder(self, core: Core) -> Intruder:
+    def intruder(self, core: Core) -> Intruder:
+        """What reaches in, in px of the frame."""
         step, view = self.view.step, self.view
         left, top, right, bottom = (side * step for side in core.box)
         box = (left + view.left, top + view.top, right + view.left, bottom + view.top)
         return Intruder(box, float(core.area * step**2), core.inscribed * step)
 
-    def _sighting(self, frame: Frame, core: Core, bodies: list[Core], reaching: list[Core]) -> Sighting | None:
+    def sighting(self, frame: Frame, core: Core, bodies: list[Core], reaching: list[Core]) -> Sighting | None:
+        """Look at one body closely; None when it is too small, or cut off.
+
+        Parameters
+        ----------
+        frame
+            The frame.
+        core
+            The body, at the size that is searched.
+        bodies
+            All bodies of the frame: pixels of the others do not count.
+        reaching
+            What reaches in from the edge and may be a hand.
+        """
         size = self._pixel(core)
         window, left, top = self._window(frame, core, bodies, size)
         if np.count_nonzero(window.core) < SMALLEST_AREA:

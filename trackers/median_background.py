@@ -3,10 +3,14 @@
 Frames sampled over the clip give the background and its noise. In each frame the parts that differ
 are cut into compact bodies (cords and hands come off), each is measured to a fraction of a pixel, and
 the bodies are linked over the frames. The clip is read once beside the sampling, twice where a body stayed so
-long in one place that it became background; frames are not kept.
+long in one place that it became background; frames are not kept. More than two bodies, and two that are
+not both seen throughout, are followed all at once, also where they touch: the clip is then read twice more.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
@@ -14,11 +18,14 @@ from iris_sysid.errors import TrackingError
 from iris_sysid.types import FrameSource, Track, Tracker, TrackOptions
 from trackers._choose import follow
 from trackers._link import Path
+from trackers._many import many
 from trackers._observe import Stage, observe, stage_of
 from trackers._second_look import second_stage
 from trackers._sighting import Glimpse
 from trackers._tracks import track_of
-from trackers._view import view_of
+from trackers._view import View, view_of
+
+FEW = 2  # bodies: more than these are followed all at once
 
 
 def track(video: FrameSource, options: TrackOptions) -> list[Track]:
@@ -45,19 +52,50 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     DataError, UnknownNameError
         When the options do not fit the clip, or name an unknown colour.
     """
-    stage = stage_of(video, view_of(video, options))
-    glimpses, paths = _look(video, stage, options)
-    again = second_stage(stage, paths)
-    if again is not None:
-        glimpses, paths = _look(video, again, options)
+    glimpses, paths, view = _bodies(video, view_of(video, options), options)
     origin = {
         "tracker": TRACKER.name,
         "bodies": options.bodies,
         "roi": options.roi,
         "colour": options.colour,
-        "colour_used": stage.view.chroma,
+        "colour_used": view.chroma,
     }
     return [track_of(path, glimpses, str(number), origin) for number, path in enumerate(paths, start=1)]
+
+
+def _bodies(video: FrameSource, view: View, options: TrackOptions) -> tuple[list[Glimpse], list[Path], View]:
+    """What each frame shows and the paths of the bodies: each for itself, and if that misses some, all at once."""
+    if options.bodies > FEW and options.colour is None:
+        return _together(video, view, options)
+    stage = stage_of(video, view)
+    try:
+        glimpses, paths = _look(video, stage, options)
+        again = second_stage(stage, paths)
+        if again is not None:
+            glimpses, paths = _look(video, again, options)
+    except TrackingError:
+        if options.bodies == 1 or options.colour is not None:
+            raise
+        with suppress(TrackingError):
+            return _together(video, view, options)
+        raise
+    if options.bodies > 1 and options.colour is None and _seen(paths) < options.bodies * len(glimpses):
+        with suppress(TrackingError):
+            together = _together(video, view, options)
+            if _seen(together[1]) > _seen(paths):
+                return together
+    return glimpses, paths, stage.view
+
+
+def _together(video: FrameSource, view: View, options: TrackOptions) -> tuple[list[Glimpse], list[Path], View]:
+    """All bodies followed at once, told apart by colour where they differ in it."""
+    stage = stage_of(video, view.with_chroma())
+    return *many(video, stage, options), stage.view
+
+
+def _seen(paths: Sequence[Path]) -> int:
+    """Sightings of all bodies."""
+    return sum(len(path.sightings) for path in paths)
 
 
 def _look(video: FrameSource, stage: Stage, options: TrackOptions) -> tuple[list[Glimpse], list[Path]]:
