@@ -357,7 +357,10 @@ def _with_priors_weighed(task: Task, target: Target, solution: Solution, loss: L
             break
         weighed = with_priors(task.unknowns, task.priors).weighing_priors(factor)
         task = replace(task, unknowns=weighed)
-        solution = minimise(solution.problem, target, weighed, solution.values, loss=loss, steps=solution.steps)
+        before = solution
+        solution = minimise(
+            before.problem, target, weighed, before.values, loss=loss, steps=before.steps, gradients=before.gradients
+        )
     return task, solution
 
 

@@ -95,7 +95,7 @@ def between_clips(y: Array, v: Array) -> tuple[float, float, float]:
     best = int(np.argmin([minus_restricted(tau) for tau in grid]))
     around = (grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)])
     found = minimize_scalar(minus_restricted, bounds=around, method="bounded", options={"xatol": 1e-8})
-    tau = float(found.x) if minus_restricted(float(found.x)) < minus_restricted(0.0) else 0.0
+    tau = float(found.x) if minus_restricted(float(found.x)) < minus_restricted(0.0) - 1e-9 else 0.0
     low, high = (_where_q_is(y, v, float(chi2.ppf(level, y.size - 1))) for level in (0.975, 0.025))
     return low * unit, tau * unit, high * unit
 

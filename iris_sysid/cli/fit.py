@@ -1,48 +1,160 @@
 """The command ``iris-sysid fit``."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from iris_sysid import terminal
-from iris_sysid.cli.arguments import Force, Free, Json, ModelName, Output, Settings, Starts, Table
+from iris_sysid.cli.arguments import Force, Free, Json, ModelName, Output, Settings, Starts
+
+if TYPE_CHECKING:
+    from iris_sysid.types import Estimate, FitResult, Trajectory
+
+AUTO = "auto"
 
 
 def fit(
-    table: Table,
+    tables: Annotated[list[Path], typer.Argument(help="CSV with t_s and <quantity>_<unit> columns; several clips.")],
     model: ModelName,
     output: Output,
     known: Settings = None,
     free: Free = None,
     start: Starts = None,
+    shared: Annotated[list[str] | None, typer.Option(help="Parameter that several clips have in common.")] = None,
+    per_clip: Annotated[list[str] | None, typer.Option(help="Parameter of which no mean over clips is wanted.")] = None,
+    uncertainty: Annotated[list[str] | None, typer.Option(help="robust, profile, bootstrap or all.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Also draw the fit and its residual to this PNG file.")] = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
     """Fit a governing equation to a trajectory. Writes fit.json: values, standard errors, intervals, units.
 
+    With --model auto the equation is chosen from the bank; several tables are fitted together.
+
     \b
     Example:
       iris-sysid fit trajectory.csv --model pendulum --set gravity=9.79 -o fit.json
     """
-    from fitters.ode import fit as fit_model
-    from iris_sysid import documents, files, options
+    from iris_sysid import options
+    from iris_sysid.errors import DataError
     from iris_sysid.registry import MODELS
     from iris_sysid.table_reading import read_trajectory
 
-    chosen = MODELS[model]
-    terminal.check_outputs(table, [output, plot], overwrite=force)
+    for table in tables:
+        terminal.check_outputs(table, [output, plot], overwrite=force)
     terminal.check_suffix(plot, ".png")
-    fixed, first = (options.settings(texts or (), options.units_of(chosen)) for texts in (known, start))
+    if (shared or per_clip) and len(tables) < 2:
+        raise DataError("--shared and --per-clip are about several clips; give several tables")
+    if len(tables) > 1 and (plot or uncertainty or model == AUTO):
+        raise DataError("--plot, --uncertainty and --model auto are about one table; give one")
+    if model == AUTO and (plot or uncertainty or known or start):
+        raise DataError(
+            "--plot, --uncertainty, --set and --start-at need the name of a model; --model auto has none yet"
+        )
+    units = {} if model == AUTO else options.units_of(MODELS[model])
+    fixed, first = (options.settings(texts or (), units) for texts in (known, start))
+    asked = {
+        "model": model,
+        "set": known,
+        "free": free,
+        "start_at": start,
+        "shared": shared,
+        "uncertainty": uncertainty,
+    }
+    clips = [options.asked(read_trajectory(table), **asked) for table in tables]
+    if model == AUTO:
+        _choose(clips[0], free or [], output, force, json)
+        return
     starts = {name: value.value for name, value in first.items()}
-    trajectory = options.asked(read_trajectory(table), model=model, set=known, free=free, start_at=start)
-    result = fit_model(trajectory, chosen, fixed=fixed, free=free or (), start=starts)
-    documents.write_fit(result, trajectory, output, overwrite=force)
-    if plot is not None:
-        from iris_sysid.report.figures import fit_figure
-        from iris_sysid.report.page import png_of
+    if len(tables) > 1:
+        _pool(tables, clips, model, (shared or [], per_clip or [], free or []), fixed, starts, output, force, json)
+    else:
+        _fit_one(clips[0], model, fixed, free or [], starts, uncertainty or ["robust"], output, plot, force, json)
 
-        files.write_atomic(plot, png_of(fit_figure(trajectory, result)), overwrite=force)
+
+def _fit_one(
+    trajectory: Trajectory,
+    model: str,
+    fixed: dict[str, Estimate],
+    free: list[str],
+    starts: dict[str, float],
+    uncertainty: list[str],
+    output: Path,
+    plot: Path | None,
+    force: bool,
+    json: bool,
+) -> None:
+    from dataclasses import replace
+
+    from fitters.identifiability import identifiability
+    from fitters.ode import fit as fit_model
+    from iris_sysid import documents
+    from iris_sysid.registry import MODELS
+
+    methods = [one for text in uncertainty for one in text.split(",")]
+    result = fit_model(trajectory, MODELS[model], fixed=fixed, free=free, start=starts, uncertainty=methods)
+    if result.identifiability is not None:
+        result = replace(result, identifiability=identifiability(result, trajectory))
+    documents.write_fit(result, trajectory, output, overwrite=force)
+    _draw(trajectory, result, plot, force)
     terminal.show_fit(result, trajectory, json)
     terminal.exit_unless_ok(result)
+
+
+def _pool(
+    tables: list[Path],
+    clips: list[Trajectory],
+    model: str,
+    names: tuple[list[str], list[str], list[str]],
+    fixed: dict[str, Estimate],
+    starts: dict[str, float],
+    output: Path,
+    force: bool,
+    json: bool,
+) -> None:
+    from fitters.clips import fit_clips
+    from iris_sysid import documents, wording
+    from iris_sysid.errors import IrisError
+    from iris_sysid.fit_documents import pooled_document
+    from iris_sysid.registry import MODELS
+
+    shared, per_clip, free = names
+    pooled = fit_clips(clips, MODELS[model], shared=shared, per_clip=per_clip, fixed=fixed, free=free, start=starts)
+    document = pooled_document(pooled, [table.name for table in tables], clips[0])
+    documents.write_document(document, output, overwrite=force)
+    typer.echo(documents.document_text(document).rstrip("\n") if json else wording.pooled_text(pooled))
+    if not pooled.usable:
+        raise IrisError(f"the fit failed ({pooled.status}): {pooled.message}")
+    if pooled.message:
+        typer.echo(f"warning: {pooled.message}", err=True)
+
+
+def _choose(trajectory: Trajectory, free: list[str], output: Path, force: bool, json: bool) -> None:
+    from fitters.select import select_model
+    from iris_sysid import documents, wording
+    from iris_sysid.errors import IrisError
+    from iris_sysid.fit_documents import selection_document
+
+    choice = select_model(trajectory, free=free)
+    if choice.nearest.fit is None:
+        raise IrisError(f"no model of the bank could be fitted: {choice.nearest.note}")
+    document = selection_document(choice, trajectory)
+    documents.write_document(document, output, overwrite=force)
+    typer.echo(documents.document_text(document).rstrip("\n") if json else choice.message)
+    if choice.chosen is None:
+        raise IrisError(choice.message)
+    if not json:
+        typer.echo(wording.estimates_text(choice.nearest.fit))
+
+
+def _draw(trajectory: Trajectory, result: FitResult, plot: Path | None, force: bool) -> None:
+    if plot is None:
+        return
+    from iris_sysid import files
+    from iris_sysid.report.figures import fit_figure
+    from iris_sysid.report.page import png_of
+
+    files.write_atomic(plot, png_of(fit_figure(trajectory, result)), overwrite=force)

@@ -1,0 +1,156 @@
+"""Choice of the governing equation on 240 twin trajectories, beside the published classifiers.
+
+``python -m benchmarks.selection`` takes every setting of the benchmark's eight phenomena, ten trials each with the
+scatter of real ones. Nothing is rendered: the true path of each body, in metres, gets white noise of the size that the
+tracker has, 0.05 px. What is chosen from is the whole bank; what is given is x and z of each body and, where a ball is
+seen from above, its apparent radius: no name of a phenomenon, a setting or a quantity.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import zlib
+from collections import Counter
+
+import numpy as np
+import pandas as pd
+
+from fitters.select import Choice, select_model
+from iris_sysid.benchmark.published import values_at
+from iris_sysid.errors import IrisError
+from iris_sysid.events import segment
+from iris_sysid.synthetic import SCENES
+from iris_sysid.synthetic.plan import Plan, plan_clip
+from iris_sysid.types import Quantity, Trajectory
+
+NOISE_PX = 0.05  # of a tracked centre and radius: what the twin's tests find for the trackers
+SIZE = (1920, 1080)
+LONGEST_S = 30.0
+ACCEPTED = {
+    "dropping-ball": ("free-fall", "bouncing-ball"),
+    "falling-ball": ("apparent-radius",),
+    "sliding-cone": ("incline",),
+    "pendulum": ("pendulum",),
+    "rotating-cone": ("angular-oscillator",),
+    "hitting-cones": ("contact-chain", "impact-chain"),
+    "two-moving-pendulums": ("coupled-pendulums", "pendulum-impact"),
+    "one-static-pendulum": ("coupled-pendulums", "pendulum-impact"),
+}
+
+
+def trial(name: str, setting: str, number: int) -> Plan:
+    """One trial of a setting: its parameters scatter as the scene says."""
+    scene = SCENES[name]
+    rng = np.random.default_rng([number, zlib.crc32(f"{name}/{setting}".encode())])
+    values = {one.name: float(one.default or 0.0) for one in scene.parameters} | scene.settings[setting]
+    scattered = {
+        one.name: float(
+            np.clip(values[one.name] + scene.scatter[one.name] * rng.standard_normal(), one.lower, one.upper)
+        )
+        for one in scene.parameters
+        if one.name in scene.scatter
+    }
+    duration_s = min(scene.duration_s, LONGEST_S)
+    return plan_clip(name, setting=setting, size=SIZE, duration_s=duration_s, seed=number, overrides=scattered)
+
+
+def tracked(plan: Plan, seed: int) -> list[Trajectory]:
+    """Noisy trajectories of the bodies: x and z in m, and the radius in px where it changes."""
+    rng, scale = np.random.default_rng([seed, 5]), plan.camera.pixels_per_metre
+    bodies = []
+    for _, table in plan.truth.table.groupby("body", sort=False):
+        columns = [table["x_m"], table["z_m"]]
+        quantities = [Quantity("x", "m"), Quantity("z", "m")]
+        sigma = [NOISE_PX / scale] * 2
+        if np.ptp(table["radius_px"]) > 1.0:
+            columns.append(table["radius_px"])
+            quantities.append(Quantity("r", "px"))
+            sigma.append(NOISE_PX)
+        place = np.column_stack(columns) + np.array(sigma) * rng.standard_normal((len(table), len(columns)))
+        noise = np.broadcast_to(sigma, place.shape)
+        inside = table["inside"].to_numpy(copy=True)
+        place = np.where(inside[:, None], place, np.nan)
+        held = (table["phase"] == "hand").to_numpy()
+        world = Trajectory(table["t_s"].to_numpy(copy=True), tuple(quantities), place, noise, inside)
+        bodies.append((world, held))
+    if len(bodies) == 1:
+        return [cut(*bodies[0])]
+    return [world.with_(valid=world.valid & ~held) for world, held in bodies]
+
+
+def cut(world: Trajectory, held: np.ndarray) -> Trajectory:
+    """The first long stretch between let go and the first impact, found in the two channels that move most."""
+    moves = np.nanstd(world.position, axis=0) / np.nanmean(world.sigma, axis=0)
+    which = sorted(np.argsort(moves)[-2:].tolist())
+    seen = world.with_(
+        quantities=(Quantity("x", "m"), Quantity("z", "m")),
+        position=world.position[:, which],
+        sigma=world.sigma[:, which],
+    )
+    found = segment(seen, hand=held, kind="flight")
+    return world.with_(segments=found.segments, valid=found.valid)
+
+
+def chosen_for(name: str, setting: str, number: int) -> Choice:
+    """The choice for one trial."""
+    return select_model(tracked(trial(name, setting, number), number))
+
+
+def rows(trials: int, phenomena: list[str]) -> pd.DataFrame:
+    """One row a trial: phenomenon, the nearest model, whether it is adequate, margins, seconds."""
+    found = []
+    for name in phenomena:
+        for setting in SCENES[name].settings:
+            for number in range(1, trials + 1):
+                began = time.process_time()
+                try:
+                    choice = chosen_for(name, setting, number)
+                    nearest, adequate = choice.nearest.model, choice.chosen is not None
+                    margins = (choice.heldout_margin, choice.bic_margin)
+                except IrisError as error:
+                    nearest, adequate, margins = f"no answer: {error}"[:60], False, (np.nan, np.nan)
+                seconds = time.process_time() - began
+                found.append((name, setting, number, nearest, adequate, *margins, seconds))
+            part = Counter(row[3] for row in found if row[:2] == (name, setting))
+            print(f"  {name}/{setting}: {dict(part)}", flush=True)
+    columns = ["phenomenon", "setting", "trial", "model", "adequate", "heldout_margin", "bic_margin", "seconds"]
+    return pd.DataFrame(found, columns=columns)
+
+
+def print_result(table: pd.DataFrame) -> None:
+    """Print the confusion matrix and the accuracies."""
+    right = np.array([model in ACCEPTED[name] for name, model in zip(table["phenomenon"], table["model"], strict=True)])
+    print("\nConfusion: phenomena down, equations across (first of the ranking)")
+    print(pd.crosstab(table["phenomenon"], table["model"]).to_string())
+    both = right & table["adequate"].to_numpy()
+    none = ~table["adequate"].to_numpy()
+    print(f"\nright equation first: {right.sum()} of {len(right)} ({100 * right.mean():.1f} %)")
+    print(f"right equation, and it fits: {both.sum()} ({100 * both.mean():.1f} %); 'none of these': {none.sum()}")
+    print("by phenomenon: right, and fits")
+    for name in dict.fromkeys(table["phenomenon"]):
+        here = (table["phenomenon"] == name).to_numpy()
+        print(f"  {name:22} {right[here].sum():3d} {both[here].sum():3d} of {here.sum()}")
+    print(f"median processor time a clip: {table['seconds'].median():.2f} s")
+
+
+def print_published() -> None:
+    """Print what the benchmark published for its classifiers, which saw the pixels."""
+    print("\nPublished on 240 IRIS clips (%):")
+    for value in values_at("tab:summary_vlm_methods"):
+        if value.dataset == "iris":
+            print(f"  {value.column:14} {value.printed}")
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trials", type=int, default=10, help="trials a setting")
+    parser.add_argument("--phenomenon", action="append", choices=list(ACCEPTED), help="only these")
+    options = parser.parse_args()
+    print_result(rows(options.trials, options.phenomenon or list(ACCEPTED)))
+    print_published()
+
+
+if __name__ == "__main__":
+    main()
