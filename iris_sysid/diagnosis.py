@@ -17,6 +17,7 @@ from scipy.stats import norm
 
 from fitters.compose import with_effect
 from fitters.ode import fit, simulate
+from fitters.random_effects import random_effects
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
 from iris_sysid.scores import Score, combined, screen, shaped
@@ -198,20 +199,15 @@ def diagnose(
 
 
 def pooled(sizes: Sequence[Estimate]) -> Estimate:
-    """Mean of independent estimates of one quantity, with the scatter between them (DerSimonian and Laird 1986).
+    """Mean of estimates of one size in independent clips, with the scatter between them in its standard error.
 
     The only one, where there is but one. Estimates without a standard error are left out.
     """
     known = [one for one in sizes if one.stderr > 0]
     if len(known) < 2:
         return known[0] if known else sizes[0]
-    values, weights = np.array([one.value for one in known]), np.array([one.stderr**-2 for one in known])
-    spread = float(np.sum(weights * (values - np.average(values, weights=weights)) ** 2))
-    excess = (spread - (len(known) - 1)) / (weights.sum() - np.sum(weights**2) / weights.sum())
-    weights = 1.0 / (1.0 / weights + max(excess, 0.0))
-    source = f"mean of {len(known)} clips"
-    mean, stderr = float(np.average(values, weights=weights)), float(weights.sum() ** -0.5)
-    return Estimate(mean, stderr, known[0].unit, known[0].measurement_type, source)
+    values, stderrs = np.array([one.value for one in known]), np.array([one.stderr for one in known])
+    return random_effects(values, stderrs, known[0].unit).mean
 
 
 def _base(clips: Sequence[_Clip], model: OdeModel, holdout: float) -> _State:
