@@ -22,7 +22,7 @@ from fitters.sindy import discover
 from fitters.sindy_library import Library, evaluated, library_of, value_of
 from iris_sysid.errors import IrisError
 from iris_sysid.registry import MODELS
-from iris_sysid.types import Discovery, Trajectory
+from iris_sysid.types import Discovery, Quantity, Trajectory
 from iris_sysid.wording import discovery_sentence
 from tests import _real_data as real
 
@@ -328,8 +328,17 @@ def draw_degradation(curves: dict[str, dict[str, dict[str, list[float]]]], pictu
     figure.savefig(picture, dpi=110)
 
 
+def double_linear() -> Trajectory:
+    """Positions of two oscillators on an air track that pull at one another, in mm in the file."""
+    path = real.recording("schmidt_lipson") / "real_double_linear_h_1.txt"
+    _, t_s, first_mm, second_mm, *_ = np.loadtxt(path, comments="%").T
+    places = np.column_stack([first_mm, second_mm]) / 1000
+    return real.trajectory_of(t_s, places, Quantity("z1", "m"), Quantity("z2", "m"))
+
+
 RECORDINGS: dict[str, Callable[[], Trajectory]] = {
     "schmidt_lipson real_linear": real.schmidt_lipson_linear,
+    "schmidt_lipson real_double_linear": double_linear,
     "wooden_bob": real.wooden_bob,
     "alexiev length_68": real.alexiev_length_68,
 }

@@ -20,10 +20,11 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # ships none
 
 from fitters.sindy_bank import match
-from fitters.sindy_library import Library, library_of, turnover_of
+from fitters.sindy_library import DIFFERENCE, INPUT, LINEAR, ONE, RATE, SIN, Library, library_of, turnover_of
 from fitters.sindy_model import model_of
 from fitters.sindy_refine import Refined, added_alone, as_good, disposed, inclusion, refined, stable
 from fitters.sindy_sparse import Compressed, Kept, predicted_best, proposed, significant, term_price
@@ -147,14 +148,22 @@ def _origin(clips: Sequence[Trajectory]) -> dict[str, Any]:
 
 
 def _starts(pieces: list[Piece], library: Library) -> list[tuple[Kept, dict[str, float]]]:
-    """Proposed choices with coefficients: pysindy's, then the significant ones, then single terms."""
+    """Proposed choices with coefficients: pysindy's, the significant ones, all smooth ones, then single terms."""
     rows = rows_of(pieces, library)
     choices = [proposed(one) for one in rows]
     best = [path[predicted_best(one, path)] for one, path in zip(rows, choices, strict=True)]
     normals = [Compressed.of(one.right, one.left) for one in rows]
     sure = [np.array(significant(one, term_price(one)), dtype=np.intp) for one in normals]
+    smooth = [_smooth(library, equation) for equation in range(len(rows))]
     single = [path[min(1, len(path) - 1)] for path in choices]
-    return [_start(library, rows, choice) for choice in (best, sure, single)]
+    return [_start(library, rows, choice) for choice in (best, sure, smooth, single)]
+
+
+def _smooth(library: Library, equation: int) -> NDArray[np.intp]:
+    """The terms of an equation that make every motion one that an integrator can follow, whatever their size."""
+    codes = [library.terms[k].code for k in library.of_equation(equation)]
+    own = (ONE, SIN if SIN in codes else LINEAR, RATE, DIFFERENCE, INPUT)
+    return np.flatnonzero([code in own for code in codes])
 
 
 def _start(library: Library, rows: Sequence[Rows], choice: Sequence[Any]) -> tuple[Kept, dict[str, float]]:
@@ -187,8 +196,7 @@ def _named(
             continue
         named, _ = _match(library, second, constants)
         if named is not None:
-            rest = [one for one in alike if one != other]
-            return second, [found.kept, *rest], named, None
+            return second, as_good(second, library, ALIKE), named, None
     if nearest is not None and not nearest.missing:
         nearest = _without_extra(clips, library, found, nearest, constants)
     return found, alike, matched, nearest

@@ -23,6 +23,7 @@ BLOCKS = 24  # of a clip, for resampling
 LEAST_IN_BLOCK = 4
 RESAMPLED = 100
 STABLE = 0.5  # inclusion of a term that stays
+SURE = 10.0  # of the information criterion: very strong evidence (Kass and Raftery 1995, JASA 90, 773)
 ROUNDS = 8
 MOST_CORRELATION = 0.98
 
@@ -268,6 +269,8 @@ def stable(
 ) -> tuple[Refined, Array]:
     """Take out terms that fewer than half of the resampled data sets include, the least included first.
 
+    One without which the fit is clearly worse stays: something like it is there, and ``alternatives`` say what.
+
     Parameters
     ----------
     clips, library
@@ -284,15 +287,17 @@ def stable(
     found, shares
         The choice that is left, fitted, and the inclusion (k,) of every term about it.
     """
-    shares = inclusion(found, rng, count)
-    while found.kept and min(shares[list(found.kept)]) < STABLE:
-        least = int(np.argmin(shares[list(found.kept)]))
-        kept = found.kept[:least] + found.kept[least + 1 :]
+    shares, needed = inclusion(found, rng, count), set[int]()
+    while unsure := [k for k in found.kept if shares[k] < STABLE and k not in needed]:
+        least = min(unsure, key=lambda k: float(shares[k]))
+        kept = tuple(k for k in found.kept if k != least)
         values = found.total.solved(kept)[0]
         fewer = refined(clips, library, kept, dict(zip((library.names[k] for k in kept), values.tolist(), strict=True)))
-        if not fewer.usable:
-            break
-        found, shares = fewer, inclusion(fewer, rng, count)
+        worth = max(found.count, fewer.count)
+        if fewer.criterion(worth) > found.criterion(worth) + SURE:
+            needed.add(least)
+        else:
+            found, shares = fewer, inclusion(fewer, rng, count)
     return found, shares
 
 
