@@ -140,12 +140,12 @@ def _choose(body: Body, stretches: list[Stretch], kind: MotionKind) -> Stretch |
 
 
 def _falls(inside: Body) -> bool:
-    """Whether it accelerates downwards significantly."""
-    if inside.index.size < FEWEST or inside.position.shape[1] < 2:
+    """Whether its last coordinate, z, accelerates downwards significantly."""
+    if inside.index.size < FEWEST:
         return False
     every = np.arange(inside.index.size)[None]
     fitted, gain, _ = local.fit_windows(inside.t_s, inside.position, every, inside.t_s[:1], 2)
-    return bool(fitted[0, 2, 1] < -SLOW * gain[0, 2] * inside.scale[1])
+    return bool(fitted[0, 2, -1] < -SLOW * gain[0, 2] * inside.scale[-1])
 
 
 def _straight(body: Body, one: Stretch) -> Stretch:

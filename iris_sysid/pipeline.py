@@ -11,10 +11,10 @@ import numpy as np
 
 from fitters.ode import fit
 from iris_sysid import shared_errors
+from iris_sysid._observables import measured, segmented
 from iris_sysid.calibration import MARK_SIGMA_PX, to_world, uncalibrated
 from iris_sysid.documents import write_fit
 from iris_sysid.errors import CalibrationError, DataError, UnknownNameError
-from iris_sysid.events import segment
 from iris_sysid.files import check_writable
 from iris_sysid.gravity import gravity_calibration, upright, vertical_said
 from iris_sysid.options import units_of
@@ -84,7 +84,7 @@ def _check_request(
     for name in marks_px:
         if not {f"{name}_x", f"{name}_z"} & names.keys():
             raise UnknownNameError(f"{phenomenon.name} has no use for the mark {name!r}")
-    if scale_from_gravity is not None and phenomenon.motion != "flight":
+    if scale_from_gravity is not None and (phenomenon.motion, phenomenon.measures) != ("flight", "position"):
         raise CalibrationError(f"gravity gives the scale of a free flight only, not of {phenomenon.name}")
 
 
@@ -125,7 +125,7 @@ def observe(
     chosen = PHENOMENA[phenomenon]
     if len(tracks) < chosen.bodies:
         raise DataError(f"{phenomenon} needs {chosen.bodies} bodies, but {len(tracks)} were tracked; see --bodies")
-    world = [segment(to_world(one, calibration), hand=one.hand, kind=chosen.motion) for one in tracks]
+    world = [segmented(one, calibration, chosen) for one in tracks]
 
     def known(by: Calibration) -> dict[str, Estimate]:
         found = [_mark_in_world(name, point, tracks[0], by) for name, point in (marks_px or {}).items()]
@@ -133,7 +133,7 @@ def observe(
 
     def positions(by: Calibration) -> Array:
         again = [
-            to_world(one, by).with_(segments=first.segments, valid=first.valid)
+            measured(one, by, chosen).with_(segments=first.segments, valid=first.valid)
             for one, first in zip(tracks, world, strict=True)
         ]
         return chosen.observe(again, known(by)).position

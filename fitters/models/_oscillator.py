@@ -10,10 +10,10 @@ from fitters.models._guess import samples, start_of, weak_regression
 from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
 
 
-def rhs(t: float, state: tuple[float, float], params: tuple[float, float]) -> tuple[float, float]:
+def rhs(t: float, state: tuple[float, float], params: tuple[float, ...]) -> tuple[float, float]:
     """Give y'' = -damping y' - stiffness y."""
     position, velocity = state
-    stiffness, damping = params
+    stiffness, damping = params[0], params[1]
     return velocity, -damping * velocity - stiffness * position
 
 

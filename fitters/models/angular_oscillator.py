@@ -2,12 +2,56 @@
 
 from __future__ import annotations
 
-from fitters.models._oscillator import linear_oscillator
-from iris_sysid.types import Quantity
+from collections.abc import Mapping
+from dataclasses import replace
 
-MODEL = linear_oscillator(
-    "angular-oscillator",
-    "an arm that turns against a linear torque, damped in proportion to its speed: the rotating cone",
-    Quantity("phi", "rad", r"\varphi"),
-    Quantity("omega", "rad/s", r"\omega"),
+import numpy as np
+
+from fitters.models._guess import samples, weak_regression
+from fitters.models._oscillator import linear_oscillator
+from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+
+
+def about_rest() -> OdeModel:
+    """The oscillator whose angle is counted from its direction of rest."""
+    return linear_oscillator(
+        "angular-oscillator",
+        "an arm that turns against a linear torque, damped in proportion to its speed: the rotating cone",
+        Quantity("phi", "rad", r"\varphi"),
+        Quantity("omega", "rad/s", r"\omega"),
+    )
+
+
+def observe(t_s: Array, states: Array, params: Array) -> Array:
+    """Give phi as counted from another direction than that of rest."""
+    return states[:, :1] + params[2]
+
+
+def guess(trajectory: Trajectory) -> Mapping[str, float]:
+    """Take the direction of rest from phi'' regressed on phi, 1 and phi' in weak form; the rest about it."""
+    t_s, phi = samples(trajectory, "phi")
+    (stiffness, torque, _), _ = weak_regression(t_s, phi, np.column_stack([-phi, np.ones_like(phi)]))
+    found = np.isfinite(stiffness) and stiffness > 0
+    rest = float(np.clip(torque / stiffness, phi.min(), phi.max())) if found else 0.0
+    about = trajectory.with_(position=trajectory.position - rest, smoothed=None)
+    return {**about_rest().guess(about), "rest": rest}
+
+
+MODEL = replace(
+    about_rest(),
+    parameters=(
+        *about_rest().parameters,
+        Parameter(
+            "rest",
+            "rad",
+            r"\varphi_r",
+            lower=-1e4,
+            upper=1e4,
+            default=0.0,
+            constant=True,
+            source="angle at rest: 0 where angles are measured from there",
+        ),
+    ),
+    observe=observe,
+    guess=guess,
 )

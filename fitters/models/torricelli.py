@@ -7,14 +7,19 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitters.models._guess import samples, start_of, weak_regression
-from iris_sysid.types import OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
 
 
-def rhs(t: float, state: tuple[float], params: tuple[float]) -> tuple[float]:
+def rhs(t: float, state: tuple[float], params: tuple[float, float]) -> tuple[float]:
     """Give h' = -outflow sqrt(h); an empty tank stays empty."""
     (level,) = state
-    (outflow,) = params
+    outflow, _ = params
     return (-outflow * np.sqrt(max(level, 0.0)),)
+
+
+def observe(t_s: Array, states: Array, params: Array) -> Array:
+    """Give the level as counted from another height than that of the hole."""
+    return states + params[1]
 
 
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
@@ -33,8 +38,21 @@ MODEL = OdeModel(
     equation=r"\dot h = -k\,\sqrt{h},\quad h \geq 0",
     source="Torricelli (1644), De motu gravium; k = (hole / surface) sqrt(2 g) without losses",
     states=(Quantity("h", "m", "h"),),
-    parameters=(Parameter("outflow", "m^0.5/s", "k", lower=-1e3, upper=1e4),),
+    parameters=(
+        Parameter("outflow", "m^0.5/s", "k", lower=-1e3, upper=1e4),
+        Parameter(
+            "hole",
+            "m",
+            "h_h",
+            lower=-1e3,
+            upper=1e3,
+            default=0.0,
+            constant=True,
+            source="height of the hole: 0 where levels are measured from it",
+        ),
+    ),
     observed=(Quantity("h", "m", "h"),),
     rhs=rhs,
     guess=guess,
+    observe=observe,
 )

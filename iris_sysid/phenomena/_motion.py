@@ -20,6 +20,17 @@ def only_body(world: Sequence[Trajectory], name: str) -> Trajectory:
     return body
 
 
+def only_measured(world: Sequence[Trajectory], name: str, quantity: str) -> Trajectory:
+    """The first trajectory, which must hold one quantity of that name; DataError when it does not."""
+    if not world:
+        raise DataError(f"{name} needs the trajectory of one body, but none was given")
+    body = world[0]
+    if [one.name for one in body.quantities] != [quantity]:
+        have = ", ".join(f"{one.name} in {one.unit}" for one in body.quantities)
+        raise DataError(f"{name} needs {quantity}, but the trajectory has {have}")
+    return body
+
+
 def in_motion(body: Trajectory, fewest: int) -> Mask:
     """The valid samples (n,) of the motion; DataError when there are fewer than ``fewest``."""
     used = body.valid & body.mask("motion")

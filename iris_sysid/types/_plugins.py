@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from iris_sysid.types._clip import FrameSource, Track, TrackOptions
 from iris_sysid.types._motion import MotionKind, Trajectory
@@ -29,7 +30,8 @@ class Phenomenon:
     ``motion`` is the kind of motion that the segmentation looks for. ``free`` names constants of the
     model that a video leaves open, e.g. the direction of the vertical. ``refine(fit, trajectory)``
     returns settings that the fit knows better than the geometry did, for another pass. ``settings``
-    names what ``observe`` may be told beside the parameters of the model.
+    names what ``observe`` may be told beside the parameters of the model. ``measures`` says what of a track the
+    trajectories hold: x and z, z alone (``height``), or one of its other columns.
     """
 
     name: str
@@ -42,3 +44,4 @@ class Phenomenon:
     free: tuple[str, ...] = ()
     refine: Callable[[FitResult, Trajectory], Mapping[str, Estimate]] | None = None
     settings: tuple[str, ...] = ()
+    measures: Literal["position", "height", "radius", "angle", "intensity"] = "position"

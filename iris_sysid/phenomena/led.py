@@ -1,0 +1,46 @@
+"""A lamp that fades: its brightness in grey levels, above a background that is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from iris_sysid.phenomena._motion import in_motion, only_measured
+from iris_sysid.types import Estimate, Phenomenon, Trajectory
+
+
+def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
+    """Keep the intensity as the video codes it.
+
+    A camera that codes light with a gamma curve makes a decay look slower by about that factor: see the tracker.
+
+    Parameters
+    ----------
+    world
+        One trajectory of intensity, segmented.
+    settings
+        Nothing is used of them; ``background`` is a constant of the model.
+
+    Returns
+    -------
+    Trajectory
+        ``intensity``; the motion is the fading.
+
+    Raises
+    ------
+    DataError
+        When the fading has fewer than five samples.
+    """
+    body = only_measured(world, "led", "intensity")
+    in_motion(body, 5)
+    return body
+
+
+PHENOMENON = Phenomenon(
+    name="led",
+    summary="a lamp fades after it is switched off; its brightness above what stays",
+    tracker="intensity",
+    model="exponential-decay",
+    observe=observe,
+    free=("background",),
+    measures="intensity",
+)

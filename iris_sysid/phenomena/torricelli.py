@@ -1,0 +1,59 @@
+"""A vessel that drains through a hole: the height of its surface; the course itself shows where the hole is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from iris_sysid.phenomena._motion import in_motion, only_measured
+from iris_sysid.phenomena._still import without_still_start
+from iris_sysid.types import Estimate, Phenomenon, Quantity, Trajectory
+
+
+def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
+    """Count the level from the lowest at which it was seen.
+
+    The height of the hole above that is the model's ``hole``: below it nothing drains, and z(t) is a parabola whose
+    lowest point it is.
+
+    Parameters
+    ----------
+    world
+        One trajectory of z, segmented, in m or px.
+    settings
+        Nothing is used of them; ``hole`` is a constant of the model.
+
+    Returns
+    -------
+    Trajectory
+        ``h``; ``geometry["lowest"]`` is the z from which it is counted.
+
+    Raises
+    ------
+    DataError
+        When the motion has fewer than five samples.
+    """
+    body = without_still_start(only_measured(world, "torricelli", "z"))
+    used = in_motion(body, 5)
+    unit = body.quantities[0].unit
+    place = int(np.flatnonzero(used)[np.argmin(body.position[used, 0])])
+    lowest = float(body.position[place, 0])
+    from_where = Estimate(lowest, float(body.sigma[place, 0]), unit, "direct", "lowest level seen, where h is 0")
+    return body.with_(
+        quantities=(Quantity("h", unit, "h"),),
+        position=body.position - lowest,
+        geometry={**body.geometry, "lowest": from_where},
+        smoothed=None,
+    )
+
+
+PHENOMENON = Phenomenon(
+    name="torricelli",
+    summary="a vessel drains through a hole; the height of its surface",
+    tracker="level",
+    model="torricelli",
+    observe=observe,
+    free=("hole",),
+    measures="height",
+)
