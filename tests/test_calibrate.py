@@ -24,6 +24,7 @@ from iris_sysid.measures import ANGLES, LENGTHS, SHARES, measured
 from iris_sysid.plane import common_covariance, to_pixels, to_plane
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.report.budget import budget_sections, calibration_section
+from iris_sysid.synthetic import Look, render_checkerboard, render_clip
 from iris_sysid.table_reading import read_trajectory
 from iris_sysid.tables import write_track, write_trajectory, write_worlds
 from iris_sysid.types import Track
@@ -446,3 +447,17 @@ def test_calibration_that_belongs_to_another_clip_is_refused_where_it_is_made(ma
     asked = calibrate.Asked((pictures[0] / "view0.png",), known="200px=50cm", over=other)
     with pytest.raises(CalibrationError, match=r"of the same shape.*calibrate at 1920x1080 px"):
         calibrate.make(asked)
+
+
+@pytest.mark.slow
+def test_gravity_from_a_checkerboard_clip_and_a_drop_clip_alone_is_right_to_three_thousandths(tmp_path):
+    look = Look(tilt_deg=(4.0, -5.0), roll_deg=0.5, distortion=(0.05, -0.05))
+    size = {"size": (960, 540), "look": look, "seed": 3}
+    render_clip("dropping-ball", tmp_path / "drop.mp4", **size)
+    square_m, _ = render_checkerboard("dropping-ball", tmp_path / "board.mp4", fps=4.0, **size)
+    square = f"{1000 * square_m:g}mm"
+    command(tmp_path / "board.mp4", "--board", "9x6", "--square", square, "-o", tmp_path / "c.json")
+    options = ["--phenomenon", "dropping-ball", "--calibration", str(tmp_path / "c.json"), "-o", str(tmp_path / "out")]
+    CliRunner().invoke(app, ["run", str(tmp_path / "drop.mp4"), *options], catch_exceptions=False)
+    found = json.loads((tmp_path / "out" / "fit.json").read_text())["parameters"]["gravity"]
+    assert found["value"] == pytest.approx(GRAVITY, rel=3e-3)
