@@ -22,7 +22,7 @@ from iris_sysid.synthetic import SCENES, Truth, render_clip
 from iris_sysid.types import Track, TrackOptions
 from trackers.median_background import track
 
-PHENOMENA = {"two-moving-pendulums": 2.5, "one-static-pendulum": 2.5, "hitting-cones": 2.5}  # and seconds of each clip
+PHENOMENA = {"two-moving-pendulums": 2.5, "one-static-pendulum": 2.5, "hitting-cones": 5.0}  # and seconds of each clip
 THRESHOLDS = np.arange(0.05, 0.96, 0.05)  # of similarity, as in the definition of HOTA
 MATCHED = 0.5  # of similarity, for switches, IDF1 and the error
 SIZE = (640, 360)  # px

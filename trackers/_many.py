@@ -50,9 +50,27 @@ def many(video: FrameSource, stage: Stage, options: TrackOptions) -> tuple[list[
     ]
     if len(frames) < 2:
         raise TrackingError(f"{len(frames)} frame(s) cannot tell bodies from one another; there must be at least 2")
-    placed = followed(frames, kinds)
+    return measured(video, stage, frames, followed(frames, kinds), options)
+
+
+def measured(
+    video: FrameSource, stage: Stage, frames: Sequence[Shown], placed: Sequence[Placed], options: TrackOptions
+) -> tuple[list[Glimpse], list[Path]]:
+    """What each frame shows, and the path of each body, once it is known which pixels each covers.
+
+    Parameters
+    ----------
+    video
+        The clip.
+    stage
+        What its samples show.
+    frames, placed
+        What is covered in each frame, and by which body.
+    options
+        Progress.
+    """
     glimpses: list[Glimpse] = []
-    paths = [Path() for _ in range(options.bodies)]
+    paths = [Path() for _ in placed[0].filled]
     attention = stage.attention()
     for frame, one, there in zip(video.frames(), frames, placed, strict=True):
         _, things = attention.cores(frame)

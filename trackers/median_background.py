@@ -19,6 +19,7 @@ from iris_sysid.types import FrameSource, Track, Tracker, TrackOptions
 from trackers._choose import follow
 from trackers._link import Path
 from trackers._many import many
+from trackers._masks import masked
 from trackers._observe import Stage, observe, stage_of
 from trackers._second_look import second_stage
 from trackers._sighting import Glimpse
@@ -37,7 +38,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         The clip; its camera stands still.
     options
         ``bodies`` is the number to follow, ``roi`` limits the picture, ``colour`` limits the bodies to
-        one colour, ``progress`` is called now and then.
+        one colour, ``progress`` is called now and then; ``mask`` says which pixels are bodies.
 
     Returns
     -------
@@ -52,13 +53,17 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     DataError, UnknownNameError
         When the options do not fit the clip, or name an unknown colour.
     """
-    glimpses, paths, view = _bodies(video, view_of(video, options), options)
+    if options.mask is not None:
+        glimpses, paths, view = masked(video, view_of(video, options), options, options.mask)
+    else:
+        glimpses, paths, view = _bodies(video, view_of(video, options), options)
     origin = {
         "tracker": TRACKER.name,
         "bodies": options.bodies,
         "roi": options.roi,
         "colour": options.colour,
         "colour_used": view.chroma,
+        "mask": options.mask is not None,
     }
     return [track_of(path, glimpses, str(number), origin) for number, path in enumerate(paths, start=1)]
 

@@ -1,5 +1,6 @@
 """The command ``iris-sysid track``."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -36,6 +37,9 @@ def track(
     stop: Stop = None,
     roi: Roi = None,
     colour: Colour = None,
+    mask: Annotated[
+        Path | None, typer.Option(help="Which pixels are bodies: a folder, zip or video of pictures, one a frame.")
+    ] = None,
     overlay: Annotated[Path | None, typer.Option(help="Also write the clip with the track drawn over it.")] = None,
     scale: Scale = None,
     scale_bar: ScaleBar = None,
@@ -52,6 +56,7 @@ def track(
       iris-sysid track toss.mp4 --roi 0,0,640,400 -o track.csv --overlay overlay.mp4
     """
     from iris_sysid import options, tables, tracking
+    from iris_sysid.errors import DataError
     from iris_sysid.plane import check_image_size
     from iris_sysid.registry import PHENOMENA
     from iris_sysid.video import open_video
@@ -66,8 +71,19 @@ def track(
         check_image_size(metres.image_size, (clip.width, clip.height))
     with terminal.progress("tracking") as report_progress:
         wanted = options.track_options(bodies or (chosen.bodies if chosen else 1), roi, colour, report_progress)
+        if mask is not None:
+            if name != "median-background":
+                raise DataError(f"--mask takes the place of the detector of median-background, not of {name}")
+            wanted = replace(wanted, mask=open_video(mask, fps=fps or clip.rate or 60.0))
         tracks = tracking.track(clip, name, wanted)
-    asked = {"tracker": name, "fps": fps, "start_s": start, "stop_s": stop, "keep_partial": keep_partial}
+    asked = {
+        "tracker": name,
+        "fps": fps,
+        "mask": str(mask) if mask else None,
+        "start_s": start,
+        "stop_s": stop,
+        "keep_partial": keep_partial,
+    }
     tables.write_track(tracking.from_source(tracks, video, asked), output, overwrite=force)
     if world is not None and metres is not None:
         tables.write_worlds(tracks, metres, world, overwrite=force)

@@ -60,13 +60,15 @@ class TrackOptions:
     """What a user may tell any tracker.
 
     ``roi`` is (x, y, width, height) in px. ``colour`` is a name or ``#rrggbb``: only pixels of about
-    that hue count. ``progress`` is called with (frames done, frames expected).
+    that hue count. ``progress`` is called with (frames done, frames expected). ``mask`` gives a picture for each
+    frame in which 0 is background and every other value a body: it takes the place of the detector.
     """
 
     bodies: int = 1
     roi: tuple[int, int, int, int] | None = None
     colour: str | None = None
     progress: Callable[[int, int], None] | None = None
+    mask: FrameSource | None = None
 
 
 TRACK_SIGMAS = ("sigma_radius_px", "sigma_angle_rad", "sigma_intensity")
