@@ -1,7 +1,7 @@
 """How fast a clip is tracked, and in how much memory, beside reading it with OpenCV, MOG2 and trackpy.
 
 ``python -m benchmarks.speed [--seconds 10] [--size 3840x2160] [--clip CLIP.mp4]`` renders a pendulum at 60 frames a
-second and 45 Mbit/s with the twin, then runs each row in a process of its own, twice, in turns, and keeps the faster.
+second and 45 Mbit/s with the twin, then runs each row in a process of its own, in turns, and keeps the fastest run.
 The row "track" is the whole command, from starting Python to the written table; the others leave out their start.
 """
 
@@ -22,8 +22,7 @@ from pathlib import Path
 
 from iris_sysid.synthetic import render_clip
 
-TURNS = 2  # runs of each row, in turns: others may use the machine
-FEW = {"mog2": 30, "trackpy": 3}  # frames that are enough for what takes long
+FEW = {"mog2": 10, "trackpy": 1}  # frames that are enough for what takes long
 
 
 @dataclass(frozen=True)
@@ -115,10 +114,10 @@ def _cost_of_track(clip: str) -> Cost:
     return Cost(frames, wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
 
 
-def table(clip: str) -> None:
+def table(clip: str, turns: int) -> None:
     """Print the rows as Markdown, each relative to OpenCV's reading."""
     costs: dict[str, list[Cost]] = {name: [] for name in TITLES}
-    for _ in range(TURNS):
+    for _ in range(turns):
         for name, found in costs.items():
             cost = cost_of(name, clip)
             found += [] if cost is None else [cost]
@@ -141,6 +140,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0, help="length of the clip")
     parser.add_argument("--size", default="3840x2160", help="WIDTHxHEIGHT in px")
     parser.add_argument("--clip", help="a clip that is there already, instead of rendering one")
+    parser.add_argument("--turns", type=int, default=2, help="runs of each row, in turns; the fastest counts")
     parser.add_argument("--row", choices=list(ROWS), help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.row:
@@ -152,7 +152,7 @@ def main() -> None:
             width, height = (int(side) for side in asked.size.split("x"))
             render_clip("pendulum", clip, size=(width, height), fps=60.0, duration_s=asked.seconds)
         print(f"{Path(clip).name}: {Path(clip).stat().st_size / 1e6:.1f} MB, {os.cpu_count()} processors\n", flush=True)
-        table(clip)
+        table(clip, asked.turns)
 
 
 if __name__ == "__main__":
