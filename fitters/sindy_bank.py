@@ -373,7 +373,8 @@ class _Inversion:
         model, made = self.structure.model, {}
         for k, name in enumerate(self.names):
             kind = self.constants[name].measurement_type if name in self.constants else "fitted"
-            made[name] = Estimate(float(vector[k]), float(spread[k]), model.parameter(name).unit, kind)
+            error = float(spread[k]) if spread[k] > 0 else np.nan
+            made[name] = Estimate(float(vector[k]), error, model.parameter(name).unit, kind)
         for k in range(self.offsets):
             variable = self.structure.library.variables[k]
             place = len(self.names) + k
