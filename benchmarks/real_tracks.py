@@ -45,7 +45,7 @@ CLIPS = [
     Clip("phystrack/SlidingFriction_R1.MP4", 1, ((109, 394),)),
     Clip("phystrack/SlidingFriction_R3.MP4", 1, ((82, 275),)),
     Clip("phystrack/CaromPuck_HeadOn.MP4", 2, ((0, 9999), (0, 9999))),
-    Clip("tracker_balltoss/BallToss.trz", 1, ((0, 12),)),
+    Clip("tracker_balltoss/BallToss.trz", 1, ((2, 12),)),
 ]
 
 
