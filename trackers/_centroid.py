@@ -14,16 +14,18 @@ FINER_SMALL, FINER_LARGE = 4, 2  # how much finer than the pixels the half-way c
 SMALL_WINDOW = 64  # px
 TELLING = 4.0  # contrast over noise from which brightness tells coverage
 ONE_SIDED = (0.3, 0.7)  # |f| over s: below it a body is both brighter and darker, above it one of them
+SHARP, REFINED = 1.5, 2  # px: half the width of an outline from which on it is found again, and how often
 DEEPEST = 0.6  # of the depth: the body's brightness is taken from there at least
 SHADINGS, FEWEST_A_TERM, MOST_SHADED = (3, 6), 20, 1500  # terms of a polynomial; pixels to which it is fitted
 EXPLAINED = 0.15  # of the variance that fewer terms leave
-OUTSKIRTS, FAINT, LEAST_FREE = 4.0, 0.3, 0.02  # px outside of the outline; coverage and share of pixels there
+OUTSKIRTS, FAINT, LEAST_FREE = 4.0, 0.45, 0.02  # px outside of the outline; coverage and share of pixels there
 RIM_PX, RIM_SHARE = 1.4, 0.45  # px and share of the depth: what is nearer to the outline is blurred
 OUTLINE_DEPTH = 4.0  # px within which the body's brightness must fit that of its outline
 FEWEST_OUTSIDE = 12  # px from which the noise outside of a body is judged
 SHARE_RANGE = (-0.3, 1.3)  # coverage beyond this is another thing, not noise
 CORD_SHARE = 0.2  # of the inscribed radius: what is thinner is a cord
-TAIL = 0.03  # mean coverage at which the outline has ended
+TAIL = 0.03  # mean coverage, or fall of it, at which the outline has ended
+STEPS_APART = 6  # quarters of a px over which the coverage falls, or no longer does
 NARROWEST = 0.75  # px, half the width of the sharpest outline: half a pixel's diagonal
 
 
@@ -89,9 +91,14 @@ def coverage_centre(window: Window) -> Centre:
     share, _ = _share(window, *_continued(window, np.clip(depth - rim, 0.0, 1.0), persistence))
     distance = _signed_distance(share, depth > 0.5 * depth.max())
     half_width = _half_width(share, distance)
-    window = replace(window, background=window.background + _level_outside(window, share, distance + half_width))
-    inner = np.clip(distance - min(half_width, DEEPEST * float(distance.max())), 0.0, 1.0)
-    share, variance = _share(window, *_continued(window, inner, persistence))
+    for _ in range(REFINED if half_width > SHARP else 1):
+        level = _level_outside(window, share, distance + half_width)
+        behind = replace(window, background=window.background + level)
+        inner = np.clip(distance - min(half_width, DEEPEST * float(distance.max())), 0.0, 1.0)
+        share, variance = _share(behind, *_continued(behind, inner, persistence))
+        if half_width > SHARP:
+            distance = _signed_distance(share, depth > 0.5 * depth.max())
+            half_width = _half_width(share, distance)
     edge = np.abs(distance) <= half_width
     variance = variance * _liveliness(share, variance, distance + half_width)
     texture = _texture_variance(share, variance, distance - half_width) * persistence
@@ -235,15 +242,14 @@ def _half_width(share: Image, distance: Image) -> float:
     What it has fallen to is not the outline: a soft shadow, or nothing.
     """
     widest = max(1.0, float(distance.max()) / 2)
-    before = 0.5
-    for half_width in np.arange(NARROWEST, widest, 0.25):
+    levels: list[float] = []
+    for half_width in np.arange(NARROWEST, widest + 1.0, 0.25):
         ring = (distance < -half_width) & (distance > -half_width - 0.75)
-        if not ring.any():
-            return float(half_width)
-        level = _trimmed_mean(share[ring])
-        if level < TAIL or before - level < TAIL / 4:
-            return float(half_width)
-        before = level
+        levels.append(_trimmed_mean(share[ring]) if ring.any() else 0.0)
+        if levels[-1] < TAIL:
+            return float(min(half_width, widest))
+        if len(levels) > STEPS_APART and levels[-1 - STEPS_APART] - levels[-1] < TAIL:
+            return float(half_width - STEPS_APART / 4)
     return widest
 
 
