@@ -128,8 +128,7 @@ def observe(
     world = [segmented(one, calibration, chosen) for one in tracks]
 
     def known(by: Calibration) -> dict[str, Estimate]:
-        found = [_mark_in_world(name, point, tracks[0], by) for name, point in (marks_px or {}).items()]
-        return {**(settings or {}), **{name: value for one in found for name, value in one.items()}}
+        return {**(settings or {}), **_marks_in_world(marks_px or {}, tracks[0], by)}
 
     def positions(by: Calibration) -> Array:
         again = [
@@ -295,7 +294,8 @@ def observe_and_fit(
         world, trajectory = observe(
             tracks, calibration, phenomenon.name, known, marks_px=marks_px, clock_stderr=clock_stderr
         )
-        fixed = {name: value for name, value in known.items() if name in names}
+        stated = {**known, **_marks_in_world(marks_px or {}, tracks[0], calibration)}
+        fixed = {name: value for name, value in stated.items() if name in names}
         wanted = [name for name in dict.fromkeys((*phenomenon.free, *free)) if name not in fixed]
         result = fit(trajectory, model, fixed=fixed, free=wanted)
         better = phenomenon.refine(result, trajectory) if phenomenon.refine is not None else {}
@@ -343,6 +343,14 @@ def save(result: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
     write_trajectory(result.trajectory, folder / "trajectory.csv", overwrite=overwrite)
     write_fit(result.fit, result.trajectory, folder / "fit.json", overwrite=overwrite)
     return write_report(result, folder, overwrite=overwrite)
+
+
+def _marks_in_world(
+    marks_px: Mapping[str, tuple[float, float]], body: Track, calibration: Calibration
+) -> dict[str, Estimate]:
+    """Marked points as the settings ``<name>_x`` and ``<name>_z``."""
+    found = [_mark_in_world(name, point, body, calibration) for name, point in marks_px.items()]
+    return {name: value for one in found for name, value in one.items()}
 
 
 def _mark_in_world(
