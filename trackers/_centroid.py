@@ -16,7 +16,8 @@ TELLING = 4.0  # contrast over noise from which brightness tells coverage
 ONE_SIDED = (0.3, 0.7)  # |f| over s: below it a body is both brighter and darker, above it one of them
 SHARP, REFINED = 1.5, 2  # px: half the width of an outline from which on it is found again, and how often
 DEEPEST = 0.6  # of the depth: the body's brightness is taken from there at least
-SHADINGS, FEWEST_A_TERM, MOST_SHADED = (3, 6), 20, 1500  # terms of a polynomial; pixels to which it is fitted
+SHALLOW = 0.7  # of the depth of the core: an outline that leaves less of it is not that of the whole body
+SHADINGS, FEWEST_A_TERM, MOST_SHADED = (3, 6), 60, 1500  # terms of a polynomial; pixels to which it is fitted
 EXPLAINED = 0.15  # of the variance that fewer terms leave
 OUTSKIRTS, FAINT, LEAST_FREE = 4.0, 0.45, 0.02  # px outside of the outline; coverage and share of pixels there
 RIM_PX, RIM_SHARE = 1.4, 0.45  # px and share of the depth: what is nearer to the outline is blurred
@@ -95,6 +96,8 @@ def coverage_centre(window: Window) -> Centre:
         level = _level_outside(window, share, distance + half_width)
         behind = replace(window, background=window.background + level)
         inner = np.clip(distance - min(half_width, DEEPEST * float(distance.max())), 0.0, 1.0)
+        if distance.max() < SHALLOW * depth.max():  # a notch, as in a small ball both darker and brighter
+            inner = np.maximum(inner, np.clip(depth - rim, 0.0, 1.0))
         share, variance = _share(behind, *_continued(behind, inner, persistence))
         if half_width > SHARP:
             distance = _signed_distance(share, depth > 0.5 * depth.max())
