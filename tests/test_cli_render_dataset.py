@@ -56,8 +56,6 @@ def test_dataset_with_other_options_in_the_same_folder_is_refused(rendered, cli)
         (("--dataset", "x", "--classes", "Pendula"), "no class is named 'Pendula'; there are: Dropping_ball"),
         (("--dataset", "x", "--trials", "0"), "trials must be a whole number from 1 to 999, not 0"),
         (("--phenomenon", "led", "-o", "clip.mp4", "--trials", "2"), "--trials belongs to --dataset; give its folder"),
-        (("--phenomenon", "led"), "say what to render"),
-        ((), "say what to render"),
     ],
 )
 def test_contradictory_request_is_refused_in_one_line_and_nothing_is_written(tmp_path, cli, options, message):

@@ -295,7 +295,7 @@ def test_schema_of_fit_explains_its_keys():
 
 def test_schema_of_unknown_name_lists_the_names():
     with pytest.raises(
-        UnknownNameError, match="no file is named 'fits'; there are: fit, diagnosis, calibration, origin"
+        UnknownNameError, match="no file is named 'fits'; there are: fit, diagnosis, discovery, calibration, origin"
     ):
         schema("fits")
 

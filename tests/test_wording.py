@@ -136,9 +136,10 @@ def a_diagnosis(unit="rad", before=(0.01, 0.02), after=(0.005, 0.006), added=Tru
         after=SimpleNamespace(fitted=after[0], heldout=after[1]),
         noise_floor=0.001,
         added=(drag,) if added else (),
+        sizes=size,
         indistinguishable={"quadratic-drag": ("cubic-stiffness",)} if added else {},
         base=SimpleNamespace(free=(name,), estimates={name: Estimate(1.0, 0.01, base_unit)}),
-        final=SimpleNamespace(free=(name,), estimates={name: Estimate(1.1, 0.01, base_unit), **size}),
+        final=SimpleNamespace(free=(name,), estimates={name: Estimate(1.1, 0.01, base_unit)}),
     )
 
 

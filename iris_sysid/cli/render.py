@@ -47,8 +47,15 @@ def render(
         return
     _refuse({"--classes": classes, "--trials": trials, "--workers": workers}, "belongs to --dataset; give its folder")
     if phenomenon is None or output is None:
-        raise DataError("say what to render: --phenomenon NAME -o CLIP.mp4 for a clip, --dataset FOLDER for all")
-    _render_clip(phenomenon, output, effect or [], known or [], (size or SIZE, fps, seconds or SECONDS, seed), force)
+        raise typer.BadParameter("Missing option '--phenomenon' or '-o', for a clip; or '--dataset', for all of them")
+    _render_clip(
+        phenomenon,
+        output,
+        effect or [],
+        known or [],
+        (size or SIZE, fps, SECONDS if seconds is None else seconds, seed),
+        force,
+    )
     typer.echo(f"{output}", err=True)
 
 
