@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from iris_sysid import Estimate, IrisError, pipeline, run, save
+from iris_sysid import Estimate, IrisError, pipeline, run, save, scale
 from iris_sysid.errors import CalibrationError, DataError, OutputError, UnknownNameError
 from iris_sysid.files import sha256_of
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.synthetic import read_truth
-from iris_sysid.types import TrackOptions
+from iris_sysid.types import Track, TrackOptions
 from tests.conftest import listing
 
 
@@ -143,3 +143,17 @@ def test_run_on_a_clip_without_a_pendulum_is_refused(clip, message, request):
 def test_observe_with_too_few_tracks_is_refused(result):
     with pytest.raises(DataError, match="pendulum needs 1 bodies, but 0 were tracked"):
         pipeline.observe([], result.calibration, "pendulum")
+
+
+def test_throw_is_followed_back_to_where_its_launch_was_marked():
+    t_s = np.arange(20, 90) / 240  # the launcher hides the first 20 frames
+    x_m, z_m = 1.2 * t_s, 2.0 * t_s - 9.80665 / 2 * t_s**2
+    xy_px = np.column_stack([300 * x_m, 400 - 300 * z_m]) + np.random.default_rng(0).normal(0, 0.05, (t_s.size, 2))
+    body = Track(t_s, xy_px, np.full_like(xy_px, 0.05), np.ones(t_s.size, bool), np.arange(20, 90))
+    _, _, result = pipeline.observe_and_fit(
+        [body], scale(300.0, 1.0), PHENOMENA["projectile"], {}, marks_px={"launch": (0, 400)}
+    )
+    speed = result.estimates["launch_speed"]
+    assert speed.value == pytest.approx(np.hypot(1.2, 2.0), abs=4 * speed.stderr)
+    assert speed.stderr < 0.02
+    assert result.estimates["launch_z"].measurement_type == "direct"
