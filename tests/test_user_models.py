@@ -72,6 +72,13 @@ def test_own_model_is_fitted_and_diagnosed_over_two_clips_even_if_its_equation_i
     assert "Clips" in (tmp_path / "out" / "report.html").read_text()
 
 
+def test_own_model_is_fitted_by_the_name_that_help_promises(mine, tmp_path, cli):
+    way(1).to_csv(tmp_path / "1.csv", index=False)
+    assert cli("fit", tmp_path / "1.csv", "--model", f"{mine}:coasting", "-o", tmp_path / "fit.json").status == 0
+    drag = json.loads((tmp_path / "fit.json").read_text())["parameters"]["drag"]
+    assert abs(drag["value"] - 0.8) < 4 * drag["stderr"]
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [

@@ -11,7 +11,7 @@ from iris_sysid import terminal
 from iris_sysid.cli.arguments import Force, Free, Json, ModelName, Output, Settings, Starts
 
 if TYPE_CHECKING:
-    from iris_sysid.types import Estimate, FitResult, Trajectory
+    from iris_sysid.types import Estimate, FitResult, OdeModel, Trajectory
 
 AUTO = "auto"
 
@@ -40,8 +40,8 @@ def fit(
     """
     from iris_sysid import options
     from iris_sysid.errors import DataError
-    from iris_sysid.registry import MODELS
     from iris_sysid.table_reading import read_trajectory
+    from iris_sysid.user_models import model_named
 
     for table in tables:
         terminal.check_outputs(table, [output, plot], overwrite=force)
@@ -54,7 +54,8 @@ def fit(
         raise DataError(
             "--plot, --uncertainty, --set and --start-at need the name of a model; --model auto has none yet"
         )
-    units = {} if model == AUTO else options.units_of(MODELS[model])
+    chosen = None if model == AUTO else model_named(model)
+    units = {} if chosen is None else options.units_of(chosen)
     fixed, first = (options.settings(texts or (), units) for texts in (known, start))
     asked = {
         "model": model,
@@ -65,19 +66,19 @@ def fit(
         "uncertainty": uncertainty,
     }
     clips = [options.asked(read_trajectory(table), **asked) for table in tables]
-    if model == AUTO:
+    if chosen is None:
         _choose(clips[0], free or [], output, force, json)
         return
     starts = {name: value.value for name, value in first.items()}
     if len(tables) > 1:
-        _pool(tables, clips, model, (shared or [], per_clip or [], free or []), fixed, starts, output, force, json)
+        _pool(tables, clips, chosen, (shared or [], per_clip or [], free or []), fixed, starts, output, force, json)
     else:
-        _fit_one(clips[0], model, fixed, free or [], starts, uncertainty or ["robust"], output, plot, force, json)
+        _fit_one(clips[0], chosen, fixed, free or [], starts, uncertainty or ["robust"], output, plot, force, json)
 
 
 def _fit_one(
     trajectory: Trajectory,
-    model: str,
+    model: OdeModel,
     fixed: dict[str, Estimate],
     free: list[str],
     starts: dict[str, float],
@@ -92,10 +93,9 @@ def _fit_one(
     from fitters.identifiability import identifiability
     from fitters.ode import fit as fit_model
     from iris_sysid import documents
-    from iris_sysid.registry import MODELS
 
     methods = [one for text in uncertainty for one in text.split(",")]
-    result = fit_model(trajectory, MODELS[model], fixed=fixed, free=free, start=starts, uncertainty=methods)
+    result = fit_model(trajectory, model, fixed=fixed, free=free, start=starts, uncertainty=methods)
     if result.identifiability is not None:
         result = replace(result, identifiability=identifiability(result, trajectory))
     documents.write_fit(result, trajectory, output, overwrite=force)
@@ -107,7 +107,7 @@ def _fit_one(
 def _pool(
     tables: list[Path],
     clips: list[Trajectory],
-    model: str,
+    model: OdeModel,
     names: tuple[list[str], list[str], list[str]],
     fixed: dict[str, Estimate],
     starts: dict[str, float],
@@ -119,10 +119,9 @@ def _pool(
     from iris_sysid import documents, wording
     from iris_sysid.errors import IrisError
     from iris_sysid.fit_documents import pooled_document
-    from iris_sysid.registry import MODELS
 
     shared, per_clip, free = names
-    pooled = fit_clips(clips, MODELS[model], shared=shared, per_clip=per_clip, fixed=fixed, free=free, start=starts)
+    pooled = fit_clips(clips, model, shared=shared, per_clip=per_clip, fixed=fixed, free=free, start=starts)
     document = pooled_document(pooled, [table.name for table in tables], clips[0])
     documents.write_document(document, output, overwrite=force)
     typer.echo(documents.document_text(document).rstrip("\n") if json else wording.pooled_text(pooled))
