@@ -16,7 +16,7 @@ from fitters.ode import fit, simulate
 from iris_sysid.diagnosis import FAMILY_LEVEL, diagnose
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
-from iris_sysid.scores import Score, screen, shaped
+from iris_sysid.scores import screen, shaped, significant_from
 from iris_sysid.types import Array, Effect, OdeModel, Trajectory
 
 FRAME_RATE_HZ = 60.0
@@ -56,11 +56,6 @@ class Outcome:
     added: tuple[str, ...]
     wrong: tuple[str, ...]
     excess: float
-
-
-def threshold_of(score: Score, library: int) -> float:
-    """Standard errors that a size must have to be significant over the library."""
-    return float(norm.isf(FAMILY_LEVEL / library / 2 / score.tried))
 
 
 def measured(model: OdeModel, values: Mapping[str, float], rng: np.random.Generator) -> Trajectory:
@@ -106,13 +101,14 @@ def hide(
     clean = measured(model, values, rng)
     library = [one for one in EFFECTS.values() if one.applies(model)]
     scores = [one for one in screen(library, fit(clean, model), clean)[0] if one.stderr > 0]
+    share = FAMILY_LEVEL / len(library)
     effects, sizes, factors = [], {}, []
     for index in rng.permutation(len(scores))[:count]:
         score, effect = scores[index], EFFECTS[scores[index].effect]
         shapes = list(effect.trials(clean.t_s, clean.position)) if effect.trials else [()]
         factor = float(np.exp(rng.uniform(*np.log(FACTORS))))
         effect = shaped(effect, shapes[int(rng.integers(len(shapes)))])
-        size = rng.choice([-1.0, 1.0]) * factor * threshold_of(score, len(library)) * score.stderr
+        size = rng.choice([-1.0, 1.0]) * factor * significant_from(share, score.tried) * score.stderr
         first = effect.parameters[0]
         sizes[first.name] = float(np.clip(size, first.lower, first.upper))
         effects.append(effect)

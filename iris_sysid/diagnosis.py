@@ -20,7 +20,7 @@ from fitters.ode import fit, simulate
 from fitters.random_effects import random_effects
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
-from iris_sysid.scores import Score, combined, screen, shaped
+from iris_sysid.scores import Score, combined, screen, shaped, significant_from
 from iris_sysid.types import Array, Effect, Estimate, FitResult, OdeModel, Trajectory
 
 FAMILY_LEVEL = 0.05  # chance of adding anything to a model that lacks nothing
@@ -98,13 +98,17 @@ class _Clip:
         begin = start or {}
         return fit(self.trajectory, model, fixed=self.fixed, free=self.free, start=begin, nearby=bool(begin))
 
-    def with_open_geometry(self, model: OdeModel) -> _Clip:
-        """The same question with the geometry that was measured with an error left open, where the data fix it."""
+    def with_open_geometry(self, model: OdeModel) -> tuple[_Clip, FitResult]:
+        """The same question with the geometry that was measured with an error left open, where the data fix it.
+
+        And the model's fit to the clip, so asked.
+        """
         measured = self.trajectory.geometry
         names = [one.name for one in model.parameters if one.constant and one.name in measured]
         unsure = [name for name in names if measured[name].stderr > 0 and name not in {*self.fixed, *self.free}]
         wider = replace(self, free=[*self.free, *unsure])
-        return wider if unsure and wider.refit(model).status in ("ok", "misfit") else self
+        fitted = wider.refit(model)
+        return (wider, fitted) if not unsure or fitted.status in ("ok", "misfit") else (self, self.refit(model))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -113,10 +117,6 @@ class _State:
 
     fits: tuple[FitResult, ...]
     errors: Errors
-
-    @property
-    def model(self) -> OdeModel:
-        return self.fits[0].model
 
 
 def diagnose(
@@ -161,8 +161,9 @@ def diagnose(
     """
     say = progress or (lambda text: None)
     measured = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
-    clips = [_Clip(one, dict(fixed or {}), free).with_open_geometry(model) for one in measured]
-    base = _base(clips, model, holdout)
+    asked = [_Clip(one, dict(fixed or {}), free).with_open_geometry(model) for one in measured]
+    clips = [clip for clip, _ in asked]
+    base = _base(clips, tuple(fitted for _, fitted in asked), holdout)
     library = [one for one in (effects if effects is not None else EFFECTS.values()) if one.applies(model)]
     share = FAMILY_LEVEL / max(len(library), 1)
     current, alike = base, {}
@@ -188,7 +189,7 @@ def diagnose(
         finals=current.fits,
         added=tuple(added),
         sizes={name: pooled(_sizes(current.fits, name)) for effect in added for name in _names(effect)},
-        rounds=tuple(rounds[: len(added) + 1]),
+        rounds=tuple(rounds),
         indistinguishable=alike,
         ruled_out=tuple(_limit(score, library) for score in rounds[-1]),
         before=base.errors,
@@ -210,8 +211,7 @@ def pooled(sizes: Sequence[Estimate]) -> Estimate:
     return random_effects(values, stderrs, known[0].unit).mean
 
 
-def _base(clips: Sequence[_Clip], model: OdeModel, holdout: float) -> _State:
-    fits = tuple(clip.refit(model) for clip in clips)
+def _base(clips: Sequence[_Clip], fits: tuple[FitResult, ...], holdout: float) -> _State:
     for number, one in enumerate(fits, start=1):
         if not one.usable:
             which = f" to clip {number} of {len(fits)}" if len(fits) > 1 else ""
@@ -292,7 +292,7 @@ def _predicts_better(
 
 def _threshold(scores: Sequence[Score], share: float) -> float:
     """Standard errors from which a size is significant, when an effect was tried in several shapes in each clip."""
-    return float(norm.isf(share / 2 / scores[0].tried ** len(scores)))
+    return significant_from(share, scores[0].tried ** len(scores))
 
 
 def _without(library: Sequence[Effect], added: Sequence[Effect]) -> list[Effect]:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import norm
 
 from fitters._autoregression import Autoregression, grid_positions, on_grid
 from fitters._covariance import inverse_normal, middle, random_uncertainty
@@ -174,6 +175,11 @@ def _scored(score: Score, direction: Array, length: float, residual: _Residual) 
         gain=gain,
         chi2=degrees * gain / max(1.0 - gain, 1e-12),
     )
+
+
+def significant_from(share: float, tries: int) -> float:
+    """Standard errors from which a size differs from zero at the level ``share``, two-sided, in so many tries."""
+    return float(norm.isf(share / 2 / tries))
 
 
 def combined(scores: Sequence[Score]) -> Score:

@@ -22,5 +22,9 @@ def moments(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
         (n, d), not used.
     """
     count = int(np.clip(t_s.size // SAMPLES_EACH, FEWEST, MOST))
-    width = WIDTH * float(np.median(np.diff(t_s)))
-    return [(float(when), width) for when in np.linspace(t_s[0], t_s[-1], count + 2)[1:-1]]
+    return [(float(when), sudden(t_s)) for when in np.linspace(t_s[0], t_s[-1], count + 2)[1:-1]]
+
+
+def sudden(t_s: Array) -> float:
+    """How long (s) something sudden lasts in a clip with these times (n,)."""
+    return WIDTH * float(np.median(np.diff(t_s)))

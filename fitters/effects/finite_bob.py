@@ -3,14 +3,8 @@
 from __future__ import annotations
 
 from fitters.effects._domain import swings
+from fitters.effects._inertia import slowed
 from iris_sysid.types import Effect, Parameter
-
-
-def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:
-    """The base acceleration over 1 + k, less itself."""
-    (inertia,) = params
-    return base * (1.0 / (1.0 + inertia) - 1.0)
-
 
 EFFECT = Effect(
     name="finite-bob",
@@ -19,6 +13,6 @@ EFFECT = Effect(
     source="Nelson and Olsson (1986), Am. J. Phys. 54, 112, section III",
     parameters=(Parameter("finite_bob", "1", "k", lower=-0.5, default=0.0),),
     applies=swings,
-    acceleration=acceleration,
+    acceleration=slowed,
     alike="the length itself, unless it is known; time-scale",
 )

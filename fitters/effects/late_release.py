@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitters.effects._domain import moves
+from fitters.effects._times import sudden
 from iris_sysid.types import Array, Effect, Parameter
 
 SHARES = (0.03, 0.06, 0.1, 0.15, 0.2)  # of the clip, tried as the time at which the hand lets go
@@ -20,8 +21,8 @@ def acceleration(
 
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
     """Times of the release, and how sharp it is."""
-    span, step = float(t_s[-1] - t_s[0]), float(np.median(np.diff(t_s)))
-    return [(float(t_s[0]) + share * span, 2.0 * step) for share in SHARES]
+    span = float(t_s[-1] - t_s[0])
+    return [(float(t_s[0]) + share * span, sudden(t_s)) for share in SHARES]
 
 
 EFFECT = Effect(

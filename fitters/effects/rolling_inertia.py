@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 from fitters.effects._domain import moves
+from fitters.effects._inertia import slowed
 from iris_sysid.types import Effect, OdeModel, Parameter
 
 
 def applies(model: OdeModel) -> bool:
     """Where a body moves along a way."""
     return moves(model) and model.states[0].unit == "m"
-
-
-def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:
-    """The base acceleration over 1 + k, less itself."""
-    (inertia,) = params
-    return base * (1.0 / (1.0 + inertia) - 1.0)
 
 
 EFFECT = Effect(
@@ -24,6 +19,6 @@ EFFECT = Effect(
     source="Goldstein (1980), Classical Mechanics, section 1.4",
     parameters=(Parameter("rolling_inertia", "1", "k", lower=-0.5, default=0.0),),
     applies=applies,
-    acceleration=acceleration,
+    acceleration=slowed,
     alike="the acceleration itself, unless it is known; time-scale",
 )
