@@ -14,6 +14,11 @@ from iris_sysid.types import Estimate, Quantity, Segment, Trajectory
 
 TAUT = 3  # samples on their arcs in a row after which the cords count as taut
 FEWEST = 8  # samples of each body
+# names in the benchmark's parameters.json; damping and restitution have none there, and keep ours
+PAIR_PARAMETERS = {
+    **{f"length_{body}": f"rope_length_{body}" for body in (1, 2)},
+    **{name: name for name in ("damping_1", "damping_2", "restitution")},
+}
 
 
 def observe_pair(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:

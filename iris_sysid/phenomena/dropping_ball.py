@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from iris_sysid.phenomena._motion import in_motion, only_body, stated
-from iris_sysid.types import Estimate, Phenomenon, Quantity, Trajectory
+from iris_sysid.types import BenchmarkClass, Estimate, Phenomenon, Quantity, Trajectory
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
@@ -47,4 +47,8 @@ PHENOMENON = Phenomenon(
     observe=observe,
     motion="flight",
     settings=("ball_radius",),
+    classes=(
+        BenchmarkClass("Dropping_ball", ("drop_50", "drop_100", "drop_150"), 10, {"gravity": "g"}),
+        BenchmarkClass("dropped_ball", ("small", "medium", "large"), 5, {"gravity": "g"}),
+    ),
 )

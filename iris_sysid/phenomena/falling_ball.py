@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 
 from iris_sysid.phenomena._motion import in_motion, only_measured, stated, stated_length
-from iris_sysid.types import Estimate, FitResult, Phenomenon, Trajectory
+from iris_sysid.types import BenchmarkClass, Estimate, FitResult, Phenomenon, Trajectory
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
@@ -61,4 +61,8 @@ PHENOMENON = Phenomenon(
     refine=refine,
     settings=("h0",),
     measures="radius",
+    classes=(
+        BenchmarkClass("Falling_ball", ("small", "mid", "big"), 10, {"gravity": "g", "h0": "h0"}),
+        BenchmarkClass("free_fall", ("mousepad", "table", "tennis"), 5, {"gravity": "g", "h0": "h0"}),
+    ),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from iris_sysid.phenomena._motion import in_motion, only_measured
-from iris_sysid.types import Estimate, Phenomenon, Trajectory
+from iris_sysid.types import BenchmarkClass, Estimate, Phenomenon, Trajectory
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
@@ -43,4 +43,5 @@ PHENOMENON = Phenomenon(
     observe=observe,
     free=("background",),
     measures="intensity",
+    classes=(BenchmarkClass("led", ("led_2s", "led_5s", "led_10s"), 5, {"decay_rate": "decay"}),),
 )

@@ -20,7 +20,7 @@ from iris_sysid.arrays import Array, Mask
 from iris_sysid.errors import DataError
 from iris_sysid.phenomena._geometry import Circle, circle_about, fit_circle
 from iris_sysid.phenomena._motion import in_motion, only_body, stated, stated_length
-from iris_sysid.types import Estimate, FitResult, Phenomenon, Quantity, Segment, Trajectory
+from iris_sysid.types import BenchmarkClass, Estimate, FitResult, Phenomenon, Quantity, Segment, Trajectory
 
 TAUT = 3  # samples on the arc in a row after which the cord counts as taut
 RADIUS = ("arc_radius", "length")  # settings that give the arc's radius, in order of preference
@@ -181,4 +181,15 @@ PHENOMENON = Phenomenon(
     settings=("pivot_x", "pivot_z", "pivot_y", "arc_radius"),
     free=("vertical",),
     refine=refine,
+    classes=(
+        BenchmarkClass(
+            "Pendulum",
+            ("pendulum_20", "pendulum_45", "pendulum_90"),
+            10,
+            {"length": "rope_length", "damping": "damping"},
+        ),
+        BenchmarkClass(
+            "pendulum", ("pendulum_45", "pendulum_90", "pendulum_150"), 5, {"length": "length", "damping": "damping"}
+        ),
+    ),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from iris_sysid.phenomena._motion import in_motion, only_measured
-from iris_sysid.types import Estimate, Phenomenon, Trajectory
+from iris_sysid.types import BenchmarkClass, Estimate, Phenomenon, Trajectory
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
@@ -42,4 +42,9 @@ PHENOMENON = Phenomenon(
     motion="oscillation",
     free=("rest",),
     measures="angle",
+    classes=(
+        BenchmarkClass(
+            "Rotation", ("slow", "mid", "fast"), 10, {"stiffness": "angular_stiffness", "damping": "angular_damping"}
+        ),
+    ),
 )

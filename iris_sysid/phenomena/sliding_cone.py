@@ -10,7 +10,7 @@ import numpy as np
 from iris_sysid.errors import DataError
 from iris_sysid.phenomena._geometry import Line, fit_line
 from iris_sysid.phenomena._motion import in_motion, only_body, stated
-from iris_sysid.types import Array, Estimate, Phenomenon, Quantity, Trajectory
+from iris_sysid.types import Array, BenchmarkClass, Estimate, Phenomenon, Quantity, Trajectory
 
 STRAIGHT = 0.02  # scatter across the line over its length: a lens bends a board by less, an arc of 25 degrees by more
 
@@ -91,4 +91,10 @@ PHENOMENON = Phenomenon(
     observe=observe,
     motion="slide",
     settings=("ball_radius",),
+    classes=(
+        BenchmarkClass(
+            "Sliding_cone", ("cone_45", "cone_60", "cone_80"), 10, {"angle": "angle", "friction": "friction"}
+        ),
+        BenchmarkClass("sliding_block", ("low", "mid", "high"), 5, {"angle": "angle", "friction": "friction"}),
+    ),
 )

@@ -8,7 +8,7 @@ import numpy as np
 
 from iris_sysid.phenomena._motion import in_motion, only_measured
 from iris_sysid.phenomena._still import without_still_start
-from iris_sysid.types import Estimate, Phenomenon, Quantity, Trajectory
+from iris_sysid.types import BenchmarkClass, Estimate, Phenomenon, Quantity, Trajectory
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
@@ -56,4 +56,5 @@ PHENOMENON = Phenomenon(
     observe=observe,
     free=("hole",),
     measures="height",
+    classes=(BenchmarkClass("torricelli", ("small", "medium", "large"), 5, {"outflow": "k"}),),
 )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from iris_sysid.phenomena._pair import observe_pair
-from iris_sysid.types import Phenomenon
+from iris_sysid.phenomena._pair import PAIR_PARAMETERS, observe_pair
+from iris_sysid.types import BenchmarkClass, Phenomenon
 
 PHENOMENON = Phenomenon(
     name="two-moving-pendulum-one-static",
@@ -14,4 +14,9 @@ PHENOMENON = Phenomenon(
     bodies=2,
     free=("vertical_1", "vertical_2"),
     settings=("arc_radius",),
+    classes=(
+        BenchmarkClass(
+            "Two_Moving_Pendulum_One_Static", ("pendulum_20", "pendulum_45", "pendulum_90"), 10, PAIR_PARAMETERS
+        ),
+    ),
 )

@@ -32,6 +32,7 @@ from iris_sysid.types._numbers import NORMAL_975 as NORMAL_975
 from iris_sysid.types._numbers import Estimate as Estimate
 from iris_sysid.types._numbers import Quantity as Quantity
 from iris_sysid.types._numbers import unit_suffix as unit_suffix
+from iris_sysid.types._plugins import BenchmarkClass as BenchmarkClass
 from iris_sysid.types._plugins import Phenomenon as Phenomenon
 from iris_sysid.types._plugins import Tracker as Tracker
 from iris_sysid.types._result import FitResult as FitResult

@@ -22,6 +22,20 @@ class Tracker:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class BenchmarkClass:
+    """A class of a published data set: the folder of its clips, ``<folder>/<setting>/<clip>``.
+
+    ``settings`` and the number of ``trials`` of each are what was published. ``parameters`` gives the name that an
+    estimate of ours has in ``parameters.json``, where angles are in degrees.
+    """
+
+    folder: str
+    settings: tuple[str, ...]
+    trials: int
+    parameters: Mapping[str, str]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Phenomenon:
     """One row of the benchmark: which tracker, how positions become the observable, which model.
 
@@ -31,7 +45,8 @@ class Phenomenon:
     model that a video leaves open, e.g. the direction of the vertical. ``refine(fit, trajectory)``
     returns settings that the fit knows better than the geometry did, for another pass. ``settings``
     names what ``observe`` may be told beside the parameters of the model. ``measures`` says what of a track the
-    trajectories hold: x and z, z alone (``height``), or one of its other columns.
+    trajectories hold: x and z, z alone (``height``), or one of its other columns. ``classes`` are the folders of
+    published data sets that show it.
     """
 
     name: str
@@ -45,3 +60,4 @@ class Phenomenon:
     refine: Callable[[FitResult, Trajectory], Mapping[str, Estimate]] | None = None
     settings: tuple[str, ...] = ()
     measures: Literal["position", "height", "radius", "angle", "intensity"] = "position"
+    classes: tuple[BenchmarkClass, ...] = ()

@@ -1,0 +1,172 @@
+"""What is in a data set ``<Class>/<setting>/<clip>.mp4``: its clips in order, and by name what is missing or odd.
+
+Which phenomenon a class shows is said by the phenomena themselves (``Phenomenon.classes``). Nothing is opened here.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+
+from iris_sysid.errors import DataError
+from iris_sysid.registry import PHENOMENA
+from iris_sysid.types import BenchmarkClass
+
+BOARD = "checkerboard"  # the clip of a class folder that its camera is calibrated by
+SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".gif")
+NAME = re.compile(r"[^\W_](?:[\w .+-]*[\w+-])?")  # letters first: no hidden file, no control character, no separator
+LONGEST_NAME = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Clip:
+    """One recording; ``clip`` is its name without the suffix, ``phenomenon`` the registered name."""
+
+    class_name: str
+    setting: str
+    clip: str
+    path: Path
+    phenomenon: str
+
+    @property
+    def place(self) -> str:
+        """Where it is in the data set, without the suffix: ``Pendulum/pendulum_45/06``."""
+        return f"{self.class_name}/{self.setting}/{self.clip}"
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Something that a data set lacks, or that is left out: where, and why."""
+
+    place: str
+    reason: str
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Listing:
+    """The clips of a data set in the order of their names; checkerboards by class; what is missing or left out.
+
+    ``unknown`` are the folders that are no class of any phenomenon; they are among the ``gaps`` too.
+    """
+
+    folder: Path
+    clips: tuple[Clip, ...]
+    boards: Mapping[str, Path]
+    gaps: tuple[Gap, ...]
+    unknown: tuple[str, ...]
+
+
+def benchmark_classes() -> dict[str, tuple[str, BenchmarkClass]]:
+    """Phenomenon and description of every class by its folder's name."""
+    return {one.folder: (name, one) for name, phenomenon in PHENOMENA.items() for one in phenomenon.classes}
+
+
+def list_clips(folder: str | Path) -> Listing:
+    """List the clips of a data set and name its gaps, without opening any file.
+
+    Links to files and folders are followed. Left out, and named: what is no ordinary file or cannot be read, names
+    with other characters than letters, digits, ``_ . + -`` and spaces, a second file for the same clip, and classes
+    that no phenomenon has. Files that are no clips (truth, tables, hidden files) are passed over.
+
+    Parameters
+    ----------
+    folder
+        Holds the classes.
+
+    Returns
+    -------
+    Listing
+        Also missing settings, and missing numbers where clips are numbered.
+
+    Raises
+    ------
+    DataError
+        When the folder cannot be read or has no class in it.
+    """
+    root, known = Path(folder), benchmark_classes()
+    gaps: list[Gap] = []
+    if not root.is_dir() or not os.access(root, os.R_OK | os.X_OK):
+        raise DataError(f"{folder} is no folder that can be read; give the one that holds the classes")
+    names = [name for name in _entries(root, "", gaps) if (root / name).is_dir()]
+    present = [name for name in names if name in known]
+    if not present:
+        raise DataError(
+            f"{folder} has no class of a data set; its folders should be some of {', '.join(sorted(known))}"
+        )
+    unknown = tuple(name for name in names if name not in known)
+    gaps += [Gap(name, _unknown(name, known)) for name in unknown]
+    clips = [clip for name in present for clip in _of_class(root, name, *known[name], gaps)]
+    boards = {name: board for name in present if (board := _board(root / name)) is not None}
+    return Listing(root, tuple(clips), boards, tuple(sorted(gaps, key=lambda gap: gap.place)), unknown)
+
+
+def _entries(folder: Path, place: str, gaps: list[Gap]) -> list[str]:
+    """Sorted names in a folder that may be used; the others are named as gaps."""
+    try:
+        names = sorted(path.name for path in folder.iterdir())
+    except OSError as error:
+        gaps.append(Gap(place or folder.name, f"cannot be read: {error.strerror}"))
+        return []
+    visible = [name for name in names if not name.startswith(".")]
+    usable = [name for name in visible if NAME.fullmatch(name) and len(name) <= LONGEST_NAME]
+    gaps.extend(
+        Gap(f"{place}{name!a}", "a name that is not made of letters, digits, _ . + - and spaces; rename it")
+        for name in visible
+        if name not in usable
+    )
+    return usable
+
+
+def _unknown(name: str, known: Mapping[str, object]) -> str:
+    close = get_close_matches(name, known, n=1) or [one for one in known if one.lower() == name.lower()]
+    hint = f"; did you mean {close[0]}?" if close else ""
+    return f"an unknown class: no phenomenon has it{hint}"
+
+
+def _board(folder: Path) -> Path | None:
+    """The clip of the checkerboard in a class folder, if there is one."""
+    found = [folder / f"{BOARD}{suffix}" for suffix in SUFFIXES]
+    return next((path for path in found if path.is_file()), None)
+
+
+def _of_class(root: Path, name: str, phenomenon: str, described: BenchmarkClass, gaps: list[Gap]) -> Iterator[Clip]:
+    """Clips of one class; what it lacks beside the published data set is added to the gaps."""
+    settings = [one for one in _entries(root / name, f"{name}/", gaps) if (root / name / one).is_dir()]
+    gaps.extend(Gap(f"{name}/{one}", "this setting is missing") for one in described.settings if one not in settings)
+    for setting in settings:
+        paths = _clips(root / name / setting, f"{name}/{setting}/", gaps)
+        missing = _missing(list(paths), described.trials)
+        gaps.extend(Gap(f"{name}/{setting}/{clip}", "this clip is missing") for clip in missing)
+        for clip, path in paths.items():
+            yield Clip(name, setting, clip, path, phenomenon)
+
+
+def _clips(folder: Path, place: str, gaps: list[Gap]) -> dict[str, Path]:
+    """Clips of one setting by name."""
+    found: dict[str, Path] = {}
+    for name in _entries(folder, place, gaps):
+        path = folder / name
+        if path.suffix.lower() not in SUFFIXES:
+            continue
+        if path.stem in found:
+            gaps.append(Gap(f"{place}{name}", f"left out: {found[path.stem].name} is the same clip"))
+        elif not path.is_file():
+            gaps.append(Gap(f"{place}{name}", "left out: a broken link, or no ordinary file"))
+        elif not os.access(path, os.R_OK):
+            gaps.append(Gap(f"{place}{name}", "left out: no permission to read it"))
+        else:
+            found[path.stem] = path
+    return found
+
+
+def _missing(names: list[str], trials: int) -> list[str]:
+    """Numbers from 1 to ``trials`` that no clip has, spelt as the others are; none where clips are not numbered."""
+    if not all(name.isascii() and name.isdigit() for name in names):
+        return []
+    width = min((len(name) for name in names), default=2)
+    there = {int(name) for name in names}
+    return [f"{number:0{width}d}" for number in range(1, trials + 1) if number not in there]
