@@ -22,6 +22,7 @@ import av
 from iris_sysid._video_folders import open_archive, open_folder
 from iris_sysid._video_pixels import Orientation, bgr_of, chroma_of, luma_of
 from iris_sysid._video_sources import DamageError, open_container
+from iris_sysid._video_tensors import open_tensor
 from iris_sysid.errors import VideoError
 from iris_sysid.files import sha256_of
 from iris_sysid.types import Frame
@@ -263,7 +264,7 @@ def open_video(
     stop_s: float | None = None,
     keep_partial: bool = False,
 ) -> Video:
-    """Open a clip: a video file, a GIF, a folder of pictures, or a ``.zip``/``.trz`` that holds one of these.
+    """Open a clip: a video file, a GIF, a folder of pictures, a ``.zip``/``.trz`` of these, or a ``.npy`` tensor.
 
     ``luma`` of a frame is the plane as it is coded, without conversion or copy: 16-235 in limited range,
     0-255 in full range (``facts["luma_range"]`` says which), the upper 8 bits of deeper video. Pictures
@@ -311,6 +312,8 @@ def _open_source(path: Path, label: str, fps: float | None) -> _Source:
             raise VideoError(f"{label} is a device or pipe, not an ordinary file")
         elif path.suffix.lower() in (".zip", ".trz"):
             source = open_archive(path, label)
+        elif path.suffix.lower() == ".npy":
+            source = open_tensor(path, label)
         else:
             source = open_container(path, label)
     except (OSError, ValueError) as error:  # ValueError: a NUL character in the name

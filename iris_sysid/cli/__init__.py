@@ -22,6 +22,7 @@ from iris_sysid.cli import (
     run,
     schema,
     smooth,
+    tensors,
     track,
 )
 from iris_sysid.errors import IrisError
@@ -46,6 +47,7 @@ app.command("diagnose")(diagnose.diagnose)
 app.command("discover")(discover.discover)
 app.command("render")(render.render)
 app.command("demo")(demo.demo)
+app.command("tensors")(tensors.tensors)
 app.command("audit")(audit.audit)
 app.command("list")(list_names.list_names)
 app.command("schema")(schema.schema)

@@ -5,7 +5,9 @@ from typing import Annotated
 import typer
 
 
-def schema(name: Annotated[str, typer.Argument(help="fit, diagnosis, discovery, calibration or origin.")]) -> None:
+def schema(
+    name: Annotated[str, typer.Argument(help="fit, diagnosis, discovery, calibration, origin or tensor.")],
+) -> None:
     """Print the JSON Schema of a result file.
 
     \b
