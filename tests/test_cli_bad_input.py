@@ -270,9 +270,18 @@ RENDER_TABLE = [
 ]
 
 OTHER_TABLE = [
-    ("audit no -o out", "no is not a folder; give the folder that holds iris_baseline"),
-    ("audit taken -o out", "taken holds none of the released files"),
-    ("audit good.csv -o out", "good.csv is not a folder"),
+    ("tensors no.mp4 -o t.npy", "there is no file no.mp4"),
+    ("tensors text.mp4 -o t.npy", "text.mp4 cannot be read as a video"),
+    ("tensors one_frame.mp4 -o t.csv", "a tensor is a .npy file, not t.csv"),
+    ("tensors one_frame.mp4 -o t.npy --size 0x5", "the tensor gives no size"),
+    ("benchmark -o out", "there is nothing to make a table from"),
+    ("benchmark --latent good.csv -o out", "write --latent as NAME=FILE"),
+    ("benchmark --latent a=no.csv -o out", "no.csv does not exist"),
+    ("benchmark --predictions a=good.csv -o out", "good.csv has no column"),
+    ("benchmark --rows good.csv -o out", "good.csv has no column 'study'"),
+    ("benchmark --audit no -o out", "no is not a folder; give the folder that holds iris_baseline"),
+    ("benchmark --audit taken -o out", "taken holds none of the released files"),
+    ("benchmark --audit good.csv -o out", "good.csv is not a folder"),
     ("import no.trz -o t.csv", "no.trz"),
     ("import good.csv -o t.csv", "good.csv"),
     ("import text.mp4 -o t.csv", "text.mp4"),

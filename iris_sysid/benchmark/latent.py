@@ -10,7 +10,7 @@ from typing import Any, Literal
 import pandas as pd
 
 from iris_sysid.benchmark.conversions import READINGS, Reading
-from iris_sysid.benchmark.published import truth_of
+from iris_sysid.benchmark.published import truth_of, truths
 from iris_sysid.benchmark.reading import parse_number, read_lines
 from iris_sysid.benchmark.rows import FAILED, OK, flat_rows
 from iris_sysid.errors import DataError
@@ -19,6 +19,7 @@ VALUES = ("alpha", "beta", "max_z", "min_z", "z0", "z1")
 HEADERS = (("run", *VALUES), ("phenomenon", "setting", "clip_idx", *VALUES))
 RUN_COLUMNS = ("line", "phenomenon", "setting", "clip", *VALUES, "status", "message", "duplicate_of")
 DAMAGED = "damaged"
+NOT_ESTIMATED = "not estimated"
 
 Dataset = Literal["iris", "delfys75"]
 DELFYS_CLASSES = ("dropped_ball", "free_fall", "led", "pendulum", "sliding_block", "torricelli")  # lower case there
@@ -138,11 +139,43 @@ def latent_rows(runs: pd.DataFrame, method: str, *, source: str = "", seed: int 
     return flat_rows(records)
 
 
+def unread_rows(runs: pd.DataFrame, method: str, *, source: str = "", seed: int | None = 42) -> pd.DataFrame:
+    """Rows without a value for runs of phenomena whose published parameter neither alpha nor beta is read as.
+
+    So the incline's angle has its place in the table: it is published from metadata, and no run estimates it.
+
+    Parameters
+    ----------
+    runs
+        From :func:`read_latent_runs`.
+    method, source, seed
+        As for :func:`latent_rows`.
+    """
+    dataset = dataset_of(runs)
+    known = truths()
+    known = known[known["dataset"] == dataset]
+    records: list[dict[str, Any]] = []
+    for run in runs.to_dict("records"):
+        if run["phenomenon"] in READINGS:
+            continue
+        stated = known[(known["phenomenon"] == run["phenomenon"]) & (known["setting"] == run["setting"])]
+        for truth in stated.to_dict("records"):
+            kept = {name: run[name] for name in ("phenomenon", "setting", "clip")}
+            kept |= {"dataset": dataset, "method": method, "seed": seed, "source": source, "status": NOT_ESTIMATED}
+            records.append(
+                kept
+                | {"parameter": truth["parameter"], "unit": truth["unit"]}
+                | {"truth": truth["value"], "truth_source": truth["source"]}
+            )
+    return flat_rows(records)
+
+
 def _record(run: dict[Any, Any], reading: Reading, dataset: Dataset) -> dict[str, Any]:
     truth = truth_of(dataset, run["phenomenon"], run["setting"], reading.parameter)
     value = float(reading.convert(run["alpha"], run["beta"]))
     status = "undefined" if run["status"] == OK and math.isnan(value) else run["status"]
     return {
+        "dataset": dataset,
         "phenomenon": run["phenomenon"],
         "setting": run["setting"],
         "clip": run["clip"],

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from iris_sysid.benchmark.conversions import GRAVITY, READINGS
+from iris_sysid.benchmark.conversions import GRAVITY, READINGS, Reading, beta_itself
 from iris_sysid.benchmark.rows import GROUP, OK, flat_rows
 
 SOURCE = "null baseline"
@@ -22,25 +22,39 @@ STARTS = (
     ("0.5, 0.05, stated", 0.5, 0.05),  # app:physics_block
 )
 
+# parameters that no released result reads off alpha and beta, with the reading that the publication states for them
+# (tab:calibration), so that a start value left untrained can stand beside an estimate
+UNREAD: Mapping[str, tuple[Reading, ...]] = {
+    "Pendulum": (Reading("damping", "1/s", "beta", beta_itself),),
+    "Sliding_cone": (Reading("friction", "1", "beta", beta_itself),),
+    **dict.fromkeys(
+        ("Two_Moving_Pendulums", "Two_Moving_Pendulum_One_Static"),
+        tuple(Reading(f"damping_{body}", "1/s", "beta", beta_itself) for body in (1, 2)),
+    ),
+}
+
 
 def null_rows(rows: pd.DataFrame) -> pd.DataFrame:
     """The null baselines for every phenomenon, setting and parameter that the flat rows hold.
 
     ``initial value only`` reads the latent pipeline's starting values as its results are read; ``metadata only``
     takes the value from the setting's name (an angle, a Delfys75 rope length in cm) or from a table of constants
-    (gravity). Where a parameter has no such value there is no row. Unit and truth are those of the rows given.
+    (gravity). Where a parameter has no such value there is no row. Unit and truth are those of the rows given: one row
+    a group, one a clip where the truth differs from clip to clip.
     """
-    first = rows.drop_duplicates(list(GROUP)).to_dict("records")
+    varies = rows.groupby(list(GROUP))["truth"].transform("nunique") > 1
+    clip = rows["clip"].where(varies, "none")
+    first = rows.assign(clip=clip).drop_duplicates([*GROUP, "clip"]).to_dict("records")
     return flat_rows(
-        {name: row[name] for name in (*GROUP, "unit", "truth", "truth_source")}
-        | {"clip": "none", "method": method, "value": value, "status": OK, "source": SOURCE}
+        {name: row[name] for name in (*GROUP, "clip", "unit", "truth", "truth_source")}
+        | {"method": method, "value": value, "status": OK, "source": SOURCE}
         for row in first
         for method, value in _values(row)
     )
 
 
 def _values(row: dict[Any, Any]) -> Iterator[tuple[str, float]]:
-    for reading in READINGS.get(row["phenomenon"], ()):
+    for reading in (*READINGS.get(row["phenomenon"], ()), *UNREAD.get(row["phenomenon"], ())):
         if reading.parameter == row["parameter"] and reading.published:
             for start, alpha, beta in STARTS:
                 value = float(reading.convert(alpha, beta))

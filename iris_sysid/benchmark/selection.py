@@ -53,10 +53,7 @@ class SelectionScore:
     @property
     def interval(self) -> tuple[float, float]:
         """95 % interval of the accuracy (Wilson 1927), as if the videos were independent."""
-        n, z, share = self.n, NORMAL_975, self.accuracy
-        centre, scale = share + z**2 / (2 * n), 1 + z**2 / n
-        half = z * np.sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
-        return float((centre - half) / scale), float((centre + half) / scale)
+        return wilson(self.correct, self.n)
 
     @property
     def per_class(self) -> pd.DataFrame:
@@ -64,6 +61,14 @@ class SelectionScore:
         videos = self.confusion.sum(axis=1)
         right = [self.confusion.loc[name].get(name, 0) for name in self.confusion.index]
         return pd.DataFrame({"videos": videos, "correct": right, "accuracy": right / videos})
+
+
+def wilson(correct: int, n: int) -> tuple[float, float]:
+    """95 % interval of a share, ``correct`` of ``n`` (Wilson 1927, J. Am. Stat. Assoc. 22, 209)."""
+    z, share = NORMAL_975, correct / n
+    centre, scale = share + z**2 / (2 * n), 1 + z**2 / n
+    half = z * np.sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
+    return float((centre - half) / scale), float((centre + half) / scale)
 
 
 def score_selection(

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from iris_sysid.benchmark.nulls import INITIAL, SOURCE, null_rows
-from iris_sysid.benchmark.rows import GROUP, check_rows
+from iris_sysid.benchmark.rows import GROUP, PARAMETERS, check_rows
 from iris_sysid.errors import DataError
 
 ABSENT = "–"
@@ -32,7 +32,9 @@ def displayed(value: float, digits: int = 3) -> str:
 
 
 def parameter_summary(rows: pd.DataFrame, *, reference: str | None = None) -> pd.DataFrame:
-    """Sum flat rows up to one line a phenomenon, setting, parameter and method, null baselines added.
+    """Sum flat rows up to one line a data set, phenomenon, setting, parameter and method, null baselines added.
+
+    Only rows of the study ``parameters`` count.
 
     Parameters
     ----------
@@ -46,12 +48,13 @@ def parameter_summary(rows: pd.DataFrame, *, reference: str | None = None) -> pd
     Returns
     -------
     DataFrame
-        ``phenomenon, setting, parameter, unit, truth, method``; ``n`` values and ``failed`` rows without one;
+        ``dataset, phenomenon, setting, parameter, unit, truth`` (the mean, where it differs from clip to clip),
+        ``method``; ``n`` values and ``failed`` rows without one;
         ``mean`` and ``sd`` (n - 1) of the values; ``mae`` and ``mae_sd``, mean and sd of the absolute errors;
-        ``relative_percent``, mae over the truth; ``difference``, mae minus the reference's; ``best``, whether the
-        *displayed* mae is the smallest of the group's methods (null baselines do not compete);
-        ``beats_initial``, ``yes`` or ``no``, against the best displayed null baseline of initial values, empty where
-        there is none. Failed rows count in no mean. NaN where a number cannot be had.
+        ``relative_percent``, the mean of the absolute errors over their truths; ``difference``, mae minus the
+        reference's; ``best``, whether the *displayed* mae is the smallest of the group's methods (null baselines do
+        not compete); ``beats_initial``, ``yes`` or ``no``, against the best displayed null baseline of initial
+        values, empty where there is none. Failed rows count in no mean. NaN where a number cannot be had.
 
     Raises
     ------
@@ -62,7 +65,7 @@ def parameter_summary(rows: pd.DataFrame, *, reference: str | None = None) -> pd
     if reference is not None and not _named(rows["method"], reference):
         names = ", ".join(sorted(set(rows["method"])))
         raise DataError(f"no row is of the reference {reference!r}; the methods are {names}")
-    known = rows[rows["source"] != SOURCE]
+    known = rows[(rows["source"] != SOURCE) & (rows["study"] == PARAMETERS)]
     every = pd.concat([known, null_rows(known)], ignore_index=True) if len(known) else known
     lines: list[dict[str, Any]] = []
     for _, group in every.groupby(list(GROUP), sort=False):
@@ -71,8 +74,8 @@ def parameter_summary(rows: pd.DataFrame, *, reference: str | None = None) -> pd
 
 
 SUMMARY_COLUMNS = (
-    *("phenomenon", "setting", "parameter", "unit", "truth", "method", "n", "failed", "mean", "sd", "mae", "mae_sd"),
-    *("relative_percent", "difference", "best", "beats_initial"),
+    *("dataset", "phenomenon", "setting", "parameter", "unit", "truth", "method", "n", "failed", "mean", "sd"),
+    *("mae", "mae_sd", "relative_percent", "difference", "best", "beats_initial"),
 )
 
 
@@ -107,19 +110,23 @@ def _line(one: pd.DataFrame) -> dict[str, Any]:
     values = one.loc[np.isfinite(one["value"]), ["value", "error", "truth"]]
     errors = values["error"].abs().dropna()
     first = one.iloc[0]
-    truth = float(first["truth"]) if one["truth"].nunique() == 1 else math.nan
-    error = float(errors.mean()) if len(errors) else math.nan
     return {
-        **{name: first[name] for name in ("phenomenon", "setting", "parameter", "unit", "method")},
-        "truth": truth,
+        **{name: first[name] for name in ("dataset", "phenomenon", "setting", "parameter", "unit", "method")},
+        "truth": _mean(one["truth"]),
         "n": len(values),
         "failed": len(one) - len(values),
-        "mean": float(values["value"].mean()),
+        "mean": _mean(values["value"]),
         "sd": _spread(values["value"]),
-        "mae": error,
+        "mae": _mean(errors),
         "mae_sd": _spread(errors),
-        "relative_percent": 100 * error / abs(truth) if truth else math.nan,
+        "relative_percent": 100 * _mean(errors / values["truth"].abs().replace(0.0, math.nan)),
     }
+
+
+def _mean(values: pd.Series) -> float:
+    """Mean of what there is; exactly the value where all are equal. NaN where there is none."""
+    known = values.dropna()
+    return float(known.iloc[0] if known.nunique() == 1 else known.mean()) if len(known) else math.nan
 
 
 def _spread(values: pd.Series) -> float:

@@ -62,6 +62,7 @@ def _text(value: object) -> str:
 
 
 PARAMETER_HEADER = {
+    "dataset": "data",
     "phenomenon": "phenomenon",
     "setting": "setting",
     "parameter": "parameter",
@@ -83,8 +84,9 @@ PARAMETER_HEADER = {
 def parameter_table(rows: pd.DataFrame, *, reference: str | None = None, caption: str = "Parameter errors") -> Table:
     """Lay out the errors of every method on every parameter, null baselines included.
 
-    Bold is the smallest displayed MAE of a group (one phenomenon, setting and parameter); equal displayed numbers
-    are all bold, and null baselines are never. Every difference is against one reference.
+    Bold is the smallest displayed MAE of a group (one data set, phenomenon, setting and parameter); equal displayed
+    numbers are all bold, and null baselines are never. Every difference is against one reference. The data set is
+    shown where there are several.
 
     Parameters
     ----------
@@ -96,7 +98,8 @@ def parameter_table(rows: pd.DataFrame, *, reference: str | None = None, caption
         Above the table.
     """
     summary = parameter_summary(rows, reference=reference)
-    names = [name for name in PARAMETER_HEADER if reference or name != "difference"]
+    hidden = {"difference": not reference, "dataset": summary["dataset"].nunique() < 2}
+    names = [name for name in PARAMETER_HEADER if not hidden.get(name)]
     lines = tuple(
         tuple(Cell(_text(line[name]), bool(name == "mae" and line["best"])) for name in names)
         for line in summary.to_dict("records")

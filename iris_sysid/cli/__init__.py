@@ -10,7 +10,7 @@ import typer
 
 from iris_sysid import terminal
 from iris_sysid.cli import (
-    audit,
+    benchmark,
     calibrate,
     demo,
     diagnose,
@@ -48,7 +48,7 @@ app.command("discover")(discover.discover)
 app.command("render")(render.render)
 app.command("demo")(demo.demo)
 app.command("tensors")(tensors.tensors)
-app.command("audit")(audit.audit)
+app.command("benchmark")(benchmark.benchmark)
 app.command("list")(list_names.list_names)
 app.command("schema")(schema.schema)
 

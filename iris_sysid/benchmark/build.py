@@ -1,0 +1,122 @@
+"""The benchmark built in one folder: rows from every source, then all tables from the rows."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from iris_sysid.benchmark.inputs import given_rows, hashes
+from iris_sysid.benchmark.page_files import check_pages, write_pages
+from iris_sysid.benchmark.rows import joined, read_rows
+from iris_sysid.errors import DataError
+from iris_sysid.files import origin_of, sha256_of
+
+DOCUMENT = "benchmark"  # what a manifest says it is of
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """What the benchmark is made from beside a data set: files by the name of the method, and earlier rows."""
+
+    latent: Mapping[str, Path] = field(default_factory=dict)
+    predictions: Mapping[str, Path] = field(default_factory=dict)
+    rows: Path | None = None
+
+
+def build(
+    inputs: Inputs,
+    output: str | Path,
+    *,
+    reference: str | None = None,
+    overwrite: bool = False,
+) -> dict[str, Path]:
+    """Gather flat rows and write every table that they fill.
+
+    Parameters
+    ----------
+    inputs
+        Files of latent runs, of predictions, and earlier rows.
+    output
+        Folder of ``rows.csv``, the pages and the manifest; the files of an earlier benchmark in it are replaced.
+    reference
+        Method that the differences of the long table are against.
+    overwrite
+        Replace files that no benchmark wrote.
+
+    Returns
+    -------
+    dict
+        The path of each file by its name in the folder.
+
+    Raises
+    ------
+    DataError
+        When there is nothing to make rows from, or a file cannot be read.
+    OutputError
+        When the folder cannot be written.
+    """
+    folder = Path(output)
+    replace = overwrite or is_benchmark(folder)
+    check_pages(folder, overwrite=replace)
+    rows, gaps = rows_of(inputs)
+    if not len(rows):
+        raise DataError("there is nothing to make a table from: give a data set, --latent, --predictions or --rows")
+    told = manifest_of(inputs, rows, {"reference": reference})
+    return write_pages(rows, folder, reference=reference, gaps=gaps, manifest=told, overwrite=replace)
+
+
+def rows_of(inputs: Inputs) -> tuple[pd.DataFrame, list[str]]:
+    """The flat rows of all files, earlier rows first, and one line on each run that cannot be used as it is."""
+    earlier = [] if inputs.rows is None else [read_rows(inputs.rows)]
+    given, gaps = given_rows(inputs.latent, inputs.predictions)
+    return joined([*earlier, given]), gaps
+
+
+def manifest_of(inputs: Inputs, rows: pd.DataFrame, options: Mapping[str, Any]) -> dict[str, Any]:
+    """What the rows were made from: hashes of the files, options, versions, and how many clips each table is over.
+
+    Parameters
+    ----------
+    inputs
+        The files.
+    rows
+        All flat rows.
+    options
+        What else the result depends on.
+    """
+    return {
+        "document": DOCUMENT,
+        "version": 1,
+        "latent": hashes(inputs.latent),
+        "predictions": hashes(inputs.predictions),
+        "rows": None if inputs.rows is None else {"file": inputs.rows.name, "sha256": sha256_of(inputs.rows)},
+        "splits": splits_of(rows),
+        "seeds": sorted({int(seed) for seed in rows["seed"].dropna()}),
+        "origin": origin_of(None, options),
+    }
+
+
+def splits_of(rows: pd.DataFrame) -> list[dict[str, Any]]:
+    """Which clips each method was scored on, by study, data set and method: the split really used."""
+    by = ["study", "dataset", "method"]
+    found = []
+    for (study, dataset, method), group in rows.groupby(by, sort=False):
+        places = (group["phenomenon"] + "/" + group["setting"] + "/" + group["clip"]).unique()
+        found.append(
+            {"study": study, "dataset": dataset, "method": method, "n": len(places), "clips": sorted(map(str, places))}
+        )
+    return found
+
+
+def is_benchmark(folder: str | Path) -> bool:
+    """Whether a folder holds what an earlier benchmark wrote, so that its files may be replaced."""
+    try:
+        told = json.loads((Path(folder) / "manifest.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(told, dict) and told.get("document") == DOCUMENT
