@@ -13,6 +13,7 @@ from pydantic import ValidationError
 
 from iris_sysid.errors import DataError, UnknownNameError
 from iris_sysid.files import json_text, write_atomic
+from iris_sysid.groundtruth.schemas import GROUND_TRUTH
 from iris_sysid.schemas import (
     DOCUMENTS,
     DiscoveryDocument,
@@ -48,9 +49,10 @@ Kind = TypeVar("Kind", bound=Document)
 
 def schema(name: str) -> dict[str, Any]:
     """The JSON Schema (2020-12) of the file of that name; UnknownNameError lists the names there are."""
-    if name not in DOCUMENTS:
-        raise UnknownNameError(f"no file is named {name!r}; there are: {', '.join(DOCUMENTS)}")
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **DOCUMENTS[name].model_json_schema()}
+    kinds = {**DOCUMENTS, **GROUND_TRUTH}
+    if name not in kinds:
+        raise UnknownNameError(f"no file is named {name!r}; there are: {', '.join(kinds)}")
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **kinds[name].model_json_schema()}
 
 
 # --------------------------------------------------------------------------- files
@@ -58,7 +60,7 @@ def schema(name: str) -> dict[str, Any]:
 
 def document_text(document: Document) -> str:
     """The document as JSON text: the same bytes for the same content."""
-    return json_text(document.model_dump())
+    return json_text(document.model_dump(by_alias=True))
 
 
 def write_document(document: Document, path: str | Path, *, overwrite: bool = False) -> Path:

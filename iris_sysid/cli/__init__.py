@@ -16,6 +16,7 @@ from iris_sysid.cli import (
     diagnose,
     discover,
     fit,
+    gt,
     import_marks,
     list_names,
     render,
@@ -48,6 +49,7 @@ app.command("discover")(discover.discover)
 app.command("render")(render.render)
 app.command("demo")(demo.demo)
 app.command("tensors")(tensors.tensors)
+app.command("gt")(gt.gt)
 app.command("benchmark")(benchmark.benchmark)
 app.command("list")(list_names.list_names)
 app.command("schema")(schema.schema)

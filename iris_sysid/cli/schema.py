@@ -6,7 +6,12 @@ import typer
 
 
 def schema(
-    name: Annotated[str, typer.Argument(help="fit, diagnosis, discovery, calibration, origin or tensor.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            help="fit, diagnosis, discovery, calibration, origin, tensor; measured, clip or parameters of gt."
+        ),
+    ],
 ) -> None:
     """Print the JSON Schema of a result file.
 

@@ -175,8 +175,9 @@ def told(
     calibration
         Perhaps with a camera.
     """
+    sought = {one.name for one in MODELS[phenomenon.model].parameters if not one.constant}
     accepted = accepted_settings(phenomenon)
-    settings = {name: known[name] for name in KNOWN if name in known and name in accepted}
+    settings = {name: known[name] for name in KNOWN if name in known and name in accepted and name not in sought}
     if PROJECTED not in accepted or RADIUS not in known or "camera" not in calibration.budget:
         return settings, []
     constant = _projected(known[RADIUS], calibration)

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field, JsonValue
 
 from iris_sysid.schemas import Document, EstimateEntry, Number, Part, number
-from iris_sysid.types import Estimate, FitStatus
+from iris_sysid.types import NORMAL_975, Estimate, FitStatus
 
 ANY = "*"  # every class, or every setting
 RECTANGLE = math.sqrt(3.0)  # half width over standard deviation of a rectangular distribution (GUM, 4.3.7)
@@ -38,10 +38,12 @@ class MeasuredValue(Part):
     source: str = ""
 
     def estimate(self) -> Estimate:
-        """The value with its standard uncertainty."""
+        """The value with its standard uncertainty and its 95 % interval."""
         factor = {"limits": RECTANGLE, "standard": 1.0, "expanded": EXPANDED}[self.kind]
+        half = self.uncertainty * {"limits": 0.95, "standard": NORMAL_975, "expanded": 1.0}[self.kind]
         source = "; ".join(filter(None, (self.instrument, self.source)))
-        return Estimate(self.value, self.uncertainty / factor, self.unit, self.measurement_type, source)
+        interval = (self.value - half, self.value + half)
+        return Estimate(self.value, self.uncertainty / factor, self.unit, self.measurement_type, source, interval)
 
 
 class BoardEntry(Part):
@@ -165,6 +167,8 @@ class ClipValue(Part):
     """Random and systematic."""
     random: Number
     """The part that the other clips do not share."""
+    interval: tuple[Number, Number]
+    """95 %."""
     status: str
     message: str = ""
     used: bool
