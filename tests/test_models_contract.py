@@ -27,6 +27,13 @@ SETTINGS = {
         },
         np.arange(600) / 60,
     ),
+    "coupled-oscillators": (
+        {
+            "stiffness_1": 7.8, "stiffness_2": 3.1, "damping_1": 0.04, "damping_2": 0.05, "coupling_1": 78.0,
+            "coupling_2": 32.0, "z1_0": 0.0, "z2_0": -0.14, "v1_0": -0.1, "v2_0": 0.0,
+        },
+        np.arange(500) / 60,
+    ),
     "contact-chain": (
         {
             "coupling": 3.0, "damping": 0.4, "z1_0": -0.3, "z2_0": 0.0, "z3_0": 0.1,

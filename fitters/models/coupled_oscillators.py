@@ -1,0 +1,75 @@
+"""Two bodies on springs of their own, joined by another spring; their masses may differ."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitters.models._guess import samples, start_of, weak_regression
+from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+
+
+def rhs(
+    t: float, state: tuple[float, float, float, float], params: tuple[float, ...]
+) -> tuple[float, float, float, float]:
+    """Give z_i'' = -damping_i z_i' - stiffness_i z_i - coupling_i (z_i - z_j)."""
+    z_1, z_2, v_1, v_2 = state
+    stiffness_1, stiffness_2, damping_1, damping_2, coupling_1, coupling_2 = params
+    return (
+        v_1,
+        v_2,
+        -damping_1 * v_1 - stiffness_1 * z_1 - coupling_1 * (z_1 - z_2),
+        -damping_2 * v_2 - stiffness_2 * z_2 - coupling_2 * (z_2 - z_1),
+    )
+
+
+def guess(trajectory: Trajectory) -> Mapping[str, float]:
+    """Take each body's acceleration regressed on its place, its distance from the other body and its speed."""
+    t_s, z_1 = samples(trajectory, "z1")
+    _, z_2 = samples(trajectory, "z2")
+    values = {}
+    for body, own, other in (("1", z_1, z_2), ("2", z_2, z_1)):
+        (stiffness, coupling, friction), half_width_s = weak_regression(t_s, own, np.column_stack([-own, other - own]))
+        if not np.isfinite(stiffness):  # too few samples: take the clip for a quarter of a period
+            stiffness, coupling, friction = (np.pi / 2 / (t_s[-1] - t_s[0])) ** 2, 0.0, 0.0
+        start = start_of(t_s, own, half_width_s)
+        values[f"stiffness_{body}"], values[f"coupling_{body}"] = float(stiffness), float(coupling)
+        values[f"damping_{body}"] = float(np.clip(-friction, -1.0, 50.0))
+        values[f"z{body}_0"], values[f"v{body}_0"] = float(start[0]), float(start[1])
+    return values
+
+
+def energy(states: Array, params: Array) -> Array:
+    """Energy over the two masses' common scale, m^2/s^4: the couplings are to one another as the inverse masses."""
+    z, v = states[:, :2], states[:, 2:]
+    each = v**2 / 2 + params[:2] * z**2 / 2
+    stretched = (z[:, 0] - z[:, 1]) ** 2 / 2
+    return np.asarray(params[5] * each[:, 0] + params[4] * each[:, 1] + params[4] * params[5] * stretched)
+
+
+MODEL = OdeModel(
+    name="coupled-oscillators",
+    summary="two bodies on springs of their own, joined by a spring; coupling_1 / coupling_2 is the mass of 2 over 1",
+    equation=r"\ddot z_i + \zeta_i\,\dot z_i + \alpha_i\,z_i + \kappa_i\,(z_i - z_j) = 0",
+    source="Landau and Lifshitz, Mechanics, section 23; Schmidt and Lipson (2009), Science 324, 81, air track",
+    states=(
+        Quantity("z1", "m", "z_1"),
+        Quantity("z2", "m", "z_2"),
+        Quantity("v1", "m/s", "v_1"),
+        Quantity("v2", "m/s", "v_2"),
+    ),
+    parameters=(
+        Parameter("stiffness_1", "1/s^2", r"\alpha_1", lower=-1e6, upper=1e9),
+        Parameter("stiffness_2", "1/s^2", r"\alpha_2", lower=-1e6, upper=1e9),
+        Parameter("damping_1", "1/s", r"\zeta_1", lower=-1e2, upper=1e4),
+        Parameter("damping_2", "1/s", r"\zeta_2", lower=-1e2, upper=1e4),
+        Parameter("coupling_1", "1/s^2", r"\kappa_1", lower=-1e6, upper=1e9),
+        Parameter("coupling_2", "1/s^2", r"\kappa_2", lower=-1e6, upper=1e9),
+    ),
+    observed=(Quantity("z1", "m", "z_1"), Quantity("z2", "m", "z_2")),
+    rhs=rhs,
+    guess=guess,
+    first_integral=energy,
+    dissipative=("damping_1", "damping_2"),
+)
