@@ -104,30 +104,26 @@ _term_value = _in_kernels(term_value)
 def _equation(
     k: int, shift: int, along: int, own: tuple[tuple[int, int, int], ...], turnover: float
 ) -> Callable[..., Any]:
-    """The sum of one equation's terms: coefficient ``place`` times what ``code`` makes of variable ``k``."""
+    """The sum of one equation's terms: parameter ``place`` times what ``code`` makes of variable ``k``.
+
+    One loop over a table of whole numbers, so that numba has one function to compile, not one a term.
+    """
+    pushes = any(code == INPUT for _, code, _ in own)
 
     @_in_kernels
     def nothing(t: Any, state: Any, params: Any, inputs: Any) -> Any:
         return 0.0 * state[k]
 
-    total: Callable[..., Any] = nothing
-    for place, code, other in own:
-        total = _plus(total, place, code, k, shift, along, other, turnover)
-    return total
-
-
-def _plus(
-    before: Callable[..., Any], place: int, code: int, k: int, shift: int, along: int, other: int, turnover: float
-) -> Callable[..., Any]:
-    pushes, couples = code == INPUT, code in (DIFFERENCE, OTHER_ROOT)
-    second = other if couples else k
-
     @_in_kernels
     def total(t: Any, state: Any, params: Any, inputs: Any) -> Any:
-        velocity = state[shift + k]
+        slope, velocity = 0.0 * state[k], state[shift + k]
         speed = np.abs(velocity) if along == k else np.sqrt(velocity**2 + state[shift + along] ** 2)
-        pushed = inputs[other] if pushes else velocity
-        term = _term_value(code, state[k], state[second], velocity, speed, pushed, turnover)
-        return before(t, state, params, inputs) + params[place] * term
+        for place, code, second in own:
+            other = state[second] if code in (DIFFERENCE, OTHER_ROOT) else velocity
+            pushed = velocity
+            if pushes:
+                pushed = inputs[second] if code == INPUT else velocity
+            slope += params[place] * _term_value(code, state[k], other, velocity, speed, pushed, turnover)
+        return slope
 
-    return total
+    return total if own else nothing

@@ -26,6 +26,8 @@ STABLE = 0.5  # inclusion of a term that stays
 SURE = 10.0  # of the information criterion: very strong evidence (Kass and Raftery 1995, JASA 90, 773)
 ROUNDS = 8
 MOST_CORRELATION = 0.98
+SAME = 1e-9  # of the range of the samples: nearer ones differ by rounding in arithmetic only
+OFF_GRID = 1e-3  # of a step
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -59,16 +61,49 @@ class Refined:
         """How many independent samples the residuals are worth."""
         return sum(part.count for clip in self.parts for part in clip)
 
-    def criterion(self, count: float) -> float:
-        """Information criterion of this choice, from its own residual, for so many independent samples."""
+    @property
+    def least_seen(self) -> float:
+        """What a term explains that moves the samples by their rounding error, in squared standard errors.
+
+        Samples on a grid (whole pixels, whole millimetres) are off by up to half a step, and that error is a function
+        of the motion: it does not average out as noise does. So terms that do less than it (step / sqrt 12) are not
+        seen, however many samples there are.
+        """
+        shares = [
+            sum(part.count for part in parts) * np.log1p(np.mean((_steps(one) / one.rms) ** 2 / 12))
+            for parts, one in zip(self.parts, self.fits, strict=True)
+        ]
+        return float(sum(shares) / len(self.fits[0].rms))
+
+    def criterion(self, count: float, least: float = 0.0) -> float:
+        """Information criterion of this choice, from its own residual.
+
+        For so many independent samples, when a term must explain at ``least`` so much.
+        """
         if not self.usable:
             return np.inf
         spread = np.mean([np.log(np.mean((one.rms / _noise(one)) ** 2)) for one in self.fits])
-        return float(count * spread + len(self.kept) * (np.log(max(count, 3.0)) + 2 * np.log(self.terms)))
+        price = max(np.log(max(count, 3.0)) + 2 * np.log(self.terms), least)
+        return float(count * spread + len(self.kept) * price)
 
 
 def _noise(one: FitResult) -> Array:
     return np.where(np.isfinite(one.noise) & (one.noise > 0), one.noise, np.maximum(one.rms, 1e-300))
+
+
+def _steps(one: FitResult) -> Array:
+    """The step (d,) of the grid that the samples of each quantity lie on; 0 where they lie on none."""
+    return np.array([grid_step(column) for column in (one.predicted + one.residual)[one.used].T])
+
+
+def grid_step(values: Array) -> float:
+    """The largest step of which all differences of values (n,) are whole multiples; 0 where there is none."""
+    different = np.unique(values)
+    apart = np.diff(different)[np.diff(different) > SAME * max(float(np.ptp(values)), 1e-300)]
+    if apart.size < 2:
+        return 0.0
+    steps = apart / np.min(apart)
+    return float(np.min(apart)) if np.all(np.abs(steps - np.round(steps)) < OFF_GRID) else 0.0
 
 
 # --------------------------------------------------------------------------- fitting a choice
@@ -214,7 +249,8 @@ def disposed(
             values = now.total.solved(kept)[0]
             start = {library.names[k]: float(value) for k, value in zip(kept, values, strict=True)}
     count = max(one.count for one in visited.values())
-    return min(visited.values(), key=lambda one: one.criterion(count))
+    least = max((one.least_seen for one in visited.values() if one.usable), default=0.0)
+    return min(visited.values(), key=lambda one: one.criterion(count, least))
 
 
 def chosen_about(found: Refined) -> Kept:
@@ -224,8 +260,8 @@ def chosen_about(found: Refined) -> Kept:
 
 
 def price_about(found: Refined) -> float:
-    """What a term must explain, chosen by prediction of held-out parts of the clips."""
-    return predictive_price([together(group) for group in folds_of(found.parts)], found.terms)
+    """What a term must explain: what predicts held-out parts of the clips best, and more than rounding does."""
+    return max(predictive_price([together(group) for group in folds_of(found.parts)], found.terms), found.least_seen)
 
 
 def folds_of(parts: Sequence[Sequence[Compressed]], folds: int = 5) -> list[list[Compressed]]:

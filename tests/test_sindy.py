@@ -3,12 +3,14 @@
 import numpy as np
 import pysindy
 import pytest
+from scipy.optimize import curve_fit
 
 from fitters.ode import simulate
 from fitters.sindy import discover
 from fitters.sindy_bank import structures
 from fitters.sindy_library import library_of
 from fitters.sindy_model import model_of
+from fitters.sindy_refine import grid_step
 from fitters.sindy_residual import effect_of, lacking
 from fitters.sindy_sparse import Compressed, proposed, significant, term_price
 from fitters.sindy_weak import Rows, pieces_of, rows_of
@@ -16,6 +18,7 @@ from iris_sysid.errors import DataError, FitError
 from iris_sysid.registry import MODELS
 from iris_sysid.types import Estimate, Quantity, Segment, Trajectory
 from iris_sysid.wording import discovery_sentence
+from tests import _real_data as real
 
 THETA, Z = Quantity("theta", "rad", r"\theta"), Quantity("z", "m", "z")
 PENDULUM = {"length": 0.5, "damping": 0.05, "theta_0": 1.0, "omega_0": 0.0}
@@ -112,6 +115,19 @@ def test_known_input_enters_the_equation():
     assert push_found.coefficient.unit == "m/s^2/V"
 
 
+def test_oscillator_is_found_in_the_recording_of_an_air_track():
+    clip = real.schmidt_lipson_linear()
+    matched = discover(clip, resampled=20).matched
+    assert matched.model == "linear-oscillator"
+
+    def damped_cosine(t_s, amplitude, phase, omega, damping):
+        return amplitude * np.exp(-damping * t_s / 2) * np.cos(omega * t_s + phase)
+
+    (*_, omega, damping), _ = curve_fit(damped_cosine, clip.t_s, clip.position[:, 0], [0.1, 3.0, 2.5, 0.01])
+    assert matched.parameters["stiffness"].value == pytest.approx(omega**2 + damping**2 / 4, rel=1e-4)
+    assert matched.parameters["damping"].value == pytest.approx(damping, rel=0.01)
+
+
 # --------------------------------------------------------------------------- several clips, gaps, events
 
 
@@ -182,6 +198,22 @@ def test_compressed_rows_leave_the_same_sums_of_squares():
     assert residual == pytest.approx(left([0, 3]))
     assert residual - gains[2] == pytest.approx(left([0, 3, 2]))
     assert problem.without(3).residual((1,)) == pytest.approx(left([1, 3, 4]))
+
+
+def test_grid_that_samples_lie_on_is_seen_and_noise_lies_on_none():
+    values = 0.1 * np.cos(np.arange(300) / 20)
+    assert grid_step(np.round(values, 3)) == pytest.approx(1e-3)
+    assert grid_step(values) == 0.0
+    assert grid_step(np.full(20, 0.3)) == 0.0
+
+
+def test_term_that_does_less_than_the_rounding_of_the_samples_is_not_seen():
+    t_s, model = np.arange(900) / 30, MODELS["linear-oscillator"]
+    z = simulate(model, t_s, {"stiffness": 6.2, "damping": 0.014, "z_0": 0.1, "vz_0": 0.0}).observed
+    bent = z / (1 - 0.04 * z) - 4e-4 * z / 0.1 * (z / 0.1) ** 2  # a camera that looks askance through a lens
+    fine, whole_mm = seen(t_s, bent, Z, noise=3e-4), seen(t_s, np.round(bent, 3), Z, noise=0.0)
+    assert selected(discover(fine, resampled=5)) != {"z_linear", "z_rate"}
+    assert selected(discover(whole_mm, resampled=5)) == {"z_linear", "z_rate"}
 
 
 @pytest.mark.parametrize(
