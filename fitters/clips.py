@@ -30,7 +30,8 @@ class _View:
     """What one clip says of the shared values (s of them) when its own values follow.
 
     ``near`` has the sensitivities to them, those to its own values taken out; ``weight`` is one over the variance of
-    its noise as they feel it; ``known`` by name (n * d,): response to one standard error of a known value.
+    its noise as they feel it; ``known`` by name (r, n * d): response to one standard error of a known
+    value (r = 1), or of each pattern of a source.
     """
 
     near: Linearised
@@ -217,7 +218,7 @@ def _view(
     near = linearise(*found)
     n, d, _ = near.sensitivity.shape
     columns = np.stack([near.known[name].ravel() / trial[name] for name in shared], axis=1)
-    known = {name: response.ravel() for name, response in near.known.items() if name not in shared}
+    known = {name: response.reshape(len(response), -1) for name, response in near.known.items() if name not in shared}
     size = np.sqrt(np.sum(near.flat**2, axis=0))
     basis = np.linalg.qr(near.flat / np.where(size > 0, size, 1.0))[0]
     across = columns - basis @ (basis.T @ columns)
@@ -249,12 +250,10 @@ def _shared_estimates(
     spread = sum(np.diag(part) ** 2 / degrees for part, degrees in parts)  # Satterthwaite (1946)
     degrees = np.clip(variance**2 / np.maximum(spread, 1e-300), 1.0, MOST_DEGREES)
     names = sorted({name for view in views for name in view.known})
-    shifts = {
-        name: -bread @ sum(v.weight * v.near.flat.T @ v.known[name] for v in views if name in v.known) for name in names
-    }
+    shifts = {name: _shift([view for view in views if name in view.known], name, bread) for name in names}
     estimates, budget = {}, {}
     for k, name in enumerate(shared):
-        part = {"random": float(np.sqrt(variance[k])), **{s: abs(float(shift[k])) for s, shift in shifts.items()}}
+        part = {"random": float(np.sqrt(variance[k])), **{s: float(shift[k]) for s, shift in shifts.items()}}
         stderr = float(np.linalg.norm(list(part.values())))
         half = float(student.ppf(0.975, degrees[k] * (stderr / max(part["random"], 1e-300)) ** 4)) * stderr
         unit, value = alone[0].estimates[name].unit, float(values[k])
@@ -262,6 +261,18 @@ def _shared_estimates(
         estimates[name] = Estimate(value, stderr, unit, "fitted", source, ci95=(value - half, value + half))
         budget[name] = part
     return covariance, estimates, budget
+
+
+def _shift(views: Sequence[_View], name: str, bread: Array) -> Array:
+    """How far one standard error of a known value moves the shared values (s,), in all clips alike.
+
+    Several patterns of one source are not in the same order in all clips: their sizes are added, which is the most
+    that they can come to.
+    """
+    moved = [bread @ (view.weight * view.near.flat.T @ view.known[name].T) for view in views]
+    if all(one.shape[1] == 1 for one in moved):
+        return np.asarray(np.abs(sum(moved))[:, 0])
+    return np.asarray(sum(np.linalg.norm(one, axis=1) for one in moved))
 
 
 def _one_clip(view: _View, bread: Array) -> tuple[Array, Array]:

@@ -144,6 +144,16 @@ def test_error_of_gravity_does_not_average_out_over_clips():
         assert found.estimates["length"].stderr == pytest.approx(0.006, rel=0.05)
 
 
+def test_error_that_all_samples_share_in_several_patterns_does_not_average_out_over_clips():
+    clips = swings([0.6] * 2)
+    clock = [np.gradient(one.position[:, 0], one.t_s)[:, None] * one.t_s[:, None] * 0.01 for one in clips]
+    one = [c.with_(systematic={"clock": np.array([w])}) for c, w in zip(clips, clock, strict=True)]
+    split = [c.with_(systematic={"clock": np.array([w, w]) / np.sqrt(2)}) for c, w in zip(clips, clock, strict=True)]
+    single, double = (fit_clips(found, PENDULUM, shared=["length"]).budget["length"]["clock"] for found in (one, split))
+    assert single == pytest.approx(2 * 0.01 * 0.6, rel=0.05)  # a clock wrong by 1 % makes a length wrong by 2 %
+    assert double == pytest.approx(single, rel=1e-6)
+
+
 def test_sharing_what_differs_is_contradicted_in_the_message():
     found = fit_clips(falls([9.6, 9.8, 10.0], [1e-3] * 3), FALL, shared=["gravity"])
     assert "gravity is shared, but differs between clips by more than its error" in found.message
