@@ -20,6 +20,7 @@ PIXEL_FILES = (
     "iris_sysid/_camera_fit.py",
     "iris_sysid/synthetic",
     "iris_sysid/report/overlay",
+    "iris_sysid/benchmark/changed_clips",
 )
 OURS = ("iris_sysid", "trackers", "fitters")
 

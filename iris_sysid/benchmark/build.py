@@ -10,6 +10,7 @@ from typing import Any
 
 import pandas as pd
 
+from iris_sysid.benchmark.dataset_rows import DatasetRows
 from iris_sysid.benchmark.inputs import given_rows, hashes
 from iris_sysid.benchmark.page_files import check_pages, write_pages
 from iris_sysid.benchmark.rows import joined, read_rows
@@ -21,11 +22,12 @@ DOCUMENT = "benchmark"  # what a manifest says it is of
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """What the benchmark is made from beside a data set: files by the name of the method, and earlier rows."""
+    """What the benchmark is made from: files by the name of the method, earlier rows, and the rows of a data set."""
 
     latent: Mapping[str, Path] = field(default_factory=dict)
     predictions: Mapping[str, Path] = field(default_factory=dict)
     rows: Path | None = None
+    dataset: DatasetRows | None = None
 
 
 def build(
@@ -33,6 +35,7 @@ def build(
     output: str | Path,
     *,
     reference: str | None = None,
+    options: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> dict[str, Path]:
     """Gather flat rows and write every table that they fill.
@@ -40,11 +43,13 @@ def build(
     Parameters
     ----------
     inputs
-        Files of latent runs, of predictions, and earlier rows.
+        The rows of a data set, files of latent runs and of predictions, and earlier rows.
     output
         Folder of ``rows.csv``, the pages and the manifest; the files of an earlier benchmark in it are replaced.
     reference
         Method that the differences of the long table are against.
+    options
+        What else the rows depend on; kept in the manifest.
     overwrite
         Replace files that no benchmark wrote.
 
@@ -61,20 +66,27 @@ def build(
         When the folder cannot be written.
     """
     folder = Path(output)
-    replace = overwrite or is_benchmark(folder)
-    check_pages(folder, overwrite=replace)
+    replace = can_write(folder, overwrite=overwrite)
     rows, gaps = rows_of(inputs)
     if not len(rows):
         raise DataError("there is nothing to make a table from: give a data set, --latent, --predictions or --rows")
-    told = manifest_of(inputs, rows, {"reference": reference})
+    told = manifest_of(inputs, rows, {"reference": reference, **(options or {})})
     return write_pages(rows, folder, reference=reference, gaps=gaps, manifest=told, overwrite=replace)
 
 
+def can_write(folder: Path, *, overwrite: bool) -> bool:
+    """Whether the files in ``folder`` are to be replaced; OutputError, before any work, when they may not be."""
+    replace = overwrite or is_benchmark(folder)
+    check_pages(folder, overwrite=replace)
+    return replace
+
+
 def rows_of(inputs: Inputs) -> tuple[pd.DataFrame, list[str]]:
-    """The flat rows of all files, earlier rows first, and one line on each run that cannot be used as it is."""
+    """All flat rows, those of the data set first, then earlier ones; and one line on each gap."""
     earlier = [] if inputs.rows is None else [read_rows(inputs.rows)]
+    measured = [] if inputs.dataset is None else [inputs.dataset.rows]
     given, gaps = given_rows(inputs.latent, inputs.predictions)
-    return joined([*earlier, given]), gaps
+    return joined([*measured, *earlier, given]), [*(inputs.dataset.gaps if inputs.dataset else ()), *gaps]
 
 
 def manifest_of(inputs: Inputs, rows: pd.DataFrame, options: Mapping[str, Any]) -> dict[str, Any]:
@@ -92,6 +104,7 @@ def manifest_of(inputs: Inputs, rows: pd.DataFrame, options: Mapping[str, Any]) 
     return {
         "document": DOCUMENT,
         "version": 1,
+        "clips": dict(inputs.dataset.clips) if inputs.dataset else {},
         "latent": hashes(inputs.latent),
         "predictions": hashes(inputs.predictions),
         "rows": None if inputs.rows is None else {"file": inputs.rows.name, "sha256": sha256_of(inputs.rows)},

@@ -1,0 +1,228 @@
+"""Flat rows of a data set: every clip measured once, every study of it kept on disk, so that a run can go on."""
+
+from __future__ import annotations
+
+import hashlib
+import multiprocessing
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pandas as pd
+
+from iris_sysid.benchmark.robustness import robustness_rows
+from iris_sysid.benchmark.rows import ROBUSTNESS, SELECTION, SHARING, flat_rows, joined, read_rows, rows_text
+from iris_sysid.benchmark.selecting import selection_rows
+from iris_sysid.benchmark.sharing import sharing_rows
+from iris_sysid.benchmark.studies import STUDY_OF, ode_rows, studied
+from iris_sysid.benchmark.subjects import Subject, subjects_of
+from iris_sysid.errors import DataError, IrisError
+from iris_sysid.files import json_text, write_atomic
+from iris_sysid.groundtruth.measure import Conditions, Measurements, measure
+from iris_sysid.groundtruth.schemas import MeasuredDocument
+
+PER_CLIP = (*STUDY_OF, SELECTION)  # studies of one clip; robustness is of a few clips, sharing of a setting
+ALL_STUDIES = (*PER_CLIP, ROBUSTNESS, SHARING)
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Plan:
+    """What to do with a data set.
+
+    ``name`` of the data set in the tables; ``studies`` of ``ALL_STUDIES`` beside the bank's own fit; ``studied``: only
+    so many clips of each setting for them, None for all; ``robustness``: so many clips are changed and measured again.
+    """
+
+    name: str
+    measured: MeasuredDocument = field(default_factory=MeasuredDocument)
+    conditions: Conditions = field(default_factory=Conditions)
+    studies: tuple[str, ...] = ALL_STUDIES
+    studied: int | None = None
+    robustness: int = 0
+    workers: int = 1
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class DatasetRows:
+    """Flat rows, one line on each gap, and the sha256 of each clip by its place (None where it could not be read)."""
+
+    rows: pd.DataFrame
+    gaps: tuple[str, ...]
+    clips: Mapping[str, object]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Unit:
+    """One study of one clip: what can be done in a process of its own, and the file that keeps its rows."""
+
+    subject: Subject
+    study: str
+    path: Path
+    measured: MeasuredDocument
+    seed: int
+
+
+def dataset_rows(
+    dataset: str | Path,
+    work: str | Path,
+    plan: Plan,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    tell: Say | None = None,
+) -> DatasetRows:
+    """Measure a data set, study its clips, and give their flat rows.
+
+    A clip whose file, measurement and versions are as before is neither measured nor studied again.
+
+    Parameters
+    ----------
+    dataset
+        ``<Class>/<setting>/<clip>.mp4``; nothing is written there.
+    work
+        Folder of the measurements and of the rows of each study.
+    plan
+        What to do.
+    progress
+        Called with (steps done, steps in all), first for the clips and then for their studies.
+    tell
+        Called with a line about each clip that failed.
+
+    Raises
+    ------
+    DataError
+        When the folder is no data set, or a study is unknown.
+    OutputError
+        When the work cannot be written.
+    """
+    unknown = [name for name in plan.studies if name not in ALL_STUDIES]
+    if unknown:
+        raise DataError(f"there is no study {unknown[0]!r}; there are {', '.join(ALL_STUDIES)}")
+    done: Measurements = measure(
+        dataset,
+        work,
+        measured=plan.measured,
+        conditions=plan.conditions,
+        workers=plan.workers,
+        progress=progress,
+        tell=tell,
+    )
+    subjects = subjects_of(done.clips, Path(dataset), plan.name)
+    units = list(_units(subjects, Path(work), plan))
+    frames = [flat_rows(record for one in subjects for record in ode_rows(one))]
+    frames += list(_all_done(units, plan.workers, progress))
+    if SHARING in plan.studies:
+        frames.append(flat_rows(sharing_rows(subjects)))
+    gaps = tuple(f"{place}: {reason}" for place, reason in done.gaps)
+    clips = {one.clip.place: one.document.origin.get("sha256") for one in done.clips}
+    return DatasetRows(joined(frames), gaps, clips)
+
+
+def _units(subjects: Sequence[Subject], work: Path, plan: Plan) -> Iterator[Unit]:
+    """The studies to do, in the order of ``PER_CLIP``, the clips in order."""
+    places = _places(subjects)
+    few = [one for one, place in zip(subjects, places, strict=True) if plan.studied is None or place < plan.studied]
+    for study in (name for name in PER_CLIP if name in plan.studies):
+        yield from (_unit(one, study, work, plan) for one in few)
+    if ROBUSTNESS in plan.studies and plan.robustness:
+        yield from (_unit(one, ROBUSTNESS, work, plan) for one in _spread(subjects, places, plan.robustness))
+
+
+def _places(subjects: Sequence[Subject]) -> list[int]:
+    """The place of each clip in its setting, from 0."""
+    seen: Counter[tuple[str, str]] = Counter()
+    places = []
+    for one in subjects:
+        places.append(seen[one.clip.class_name, one.clip.setting])
+        seen[one.clip.class_name, one.clip.setting] += 1
+    return places
+
+
+def _spread(subjects: Sequence[Subject], places: Sequence[int], count: int) -> list[Subject]:
+    """So many clips over as many classes and settings as there are: each class's first, then its next setting."""
+    settings: dict[str, list[str]] = {}
+    for one in subjects:
+        known = settings.setdefault(one.clip.class_name, [])
+        if one.clip.setting not in known:
+            known.append(one.clip.setting)
+    order = sorted(
+        range(len(subjects)),
+        key=lambda k: (places[k], settings[subjects[k].clip.class_name].index(subjects[k].clip.setting)),
+    )
+    return [subjects[k] for k in sorted(order[:count])]
+
+
+def _unit(subject: Subject, study: str, work: Path, plan: Plan) -> Unit:
+    """The unit, its file named by what it depends on: the measurement (with versions and hashes), truth and seed."""
+    told = {
+        "measured": subject.measured.document.model_dump(mode="json"),
+        "truth": {name: [one.value, one.source] for name, one in subject.truth.items()},
+        "wanted": dict(subject.wanted),
+        "dataset": subject.dataset,
+        "seed": plan.seed,
+    }
+    key = hashlib.sha256(json_text(told).encode()).hexdigest()[:12]
+    clip = subject.clip
+    path = work / clip.class_name / clip.setting / f"{clip.clip}.{study.replace('+', '-')}.{key}.csv"
+    return Unit(subject, study, path, plan.measured, plan.seed)
+
+
+# --------------------------------------------------------------------------- doing
+
+
+def _all_done(
+    units: Sequence[Unit], workers: int, progress: Callable[[int, int], None] | None
+) -> Iterator[pd.DataFrame]:
+    """The rows of every unit, in the order of the units; what an earlier run left is read."""
+    missing = [one for one in units if _kept(one) is None]
+    for count, _ in enumerate(_worked(missing, workers), start=len(units) - len(missing) + 1):
+        if progress is not None:
+            progress(count, len(units))
+    for one in units:
+        found = _kept(one)
+        if found is not None:
+            yield found
+
+
+def _kept(unit: Unit) -> pd.DataFrame | None:
+    """Rows of an earlier run, whole; None when there are none."""
+    if not unit.path.is_file():
+        return None
+    if unit.path.stat().st_size == 0:  # a study that has nothing to say of this clip
+        return flat_rows([])
+    try:
+        return read_rows(unit.path)
+    except IrisError:
+        return None
+
+
+def _worked(units: Sequence[Unit], workers: int) -> Iterator[Unit]:
+    """Do every unit; each one when it is done."""
+    if workers == 1 or len(units) < 2:
+        for one in units:
+            work_on(one)
+            yield one
+        return
+    # spawn: a fork would copy the locks of the decoder's threads
+    with ProcessPoolExecutor(min(workers, len(units)), multiprocessing.get_context("spawn")) as pool:
+        try:
+            waiting = {pool.submit(work_on, one): one for one in units}
+            for future in as_completed(waiting):
+                future.result()
+                yield waiting[future]
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def work_on(unit: Unit) -> None:
+    """Do one study of one clip and keep its rows; nothing to say is an empty file."""
+    if unit.study == ROBUSTNESS:
+        records = robustness_rows(unit.subject, unit.measured, seed=unit.seed)
+    elif unit.study == SELECTION:
+        records = selection_rows(unit.subject)
+    else:
+        records = studied(unit.subject, unit.study)
+    write_atomic(unit.path, rows_text(flat_rows(records)) if records else "", overwrite=True)

@@ -1,0 +1,68 @@
+"""Robustness: a clip changed from its pixels on, tracked, calibrated and fitted again."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from iris_sysid.benchmark.changed_clips import CHANGES, as_in, changed
+from iris_sysid.benchmark.rows import FAILED, ROBUSTNESS
+from iris_sysid.benchmark.studies import ODE
+from iris_sysid.benchmark.subjects import Subject
+from iris_sysid.calibration import uncalibrated
+from iris_sysid.calibration_file import read_calibration
+from iris_sysid.errors import IrisError
+from iris_sysid.groundtruth._clip import KNOWN, told
+from iris_sysid.groundtruth.schemas import MeasuredDocument
+from iris_sysid.pipeline import observe_and_fit
+from iris_sysid.registry import PHENOMENA
+from iris_sysid.tracking import track
+from iris_sysid.types import Calibration, FitResult, TrackOptions
+from iris_sysid.video import open_video
+
+
+def robustness_rows(
+    subject: Subject, measured: MeasuredDocument, conditions: Sequence[str] = tuple(CHANGES), seed: int = 0
+) -> list[dict[str, Any]]:
+    """The parameters of a clip after each change; a change that nothing survives is failed rows with the reason.
+
+    Parameters
+    ----------
+    subject
+        The clip as it was measured.
+    measured
+        What is known by hand, as the measurement had it.
+    conditions
+        Keys of ``CHANGES``.
+    seed
+        Of noise and dropped frames.
+    """
+    rows = []
+    for condition in conditions:
+        study = {"study": ROBUSTNESS, "method": ODE, "condition": condition, "seed": seed}
+        try:
+            found = _refitted(subject, measured, condition, seed)
+        except IrisError as error:
+            rows += subject.records({}, FAILED, answer=" ".join(str(error).split())[:200], **study)
+            continue
+        rows += subject.records(found.estimates, found.status, **study)
+    return rows
+
+
+def _refitted(subject: Subject, measured: MeasuredDocument, condition: str, seed: int) -> FitResult:
+    phenomenon, clip = PHENOMENA[subject.clip.phenomenon], subject.clip
+    original = open_video(clip.path)
+    with changed(clip.path, CHANGES[condition], seed) as video:
+        tracks = track(video, phenomenon.tracker, TrackOptions(bodies=phenomenon.bodies))
+        tracks = as_in(video, tracks, (original.width, original.height))
+    calibration = _calibration(subject.measured.folder.parent)
+    known = {name: one for name, one in measured.of(clip.class_name, clip.setting).items() if name in KNOWN}
+    settings, free = told(phenomenon, known, calibration)
+    return observe_and_fit(tracks, calibration, phenomenon, settings, free)[2]
+
+
+def _calibration(folder: Path) -> Calibration:
+    """That of the class; without one lengths stay in px."""
+    path = folder / "calibration.json"
+    return read_calibration(path) if path.is_file() else uncalibrated()

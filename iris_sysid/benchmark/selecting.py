@@ -1,0 +1,68 @@
+"""The bank's own selection: which equation of the whole bank a clip's track obeys, scored like the classifiers.
+
+The tracker and the segmentation are those of the clip's class; the equation, and what in the track is its observable,
+are chosen from the whole bank.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from fitters.select import Choice, select_model
+from iris_sysid._observables import segmented
+from iris_sysid.benchmark.predictions import EQUATION
+from iris_sysid.benchmark.rows import FAILED, OK, SELECTION
+from iris_sysid.benchmark.selection import NO_ANSWER
+from iris_sysid.benchmark.subjects import Subject
+from iris_sysid.calibration import uncalibrated
+from iris_sysid.calibration_file import read_calibration
+from iris_sysid.errors import IrisError
+from iris_sysid.registry import PHENOMENA
+
+BANK, NEAREST = "bank", "bank, nearest"
+NONE_FITS = "none of these"
+# what else is right where the phenomenon's own model is the first: the same equation without, or with, its events
+SAME_EQUATION: Mapping[str, tuple[str, ...]] = {
+    "bouncing-ball": ("free-fall",),
+    "pendulum-impact": ("coupled-pendulums",),
+    "impact-chain": ("contact-chain",),
+}
+
+
+def selection_rows(subject: Subject) -> list[dict[str, Any]]:
+    """Two rows: the equation that was chosen, or that none fits; and the nearest one, whether it fits or not.
+
+    The value is 1 where the answer is an equation that the class obeys, else 0; a track that nothing can be chosen
+    from is a failed row with the reason.
+    """
+    try:
+        choice = _choice(subject)
+    except IrisError as error:
+        why = " ".join(str(error).split())[:200]
+        return [_row(subject, method, NO_ANSWER, FAILED) | {"truth_source": why} for method in (BANK, NEAREST)]
+    chosen = NONE_FITS if choice.chosen is None else choice.chosen.model
+    return [_row(subject, BANK, chosen, OK), _row(subject, NEAREST, choice.nearest.model, OK)]
+
+
+def _choice(subject: Subject) -> Choice:
+    phenomenon = PHENOMENA[subject.clip.phenomenon]
+    path = subject.measured.folder.parent / "calibration.json"
+    calibration = read_calibration(path) if path.is_file() else uncalibrated()
+    return select_model([segmented(one, calibration, phenomenon) for one in subject.measured.tracks()])
+
+
+def _row(subject: Subject, method: str, answer: str, status: str) -> dict[str, Any]:
+    own = PHENOMENA[subject.clip.phenomenon].model
+    right = answer in (own, *SAME_EQUATION.get(own, ()))
+    return subject.record(
+        study=SELECTION,
+        method=method,
+        parameter=EQUATION,
+        value=None if status == FAILED else float(right),
+        unit="1",
+        truth=1.0,
+        truth_source=f"class folder: {own}",
+        status=status,
+        answer=answer,
+    )

@@ -1,0 +1,206 @@
+"""The studies of one measured clip: each a function from a subject to flat rows, failures as rows too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from fitters.identifiability import identifiability
+from fitters.ode import fit, simulate
+from fitters.sindy import discover
+from iris_sysid.benchmark.conversions import GRAVITY
+from iris_sysid.benchmark.losses import stiffnesses
+from iris_sysid.benchmark.rows import COUPLING, EXTRAPOLATION, FAILED, IDENTIFIABILITY, LOSSES, OK
+from iris_sysid.benchmark.subjects import Subject
+from iris_sysid.diagnosis import diagnose
+from iris_sysid.errors import IrisError
+from iris_sysid.registry import MODELS
+from iris_sysid.types import Array, Estimate, FitResult, OdeModel, Trajectory
+
+Records = list[dict[str, Any]]
+Study = Callable[[Subject], Records]
+
+ODE, EFFECTS, SINDY = "ode", "ode+effects", "sindy"
+TRAINED, AHEAD = 100, (10, 25, 50)  # frames: fitted, and predicted beyond (eq:extrapolation)
+KNOWN_SHARE = 0.7  # of a clip, the rest of which is held out
+COUPLED = "coupled-pendulums"
+TOO_SHORT = "too-short"
+NEAREST = "nearest in the bank"  # status of what an equation would be that is not quite one of the bank
+PENDULUM = "pendulum"
+
+
+def ode_rows(subject: Subject) -> Records:
+    """The parameters of the bank's model, as they were measured."""
+    document = subject.measured.document
+    return subject.records(document.estimates(), document.status, method=ODE)
+
+
+def effect_rows(subject: Subject) -> Records:
+    """The parameters of the bank's model with the effects added that the clip shows; ``answer`` names them."""
+    found = diagnose(subject.trajectory(), subject.model, **_told(subject))
+    answer = ", ".join(one.name for one in found.added) or "none"
+    return subject.records(found.final.estimates, found.final.status, method=EFFECTS, answer=answer)
+
+
+def sindy_rows(subject: Subject) -> Records:
+    """The parameters of the equation that was discovered, as its model in the bank has them; ``answer`` names it.
+
+    Where the equation is not in the bank they are those of the nearest model, and the status says so.
+    """
+    known, _ = subject.told()
+    found = discover(subject.trajectory(), known=known, seed=0)
+    match = found.matched or found.nearest
+    if match is None:
+        return subject.records({}, FAILED, method=SINDY, answer="no model of the bank is near", seed=0)
+    status = found.status if found.matched else NEAREST
+    return subject.records(match.parameters, status, method=SINDY, answer=match.model, seed=0)
+
+
+def identifiability_rows(subject: Subject) -> Records:
+    """What the clip can tell of the parameters: condition numbers, gradients, one-step residual."""
+    trajectory = subject.trajectory()
+    result = subject.refit(trajectory)
+    found = identifiability(result, trajectory)
+    noise = np.maximum(found.ode_residual_noise, 1e-300)
+    numbers = {
+        "condition": found.condition,
+        "condition of the Hessian": found.hessian_condition,
+        "gradient, first": found.gradients[0] if found.gradients else np.nan,
+        "gradient, last": found.gradients[-1] if found.gradients else np.nan,
+        "one-step residual over noise": float(np.mean(found.ode_residual / noise)),
+    }
+    return [_plain(subject, IDENTIFIABILITY, ODE, name, value, "1") for name, value in numbers.items()]
+
+
+def extrapolation_rows(subject: Subject) -> Records:
+    """E_k, the squared error k frames beyond the first 100 of the motion, after a fit to those."""
+    trajectory = subject.trajectory()
+    used = np.flatnonzero(trajectory.valid & trajectory.mask("motion"))
+    unit = f"{trajectory.quantities[0].unit}^2"
+    names = [f"E_{k}" for k in AHEAD]
+    if used.size < TRAINED + AHEAD[0]:
+        return [_plain(subject, EXTRAPOLATION, ODE, name, np.nan, unit, TOO_SHORT) for name in names]
+    known = trajectory.t_s <= trajectory.t_s[used[TRAINED - 1]]
+    result = subject.refit(trajectory.with_(valid=trajectory.valid & known))
+    if not result.usable:
+        return [_plain(subject, EXTRAPOLATION, ODE, name, np.nan, unit, result.status) for name in names]
+    predicted = simulated(subject.model, result, trajectory.t_s[used])
+    errors = np.sum((trajectory.position[used] - predicted) ** 2, axis=1)
+    places = [TRAINED + k - 1 for k in AHEAD]
+    values = [float(errors[at]) if at < errors.size else np.nan for at in places]
+    return [_plain(subject, EXTRAPOLATION, ODE, *pair, unit, TOO_SHORT) for pair in zip(names, values, strict=True)]
+
+
+def simulated(model: OdeModel, result: FitResult, t_s: Array) -> Array:
+    """The observables (n, d) that a fit predicts at times (n,) from the start of its samples on."""
+    values = {name: one.value for name, one in result.estimates.items() if np.isfinite(one.value)}
+    return simulate(model, t_s, values).observed
+
+
+def coupling_rows(subject: Subject) -> Records:
+    """Two pendulums with the spring of the publication's bank at 0, and fitted, beside the impacts of ours.
+
+    The error over what was fitted, and over the last 30 % of the clip, predicted from the rest.
+    """
+    if len(subject.model.observed) != 2 or subject.model.observed[0].unit != "rad":
+        return []
+    trajectory, model = subject.trajectory(), MODELS[COUPLED]
+    known, _ = subject.told()
+    accepted = {one.name for one in model.parameters}
+    gravity = {name: one for name, one in known.items() if name in accepted}
+    fits: Mapping[str, tuple[OdeModel, dict[str, Any]]] = {
+        "coupling = 0": (model, {"fixed": {**gravity, "coupling": 0.0}, "free": []}),
+        "coupling fitted": (model, {"fixed": gravity, "free": []}),
+        "impacts": (subject.model, {}),
+    }
+    return [one for name, (kind, more) in fits.items() for one in _held_out(subject, trajectory, name, kind, more)]
+
+
+def _held_out(
+    subject: Subject, trajectory: Trajectory, method: str, model: OdeModel, more: Mapping[str, Any]
+) -> Iterator[dict[str, Any]]:
+    used = np.flatnonzero(trajectory.valid & trajectory.mask("motion"))
+    last = trajectory.t_s[used[int(KNOWN_SHARE * used.size)]]
+    known, free = subject.told()
+    asked = {"fixed": known, "free": free, **more}
+    result = fit(trajectory.with_(valid=trajectory.valid & (trajectory.t_s < last)), model, **asked)
+    values = {"fitted rms": np.nan, "held-out rms": np.nan}
+    if result.usable:
+        error = trajectory.position[used] - simulated(model, result, trajectory.t_s[used])
+        later = trajectory.t_s[used] >= last
+        values = {"fitted rms": _rms(error[~later]), "held-out rms": _rms(error[later])}
+    for name, value in values.items():
+        yield _plain(subject, COUPLING, method, name, value, "rad", result.status)
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def loss_rows(subject: Subject) -> Records:
+    """A pendulum's length by the publication's losses and integrators, minimised exactly on the tracked angle."""
+    if subject.clip.phenomenon != PENDULUM:
+        return []
+    trajectory = subject.trajectory()
+    used = np.flatnonzero(trajectory.valid & trajectory.mask("motion"))
+    whole = used[: int(np.argmax(np.diff(used) > 1)) + 1] if (np.diff(used) > 1).any() else used
+    dt = float(np.median(np.diff(trajectory.t_s[whole])))
+    found = stiffnesses(trajectory.position[whole, 0], dt)
+    lengths = {name: GRAVITY / stiffness if stiffness > 0 else np.nan for name, stiffness in found}
+    document = subject.measured.document
+    lengths["whole trajectory, order 8, sine"] = document.estimates()["length"].value
+    return [
+        record | {"study": LOSSES, "method": name}
+        for name, length in lengths.items()
+        for record in subject.records({"length": Estimate(length, np.nan, "m")}, OK)
+        if record["parameter"] == "length"
+    ]
+
+
+def _plain(
+    subject: Subject, study: str, method: str, parameter: str, value: float, unit: str, otherwise: str = FAILED
+) -> dict[str, Any]:
+    """A row without a truth; what it is without a value is said by ``otherwise``."""
+    finite = bool(np.isfinite(value))
+    status = OK if finite else otherwise if otherwise != OK else FAILED
+    return subject.record(
+        study=study, method=method, parameter=parameter, value=value if finite else np.nan, unit=unit, status=status
+    )
+
+
+def _told(subject: Subject) -> dict[str, Any]:
+    known, free = subject.told()
+    return {"fixed": known, "free": free}
+
+
+# name of each study: what makes its rows, and the study, method and parameter of the row that says it failed
+STUDY_OF: Mapping[str, tuple[Study, str, str, str]] = {
+    EFFECTS: (effect_rows, "", EFFECTS, ""),
+    SINDY: (sindy_rows, "", SINDY, ""),
+    IDENTIFIABILITY: (identifiability_rows, IDENTIFIABILITY, ODE, "condition"),
+    EXTRAPOLATION: (extrapolation_rows, EXTRAPOLATION, ODE, f"E_{AHEAD[0]}"),
+    COUPLING: (coupling_rows, COUPLING, "impacts", "held-out rms"),
+    LOSSES: (loss_rows, LOSSES, "whole trajectory, order 8, sine", "length"),
+}
+
+
+def studied(subject: Subject, name: str) -> Records:
+    """The rows of one study (a key of ``STUDY_OF``) of one clip; a failure is rows as well, with its reason.
+
+    Parameters
+    ----------
+    subject
+        The clip.
+    name
+        E.g. ``ode+effects``.
+    """
+    make, study, method, parameter = STUDY_OF[name]
+    try:
+        return make(subject)
+    except (IrisError, np.linalg.LinAlgError) as error:
+        said = {"method": method, "answer": " ".join(str(error).split())[:200]}
+        if not study:
+            return subject.records({}, FAILED, **said)
+        return [_plain(subject, study, method, parameter, np.nan, "") | said]

@@ -1,0 +1,223 @@
+"""What the studies are about: one measured clip with its model, what the fit was told, and the truth."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fitters.ode import fit
+from iris_sysid.benchmark.conversions import READINGS
+from iris_sysid.benchmark.published import truth_of
+from iris_sysid.benchmark.rows import FAILED, OK
+from iris_sysid.dataset import Clip, benchmark_classes
+from iris_sysid.errors import DataError
+from iris_sysid.groundtruth.measure import ClipMeasurement
+from iris_sysid.registry import MODELS
+from iris_sysid.types import Estimate, FitResult, OdeModel, Trajectory
+
+DEGREES = 180.0 / math.pi  # an angle is published in degrees
+ESTIMATED = ("fitted", "derived")  # types of a parameter that the clip itself gave
+UNDETERMINED = "undetermined"
+
+
+@dataclass(frozen=True, slots=True)
+class TrueValue:
+    """A true value in the unit of the tables, and where it is from."""
+
+    value: float
+    source: str
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Subject:
+    """One clip of a data set as it was measured; ``truth`` by our names of the parameters.
+
+    ``wanted`` are the parameters that get a row, also where the clip failed, with their units in the tables.
+    """
+
+    dataset: str
+    measured: ClipMeasurement
+    truth: Mapping[str, TrueValue]
+    wanted: Mapping[str, str]
+
+    @property
+    def clip(self) -> Clip:
+        """Which clip it is."""
+        return self.measured.clip
+
+    @property
+    def model(self) -> OdeModel:
+        """The model that was fitted."""
+        return MODELS[self.measured.document.model]
+
+    def trajectory(self) -> Trajectory:
+        """The observable that was fitted; DataError for a clip that failed."""
+        found = self.measured.trajectory()
+        if found is None:
+            raise DataError(f"{self.clip.place} has no trajectory: {self.measured.document.message}")
+        return found
+
+    def told(self) -> tuple[dict[str, Estimate], list[str]]:
+        """What the fit was told by name, and which constants it estimated."""
+        document, constants = self.measured.document, {one.name for one in self.model.parameters if one.constant}
+        known = {
+            name: one.estimate()
+            for name, one in document.parameters.items()
+            if name in constants
+            and name not in document.free
+            and one.measurement_type not in ESTIMATED
+            and one.value is not None
+        }
+        return known, [name for name in document.free if name in constants]
+
+    def refit(self, trajectory: Trajectory | None = None, **more: Any) -> FitResult:
+        """The same fit again, or of another trajectory, or with other arguments of :func:`fitters.ode.fit`."""
+        known, free = self.told()
+        chosen = self.trajectory() if trajectory is None else trajectory
+        return fit(chosen, self.model, **({"fixed": known, "free": free} | more))
+
+    def record(self, **more: Any) -> dict[str, Any]:
+        """A flat row's names of this clip, with what else it holds."""
+        own = {"dataset": self.dataset, "phenomenon": self.clip.class_name, "setting": self.clip.setting}
+        return own | {"clip": self.clip.clip, "source": self.clip.path.name} | more
+
+    def records(self, estimates: Mapping[str, Estimate], status: str, **more: Any) -> list[dict[str, Any]]:
+        """A flat row of each wanted parameter, from estimates by name; one without a value is a failed row.
+
+        Parameters
+        ----------
+        estimates
+            Angles in rad.
+        status
+            Of the fit.
+
+        Further keywords are other columns of each row, ``method`` for one.
+        """
+        return [self._record(name, unit, estimates.get(name), status) | more for name, unit in self.wanted.items()]
+
+    def _record(self, name: str, unit: str, estimate: Estimate | None, status: str) -> dict[str, Any]:
+        factor = DEGREES if unit == "deg" else 1.0
+        value = math.nan if estimate is None else estimate.value * factor
+        true = self.truth.get(name)
+        missing = UNDETERMINED if status == OK else status
+        return self.record(
+            parameter=name,
+            unit=unit,
+            value=value,
+            stderr=math.nan if estimate is None else estimate.stderr * factor,
+            truth=math.nan if true is None else true.value,
+            truth_source="" if true is None else true.source,
+            status=status if math.isfinite(value) and status != FAILED else missing,
+        )
+
+
+def subjects_of(clips: Iterable[ClipMeasurement], folder: Path, dataset: str) -> list[Subject]:
+    """The measured clips of a data set with their truth and the parameters that each setting should give.
+
+    Parameters
+    ----------
+    clips
+        From :func:`iris_sysid.groundtruth.measure.measure`.
+    folder
+        Of the data set; ``parameters.json`` in it is read where there is one.
+    dataset
+        Its name in the tables.
+    """
+    listed, told = list(clips), _parameters_json(folder / "parameters.json")
+    wanted: dict[tuple[str, str], dict[str, str]] = {}
+    truths = [_truth(one.clip, told) for one in listed]
+    for one, true in zip(listed, truths, strict=True):
+        names = wanted.setdefault((one.clip.class_name, one.clip.phenomenon), _expected(one.clip))
+        names |= {name: _unit(name, unit) for name, unit in _estimated(one).items() if name in true}
+    return [
+        Subject(dataset, one, true, wanted[one.clip.class_name, one.clip.phenomenon])
+        for one, true in zip(listed, truths, strict=True)
+    ]
+
+
+def _unit(name: str, unit: str) -> str:
+    """The unit in the tables: an angle is published in degrees."""
+    return "deg" if unit == "rad" else unit
+
+
+def _estimated(one: ClipMeasurement) -> dict[str, str]:
+    """Parameters that the clip gave, with their units; initial states are not among them."""
+    states = (
+        {f"{state.name}_0" for state in MODELS[one.document.model].states} if one.document.model in MODELS else set()
+    )
+    return {
+        name: entry.unit
+        for name, entry in one.document.parameters.items()
+        if entry.measurement_type in ESTIMATED and name not in states
+    }
+
+
+def _expected(clip: Clip) -> dict[str, str]:
+    """Parameters that the publication has for the class, by our names, with units."""
+    _, described = benchmark_classes()[clip.class_name]
+    model_units = {reading.parameter: reading.unit for reading in READINGS.get(clip.class_name, ())}
+    found = {}
+    for name in described.parameters:
+        units = {one.name: one.unit for model in MODELS.values() for one in model.parameters}
+        found[name] = "deg" if name == "angle" else model_units.get(name, units.get(name, "1"))
+    return found
+
+
+# --------------------------------------------------------------------------- truth
+
+
+def _truth(clip: Clip, told: Mapping[str, Any]) -> dict[str, TrueValue]:
+    """True values by our names: of the clip itself, else of parameters.json, else published."""
+    return _published(clip) | _of_setting(clip, told) | _of_clip(clip)
+
+
+def _of_clip(clip: Clip) -> dict[str, TrueValue]:
+    path = clip.path.with_name(f"{clip.path.stem}.truth.json")
+    entries = _json(path).get("parameters", {}) if path.is_file() else {}
+    return {
+        str(name): TrueValue(_number(entry, "value") * (DEGREES if entry.get("unit") == "rad" else 1.0), path.name)
+        for name, entry in entries.items()
+        if isinstance(entry, dict) and math.isfinite(_number(entry, "value"))
+    }
+
+
+def _of_setting(clip: Clip, told: Mapping[str, Any]) -> dict[str, TrueValue]:
+    _, described = benchmark_classes()[clip.class_name]
+    settings = told.get(clip.class_name) or told.get(clip.class_name.lower()) or {}
+    entries = settings.get(clip.setting, {}) if isinstance(settings, dict) else {}
+    found = {}
+    for ours, theirs in described.parameters.items():
+        entry = entries.get(theirs) if isinstance(entries, dict) else None
+        if isinstance(entry, dict) and math.isfinite(_number(entry, "mean")):
+            found[ours] = TrueValue(_number(entry, "mean"), "parameters.json")
+    return found
+
+
+def _published(clip: Clip) -> dict[str, TrueValue]:
+    _, described = benchmark_classes()[clip.class_name]
+    dataset = "delfys75" if clip.class_name[0].islower() else "iris"
+    known = {name: truth_of(dataset, clip.class_name, clip.setting, name) for name in described.parameters}
+    return {name: TrueValue(one.value, f"published: {one.source}") for name, one in known.items() if one is not None}
+
+
+def _parameters_json(path: Path) -> Mapping[str, Any]:
+    return _json(path) if path.is_file() else {}
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise DataError(f"cannot read {path.name}: {error}") from error
+    if not isinstance(found, dict):
+        raise DataError(f"{path.name} holds no names; it should hold values by name")
+    return found
+
+
+def _number(entry: Mapping[str, Any], name: str) -> float:
+    value = entry.get(name)
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
