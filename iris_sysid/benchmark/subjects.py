@@ -86,16 +86,9 @@ class Subject:
         return own | {"clip": self.clip.clip, "source": self.clip.path.name} | more
 
     def records(self, estimates: Mapping[str, Estimate], status: str, **more: Any) -> list[dict[str, Any]]:
-        """A flat row of each wanted parameter, from estimates by name; one without a value is a failed row.
+        """A flat row of each wanted parameter, from ``estimates`` by name (angles in rad) and the ``status`` of the fit.
 
-        Further keywords are other columns of each row, ``method`` for one.
-
-        Parameters
-        ----------
-        estimates
-            Angles in rad.
-        status
-            Of the fit.
+        One without a value is a failed row. Further keywords are other columns of each row, ``method`` for one.
         """
         return [self._record(name, unit, estimates.get(name), status) | more for name, unit in self.wanted.items()]
 
