@@ -86,7 +86,7 @@ class Subject:
         return own | {"clip": self.clip.clip, "source": self.clip.path.name} | more
 
     def records(self, estimates: Mapping[str, Estimate], status: str, **more: Any) -> list[dict[str, Any]]:
-        """A flat row of each wanted parameter, from ``estimates`` by name (angles in rad) and the ``status`` of the fit.
+        """A flat row of each wanted parameter, from ``estimates`` by name (angles in rad), and the fit's ``status``.
 
         One without a value is a failed row. Further keywords are other columns of each row, ``method`` for one.
         """
