@@ -52,6 +52,7 @@ SETTINGS = {
     ),
     "bouncing-ball": ({"restitution": 0.8, "floor": 0.03, "z_0": 1.0, "vz_0": -0.2}, np.arange(240) / 60),
     "stopping-block": ({"friction": 2.5, "s_0": 0.1, "v_0": 1.7}, np.arange(80) / 60),
+    "coasting-ball": ({"damping": 0.4, "s_0": 0.1, "v_0": 1.7}, np.arange(80) / 60),
     "slack-cord": (
         {
             "length": 0.5, "pivot_x": 0.1, "pivot_z": 0.7, "damping": 0.1, "x_0": 0.52, "z_0": 0.72, "vx_0": -0.1,
