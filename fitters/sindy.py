@@ -23,10 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # ships none
 
-from fitters.sindy_bank import match
+from fitters.sindy_bank import match, terms_of
 from fitters.sindy_library import DIFFERENCE, INPUT, LINEAR, ONE, RATE, SIN, Library, library_of, turnover_of
 from fitters.sindy_model import model_of
 from fitters.sindy_refine import Refined, added_alone, as_good, disposed, inclusion, refined, stable
+from fitters.sindy_residual import beyond
 from fitters.sindy_sparse import Compressed, Kept, predicted_best, proposed, significant, term_price
 from fitters.sindy_weak import Piece, Rows, pieces_of, rows_of
 from iris_sysid.errors import DataError, FitError
@@ -51,6 +52,7 @@ def discover(
     *,
     quantities: Sequence[str] = (),
     known: Mapping[str, Estimate] = NOTHING,
+    residual_of: str | None = None,
     resampled: int = 100,
     seed: int = 0,
 ) -> Discovery:
@@ -64,6 +66,8 @@ def discover(
         Names of those to find equations for; all when not given.
     known
         Constants of the bank's models by name, e.g. gravity, with their errors.
+    residual_of
+        Name of a model of the bank whose terms are kept: only what its fit leaves is explained by further terms.
     resampled
         Number of resampled data sets for the inclusion probabilities.
     seed
@@ -80,7 +84,7 @@ def discover(
     DataError
         When there are too few samples, a quantity does not move, is unknown, or differs between clips.
     FitError
-        When no proposed equation could be fitted.
+        When no proposed equation could be fitted, or the model of ``residual_of`` is none of these quantities.
     """
     clips = _clips(trajectories, quantities)
     library = library_of(clips[0].quantities, clips[0].input_quantities)
@@ -90,16 +94,32 @@ def discover(
             raise DataError("no stretch of motion without a gap is long enough to discover an equation in")
         speeds = np.concatenate([piece.rates for piece in pieces])
         library = library_of(clips[0].quantities, clips[0].input_quantities, turnover_of(speeds))
-        starts = _starts(pieces, library)
-        found = disposed(clips, library, starts)
-        if not found.usable:
-            raise FitError(f"no equation of the library could be fitted: {found.fits[0].message}")
-        found, shares = stable(clips, library, found, np.random.default_rng(seed), resampled)
-        named, alike, matched, nearest = _named(clips, library, found, known)
-        if named is not found:
-            shares = inclusion(named, np.random.default_rng(seed), resampled)
-    discovery = _discovery(library, named, starts[0][0], shares, alike, matched, nearest)
+        rng, constants = np.random.default_rng(seed), {**clips[0].geometry, **known}
+        if residual_of is not None:
+            own = terms_of(library, residual_of)
+            found, shares = beyond(clips, library, own, rng, resampled)
+            discovery = _discovery(library, found, own, shares, [], *_compared(clips, library, found, constants))
+        else:
+            discovery = _discovered(clips, library, _starts(pieces, library), constants, rng, resampled)
     return replace(discovery, origin=_origin(clips))
+
+
+def _discovered(
+    clips: Sequence[Trajectory],
+    library: Library,
+    starts: Sequence[tuple[Kept, Mapping[str, float]]],
+    constants: Mapping[str, Estimate],
+    rng: np.random.Generator,
+    resampled: int,
+) -> Discovery:
+    found = disposed(clips, library, starts)
+    if not found.usable:
+        raise FitError(f"no equation of the library could be fitted: {found.fits[0].message}")
+    found, shares = stable(clips, library, found, rng, resampled)
+    named, alike, matched, nearest = _named(clips, library, found, constants)
+    if named is not found:
+        shares = inclusion(named, rng, resampled)
+    return _discovery(library, named, starts[0][0], shares, alike, matched, nearest)
 
 
 # --------------------------------------------------------------------------- what is asked
@@ -181,12 +201,11 @@ def _start(library: Library, rows: Sequence[Rows], choice: Sequence[Any]) -> tup
 
 
 def _named(
-    clips: Sequence[Trajectory], library: Library, found: Refined, known: Mapping[str, Estimate]
+    clips: Sequence[Trajectory], library: Library, found: Refined, constants: Mapping[str, Estimate]
 ) -> tuple[Refined, list[Kept], Match | None, Match | None]:
     """Match with the bank; of choices that the data cannot tell apart, one that the bank has is taken."""
-    constants = {**clips[0].geometry, **known}
     alike = as_good(found, library, ALIKE)
-    matched, nearest = _match(library, found, constants)
+    matched, nearest = _compared(clips, library, found, constants)
     for other in alike if matched is None else ():
         values = found.total.solved(other)[0]
         start = {library.names[k]: float(value) for k, value in zip(other, values, strict=True)}
@@ -197,24 +216,30 @@ def _named(
         named, _ = _match(library, second, constants)
         if named is not None:
             return second, as_good(second, library, ALIKE), named, None
-    if nearest is not None and not nearest.missing:
-        nearest = _without_extra(clips, library, found, nearest, constants)
     return found, alike, matched, nearest
 
 
-def _without_extra(
+def _compared(
+    clips: Sequence[Trajectory], library: Library, found: Refined, constants: Mapping[str, Estimate]
+) -> tuple[Match | None, Match | None]:
+    """The model of the bank with this structure, and the nearest one with what it comes to by itself."""
+    matched, nearest = _match(library, found, constants)
+    if nearest is not None and not nearest.missing:
+        nearest = _alone(clips, library, found, nearest, constants)
+    return matched, nearest
+
+
+def _alone(
     clips: Sequence[Trajectory], library: Library, found: Refined, nearest: Match, constants: Mapping[str, Estimate]
 ) -> Match:
     """The nearest model's parameters from its own terms alone, and how much larger the residual then is."""
-    where = library.variables
-    named = {f"{term.text} in {where[term.equation].left}": k for k, term in enumerate(library.terms)}
-    kept = tuple(k for k in found.kept if k not in {named[text] for text in nearest.extra})
+    kept = terms_of(library, nearest.model)
     values = found.total.solved(kept)[0]
-    fewer = refined(clips, library, kept, dict(zip((library.names[k] for k in kept), values.tolist(), strict=True)))
-    again = _match(library, fewer, constants)[0] if fewer.usable else None
+    alone = refined(clips, library, kept, dict(zip((library.names[k] for k in kept), values.tolist(), strict=True)))
+    again = _match(library, alone, constants)[0] if alone.usable else None
     if again is None or again.model != nearest.model:
         return nearest
-    pairs = zip(fewer.fits, found.fits, strict=True)
+    pairs = zip(alone.fits, found.fits, strict=True)
     ratio = float(np.sqrt(np.mean([np.mean((one.rms / other.rms) ** 2) for one, other in pairs])))
     return replace(nearest, parameters=again.parameters, note=f"its residual is {ratio:.3g} times as large")
 
@@ -259,6 +284,7 @@ def _discovery(
             ),
             inclusion=float(shares[k]),
             selected=k in found.kept,
+            effect=library.effect(k),
         )
         for k, term in enumerate(library.terms)
     )

@@ -18,7 +18,7 @@ from scipy.stats import chi2
 from fitters.compose import plain_observation
 from fitters.models.contact_chain import contact_chain
 from fitters.sindy_library import Kind, Library, evaluated, library_of, value_of
-from iris_sysid.errors import IrisError
+from iris_sysid.errors import FitError, IrisError
 from iris_sysid.registry import MODELS
 from iris_sysid.types import Array, Estimate, Match, OdeModel
 
@@ -71,6 +71,16 @@ def structures(library: Library) -> Iterator[Structure]:
             continue
         if tuple(one.kind for one in structure.library.variables) == kinds:
             yield structure
+
+
+def terms_of(library: Library, name: str) -> tuple[int, ...]:
+    """Places in the library of all terms that a model of the bank can have; FitError when it has no such model."""
+    for one in structures(library):
+        if one.model.name == name:
+            return tuple(k for k in range(len(library.terms)) if key_of(library, k) in one.sometimes)
+    names = ", ".join(sorted(one.model.name for one in structures(library)))
+    quantities = ", ".join(variable.quantity.name for variable in library.variables)
+    raise FitError(f"{name!r} is no model of {quantities} that the library can express; there are: {names or 'none'}")
 
 
 @functools.lru_cache(maxsize=64)

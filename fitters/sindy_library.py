@@ -36,6 +36,14 @@ NAMES = {
     ONE: "constant", LINEAR: "linear", SIN: "sin", COS: "cos", CUBE: "cube", ROOT: "root", SQUARE: "square",
     RATE: "rate", DRAG: "drag", DRY: "dry",
 }  # fmt: skip
+# The effect that adds this term to an acceleration.
+EFFECTS = {
+    ONE: "constant-force",
+    CUBE: "cubic-stiffness",
+    RATE: "linear-drag",
+    DRAG: "quadratic-drag",
+    DRY: "coulomb-friction",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +100,12 @@ class Library:
     def names(self) -> tuple[str, ...]:
         """The parameter of each term."""
         return tuple(term.parameter.name for term in self.terms)
+
+    def effect(self, place: int) -> str:
+        """The named effect that adds the term at this place to an acceleration; empty where there is none."""
+        term = self.terms[place]
+        moves = self.variables[term.equation].kind in ("angle", "place")
+        return EFFECTS.get(term.code, "") if moves else ""
 
     def of_equation(self, equation: int) -> list[int]:
         """Indices of the terms of one equation."""

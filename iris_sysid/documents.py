@@ -363,6 +363,7 @@ def _term(one: DiscoveredTerm) -> TermEntry:
         unit=one.coefficient.unit,
         latex=one.latex,
         parameter=one.parameter,
+        effect=one.effect,
     )
 
 

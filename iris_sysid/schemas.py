@@ -376,6 +376,8 @@ class TermEntry(Part):
     latex: str
     parameter: str
     """Its name in the discovered model."""
+    effect: str = ""
+    """The effect that adds such a term, empty where none does."""
 
 
 class MatchEntry(Part):

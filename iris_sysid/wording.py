@@ -169,6 +169,9 @@ def discovery_sentence(found: Discovery) -> str:
         lacks = [f"{', '.join(nearest.missing)} was not found"] if nearest.missing else []
         lacks += [f"{', '.join(nearest.extra)} is there as well"] if nearest.extra else []
         text = f"Not in the bank: the nearest is {nearest.model}, but {'; '.join(lacks)}."
+        effects = [one.effect for one in found.selected if f"{one.term} in {one.equation}" in nearest.extra]
+        named = ", ".join(dict.fromkeys(one for one in effects if one))
+        text += f" Effects with such terms: {named}." if named else ""
         values = [f"{name} = {with_error(one)}" for name, one in nearest.parameters.items()
                   if one.measurement_type != "assumed"]  # fmt: skip
         text += f" As {nearest.model} alone it has {', '.join(values)}, and {nearest.note}." if values else ""

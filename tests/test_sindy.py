@@ -11,7 +11,6 @@ from fitters.sindy_bank import structures
 from fitters.sindy_library import library_of
 from fitters.sindy_model import model_of
 from fitters.sindy_refine import grid_step
-from fitters.sindy_residual import effect_of, lacking
 from fitters.sindy_sparse import Compressed, proposed, significant, term_price
 from fitters.sindy_weak import Rows, pieces_of, rows_of
 from iris_sysid.errors import DataError, FitError
@@ -250,24 +249,38 @@ def test_same_seed_gives_the_same_inclusion():
 # --------------------------------------------------------------------------- what a model lacks
 
 
-def test_residual_of_a_pendulum_with_quadratic_drag_calls_for_that_term():
+def with_drag():
     library, t_s = library_of((THETA,)), np.arange(900) / 60
     values = dict.fromkeys(library.names, 0.0)
     values |= {"theta_sin": -20.0, "theta_rate": -0.05, "theta_drag": -0.05, "theta_0": 1.2, "d_theta_0": 0.0}
-    clip = seen(t_s, simulate(model_of(library), t_s, values).observed, THETA)
-    proposals = [term for term in lacking(clip, "pendulum", resampled=20) if term.selected]
-    assert [term.term for term in proposals] == ["|theta'| theta'"]
-    assert proposals[0].coefficient.value == pytest.approx(-0.05, rel=0.1)
-    assert effect_of(library, proposals[0]) == "quadratic-drag"
+    return seen(t_s, simulate(model_of(library), t_s, values).observed, THETA)
+
+
+def test_residual_of_a_pendulum_with_quadratic_drag_calls_for_that_term():
+    found = discover(with_drag(), residual_of="pendulum", resampled=20)
+    assert (found.nearest.model, found.nearest.extra) == ("pendulum", ("|theta'| theta' in theta''",))
+    drag = next(term for term in found.selected if term.parameter == "theta_drag")
+    assert drag.coefficient.value == pytest.approx(-0.05, rel=0.1)
+    assert drag.effect == "quadratic-drag"
+    assert drag.inclusion > 0.9
+
+
+def test_nearest_model_alone_has_all_its_terms():
+    found = discover(with_drag(), resampled=5)
+    assert found.matched is None
+    assert found.nearest.parameters["damping"].value > 0.05  # it takes the place of the drag that is left out
+    assert found.nearest.note.startswith("its residual is ")
 
 
 def test_nothing_is_proposed_beyond_the_true_model():
-    assert not [term for term in lacking(motion("pendulum", PENDULUM, 8.0), "pendulum", resampled=5) if term.selected]
+    found = discover(motion("pendulum", PENDULUM, 8.0), residual_of="pendulum", resampled=5)
+    assert selected(found) == {"theta_sin", "theta_rate"}
+    assert found.matched.model == "pendulum"
 
 
 def test_residual_of_a_model_of_another_quantity_is_refused():
     with pytest.raises(FitError, match="'free-fall' is no model of theta that the library can express; there are"):
-        lacking(motion("pendulum", PENDULUM, 4.0), "free-fall")
+        discover(motion("pendulum", PENDULUM, 4.0), residual_of="free-fall")
 
 
 # --------------------------------------------------------------------------- bad input

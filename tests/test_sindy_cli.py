@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pandas as pd
 
 from iris_sysid.documents import read_document
@@ -30,6 +31,28 @@ def test_discover_prints_strict_json_with_the_keys_others_rely_on(tmp_path, angl
     assert {"term", "coefficient", "ci95", "inclusion"} <= document["terms"][0].keys()
     assert {"model", "parameters"} <= document["matched"].keys()
     assert [one["source"] for one in document["origin"]["clips"]] == ["angles.csv"] * 2
+
+
+def test_discover_finds_what_a_named_model_lacks(tmp_path, cli):
+    table, out = tmp_path / "draining.csv", tmp_path / "lacking.json"
+    t_s = np.arange(400) / 10
+    level = 0.3 * np.exp(-0.05 * t_s) + 1e-4 * np.random.default_rng(0).standard_normal(400)
+    pd.DataFrame({"t_s": t_s, "h_m": level}).to_csv(table, index=False)
+    outcome = cli("discover", table, "--residual-of", "torricelli", "-o", out)
+    assert (outcome.status, outcome.err) == (0, "")
+    document = read_document(out, DiscoveryDocument)
+    assert document.matched is None
+    assert document.nearest.model == "torricelli"
+    assert "h in h'" in document.nearest.extra
+    assert document.origin["options"]["residual_of"] == "torricelli"
+
+
+def test_discover_refuses_the_residual_of_a_model_of_something_else(tmp_path, angles, cli):
+    outcome = cli("discover", angles, "--residual-of", "torricelli", "-o", tmp_path / "lacking.json")
+    assert outcome.status == 1
+    assert (
+        "'torricelli' is no model of theta that the library can express; there are: angular-oscillator, " in outcome.err
+    )
 
 
 def test_discover_states_what_is_wrong_in_one_line(tmp_path, cli):

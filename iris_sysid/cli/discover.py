@@ -16,6 +16,7 @@ def discover(
     output: Output,
     quantity: Annotated[list[str] | None, typer.Option(help="Only this quantity, e.g. theta.")] = None,
     known: Settings = None,
+    residual_of: Annotated[str | None, typer.Option(help="Keep this model's terms; find what it lacks.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Also draw terms and fit to this PNG file.")] = None,
     seed: Annotated[int, typer.Option(help="Of the resampling.", min=0)] = 0,
     force: Force = False,
@@ -26,6 +27,7 @@ def discover(
     \b
     Example:
       iris-sysid discover trajectory.csv -o discovery.json --plot discovery.png
+      iris-sysid discover trajectory.csv --residual-of pendulum -o lacking.json
     """
     from fitters.sindy import discover as find
     from iris_sysid import documents, files, options
@@ -38,9 +40,9 @@ def discover(
     terminal.check_suffix(plot, ".png")
     units = {one.name: one.unit for model in MODELS.values() for one in model.parameters}
     constants = options.settings(known or (), units)
-    asked = {"quantity": quantity, "set": known, "seed": seed}
+    asked = {"quantity": quantity, "set": known, "residual_of": residual_of, "seed": seed}
     clips = [options.asked(read_trajectory(table), **asked) for table in tables]
-    found = find(clips, quantities=quantity or (), known=constants, seed=seed)
+    found = find(clips, quantities=quantity or (), known=constants, residual_of=residual_of, seed=seed)
     document = documents.discovery_document(found, discovery_sentence(found))
     documents.write_document(document, output, overwrite=force)
     if plot is not None:

@@ -17,7 +17,7 @@ class DiscoveredTerm:
 
     ``coefficient`` is what the trajectory fit makes of it where it is ``selected``, otherwise what it would be if it
     were added to those that are. ``parameter`` names it in the model. ``inclusion`` is the share of resampled data
-    sets in which it is selected.
+    sets in which it is selected. ``effect`` is the named effect that adds such a term, empty where there is none.
     """
 
     equation: str
@@ -27,6 +27,7 @@ class DiscoveredTerm:
     coefficient: Estimate
     inclusion: float
     selected: bool
+    effect: str = ""
 
 
 @dataclass(frozen=True, slots=True)
