@@ -141,8 +141,12 @@ def observe(
     seen_px = np.concatenate(
         [one.xy_px[one.valid] for one in tracks] + [[point] for point in (marks_px or {}).values()]
     )
-    shared = shared_errors.from_calibration(trajectory, positions, calibration, seen_px)
-    return world, trajectory.with_(systematic={**shared, **shared_errors.from_clock(trajectory, clock_stderr)})
+    shared = {
+        **shared_errors.from_calibration(trajectory, positions, calibration, seen_px),
+        **shared_errors.from_edge(trajectory, chosen),
+        **shared_errors.from_clock(trajectory, clock_stderr),
+    }
+    return world, trajectory.with_(systematic=shared)
 
 
 def run(

@@ -9,9 +9,11 @@ import numpy as np
 from iris_sysid.calibration import common_source
 from iris_sysid.errors import IrisError
 from iris_sysid.plane import changed, common_errors
-from iris_sysid.types import Array, Calibration, Trajectory
+from iris_sysid.types import Array, Calibration, Phenomenon, Trajectory
 
 TIME_BASE = "time base"
+EDGE = "edge of the ball"
+EDGE_PX = 0.1  # what blur, shading and compression do to a radius in all frames alike; on the twin 0.02 to 0.16
 # of the range of the positions: below it a pattern is rounding, as that of a scale's error in an angle
 ROUNDING = 1e-9
 
@@ -74,3 +76,23 @@ def from_clock(trajectory: Trajectory, relative_stderr: float) -> dict[str, Arra
         return {}
     late_s = relative_stderr * (trajectory.t_s - trajectory.t_s[0])
     return {TIME_BASE: np.nan_to_num(trajectory.smoothed.velocity * late_s[:, None])[None]}
+
+
+def from_edge(trajectory: Trajectory, phenomenon: Phenomenon) -> dict[str, Array]:
+    """The pattern of an edge that is seen too far out in all frames: a radius in px that is too large by the same.
+
+    Parameters
+    ----------
+    trajectory
+        What is observed.
+    phenomenon
+        Says whether that is a radius.
+
+    Returns
+    -------
+    dict
+        One pattern (1, n, d) under ``edge of the ball``; nothing for anything but a radius.
+    """
+    if phenomenon.measures != "radius":
+        return {}
+    return {EDGE: np.where(trajectory.valid[:, None], EDGE_PX, 0.0)[None]}

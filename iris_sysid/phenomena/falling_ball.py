@@ -9,9 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from iris_sysid.phenomena._motion import in_motion, only_measured, stated, stated_length
-from iris_sysid.types import BenchmarkClass, Estimate, FitResult, Phenomenon, Trajectory
+from iris_sysid.types import BenchmarkClass, Estimate, FitResult, Phenomenon, Segment, Trajectory
+
+FEWEST = 5  # samples of the fall
+CLEARLY = 3.0  # standard errors by which the radius shrinks from sample to sample
+LONGEST_GAP = 3.5  # times the usual step: a bounce may hide in a longer one
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
@@ -27,7 +34,8 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
     Returns
     -------
     Trajectory
-        ``r``; the motion is the fall from the release to the first contact.
+        ``r``; the motion is the fall from the release to the first contact, the stretch of samples, each
+        smaller than the one before, in which the radius shrinks most, without the last one before it grows again.
 
     Raises
     ------
@@ -37,7 +45,31 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
     body = only_measured(world, "falling-ball", "r")
     in_motion(body, 5)
     stated_length(settings, ("h0",), "m")
-    return body.with_(geometry={**body.geometry, **stated(settings, "h0")}, smoothed=None)
+    segments = tuple(part for one in body.segments for part in _parted(one, body))
+    return body.with_(segments=segments, geometry={**body.geometry, **stated(settings, "h0")}, smoothed=None)
+
+
+def _parted(motion: Segment, body: Trajectory) -> list[Segment]:
+    """The fall, and what is before and after it: where a hand is not seen by itself, or the bounce is hidden."""
+    index = motion.start + np.flatnonzero(body.valid[motion.start : motion.stop])
+    if motion.label != "motion" or index.size <= FEWEST:
+        return [motion]
+    t_s, radius, sigma = body.t_s[index], body.position[index, 0], body.sigma[index, 0]
+    error = np.hypot(sigma[1:], sigma[:-1])
+    shrinks = np.diff(radius) < -CLEARLY * np.where(np.isfinite(error), error, 0.0)
+    shrinks &= np.diff(t_s) < LONGEST_GAP * np.median(np.diff(t_s))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], shrinks, [False]])))
+    if not edges.size:
+        return [motion]
+    first, last = max(edges.reshape(-1, 2).tolist(), key=lambda run: radius[run[0]] - radius[run[1]])
+    bounced = last < index.size - 1  # the exposure of the last sample may hold the bounce as well
+    start, stop = int(index[first]), int(index[last - bounced]) + 1
+    if last - bounced - first < FEWEST - 1:
+        return [motion]
+    fall = replace(motion, start=start, stop=stop, reason=f"the radius shrinks from sample to sample; {motion.reason}")
+    before = [Segment("release", motion.start, start, "the radius does not shrink yet")] if start > motion.start else []
+    after = [Segment("contact", stop, motion.stop, "it no longer shrinks")] if stop < motion.stop else []
+    return [*before, fall, *after]
 
 
 def refine(fit: FitResult, trajectory: Trajectory) -> Mapping[str, Estimate]:
