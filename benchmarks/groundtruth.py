@@ -77,12 +77,12 @@ def by_calipers(dataset: Path) -> MeasuredDocument:
     return MeasuredDocument.model_validate({"values": values})
 
 
-def clip_rows(clips: Sequence[ClipMeasurement]) -> Iterator[Row]:
-    """Every fitted value of every clip that has a truth."""
+def clip_rows(clips: Sequence[ClipMeasurement], status: str) -> Iterator[Row]:
+    """Every fitted value of every clip whose fit has that status, where there is a truth."""
     for one in clips:
         truth = truth_of(one.clip.path)
         for ours in benchmark_classes()[one.clip.class_name][1].parameters:
-            if not one.document.usable or ours not in truth or ours not in one.document.parameters:
+            if one.document.status != status or ours not in truth or ours not in one.document.parameters:
                 continue
             found = in_published_unit(one.document.parameters[ours].estimate())[0]
             if found.measurement_type == "assumed" or not math.isfinite(found.stderr):
@@ -167,7 +167,8 @@ def main() -> None:
         write_document(document, options.output, overwrite=True)
     failed = [one.clip.place for one in found.clips if one.document.status == "failed"]
     print(f"{len(found.clips)} clips, {len(failed)} failed")
-    report("Each clip", list(clip_rows(found.clips)))
+    report("Each clip that its equation fits", list(clip_rows(found.clips, "ok")))
+    report("Each clip with a residual above the noise", list(clip_rows(found.clips, "misfit")))
     report("Each setting, pooled", list(pooled_rows(document, found.clips)))
     width, height = json.loads((options.dataset / "manifest.json").read_text("utf-8"))["origin"]["options"]["size"]
     report_time(found, seconds, width * height)

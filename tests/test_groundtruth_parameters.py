@@ -74,6 +74,12 @@ def test_clips_that_failed_or_ended_at_a_bound_are_shown_but_not_used():
     assert found.clips["01"].sha256 == "0" * 64
 
 
+def test_clips_that_the_equation_does_not_fit_count_only_where_it_fits_none():
+    odd = clip_measured("03", {"length": (7.0, 0.1, "m")}, {"length": {"random": 0.1}}, status="misfit")
+    assert regenerate([*lengths([0.50, 0.51]), odd], "length").n == 2
+    assert regenerate([odd], "length").value == 7.0
+
+
 def test_nothing_but_failed_clips_is_an_entry_without_a_value():
     entry = document([clip_measured("01", {}, status="failed")]).classes["pendulum"]["pendulum_45"]["rope_length"]
     assert (entry.mean, entry.n, entry.method) == (None, 0, "no clip gave a value")

@@ -71,7 +71,8 @@ def regenerate(clips: Sequence[ClipMeasurement], parameter: str) -> RegeneratedV
     Returns
     -------
     RegeneratedValue or None
-        None when no clip was fitted. Of a value that is not fitted (assumed, or measured by hand) the type says so.
+        Of the clips that the equation fits down to the noise; where it fits none, of all that gave a value. None when
+        there is no clip. Of a value that is not fitted (assumed, or measured by hand) the type says so.
     """
     values = [_value_of(clip, parameter) for clip in clips]
     known = [one for one in values if one is not None]
@@ -79,6 +80,7 @@ def regenerate(clips: Sequence[ClipMeasurement], parameter: str) -> RegeneratedV
         return None
     unit = next((one.estimate.unit for one in known if one.used), known[0].estimate.unit)
     used = [one for one in known if one.used and one.estimate.unit == unit]
+    used = [one for one in used if one.document.status == "ok"] or used  # a misfit counts only where nothing fits
     shown = {one.clip: _shown(one, one in used) for one in known}
     if not used:
         first = next((one for one in known if one.document.status != "failed"), known[0])
