@@ -15,7 +15,7 @@ from iris_sysid.benchmark.losses import stiffnesses
 from iris_sysid.benchmark.rows import COUPLING, EXTRAPOLATION, FAILED, IDENTIFIABILITY, LOSSES, OK
 from iris_sysid.benchmark.subjects import Subject
 from iris_sysid.diagnosis import diagnose
-from iris_sysid.errors import IrisError
+from iris_sysid.errors import FitError, IrisError
 from iris_sysid.registry import MODELS
 from iris_sysid.types import Array, Estimate, FitResult, OdeModel, Trajectory
 
@@ -39,7 +39,11 @@ def ode_rows(subject: Subject) -> Records:
 
 def effect_rows(subject: Subject) -> Records:
     """The parameters of the bank's model with the effects added that the clip shows; ``answer`` names them."""
-    found = diagnose(subject.trajectory(), subject.model, **_told(subject))
+    trajectory, model = subject.trajectory(), subject.model
+    try:
+        found = diagnose(trajectory, model, **_told(subject))
+    except FitError:  # geometry that the motion does not feel cannot be left open: an incline's angle
+        found = diagnose(trajectory, model, **_told(subject, geometry=True))
     answer = ", ".join(one.name for one in found.added) or "none"
     return subject.records(found.final.estimates, found.final.status, method=EFFECTS, answer=answer)
 
@@ -154,7 +158,7 @@ def loss_rows(subject: Subject) -> Records:
     return [
         record | {"study": LOSSES, "method": name}
         for name, length in lengths.items()
-        for record in subject.records({"length": Estimate(length, np.nan, "m")}, OK)
+        for record in subject.records({"length": Estimate(length, np.nan, "m", "fitted")}, OK)
         if record["parameter"] == "length"
     ]
 
@@ -170,8 +174,8 @@ def _plain(
     )
 
 
-def _told(subject: Subject) -> dict[str, Any]:
-    known, free = subject.told()
+def _told(subject: Subject, *, geometry: bool = False) -> dict[str, Any]:
+    known, free = subject.told(geometry=geometry)
     return {"fixed": known, "free": free}
 
 

@@ -11,17 +11,18 @@ from typing import Any
 
 from fitters.ode import fit
 from iris_sysid.benchmark.conversions import READINGS
+from iris_sysid.benchmark.latent import NOT_ESTIMATED
 from iris_sysid.benchmark.published import truth_of
 from iris_sysid.benchmark.rows import FAILED, OK
 from iris_sysid.dataset import Clip, benchmark_classes
 from iris_sysid.errors import DataError
 from iris_sysid.groundtruth.measure import ClipMeasurement
-from iris_sysid.registry import MODELS
+from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.types import Estimate, FitResult, OdeModel, Trajectory
 
 DEGREES = 180.0 / math.pi  # an angle is published in degrees
-ESTIMATED = ("fitted", "derived")  # types of a parameter that the clip itself gave
-UNDETERMINED = "undetermined"
+ESTIMATED = ("fitted", "derived")  # types of a parameter that the clip itself gave; the others were told to the fit
+UNDETERMINED, NO_SCALE = "undetermined", "no scale"  # statuses of a parameter without a value
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,18 +62,19 @@ class Subject:
             raise DataError(f"{self.clip.place} has no trajectory: {self.measured.document.message}")
         return found
 
-    def told(self) -> tuple[dict[str, Estimate], list[str]]:
-        """What the fit was told by name, and which constants it estimated."""
+    def told(self, *, geometry: bool = False) -> tuple[dict[str, Estimate], list[str]]:
+        """What the fit was told by name, and which constants it estimated; with ``geometry`` what the picture told.
+
+        What was measured in the picture is in the trajectory, where a fit finds it by itself.
+        """
         document, constants = self.measured.document, {one.name for one in self.model.parameters if one.constant}
         known = {
             name: one.estimate()
             for name, one in document.parameters.items()
-            if name in constants
-            and name not in document.free
-            and one.measurement_type not in ESTIMATED
-            and one.value is not None
+            if name in constants and one.value is not None and (geometry or name not in document.geometry)
         }
-        return known, [name for name in document.free if name in constants]
+        opened = [name for name in document.free if name in constants]
+        return {name: one for name, one in known.items() if name not in opened}, opened
 
     def refit(self, trajectory: Trajectory | None = None, **more: Any) -> FitResult:
         """The same fit again, or of another trajectory, or with other arguments of :func:`fitters.ode.fit`."""
@@ -94,17 +96,19 @@ class Subject:
 
     def _record(self, name: str, unit: str, estimate: Estimate | None, status: str) -> dict[str, Any]:
         factor = DEGREES if unit == "deg" else 1.0
-        value = math.nan if estimate is None else estimate.value * factor
+        told = estimate is not None and estimate.measurement_type not in ESTIMATED
+        scaled = estimate is None or _unit(estimate.unit) == unit
+        value = math.nan if estimate is None or told or not scaled else estimate.value * factor
         true = self.truth.get(name)
-        missing = UNDETERMINED if status == OK else status
+        otherwise = NO_SCALE if not scaled else NOT_ESTIMATED if told else UNDETERMINED if status == OK else status
         return self.record(
             parameter=name,
             unit=unit,
             value=value,
-            stderr=math.nan if estimate is None else estimate.stderr * factor,
+            stderr=math.nan if estimate is None or math.isnan(value) else estimate.stderr * factor,
             truth=math.nan if true is None else true.value,
             truth_source="" if true is None else true.source,
-            status=status if math.isfinite(value) and status != FAILED else missing,
+            status=status if math.isfinite(value) and status != FAILED else otherwise,
         )
 
 
@@ -120,44 +124,28 @@ def subjects_of(clips: Iterable[ClipMeasurement], folder: Path, dataset: str) ->
     dataset
         Its name in the tables.
     """
-    listed, told = list(clips), _parameters_json(folder / "parameters.json")
-    wanted: dict[tuple[str, str], dict[str, str]] = {}
-    truths = [_truth(one.clip, told) for one in listed]
-    for one, true in zip(listed, truths, strict=True):
-        names = wanted.setdefault((one.clip.class_name, one.clip.phenomenon), _expected(one.clip))
-        names |= {name: _unit(name, unit) for name, unit in _estimated(one).items() if name in true}
-    return [
-        Subject(dataset, one, true, wanted[one.clip.class_name, one.clip.phenomenon])
-        for one, true in zip(listed, truths, strict=True)
-    ]
-
-
-def _unit(name: str, unit: str) -> str:
-    """The unit in the tables: an angle is published in degrees."""
-    return "deg" if unit == "rad" else unit
-
-
-def _estimated(one: ClipMeasurement) -> dict[str, str]:
-    """Parameters that the clip gave, with their units; initial states are not among them."""
-    states = (
-        {f"{state.name}_0" for state in MODELS[one.document.model].states} if one.document.model in MODELS else set()
-    )
-    return {
-        name: entry.unit
-        for name, entry in one.document.parameters.items()
-        if entry.measurement_type in ESTIMATED and name not in states
-    }
-
-
-def _expected(clip: Clip) -> dict[str, str]:
-    """Parameters that the publication has for the class, by our names, with units."""
-    _, described = benchmark_classes()[clip.class_name]
-    model_units = {reading.parameter: reading.unit for reading in READINGS.get(clip.class_name, ())}
-    found = {}
-    for name in described.parameters:
-        units = {one.name: one.unit for model in MODELS.values() for one in model.parameters}
-        found[name] = "deg" if name == "angle" else model_units.get(name, units.get(name, "1"))
+    told = _parameters_json(folder / "parameters.json")
+    found = []
+    for one in clips:
+        true = _truth(one.clip, told)
+        found.append(Subject(dataset, one, true, _wanted(one.clip, true)))
     return found
+
+
+def _unit(unit: str) -> str:
+    """A unit as the tables have it: angles in degrees, 1 for none."""
+    return "deg" if unit == "rad" else unit or "1"
+
+
+def _wanted(clip: Clip, truth: Mapping[str, TrueValue]) -> dict[str, str]:
+    """What the publication has for the class, and what else the model estimates of which the truth is known; units."""
+    phenomenon, described = benchmark_classes()[clip.class_name]
+    model = MODELS[PHENOMENA[phenomenon].model]
+    units = {one.name: one.unit for one in model.parameters} | {one.name: one.unit for one in model.derived}
+    units |= {reading.parameter: reading.unit for reading in READINGS.get(clip.class_name, ())}
+    estimated = [one.name for one in model.parameters if not one.constant] + [one.name for one in model.derived]
+    names = dict.fromkeys([*described.parameters, *(name for name in estimated if name in truth)])
+    return {name: "deg" if name == "angle" else _unit(units.get(name, "1")) for name in names}
 
 
 # --------------------------------------------------------------------------- truth
