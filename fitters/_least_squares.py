@@ -16,6 +16,7 @@ Loss = Literal["linear", "soft_l1"]
 
 ROUGH, FINE = 1e-5, 1e-8  # relative change of the sum of squares at which a horizon, or the fit, is done
 ROUGH_STEP, FINE_STEP = 1e-6, 1e-8  # relative error from the finite time step
+NEGLIGIBLE = 1e-2, 1e-4  # of the noise, and of the motion: error from the time step where the equation has a kink
 ROUGH_EVALUATIONS, FINE_EVALUATIONS = 40, 200
 LARGEST = 1e100  # in units of sigma: squares and their sums stay finite
 SOFT_AT = 2.0  # soft_l1 bends over at this many standard deviations
@@ -46,6 +47,13 @@ class Target:
     def size(self) -> Array:
         """Standard deviation (d,) of the observed motion."""
         return np.asarray(np.std(self.observed[self.used], axis=0))
+
+    @property
+    def negligible(self) -> float:
+        """Error of a prediction, relative to the largest value seen, that disappears in the noise."""
+        seen = np.max(np.abs(self.observed[self.used]), axis=0)
+        noise = np.median(self.sigma[self.used], axis=0)
+        return float(min(NEGLIGIBLE[0] * np.min(noise / np.where(seen > 0, seen, 1.0)), NEGLIGIBLE[1]))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -194,7 +202,7 @@ def minimise(
         Of the iterations so far.
     """
     start = unknowns.inside(values)
-    problem = problem.planned(start, ROUGH_STEP if rough else FINE_STEP)
+    problem = problem.planned(start, ROUGH_STEP if rough else FINE_STEP, target.negligible)
     steps = first_steps(start, unknowns.which) if steps is None else steps
     objective = _Objective(problem, target, unknowns, start, steps)
     predicted = objective.predicted(start)

@@ -18,6 +18,7 @@ Hold = Literal["linear", "zero-order"]
 MOST_STEPS = (64, 20_000)  # for each sample, and in all if that is more; a problem that needs more is stiff
 BATCH_NUMBERS = 4_000_000  # numbers in the states of one batch of columns: 32 MB
 PLANNED = 2000  # samples by which steps are chosen
+KINKED_ORDER = 4  # an error that falls with a lower power of the step is that of an equation with a kink
 RESPONSE = 1e-4  # change of the prediction that a difference step aims at, relative to the motion
 
 
@@ -133,24 +134,29 @@ class InitialValueProblem:
         wanted = np.ceil(np.diff(self.t_s) / longest_step_s * (1 - 1e-9))
         return replace(self, substeps=np.clip(wanted, 1, MOST_STEPS[1]).astype(np.int64))
 
-    def planned(self, values: Array, tolerance: float) -> InitialValueProblem:
+    def planned(self, values: Array, tolerance: float, negligible: float = 0.0) -> InitialValueProblem:
         """The problem with steps short enough for these values, judged by its first PLANNED samples.
 
         The error is the difference between the states with these steps and with half of them, relative to
-        the size of each state; it falls with the power ORDER of the step.
+        the size of each state; it falls with the power ORDER of the step. Where the equation has a kink, as a rim
+        over which water runs, it falls with a low power whatever the method, and ``negligible`` is enough; not where
+        steps end at the events of the model.
         """
+        negligible = 0.0 if self.model.events else negligible
         step_s = float(np.median(np.diff(self.t_s))) if self.t_s.size > 1 else 1.0
         shortest_s = float(self.t_s[-1] - self.t_s[0]) / max(MOST_STEPS[0] * self.t_s.size, MOST_STEPS[1])
         problem = self.with_step(step_s)
-        runaways = 0
+        runaways, smooth = 0, np.inf
         for _ in range(12):
             error = problem.first(PLANNED).step_error(values)
             runaways += not np.isfinite(error)
-            if error <= tolerance or step_s <= shortest_s or runaways == 3:
+            enough = max(negligible, tolerance) if error > smooth else tolerance
+            if error <= enough or step_s <= shortest_s or runaways == 3:
                 break
             ratio = (error / tolerance) ** (1 / ORDER) if np.isfinite(error) else 4.0
-            step_s = max(step_s / min(max(1.1 * ratio, 1.2), 4.0), shortest_s)
-            problem = self.with_step(step_s)
+            shorter = max(step_s / min(max(1.1 * ratio, 1.2), 4.0), shortest_s)
+            smooth = error * (shorter / step_s) ** KINKED_ORDER
+            step_s, problem = shorter, self.with_step(shorter)
         return problem
 
     def prediction_error(self, values: Array, predicted: Array) -> float:

@@ -329,8 +329,7 @@ def _without_wild_samples(task: Task, solution: Solution, loss: Loss) -> tuple[T
         if explains(solution, target):
             residual = (target.observed - solution.predicted) / target.sigma
             wild[candidates] = wild_in_residual(residual[candidates], SMALLEST_DEVIATION)
-        exact = solution.problem.prediction_error(solution.values, solution.predicted) < 10 * FINE_STEP
-        if solution.fine and exact and np.array_equal(candidates & ~wild, target.used):
+        if solution.fine and _exact(solution, target) and np.array_equal(candidates & ~wild, target.used):
             break
         target = Target(target.observed, target.sigma, candidates & ~wild)
         solution = minimise(
@@ -343,6 +342,16 @@ def _without_wild_samples(task: Task, solution: Solution, loss: Loss) -> tuple[T
             gradients=solution.gradients,
         )
     return target, solution
+
+
+def _exact(solution: Solution, target: Target) -> bool:
+    """Whether the time steps are short enough for the values found: as short as they would now be chosen."""
+    problem = solution.problem
+    error = problem.prediction_error(solution.values, solution.predicted)
+    if error < 10 * FINE_STEP or problem.model.events:
+        return error < 10 * FINE_STEP
+    wanted = problem.planned(solution.values, FINE_STEP, target.negligible)
+    return bool(np.all(wanted.substeps <= problem.substeps))
 
 
 def _with_priors_weighed(task: Task, target: Target, solution: Solution, loss: Loss) -> tuple[Task, Solution]:

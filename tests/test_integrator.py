@@ -101,6 +101,31 @@ def test_prediction_is_smooth_in_the_parameters():
     assert np.max(np.abs(np.diff(ends, 2))) < 1e-12
 
 
+def over_the_rim(t, state, params, inputs):
+    (level,) = state
+    return (inputs[0] - params[0] * max(level - 1.0, 0.0),)
+
+
+def test_kinked_equation_is_solved_to_what_the_noise_leaves_visible_and_no_finer():
+    t_s = np.arange(0.0, 200.0, 2.0)
+    inflow = 0.05 * np.sin(0.1 * t_s)[:, None] + 0.01
+    model, values = model_of(over_the_rim, inputs=("u",)), np.array([1.0, 0.5])
+    problem = initial_value_problem(model, t_s, inflow, "zero-order")
+    negligible = 1e-5
+    planned, exact = problem.planned(values, 1e-8, negligible), problem.planned(values, 1e-8)
+    error = np.max(np.abs(planned.predicted(values) - exact.predicted(values))) / np.max(exact.predicted(values))
+    assert error < negligible
+    assert planned.substeps.sum() < exact.substeps.sum() / 2
+
+
+def test_smooth_equation_is_solved_as_exactly_whatever_the_noise_hides():
+    problem = initial_value_problem(PENDULUM, np.linspace(0.0, 20.0, 201), None, "linear")
+    values = np.array([0.5, 0.1, 9.81, 1.5, -1.0])
+    np.testing.assert_array_equal(
+        problem.planned(values, 1e-8, negligible=1e-4).substeps, problem.planned(values, 1e-8).substeps
+    )
+
+
 def test_many_columns_at_once_equal_one_at_a_time():
     problem = initial_value_problem(PENDULUM, np.linspace(0.0, 3.0, 100), None, "linear")
     columns = np.array([[0.5, 1.0, 2.0], [0.1, 0.0, 0.3], [9.8, 9.8, 1.6], [1.0, 2.0, 0.1], [0.0, 1.0, -1.0]])

@@ -21,13 +21,18 @@ def swings(model: OdeModel) -> bool:
 
 
 def drains(model: OdeModel) -> bool:
-    """Whether the model is of first order: a level or a brightness that goes down."""
-    return not model.second_order and len(model.states) == 1
+    """Whether the model is of first order in quantities of one kind: levels, or a brightness, that go down."""
+    return not model.second_order and len({state.unit for state in model.states}) == 1
 
 
 def any_model(model: OdeModel) -> bool:
     """Every model."""
     return True
+
+
+def is_read_in_volts(model: OdeModel) -> bool:
+    """Whether what is observed is the voltage of one sensor."""
+    return on_a_line(model) and model.observed[0].unit == "V"
 
 
 def on_a_line(model: OdeModel) -> bool:

@@ -1,0 +1,37 @@
+"""The sensor's gain is another one above some level: two ranges, another width, a plate that ends."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitters.effects._domain import is_read_in_volts
+from iris_sysid.types import Array, Effect, Parameter
+
+QUANTILES = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)  # of what was seen, tried as the level at which the gain changes
+
+
+def observe(t_s: Array, observed: Array, velocity: Array, params: Array) -> Array:
+    """Observed + g * (observed - level) above the level."""
+    gain, level = params
+    return np.asarray(observed + gain * np.maximum(observed - level, 0.0))
+
+
+def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
+    """Levels at which the gain may change."""
+    return [(float(level),) for level in np.nanquantile(observed[:, 0], QUANTILES)]
+
+
+EFFECT = Effect(
+    name="gain-change",
+    summary="a sensor whose gain changes at a level",
+    equation=r"x_\mathrm{seen} = x + g\,\max(x - x_g, 0)",
+    source="first-order expansion of a calibration curve with two ranges",
+    parameters=(
+        Parameter("gain_change", "1", "g", lower=-0.95, default=0.0),
+        Parameter("gain_level", "{x}", "x_g", default=0.0),
+    ),
+    applies=is_read_in_volts,
+    observe=observe,
+    alike="radial-distortion",
+    trials=trials,
+)
