@@ -13,7 +13,7 @@ from pathlib import Path
 import pandas as pd
 
 from iris_sysid.benchmark.robustness import robustness_rows
-from iris_sysid.benchmark.rows import ROBUSTNESS, SELECTION, SHARING, flat_rows, joined, read_rows, rows_text
+from iris_sysid.benchmark.rows import OK, ROBUSTNESS, SELECTION, SHARING, flat_rows, joined, read_rows, rows_text
 from iris_sysid.benchmark.selecting import selection_rows
 from iris_sysid.benchmark.sharing import sharing_rows
 from iris_sysid.benchmark.studies import STUDY_OF, ode_rows, studied
@@ -142,14 +142,17 @@ def _places(subjects: Sequence[Subject]) -> list[int]:
 
 
 def _spread(subjects: Sequence[Subject], places: Sequence[int], count: int) -> list[Subject]:
-    """So many clips over as many classes and settings as there are: each class's first, then its next setting."""
+    """So many clips over as many classes and settings as there are: each class's first, then its next setting.
+
+    Clips that did not fit as they are say nothing of robustness, and are passed over.
+    """
     settings: dict[str, list[str]] = {}
     for one in subjects:
         known = settings.setdefault(one.clip.class_name, [])
         if one.clip.setting not in known:
             known.append(one.clip.setting)
     order = sorted(
-        range(len(subjects)),
+        (k for k, one in enumerate(subjects) if one.measured.document.status == OK),
         key=lambda k: (places[k], settings[subjects[k].clip.class_name].index(subjects[k].clip.setting)),
     )
     return [subjects[k] for k in sorted(order[:count])]

@@ -19,13 +19,14 @@ ABSENT = "–"
 def displayed(value: float, digits: int = 3) -> str:
     """A number as the tables show it: ``digits`` significant ones, a dash for NaN.
 
-    Whole digits are never rounded away (1234.6 is shown as 1235); below 0.0001 the form is 5.55e-17.
+    Whole digits are never rounded away (1234.6 is shown as 1235); below 0.0001 and from 10 million on the form is
+    5.55e-17.
     """
     if not math.isfinite(value):
         return ABSENT
     if value == 0:
         return "0"
-    if abs(value) < 1e-4:
+    if not 1e-4 <= abs(value) < 1e7:
         return f"{value:.{digits - 1}e}"
     decimals = digits - 1 - math.floor(math.log10(abs(value)))
     return f"{value:.{max(decimals, 0)}f}"
