@@ -8,11 +8,10 @@ from typing import Any
 
 from iris_sysid.benchmark.changed_clips import CHANGES, as_in, changed
 from iris_sysid.benchmark.rows import FAILED, ROBUSTNESS
-from iris_sysid.benchmark.studies import ODE
+from iris_sysid.benchmark.studies import ODE, why
 from iris_sysid.benchmark.subjects import Subject
 from iris_sysid.calibration import uncalibrated
 from iris_sysid.calibration_file import read_calibration
-from iris_sysid.errors import IrisError
 from iris_sysid.groundtruth._clip import KNOWN, told
 from iris_sysid.groundtruth.schemas import MeasuredDocument
 from iris_sysid.pipeline import observe_and_fit
@@ -43,8 +42,8 @@ def robustness_rows(
         study = {"study": ROBUSTNESS, "method": ODE, "condition": condition, "seed": seed}
         try:
             found = _refitted(subject, measured, condition, seed)
-        except IrisError as error:
-            rows += subject.records({}, FAILED, answer=" ".join(str(error).split())[:200], **study)
+        except Exception as error:  # one change must not end the run of all
+            rows += subject.records({}, FAILED, answer=why(error), **study)
             continue
         rows += subject.records(found.estimates, found.status, **study)
     return rows

@@ -14,10 +14,10 @@ from iris_sysid._observables import segmented
 from iris_sysid.benchmark.predictions import EQUATION
 from iris_sysid.benchmark.rows import FAILED, OK, SELECTION
 from iris_sysid.benchmark.selection import NO_ANSWER
+from iris_sysid.benchmark.studies import why
 from iris_sysid.benchmark.subjects import Subject
 from iris_sysid.calibration import uncalibrated
 from iris_sysid.calibration_file import read_calibration
-from iris_sysid.errors import IrisError
 from iris_sysid.registry import PHENOMENA
 
 BANK, NEAREST = "bank", "bank, nearest"
@@ -38,9 +38,8 @@ def selection_rows(subject: Subject) -> list[dict[str, Any]]:
     """
     try:
         choice = _choice(subject)
-    except IrisError as error:
-        why = " ".join(str(error).split())[:200]
-        return [_row(subject, method, NO_ANSWER, FAILED) | {"truth_source": why} for method in (BANK, NEAREST)]
+    except Exception as error:  # one clip must not end the run of all
+        return [_row(subject, one, NO_ANSWER, FAILED) | {"truth_source": why(error)} for one in (BANK, NEAREST)]
     chosen = NONE_FITS if choice.chosen is None else choice.chosen.model
     return [_row(subject, BANK, chosen, OK), _row(subject, NEAREST, choice.nearest.model, OK)]
 

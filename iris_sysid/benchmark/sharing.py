@@ -8,8 +8,8 @@ from typing import Any
 
 from fitters.clips import fit_clips
 from iris_sysid.benchmark.rows import FAILED, OK, SHARING
+from iris_sysid.benchmark.studies import why
 from iris_sysid.benchmark.subjects import Subject
-from iris_sysid.errors import IrisError
 from iris_sysid.types import Estimate
 
 PER_CLIP_METHOD, MEAN, SHARED = "clip by clip", "mean over clips", "one shared value"
@@ -63,10 +63,10 @@ def _of_setting(clips: Sequence[Subject], common: Sequence[str]) -> Iterator[dic
     try:
         trajectories = [one.trajectory() for one in clips]
         pooled = fit_clips(trajectories, clips[0].model, shared=common, fixed=known, free=rest)
-        found, why = dict(pooled.shared), {}
-    except IrisError as error:
-        found, why = {}, {"answer": " ".join(str(error).split())[:200]}
-    yield from (row | {"clip": "all"} | why for row in _rows(clips[0], common, found, SHARED))
+        found, said = dict(pooled.shared), {}
+    except Exception as error:  # one setting must not end the run of all
+        found, said = {}, {"answer": why(error)}
+    yield from (row | {"clip": "all"} | said for row in _rows(clips[0], common, found, SHARED))
 
 
 def _rows(

@@ -203,8 +203,14 @@ def studied(subject: Subject, name: str) -> Records:
     make, study, method, parameter = STUDY_OF[name]
     try:
         return make(subject)
-    except (IrisError, np.linalg.LinAlgError) as error:
-        said = {"method": method, "answer": " ".join(str(error).split())[:200]}
+    except Exception as error:  # one clip must not end the run of all
+        said = {"method": method, "answer": why(error)}
         if not study:
             return subject.records({}, FAILED, **said)
         return [_plain(subject, study, method, parameter, np.nan, "") | said]
+
+
+def why(error: Exception) -> str:
+    """What a row says of the error that left it without a value, on one line; named where it was not foreseen."""
+    text = " ".join(str(error).split())[:200]
+    return text if isinstance(error, IrisError) else f"unexpected {type(error).__name__}: {text}"

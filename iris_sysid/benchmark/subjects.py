@@ -94,10 +94,16 @@ class Subject:
         """
         return [self._record(name, unit, estimates.get(name), status) | more for name, unit in self.wanted.items()]
 
+    def _lacks_scale(self, name: str) -> bool:
+        """Whether the measurement is in px and could not give this parameter for want of metres."""
+        entry = self.measured.document.parameters.get(name)
+        units = [one.unit for one in self.measured.document.parameters.values()]
+        return entry is not None and entry.value is None and any(unit.startswith("px") for unit in units)
+
     def _record(self, name: str, unit: str, estimate: Estimate | None, status: str) -> dict[str, Any]:
         factor = DEGREES if unit == "deg" else 1.0
         told = estimate is not None and estimate.measurement_type not in ESTIMATED
-        scaled = estimate is None or _unit(estimate.unit) == unit
+        scaled = estimate is None or (_unit(estimate.unit) == unit and not self._lacks_scale(name))
         value = math.nan if estimate is None or told or not scaled else estimate.value * factor
         true = self.truth.get(name)
         otherwise = NO_SCALE if not scaled else NOT_ESTIMATED if told else UNDETERMINED if status == OK else status
