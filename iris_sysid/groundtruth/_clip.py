@@ -54,9 +54,11 @@ class Job:
 
     def options(self) -> dict[str, Any]:
         """What the track depends on."""
+        phenomenon = PHENOMENA[self.clip.phenomenon]
         return {
-            "phenomenon": self.clip.phenomenon,
-            "tracker": PHENOMENA[self.clip.phenomenon].tracker,
+            "phenomenon": phenomenon.name,
+            "tracker": phenomenon.tracker,
+            "bodies": phenomenon.bodies,
             "fps": self.fps,
             "keep_partial": self.keep_partial,
         }
@@ -177,7 +179,9 @@ def told(
     """
     sought = {one.name for one in MODELS[phenomenon.model].parameters if not one.constant}
     accepted = accepted_settings(phenomenon)
-    settings = {name: known[name] for name in KNOWN if name in known and name in accepted and name not in sought}
+    in_px = calibration.unit == "px" and any(one.unit == "m" for one in MODELS[phenomenon.model].observed)
+    usable = () if in_px else KNOWN  # metres say nothing of a motion in px
+    settings = {name: known[name] for name in usable if name in known and name in accepted and name not in sought}
     if PROJECTED not in accepted or RADIUS not in known or "camera" not in calibration.budget:
         return settings, []
     constant = _projected(known[RADIUS], calibration)

@@ -2,7 +2,7 @@
 
 The run-up gives the damping of the published equation, z'' + damping z' + coupling sum (z - z_j) = 0, where nothing is
 coupled yet. The coupling itself is not measured: what follows are impacts, which it does not describe, among sixteen
-bodies that hide one another.
+bodies that hide one another. That a cup moves says when the run-up is over.
 """
 
 from __future__ import annotations
@@ -10,44 +10,92 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from iris_sysid.arrays import Array
+from iris_sysid.errors import DataError
 from iris_sysid.phenomena._geometry import fit_line
-from iris_sysid.phenomena._motion import in_motion, only_body, stated
-from iris_sysid.types import BenchmarkClass, Estimate, Phenomenon, Quantity, Trajectory
+from iris_sysid.phenomena._motion import only_body, stated
+from iris_sysid.types import BenchmarkClass, Estimate, Phenomenon, Quantity, Segment, Trajectory
+
+FIRST = 5  # samples from which the place at rest is taken
+GONE = 10.0  # scatters of the place at rest, or standard errors, beyond which a body has left it
+SHARE = 0.01  # of the whole way that a body goes, below which it only trembles
+FEWEST = 6  # samples of the run-up
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
-    """Turn positions into the way along the principal direction of the run-up, increasing as the ball goes.
+    """Turn positions of the ball into the way along its run-up, which ends when the first cup moves.
+
+    The ball is the body that leaves its place first.
 
     Parameters
     ----------
     world
-        One trajectory of x and z, segmented, in m or px.
+        Trajectories of x and z of the ball and the cups, in any order, in m or px; their segments are not used.
     settings
         ``ball_radius`` is passed on.
 
     Returns
     -------
     Trajectory
-        ``s``, zero at the first sample of the motion, which the first impact ends.
+        ``s``, zero at the first sample of the motion, increasing as the ball goes.
 
     Raises
     ------
     DataError
-        When the motion has fewer than five samples.
+        When no cup is left standing while the ball rolls for six samples.
     """
-    body = only_body(world, "hitting-cones")
-    used = np.flatnonzero(in_motion(body, 5))
-    along = fit_line(body.position[used, :2]).direction
-    start, end = body.position[used[0], :2], body.position[used[-1], :2]
-    direction = along if (end - start) @ along >= 0 else -along
+    only_body(world, "hitting-cones")
+    left = sorted((_leaves(body), k) for k, body in enumerate(world))
+    start, ball = left[0]
+    body = world[ball]
+    struck = left[1][0] if len(left) > 1 else body.n
+    stop = struck - 1 if struck < body.n else body.n  # the exposure before may hold the impact as well
+    used = start + np.flatnonzero(body.valid[start : max(stop, start)])
+    if used.size < FEWEST:
+        raise DataError(
+            f"the ball rolls by itself for {used.size} samples, {FEWEST} are needed; is it seen before it strikes?"
+        )
+    way, sigma = _along(body, used)
     return body.with_(
         quantities=(Quantity("s", body.quantities[0].unit, "s"),),
-        position=((body.position[:, :2] - start) @ direction)[:, None],
-        sigma=np.hypot(*(body.sigma[:, :2] * direction).T)[:, None],
+        position=way[:, None],
+        sigma=sigma[:, None],
+        segments=_segments(body, start, stop),
         geometry={**body.geometry, **stated(settings, "ball_radius")},
         smoothed=None,
     )
+
+
+def _leaves(body: Trajectory) -> int:
+    """Sample at which a body has left the place where it was first seen, for good; their number where it stays."""
+    index = np.flatnonzero(body.valid)
+    if index.size <= FIRST:
+        return body.n
+    place = body.position[index, :2]
+    rest = place[:FIRST]
+    sigma = np.nan_to_num(body.sigma[index[:FIRST], :2])
+    away = np.hypot(*(place - np.median(rest, axis=0)).T)
+    noise = float(np.hypot(*np.maximum(np.std(rest, axis=0), np.median(sigma, axis=0))))
+    gone = away > max(GONE * noise, SHARE * float(away.max()))
+    for_good = gone & np.append(gone[1:], True)
+    return int(index[np.argmax(for_good)]) if for_good.any() else body.n
+
+
+def _along(body: Trajectory, used: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Way (n,) along the line of the run-up, and its standard error."""
+    line = fit_line(body.position[used, :2]).direction
+    first, last = body.position[used[0], :2], body.position[used[-1], :2]
+    direction = line if (last - first) @ line >= 0 else -line
+    return (body.position[:, :2] - first) @ direction, np.hypot(*(body.sigma[:, :2] * direction).T)
+
+
+def _segments(body: Trajectory, start: int, stop: int) -> tuple[Segment, ...]:
+    motion = Segment("motion", start, stop, f"it rolls from {body.t_s[start]:.3g} s until the first cup moves")
+    before = [Segment("rest", 0, start, "it has not left its place")] if start else []
+    after = [Segment("contact", stop, body.n, "among the cups")] if stop < body.n else []
+    return (*before, motion, *after)
 
 
 PHENOMENON = Phenomenon(
@@ -56,7 +104,7 @@ PHENOMENON = Phenomenon(
     tracker="median-background",
     model="coasting-ball",
     observe=observe,
-    motion="slide",
+    bodies=16,
     settings=("ball_radius",),
     classes=(BenchmarkClass("Hitting_cones", ("slow", "mid", "fast"), 10, {"damping": "damping"}),),
 )
