@@ -5,6 +5,7 @@ import shutil
 
 import pytest
 
+from iris_sysid.calibration import scale
 from iris_sysid.documents import read_document
 from iris_sysid.errors import CalibrationError, DataError
 from iris_sysid.groundtruth import _clip
@@ -156,7 +157,8 @@ def test_fit_is_told_nothing_that_it_is_to_find():
     uncalibrated = _clip.uncalibrated()
     assert _clip.told(PHENOMENA["dropping-ball"], known, uncalibrated) == ({}, [])
     assert list(_clip.told(PHENOMENA["pendulum"], known, uncalibrated)[0]) == ["gravity"]
-    assert list(_clip.told(PHENOMENA["sliding-cone"], known, uncalibrated)[0]) == ["gravity"]
+    assert list(_clip.told(PHENOMENA["sliding-cone"], known, scale(400.0, 1.0))[0]) == ["gravity"]
+    assert _clip.told(PHENOMENA["sliding-cone"], known, uncalibrated) == ({}, [])  # metres mean nothing in px
 
 
 # --------------------------------------------------------------------------- boards
@@ -183,7 +185,6 @@ def test_board_description_that_is_wrong_is_named(tmp_path):
 
 
 def test_class_is_calibrated_once(tmp_path, monkeypatch):
-    from iris_sysid.calibration import scale
     from iris_sysid.groundtruth import boards
 
     calls = []
