@@ -244,10 +244,25 @@ def _coefficient_unit(own: Variable, dimension: tuple[float, int], per: Quantity
     power, times = (1 if base else 0) - dimension[0], own.order - dimension[1]
     if own.kind == "size":
         base, power = own.quantity.unit, -power
+    unit = unit_of(base, power, times)
+    return f"{unit}/{per.unit}" if per is not None and per.unit not in ("", "1") else unit
+
+
+def unit_of(base: str, power: float, times: int) -> str:
+    """The unit base^power / s^times, written without negative powers.
+
+    Parameters
+    ----------
+    base
+        A unit; empty when there is none.
+    power
+        Of the base, any number.
+    times
+        Power of 1/s, from 0.
+    """
     above = f"{base}^{power:g}" if power > 0 and power != 1 else base if power == 1 else "1"
     below = [f"{base}^{-power:g}" if power != -1 else base] if power < 0 else []
     below += [f"s^{times}" if times > 1 else "s"] if times > 0 else []
-    below += [per.unit] if per is not None and per.unit not in ("", "1") else []
     return "/".join([above, *below])
 
 

@@ -199,16 +199,33 @@ def _linearised(clip: Trajectory, library: Library, one: FitResult, place: int, 
     coefficients = np.array([values[name] for name in library.names])
     target = residual + slopes[:, :, : coefficients.size] @ coefficients
     scale = np.maximum(one.rms, 1e-300)
-    columns, target = slopes / scale[:, None], target / scale
-    wide = np.zeros((*columns.shape[:2], coefficients.size + clips * len(states)))
-    wide[:, :, : coefficients.size] = columns[:, :, : coefficients.size]
-    own = coefficients.size + place * len(states)
-    wide[:, :, own : own + len(states)] = columns[:, :, coefficients.size :]
-    count = int(np.clip(used.size // LEAST_IN_BLOCK, 1, BLOCKS))
+    return blocks_of(slopes / scale[:, None], target / scale, one, coefficients.size, (place, clips))
+
+
+def blocks_of(columns: Array, target: Array, one: FitResult, shared: int, where: tuple[int, int]) -> list[Compressed]:
+    """Compressed rows of each block of time of one clip.
+
+    Parameters
+    ----------
+    columns, target
+        (n, d, k) and (n, d), in units of the noise.
+    one
+        The fit, which says how the residual hangs together.
+    shared
+        Number of columns that all clips share, the first ones; the others are this clip's own.
+    where
+        Place of this clip, and number of clips, each with as many columns of its own.
+    """
+    place, clips = where
+    own = columns.shape[2] - shared
+    wide = np.zeros((*target.shape, shared + clips * own))
+    wide[:, :, :shared] = columns[:, :, :shared]
+    wide[:, :, shared + place * own : shared + (place + 1) * own] = columns[:, :, shared:]
+    count = int(np.clip(len(target) // LEAST_IN_BLOCK, 1, BLOCKS))
     share = 1.0 / _inflation(one)
     return [
         Compressed.of(wide[part].reshape(-1, wide.shape[2]), target[part].ravel(), share)
-        for part in np.array_split(np.arange(used.size), count)
+        for part in np.array_split(np.arange(len(target)), count)
     ]
 
 

@@ -16,6 +16,8 @@ from fitters.sindy_sparse import Compressed, Kept, predictive_price, significant
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array, Trajectory
 
+Blocks = Sequence[Sequence[Compressed]]  # of every clip, the blocks of time
+
 ROUNDS = 4
 
 
@@ -50,39 +52,59 @@ def beyond(
         found = refined(clips, library, tuple(sorted((*own, *extra))), {})
         if not found.usable:
             raise FitError(f"the model whose residual is asked for cannot be fitted to this: {found.fits[0].message}")
-        chosen = _called_for(found, own)
-        if chosen == extra:
+        rows, candidates = _rearranged(found, own)
+        chosen, price = called_for(rows, len(candidates), found.least_seen)
+        called = tuple(candidates[k] for k in chosen)
+        if called == extra:
             break
-        extra = chosen
-    return found, _shares(found, own, rng, resampled)
+        extra = called
+    shares = np.ones(found.terms)
+    shares[candidates] = share_called_for(rows, len(candidates), price, rng, resampled)
+    return found, shares
 
 
-def _rearranged(found: Refined, own: Kept) -> tuple[list[list[Compressed]], list[int], int]:
-    """Compressed rows of each clip with the candidates first, their order, and how many candidates there are."""
+def _rearranged(found: Refined, own: Kept) -> tuple[Blocks, list[int]]:
+    """Compressed rows of each clip with the candidates first, and which terms those are."""
     size = found.parts[0][0].size
     candidates = [k for k in range(found.terms) if k not in own]
     order = [*candidates, *own, *range(found.terms, size), size]
-    clips = [[Compressed(part.rows[:, order], part.count) for part in clip] for clip in found.parts]
-    return clips, order, len(candidates)
+    return [[Compressed(part.rows[:, order], part.count) for part in clip] for clip in found.parts], candidates
 
 
-def _called_for(found: Refined, own: Kept) -> Kept:
-    """The candidates that what is left calls for, at the price that held-out prediction sets."""
-    clips, order, first = _rearranged(found, own)
+def called_for(clips: Blocks, first: int, least: float = 0.0) -> tuple[Kept, float]:
+    """Which of the first columns what is left calls for, and the price that held-out prediction sets.
+
+    Parameters
+    ----------
+    clips
+        Compressed rows of each block of each clip; the columns after the first ones are always fitted.
+    first
+        Number of columns to choose from.
+    least
+        What a term must explain at least, in squared standard errors.
+    """
     folds = [together(group) for group in folds_of(clips)]
-    price = max(predictive_price(folds, first), found.least_seen)
-    return tuple(sorted(order[k] for k in significant(together(folds).without(first), price)))
+    price = max(predictive_price(folds, first), least)
+    return significant(together(folds).without(first), price), price
 
 
-def _shares(found: Refined, own: Kept, rng: np.random.Generator, resampled: int) -> Array:
-    """Share (k,) of resampled data sets in which each candidate is called for."""
-    clips, order, first = _rearranged(found, own)
-    price = max(predictive_price([together(group) for group in folds_of(clips)], first), found.least_seen)
+def share_called_for(clips: Blocks, first: int, price: float, rng: np.random.Generator, resampled: int) -> Array:
+    """Share (first,) of resampled data sets in which each column is called for at a price, see :func:`called_for`.
+
+    Parameters
+    ----------
+    clips, first
+        As there.
+    price
+        What a term must explain.
+    rng
+        Source of chance.
+    resampled
+        Number of resampled data sets.
+    """
     blocks = [part for clip in clips for part in clip]
-    times = np.zeros(found.terms)
+    times = np.zeros(first)
     for _ in range(resampled):
         drawn = together([blocks[k] for k in rng.integers(len(blocks), size=len(blocks))]).without(first)
-        times[[order[k] for k in significant(drawn, price)]] += 1
-    shares = times / max(resampled, 1)
-    shares[list(own)] = 1.0
-    return np.asarray(shares)
+        times[list(significant(drawn, price))] += 1
+    return times / max(resampled, 1)

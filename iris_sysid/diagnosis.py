@@ -21,13 +21,14 @@ from fitters.random_effects import random_effects
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
 from iris_sysid.scores import Score, combined, screen, shaped, significant_from
-from iris_sysid.types import Array, Effect, Estimate, FitResult, OdeModel, Trajectory
+from iris_sysid.types import Array, DiscoveredTerm, Effect, Estimate, FitResult, OdeModel, Trajectory
 
 FAMILY_LEVEL = 0.05  # chance of adding anything to a model that lacks nothing
 MOST_ADDED = 4
 PARTS = 10  # of the clip, the ends of which are held out to judge what acts at one moment
 REFITTED = 4  # best of the screen that are refitted in each round
 WORTH_REFITTING = 0.7  # of the chi-square that is significant; a refit can find more than the first order shows
+ABOVE_NOISE = 1.1  # times the noise floor, which is itself known to a few percent: more is left than noise
 ALIKE = 0.99  # cosine between projected sensitivities above which two effects cannot be told apart
 
 
@@ -60,7 +61,8 @@ class Diagnosis:
     ``bases`` and ``finals`` are fits to the same samples, one a clip, without and with the effects; ``added`` are
     the effects in the order in which they were found, ``sizes`` by parameter name their size over all clips.
     ``rounds`` hold the screen of each round, best first. ``indistinguishable`` names, for each effect added, those
-    that explain the data as well. ``noise_floor`` is the noise of the measurement.
+    that explain the data as well. ``noise_floor`` is the noise of the measurement. ``proposed`` are terms without a
+    named effect, for what is left above that floor.
     """
 
     bases: tuple[FitResult, ...]
@@ -74,6 +76,7 @@ class Diagnosis:
     after: Errors
     noise_floor: float
     unit: str
+    proposed: tuple[DiscoveredTerm, ...] = ()
 
     @property
     def base(self) -> FitResult:
@@ -184,6 +187,7 @@ def diagnose(
     else:
         left = _without(library, added)
         rounds.append(tuple(combined(one) for one in _screened(clips, current, left)[0]))
+    floor = float(np.sqrt(np.mean([np.mean(one.noise**2) for one in base.fits])))
     return Diagnosis(
         bases=base.fits,
         finals=current.fits,
@@ -194,9 +198,19 @@ def diagnose(
         ruled_out=tuple(_limit(score, library) for score in rounds[-1]),
         before=base.errors,
         after=current.errors,
-        noise_floor=float(np.sqrt(np.mean([np.mean(one.noise**2) for one in base.fits]))),
+        noise_floor=floor,
         unit=model.observed[0].unit,
+        proposed=_proposed(clips, current, floor),
     )
+
+
+def _proposed(clips: Sequence[_Clip], current: _State, floor: float) -> tuple[DiscoveredTerm, ...]:
+    """Terms for what the effects have left, if that is more than noise."""
+    if not current.errors.fitted > ABOVE_NOISE * floor:
+        return ()
+    from fitters.sindy_proposals import proposals  # pysindy takes half a second to import
+
+    return proposals([clip.trajectory for clip in clips], current.fits)
 
 
 def pooled(sizes: Sequence[Estimate]) -> Estimate:

@@ -331,7 +331,7 @@ def discovery_document(found: Discovery, sentence: str) -> DiscoveryDocument:
         status=found.status,
         message=found.message,
         equations=[EquationEntry(lhs=one.lhs, rhs=one.rhs, latex=one.latex) for one in found.equations],
-        terms=[_term(one) for one in found.terms],
+        terms=[term_entry(one) for one in found.terms],
         matched=None if matched is None else _match(matched),
         nearest=None
         if nearest is None
@@ -351,7 +351,8 @@ def discovery_document(found: Discovery, sentence: str) -> DiscoveryDocument:
     )
 
 
-def _term(one: DiscoveredTerm) -> TermEntry:
+def term_entry(one: DiscoveredTerm) -> TermEntry:
+    """A term as it is written to a file."""
     return TermEntry(
         equation=one.equation,
         term=one.term,

@@ -348,6 +348,8 @@ class DiagnosisDocument(Document):
     """For each effect added, those that explain the data as well."""
     ruled_out: list[Excluded]
     error: ErrorTable
+    proposed: list[TermEntry] = []
+    """Terms without a named effect, for what is left above the noise floor; coefficients to first order."""
     further_clips: list[FurtherClip] = []
     origin: dict[str, JsonValue]
 

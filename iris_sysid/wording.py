@@ -118,12 +118,18 @@ def diagnosis_sentence(diagnosis: Diagnosis) -> str:
     before, after = (_angles(diagnosis, errors.heldout if heldout else errors.fitted) for errors in both)
     floor = _angles(diagnosis, diagnosis.noise_floor)
     if not diagnosis.added:
-        return f"Nothing to add: the {which} is {before}, the noise floor {floor}."
+        return f"Nothing to add: the {which} is {before}, the noise floor {floor}.{_proposed(diagnosis)}"
     named = [_effect_text(effect, diagnosis) for effect in diagnosis.added]
     return (
         f"Adding {' and '.join(named)} takes the {which} from {before} to {after}; the noise floor is {floor}."
         f" {_moved(diagnosis)}"
-    ).rstrip()
+    ).rstrip() + _proposed(diagnosis)
+
+
+def _proposed(diagnosis: Diagnosis) -> str:
+    """Terms without a named effect that what is left calls for, as a further sentence after a space."""
+    terms = " and ".join(f"{one.term} in {one.equation}" for one in diagnosis.proposed)
+    return f" What is left calls for {terms}, which no effect is named after." if terms else ""
 
 
 def _effect_text(effect: Effect, diagnosis: Diagnosis) -> str:

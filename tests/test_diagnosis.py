@@ -12,7 +12,7 @@ from iris_sysid.diagnosis import diagnose, pooled
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
-from iris_sysid.types import Estimate, Trajectory
+from iris_sysid.types import Effect, Estimate, Parameter, Trajectory
 from iris_sysid.wording import diagnosis_sentence
 from tests._real_data import alexiev_length_68
 
@@ -135,7 +135,7 @@ def test_sudden_effect_is_found_where_it_acts(name, size, when):
     t_s = np.arange(480) / 60
     width = effect.parameters[2].name
     theta = simulate(model, t_s, {**TRUTH, effect.parameters[0].name: size, moment: when, width: 0.03}).observed
-    theta = theta + 5e-4 * np.random.default_rng(4).standard_normal(theta.shape)
+    theta = theta + 1e-3 * np.random.default_rng(4).standard_normal(theta.shape)
     found = diagnose(
         Trajectory(t_s, PENDULUM.observed, theta, np.full_like(theta, np.nan), np.ones(480, dtype=bool)), PENDULUM
     )
@@ -182,3 +182,27 @@ def test_model_whose_equation_takes_numbers_only_is_diagnosed():
     found = diagnose(clip, tank)
     first = found.added[0].name
     assert "leak" in (first, *found.indistinguishable[first])
+
+
+def braked_far_out(t, position, velocity, speed, base, params):
+    return -params[0] * position**2 * velocity
+
+
+def test_residual_that_no_effect_explains_gets_a_term_proposed(tmp_path):
+    hidden = Effect("van-der-pol", "", "", "", (Parameter("b", "1/s", "b"),), lambda model: True, braked_far_out)
+    t_s = np.arange(480) / 60
+    theta = simulate(with_effects(PENDULUM, [hidden]), t_s, {**TRUTH, "b": 0.3}).observed
+    theta = theta + 1e-3 * np.random.default_rng(2).standard_normal(theta.shape)
+    clip = Trajectory(t_s, PENDULUM.observed, theta, np.full_like(theta, np.nan), np.ones(t_s.size, dtype=bool))
+    found = diagnose(clip, PENDULUM, effects=[])
+    assert [one.term for one in found.proposed] == ["theta^2 theta'"]
+    size = found.proposed[0].coefficient
+    assert abs(size.value + 0.3) < 4 * size.stderr
+    assert size.unit == "1/s"
+    assert "What is left calls for theta^2 theta' in theta''" in diagnosis_sentence(found)
+    assert [one.term for one in diagnosis_document(found, [clip]).proposed] == ["theta^2 theta'"]
+    assert "Proposed for what is left" in write_diagnosis(found, clip, tmp_path).read_text()
+
+
+def test_nothing_is_proposed_where_only_noise_is_left(dragged):
+    assert dragged[1].proposed == ()

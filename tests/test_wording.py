@@ -135,6 +135,7 @@ def a_diagnosis(unit="rad", before=(0.01, 0.02), after=(0.005, 0.006), added=Tru
         before=SimpleNamespace(fitted=before[0], heldout=before[1]),
         after=SimpleNamespace(fitted=after[0], heldout=after[1]),
         noise_floor=0.001,
+        proposed=(),
         added=(drag,) if added else (),
         sizes=size,
         indistinguishable={"quadratic-drag": ("cubic-stiffness",)} if added else {},

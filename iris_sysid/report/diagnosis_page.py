@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from iris_sysid import wording
 from iris_sysid.diagnosis import Diagnosis
-from iris_sysid.documents import checked, entries_of, fit_document, plain_origin, write_document
+from iris_sysid.documents import checked, entries_of, fit_document, plain_origin, term_entry, write_document
 from iris_sysid.files import check_writable
 from iris_sysid.report import write_page
 from iris_sysid.report.page import Page, Picture, Section, estimates_section, png_of
@@ -90,6 +90,7 @@ def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Dia
         indistinguishable={name: list(others) for name, others in diagnosis.indistinguishable.items()},
         ruled_out=ruled_out,
         error={**errors, **floor},
+        proposed=[term_entry(one) for one in diagnosis.proposed],
         further_clips=others,
     )
 
@@ -106,6 +107,7 @@ def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Page:
         estimates_section("After", wording.shown(final), final.model.equation),
         estimates_section("Before", wording.shown(base), base.model.equation),
         *_clips_section(diagnosis, clips),
+        *_proposed_section(diagnosis),
         *(_round_section(k, scores) for k, scores in enumerate(diagnosis.rounds, start=1)),
         Section(
             "Ruled out",
@@ -152,6 +154,16 @@ def _error_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
         (when, f"{errors.fitted:.4g}", f"{errors.heldout:.4g}", f"{diagnosis.noise_floor:.4g} {diagnosis.unit}")
         for when, errors in (("before", diagnosis.before), ("after", diagnosis.after))
     ]
+
+
+def _proposed_section(diagnosis: Diagnosis) -> list[Section]:
+    """Terms for what is left, when there are any."""
+    rows = [
+        (f"{one.term} in {one.equation}", wording.with_error(one.coefficient), f"{100 * one.inclusion:.0f} %")
+        for one in diagnosis.proposed
+    ]
+    columns = ("term that no effect is named after", "#coefficient, to first order", "#chosen in resampled data")
+    return [Section("Proposed for what is left", columns, rows)] if rows else []
 
 
 def _round_section(number: int, scores: tuple[Score, ...]) -> Section:
