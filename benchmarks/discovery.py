@@ -1,7 +1,7 @@
 """Discovery of the equation itself: exact structure, errors and degradation beside pysindy; real recordings; speed.
 
 ``python -m benchmarks.discovery`` prints the tables of ``docs/discovery.md``; ``--part`` chooses one, ``--seeds`` how
-many random motions each row has, ``--picture`` where the degradation curves are drawn.
+many random motions each row has, ``--curve-seeds`` each point of a curve, ``--picture`` where the curves are drawn.
 """
 
 from __future__ import annotations
@@ -297,31 +297,32 @@ SWEEPS = {
 }
 
 
-def degradation(motion: Motion, seeds: int) -> dict[str, dict[str, list[float]]]:
-    """Share of exact structures for each sweep and method."""
-    shares: dict[str, dict[str, list[float]]] = {}
-    for sweep, (points, change) in SWEEPS.items():
-        shares[sweep] = {name: [] for name in ("ours", *METHODS)}
-        for point in points:
-            hits = dict.fromkeys(shares[sweep], 0)
-            for seed in range(seeds):
-                trajectory, _ = drawn(motion, seed, **change(point))
-                hits["ours"] += ours(trajectory)[0] == set(motion.terms)
-                np.random.seed(seed)  # noqa: NPY002 - EnsembleOptimizer knows no other
-                for name, method in METHODS.items():
-                    hits[name] += quietly(method, trajectory) == set(motion.terms)
-            for name, hit in hits.items():
-                shares[sweep][name].append(hit / seeds)
+def degradation(motion: Motion, sweep: str, seeds: int) -> dict[str, list[float]]:
+    """Share of exact structures of each method at each point of a sweep."""
+    points, change = SWEEPS[sweep]
+    shares: dict[str, list[float]] = {name: [] for name in ("ours", *METHODS)}
+    for point in points:
+        hits = dict.fromkeys(shares, 0)
+        for seed in range(seeds):
+            trajectory, _ = drawn(motion, seed, **change(point))
+            hits["ours"] += ours(trajectory)[0] == set(motion.terms)
+            np.random.seed(seed)  # noqa: NPY002 - EnsembleOptimizer knows no other
+            for name, method in METHODS.items():
+                hits[name] += quietly(method, trajectory) == set(motion.terms)
+        for name, hit in hits.items():
+            shares[name].append(hit / seeds)
     return shares
 
 
 def print_degradation(motions: Sequence[Motion], seeds: int, picture: Path | None) -> None:
     """Print the shares, and draw them."""
-    curves = {motion.model: degradation(motion, seeds) for motion in motions}
-    for model, sweeps in curves.items():
-        for sweep, shares in sweeps.items():
-            print(f"\n| {model}, {sweep} | " + " | ".join(f"{p:g}" for p in SWEEPS[sweep][0]) + " |")
-            print("|---" * (len(SWEEPS[sweep][0]) + 1) + "|")
+    curves: dict[str, dict[str, dict[str, list[float]]]] = {}
+    for motion in motions:
+        curves[motion.model] = {}
+        for sweep, (points, _) in SWEEPS.items():
+            shares = curves[motion.model][sweep] = degradation(motion, sweep, seeds)
+            print(f"\n| {motion.model}, {sweep} | " + " | ".join(f"{p:g}" for p in points) + " |")
+            print("|---" * (len(points) + 1) + "|")
             for name, values in shares.items():
                 print(f"| {name} | " + " | ".join(f"{100 * v:.0f} %" for v in values) + " |", flush=True)
     if picture is not None:
@@ -394,6 +395,7 @@ def main() -> None:
     parser.add_argument("--part", choices=("structure", "degradation", "real", "speed"), action="append")
     parser.add_argument("--model", action="append", help="only this model; may be repeated")
     parser.add_argument("--seeds", type=int, default=50)
+    parser.add_argument("--curve-seeds", type=int, default=10, help="motions at each point of a degradation curve")
     parser.add_argument("--others-seeds", type=int, default=10, help="how many of them pysindy's own methods see")
     parser.add_argument("--picture", type=Path, help="PNG file for the degradation curves")
     asked = parser.parse_args()
@@ -404,7 +406,7 @@ def main() -> None:
             print_structure(motions, asked.seeds, asked.others_seeds)
         if "degradation" in parts:
             wanted = asked.model or ("pendulum", "linear-oscillator")
-            print_degradation([one for one in motions if one.model in wanted], asked.seeds, asked.picture)
+            print_degradation([one for one in motions if one.model in wanted], asked.curve_seeds, asked.picture)
         if "real" in parts:
             print_real(list(RECORDINGS))
         if "speed" in parts:
