@@ -21,7 +21,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.groundtruth.measure import ClipMeasurement, measure
 from iris_sysid.groundtruth.schemas import ClipDocument, MeasuredDocument
 from iris_sysid.synthetic import read_truth, render_clip
-from iris_sysid.types import Track
+from iris_sysid.types import Estimate, Track
 from tests.conftest import write_video
 
 STUDIES = ("identifiability", "extrapolation", "losses", "selection", "sharing")
@@ -120,14 +120,28 @@ def test_an_unknown_study_is_refused(folder, tmp_path):
         dataset_rows(folder, tmp_path, Plan("tiny", studies=("magic",)))
 
 
-def test_a_study_that_fails_is_a_row_with_the_reason(subject, monkeypatch):
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [(DataError("no\nway"), "no way"), (ZeroDivisionError("by zero"), "unexpected ZeroDivisionError: by zero")],
+)
+def test_a_study_that_fails_is_a_row_with_the_reason(error, said, subject, monkeypatch):
     def fails(one):
-        raise DataError("no\nway")
+        raise error
 
     monkeypatch.setitem(module.STUDY_OF, "sindy", (fails, "", "sindy", ""))
     rows = flat_rows(studied(subject, "sindy"))
     assert set(rows["status"]) == {"failed"}
-    assert set(rows["answer"]) == {"no way"}
+    assert set(rows["answer"]) == {said}
+
+
+def test_what_a_fit_was_told_and_what_has_no_scale_is_no_estimate(subject):
+    told = {"length": Estimate(0.5, 0.0, "m", "assumed"), "damping": Estimate(0.1, 0.0, "1/s", "fitted")}
+    rows = flat_rows(subject.records(told, "ok", method="x")).set_index("parameter")
+    assert rows.loc["length", "status"] == "not estimated"
+    assert np.isnan(rows.loc["length", "value"])
+    assert rows.loc["damping", "value"] == 0.1
+    pixels = flat_rows(subject.records({"length": Estimate(90.0, 0.0, "px")}, "ok", method="x")).set_index("parameter")
+    assert pixels.loc["length", "status"] == "no scale"
 
 
 def test_extrapolation_needs_more_samples_than_are_fitted(subject):
