@@ -164,6 +164,15 @@ def test_fit_is_told_nothing_that_it_is_to_find():
 # --------------------------------------------------------------------------- boards
 
 
+@pytest.mark.parametrize(("text", "px_per_m"), [("400px=1m", 400.0), ("0,0,300,400=2m", 250.0)])
+def test_class_without_a_board_has_the_stated_scale(work, dataset, tmp_path, text, px_per_m):
+    shutil.copytree(work[0], tmp_path / "work")
+    measured = MeasuredDocument.model_validate({"scales": [{"class": "Pendulum", "scale": text}]})
+    found = measure(dataset, tmp_path / "work", measured=measured, conditions=Conditions(trials=1))
+    assert found.clips[0].document.geometry["scale"].value == pytest.approx(px_per_m)
+    assert "Pendulum/checkerboard" not in dict(found.gaps)
+
+
 def test_board_without_its_squares_says_where_to_state_them(tmp_path):
     with pytest.raises(CalibrationError, match="a board of unknown squares; give them under boards"):
         board_of(tmp_path / "checkerboard.mp4", "Pendulum", MeasuredDocument())

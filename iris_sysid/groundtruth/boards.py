@@ -1,4 +1,4 @@
-"""The calibration of each class of a data set from the checkerboard that its camera filmed."""
+"""The calibration of each class of a data set: from the checkerboard that its camera filmed, or a stated scale."""
 
 from __future__ import annotations
 
@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from iris_sysid.calibrate import Asked, make
+from iris_sysid.calibration import scale_bar_from_text, scale_from_text
 from iris_sysid.calibration_file import read_calibration, write_calibration
 from iris_sysid.documents import plain_origin
 from iris_sysid.errors import CalibrationError, DataError, IrisError
 from iris_sysid.files import json_text, origin_of, sha256_of, write_atomic
-from iris_sysid.groundtruth.schemas import BoardEntry, MeasuredDocument
+from iris_sysid.groundtruth.schemas import BoardEntry, MeasuredDocument, ScaleEntry
 
 NAME = "calibration.json"
 BESIDE = (".json", ".truth.json")  # where the squares of a board may be written down, beside its clip
@@ -60,6 +61,26 @@ def _read_board(path: Path) -> BoardEntry:
         raise DataError(
             f'{path.name} should say {{"board": {{"inner_corners": [9, 6], "square_m": 0.025}}}}: {error}'
         ) from error
+
+
+def scale_class(scale: ScaleEntry, folder: Path) -> Path:
+    """Write the calibration of a class by a stated scale; the picture is taken to be seen straight on.
+
+    Parameters
+    ----------
+    scale
+        As stated.
+    folder
+        Where the file goes.
+
+    Raises
+    ------
+    CalibrationError
+        When it cannot be read.
+    """
+    bar = "," in scale.scale.partition("=")[0]
+    calibration = scale_bar_from_text(scale.scale) if bar else scale_from_text(scale.scale)
+    return write_calibration(calibration, folder / NAME, overwrite=True)
 
 
 def calibrate_class(

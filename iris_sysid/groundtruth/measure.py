@@ -15,7 +15,7 @@ from iris_sysid.dataset import BOARD, Clip, Listing, list_clips
 from iris_sysid.documents import read_document
 from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.groundtruth._clip import KNOWN, Job, measure_clip, record_failure
-from iris_sysid.groundtruth.boards import board_of, calibrate_class
+from iris_sysid.groundtruth.boards import board_of, calibrate_class, scale_class
 from iris_sysid.groundtruth.schemas import ClipDocument, MeasuredDocument
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.table_reading import read_track, read_trajectory
@@ -53,13 +53,15 @@ class ClipMeasurement:
 class Conditions:
     """What holds for every clip: the true frame rate, its relative error, and whether damaged files are used in part.
 
-    ``trials``: only so many clips of each setting, in the order of their names; None for all.
+    ``trials``: only so many clips of each setting, in the order of their names; None for all. ``phenomenon``: only
+    its clips; None for all.
     """
 
     fps: float | None = None
     clock_stderr: float = 0.0
     keep_partial: bool = False
     trials: int | None = None
+    phenomenon: str | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -123,7 +125,9 @@ def measure(
         raise DataError(f"workers must be a whole number from 1 to {MOST_WORKERS}, not {workers!r}")
     listing, root = list_clips(dataset), Path(folder)
     gaps = {gap.place: gap.reason for gap in listing.gaps}
-    chosen = _chosen(listing.clips, conditions.trials)
+    chosen = [
+        clip for clip in _chosen(listing.clips, conditions.trials) if conditions.phenomenon in (None, clip.phenomenon)
+    ]
     calibrations = _calibrations(listing, root, measured, chosen, gaps)
     jobs = [_job(clip, root, measured, conditions, calibrations.get(clip.class_name)) for clip in chosen]
     now = 0
@@ -171,13 +175,16 @@ def _calibrations(
     for name, phenomenon in dict.fromkeys((clip.class_name, clip.phenomenon) for clip in clips):
         if PHENOMENA[phenomenon].measures in NOT_BY_BOARD:
             continue
-        place = f"{name}/{BOARD}"
-        if name not in listing.boards:
+        place, scale = f"{name}/{BOARD}", measured.scale(name)
+        if name not in listing.boards and scale is None:
             gaps[place] = "there is no clip of a checkerboard: lengths stay in px"
             continue
         try:
-            board = board_of(listing.boards[name], name, measured)
-            found[name] = calibrate_class(listing.boards[name], board, root / name)
+            if name in listing.boards:
+                board = board_of(listing.boards[name], name, measured)
+                found[name] = calibrate_class(listing.boards[name], board, root / name)
+            elif scale is not None:
+                found[name] = scale_class(scale, root / name)
         except OutputError:
             raise
         except IrisError as error:

@@ -57,17 +57,30 @@ class BoardEntry(Part):
     stderr_m: Annotated[float, Field(ge=0)] = 0.0
 
 
+class ScaleEntry(Part):
+    """The scale of a class that has no checkerboard, as --scale or --scale-bar takes it."""
+
+    class_name: Annotated[str, Field(alias="class")] = ANY
+    scale: str
+    """640px=1m, or the ends of a length in the picture: x1,y1,x2,y2=0.84m."""
+
+
 class MeasuredDocument(Document):
     """What was measured by hand (the file for --measured)."""
 
     document: Literal["measured"] = "measured"
     version: Literal[1] = 1
     boards: list[BoardEntry] = Field(default_factory=list)
+    scales: list[ScaleEntry] = Field(default_factory=list)
     values: list[MeasuredValue] = Field(default_factory=list)
 
     def board(self, class_name: str) -> BoardEntry | None:
         """The board of a class: its own, else the one of all classes."""
         return next((one for name in (class_name, ANY) for one in self.boards if one.class_name == name), None)
+
+    def scale(self, class_name: str) -> ScaleEntry | None:
+        """The scale of a class: its own, else the one of all classes."""
+        return next((one for name in (class_name, ANY) for one in self.scales if one.class_name == name), None)
 
     def of(self, class_name: str, setting: str) -> dict[str, Estimate]:
         """What is known of a setting by parameter; what is said of it alone goes before what is said of all."""
