@@ -72,9 +72,15 @@ class InitialValueProblem:
         if self.model.observe is None:
             names = [state.name for state in self.model.states]
             return states[:, [names.index(quantity.name) for quantity in self.model.observed]]
-        with np.errstate(all="ignore"):
-            params = values[: len(self.model.parameters)]
-            seen = np.asarray(self.model.observe(self.t_s, states, params), dtype=np.float64)
+        try:
+            with np.errstate(all="ignore"):
+                params = values[: len(self.model.parameters)]
+                seen = np.asarray(self.model.observe(self.t_s, states, params), dtype=np.float64)
+        except Exception as error:
+            raise FitError(
+                f"observe of model {self.model.name!r} raises {type(error).__name__}: {error}; it is called as "
+                f"observe(t_s (n,), states (n, {states.shape[1]}), params ({len(self.model.parameters)},)) with arrays"
+            ) from error
         wanted = (states.shape[0], len(self.model.observed))
         if seen.shape != wanted:
             raise FitError(f"observe of model {self.model.name!r} must return an array {wanted}, not {seen.shape}")

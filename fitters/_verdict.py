@@ -137,7 +137,24 @@ def diverged_text(task: Task, solution: Solution) -> str:
     if unknown:
         return f"the equation needs {_and(unknown)}, which has no value: give it, e.g. fixed={{{unknown[0]!r}: value}}"
     shown = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+    lost = _without_slope(task, solution.values)
+    if lost:
+        return f"rhs of model {task.model.name!r} gives no finite rate of {_and(lost)} at the start ({shown})"
     return f"the solution runs away ({shown}): give starting values nearer to the truth with start={{...}}"
+
+
+def _without_slope(task: Task, values: Array) -> list[str]:
+    """States whose rate is not finite at the first sample."""
+    model, problem = task.model, task.problem
+    params, state = values[: len(model.parameters)].tolist(), values[len(model.parameters) :].tolist()
+    mode = [0.0] if model.events else []
+    known = [tuple(problem.inputs[0].tolist())] if model.inputs else []
+    try:
+        with np.errstate(all="ignore"):
+            slopes = model.rhs(float(problem.t_s[0]), (*state, *mode), tuple(params), *known)
+    except ArithmeticError:
+        return [one.name for one in model.states]
+    return [one.name for one, slope in zip(model.states, slopes, strict=True) if not np.isfinite(slope)]
 
 
 def _is_needed(task: Task, name: str, values: Array) -> bool:
