@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Hashable, Iterator
 
 import numpy as np
 import pandas as pd
@@ -38,7 +39,7 @@ def headline_table(rows: pd.DataFrame) -> Table:
     summary["stem"] = summary["method"].str.partition(" (")[0]
     columns = list(_columns(summary))
     lines = []
-    for key, group in summary.groupby(LINE, sort=False):
+    for key, group in sorted(summary.groupby(LINE, sort=False), key=lambda pair: _place(pair[0], summary)):
         entries = [_entry(group, *column) for column in columns]
         best = _best(entries, columns)
         cells = [Cell(_text(entry), k in best) for k, entry in enumerate(entries)]
@@ -46,6 +47,14 @@ def headline_table(rows: pd.DataFrame) -> Table:
     several = summary["dataset"].nunique() > 1
     heads = tuple(f"{stem} [{dataset}]" if several and dataset else stem for dataset, stem in columns)
     return Table("Parameter errors, all methods", (*LINE, *heads), tuple(lines), frozenset(heads), NOTES)
+
+
+def _place(key: tuple[Hashable, ...], summary: pd.DataFrame) -> tuple[int, list[tuple[str, int]], int]:
+    """Where a line stands: phenomena and parameters as they come in the rows, settings by the numbers in them."""
+    parts = re.findall(r"(\D*)(\d*)", str(key[1]))
+    order = [(letters, int(digits or 0)) for letters, digits in parts]
+    phenomena, parameters = list(dict.fromkeys(summary["phenomenon"])), list(dict.fromkeys(summary["parameter"]))
+    return phenomena.index(str(key[0])), order, parameters.index(str(key[2]))
 
 
 def _columns(summary: pd.DataFrame) -> Iterator[tuple[str, str]]:
