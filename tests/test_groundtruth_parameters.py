@@ -26,6 +26,10 @@ def lengths(values, *, random=RANDOM, common=SCALE):
     ]
 
 
+def accurate(values):
+    return lengths(values, random=1e-4, common=1e-4)
+
+
 def document(clips, measured=None, gaps=()):
     return parameters_document(Measurements(tuple(clips), tuple(gaps), 0), measured)
 
@@ -113,6 +117,26 @@ def test_direct_value_stays_and_both_are_stated_with_their_difference():
     assert entry.regenerated.value == pytest.approx(0.541)
     assert entry.difference.value == pytest.approx(0.041)
     assert "leaves out the ball's radius" in entry.notes[0]
+
+
+@pytest.mark.parametrize(("radius", "said"), [(0.041, "0.041 m, explains it"), (0.01, "0.01 m, does not explain all")])
+def test_note_says_whether_the_balls_radius_explains_a_longer_pendulum(radius, said):
+    rope, ball = by_hand().values[0], by_hand(parameter="ball_radius", value=radius, uncertainty=0.001).values[0]
+    entry = document(accurate([0.540, 0.542]), MeasuredDocument(values=[rope, ball])).classes["pendulum"]["pendulum_45"]
+    assert said in entry["rope_length"].notes[1]
+
+
+def test_note_says_when_an_angle_is_nearer_to_the_other_convention():
+    budget = {"angle": {"random": 0.002}}
+    clip = clip_measured("01", {"angle": (0.51, 0.002, "rad")}, budget, class_name="Sliding_cone", setting="cone_60")
+    row = {"class": "Sliding_cone", "parameter": "angle", "value": 60.0, "uncertainty": 0.5, "unit": "deg"}
+    entry = document([clip], by_hand(**row)).classes["sliding_cone"]["cone_60"]["angle"]
+    assert entry.notes[0].endswith("30 deg, is nearer: was it measured from the vertical?")
+
+
+def test_no_note_where_clips_and_direct_value_agree():
+    entry = document(accurate([0.5, 0.501]), by_hand()).classes["pendulum"]["pendulum_45"]["rope_length"]
+    assert len(entry.notes) == 1  # what length it is
 
 
 def test_other_direct_values_have_entries_of_their_own():

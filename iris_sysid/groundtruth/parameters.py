@@ -10,6 +10,7 @@ from iris_sysid.dataset import benchmark_classes
 from iris_sysid.documents import plain_origin
 from iris_sysid.errors import DataError
 from iris_sysid.files import origin_of
+from iris_sysid.groundtruth.discrepancies import notes_on
 from iris_sysid.groundtruth.measure import ClipMeasurement, Measurements
 from iris_sysid.groundtruth.pool import in_published_unit, regenerate
 from iris_sysid.groundtruth.recipes import recipes_of
@@ -26,7 +27,6 @@ from iris_sysid.types import NORMAL_975, BenchmarkClass, Estimate
 
 Clips = Sequence[ClipMeasurement]
 Finder = Callable[[Clips], list[str]]
-ROPE = "length of the equation, from the pivot to the ball's centre; a tape along the rope leaves out the ball's radius"
 
 
 def parameters_document(
@@ -94,9 +94,9 @@ def _setting(
         if regenerated is None and stated is None:
             continue
         recipes = recipes_of(clips, ours, regenerated, by_hand)
-        entries[theirs] = _entry(theirs, stated, regenerated, _equation(clips)).model_copy(
-            update={"recipes": recipes, "effects": told}
-        )
+        entry = _entry(theirs, stated, regenerated, _equation(clips))
+        notes = notes_on(theirs, regenerated, entry.difference, by_hand)
+        entries[theirs] = entry.model_copy(update={"recipes": recipes, "effects": told, "notes": notes})
     names = {*described.parameters, *described.parameters.values()}
     others = {name: _entry(name, one, None, "") for name, one in direct.items() if name not in names}
     return entries | others
@@ -109,7 +109,6 @@ def _equation(clips: Clips) -> str:
 def _entry(name: str, direct: Estimate | None, regenerated: RegeneratedValue | None, equation: str) -> ParameterEntry:
     """The entry of one parameter; the direct value goes before the regenerated one."""
     difference = _difference(name, direct, regenerated)
-    notes = [ROPE] if name.startswith("rope_length") and regenerated is not None else []
     stated = None if direct is None else _stated(direct)
     if stated is not None:
         first, *last = stated.interval
@@ -119,9 +118,7 @@ def _entry(name: str, direct: Estimate | None, regenerated: RegeneratedValue | N
         summary = _summary(one, one.std, one.min, one.max, one.n, one.method)
     else:
         raise DataError(f"{name} has neither a direct nor a regenerated value")
-    return ParameterEntry(
-        **summary, equation=equation, direct=stated, regenerated=regenerated, difference=difference, notes=notes
-    )
+    return ParameterEntry(**summary, equation=equation, direct=stated, regenerated=regenerated, difference=difference)
 
 
 def _summary(one: ValueEntry, std: Number, low: Number, high: Number, n: int, method: str) -> dict[str, Any]:
