@@ -144,6 +144,7 @@ def observe(
     shared = {
         **shared_errors.from_calibration(trajectory, positions, calibration, seen_px),
         **shared_errors.from_edge(trajectory, chosen),
+        **shared_errors.from_axis(trajectory, chosen),
         **shared_errors.from_clock(trajectory, clock_stderr),
     }
     return world, trajectory.with_(systematic=shared)

@@ -12,8 +12,9 @@ from iris_sysid.plane import changed, common_errors
 from iris_sysid.types import Array, Calibration, Phenomenon, Trajectory
 
 TIME_BASE = "time base"
-EDGE = "edge of the ball"
+EDGE, AXIS = "edge of the ball", "axis of the turn"
 EDGE_PX = 0.1  # what blur, shading and compression do to a radius in all frames alike; on the twin 0.02 to 0.16
+AXIS_SHARE = 1e-3  # how far the axis is off, over the arm it turns; on the twin 0.08 px of 101, by uneven light
 # of the range of the positions: below it a pattern is rounding, as that of a scale's error in an angle
 ROUNDING = 1e-9
 
@@ -96,3 +97,24 @@ def from_edge(trajectory: Trajectory, phenomenon: Phenomenon) -> dict[str, Array
     if phenomenon.measures != "radius":
         return {}
     return {EDGE: np.where(trajectory.valid[:, None], EDGE_PX, 0.0)[None]}
+
+
+def from_axis(trajectory: Trajectory, phenomenon: Phenomenon) -> dict[str, Array]:
+    """The patterns of an axis that is taken beside where it is: errors of an angle that come back with every turn.
+
+    Parameters
+    ----------
+    trajectory
+        What is observed.
+    phenomenon
+        Says whether that is the angle of something that turns.
+
+    Returns
+    -------
+    dict
+        Two patterns (2, n, d) under ``axis of the turn``; nothing for anything but an angle.
+    """
+    if phenomenon.measures != "angle":
+        return {}
+    angle = np.where(trajectory.valid[:, None], trajectory.position, np.nan)
+    return {AXIS: AXIS_SHARE * np.nan_to_num(np.stack([np.cos(angle), np.sin(angle)]))}

@@ -17,7 +17,7 @@ from iris_sysid.schemas import known_number, known_numbers
 from iris_sysid.types import NORMAL_975, Estimate, Population
 
 # sources of error that all clips of a setting have in common, by the beginning of their names
-COMMON = ("calibration", "time base", "edge of the ball", "gravity", "r0_f", "ball_radius", "h0")
+COMMON = ("calibration", "time base", "edge of the ball", "axis of the turn", "gravity", "r0_f", "ball_radius", "h0")
 DEGREES_PER_RADIAN = 180 / math.pi
 METHOD = (
     "each clip fitted alone; mean over clips by restricted maximum likelihood (random effects), Hartung-Knapp error; "

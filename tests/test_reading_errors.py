@@ -1,0 +1,36 @@
+"""Errors that a tracker's readings share through a clip reach the parameters' budget."""
+
+import numpy as np
+
+from fitters.ode import fit, simulate
+from iris_sysid.calibration import uncalibrated
+from iris_sysid.pipeline import observe
+from iris_sysid.registry import MODELS
+from iris_sysid.types import Track
+
+T_S = np.arange(300) / 60
+STIFFNESS, SIGMA = 0.1, 3e-4
+TRUTH = {"stiffness": STIFFNESS, "damping": 0.05, "phi_0": 2 * np.pi, "omega_0": 0.0, "rest": 0.0}
+
+
+def reading(phase, share, seed):
+    """The angle of a slow oscillation, read about an axis that is off by a share of the arm in some direction."""
+    angle = simulate(MODELS["angular-oscillator"], T_S, TRUTH).observed[:, 0]
+    angle = angle + share * np.cos(angle + phase) + np.random.default_rng(seed).normal(0, SIGMA, T_S.size)
+    n = T_S.size
+    return Track(
+        t_s=T_S, xy_px=np.full((n, 2), 300.0), sigma_px=np.full((n, 2), 0.05), valid=np.ones(n, dtype=bool),
+        frame=np.arange(n), angle_rad=angle, sigma_angle_rad=np.full(n, SIGMA),
+    )  # fmt: skip
+
+
+def test_axis_that_is_off_by_a_thousandth_of_the_arm_stays_within_the_stated_error():
+    pulls, alone = [], []
+    for seed, phase in enumerate(np.linspace(0, 2 * np.pi, 8, endpoint=False)):
+        _, trajectory = observe([reading(phase, 1e-3, seed)], uncalibrated(), "rotating-cone")
+        result = fit(trajectory, MODELS["angular-oscillator"], free=["rest"])
+        found = result.estimates["stiffness"]
+        pulls.append((found.value - STIFFNESS) / found.stderr)
+        alone.append((found.value - STIFFNESS) / result.budget["stiffness"]["random"])
+    assert np.sqrt(np.mean(np.square(pulls))) < 1.5
+    assert np.sqrt(np.mean(np.square(alone))) > 1.5  # the random part alone would be too small
