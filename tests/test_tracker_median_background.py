@@ -173,6 +173,52 @@ def test_body_that_rests_for_most_of_the_clip_is_found_moving_and_at_rest():
     assert rms(errors_px(found, path)) < 0.05
 
 
+ORANGE, WALL = (40.0, 110.0, 215.0), (150.0, 165.0, 170.0)  # blue, green, red
+
+
+def test_body_that_rests_before_a_floor_as_bright_as_itself_does_not_become_background():
+    n, moving = 100, 30
+    floor = np.full((*SHAPE, 3), 133.0)  # as bright as orange
+    floor[:, :50] = WALL
+    x = np.concatenate([np.linspace(20, 110, moving), np.full(n - moving, 110.0)])
+    pictures = [paint(floor, disc(SHAPE, one, 48, 8), ORANGE) for one in x]
+    found = one_track(DrawnClip(noisy(pictures, 2.0)))
+    assert found.n_valid == n
+    assert rms(errors_px(found, np.column_stack([x, np.full(n, 48.0)]))) < 0.1
+
+
+@pytest.mark.parametrize(("gap", "least"), [(6, 0.6), (14, 0.1)])
+def test_shadow_that_hangs_on_a_coloured_body_does_not_drag_its_centre(gap, least):
+    path = swing(60, (70, 40), (40, 12))
+    pictures = []
+    for x, y in path:
+        shadow = cv2.GaussianBlur(disc(SHAPE, x + gap, y + gap, 11), (0, 0), 3.0)[..., np.newaxis]
+        pictures.append(paint(np.array(WALL) * (1 - 0.18 * shadow), disc(SHAPE, x, y, 10), ORANGE))
+    found = one_track(DrawnClip(noisy(pictures, 2.0)))
+    assert found.n_valid == 60
+    assert rms(errors_px(found, path)) < least
+
+
+def test_streak_of_a_fast_shaded_ball_has_its_middle_and_its_area():
+    radius, shape, travel = 24, (320, 160), 8
+    y = np.linspace(80, 240, 41)
+    rows, columns = np.indices(shape)
+    pictures = []
+    for middle in y:
+        parts = []
+        for at in middle + travel * (np.arange(15) - 7) / 15:
+            limb = 1 - 0.12 * np.clip(((columns - 80) ** 2 + (rows - at) ** 2) / radius**2, 0, 1)
+            share = disc(shape, 80.0, at, radius, 8)[..., np.newaxis]
+            shade = (limb + 0.08 * (at - rows) / radius)[..., np.newaxis]
+            parts.append(np.array(WALL) * (1 - share) + np.array(ORANGE) * shade * share)
+        pictures.append(np.mean(parts, axis=0))
+    found = one_track(DrawnClip(noisy(pictures, 2.0)))
+    seen = slice(4, -4)
+    assert found.valid[seen].all()
+    assert rms((found.xy_px - np.column_stack([np.full(41, 80.0), y]))[seen]) < 0.1
+    assert np.median(found.radius_px) == pytest.approx(radius, rel=0.01)
+
+
 # --------------------------------------------------------------------------- gaps
 
 

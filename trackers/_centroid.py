@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import cv2
@@ -15,6 +16,8 @@ SMALL_WINDOW = 64  # px
 TELLING = 4.0  # contrast over noise from which brightness tells coverage
 ONE_SIDED = (0.3, 0.7)  # |f| over s: below it a body is both brighter and darker, above it one of them
 SHARP, REFINED = 1.5, 2  # px: half the width of an outline from which on it is found again, and how often
+CLEAR = 1.5  # of half the width of a streak's outline: so far inside of it is the body alone
+WHOLE = 0.85  # of the thickness: an outline that leaves less of it is not that of a streak
 DEEPEST = 0.6  # of the depth: the body's brightness is taken from there at least
 SHALLOW = 0.7  # of the depth of the core: an outline that leaves less of it is not that of the whole body
 SHADINGS, FEWEST_A_TERM, MOST_SHADED = (3, 6), 60, 1500  # terms of a polynomial; pixels to which it is fitted
@@ -27,6 +30,8 @@ SHARE_RANGE = (-0.3, 1.3)  # coverage beyond this is another thing, not noise
 CORD_SHARE = 0.2  # of the inscribed radius: what is thinner is a cord
 TAIL = 0.03  # mean coverage, or fall of it, at which the outline has ended
 STEPS_APART = 6  # quarters of a px over which the coverage falls, or no longer does
+AXES, SMALLEST_STREAK = 4, 5.0  # directions in which an outline may be wide; px, half the thickness of the body
+WIDEST = 0.6  # of half the thickness of a body: half the width of the most blurred outline
 NARROWEST = 0.75  # px, half the width of the sharpest outline: half a pixel's diagonal
 
 
@@ -86,27 +91,42 @@ def coverage_centre(window: Window) -> Centre:
     noise of what moves. e^2 is the variance of a just inside of the band beyond its noise, that is how
     badly F is known on a textured body, and d the distance in px over which such an error persists.
     """
-    depth = np.asarray(cv2.distanceTransform(window.core, cv2.DIST_L2, cv2.DIST_MASK_PRECISE))
-    persistence = max(1.5, float(depth.max()) / 2)
+    depth = np.asarray(cv2.distanceTransform(window.core, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), dtype=np.float32)
+    heart, persistence = depth > 0.5 * depth.max(), max(1.5, float(depth.max()) / 2)
     rim = min(RIM_PX, RIM_SHARE * float(depth.max()))
-    share, _ = _share(window, *_continued(window, np.clip(depth - rim, 0.0, 1.0), persistence))
-    distance = _signed_distance(share, depth > 0.5 * depth.max())
-    half_width = _half_width(share, distance)
-    for _ in range(REFINED if half_width > SHARP else 1):
+    share, distance, half_width, axes = _first_look(window, depth, rim, persistence)
+    blurred = bool(half_width.max() > SHARP)
+    for _ in range(REFINED if blurred and axes == 1 else 1):
         level = _level_outside(window, share, distance + half_width)
         behind = replace(window, background=window.background + level)
-        inner = np.clip(distance - min(half_width, DEEPEST * float(distance.max())), 0.0, 1.0)
+        clear = distance - np.minimum(half_width * (1.0 if axes == 1 else CLEAR), DEEPEST * distance.max())
         if distance.max() < SHALLOW * depth.max():  # a notch, as in a small ball both darker and brighter
-            inner = np.maximum(inner, np.clip(depth - rim, 0.0, 1.0))
-        share, variance = _share(behind, *_continued(behind, inner, persistence))
-        if half_width > SHARP:
-            distance = _signed_distance(share, depth > 0.5 * depth.max())
-            half_width = _half_width(share, distance)
+            clear = np.maximum(clear, depth - rim)
+        share, variance = _share(behind, *_continued(behind, clear, persistence))
+        if blurred:
+            distance, half_width = _outline(share, heart, axes)
     edge = np.abs(distance) <= half_width
     variance = variance * _liveliness(share, variance, distance + half_width)
     texture = _texture_variance(share, variance, distance - half_width) * persistence
     variance = np.where(edge, window.inflation * variance + texture * share**2, 0.0)
     return _moments(window, np.where(edge, share, distance > 0).astype(np.float64), variance)
+
+
+def _first_look(window: Window, depth: Image, rim: float, persistence: float) -> tuple[Image, Image, Image, int]:
+    """Coverage, distance to the outline, half its width, and in how many directions that is told apart.
+
+    Where the outline is wide, the body's brightness is taken from deep inside instead of from the rim inwards. A
+    streak is as thick then; a body whose rim is of another brightness is not, and stays as it is by its rim.
+    """
+    heart = depth > 0.5 * depth.max()
+    share, _ = _share(window, *_continued(window, depth - rim, persistence))
+    distance, half_width = _outline(share, heart)
+    if half_width.max() >= SHARP:
+        by_depth, _ = _share(window, *_continued(window, depth - DEEPEST * float(depth.max()), persistence))
+        inner, reach = _outline(by_depth, heart, AXES)
+        if inner.max() > WHOLE * distance.max():
+            return by_depth, inner, reach, AXES
+    return share, distance, half_width, 1
 
 
 def _moments(window: Window, share: Image, variance: Image) -> Centre:
@@ -130,13 +150,13 @@ def _moments(window: Window, share: Image, variance: Image) -> Centre:
     )
 
 
-def _continued(window: Window, inner: Image, blur: float) -> tuple[Image, Image]:
+def _continued(window: Window, depth: Image, blur: float) -> tuple[Image, Image]:
     """The body's own brightness, and the strength of its difference in units of noise, continued outwards.
 
-    ``inner`` (h, w), 0 to 1, is how far a pixel is of the body alone. Its shading is followed by a polynomial, what
+    ``depth`` (h, w), px, is above 0 where a pixel is of the body alone. Its shading is followed by a polynomial, what
     is left by the mean of what is near.
     """
-    inner = inner.astype(np.float32)[..., np.newaxis]
+    inner = np.clip(depth, 0.0, 1.0).astype(np.float32)[..., np.newaxis]
     weight = np.maximum(_blurred(inner, blur), np.float32(1e-6))
     shade = _shading(window.image, inner[..., 0] > 0.5)
     own = shade + np.divide(_blurred((window.image - shade) * inner, blur), weight, dtype=np.float32)
@@ -207,6 +227,12 @@ def _share(window: Window, foreground: Image, strength: Image) -> tuple[Image, I
     return np.where(near, share, 0.0).astype(np.float32), np.where(near, variance, 0.0).astype(np.float32)
 
 
+def _outline(share: Image, heart: Flags, axes: int = 1) -> tuple[Image, Image]:
+    """Distance of each pixel to the outline, px, positive inside, and half the width of the outline there, px."""
+    distance = _signed_distance(share, heart)
+    return distance, _half_width(share, distance, axes)
+
+
 def _signed_distance(share: Image, heart: Flags) -> Image:
     """Distance in px of each pixel's centre to the half-way contour round the heart, positive inside."""
     height, width = share.shape
@@ -239,21 +265,40 @@ def filled_round(mask: Bytes, seed: Bytes) -> Bytes:
     return np.asarray(cv2.drawContours(np.zeros_like(mask), contours, -1, 1, cv2.FILLED), dtype=np.uint8)
 
 
-def _half_width(share: Image, distance: Image) -> float:
-    """Half the width of the outline, px: the distance outside of it at which the mean coverage falls no more.
+def _half_width(share: Image, distance: Image, axes: int) -> Image:
+    """Half the width (h, w) of the outline, px: the distance outside of it at which the mean coverage falls no more.
 
-    What it has fallen to is not the outline: a soft shadow, or nothing.
+    What it has fallen to is not the outline: a soft shadow, or nothing. A body that moves during the exposure has a
+    wide outline before and behind and a sharp one on its sides: with several ``axes`` it is a number for each
+    direction, opposite directions taken together.
     """
-    widest = max(1.0, float(distance.max()) / 2)
+    if axes == 1 or distance.max() < SMALLEST_STREAK:
+        alike = _reach(share, distance, np.ones(share.shape, dtype=np.bool_), _trimmed_mean)
+        return np.full(share.shape, alike, dtype=np.float32)
+    row, column = (float(one.mean()) for one in np.nonzero(distance > 0))
+    y, x = np.indices(share.shape, dtype=np.float64)
+    turns = np.arctan2(y - row, x - column) / np.pi * axes
+    near = np.rint(turns).astype(int) % axes
+    reaches = [_reach(share, distance, near == axis, _median) for axis in range(axes)]
+    return np.asarray(np.interp(turns % axes, np.arange(axes + 1), [*reaches, reaches[0]]), dtype=np.float32)
+
+
+def _reach(share: Image, distance: Image, part: Flags, mean: Callable[[Image], float]) -> float:
+    """The distance, px, outside of a part of the outline at which the mean coverage falls no more."""
+    widest = max(1.0, WIDEST * float(distance.max()))
     levels: list[float] = []
     for half_width in np.arange(NARROWEST, widest + 1.0, 0.25):
-        ring = (distance < -half_width) & (distance > -half_width - 0.75)
-        levels.append(_trimmed_mean(share[ring]) if ring.any() else 0.0)
+        ring = part & (distance < -half_width) & (distance > -half_width - 0.75)
+        levels.append(mean(share[ring]) if ring.any() else 0.0)
         if levels[-1] < TAIL:
             return float(min(half_width, widest))
         if len(levels) > STEPS_APART and levels[-1 - STEPS_APART] - levels[-1] < TAIL:
             return float(half_width - STEPS_APART / 4)
     return widest
+
+
+def _median(values: Image) -> float:
+    return float(np.median(values))
 
 
 def _trimmed_mean(values: Image) -> float:

@@ -33,7 +33,7 @@ END_MARGIN = 1.5  # times the reach: how far off the first or last sighting may 
 LONE_END_MARGIN = 0.4  # the same after a gap: one sighting beyond it is soon a chance
 BIGGER = 1.5  # times the body's area: what reaches in is not the body itself
 BREAK = 3  # frames: shorter breaks in a hold are an arm that does not show
-NEARBY = 2.0  # radii round the body in which a hand holds it
+NEARBY = 2.25  # radii round the body in which a hand holds it
 
 
 def extent(path: Path) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from iris_sysid.types import Frame
 from trackers._background import Background, Bytes, Image
 from trackers._centroid import Centre, Window, coverage_centre, filled_round
-from trackers._foreground import CONTRAST_SHARES, SMALLEST_AREA, WEAK_SIGMAS, Core
+from trackers._foreground import CONTRAST_SHARES, SMALLEST_AREA, SQUARE, WEAK_SIGMAS, Core
 from trackers._view import View
 
 THINNEST_BODY = 1.3  # px, inscribed radius
@@ -18,6 +18,11 @@ HAND_SHARE = 0.35  # of the body's inscribed radius: a hand or arm is at least a
 HAND_GAP = 0.5  # of the body's inscribed radius: a hand so near is taken to touch it
 MARGIN = 10  # px round a body that its outline and the ring about it need
 RING = 4  # px from the body to the ring in which the background's level is compared
+DARKEST_SHADE = 0.6  # of the light is left in a shadow
+GREY = 128.0  # grey level of a colour plane where there is no colour
+COLOUR_SIGMAS, COLOUR_FLOOR = 3.0, 3.0  # floor in grey levels: by so much a shadow's colour may be off
+MOSTLY_BODY = 0.5  # of the inscribed radius: deeper than that lies the body
+ROUNDER = 1.15  # times as round must a body be without what may be its shadow
 LARGE_RADIUS = 24.0  # px, inscribed: what is larger is measured in larger pixels, which tell its centre as well
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom, px
@@ -168,6 +173,8 @@ class Lens:
         background = background + _level(image - background, mask, other)
         if finer > 1:
             mask = _sharpened(mask, image - background, noise, finer)
+        shaded = _shaded(image, background, noise)
+        mask, other = _without(mask, shaded), other & ~shaded
         return Window(image, background, noise, mask, other & ~mask, self.inflation), left, top
 
 
@@ -215,6 +222,35 @@ def _sharpened(mask: Bytes, difference: Image, noise: Image, step: int) -> Bytes
     faint = CONTRAST_SHARES[0] * float(np.percentile(level[mask > 0], 90))
     body = (near > 0) & (level > np.maximum(faint, WEAK_SIGMAS * noise.max(axis=-1)))
     return filled_round(body.astype(np.uint8), mask)
+
+
+def _shaded(image: Image, background: Image, noise: Image) -> Bytes:
+    """1 where a picture (h, w, channels) shows the background with less light: all its colours scaled by one factor.
+
+    Without colour a shadow cannot be told from a dark body: 0.
+    """
+    if image.shape[-1] < 3:
+        return np.zeros(image.shape[:2], dtype=np.uint8)
+    smooth = np.asarray(cv2.blur(image, (3, 3)))
+    light = smooth[..., 0] / np.maximum(background[..., 0], 1.0)
+    expected = GREY + (background[..., 1:] - GREY) * light[..., np.newaxis]
+    allowed = np.maximum(COLOUR_SIGMAS * noise[..., 1:], COLOUR_FLOOR)
+    coloured = (np.abs(smooth[..., 1:] - expected) > allowed).any(axis=-1)
+    return ((light > DARKEST_SHADE) & (light < 1) & ~coloured).astype(np.uint8)
+
+
+def _without(mask: Bytes, shaded: Bytes) -> Bytes:
+    """A mask without the shadow that hangs on the body; as it is where that makes it no rounder: a grey body."""
+    body = cv2.morphologyEx(mask & ~shaded, cv2.MORPH_OPEN, SQUARE)
+    depth = cv2.distanceTransform(np.pad(body, 1), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
+    body = filled_round(body, (depth > MOSTLY_BODY * depth.max()).astype(np.uint8))
+    return body if _roundness(body) > ROUNDER * _roundness(mask) else mask
+
+
+def _roundness(mask: Bytes) -> float:
+    """Share of a mask that its largest inscribed disc covers; 0 when it is empty."""
+    depth = cv2.distanceTransform(np.pad(mask, 1), cv2.DIST_L2, cv2.DIST_MASK_5)
+    return float(np.pi * depth.max() ** 2 / max(1, np.count_nonzero(mask)))
 
 
 def _sharpness(window: Window) -> float:

@@ -49,9 +49,13 @@ def usable_samples(stack: Bytes, still: Still) -> Flags | None:
 
 
 def _edges(image: Image) -> Image:
-    """Strength of the edges of an image: length of the gradient of its first channel, grey levels a px."""
-    luma = image if image.ndim == 2 else np.ascontiguousarray(image[..., 0])
-    return np.hypot(cv2.Sobel(luma, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(luma, cv2.CV_32F, 0, 1, scale=1 / 8))
+    """Strength of the edges of an image (h, w[, 3]): length of the gradient, grey levels a px; the largest of channels.
+
+    A body may differ from what is behind it in colour alone, as an orange ball on a brown floor.
+    """
+    slopes = (cv2.Sobel(image, cv2.CV_32F, *along, scale=1 / 8) for along in ((1, 0), (0, 1)))
+    strength = np.hypot(*slopes)
+    return np.asarray(strength if strength.ndim == 2 else strength.max(axis=-1), dtype=np.float32)
 
 
 def _holes(level: Bytes, edges: Image, edges_now: Image) -> Flags:
