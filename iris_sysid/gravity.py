@@ -11,10 +11,11 @@ import numpy as np
 from iris_sysid.calibration import MARK_SIGMA_PX, scale, to_world, uncalibrated
 from iris_sysid.errors import CalibrationError
 from iris_sysid.events import segment
-from iris_sysid.plane import places, with_plumb_line, with_vertical
+from iris_sysid.plane import places, with_assumed_vertical, with_plumb_line, with_vertical
 from iris_sysid.types import Array, Calibration, Estimate, MotionKind, Phenomenon, Track
 
 FEWEST = 5
+LEVEL_STDERR_DEG = 1.0  # standard uncertainty of a camera or a board that is levelled by eye
 LARGEST_STDERR = 0.1  # rad: beyond it the picture's own vertical is the better guess
 
 
@@ -82,7 +83,8 @@ def vertical_said(calibration: Calibration) -> str:
     assumed = [one for one in calibration.assumed if one.startswith("the vertical")]
     if fixed:
         return f"{fixed[-1]}"
-    return f"{assumed[-1] if assumed else 'the vertical is as the calibration has it'}, by assumption"
+    said = assumed[-1] if assumed else "the vertical is as the calibration has it"
+    return f"{said}, by assumption, to {LEVEL_STDERR_DEG:g} degree: a camera levelled by eye (GUM, type B)"
 
 
 def upright(
@@ -110,7 +112,8 @@ def upright(
     Returns
     -------
     Calibration
-        The same, or turned, with the part ``vertical`` in its budget.
+        Turned, with the part ``vertical`` in its budget; or the same with the part ``assumed vertical``, that of a
+        camera levelled by eye, unless the calibration itself was made with a plumb line.
 
     Raises
     ------
@@ -121,7 +124,9 @@ def upright(
         raise CalibrationError("the vertical is given twice: by a plumb line and by the motion; choose one")
     if plumb_px is not None:
         return with_plumb_line(calibration, plumb_px[:2], plumb_px[2:], point_stderr_px=MARK_SIGMA_PX)
-    return calibration if vertical == "assumed" else with_motion_vertical(calibration, body, phenomenon.motion)
+    if vertical == "motion":
+        return with_motion_vertical(calibration, body, phenomenon.motion)
+    return with_assumed_vertical(calibration, math.radians(LEVEL_STDERR_DEG))
 
 
 def gravity_calibration(body: Track, phenomenon: Phenomenon, gravity: Estimate) -> Calibration:

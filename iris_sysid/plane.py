@@ -78,28 +78,6 @@ def to_pixels(calibration: Calibration, position_m: Array) -> Array:
     return distort((undistorted - centre) / focal, calibration.distortion)[0] * focal + centre
 
 
-def common_covariance(calibration: Calibration, xy_px: Array, source: str | None = None) -> Array:
-    """Covariance (2 n, 2 n), m^2, of what the errors of positions have in common through the calibration.
-
-    Parameters
-    ----------
-    calibration
-        Of the plane.
-    xy_px
-        Pixels (n, 2).
-    source
-        One source of its budget; all of them when not given.
-
-    Returns
-    -------
-    Array
-        Order x, z of the first point, then of the next.
-    """
-    sensitivity = to_plane(calibration, xy_px)[2].reshape(-1, N_VALUES)
-    part = calibration.covariance if source is None else calibration.budget[source]
-    return np.asarray(sensitivity @ part @ sensitivity.T)
-
-
 def common_errors(calibration: Calibration, xy_px: Array) -> dict[str, Array]:
     """What can be wrong with a calibration, as independent changes of its numbers, as far as it shows at some pixels.
 
@@ -284,6 +262,39 @@ def with_vertical(
         fixed=(*(one for one in calibration.fixed if not one.startswith("the vertical")), said),
         assumed=tuple(one for one in calibration.assumed if not one.startswith("the vertical")),
     )
+
+
+def with_assumed_vertical(calibration: Calibration, angle_stderr: float) -> Calibration:
+    """Add to a calibration's budget how far its assumed vertical may be off.
+
+    Parameters
+    ----------
+    calibration
+        Of the plane.
+    angle_stderr
+        Standard uncertainty of the direction, rad.
+
+    Returns
+    -------
+    Calibration
+        Its budget has the part ``assumed vertical``; as it was where the vertical was measured.
+    """
+    if "vertical" in calibration.budget:
+        return calibration
+    spin = _spin(calibration.homography)
+    part = angle_stderr**2 * np.outer(spin, spin)
+    return replace(calibration, budget={**calibration.budget, "assumed vertical": part})
+
+
+def vertical_stderr(calibration: Calibration, source: str) -> float:
+    """Standard error, rad, of the vertical: that part of its budget, ``vertical`` or ``assumed vertical``."""
+    spin = _spin(calibration.homography)
+    return math.sqrt(float(np.trace(calibration.budget[source])) / float(spin @ spin))
+
+
+def turned(calibration: Calibration, angle: float) -> Calibration:
+    """The ``calibration`` with its world turned anticlockwise by an ``angle``, rad."""
+    return _turned_by(calibration, lambda _: angle)
 
 
 def upright(calibration: Calibration, up: Literal["picture", "board"]) -> Calibration:

@@ -8,7 +8,7 @@ import numpy as np
 
 from iris_sysid.calibration import common_source
 from iris_sysid.errors import IrisError
-from iris_sysid.plane import changed, common_errors
+from iris_sysid.plane import changed, common_errors, turned, vertical_stderr
 from iris_sysid.types import Array, Calibration, Phenomenon, Trajectory
 
 TIME_BASE = "time base"
@@ -17,12 +17,13 @@ EDGE_PX = 0.1  # what blur, shading and compression do to a radius in all frames
 AXIS_SHARE = 1e-3  # how far the axis is off, over the arm it turns; on the twin 0.08 px of 101, by uneven light
 # of the range of the positions: below it a pattern is rounding, as that of a scale's error in an angle
 ROUNDING = 1e-9
+VERTICALS = ("vertical", "assumed vertical")
 
 
 def from_calibration(
     trajectory: Trajectory, observe: Callable[[Calibration], Array], calibration: Calibration, seen_px: Array
 ) -> dict[str, Array]:
-    """Patterns that the calibration's errors leave in what is observed, by central differences of the whole way.
+    """Patterns that the calibration's errors leave in what is observed, by differences of the whole way.
 
     Parameters
     ----------
@@ -39,10 +40,16 @@ def from_calibration(
     -------
     dict
         By source, ``calibration: corners`` and so on, patterns (r, n, d) of one standard error each; zero in gaps.
+        That of the vertical has one of second order too, ``f'' u^2 / sqrt(2)`` (GUM, 5.1.2, note): a vertical that
+        is off shortens a fall whichever way it leans.
     """
     found = {}
     for name, changes in common_errors(calibration, seen_px).items():
         patterns = [(_tried(observe, calibration, one) - _tried(observe, calibration, -one)) / 2 for one in changes]
+        if name in VERTICALS:
+            angle = vertical_stderr(calibration, name)
+            more, less = (observe(turned(calibration, turn)) for turn in (angle, -angle))
+            patterns.append((more + less - 2 * observe(calibration)) / np.sqrt(2))
         stacked = np.nan_to_num(np.array(patterns))
         if np.abs(stacked).max() > ROUNDING * np.ptp(trajectory.position[trajectory.valid]):
             found[common_source(name)] = stacked

@@ -8,8 +8,8 @@ from iris_sysid.board_plane import _homography
 from iris_sysid.board_views import Board, view_of_corners
 from iris_sysid.homographies import apply_homography, homography_slopes
 from iris_sysid.lens import undistort_px
-from iris_sysid.plane import UNKNOWN_SCALE, upright, with_scale
-from iris_sysid.types import Calibration
+from iris_sysid.plane import UNKNOWN_SCALE, to_plane, upright, with_scale
+from iris_sysid.types import N_VALUES, Calibration
 
 BOARD = Board(9, 6, 0.03)
 SIZE = (960, 540)
@@ -110,3 +110,10 @@ def picture(pose, *, board=BOARD, camera=PHONE, size=SIZE, blur_px=0.7, noise=2.
     if rng is not None:
         level = level + rng.normal(0, noise, level.shape)
     return np.clip(np.round(level), 0, 255).astype(np.uint8)
+
+
+def common_covariance(calibration, xy_px, source=None):
+    """Covariance (2 n, 2 n), m^2, of what errors of positions have in common: B C B' (GUM, 5.2.2), x, z by point."""
+    sensitivity = to_plane(calibration, xy_px)[2].reshape(-1, N_VALUES)
+    part = calibration.covariance if source is None else calibration.budget[source]
+    return sensitivity @ part @ sensitivity.T

@@ -21,14 +21,23 @@ from iris_sysid.cli import app
 from iris_sysid.errors import CalibrationError, DataError, IrisError
 from iris_sysid.gravity import upright, vertical_said, with_motion_vertical
 from iris_sysid.measures import ANGLES, LENGTHS, SHARES, measured
-from iris_sysid.plane import common_covariance, to_pixels, to_plane
+from iris_sysid.plane import to_pixels, to_plane
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.report.budget import budget_sections, calibration_section
 from iris_sysid.synthetic import Look, render_checkerboard, render_clip
 from iris_sysid.table_reading import read_trajectory
 from iris_sysid.tables import write_track, write_trajectory, write_worlds
 from iris_sysid.types import Track
-from tests._board_pictures import SIZE, picture, pose, random_pose, simulated, simulated_views, true_plane
+from tests._board_pictures import (
+    SIZE,
+    common_covariance,
+    picture,
+    pose,
+    random_pose,
+    simulated,
+    simulated_views,
+    true_plane,
+)
 
 GRAVITY = 9.80665
 OFF_SQUARE = Board(9, 6, 0.03, square_stderr_m=0.00003)
@@ -201,13 +210,34 @@ def test_direction_of_the_flight_has_the_error_that_it_states():
 def test_plumb_line_or_assumption_is_said():
     flat, body = scale(400.0, 1.0), falling(scale(400.0, 1.0), np.random.default_rng(1))
     drop = PHENOMENA["dropping-ball"]
-    assert vertical_said(upright(flat, body, drop, None, "assumed")) == "the vertical is the picture's, by assumption"
+    said = vertical_said(upright(flat, body, drop, None, "assumed"))
+    assert said.startswith("the vertical is the picture's, by assumption, to 1 degree")
     by_line = upright(flat, body, drop, (10.0, 10.0, 14.0, 410.0), "assumed")
     assert vertical_said(by_line) == "the vertical, by a plumb line"
     with pytest.raises(CalibrationError, match="given twice"):
         upright(flat, body, drop, (10.0, 10.0, 14.0, 410.0), "motion")
     with pytest.raises(CalibrationError, match="only a free flight shows"):
         upright(flat, body, PHENOMENA["pendulum"], None, "motion")
+
+
+def test_assumed_vertical_is_uncertain_by_a_degree_and_shortens_a_fall_to_second_order():
+    flat, drop = scale(400.0, 1.0), PHENOMENA["dropping-ball"]
+    body = falling(flat, np.random.default_rng(1), speed=(0.0, 0.0))
+    by_eye = upright(flat, body, drop, None, "assumed")
+    pattern = to_world(body, by_eye).systematic["calibration: assumed vertical"][0]
+    x, z = to_world(body, flat).position.T
+    np.testing.assert_allclose(np.abs(pattern), np.radians(1.0) * np.abs(np.column_stack([z, x])))
+    parts = fitted(body, by_eye)[1].budget["gravity"]
+    # the fall is cos(angle) as long; the standard deviation of angle^2 / 2 is u^2 / sqrt(2)
+    assert parts["calibration: assumed vertical"] == pytest.approx(GRAVITY * np.radians(1.0) ** 2 / np.sqrt(2), rel=0.1)
+
+
+def test_vertical_that_was_measured_is_not_assumed_as_well():
+    flat, body = scale(400.0, 1.0), falling(scale(400.0, 1.0), np.random.default_rng(1))
+    by_line = upright(flat, body, PHENOMENA["dropping-ball"], (10.0, 10.0, 14.0, 410.0), "assumed")
+    again = upright(by_line, body, PHENOMENA["dropping-ball"], None, "assumed")
+    assert "vertical" in again.budget
+    assert "assumed vertical" not in again.budget
 
 
 # --------------------------------------------------------------------------- files

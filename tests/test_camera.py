@@ -19,7 +19,6 @@ from iris_sysid.known_size import camera_from_field_of_view, plane_from_ball, pl
 from iris_sysid.lens import distort, undistort_px
 from iris_sysid.plane import (
     check_image_size,
-    common_covariance,
     local_geometry,
     local_scale,
     to_pixels,
@@ -32,6 +31,7 @@ from tests._board_pictures import (
     PHONE,
     SIZE,
     STRAIGHT,
+    common_covariance,
     corners,
     picture,
     pose,

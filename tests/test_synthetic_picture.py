@@ -14,7 +14,7 @@ from iris_sysid.synthetic.picture import painted
 from iris_sysid.synthetic.plan import plan_clip, scene_named, stage_of
 from iris_sysid.synthetic.scene import Body, Stage, Wall
 from iris_sysid.synthetic.sensor import Sensor, kept_frames, shake
-from iris_sysid.synthetic.shapes import Layer, circle, disc, ribbon, rounded, still
+from iris_sysid.synthetic.shapes import Layer, circle, disc, polyline, rounded, still
 
 SIZE = (96, 64)
 SCALE = 100.0  # px/m in the pictures of single discs
@@ -131,7 +131,7 @@ def test_flashing_layer_shows_the_mean_of_its_opacity_over_the_exposure():
 def test_moving_picture_leaves_no_trace_behind():
     layers = (
         Layer(disc(moving(1.0), 0.05), (220, 90, 40)),
-        Layer(ribbon(still(0, 0.3), moving(1.0), 0.01), (20, 20, 20)),
+        Layer(polyline(lambda t_s: np.stack([still(0, 0.3)(t_s), moving(1.0)(t_s)], axis=1), 0.01), (20, 20, 20)),
     )
     stage = stage_with(*layers)
     camera = camera_for(stage.view, SIZE)

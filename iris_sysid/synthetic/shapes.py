@@ -107,20 +107,6 @@ def soft(outline: Outline, centre: Path, spread: float, steps: int = PENUMBRA_ST
     return grown
 
 
-def ribbon(start: Path, stop: Path, width_m: float) -> Outline:
-    """A straight strip between two moving points, e.g. a cord."""
-
-    def strip(t_s: Array, scale: float) -> Array:
-        del scale
-        a, b = start(t_s), stop(t_s)
-        along = b - a
-        length = np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-12)
-        side = width_m / 2 * np.stack([-along[:, 1], along[:, 0]], axis=-1) / length
-        return np.stack([a + side, b + side, b - side, a - side], axis=1)
-
-    return strip
-
-
 def polyline(points: Callable[[Array], Array], width_m: float) -> Outline:
     """A strip of constant width along points (k, p, 2) in m, e.g. a slack cord."""
 
