@@ -43,7 +43,8 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
 
     - ``oscillation`` and ``any``: the longest.
     - ``flight``: the first that falls and is at least half as long as the longest, which a bounce ends.
-    - ``slide``: the longest along a straight line, monotone, from where it is slowest to where it leaves the line.
+    - ``slide``: the longest along a straight line, monotone, from where it is slowest to where it leaves the line; one
+      that falls goes before a longer one along the floor.
 
     What comes before it is ``release`` and what follows ``contact``. A single sample that disagrees with neighbours
     which agree with one another is marked not valid, and the reason of the motion says so.
@@ -130,7 +131,7 @@ def _choose(body: Body, stretches: list[Stretch], kind: MotionKind) -> Stretch |
     candidates = [one for one in stretches if body.part(one.start, one.stop).index.size]
     if kind == "slide":
         candidates = [_straight(body, one) for one in candidates]
-    if kind == "flight":
+    if kind in ("flight", "slide"):
         candidates = [one for one in candidates if _falls(body.part(one.start, one.stop))] or candidates
     if not candidates:
         return None
