@@ -53,7 +53,8 @@ def _place(key: tuple[Hashable, ...], summary: pd.DataFrame) -> tuple[int, list[
     """Where a line stands: phenomena and parameters as they come in the rows, settings by the numbers in them."""
     parts = re.findall(r"(\D*)(\d*)", str(key[1]))
     order = [(letters, int(digits or 0)) for letters, digits in parts]
-    phenomena, parameters = list(dict.fromkeys(summary["phenomenon"])), list(dict.fromkeys(summary["parameter"]))
+    phenomena = list(dict.fromkeys(summary["phenomenon"]))
+    parameters = list(dict.fromkeys(summary.loc[summary["phenomenon"] == key[0], "parameter"]))
     return phenomena.index(str(key[0])), order, parameters.index(str(key[2]))
 
 
