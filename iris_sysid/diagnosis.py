@@ -20,6 +20,7 @@ from fitters.ode import fit, simulate
 from fitters.random_effects import random_effects
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
+from iris_sysid.reservations import reservations
 from iris_sysid.scores import Score, combined, screen, shaped, significant_from
 from iris_sysid.types import Array, DiscoveredTerm, Effect, Estimate, FitResult, OdeModel, Trajectory
 
@@ -62,7 +63,7 @@ class Diagnosis:
     the effects in the order in which they were found, ``sizes`` by parameter name their size over all clips.
     ``rounds`` hold the screen of each round, best first. ``indistinguishable`` names, for each effect added, those
     that explain the data as well. ``noise_floor`` is the noise of the measurement. ``proposed`` are terms without a
-    named effect, for what is left above that floor.
+    named effect, for what is left above that floor. ``notes`` say what could not be asked, or answered, and why.
     """
 
     bases: tuple[FitResult, ...]
@@ -77,6 +78,7 @@ class Diagnosis:
     noise_floor: float
     unit: str
     proposed: tuple[DiscoveredTerm, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def base(self) -> FitResult:
@@ -172,12 +174,13 @@ def diagnose(
     current, alike = base, {}
     added: list[Effect] = []
     rounds: list[tuple[Score, ...]] = []
+    failed: list[str] = []
     for _ in range(MOST_ADDED):
         left = _without(library, added)
         say(f"screening {len(left)} effects")
         scores, parallel = _screened(clips, current, left)
         rounds.append(tuple(combined(one) for one in scores))
-        chosen = _best_refit(clips, current, left, scores, share, holdout, say)
+        chosen = _best_refit(clips, current, left, scores, share, holdout, say, failed)
         if chosen is None:
             break
         effect, current, equals = chosen
@@ -199,8 +202,9 @@ def diagnose(
         before=base.errors,
         after=current.errors,
         noise_floor=floor,
-        unit=model.observed[0].unit,
+        unit=base.fits[0].model.observed[0].unit,
         proposed=_proposed(clips, current, floor),
+        notes=reservations(base.fits, rounds[0], failed),
     )
 
 
@@ -261,6 +265,7 @@ def _best_refit(
     share: float,
     holdout: float,
     say: Callable[[str], None],
+    failed: list[str],
 ) -> tuple[Effect, _State, list[str]] | None:
     """The effect that explains most once all is refitted, its fits, and those that explain as much."""
     by_name = {effect.name: effect for effect in effects}
@@ -270,6 +275,7 @@ def _best_refit(
         effect = by_name[score[0].effect]
         say(f"refitting with {effect.name}")
         fits = _refitted(clips, current.fits, effect, score)
+        failed += [f"the refit with {effect.name} is {one.status}: {one.message}" for one in fits if not one.usable][:1]
         if all(one.usable for one in fits) and _significant(fits, effect, _threshold(score, share)):
             trials.append((sum(_sum_of_squares(one) for one in fits), effect, fits))
     if not trials:

@@ -350,6 +350,8 @@ class DiagnosisDocument(Document):
     error: ErrorTable
     proposed: list[TermEntry] = []
     """Terms without a named effect, for what is left above the noise floor; coefficients to first order."""
+    notes: list[str] = []
+    """What could not be asked or answered, and why."""
     further_clips: list[FurtherClip] = []
     origin: dict[str, JsonValue]
 

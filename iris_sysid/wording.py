@@ -12,6 +12,7 @@ from iris_sysid.types import Discovery, Effect, Estimate, FitResult, PooledFit, 
 if TYPE_CHECKING:
     from iris_sysid.diagnosis import Diagnosis
 
+UNEXPLAINED = 2.0  # times the noise: what is left is then plain to see, and is no error in the noise
 NOTEWORTHY = 0.2  # inclusion of a term that was not selected, from which on it is shown
 
 
@@ -117,13 +118,19 @@ def diagnosis_sentence(diagnosis: Diagnosis) -> str:
     which = "held-out error" if heldout else "residual"
     before, after = (_angles(diagnosis, errors.heldout if heldout else errors.fitted) for errors in both)
     floor = _angles(diagnosis, diagnosis.noise_floor)
-    if not diagnosis.added:
-        return f"Nothing to add: the {which} is {before}, the noise floor {floor}.{_proposed(diagnosis)}"
+    left = diagnosis.after.fitted / diagnosis.noise_floor if diagnosis.noise_floor > 0 else 1.0
     named = [_effect_text(effect, diagnosis) for effect in diagnosis.added]
-    return (
-        f"Adding {' and '.join(named)} takes the {which} from {before} to {after}; the noise floor is {floor}."
-        f" {_moved(diagnosis)}"
-    ).rstrip() + _proposed(diagnosis)
+    if named:
+        text = f"Adding {' and '.join(named)} takes the {which} from {before} to {after}; the noise floor is {floor}."
+        moved = _moved(diagnosis)
+        text += f" {moved}" if moved else ""
+        text += f" More is lacking: what is left is {left:.2g} times the noise." if left > UNEXPLAINED else ""
+    elif left > UNEXPLAINED:
+        text = "Something is lacking, but no effect here is shown to be it: "
+        text += f"the {which} is {before}, the noise floor {floor}."
+    else:
+        text = f"Nothing to add: the {which} is {before}, the noise floor {floor}."
+    return text + _proposed(diagnosis) + "".join(f" Note: {note}." for note in diagnosis.notes)
 
 
 def _proposed(diagnosis: Diagnosis) -> str:
@@ -149,11 +156,12 @@ def _angles(diagnosis: Diagnosis, value: float) -> str:
 
 
 def _moved(diagnosis: Diagnosis) -> str:
-    """Base parameters that moved by more than twice their standard error before."""
+    """Base parameters that moved by more than twice their standard error; not the small offsets of a geometry."""
+    offsets = {one.name for one in diagnosis.base.model.parameters if one.constant and one.default == 0}
     parts = []
     for name in diagnosis.base.free:
         base, final = diagnosis.base.estimates[name], diagnosis.final.estimates[name]
-        if name.endswith("_0") or not abs(final.value - base.value) > 2 * final.stderr:
+        if name.endswith("_0") or name in offsets or not abs(final.value - base.value) > 2 * final.stderr:
             continue
         unit = "" if base.unit in ("", "1") else f" {base.unit}"
         old, new = rounded(base.value, final.stderr)[0], rounded(final.value, final.stderr)[0]

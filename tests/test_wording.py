@@ -127,7 +127,9 @@ def test_table_of_a_failed_fit_shows_no_nan(failed_fit):
     assert text.endswith("theta: residual not known")
 
 
-def a_diagnosis(unit="rad", before=(0.01, 0.02), after=(0.005, 0.006), added=True, name="length", base_unit="m"):
+def a_diagnosis(
+    unit="rad", before=(0.01, 0.02), after=(0.005, 0.006), added=True, name="length", base_unit="m", notes=()
+):
     drag = EFFECTS["quadratic-drag"]
     size = {"quadratic_drag": Estimate(0.12, 0.001, "1/rad")}
     return SimpleNamespace(
@@ -136,10 +138,11 @@ def a_diagnosis(unit="rad", before=(0.01, 0.02), after=(0.005, 0.006), added=Tru
         after=SimpleNamespace(fitted=after[0], heldout=after[1]),
         noise_floor=0.001,
         proposed=(),
+        notes=notes,
         added=(drag,) if added else (),
         sizes=size,
         indistinguishable={"quadratic-drag": ("cubic-stiffness",)} if added else {},
-        base=SimpleNamespace(free=(name,), estimates={name: Estimate(1.0, 0.01, base_unit)}),
+        base=SimpleNamespace(model=MODELS["pendulum"], free=(name,), estimates={name: Estimate(1.0, 0.01, base_unit)}),
         final=SimpleNamespace(free=(name,), estimates={name: Estimate(1.1, 0.01, base_unit)}),
     )
 
@@ -147,14 +150,33 @@ def a_diagnosis(unit="rad", before=(0.01, 0.02), after=(0.005, 0.006), added=Tru
 def test_sentence_names_the_effect_its_doubles_the_errors_and_what_moved():
     assert wording.diagnosis_sentence(a_diagnosis()) == (
         "Adding quadratic drag (0.1200 ± 0.0010 1/rad, or as well cubic stiffness) takes the held-out error from "
-        "1.15° to 0.344°; the noise floor is 0.0573°. Length moves from 1.000 to 1.100 m."
+        "1.15° to 0.344°; the noise floor is 0.0573°. Length moves from 1.000 to 1.100 m. "
+        "More is lacking: what is left is 5 times the noise."
     )
 
 
 def test_sentence_when_nothing_is_lacking():
-    assert wording.diagnosis_sentence(a_diagnosis("m", added=False)) == (
-        "Nothing to add: the held-out error is 0.02 m, the noise floor 0.001 m."
+    at_the_noise = (0.001, 0.0011)
+    assert wording.diagnosis_sentence(a_diagnosis("m", at_the_noise, at_the_noise, added=False)) == (
+        "Nothing to add: the held-out error is 0.0011 m, the noise floor 0.001 m."
     )
+
+
+def test_sentence_when_something_is_lacking_that_no_effect_is_shown_to_be():
+    unexplained = (0.01, 0.02)
+    assert wording.diagnosis_sentence(a_diagnosis("m", unexplained, unexplained, added=False)) == (
+        "Something is lacking, but no effect here is shown to be it: the held-out error is 0.02 m, "
+        "the noise floor 0.001 m."
+    )
+
+
+def test_sentence_ends_with_what_could_not_be_asked():
+    text = wording.diagnosis_sentence(a_diagnosis("m", added=False, notes=("the refit with impact is diverged: why",)))
+    assert text.endswith(" Note: the refit with impact is diverged: why.")
+
+
+def test_sentence_leaves_out_offsets_of_the_geometry():
+    assert "Pivot" not in wording.diagnosis_sentence(a_diagnosis(name="pivot_across", base_unit="1"))
 
 
 @pytest.mark.parametrize(("before", "after"), [((0.01, NAN), (0.005, NAN)), ((0.01, 0.02), (0.005, NAN))])
@@ -170,8 +192,8 @@ def test_sentence_keeps_digits_of_numbers_without_unit():
 
 
 def test_sentence_keeps_capitals_of_units():
-    assert wording.diagnosis_sentence(a_diagnosis("V", name="gain", base_unit="V")).endswith(
-        "Gain moves from 1.000 to 1.100 V."
+    assert " Gain moves from 1.000 to 1.100 V." in wording.diagnosis_sentence(
+        a_diagnosis("V", name="gain", base_unit="V")
     )
 
 

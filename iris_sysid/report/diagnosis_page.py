@@ -91,6 +91,7 @@ def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Dia
         ruled_out=ruled_out,
         error={**errors, **floor},
         proposed=[term_entry(one) for one in diagnosis.proposed],
+        notes=list(diagnosis.notes),
         further_clips=others,
     )
 

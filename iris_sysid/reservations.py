@@ -1,0 +1,64 @@
+"""What a reader of a diagnosis must know beside its sentence: why something could not be asked, or answered."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from iris_sysid.scores import Score
+from iris_sysid.types import FitResult
+
+MOST_NAMED = 3  # clips with the same reservation; more are counted
+
+
+def reservations(bases: Sequence[FitResult], screened: Sequence[Score], failed: Sequence[str]) -> tuple[str, ...]:
+    """Say where the base fits are doubtful, the noise hides the motion, no effect can be told, or a refit failed.
+
+    Parameters
+    ----------
+    bases
+        Fits of the model as it was given, one a clip.
+    screened
+        The last round of the screen; empty when no effect applies.
+    failed
+        A text for each effect that could not be refitted.
+    """
+    doubtful = [
+        f"{_clip(k, bases)}the base fit is {one.status}: {one.message}"
+        for k, one in enumerate(bases)
+        if one.status in ("at-bound", "singular")
+    ]
+    hidden = [f"{_clip(k, bases)}{text}" for k, one in enumerate(bases) if (text := _hidden_in_noise(one))]
+    return (*_few(doubtful), *_few(hidden), *_unseen(screened), *failed)
+
+
+def _clip(k: int, bases: Sequence[FitResult]) -> str:
+    return f"clip {k + 1}: " if len(bases) > 1 else ""
+
+
+def _few(texts: Sequence[str]) -> list[str]:
+    more = len(texts) - MOST_NAMED
+    return [*texts[:MOST_NAMED], f"{more} more clips with the like"] if more > 0 else list(texts)
+
+
+def _hidden_in_noise(fit: FitResult) -> str:
+    """Why nothing can be said of a motion that is smaller than the noise; empty where it is larger."""
+    motion = np.std(fit.predicted[fit.used], axis=0)
+    for quantity, noise, size in zip(fit.model.observed, fit.noise, motion, strict=True):
+        if noise > size:
+            return (
+                f"the noise of {quantity.name} ({noise:.2g} {quantity.unit}) is larger than its motion "
+                f"({size:.2g} {quantity.unit}), which hides any effect"
+            )
+    return ""
+
+
+def _unseen(screened: Sequence[Score]) -> list[str]:
+    """Why the screen has nothing to say; empty when it has."""
+    if not screened:
+        return ["no effect of the library applies to this model"]
+    if any(np.isfinite(one.size) for one in screened):
+        return []
+    names = ", ".join(one.effect for one in screened)
+    return [f"no effect can be told from the fitted parameters in these data ({names}): hold one that is known"]
