@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from tests._project import ROOT
+from tests._project import ROOT, recording
 
 EXAMPLES = {
     "one_clip.py": [
@@ -16,23 +16,53 @@ EXAMPLES = {
         r"^gravity +9\.80665\d* .* m/s\^2$",
         r"^report: one-clip.report.report\.html$",
     ],
+    "hidden_effect.py": [
+        r"^length +0\.(499|500|501)\d* ",
+        r"^Adding coulomb friction \(0\.1[45]\d* ± 0\.00\d* rad/s\^2",
+        r"^hidden was: coulomb-friction 0\.15$",
+        r"^report: hidden-effect.diagnosis.report\.html$",
+    ],
     "one_table.py": [
         r"^length +0\.(39|40)\d* +0\.000\d* +m$",
         r"^misfit ",
         r"^Adding quadratic drag \(0\.1[45]\d* ± 0\.\d+ 1/rad",
     ],
 }
+ON_MEASURED_DATA = "two_tanks.py"
+
+
+def started(folder, name, *arguments):
+    environment = {**os.environ, "PYTHONWARNINGS": "error", "PYTHONIOENCODING": "utf-8", "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, str(ROOT / "examples" / name), *map(str, arguments)]
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, encoding="utf-8")
 
 
 def test_every_example_is_run():
-    assert {path.name for path in (ROOT / "examples").glob("*.py")} == set(EXAMPLES)
+    assert {path.name for path in (ROOT / "examples").glob("*.py")} == {*EXAMPLES, ON_MEASURED_DATA}
+
+
+def test_tanks_without_their_file_say_where_it_is(tmp_path):
+    for arguments in ((), ("none.csv",)):
+        done = started(tmp_path, ON_MEASURED_DATA, *arguments)
+        assert done.returncode == 1
+        assert done.stderr.startswith(
+            "usage: two_tanks.py tanque.csv [folder]; the file is at https://doi.org/10.4121/"
+        )
+        assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_tanks_lack_a_gain_that_changes_and_then_predict_the_other_record_better_than_was_published(tmp_path):
+    done = started(tmp_path, ON_MEASURED_DATA, recording("cascaded_tanks") / "tanque.csv")
+    assert done.returncode == 0, done.stderr
+    assert "rimmed-tanks: Adding gain change (" in done.stdout
+    errors = {name: float(error) for name, error in re.findall(r"^  (\S.*): ([\d.]+) V, ", done.stdout, re.MULTILINE)}
+    assert errors["real-tanks"] < 0.191 < errors["two-tanks"]
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_example_prints_what_it_promises(name, tmp_path):
-    environment = {**os.environ, "PYTHONWARNINGS": "error", "PYTHONIOENCODING": "utf-8", "PYTHONPATH": str(ROOT)}
-    command = [sys.executable, str(ROOT / "examples" / name)]
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, encoding="utf-8")
+    done = started(tmp_path, name)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     for line in EXAMPLES[name]:

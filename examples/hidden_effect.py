@@ -1,0 +1,57 @@
+"""From a clip with an effect hidden in it to the sentence that names it, one step after another.
+
+The clip is rendered first, with one of three effects that the pendulum's equation lacks; which one is said at the end.
+Run it: python examples/hidden_effect.py [folder] [seed]
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from iris_sysid import MODELS, diagnose, estimates_frame, fit, observe, open_video, track
+from iris_sysid.calibration import uncalibrated
+from iris_sysid.report.diagnosis_page import write_diagnosis
+from iris_sysid.synthetic import render_clip
+from iris_sysid.wording import diagnosis_sentence
+
+HIDDEN = (("quadratic-drag", 0.15), ("coulomb-friction", 0.15), ("zero-offset", 0.03))  # 1/rad; rad/s^2; rad
+
+
+def render(clip: Path, seed: int) -> tuple[str, float]:
+    """Film a pendulum with something hidden in its motion, and return what."""
+    name, size = HIDDEN[int(np.random.default_rng(seed).integers(len(HIDDEN)))]
+    render_clip(
+        "pendulum",
+        clip,
+        effects={name: size},
+        size=(640, 360),
+        fps=60.0,
+        duration_s=6.0,
+        seed=seed,
+        overrides={"theta_0": -0.9, "damping": 0.04},
+        overwrite=True,
+    )
+    return name, size
+
+
+def main(folder: Path, seed: int) -> None:
+    """Track, fit, ask what is missing, and only then look at what was hidden."""
+    clip = folder / "pendulum.mp4"
+    hidden = render(clip, seed)
+
+    tracks = track(open_video(clip))
+    _, angle = observe(tracks, uncalibrated(), "pendulum")
+
+    fitted = fit(angle, MODELS["pendulum"])
+    print(estimates_frame(fitted)[["value", "stderr", "unit"]])
+    print(f"the fit: {fitted.status}; residual {fitted.rms[0]:.2g} rad, noise {fitted.noise[0]:.2g} rad")
+
+    found = diagnose(angle, MODELS["pendulum"])
+    print(diagnosis_sentence(found))
+    print("hidden was: {} {:g}".format(*hidden))
+    print(f"report: {write_diagnosis(found, angle, folder / 'diagnosis', overwrite=True)}")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "hidden-effect"), int(sys.argv[2]) if len(sys.argv) > 2 else 1)
