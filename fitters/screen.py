@@ -94,7 +94,10 @@ def motion_of(fitted: FitResult, trajectory: Trajectory) -> Motion:
         What it was fitted to, for its inputs.
     """
     model, values = fitted.model, {name: estimate.value for name, estimate in fitted.estimates.items()}
-    grid, at_samples = refined(fitted.t_s[fitted.used])
+    used_s = fitted.t_s[fitted.used]
+    before = [fitted.t0_s] if fitted.t0_s < used_s[0] else []  # the first samples may be wild
+    grid, at_samples = refined(np.array([*before, *used_s]))
+    at_samples = at_samples[len(before) :]
     known = _inputs_at(trajectory, grid)
     states, _ = simulate(model, grid, values, inputs=known)
     columns = []

@@ -188,12 +188,13 @@ def _averaged(library: Library, kept: Kept, fits: Sequence[FitResult]) -> tuple[
 def _linearised(clip: Trajectory, library: Library, one: FitResult, place: int, clips: int) -> list[Compressed]:
     """Compressed rows of each block of one clip about its fit."""
     model, used = one.model, np.flatnonzero(one.used)
-    span = slice(int(used[0]), int(used[-1]) + 1)
+    first = int(np.searchsorted(clip.t_s, one.t0_s))  # earlier than the first one used, when that is wild
+    span = slice(first, int(used[-1]) + 1)
     states = [f"{state.name}_0" for state in model.states]
     values = {name: estimate.value for name, estimate in one.estimates.items()}
     slopes = sensitivity(
         model, clip.t_s[span], values, [*library.names, *states], inputs=inputs_of(clip, library, span), tolerance=1e-7
-    )[used - used[0]]
+    )[used - first]
     residual = one.residual[used]
     slopes = np.where(np.isfinite(slopes), slopes, 0.0)
     coefficients = np.array([values[name] for name in library.names])

@@ -15,6 +15,7 @@ from fitters.sindy_sparse import Compressed, proposed, significant, term_price
 from fitters.sindy_weak import Rows, pieces_of, rows_of
 from iris_sysid.errors import DataError, FitError
 from iris_sysid.registry import MODELS
+from iris_sysid.report.figures import fitted_curve
 from iris_sysid.types import Estimate, Quantity, Segment, Trajectory
 from iris_sysid.wording import discovery_sentence
 from tests import _real_data as real
@@ -148,6 +149,18 @@ def test_gap_is_not_bridged_by_any_window():
     pieces = pieces_of(clip, library_of(clip.quantities))
     assert [(one.t_s[0], one.t_s[-1]) for one in pieces] == [(0.0, 200 / 60), (260 / 60, 479 / 60)]
     assert selected(discover(clip, resampled=5)) == {"theta_sin", "theta_rate"}
+
+
+def test_first_samples_that_are_wild_move_nothing_in_time():
+    clip = motion("pendulum", PENDULUM, 8.0)
+    wild = clip.position.copy()
+    wild[:2] += [[0.05], [-0.05]]
+    found = discover(clip.with_(position=wild), resampled=5)
+    assert not found.fits[0].used[0]
+    assert found.fits[0].used.sum() > 470
+    assert selected(found) == {"theta_sin", "theta_rate"}
+    t_s, curve = fitted_curve(found.fits[0])
+    assert np.interp(1.0, t_s, curve[:, 0]) == pytest.approx(float(clip.position[60, 0]), abs=5e-3)
 
 
 def test_impact_between_two_motions_is_never_inside_a_window():

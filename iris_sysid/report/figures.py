@@ -139,7 +139,7 @@ def fitted_curve(fit: FitResult) -> tuple[Array, Array]:
     used = np.flatnonzero(fit.used)
     if not fit.usable or used.size < 2 or used.size > CURVE_POINTS or fit.model.inputs:
         return fit.t_s, fit.predicted
-    t_s = np.linspace(fit.t_s[used[0]], fit.t_s[used[-1]], CURVE_POINTS)
+    t_s = np.linspace(fit.t0_s, fit.t_s[used[-1]], CURVE_POINTS)
     return t_s, simulate(fit.model, t_s, {name: one.value for name, one in fit.estimates.items()}).observed
 
 
