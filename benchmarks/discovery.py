@@ -291,27 +291,31 @@ def fitted_values(values: dict[str, float]) -> dict[str, float]:
 
 
 SWEEPS = {
-    "noise (px)": ((0.01, 0.03, 0.1, 0.3, 1.0, 3.0), lambda x: {"noise": x / NOISE_PX}),
+    "noise (px)": ((0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0), lambda x: {"noise": x / NOISE_PX}),
     "frame rate (1/s)": ((10, 15, 30, 60, 120, 240), lambda x: {"fps": x}),
-    "length (s)": ((1, 2, 5, 10, 20, 40), lambda x: {"length": x / 10.0}),
+    "length (s)": ((0.5, 1, 2, 5, 10, 20, 40), lambda x: {"length": x / 10.0}),
 }
 
 
-def degradation(motion: Motion, sweep: str, seeds: int) -> dict[str, list[float]]:
-    """Share of exact structures of each method at each point of a sweep."""
+def degradation(motion: Motion, sweep: str, seeds: int) -> tuple[dict[str, list[float]], list[float]]:
+    """Share of exact structures of each method at each point of a sweep, and the median worst error of ours."""
     points, change = SWEEPS[sweep]
     shares: dict[str, list[float]] = {name: [] for name in ("ours", *METHODS)}
+    errors = []
     for point in points:
-        hits = dict.fromkeys(shares, 0)
+        hits, off = dict.fromkeys(shares, 0), []
         for seed in range(seeds):
-            trajectory, _ = drawn(motion, seed, **change(point))
-            hits["ours"] += ours(trajectory)[0] == set(motion.terms)
+            trajectory, values = drawn(motion, seed, **change(point))
+            terms, found = ours(trajectory)
+            hits["ours"] += terms == set(motion.terms)
+            off.append(worst_error(found, fitted_values(values)))
             np.random.seed(seed)  # noqa: NPY002 - EnsembleOptimizer knows no other
             for name, method in METHODS.items():
                 hits[name] += quietly(method, trajectory) == set(motion.terms)
         for name, hit in hits.items():
             shares[name].append(hit / seeds)
-    return shares
+        errors.append(float(np.median(np.nan_to_num(off, nan=np.inf))))
+    return shares, errors
 
 
 def print_degradation(motions: Sequence[Motion], seeds: int, picture: Path | None) -> None:
@@ -320,11 +324,18 @@ def print_degradation(motions: Sequence[Motion], seeds: int, picture: Path | Non
     for motion in motions:
         curves[motion.model] = {}
         for sweep, (points, _) in SWEEPS.items():
-            shares = curves[motion.model][sweep] = degradation(motion, sweep, seeds)
+            shares, errors = degradation(motion, sweep, seeds)
+            curves[motion.model][sweep] = shares
             print(f"\n| {motion.model}, {sweep} | " + " | ".join(f"{p:g}" for p in points) + " |")
             print("|---" * (len(points) + 1) + "|")
             for name, values in shares.items():
-                print(f"| {name} | " + " | ".join(f"{100 * v:.0f} %" for v in values) + " |", flush=True)
+                print(f"| {name} | " + " | ".join(f"{100 * v:.0f} %" for v in values) + " |")
+            print(
+                "| ours, worst parameter off by | "
+                + " | ".join(f"{100 * v:.2g} %" if np.isfinite(v) else "-" for v in errors)
+                + " |",
+                flush=True,
+            )
     if picture is not None:
         draw_degradation(curves, picture)
 
