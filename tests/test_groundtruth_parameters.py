@@ -101,6 +101,11 @@ def test_angles_are_in_degrees():
     assert found.within == pytest.approx(math.degrees(0.01))
 
 
+def test_error_of_a_boards_angle_does_not_average_out():
+    rows = [clip_measured(f"{k}", {"angle": (1.0, 0.01, "rad")}, class_name="Sliding_cone") for k in range(9)]
+    assert regenerate(rows, "angle").standard_uncertainty > math.degrees(0.01)
+
+
 def test_an_assumed_constant_is_never_said_to_be_measured():
     clips = [
         clip_measured(f"{k}", {"gravity": (9.80665, 0.0, "m/s^2", "assumed")}, class_name="Falling_ball", setting="big")

@@ -17,7 +17,18 @@ from iris_sysid.schemas import known_number, known_numbers
 from iris_sysid.types import NORMAL_975, Estimate, Population
 
 # sources of error that all clips of a setting have in common, by the beginning of their names
-COMMON = ("calibration", "time base", "edge of the ball", "axis of the turn", "gravity", "r0_f", "ball_radius", "h0")
+COMMON = (
+    "calibration",
+    "time base",
+    "edge of the ball",
+    "axis of the turn",
+    "angle",
+    "gravity",
+    "r0_f",
+    "ball_radius",
+    "h0",
+)
+GEOMETRY = "geometry"  # of a value that is measured on the way to the trajectory and has no budget: the board's angle
 DEGREES_PER_RADIAN = 180 / math.pi
 METHOD = (
     "each clip fitted alone; mean over clips by restricted maximum likelihood (random effects), Hartung-Knapp error; "
@@ -165,6 +176,8 @@ def _population(used: Sequence[_Value], unit: str) -> Population | None:
 
 def _common(used: Sequence[_Value], parameter: str) -> dict[str, float]:
     """Standard error of the mean from each source that the clips share: the mean of what it is in each."""
+    if not used[0].document.budget.get(parameter):
+        return {GEOMETRY: float(np.mean([one.estimate.stderr for one in used]))} if len(used) > 1 else {}
     parts = [one.document.common(parameter, COMMON) for one in used]
     factor = DEGREES_PER_RADIAN if used[0].estimate.unit == "deg" else 1.0
     names = sorted({name for part in parts for name in part})

@@ -7,11 +7,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from iris_sysid.arrays import Mask
 from iris_sysid.errors import DataError
 from iris_sysid.phenomena._geometry import Line, fit_line
 from iris_sysid.phenomena._motion import in_motion, only_body, stated
 from iris_sysid.types import Array, BenchmarkClass, Estimate, Phenomenon, Quantity, Trajectory
 
+# px: what hand, blur and shading move the place of a body that speeds up against the body itself; on the twin 0.2
+DRIFT_PX = 0.2
 STRAIGHT = 0.02  # scatter across the line over its length: a lens bends a board by less, an arc of 25 degrees by more
 
 
@@ -48,7 +51,7 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
         quantities=(Quantity("s", unit, "s"),),
         position=((body.position[:, :2] - start) @ direction)[:, None],
         sigma=np.hypot(*(body.sigma[:, :2] * direction).T)[:, None],
-        geometry={**body.geometry, **_geometry(line, direction, int(used.sum()), unit, settings)},
+        geometry={**body.geometry, **_geometry(body, used, line, direction, settings)},
         smoothed=None,
     )
 
@@ -60,18 +63,26 @@ def _downhill(line: Line) -> Array:
 
 
 def _geometry(
-    line: Line, direction: Array, count: int, unit: str, settings: Mapping[str, Estimate]
+    body: Trajectory, used: Mask, line: Line, direction: Array, settings: Mapping[str, Estimate]
 ) -> dict[str, Estimate]:
-    angle = float(np.arctan2(-direction[1], abs(direction[0])))
-    measured = Estimate(angle, line.angle_stderr, "rad", "fitted", "direction of the motion from the horizontal")
-    scatter = Estimate(line.scatter, line.scatter / math.sqrt(2 * count), unit, "fitted", "positions across the line")
+    angle, unit = float(np.arctan2(-direction[1], abs(direction[0]))), body.quantities[0].unit
+    stderr = math.hypot(line.angle_stderr, _drift(body, used, line))
+    measured = Estimate(angle, stderr, "rad", "fitted", "direction of the motion from the horizontal")
+    scatter = line.scatter / math.sqrt(2 * int(used.sum()))
     given = stated(settings, "angle")
     return {
         "angle": given.get("angle", measured),
         **({"angle_of_motion": measured} if given else {}),
-        "across_scatter": scatter,
+        "across_scatter": Estimate(line.scatter, scatter, unit, "fitted", "positions across the line"),
         **stated(settings, "ball_radius"),
     }
+
+
+def _drift(body: Trajectory, used: Mask, line: Line) -> float:
+    """Standard error, rad, of the line's angle from a place that drifts against the body on the way."""
+    scale = body.geometry.get("scale")
+    px = scale.value if scale is not None and body.quantities[0].unit == "m" else 1.0
+    return DRIFT_PX / px / float(np.ptp(body.position[used, :2] @ line.direction))
 
 
 def _check_straight(line: Line, position: Array, unit: str) -> None:
