@@ -106,10 +106,10 @@ class _Clip:
     def with_open_geometry(self, model: OdeModel) -> tuple[_Clip, FitResult]:
         """The same question with the geometry that was measured with an error left open, where the data fix it.
 
-        And the model's fit to the clip, so asked.
+        And the model's fit to the clip, so asked. Without a default it is no part of the motion, e.g. a board's angle.
         """
-        measured = self.trajectory.geometry
-        names = [one.name for one in model.parameters if one.constant and one.name in measured]
+        measured, own = self.trajectory.geometry, [one for one in model.parameters if one.default is not None]
+        names = [one.name for one in own if one.constant and one.name in measured]
         unsure = [name for name in names if measured[name].stderr > 0 and name not in {*self.fixed, *self.free}]
         wider = replace(self, free=[*self.free, *unsure])
         fitted = wider.refit(model)

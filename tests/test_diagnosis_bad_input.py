@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from iris_sysid import EFFECTS, MODELS, OdeModel, Parameter, Quantity, Trajectory, diagnose
+from iris_sysid import EFFECTS, MODELS, Estimate, OdeModel, Parameter, Quantity, Trajectory, diagnose
 from iris_sysid.errors import FitError
 from iris_sysid.wording import diagnosis_sentence
 
@@ -140,3 +140,12 @@ def test_clip_in_pixels_is_diagnosed_in_pixels():
     assert found.unit == "px"
     assert found.noise_floor == pytest.approx(500 * NOISE_M, rel=0.35)
     assert found.rounds[0][0].unit == "px/s^2"
+
+
+def test_angle_of_a_board_does_not_keep_a_slide_from_being_diagnosed():
+    noise = NOISE_M * np.random.default_rng(1).standard_normal(T_S.size)
+    angle = Estimate(0.384, 0.001, "rad", "fitted", "direction of the motion")
+    slide = clip(0.1 * T_S + 0.4 * T_S**2 + noise).with_(geometry={"angle": angle})
+    found = diagnose(slide, MODELS["incline"], effects=[EFFECTS["zero-offset"]])
+    assert found.base.estimates["acceleration"].value == pytest.approx(0.8, rel=0.01)
+    assert found.base.estimates["friction"].stderr > 0
