@@ -135,17 +135,18 @@ def report(title: str, rows: Sequence[Row]) -> None:
 
 
 def report_time(found: Measurements, seconds: float, pixels: int) -> None:
-    """Print processor time per clip and frame, and what the published data set would take at 4K."""
+    """Print processor time per clip and frame, and between what bounds the published data set would take at 4K."""
     if not found.now:
         print("\nno clip was measured now: no time to tell")
         return
     frames = np.mean([one.document.frames for one in found.clips if one.document.frames])
     per_clip = seconds / found.now
-    full = per_clip / float(frames) * FULL_PIXELS / pixels * FULL_FRAMES / 3600
+    least = per_clip / float(frames) * FULL_FRAMES / 3600
+    most = least * FULL_PIXELS / pixels
     print(
         f"\n{found.now} clips measured now: {per_clip:.1f} s of one processor a clip of {frames:.0f} frames, "
-        f"{1000 * per_clip / float(frames):.0f} ms a frame; in proportion to pixels the published data set "
-        f"({FULL_FRAMES} frames at 4K) would take {full:.0f} hours of one processor"
+        f"{1000 * per_clip / float(frames):.0f} ms a frame. The published data set, {FULL_FRAMES} frames at 4K, would "
+        f"take from {least:.0f} hours, if a frame of any size costs the same, to {most:.0f} in proportion to pixels"
     )
 
 
