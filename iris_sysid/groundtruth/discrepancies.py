@@ -14,6 +14,7 @@ ROPE_SAID = (
     "from clips it is the length of the equation, from the pivot to the ball's centre; a tape along the rope leaves "
     "out the ball's radius"
 )
+MISFIT = "the equation fits no clip down to the noise: the value holds only as well as the equation; see --diagnose"
 MUCH_NEARER = 3.0  # times
 
 
@@ -39,6 +40,8 @@ def notes_on(
         Empty where there is nothing to say.
     """
     notes = [ROPE_SAID] if name.startswith(ROPE) and regenerated is not None else []
+    if regenerated is not None and any(one.used and one.status == "misfit" for one in regenerated.clips.values()):
+        notes.append(MISFIT)
     if regenerated is None or difference is None:
         return notes
     off, half = number(difference.value), number(difference.expanded_uncertainty)
