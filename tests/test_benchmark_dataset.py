@@ -151,6 +151,21 @@ def test_extrapolation_needs_more_samples_than_are_fitted(subject):
     assert [one["parameter"] for one in rows] == [f"E_{k}" for k in AHEAD]
 
 
+def test_a_refit_is_told_what_the_measurement_was_told_and_no_more(tmp_path):
+    clip = failed_clip(tmp_path, "Falling_ball/big/01")
+    entries = {"r0_f": (76.3, "direct"), "gravity": (9.8, "fitted"), "h_0": (0.75, "fitted"), "h0": (0.75, "derived")}
+    parameters = {
+        name: {"value": value, "stderr": 0.1, "ci95": [None, None], "unit": "1", "measurement_type": kind}
+        for name, (value, kind) in entries.items()
+    }
+    told = clip.document.model_dump(mode="json") | {"model": "apparent-radius", "free": ["gravity", "h_0"]}
+    document = ClipDocument.model_validate_json(json.dumps(told | {"parameters": parameters}))
+    (subject,) = subjects_of([ClipMeasurement(clip.clip, document, tmp_path)], tmp_path, "x")
+    known, free = subject.told()
+    assert {name: one.value for name, one in known.items()} == {"r0_f": 76.3}
+    assert free == ["gravity"]
+
+
 # --------------------------------------------------------------------------- truth
 
 

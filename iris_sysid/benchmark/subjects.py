@@ -67,14 +67,16 @@ class Subject:
 
         What was measured in the picture is in the trajectory, where a fit finds it by itself.
         """
-        document, constants = self.measured.document, {one.name for one in self.model.parameters if one.constant}
+        document = self.measured.document
         known = {
-            name: one.estimate()
-            for name, one in document.parameters.items()
-            if name in constants and one.value is not None and (geometry or name not in document.geometry)
+            one.name: document.parameters[one.name].estimate()
+            for one in self.model.parameters
+            if one.name in document.parameters and one.name not in document.free
+            if geometry or one.name not in document.geometry
         }
-        opened = [name for name in document.free if name in constants]
-        return {name: one for name, one in known.items() if name not in opened}, opened
+        constants = [one.name for one in self.model.parameters if one.constant]
+        finite = {name: one for name, one in known.items() if math.isfinite(one.value)}
+        return finite, [name for name in document.free if name in constants]
 
     def refit(self, trajectory: Trajectory | None = None, **more: Any) -> FitResult:
         """The same fit again, or of another trajectory, or with other arguments of :func:`fitters.ode.fit`."""
