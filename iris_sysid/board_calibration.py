@@ -23,6 +23,7 @@ from iris_sysid.video import Video, open_video
 
 Progress = Callable[[int, int], None]
 Luma = NDArray[np.uint8]
+NO_VIEW = "no view"  # begins the note on a picture that shows no board
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -117,13 +118,7 @@ def calibrate_board(
     notes: list[str] = []
     if camera is None and not one_picture:
         views, notes = _views(clip, paths, board, choices, progress)
-        camera = calibrate_camera(
-            views,
-            board,
-            lens=choices.lens,
-            square_pixels=choices.square_pixels,
-            drop_outliers=choices.drop_outliers,
-        )
+        camera = _camera(views, board, choices, notes)
         notes += [*camera.notes, *(f"{name} was left out: {why}" for name, why in camera.left_out.items())]
     plane = plane_from_board(view, board, None if one_picture else camera, **_where(place))
     said = (f"{view.name}, the first that shows the board, is its place",) if place.view is None else ()
@@ -207,7 +202,26 @@ def _views(
         chosen = choose_frames(clip, board, count=choices.count, examine=choices.examine, progress=progress)
         return chosen.views, [chosen.summary]
     search = find_boards(paths, board, window_px=choices.window_px, progress=progress)
-    return search.views, [f"no view: {why}" for why in search.missing.values()]
+    return search.views, [f"{NO_VIEW}: {why}" for why in search.missing.values()]
+
+
+def _camera(
+    views: Sequence[BoardView], board: Board, choices: CameraChoices, notes: Sequence[str]
+) -> CameraCalibration:
+    """The camera that the views fix; where they do not, the error says also why other pictures gave no view."""
+    try:
+        return calibrate_camera(
+            views,
+            board,
+            lens=choices.lens,
+            square_pixels=choices.square_pixels,
+            drop_outliers=choices.drop_outliers,
+        )
+    except CalibrationError as error:
+        missing = [note for note in notes if note.startswith(NO_VIEW)]
+        if not missing:
+            raise
+        raise CalibrationError(f"{error}; {len(missing)} other pictures gave none, e.g. {missing[0]}") from error
 
 
 def _plane_view(

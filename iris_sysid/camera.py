@@ -221,9 +221,8 @@ def _near_duplicates(views: Sequence[BoardView], board: Board, image_size: tuple
 def _check_count(given: int, distinct: int) -> None:
     if distinct >= FEWEST_VIEWS:
         return
-    what = (
-        f"all {given} views are alike" if distinct == 1 and given > 1 else f"there are only {distinct} different views"
-    )
+    few = "there is only 1 view" if distinct == 1 else f"there are only {distinct} different views"
+    what = f"all {given} views are alike" if distinct == 1 and given > 1 else few
     raise CalibrationError(
         f"{what}, at least {FEWEST_VIEWS} are needed: focal length, principal point and distortion are not determined; "
         f"{TILT_HELP}, or calibrate the plane of motion from one picture without the camera"

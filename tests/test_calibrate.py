@@ -456,6 +456,11 @@ def same(folder):
         (lambda k, one: cv2.GaussianBlur(one, (0, 0), 9), (), "none of 4 pictures shows the board"),
         (lambda k, one: one if k else cv2.resize(one, (1440, 810)), (), "pictures differ in size"),
         ("same", (), "all 4 views are alike.*not determined"),
+        (
+            lambda k, one: one if k < 2 else np.full_like(one, 128),
+            (),
+            "only 2 different views.*2 other pictures gave none, e.g. no view: view2.png: no checkerboard is seen",
+        ),
         (lambda k, one: one, ("--plane-view", "9"), "no picture number 9; 4 were given"),
         (lambda k, one: one, ("--square", "30"), "give the unit m, cm or mm"),
         (lambda k, one: one, ("--object", "200px=1m"), "give one of --board, --object"),
