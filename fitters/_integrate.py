@@ -64,6 +64,14 @@ def _weighted(state: Array, slopes: Array, stage: int, step_s: float, out: Array
 
 
 @kernel(inline="always")
+def _copy(values: Array, out: Array) -> None:
+    """Fill out with values, one by one: an assignment of whole arrays takes numba seconds to compile."""
+    for i in range(values.shape[0]):
+        for c in range(values.shape[1]):
+            out[i, c] = values[i, c]
+
+
+@kernel(inline="always")
 def _inputs_at(fraction: float, before: Array, after: Array, linear: bool, out: Array) -> None:
     """Inputs inside a sample interval: on the line between its ends, or held at the value of its start."""
     for i in range(before.size):
@@ -103,10 +111,11 @@ def integrate(
         (n, s, c), written. Not finite from where the solution runs away.
     """
     slopes = np.zeros((STAGES, initial.shape[0], initial.shape[1]))
-    state = initial.copy()
-    trial = initial.copy()
+    state = np.zeros((initial.shape[0], initial.shape[1]))
+    trial = np.zeros((initial.shape[0], initial.shape[1]))
     inputs_now = np.zeros(inputs.shape[1])
-    out[0] = state
+    _copy(initial, state)
+    _copy(state, out[0])
     for k in range(t_s.size - 1):
         step_s = (t_s[k + 1] - t_s[k]) / substeps[k]
         for m in range(substeps[k]):
@@ -117,4 +126,4 @@ def integrate(
                 columns(t_s[k] + (m + NODES[stage]) * step_s, trial, params, inputs_now, slopes[stage])
             _weighted(state, slopes, STAGES, step_s, trial)
             state, trial = trial, state
-        out[k + 1] = state
+        _copy(state, out[k + 1])
