@@ -139,7 +139,8 @@ real_tanks = replace(
     name="real-tanks",
     summary="two tanks that run over, and a sensor whose gain changes, that stays wet and that ends at full scale",
     parameters=(
-        *rimmed_tanks.parameters,
+        *OUTFLOWS,
+        *(replace(one, upper=10.0) if one.name == "lower_rim" else one for one in OVERFLOW),  # 10 V, by the sensor
         Parameter("gain_level", "V", "h_g", lower=3.5, upper=5.0, default=4.4),
         Parameter("gain", "1", "g", lower=1.0, upper=4.0, default=2.0),
         Parameter("film", "1", "f", lower=0.0, upper=1.0, default=0.3),

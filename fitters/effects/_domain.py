@@ -35,6 +35,11 @@ def is_read_in_volts(model: OdeModel) -> bool:
     return on_a_line(model) and model.observed[0].unit == "V"
 
 
+def is_filmed(model: OdeModel) -> bool:
+    """Whether one quantity is observed, and by a camera."""
+    return on_a_line(model) and not is_read_in_volts(model)
+
+
 def on_a_line(model: OdeModel) -> bool:
     """Whether one quantity is observed."""
     return len(model.observed) == 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitters.effects._domain import on_a_line
+from fitters.effects._domain import is_filmed
 from iris_sysid.types import Array, Effect, Parameter
 
 
@@ -17,7 +17,7 @@ EFFECT = Effect(
     equation=r"x_\mathrm{seen} = x / (1 + k\,x)",
     source="Hartley and Zisserman (2004), Multiple View Geometry, section 2.4: projective map of a line",
     parameters=(Parameter("camera_tilt", "1/{x}", "k", default=0.0),),
-    applies=on_a_line,
+    applies=is_filmed,
     observe=observe,
     alike="quadratic forces; zero-offset, for small swings",
 )

@@ -32,6 +32,6 @@ EFFECT = Effect(
     ),
     applies=is_read_in_volts,
     observe=observe,
-    alike="radial-distortion",
+    alike="a level from which the way out is another",
     trials=trials,
 )

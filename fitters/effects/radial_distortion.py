@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitters.effects._domain import on_a_line
+from fitters.effects._domain import is_filmed
 from iris_sysid.types import Array, Effect, Parameter
 
 
@@ -17,7 +17,7 @@ EFFECT = Effect(
     equation=r"x_\mathrm{seen} = x\,(1 + k\,x^2)",
     source="Brown (1971), Photogrammetric Engineering 37, 855, first radial term",
     parameters=(Parameter("radial_distortion", "1/{x}^2", "k", default=0.0),),
-    applies=on_a_line,
+    applies=is_filmed,
     observe=observe,
     alike="cubic-stiffness",
 )

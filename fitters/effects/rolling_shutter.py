@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitters.effects._domain import on_a_line
+from fitters.effects._domain import is_filmed
 from iris_sysid.types import Array, Effect, Parameter
 
 
@@ -17,7 +17,7 @@ EFFECT = Effect(
     equation=r"x_\mathrm{seen} = x(t + \tau\,x)",
     source="Liang, Chang and Chen (2008), IEEE Trans. Image Process. 17, 1323",
     parameters=(Parameter("rolling_shutter", "s/{x}", r"\tau", default=0.0),),
-    applies=on_a_line,
+    applies=is_filmed,
     observe=observe,
     alike="quadratic forces, weakly",
 )
