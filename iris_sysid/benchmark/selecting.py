@@ -48,7 +48,8 @@ def _choice(subject: Subject) -> Choice:
     phenomenon = PHENOMENA[subject.clip.phenomenon]
     path = subject.measured.folder.parent / "calibration.json"
     calibration = read_calibration(path) if path.is_file() else uncalibrated()
-    return select_model([segmented(one, calibration, phenomenon) for one in subject.measured.tracks()])
+    bodies = subject.measured.tracks()[: len(subject.model.observed)]  # cups that a ball hits are not its equation
+    return select_model([segmented(one, calibration, phenomenon) for one in bodies])
 
 
 def _row(subject: Subject, method: str, answer: str, status: str) -> dict[str, Any]:

@@ -168,10 +168,15 @@ def _of_clip(clip: Clip) -> dict[str, TrueValue]:
     path = clip.path.with_name(f"{clip.path.stem}.truth.json")
     entries = _json(path).get("parameters", {}) if path.is_file() else {}
     return {
-        str(name): TrueValue(_number(entry, "value") * (DEGREES if entry.get("unit") == "rad" else 1.0), path.name)
+        str(name): TrueValue(_in_degrees(_number(entry, "value"), str(entry.get("unit"))), path.name)
         for name, entry in entries.items()
         if isinstance(entry, dict) and math.isfinite(_number(entry, "value"))
     }
+
+
+def _in_degrees(value: float, unit: str) -> float:
+    """An angle in degrees, without the last digits that the conversion leaves; any other value as it is."""
+    return float(f"{value * DEGREES:.12g}") if unit == "rad" else value
 
 
 def _of_setting(clip: Clip, told: Mapping[str, Any]) -> dict[str, TrueValue]:
