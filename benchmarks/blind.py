@@ -5,19 +5,19 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from scipy.stats import norm
 
 from fitters.compose import with_effects
 from fitters.ode import fit, simulate
-from iris_sysid.diagnosis import FAMILY_LEVEL, diagnose
+from iris_sysid._search import SINGLE_LEVEL
+from iris_sysid.diagnosis import diagnose
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
-from iris_sysid.scores import screen, shaped, significant_from
-from iris_sysid.types import Array, Effect, OdeModel, Trajectory
+from iris_sysid.scores import Screen, screen, shaped, significant_from
+from iris_sysid.types import Array, Effect, Estimate, OdeModel, Trajectory
 
 FRAME_RATE_HZ = 60.0
 # by model: length of the clip, s; noise, in the observed unit (0.1 px of a 720-line picture); ranges of the truth
@@ -43,8 +43,9 @@ FACTORS = (0.5, 20.0)  # hidden sizes, in units of the smallest detectable one
 class Outcome:
     """What was hidden in a case and what was found.
 
-    ``factors`` are the hidden sizes over the smallest detectable ones, ``found`` whether each is the effect added or
-    in its stated class, ``off`` how far each size is off, in standard errors, NaN where another name was given;
+    ``factors`` are the hidden sizes over the smallest detectable ones (beside the other effect, where two are hidden),
+    ``found`` whether each is the effect added or in its stated class, ``off`` how far each size is off, in half-widths
+    of its 95 % interval, NaN where another name was given;
     ``wrong`` are the effects added in whose class nothing hidden is, ``excess`` is the error after over the noise.
     """
 
@@ -99,21 +100,33 @@ def hide(
         Of the case.
     """
     clean = measured(model, values, rng)
+    fitted = fit(clean, model)
     library = [one for one in EFFECTS.values() if one.applies(model)]
-    scores = [one for one in screen(library, fit(clean, model), clean)[0] if one.stderr > 0]
-    share = FAMILY_LEVEL / len(library)
-    effects, sizes, factors = [], {}, []
-    for index in rng.permutation(len(scores))[:count]:
-        score, effect = scores[index], EFFECTS[scores[index].effect]
-        shapes = list(effect.trials(clean.t_s, clean.position)) if effect.trials else [()]
-        factor = float(np.exp(rng.uniform(*np.log(FACTORS))))
-        effect = shaped(effect, shapes[int(rng.integers(len(shapes)))])
-        size = rng.choice([-1.0, 1.0]) * factor * significant_from(share, score.tried) * score.stderr
-        first = effect.parameters[0]
-        sizes[first.name] = float(np.clip(size, first.lower, first.upper))
-        effects.append(effect)
-        factors.append(factor)
+    visible = [one for one in screen(library, fitted, clean).scores.values() if one.stderr > 0]
+    chosen = [visible[index] for index in rng.permutation(len(visible))[:count]]
+    effects = [_in_some_shape(EFFECTS[one.effect], clean, rng) for one in chosen]
+    alone = screen([replace(one, trials=None) for one in effects], fitted, clean)
+    sizes, factors = {}, []
+    for effect, tried in zip(effects, (one.tried for one in chosen), strict=True):
+        first, factor = effect.parameters[0], float(np.exp(rng.uniform(*np.log(FACTORS))))
+        detectable = significant_from(SINGLE_LEVEL / len(library), tried) * alone.scores[effect.name].stderr
+        size = float(np.clip(rng.choice([-1.0, 1.0]) * factor * detectable, first.lower, first.upper))
+        sizes[first.name] = size
+        factors.append(abs(size) / detectable * _share_apart(effect.name, alone))
     return effects, sizes, factors
+
+
+def _in_some_shape(effect: Effect, clip: Trajectory, rng: np.random.Generator) -> Effect:
+    shapes = list(effect.trials(clip.t_s, clip.position)) if effect.trials else [()]
+    return shaped(effect, shapes[int(rng.integers(len(shapes)))])
+
+
+def _share_apart(name: str, alone: Screen) -> float:
+    """Of an effect's sensitivity, what the other effect hidden with it cannot imitate either."""
+    if name not in alone.visible:
+        return 0.0
+    others = [alone.cosine(name, other) for other in alone.scores if other != name]
+    return float(np.sqrt(1.0 - sum(others) ** 2))
 
 
 def case(seed: int, count: int) -> Outcome | None:
@@ -142,14 +155,19 @@ def case(seed: int, count: int) -> Outcome | None:
         hidden=hidden,
         factors=tuple(factors),
         found=tuple(any(name in one for one in classes) for name in hidden),
-        off=tuple(
-            (found.sizes[name].value - size) / found.sizes[name].stderr if name in found.sizes else np.nan
-            for name, size in sizes.items()
-        ),
+        off=tuple(_off(found.sizes.get(name), size) for name, size in sizes.items()),
         added=tuple(one.name for one in found.added),
         wrong=tuple(one.name for one, names in zip(found.added, classes, strict=True) if not names & set(hidden)),
         excess=found.after.fitted / SETTINGS[model.name][1],
     )
+
+
+def _off(found: Estimate | None, size: float) -> float:
+    """How far an estimate is off, in half-widths of its 95 % interval; NaN without one."""
+    if found is None:
+        return float("nan")
+    low, high = found.interval
+    return (found.value - size) / ((high - low) / 2)
 
 
 def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
@@ -163,7 +181,7 @@ def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
                 "hidden size": label,
                 "effects": len(part),
                 "named or in the class": _percent([one.found[k] for one, k in part]),
-                "interval covers": _percent(np.abs(off[np.isfinite(off)]) < norm.isf(0.025)),
+                "interval covers": _percent(np.abs(off[np.isfinite(off)]) < 1.0),
                 "wrong name in the case": _percent([bool(one.wrong) for one, _ in part]),
                 "error after / noise": f"{np.median([one.excess for one, _ in part]):.3f}" if part else "",
             }

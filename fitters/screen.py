@@ -16,6 +16,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_simpson
+from scipy.interpolate import CubicSpline
 
 from fitters.compose import bodies_of, plain_observation, within
 from fitters.ode import simulate
@@ -144,7 +145,7 @@ def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory, motio
         motion = motion or motion_of(fitted, trajectory)
         return motion.answer(force_along(effect, sizes, fitted.model, motion.grid, motion.states, motion.slopes))
     t_s, seen = fitted.t_s[fitted.used], fitted.predicted[fitted.used]
-    velocity = np.gradient(seen, t_s, axis=0)
+    velocity = CubicSpline(t_s, seen).derivative()(t_s)
     step = np.zeros_like(sizes)
     if effect.observe is not None:
         step[0] = 1e-4 * _scale_of(lambda size: effect_change(effect, t_s, seen, velocity, sizes, size), seen)

@@ -7,8 +7,9 @@ s' = s - J (J'J)^-1 J's is what the parameters cannot imitate, (s'r) / (s's') es
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from scipy.stats import norm
@@ -18,6 +19,8 @@ from fitters._covariance import inverse_normal, middle, random_uncertainty
 from fitters.screen import motion_of, sensitivity
 from iris_sysid.types import Array, Effect, FitResult, Trajectory
 
+ALIKE = 0.99  # cosine between projected sensitivities above which two effects cannot be told apart
+MOST_NUMBERS = 20_000_000  # in the directions; beyond, pairs are formed of each effect's best shape only
 HIDDEN = 1e-4  # share of a sensitivity that must be left after the parameters have taken theirs
 
 
@@ -27,7 +30,8 @@ class Score:
 
     ``size`` and ``stderr`` are its first-order estimate in ``unit``; ``gain`` is the share of the residual's
     sum of squares ``total``, in units of the noise, that it would take away; ``chi2`` is what that would take off
-    the chi-square of white noise. ``size`` and ``stderr`` are NaN when the data cannot show the effect.
+    the chi-square of white noise, with so many ``degrees`` of freedom. ``size`` and ``stderr`` are NaN when the data
+    cannot show the effect. ``shape`` are the other parameters at their best, of ``tried`` sets of them.
     """
 
     effect: str
@@ -37,6 +41,7 @@ class Score:
     gain: float
     total: float
     chi2: float
+    degrees: int = 1
     shape: tuple[float, ...] = ()
     tried: int = 1
 
@@ -47,17 +52,28 @@ class Score:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class _Direction:
+    """An effect in one shape: what the parameters cannot imitate of its sensitivity, as a unit vector and a length."""
+
+    effect: str
+    shape: tuple[float, ...]
+    unit: Array
+    length: float
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class _Residual:
     """What a fit leaves over, in units of the noise, and how it hangs together in time.
 
     ``values`` (n, d); ``basis`` (n * d, k) orthonormal, spans what the fitted parameters can imitate; ``process``
-    one autoregression a quantity.
+    one autoregression a quantity; ``unit`` that of what is observed.
     """
 
     t_s: Array
     values: Array
     basis: Array
     process: tuple[Autoregression, ...]
+    unit: str
 
     @classmethod
     def of(cls, fitted: FitResult, noise: Array) -> _Residual:
@@ -67,12 +83,41 @@ class _Residual:
         shaped = jacobian.reshape(*values.shape, -1)
         t_s = fitted.t_s[fitted.used]
         process = random_uncertainty(t_s, values, shaped, inverse_normal(jacobian)).noise
-        return cls(t_s, values, np.linalg.qr(jacobian)[0], process)
+        return cls(t_s, values, np.linalg.qr(jacobian)[0], process, fitted.model.observed[0].unit)
 
     @property
     def total(self) -> float:
         """Sum of squares."""
         return max(float(np.sum(self.values**2)), 1e-300)
+
+    def apart(self, sensitivity: Array) -> tuple[Array, float]:
+        """What the parameters cannot imitate of a sensitivity (n, d): unit vector (n * d,), length; 0 for nothing."""
+        along = sensitivity.ravel()
+        left = along - self.basis @ (self.basis.T @ along)
+        length = float(np.linalg.norm(left))
+        if not np.isfinite(length) or length <= HIDDEN * float(np.linalg.norm(along)):
+            return np.zeros_like(along), 0.0
+        return left / length, length
+
+    def score(self, effect: Effect, directions: Sequence[_Direction], tried: int) -> Score:
+        """The score of an effect in the shape that explains most; of NaN where it cannot be seen in any."""
+        unit = effect.parameters[0].unit.replace("{x}", self.unit)
+        hidden = Score(effect.name, np.nan, np.nan, unit, 0.0, self.total, 0.0, tried=tried)
+        if not directions:
+            return hidden
+        best = max(directions, key=lambda one: abs(float(one.unit @ self.values.ravel())))
+        along = float(best.unit @ self.values.ravel())
+        gain = min(along**2 / self.total, 1.0)
+        degrees = max(best.unit.size - self.basis.shape[1] - 1, 1)
+        return replace(
+            hidden,
+            size=along / best.length,
+            stderr=float(np.sqrt(self.variance_along(best.unit))) / best.length,
+            gain=gain,
+            chi2=degrees * gain / max(1.0 - gain, 1e-12),
+            degrees=degrees,
+            shape=best.shape,
+        )
 
     def variance_along(self, direction: Array) -> float:
         """Variance of the residual's component along a unit vector (n * d,): 1 for white noise of sigma."""
@@ -85,10 +130,76 @@ class _Residual:
         return float(sum(parts))
 
 
-def screen(
-    effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory
-) -> tuple[tuple[Score, ...], dict[str, Array]]:
-    """Score each effect against the residual of a fit, best first.
+@dataclass(frozen=True, eq=False, slots=True)
+class Pair:
+    """Two effects in the shapes in which they explain most together, and their sizes to first order.
+
+    ``gain`` is the part of the residual's sum of squares that they would take away, in units of the noise.
+    """
+
+    gain: float
+    sizes: tuple[float, float]
+    shapes: tuple[tuple[float, ...], tuple[float, ...]]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Screen:
+    """What every effect, in every shape tried, would explain of one clip's residual.
+
+    ``scores`` by effect are those of its best shape. Of the m effects and shapes that the parameters cannot imitate:
+    ``effects`` their names, ``shapes``, ``directions`` (m, n * d) s' of unit length, ``lengths`` (m,) of s', and
+    ``along`` (m,) the residual's components.
+    """
+
+    scores: Mapping[str, Score]
+    effects: tuple[str, ...]
+    shapes: tuple[tuple[float, ...], ...]
+    directions: Array
+    lengths: Array
+    along: Array
+
+    @property
+    def visible(self) -> frozenset[str]:
+        """The effects that the fitted parameters cannot imitate."""
+        return frozenset(self.effects)
+
+    def cosine(self, one: str, other: str) -> float:
+        """Between two effects in their best shapes; 0 where one of them cannot be seen."""
+        if not {one, other} <= self.visible:
+            return 0.0
+        return float(self.directions[self._best(one)] @ self.directions[self._best(other)])
+
+    def _best(self, name: str) -> int:
+        return max(self._rows(name), key=lambda k: abs(self.along[k]))
+
+    def _rows(self, name: str) -> list[int]:
+        return [k for k, effect in enumerate(self.effects) if effect == name]
+
+    def pairs(self, names: Collection[str]) -> dict[tuple[str, str], Pair]:
+        """The best of each pair of these effects; none where they are alike in every shape."""
+        rows = {name: self._rows(name) for name in sorted(self.visible & set(names))}
+        if self.directions.size > MOST_NUMBERS:
+            rows = {name: [self._best(name)] for name in rows}
+        found = {pair: self._pair(rows[pair[0]], rows[pair[1]]) for pair in combinations(rows, 2)}
+        return {names: pair for names, pair in found.items() if pair is not None}
+
+    def _pair(self, rows: Sequence[int], columns: Sequence[int]) -> Pair | None:
+        cosine = self.directions[rows] @ self.directions[columns].T
+        first, second = self.along[rows][:, None], self.along[columns][None, :]
+        apart = 1.0 - cosine**2
+        if not np.any(apart > 1.0 - ALIKE**2):
+            return None
+        apart = np.where(apart > 1.0 - ALIKE**2, apart, np.inf)
+        gain = (first**2 + second**2 - 2 * cosine * first * second) / apart
+        i, j = np.unravel_index(int(np.argmax(gain)), gain.shape)
+        shares = np.array([first[i, 0] - cosine[i, j] * second[0, j], second[0, j] - cosine[i, j] * first[i, 0]])
+        k, m = rows[int(i)], columns[int(j)]
+        sizes = shares / apart[i, j] / self.lengths[[k, m]]
+        return Pair(float(gain[i, j]), (float(sizes[0]), float(sizes[1])), (self.shapes[k], self.shapes[m]))
+
+
+def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory) -> Screen:
+    """Score each effect against the residual of a fit.
 
     Parameters
     ----------
@@ -98,27 +209,30 @@ def screen(
         The model without them.
     trajectory
         What it was fitted to.
-
-    Returns
-    -------
-    scores : tuple of Score
-        In falling order of gain.
-    projected : dict of str to ndarray
-        s' of each effect, of unit length; absent when the parameters imitate it entirely.
     """
     noise = np.where(fitted.noise > 0, fitted.noise, 1.0)
     residual = _Residual.of(fitted, noise)
-    scores, projected = [], {}
     forces = any(effect.acceleration is not None for effect in effects)
     motion = motion_of(fitted, trajectory) if forces else None
+    seen = (fitted.predicted + fitted.residual)[fitted.used]
+    scores, rows = {}, []
     for effect in effects:
-        best, direction = _best_shape(
-            effect, fitted, residual, lambda one: sensitivity(one, fitted, trajectory, motion) / noise
-        )
-        scores.append(best)
-        if direction is not None:
-            projected[effect.name] = direction
-    return tuple(sorted(scores, key=lambda score: -score.gain)), projected
+        shapes = list(effect.trials(residual.t_s, seen)) if effect.trials is not None else [()]
+        along = [sensitivity(shaped(effect, shape), fitted, trajectory, motion) / noise for shape in shapes]
+        directions = [
+            _Direction(effect.name, shape, *residual.apart(one)) for shape, one in zip(shapes, along, strict=True)
+        ]
+        visible = [one for one in directions if one.length > 0]
+        rows += visible
+        scores[effect.name] = residual.score(effect, visible, len(shapes))
+    return Screen(
+        scores,
+        tuple(one.effect for one in rows),
+        tuple(one.shape for one in rows),
+        np.array([one.unit for one in rows]).reshape(len(rows), residual.values.size),
+        np.array([one.length for one in rows]),
+        np.array([float(one.unit @ residual.values.ravel()) for one in rows]),
+    )
 
 
 def shaped(effect: Effect, shape: Sequence[float]) -> Effect:
@@ -136,45 +250,6 @@ def shaped(effect: Effect, shape: Sequence[float]) -> Effect:
     size, *rest = effect.parameters
     changed = (replace(one, default=value) for one, value in zip(rest, shape, strict=True))
     return replace(effect, parameters=(size, *changed))
-
-
-def _best_shape(
-    effect: Effect, fitted: FitResult, residual: _Residual, sensitivity_of: Callable[[Effect], Array]
-) -> tuple[Score, Array | None]:
-    """The score of the effect in the shape that explains most, and its direction; None when it cannot be seen."""
-    seen = (fitted.predicted + fitted.residual)[fitted.used]
-    shapes = list(effect.trials(residual.t_s, seen)) if effect.trials is not None else [()]
-    unit = effect.parameters[0].unit.replace("{x}", fitted.model.observed[0].unit)
-    best = Score(effect.name, np.nan, np.nan, unit, 0.0, residual.total, 0.0, tried=len(shapes))
-    seen_best: tuple[float, Array, tuple[float, ...]] | None = None
-    for shape in shapes:
-        along = sensitivity_of(shaped(effect, shape)).ravel()
-        apart = along - residual.basis @ (residual.basis.T @ along)
-        length = float(np.linalg.norm(apart))
-        if not np.isfinite(length) or length <= HIDDEN * float(np.linalg.norm(along)):
-            continue
-        explained = abs(float(apart @ residual.values.ravel())) / length
-        if seen_best is None or explained > seen_best[0]:
-            seen_best = (explained, apart, shape)
-    if seen_best is None:
-        return best, None
-    length = float(np.linalg.norm(seen_best[1]))
-    direction = seen_best[1] / length
-    return replace(_scored(best, direction, length, residual), shape=seen_best[2]), direction
-
-
-def _scored(score: Score, direction: Array, length: float, residual: _Residual) -> Score:
-    """The score with its numbers along a direction of unit length."""
-    along = float(direction @ residual.values.ravel())
-    gain = min(along**2 / residual.total, 1.0)
-    degrees = max(direction.size - residual.basis.shape[1] - 1, 1)
-    return replace(
-        score,
-        size=along / length,
-        stderr=float(np.sqrt(residual.variance_along(direction))) / length,
-        gain=gain,
-        chi2=degrees * gain / max(1.0 - gain, 1e-12),
-    )
 
 
 def significant_from(share: float, tries: int) -> float:

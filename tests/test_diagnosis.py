@@ -55,6 +55,37 @@ def test_two_hidden_effects_are_found_in_sequence():
     assert any("zero-offset" in one for one in named)
 
 
+def test_two_effects_of_which_stand_ins_explain_more_alone_are_found_together():
+    flight, hidden = MODELS["projectile"], {"coulomb-friction": -0.08, "parameter-drift": 0.013}
+    model = with_effects(flight, [EFFECTS[name] for name in hidden])
+    values = {"x_0": 0.02, "z_0": 0.78, "vx_0": 2.09, "vz_0": 2.46}
+    values |= {EFFECTS[name].parameters[0].name: size for name, size in hidden.items()}
+    t_s = np.arange(48) / 60
+    seen = simulate(model, t_s, values).observed
+    seen = seen + 2e-4 * np.random.default_rng(172).standard_normal(seen.shape)
+    found = diagnose(
+        Trajectory(t_s, flight.observed, seen, np.full_like(seen, np.nan), np.ones(48, dtype=bool)), flight
+    )
+    assert found.rounds[0][0].effect not in hidden  # a stand-in explains most alone
+    assert {effect.name for effect in found.added} == set(hidden)
+    for name, size in hidden.items():
+        estimate = found.sizes[EFFECTS[name].parameters[0].name]
+        assert abs(estimate.value - size) < 3.5 * estimate.stderr
+
+
+def test_effect_whose_size_and_duration_cannot_be_told_apart_is_still_significant():
+    release, t_s = EFFECTS["late-release"], np.arange(48) / 60
+    flight = MODELS["projectile"]
+    values = {"x_0": 0.08, "z_0": 0.52, "vx_0": 1.8, "vz_0": 2.14}
+    late = {"late_release": 0.026, "release_time": 0.1, "release_width": 1 / 30}
+    seen = simulate(with_effects(flight, [release]), t_s, {**values, **late}).observed
+    seen = seen + 2e-4 * np.random.default_rng(144).standard_normal(seen.shape)
+    clip = Trajectory(t_s, flight.observed, seen, np.full_like(seen, np.nan), np.ones(48, dtype=bool))
+    found = diagnose(clip, flight)
+    first = found.added[0].name
+    assert "late-release" in (first, *found.indistinguishable[first])
+
+
 def test_error_after_is_the_noise_and_the_base_parameters_come_right(dragged):
     _, found = dragged
     assert found.before.heldout > 3 * found.noise_floor

@@ -1,0 +1,287 @@
+"""The search for the effects that a model lacks: one at a time, two where one alone does not show, and over again.
+
+An effect that hides behind another is seen only when both are there, and one that was added early may be a stand-in
+for two that came later. So pairs are tried where no single effect is significant, and after each addition every
+effect must still be significant, and better than its rivals, beside all the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from math import prod
+
+import numpy as np
+from scipy.stats import chi2
+
+from iris_sysid._refits import Clip, Starts, State, errors_of, refitted, standard_errors
+from iris_sysid.scores import ALIKE, Score, Screen, combined, screen, significant_from
+from iris_sysid.types import Effect, OdeModel
+
+SINGLE_LEVEL = 0.04  # chance of adding a single effect to a model that lacks nothing
+PAIR_LEVEL = 0.01  # and of adding two together
+MOST_ADDED = 4
+MOST_REVISIONS = 4
+REFITTED = 4  # best of the screen that are refitted in each round, and of the pairs
+WORTH_REFITTING = 0.7  # of the chi-square that is significant; a refit can find more than the first order shows
+NEARLY = 0.2  # less of the gain to first order than another's; a refit can be that much better
+SAMPLES_A_PART = 10  # of a clip that is cut into short parts, the ends of which are held out
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Candidate:
+    """Effects that may be added together, ``names``, from ``starts``, one a clip.
+
+    ``chi2`` is what they would take off the chi-square of white noise, to first order, ``needed`` what is significant.
+    """
+
+    names: tuple[str, ...]
+    starts: tuple[Starts, ...]
+    chi2: float
+    needed: float
+
+    @property
+    def ratio(self) -> float:
+        """1 where the first order is significant for white noise."""
+        return self.chi2 / self.needed
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Screened:
+    """The screens of all clips, of all effects of a library of so many that a state does not have yet.
+
+    ``scores`` holds one a clip for each effect, best effect first.
+    """
+
+    screens: tuple[Screen, ...]
+    scores: tuple[tuple[Score, ...], ...]
+    library: int
+
+    @classmethod
+    def of(cls, library: Collection[Effect], current: State, clips: Sequence[Clip]) -> Screened:
+        """Screen what a state leaves over."""
+        left = [one for one in library if one.name not in current.names]
+        screens = tuple(screen(left, fit, clip.trajectory) for fit, clip in zip(current.fits, clips, strict=True))
+        together = [tuple(each.scores[one.name] for each in screens) for one in left]
+        together.sort(key=lambda one: -combined(one).gain)
+        return cls(screens, tuple(together), len(library))
+
+    @property
+    def visible(self) -> frozenset[str]:
+        """The effects that the fitted parameters cannot imitate, in every clip."""
+        return frozenset.intersection(*(one.visible for one in self.screens))
+
+    def single(self, name: str) -> Candidate:
+        """One effect, from the size that all clips give and the shape that explains most in each."""
+        scores = next(one for one in self.scores if one[0].effect == name)
+        together = combined(scores)
+        threshold = significant_from(SINGLE_LEVEL / self.library, scores[0].tried ** len(scores))
+        starts = tuple({name: (together.size, one.shape)} for one in scores)
+        return Candidate((name,), starts, together.chi2, threshold**2)
+
+    def pairs(self, names: frozenset[str]) -> list[Candidate]:
+        """All pairs of these effects, best first."""
+        if not names:
+            return []
+        each = [one.pairs(names) for one in self.screens]
+        tried = {one[0].effect: one[0].tried for one in self.scores}
+        degrees, total = (sum(one) for one in zip(*((s.degrees, s.total) for s in self.scores[0]), strict=True))
+        found = []
+        for pair in set.intersection(*(set(one) for one in each)):
+            clips = [one[pair] for one in each]
+            share = min(sum(one.gain for one in clips) / total, 1.0 - 1e-12)
+            tries = prod(tried[name] for name in pair) ** len(clips) * len(each[0])
+            starts = tuple(dict(zip(pair, zip(one.sizes, one.shapes, strict=True), strict=True)) for one in clips)
+            needed = float(chi2.isf(PAIR_LEVEL / tries, 2))
+            found.append(Candidate(pair, starts, degrees * share / (1.0 - share), needed))
+        return sorted(found, key=lambda one: (-one.ratio, one.names))
+
+    def parallel(self, name: str) -> list[str]:
+        """Effects whose sensitivity is parallel to that of the one named, in every clip."""
+        others = [one[0].effect for one in self.scores if one[0].effect != name]
+        return [one for one in others if all(abs(each.cosine(name, one)) > ALIKE for each in self.screens)]
+
+
+class Search:
+    """The search in one set of clips; every set of effects is fitted once.
+
+    Parameters
+    ----------
+    clips
+        What is asked of each.
+    model
+        The governing equation to question.
+    library
+        The effects that it may lack.
+    base
+        The fits without any.
+    holdout
+        Share of each clip that is held out.
+    say
+        Told each step in words.
+    """
+
+    def __init__(
+        self,
+        clips: Sequence[Clip],
+        model: OdeModel,
+        library: Sequence[Effect],
+        base: State,
+        holdout: float,
+        say: Callable[[str], None],
+    ) -> None:
+        self.clips, self.model, self.library = clips, model, {one.name: one for one in library}
+        self.base, self.holdout, self.say = base, holdout, say
+        self._states: dict[frozenset[str], State] = {base.names: base}
+        self._screened: dict[frozenset[str], Screened] = {}
+
+    def run(self) -> tuple[State, ...]:
+        """The states on the way: the base, with more and more effects, until nothing is significant."""
+        path = self._onwards([self.base])
+        if len(path[-1].effects) < 2:
+            return tuple(path)
+        together = [one for one in self._pairs(self.base) if self._predicts_better(one, self.base)]
+        best = min(together, key=lambda one: one.cost, default=path[-1])
+        other = self._onwards([self.base, best])
+        return tuple(path if path[-1].cost <= other[-1].cost else other)
+
+    def _onwards(self, path: list[State]) -> list[State]:
+        """The path with what is significant at its end, step by step."""
+        while len(path[-1].effects) < MOST_ADDED:
+            longer = self._longer(path[-1])
+            if longer is None:
+                break
+            current = self._revised(longer)
+            if current.names in {one.names for one in path}:
+                break
+            self.say(f"added {', '.join(one.name for one in current.effects)}")
+            path = [*path, current]
+        return path
+
+    @property
+    def failed(self) -> list[str]:
+        """A text for each effect that could not be added to the base alone."""
+        alone = [one for one in self._states.values() if len(one.effects) == 1 and not one.usable]
+        return [
+            f"the refit with {state.effects[0].name} is {one.status}: {one.message}"
+            for state in alone
+            for one in [next(fit for fit in state.fits if not fit.usable)]
+        ]
+
+    def screened(self, current: State) -> Screened:
+        """The screen of every effect that is not there yet."""
+        if current.names not in self._screened:
+            self.say(f"screening {len(self.library) - len(current.effects)} effects")
+            self._screened[current.names] = Screened.of(self.library.values(), current, self.clips)
+        return self._screened[current.names]
+
+    def equals(self, final: State, effect: Effect) -> tuple[str, ...]:
+        """Effects that explain the data as well as one of those added, beside all the others."""
+        rest = self._without(final, effect)
+        rivals = [one for one in self._rivals(rest, effect) if one.cost - final.cost < final.margin]
+        names = [*(one.effects[-1].name for one in rivals), *self.screened(rest).parallel(effect.name)]
+        return tuple(one for one in dict.fromkeys(names) if one not in final.names)
+
+    def _longer(self, current: State) -> State | None:
+        """The state with the effect, or the pair, that explains most and predicts better; None when none does."""
+        singles = [one for one in self._refits(current) if self._is_needed(one, one.effects[-1])]
+        for longer in sorted(singles, key=lambda one: one.cost):
+            if self._predicts_better(longer, current):
+                return longer
+        for longer in sorted(self._pairs(current), key=lambda one: one.cost):
+            if self._predicts_better(longer, current):
+                return longer
+        return None
+
+    def _candidates(self, current: State) -> frozenset[str]:
+        """What the model itself can imitate cannot be told from it, whatever else is added."""
+        return self.screened(self.base).visible & self.screened(current).visible
+
+    def _refits(self, current: State) -> list[State]:
+        """The state with each of the effects added that are most worth it."""
+        found, names = self.screened(current), self._candidates(current)
+        candidates = [found.single(one[0].effect) for one in found.scores if one[0].effect in names]
+        return self._refitted(current, candidates)
+
+    def _rivals(self, rest: State, effect: Effect) -> list[State]:
+        """The state with each of the effects in place of one that explain nearly as much to first order, or more."""
+        found, names = self.screened(rest), self._candidates(rest)
+        gains = {one[0].effect: combined(one).gain for one in found.scores}
+        near = [one for one in names if gains[one] > (1.0 - NEARLY) * gains[effect.name]]
+        candidates = [found.single(name) for name in gains if name in near]
+        return self._refitted(rest, candidates)
+
+    def _refitted(self, current: State, candidates: Sequence[Candidate]) -> list[State]:
+        worth = [one for one in candidates if one.ratio > WORTH_REFITTING][:REFITTED]
+        return [state for state in (self._with(current, one) for one in worth) if state.usable]
+
+    def _with(self, current: State, candidate: Candidate) -> State:
+        """The state with effects added."""
+        key = current.names | set(candidate.names)
+        if key not in self._states:
+            self.say(f"refitting with {', '.join(candidate.names)}")
+            effects = [*current.effects, *(self.library[name] for name in candidate.names)]
+            self._states[key] = refitted(self.clips, current, self.model, effects, candidate.starts)
+        return self._states[key]
+
+    def _without(self, current: State, effect: Effect) -> State:
+        """The state with one of its effects taken away."""
+        left = tuple(one for one in current.effects if one.name != effect.name)
+        key = current.names - {effect.name}
+        if key not in self._states:
+            self._states[key] = refitted(self.clips, current, self.model, left, [{}] * len(self.clips))
+        return self._states[key]
+
+    def _pairs(self, current: State) -> list[State]:
+        """The state with two effects that are significant together, and each beside the other."""
+        if len(current.effects) + 2 > MOST_ADDED:
+            return []
+        candidates = self.screened(current).pairs(self._candidates(current))
+        needed = {frozenset(one.names): one.needed for one in candidates}
+        return [
+            both
+            for both in self._refitted(current, candidates)
+            if standard_errors(current, both, both.effects[-2:]) ** 2 > needed[both.names - current.names]
+            and all(self._is_needed(both, effect) for effect in both.effects[-2:])
+        ]
+
+    def _is_needed(self, current: State, effect: Effect) -> bool:
+        """Whether an effect is significant beside all the others."""
+        rest = self._without(current, effect)
+        if not rest.usable:
+            return True
+        needed = self.screened(rest).single(effect.name).needed
+        return standard_errors(rest, current, [effect]) ** 2 > needed
+
+    def _revised(self, current: State) -> State:
+        """The state without effects that are no longer needed, and with rivals that do better in their place."""
+        for _ in range(MOST_REVISIONS if len(current.effects) > 1 else 0):
+            better = next(filter(None, (self._revision(current, one) for one in current.effects)), None)
+            if better is None:
+                break
+            current = better
+        return current
+
+    def _revision(self, current: State, effect: Effect) -> State | None:
+        rest = self._without(current, effect)
+        if not rest.usable:
+            return None
+        if not self._is_needed(current, effect):
+            return rest
+        rivals = [one for one in self._rivals(rest, effect) if one.cost < current.cost - one.margin]
+        return min(rivals, key=lambda one: one.cost, default=None)
+
+    def _predicts_better(self, candidate: State, current: State) -> bool:
+        """Whether held-out samples are predicted better; true where there are none, as no part of the clip is held out.
+
+        The end of a short clip, or what acts at one moment in it, can often not be learnt from the beginning: it is
+        enough when the ends of many short parts are predicted better.
+        """
+        parts = max(min(one.n for one in current.fits) // SAMPLES_A_PART, 1)
+        for count in (1, parts):
+            now, before = (
+                errors_of(self.clips, one.fits, one.sizes, self.holdout, count).heldout for one in (candidate, current)
+            )
+            if now < before or np.isnan(before):
+                return True
+        return False
