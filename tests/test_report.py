@@ -304,3 +304,9 @@ def test_picture_files_can_be_read(hostile_run, tmp_path):
         picture = cv2.imread(str(tmp_path / name))
         assert picture.shape[1] > 900
         assert picture.std() > 5
+
+
+def test_long_equation_is_drawn_whole():
+    short, long = (figures.equation_figure(r"\ddot x = -k\,x" * count).get_size_inches()[0] for count in (1, 12))
+    assert short == 6.0
+    assert long > 10.0

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.mathtext import MathTextParser
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
@@ -163,11 +164,11 @@ def _draw_residual(axes: Axes, fit: FitResult, k: int) -> None:
 
 def equation_figure(equation: str) -> Figure:
     """An equation given as LaTeX math, drawn with matplotlib's own math text; as it is written where that fails."""
-    figure = Figure(figsize=(6, 0.6))
-    text = f"${equation}$"
+    text, size = f"${equation}$", FontProperties(size=15)
     try:
-        MathTextParser("agg").parse(text)
+        width_pt = MathTextParser("path").parse(text, dpi=72, prop=size)[0]
     except ValueError:
-        text = equation.replace("$", r"\$")
-    figure.text(0.0, 0.5, text, va="center", fontsize=15)
+        text, width_pt = equation.replace("$", r"\$"), 0.0
+    figure = Figure(figsize=(max(6.0, width_pt / 72 + 0.2), 0.6))
+    figure.text(0.0, 0.5, text, va="center", fontproperties=size)
     return figure
