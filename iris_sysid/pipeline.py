@@ -145,6 +145,7 @@ def observe(
         **shared_errors.from_calibration(trajectory, positions, calibration, seen_px),
         **shared_errors.from_edge(trajectory, chosen),
         **shared_errors.from_axis(trajectory, chosen),
+        **shared_errors.from_pivots(trajectory),
         **shared_errors.from_clock(trajectory, clock_stderr),
     }
     return world, trajectory.with_(systematic=shared)

@@ -12,7 +12,7 @@ from iris_sysid.plane import changed, common_errors, turned, vertical_stderr
 from iris_sysid.types import Array, Calibration, Phenomenon, Trajectory
 
 TIME_BASE = "time base"
-EDGE, AXIS = "edge of the ball", "axis of the turn"
+EDGE, AXIS, PIVOTS = "edge of the ball", "axis of the turn", "pivots"
 EDGE_PX = 0.1  # what blur, shading and compression do to a radius in all frames alike; on the twin 0.02 to 0.16
 AXIS_SHARE = 1e-3  # how far the axis is off, over the arm it turns; on the twin 0.08 px of 101, by uneven light
 # of the range of the positions: below it a pattern is rounding, as that of a scale's error in an angle
@@ -125,3 +125,29 @@ def from_axis(trajectory: Trajectory, phenomenon: Phenomenon) -> dict[str, Array
         return {}
     angle = np.where(trajectory.valid[:, None], trajectory.position, np.nan)
     return {AXIS: AXIS_SHARE * np.nan_to_num(np.stack([np.cos(angle), np.sin(angle)]))}
+
+
+def from_pivots(trajectory: Trajectory) -> dict[str, Array]:
+    """The patterns of pivots that are taken beside where they are, for two bodies whose angles are about their own.
+
+    Parameters
+    ----------
+    trajectory
+        What is observed; its geometry holds ``pivot_across_1`` and so on, errors over the radius of each arc.
+
+    Returns
+    -------
+    dict
+        Patterns (r, n, d) under ``pivots``, one sideways and one upwards for each body; nothing without that geometry.
+    """
+    angle = np.where(trajectory.valid[:, None], trajectory.position, np.nan)
+    ways = (("across", np.cos), ("along", np.sin))
+    patterns = []
+    for body in range(angle.shape[1]):
+        for name, shape in ways:
+            error = trajectory.geometry.get(f"pivot_{name}_{body + 1}")
+            if error is not None:
+                pattern = np.zeros(angle.shape)
+                pattern[:, body] = error.stderr * np.nan_to_num(shape(angle[:, body]))
+                patterns.append(pattern)
+    return {PIVOTS: np.stack(patterns)} if patterns else {}

@@ -6,7 +6,8 @@ from fitters.ode import fit, simulate
 from iris_sysid.calibration import uncalibrated
 from iris_sysid.pipeline import observe
 from iris_sysid.registry import MODELS
-from iris_sysid.types import Track
+from iris_sysid.shared_errors import from_pivots
+from iris_sysid.types import Estimate, Quantity, Track, Trajectory
 
 T_S = np.arange(300) / 60
 STIFFNESS, SIGMA = 0.1, 3e-4
@@ -34,3 +35,23 @@ def test_axis_that_is_off_by_a_thousandth_of_the_arm_stays_within_the_stated_err
         alone.append((found.value - STIFFNESS) / result.budget["stiffness"]["random"])
     assert np.sqrt(np.mean(np.square(pulls))) < 1.5
     assert np.sqrt(np.mean(np.square(alone))) > 1.5  # the random part alone would be too small
+
+
+def test_pivots_that_are_off_change_each_angle_by_what_geometry_says():
+    theta = np.column_stack([np.linspace(-0.8, 0.2, 50), np.linspace(-0.1, 0.9, 50)])
+    off = {"pivot_across_1": 2e-3, "pivot_along_1": 1e-3, "pivot_across_2": 3e-3, "pivot_along_2": 4e-3}
+    trajectory = Trajectory(
+        t_s=np.arange(50) / 60, quantities=(Quantity("theta1", "rad"), Quantity("theta2", "rad")), position=theta,
+        sigma=np.full((50, 2), SIGMA), valid=np.ones(50, dtype=bool),
+        geometry={name: Estimate(0.0, share, "1", "assumed") for name, share in off.items()},
+    )  # fmt: skip
+    patterns = from_pivots(trajectory)["pivots"]
+    x, z = np.sin(theta), -np.cos(theta)  # of the bodies about their pivots, in units of the arc
+    for body in (0, 1):
+        across, along = off[f"pivot_across_{body + 1}"], off[f"pivot_along_{body + 1}"]
+        moved = np.arctan2(x[:, body] + across, -z[:, body]) - theta[:, body]
+        np.testing.assert_allclose(patterns[2 * body, :, body], moved, atol=across**2)
+        raised = np.arctan2(x[:, body], -(z[:, body] + along)) - theta[:, body]
+        np.testing.assert_allclose(patterns[2 * body + 1, :, body], raised, atol=along**2)
+        assert not patterns[2 * body : 2 * body + 2, :, 1 - body].any()
+    assert from_pivots(trajectory.with_(geometry={})) == {}

@@ -36,8 +36,9 @@ def observe_pair(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) 
     Returns
     -------
     Trajectory
-        ``theta1`` and ``theta2`` in rad. ``geometry``: ``arc_radius_1``, ``arc_radius_2``, and ``pivot_ratio``, the
-        distance of the pivots over the first radius. Samples off an arc by more than five scatters are not valid.
+        ``theta1`` and ``theta2`` in rad. ``geometry``: ``arc_radius_1``, ``arc_radius_2``, ``pivot_ratio``, the
+        distance of the pivots over the first radius, and the error of each pivot over its radius. Samples off an arc by
+        more than five scatters are not valid.
 
     Raises
     ------
@@ -149,4 +150,15 @@ def _geometry(circles: tuple[Circle, Circle], unit: str) -> dict[str, Estimate]:
         "arc_radius_1": Estimate(one.radius, float(one.stderr[2]), unit, "fitted", source),
         "arc_radius_2": Estimate(two.radius, float(two.stderr[2]), unit, "fitted", source),
         "pivot_ratio": Estimate(apart / one.radius, stderr / one.radius, "1", "fitted", "centres of the two arcs"),
+        **_off_pivot("1", one),
+        **_off_pivot("2", two),
+    }
+
+
+def _off_pivot(body: str, circle: Circle) -> dict[str, Estimate]:
+    """How far the pivot taken may be from the true one, sideways and upwards, over the arc's radius."""
+    share = "pivot's error over the arc's radius"
+    return {
+        f"pivot_{direction}_{body}": Estimate(0.0, float(circle.stderr[k]) / circle.radius, "1", "assumed", share)
+        for k, direction in enumerate(("across", "along"))
     }
