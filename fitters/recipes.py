@@ -202,13 +202,14 @@ class PublishedRecipe:
     """An estimator, and how the paper makes one number of the clips of a setting.
 
     ``of`` are all clips, or the first alone as reference. ``uncertainty`` is the half width of the 95 % interval of
-    the mean over clips, or their standard deviation.
+    the mean over clips, or their standard deviation. ``gives`` are the parameters that it estimates.
     """
 
     name: str
     estimator: Estimator
     of: str
     uncertainty: str
+    gives: tuple[str, ...]
 
 
 INTERVAL, DEVIATION = "half width of the 95 % interval over the clips", "standard deviation over the clips"
@@ -216,14 +217,16 @@ ALL, FIRST = "all clips", "the first clip"
 RECIPES: Mapping[str, tuple[PublishedRecipe, ...]] = MappingProxyType(
     {
         "pendulum": (
-            PublishedRecipe(ENVELOPE, envelope, ALL, INTERVAL),
-            PublishedRecipe(DAMPED_COSINE, damped_cosine, FIRST, DEVIATION),
+            PublishedRecipe(ENVELOPE, envelope, ALL, INTERVAL, ("damping",)),
+            PublishedRecipe(DAMPED_COSINE, damped_cosine, FIRST, DEVIATION, ("length", "damping")),
         ),
         "angular-oscillator": (
-            PublishedRecipe(ENVELOPE, partial(envelope, quantity="phi"), ALL, INTERVAL),
-            PublishedRecipe(DAMPED_COSINE, partial(damped_cosine, quantity="phi"), FIRST, DEVIATION),
+            PublishedRecipe(ENVELOPE, partial(envelope, quantity="phi"), ALL, INTERVAL, ("damping",)),
+            PublishedRecipe(
+                DAMPED_COSINE, partial(damped_cosine, quantity="phi"), FIRST, DEVIATION, ("stiffness", "damping")
+            ),
         ),
-        "free-fall": (PublishedRecipe(POLYNOMIAL, free_fall, ALL, DEVIATION),),
-        "incline": (PublishedRecipe(POLYNOMIAL, incline, ALL, DEVIATION),),
+        "free-fall": (PublishedRecipe(POLYNOMIAL, free_fall, ALL, DEVIATION, ("gravity",)),),
+        "incline": (PublishedRecipe(POLYNOMIAL, incline, ALL, DEVIATION, ("friction",)),),
     }
 )

@@ -75,4 +75,6 @@ def test_too_few_samples_are_refused():
 
 
 def test_recipes_belong_to_models_and_give_their_parameters():
-    assert RECIPES.keys() <= MODELS.keys()
+    for name, recipes in RECIPES.items():
+        ours = {one.name for one in (*MODELS[name].parameters, *MODELS[name].derived)}
+        assert all(set(one.gives) <= ours for one in recipes)

@@ -45,7 +45,7 @@ def recipes_of(
     """
     model = clips[0].document.model
     found = []
-    for recipe in RECIPES.get(model, ()):
+    for recipe in (one for one in RECIPES.get(model, ()) if parameter in one.gives):
         values, notes = _values(clips, recipe, parameter, by_hand)
         if values:
             found.append(_recipe(recipe, values, regenerated, notes))
