@@ -7,6 +7,7 @@ S weighs every term by what it does to the trajectory itself, with the noise whe
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -16,7 +17,7 @@ from fitters.ode import fit, sensitivity
 from fitters.sindy_library import Library
 from fitters.sindy_model import model_of
 from fitters.sindy_sparse import Compressed, Kept, predictive_price, significant, together
-from fitters.sindy_weak import inputs_of
+from fitters.sindy_weak import grid_step, inputs_of
 from iris_sysid.types import Array, FitResult, OdeModel, Trajectory
 
 BLOCKS = 24  # of a clip, for resampling
@@ -26,8 +27,6 @@ STABLE = 0.5  # inclusion of a term that stays
 SURE = 10.0  # of the information criterion: very strong evidence (Kass and Raftery 1995, JASA 90, 773)
 ROUNDS = 8
 MOST_CORRELATION = 0.98
-SAME = 1e-9  # of the range of the samples: nearer ones differ by rounding in arithmetic only
-OFF_GRID = 1e-3  # of a step
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -65,9 +64,8 @@ class Refined:
     def least_seen(self) -> float:
         """What a term explains that moves the samples by their rounding error, in squared standard errors.
 
-        Samples on a grid (whole pixels, whole millimetres) are off by up to half a step, and that error is a function
-        of the motion: it does not average out as noise does. So terms that do less than it (step / sqrt 12) are not
-        seen, however many samples there are.
+        Samples on a grid (whole pixels, whole millimetres) are off by up to half a step, which is a function of the
+        motion and does not average out. So terms that do less than it (step / sqrt 12) are not seen.
         """
         shares = [
             sum(part.count for part in parts) * np.log1p(np.mean((_steps(one) / one.rms) ** 2 / 12))
@@ -96,16 +94,6 @@ def _steps(one: FitResult) -> Array:
     return np.array([grid_step(column) for column in (one.predicted + one.residual)[one.used].T])
 
 
-def grid_step(values: Array) -> float:
-    """The largest step of which all differences of values (n,) are whole multiples; 0 where there is none."""
-    different = np.unique(values)
-    apart = np.diff(different)[np.diff(different) > SAME * max(float(np.ptp(values)), 1e-300)]
-    if apart.size < 2:
-        return 0.0
-    steps = apart / np.min(apart)
-    return float(np.min(apart)) if np.all(np.abs(steps - np.round(steps)) < OFF_GRID) else 0.0
-
-
 # --------------------------------------------------------------------------- fitting a choice
 
 
@@ -127,7 +115,8 @@ def refined(clips: Sequence[Trajectory], library: Library, kept: Kept, start: Ma
     names = library.names
     chosen = [names[k] for k in kept]
     fixed = {name: 0.0 for name in names if name not in chosen}
-    first = {name: value for name, value in start.items() if name in chosen}
+    states = [f"{state.name}_0" for state in model.states]
+    first = {name: value for name, value in start.items() if name in chosen or name in states}
     fits = [_fit(clip, model, fixed, first) for clip in clips]
     if not all(one.usable and np.all(np.isfinite(one.rms)) for one in fits):
         return Refined(kept, np.full(len(kept), np.nan), np.full((len(kept),) * 2, np.nan), tuple(fits), (), len(names))
@@ -264,17 +253,38 @@ def disposed(
             if not now.usable:
                 break
             kept = chosen_about(now)
-            values = now.total.solved(kept)[0]
-            start = {library.names[k]: float(value) for k, value in zip(kept, values, strict=True)}
+            start = start_about(now, library, kept)
     count = max(one.count for one in visited.values())
     least = max((one.least_seen for one in visited.values() if one.usable), default=0.0)
     return min(visited.values(), key=lambda one: one.criterion(count, least))
 
 
+def start_about(found: Refined, library: Library, kept: Kept) -> dict[str, float]:
+    """Where to start a fit of other terms: by the linear problem about a fit; of one clip, its initial states too.
+
+    Parameters
+    ----------
+    found
+        A fitted choice.
+    library
+        All candidates.
+    kept
+        Places of the other terms.
+    """
+    start = {library.names[k]: float(value) for k, value in zip(kept, found.total.solved(kept)[0], strict=True)}
+    if len(found.fits) == 1:
+        estimates = found.fits[0].estimates
+        start |= {name: one.value for name, one in estimates.items() if name.endswith("_0")}
+    return start
+
+
 def chosen_about(found: Refined) -> Kept:
     """The terms that the linear problem about a fit supports, at the price that predicts best what is held out."""
-    total = found.total
-    return significant(total, price_about(found), ((), tuple(range(found.terms)), found.kept))
+    total, price = found.total, price_about(found)
+    chosen = significant(total, price, ((), tuple(range(found.terms)), found.kept))
+    # from two terms that imitate another one no exchange of single terms leads away
+    pairs = [tuple(k for k in chosen if k not in gone) for gone in itertools.combinations(chosen, 2)]
+    return significant(total, price, (chosen, *pairs)) if pairs else chosen
 
 
 def price_about(found: Refined) -> float:
@@ -345,8 +355,7 @@ def stable(
     while unsure := [k for k in found.kept if shares[k] < STABLE and k not in needed]:
         least = min(unsure, key=lambda k: float(shares[k]))
         kept = tuple(k for k in found.kept if k != least)
-        values = found.total.solved(kept)[0]
-        fewer = refined(clips, library, kept, dict(zip((library.names[k] for k in kept), values.tolist(), strict=True)))
+        fewer = refined(clips, library, kept, start_about(found, library, kept))
         worth = max(found.count, fewer.count)
         if fewer.criterion(worth) > found.criterion(worth) + SURE:
             needed.add(least)

@@ -27,6 +27,8 @@ WIDTHS = (1.5, 2.5, 4.0)  # half a window, in times rms value / rms rate; a peri
 STEP = 0.4  # of half a window from one window to the next: rows nearer than that hardly add information
 MOST_ROWS = 120  # in one block of rows, which are whitened together
 NUGGET = 1e-6  # of the rows' variance: rounding, and the rule of integration
+SAME = 1e-9  # of the range of the samples: nearer ones differ by rounding in arithmetic only
+OFF_GRID = 1e-3  # of a step
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -125,6 +127,16 @@ def inputs_of(trajectory: Trajectory, library: Library, run: slice) -> Array | N
             raise DataError(f"the input {quantity.name} has no known value; leave the column out or fill it in")
         columns.append(np.interp(trajectory.t_s[run], trajectory.t_s[known], values[known]))
     return np.column_stack(columns)
+
+
+def grid_step(values: Array) -> float:
+    """The largest step of which all differences of values (n,) are whole multiples; 0 where there is none."""
+    different = np.unique(values)
+    apart = np.diff(different)[np.diff(different) > SAME * max(float(np.ptp(values)), 1e-300)]
+    if apart.size < 2:
+        return 0.0
+    steps = apart / np.min(apart)
+    return float(np.min(apart)) if np.all(np.abs(steps - np.round(steps)) < OFF_GRID) else 0.0
 
 
 def rows_of(pieces: list[Piece], library: Library) -> list[Rows]:

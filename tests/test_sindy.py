@@ -5,14 +5,14 @@ import pysindy
 import pytest
 from scipy.optimize import curve_fit
 
+from benchmarks.discovery import MOTIONS, drawn
 from fitters.ode import simulate
 from fitters.sindy import discover
 from fitters.sindy_bank import structures
 from fitters.sindy_library import library_of
 from fitters.sindy_model import model_of
-from fitters.sindy_refine import grid_step
 from fitters.sindy_sparse import Compressed, proposed, significant, term_price
-from fitters.sindy_weak import Rows, pieces_of, rows_of
+from fitters.sindy_weak import Rows, grid_step, pieces_of, rows_of
 from iris_sysid.errors import DataError, FitError
 from iris_sysid.registry import MODELS
 from iris_sysid.report.figures import fitted_curve
@@ -126,6 +126,14 @@ def test_oscillator_is_found_in_the_recording_of_an_air_track():
     (*_, omega, damping), _ = curve_fit(damped_cosine, clip.t_s, clip.position[:, 0], [0.1, 3.0, 2.5, 0.01])
     assert matched.parameters["stiffness"].value == pytest.approx(omega**2 + damping**2 / 4, rel=1e-4)
     assert matched.parameters["damping"].value == pytest.approx(damping, rel=0.01)
+
+
+def test_two_terms_that_imitate_one_with_a_third_are_exchanged_for_it():
+    # without that, 1, z1, z1' and z1 - z3 stand for z1' and both differences in this motion
+    chain = next(one for one in MOTIONS if one.model == "contact-chain")
+    found = discover(drawn(chain, 15)[0], resampled=20)
+    assert selected(found) == set(chain.terms)
+    assert found.matched.model == "contact-chain"
 
 
 # --------------------------------------------------------------------------- several clips, gaps, events
