@@ -15,6 +15,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from iris_sysid._refits import Clip, Starts, State, errors_of, refitted, standard_errors
+from iris_sysid.reservations import reason
 from iris_sysid.scores import ALIKE, Score, Screen, combined, screen, significant_from
 from iris_sysid.types import Effect, OdeModel
 
@@ -163,7 +164,7 @@ class Search:
         """A text for each effect that could not be added to the base alone."""
         alone = [one for one in self._states.values() if len(one.effects) == 1 and not one.usable]
         return [
-            f"the refit with {state.effects[0].name} is {one.status}: {one.message}"
+            f"the refit with {state.effects[0].name} is {one.status}: {reason(one)}"
             for state in alone
             for one in [next(fit for fit in state.fits if not fit.usable)]
         ]

@@ -25,12 +25,17 @@ def reservations(bases: Sequence[FitResult], screened: Sequence[Score], failed: 
         A text for each effect that could not be refitted.
     """
     doubtful = [
-        f"{_clip(k, bases)}the base fit is {one.status}: {one.message}"
+        f"{_clip(k, bases)}the base fit is {one.status}: {reason(one)}"
         for k, one in enumerate(bases)
         if one.status in ("at-bound", "singular")
     ]
     hidden = [f"{_clip(k, bases)}{text}" for k, one in enumerate(bases) if (text := _hidden_in_noise(one))]
     return (*_few(doubtful), *_few(hidden), *_unseen(screened), *failed)
+
+
+def reason(fit: FitResult) -> str:
+    """Why a fit is doubtful or failed, without its values and remedies, which its own message has."""
+    return fit.message.partition(". ")[0].partition(" (")[0]
 
 
 def _clip(k: int, bases: Sequence[FitResult]) -> str:
