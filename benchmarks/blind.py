@@ -176,12 +176,14 @@ def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
     for label, low, high in (("below detectable", 0, 1), ("1 to 2 times", 1, 2), ("above 2 times", 2, np.inf)):
         part = [(one, k) for one in outcomes for k, factor in enumerate(one.factors) if low <= factor < high]
         off = np.array([one.off[k] for one, k in part])
+        alone = np.array([one.off[k] for one, k in part if all(one.found)])
         rows.append(
             {
                 "hidden size": label,
                 "effects": len(part),
                 "named or in the class": _percent([one.found[k] for one, k in part]),
                 "interval covers": _percent(np.abs(off[np.isfinite(off)]) < 1.0),
+                "where all was named": _percent(np.abs(alone[np.isfinite(alone)]) < 1.0),
                 "wrong name in the case": _percent([bool(one.wrong) for one, _ in part]),
                 "error after / noise": f"{np.median([one.excess for one, _ in part]):.3f}" if part else "",
             }

@@ -8,16 +8,16 @@ effect must still be significant, and better than its rivals, beside all the oth
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 
 import numpy as np
 from scipy.stats import chi2
 
-from iris_sysid._refits import Clip, Starts, State, errors_of, refitted, standard_errors
+from iris_sysid._refits import Clip, Starts, State, errors_of, pooled, refitted, sizes_of, standard_errors
 from iris_sysid.reservations import reason
 from iris_sysid.scores import ALIKE, Score, Screen, combined, screen, significant_from
-from iris_sysid.types import Effect, OdeModel
+from iris_sysid.types import Effect, Estimate, OdeModel
 
 SINGLE_LEVEL = 0.04  # chance of adding a single effect to a model that lacks nothing
 PAIR_LEVEL = 0.01  # and of adding two together
@@ -178,10 +178,32 @@ class Search:
 
     def equals(self, final: State, effect: Effect) -> tuple[str, ...]:
         """Effects that explain the data as well as one of those added, beside all the others."""
-        rest = self._without(final, effect)
-        rivals = [one for one in self._rivals(rest, effect) if one.cost - final.cost < final.margin]
-        names = [*(one.effects[-1].name for one in rivals), *self.screened(rest).parallel(effect.name)]
+        rivals = [one.effects[-1].name for one in self._as_good(final, effect)]
+        names = [*rivals, *self.screened(self._without(final, effect)).parallel(effect.name)]
         return tuple(one for one in dict.fromkeys(names) if one not in final.names)
+
+    def size(self, final: State, name: str) -> Estimate:
+        """A value over all clips, the choice between effects that explain the data as well in its error.
+
+        The unconditional standard error of Buckland, Burnham and Augustin (1997, Biometrics 53, 603), about the value
+        beside the effects that were added.
+        """
+        as_good = [one for effect in final.effects for one in self._as_good(final, effect) if name in one.sizes]
+        chosen = pooled(sizes_of(final.fits, name))
+        others = [pooled(sizes_of(one.fits, name)) for one in as_good]
+        if not others or not chosen.stderr > 0:
+            return chosen
+        costs = np.array([final.cost, *(one.cost for one in as_good)])
+        weights = np.exp(-0.5 * (costs - costs.min()))
+        errors = [np.hypot(one.stderr, one.value - chosen.value) for one in (chosen, *others)]
+        wider = max(float(np.average(np.nan_to_num(errors), weights=weights)) / chosen.stderr, 1.0)
+        low, high = (chosen.value + wider * (end - chosen.value) for end in chosen.interval)
+        return replace(chosen, stderr=wider * chosen.stderr, ci95=(low, high))
+
+    def _as_good(self, final: State, effect: Effect) -> list[State]:
+        """The states with another effect in place of one of those added, that explain the data as well."""
+        rivals = self._rivals(self._without(final, effect), effect)
+        return [one for one in rivals if one.names != final.names and one.cost - final.cost < final.margin]
 
     def _longer(self, current: State) -> State | None:
         """The state with the effect, or the pair, that explains most and predicts better; None when none does."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from iris_sysid._refits import Clip, Errors, State, errors_of, pooled, sizes_of
+from iris_sysid._refits import Clip, Errors, State, errors_of
 from iris_sysid._search import Search
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
@@ -42,7 +42,8 @@ class Diagnosis:
     """What a model lacks, if anything.
 
     ``bases`` and ``finals`` are fits to the same samples, one a clip, without and with the effects; ``added`` are
-    the effects in the order in which they were found, ``sizes`` by parameter name their size over all clips.
+    the effects in the order in which they were found, ``sizes`` by parameter name their size over all clips, with the
+    choice between effects that explain as much in its error.
     ``rounds`` hold the screen of each round, best first. ``indistinguishable`` names, for each effect added, those
     that explain the data as well. ``noise_floor`` is the noise of the measurement. ``proposed`` are terms without a
     named effect, for what is left above that floor. ``notes`` say what could not be asked, or answered, and why.
@@ -128,7 +129,7 @@ def diagnose(
         bases=base.fits,
         finals=final.fits,
         added=final.effects,
-        sizes={name: pooled(sizes_of(final.fits, name)) for name in final.sizes},
+        sizes={name: search.size(final, name) for name in final.sizes},
         rounds=tuple(screens),
         indistinguishable={one.name: search.equals(final, one) for one in final.effects},
         ruled_out=tuple(_limit(score, library) for score in screens[-1]),

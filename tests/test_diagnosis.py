@@ -8,7 +8,8 @@ import pytest
 from fitters.compose import with_effects
 from fitters.ode import fit, simulate
 from fitters.screen import force_along, motion_of, sensitivity
-from iris_sysid.diagnosis import diagnose, pooled
+from iris_sysid._refits import pooled
+from iris_sysid.diagnosis import diagnose
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
