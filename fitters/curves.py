@@ -39,9 +39,9 @@ class _Curve:
     formula: Formula
     x: Array | Extended
 
-    def planned(self, values: Array, tolerance: float) -> _Curve:
+    def planned(self, values: Array, tolerance: float, negligible: float = 0.0) -> _Curve:
         """The same: a formula has no time steps."""
-        del values, tolerance
+        del values, tolerance, negligible
         return self
 
     def predicted(self, values: Array) -> Array:

@@ -270,6 +270,10 @@ RENDER_TABLE = [
 ]
 
 OTHER_TABLE = [
+    ("gt nothere -o p.json", "nothere is no folder that can be read"),
+    ("gt taken -o p.json", "taken has no class of a data set"),
+    ("gt taken --measured good.csv -o p.json", "good.csv: Invalid JSON"),
+    ("gt taken --time-base 2 -o p.json", "'2' needs a unit, ppm, %"),
     ("tensors no.mp4 -o t.npy", "there is no file no.mp4"),
     ("tensors text.mp4 -o t.npy", "text.mp4 cannot be read as a video"),
     ("tensors one_frame.mp4 -o t.csv", "a tensor is a .npy file, not t.csv"),
