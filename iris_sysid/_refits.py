@@ -14,7 +14,7 @@ from fitters.compose import with_effect
 from fitters.ode import fit, simulate
 from fitters.random_effects import random_effects
 from iris_sysid.arrays import Mask
-from iris_sysid.scores import shaped
+from iris_sysid.scores import shaped, unit_noise
 from iris_sysid.types import Array, Effect, Estimate, FitResult, OdeModel, Trajectory
 
 
@@ -163,17 +163,15 @@ def standard_errors(before: State, after: State, effects: Sequence[Effect]) -> f
 def _inflation(fitted: FitResult, name: str) -> float:
     """Variance of a value over what it would be for white noise of the same size."""
     k = fitted.free.index(name)
-    noise = np.where(fitted.noise > 0, fitted.noise, 1.0)
-    used = int(fitted.used.sum())
-    white = inverse_normal(fitted.jacobian / np.tile(noise, used)[:, None], 1e-9)[k, k]
-    degrees = max(used * len(noise) - len(fitted.free), 1)
+    noise = unit_noise(fitted)
+    white = inverse_normal(fitted.jacobian / np.tile(noise, fitted.n)[:, None], 1e-9)[k, k]
+    degrees = max(fitted.n * len(noise) - len(fitted.free), 1)
     ratio = fitted.covariance[k, k] / (white * _sum_of_squares(fitted, fitted.used) / degrees)
     return float(ratio) if np.isfinite(ratio) and ratio > 0 else float("inf")
 
 
 def _sum_of_squares(fitted: FitResult, samples: Mask) -> float:
-    noise = np.where(fitted.noise > 0, fitted.noise, 1.0)
-    return float(np.nansum((fitted.residual[samples] / noise) ** 2))
+    return float(np.nansum((fitted.residual[samples] / unit_noise(fitted)) ** 2))
 
 
 def sizes_of(fits: Sequence[FitResult], name: str) -> list[Estimate]:

@@ -14,7 +14,7 @@ from math import prod
 import numpy as np
 from scipy.stats import chi2
 
-from iris_sysid._refits import Clip, Starts, State, errors_of, pooled, refitted, sizes_of, standard_errors
+from iris_sysid._refits import Clip, Errors, Starts, State, errors_of, pooled, refitted, sizes_of, standard_errors
 from iris_sysid.reservations import reason
 from iris_sysid.scores import ALIKE, Score, Screen, combined, screen, significant_from
 from iris_sysid.types import Effect, Estimate, OdeModel
@@ -135,6 +135,7 @@ class Search:
         self.base, self.holdout, self.say = base, holdout, say
         self._states: dict[frozenset[str], State] = {base.names: base}
         self._screened: dict[frozenset[str], Screened] = {}
+        self._errors: dict[tuple[frozenset[str], int], Errors] = {}
 
     def run(self) -> tuple[State, ...]:
         """The states on the way: the base, with more and more effects, until nothing is significant."""
@@ -163,11 +164,8 @@ class Search:
     def failed(self) -> list[str]:
         """A text for each effect that could not be added to the base alone."""
         alone = [one for one in self._states.values() if len(one.effects) == 1 and not one.usable]
-        return [
-            f"the refit with {state.effects[0].name} is {one.status}: {reason(one)}"
-            for state in alone
-            for one in [next(fit for fit in state.fits if not fit.usable)]
-        ]
+        first = [(one.effects[0].name, next(fit for fit in one.fits if not fit.usable)) for one in alone]
+        return [f"the refit with {name} is {fit.status}: {reason(fit)}" for name, fit in first]
 
     def screened(self, current: State) -> Screened:
         """The screen of every effect that is not there yet."""
@@ -175,6 +173,13 @@ class Search:
             self.say(f"screening {len(self.library) - len(current.effects)} effects")
             self._screened[current.names] = Screened.of(self.library.values(), current, self.clips)
         return self._screened[current.names]
+
+    def errors(self, current: State, parts: int = 1) -> Errors:
+        """The errors of a state, what is held out being the ends of so many parts of each clip."""
+        key = current.names, parts
+        if key not in self._errors:
+            self._errors[key] = errors_of(self.clips, current.fits, current.sizes, self.holdout, parts)
+        return self._errors[key]
 
     def equals(self, final: State, effect: Effect) -> tuple[str, ...]:
         """Effects that explain the data as well as one of those added, beside all the others."""
@@ -207,24 +212,21 @@ class Search:
 
     def _longer(self, current: State) -> State | None:
         """The state with the effect, or the pair, that explains most and predicts better; None when none does."""
-        singles = [one for one in self._refits(current) if self._is_needed(one, one.effects[-1])]
-        for longer in sorted(singles, key=lambda one: one.cost):
-            if self._predicts_better(longer, current):
-                return longer
-        for longer in sorted(self._pairs(current), key=lambda one: one.cost):
-            if self._predicts_better(longer, current):
-                return longer
+        for proposed in (self._singles, self._pairs):  # pairs are fitted only where no single effect will do
+            for longer in sorted(proposed(current), key=lambda one: one.cost):
+                if self._predicts_better(longer, current):
+                    return longer
         return None
 
     def _candidates(self, current: State) -> frozenset[str]:
         """What the model itself can imitate cannot be told from it, whatever else is added."""
         return self.screened(self.base).visible & self.screened(current).visible
 
-    def _refits(self, current: State) -> list[State]:
-        """The state with each of the effects added that are most worth it."""
+    def _singles(self, current: State) -> list[State]:
+        """The state with each of the effects added that are most worth it and significant."""
         found, names = self.screened(current), self._candidates(current)
         candidates = [found.single(one[0].effect) for one in found.scores if one[0].effect in names]
-        return self._refitted(current, candidates)
+        return [one for one in self._refitted(current, candidates) if self._is_needed(one, one.effects[-1])]
 
     def _rivals(self, rest: State, effect: Effect) -> list[State]:
         """The state with each of the effects in place of one that explain nearly as much to first order, or more."""
@@ -240,19 +242,23 @@ class Search:
 
     def _with(self, current: State, candidate: Candidate) -> State:
         """The state with effects added."""
-        key = current.names | set(candidate.names)
-        if key not in self._states:
-            self.say(f"refitting with {', '.join(candidate.names)}")
-            effects = [*current.effects, *(self.library[name] for name in candidate.names)]
-            self._states[key] = refitted(self.clips, current, self.model, effects, candidate.starts)
-        return self._states[key]
+        effects = [*current.effects, *(self.library[name] for name in candidate.names)]
+        return self._fitted(current, effects, candidate.starts, candidate.names)
 
     def _without(self, current: State, effect: Effect) -> State:
         """The state with one of its effects taken away."""
-        left = tuple(one for one in current.effects if one.name != effect.name)
-        key = current.names - {effect.name}
+        left = [one for one in current.effects if one.name != effect.name]
+        return self._fitted(current, left, [{}] * len(self.clips), ())
+
+    def _fitted(
+        self, current: State, effects: Sequence[Effect], starts: Sequence[Starts], added: Sequence[str]
+    ) -> State:
+        """The state with these effects; fitted from where another is, unless it was fitted before."""
+        key = frozenset(one.name for one in effects)
         if key not in self._states:
-            self._states[key] = refitted(self.clips, current, self.model, left, [{}] * len(self.clips))
+            if added:
+                self.say(f"refitting with {', '.join(added)}")
+            self._states[key] = refitted(self.clips, current, self.model, effects, starts)
         return self._states[key]
 
     def _pairs(self, current: State) -> list[State]:
@@ -302,9 +308,7 @@ class Search:
         """
         parts = max(min(one.n for one in current.fits) // SAMPLES_A_PART, 1)
         for count in (1, parts):
-            now, before = (
-                errors_of(self.clips, one.fits, one.sizes, self.holdout, count).heldout for one in (candidate, current)
-            )
+            now, before = (self.errors(one, count).heldout for one in (candidate, current))
             if now < before or np.isnan(before):
                 return True
         return False

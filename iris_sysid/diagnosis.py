@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
-from iris_sysid._refits import Clip, Errors, State, errors_of
+from iris_sysid._refits import Clip, Errors, State
 from iris_sysid._search import Search
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
@@ -123,7 +123,7 @@ def diagnose(
     path = search.run()
     final = path[-1]
     screens = [tuple(combined(one) for one in search.screened(state).scores) for state in path]
-    before, after = (errors_of(clips, one.fits, one.sizes, holdout) for one in (base, final))
+    before, after = search.errors(base), search.errors(final)
     floor = float(np.sqrt(np.mean([np.mean(one.noise**2) for one in base.fits])))
     return Diagnosis(
         bases=base.fits,

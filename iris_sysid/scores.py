@@ -53,12 +53,16 @@ class Score:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Direction:
-    """An effect in one shape: what the parameters cannot imitate of its sensitivity, as a unit vector and a length."""
+    """An effect in one shape: what the parameters cannot imitate of its sensitivity, as a unit vector and a length.
+
+    ``along`` is the residual's component.
+    """
 
     effect: str
     shape: tuple[float, ...]
     unit: Array
     length: float
+    along: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -90,14 +94,18 @@ class _Residual:
         """Sum of squares."""
         return max(float(np.sum(self.values**2)), 1e-300)
 
-    def apart(self, sensitivity: Array) -> tuple[Array, float]:
-        """What the parameters cannot imitate of a sensitivity (n, d): unit vector (n * d,), length; 0 for nothing."""
+    def apart(self, sensitivity: Array) -> tuple[Array, float, float]:
+        """What the parameters cannot imitate of a sensitivity (n, d): unit vector (n * d,), length; 0 for nothing.
+
+        And the residual's component along it.
+        """
         along = sensitivity.ravel()
         left = along - self.basis @ (self.basis.T @ along)
         length = float(np.linalg.norm(left))
         if not np.isfinite(length) or length <= HIDDEN * float(np.linalg.norm(along)):
-            return np.zeros_like(along), 0.0
-        return left / length, length
+            return np.zeros_like(along), 0.0, 0.0
+        unit = left / length
+        return unit, length, float(unit @ self.values.ravel())
 
     def score(self, effect: Effect, directions: Sequence[_Direction], tried: int) -> Score:
         """The score of an effect in the shape that explains most; of NaN where it cannot be seen in any."""
@@ -105,13 +113,12 @@ class _Residual:
         hidden = Score(effect.name, np.nan, np.nan, unit, 0.0, self.total, 0.0, tried=tried)
         if not directions:
             return hidden
-        best = max(directions, key=lambda one: abs(float(one.unit @ self.values.ravel())))
-        along = float(best.unit @ self.values.ravel())
-        gain = min(along**2 / self.total, 1.0)
+        best = max(directions, key=lambda one: abs(one.along))
+        gain = min(best.along**2 / self.total, 1.0)
         degrees = max(best.unit.size - self.basis.shape[1] - 1, 1)
         return replace(
             hidden,
-            size=along / best.length,
+            size=best.along / best.length,
             stderr=float(np.sqrt(self.variance_along(best.unit))) / best.length,
             gain=gain,
             chi2=degrees * gain / max(1.0 - gain, 1e-12),
@@ -210,7 +217,7 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
     trajectory
         What it was fitted to.
     """
-    noise = np.where(fitted.noise > 0, fitted.noise, 1.0)
+    noise = unit_noise(fitted)
     residual = _Residual.of(fitted, noise)
     forces = any(effect.acceleration is not None for effect in effects)
     motion = motion_of(fitted, trajectory) if forces else None
@@ -231,8 +238,13 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
         tuple(one.shape for one in rows),
         np.array([one.unit for one in rows]).reshape(len(rows), residual.values.size),
         np.array([one.length for one in rows]),
-        np.array([float(one.unit @ residual.values.ravel()) for one in rows]),
+        np.array([one.along for one in rows]),
     )
+
+
+def unit_noise(fitted: FitResult) -> Array:
+    """What residuals (n, d) are measured in: the noise (d,) of each quantity, 1 where there is none."""
+    return np.where(fitted.noise > 0, fitted.noise, 1.0)
 
 
 def shaped(effect: Effect, shape: Sequence[float]) -> Effect:
