@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -58,6 +59,16 @@ class Listing:
     boards: Mapping[str, Path]
     gaps: tuple[Gap, ...]
     unknown: tuple[str, ...]
+
+
+def places(clips: Iterable[Clip]) -> list[int]:
+    """The place of each clip in its setting, from 0."""
+    seen: Counter[tuple[str, str]] = Counter()
+    found = []
+    for clip in clips:
+        found.append(seen[clip.class_name, clip.setting])
+        seen[clip.class_name, clip.setting] += 1
+    return found
 
 
 def benchmark_classes() -> dict[str, tuple[str, BenchmarkClass]]:

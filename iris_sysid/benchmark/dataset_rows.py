@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import multiprocessing
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,10 +15,12 @@ from iris_sysid.benchmark.selecting import selection_rows
 from iris_sysid.benchmark.sharing import sharing_rows
 from iris_sysid.benchmark.studies import STUDY_OF, ode_rows, studied
 from iris_sysid.benchmark.subjects import Subject, subjects_of
+from iris_sysid.dataset import places
 from iris_sysid.errors import DataError, IrisError
 from iris_sysid.files import json_text, write_atomic
 from iris_sysid.groundtruth.measure import Conditions, Measurements, measure
 from iris_sysid.groundtruth.schemas import MeasuredDocument
+from iris_sysid.side_by_side import side_by_side
 
 PER_CLIP = (*STUDY_OF, SELECTION)  # studies of one clip; robustness is of a few clips, sharing of a setting
 ALL_STUDIES = (*PER_CLIP, ROBUSTNESS, SHARING)
@@ -101,7 +100,7 @@ def dataset_rows(
     unknown = [name for name in plan.studies if name not in ALL_STUDIES]
     if unknown:
         raise DataError(f"there is no study {unknown[0]!r}; there are {', '.join(ALL_STUDIES)}")
-    done: Measurements = measure(
+    measured: Measurements = measure(
         dataset,
         work,
         measured=plan.measured,
@@ -110,38 +109,29 @@ def dataset_rows(
         progress=progress,
         tell=tell,
     )
-    subjects = subjects_of(done.clips, Path(dataset), plan.name)
+    subjects = subjects_of(measured.clips, Path(dataset), plan.name)
     units = list(_units(subjects, Path(work), plan))
     frames = [flat_rows(record for one in subjects for record in ode_rows(one))]
-    frames += list(_all_done(units, plan.workers, progress))
+    studies, lost = _all_done(units, plan.workers, progress)
+    frames += studies
     if SHARING in plan.studies:
         frames.append(flat_rows(sharing_rows(subjects)))
-    gaps = tuple(f"{place}: {reason}" for place, reason in done.gaps)
-    clips = {one.clip.place: one.document.origin.get("sha256") for one in done.clips}
+    gaps = (*(f"{place}: {reason}" for place, reason in measured.gaps), *lost)
+    clips = {one.clip.place: one.document.origin.get("sha256") for one in measured.clips}
     return DatasetRows(joined(frames), gaps, clips)
 
 
 def _units(subjects: Sequence[Subject], work: Path, plan: Plan) -> Iterator[Unit]:
     """The studies to do, in the order of ``PER_CLIP``, the clips in order."""
-    places = _places(subjects)
-    few = [one for one, place in zip(subjects, places, strict=True) if plan.studied is None or place < plan.studied]
+    turns = places([one.clip for one in subjects])
+    few = [one for one, place in zip(subjects, turns, strict=True) if plan.studied is None or place < plan.studied]
     for study in (name for name in PER_CLIP if name in plan.studies):
         yield from (_unit(one, study, work, plan) for one in few)
     if ROBUSTNESS in plan.studies and plan.robustness:
-        yield from (_unit(one, ROBUSTNESS, work, plan) for one in _spread(subjects, places, plan.robustness))
+        yield from (_unit(one, ROBUSTNESS, work, plan) for one in _spread(subjects, turns, plan.robustness))
 
 
-def _places(subjects: Sequence[Subject]) -> list[int]:
-    """The place of each clip in its setting, from 0."""
-    seen: Counter[tuple[str, str]] = Counter()
-    places = []
-    for one in subjects:
-        places.append(seen[one.clip.class_name, one.clip.setting])
-        seen[one.clip.class_name, one.clip.setting] += 1
-    return places
-
-
-def _spread(subjects: Sequence[Subject], places: Sequence[int], count: int) -> list[Subject]:
+def _spread(subjects: Sequence[Subject], turns: Sequence[int], count: int) -> list[Subject]:
     """So many clips over as many classes and settings as there are: each class's first, then its next setting.
 
     Clips that did not fit as they are say nothing of robustness, and are passed over.
@@ -153,7 +143,7 @@ def _spread(subjects: Sequence[Subject], places: Sequence[int], count: int) -> l
             known.append(one.clip.setting)
     order = sorted(
         (k for k, one in enumerate(subjects) if one.measured.document.status == OK),
-        key=lambda k: (places[k], settings[subjects[k].clip.class_name].index(subjects[k].clip.setting)),
+        key=lambda k: (turns[k], settings[subjects[k].clip.class_name].index(subjects[k].clip.setting)),
     )
     return [subjects[k] for k in sorted(order[:count])]
 
@@ -178,16 +168,20 @@ def _unit(subject: Subject, study: str, work: Path, plan: Plan) -> Unit:
 
 def _all_done(
     units: Sequence[Unit], workers: int, progress: Callable[[int, int], None] | None
-) -> Iterator[pd.DataFrame]:
-    """The rows of every unit, in the order of the units; what an earlier run left is read."""
-    missing = [one for one in units if _kept(one) is None]
-    for count, _ in enumerate(_worked(missing, workers), start=len(units) - len(missing) + 1):
+) -> tuple[list[pd.DataFrame], list[str]]:
+    """The rows of every unit, in the order of the units, and a line on each that ended its process.
+
+    What an earlier run left is read.
+    """
+    found = {one.path: _kept(one) for one in units}
+    missing, lost = [one for one in units if found[one.path] is None], []
+    for count, (unit, whole) in enumerate(side_by_side(work_on, missing, workers, _lost), start=1):
+        found[unit.path] = _kept(unit)
+        if not whole:
+            lost.append(f"{unit.subject.clip.place}: the process of the study {unit.study} ended; is memory short?")
         if progress is not None:
-            progress(count, len(units))
-    for one in units:
-        found = _kept(one)
-        if found is not None:
-            yield found
+            progress(len(units) - len(missing) + count, len(units))
+    return [rows for rows in found.values() if rows is not None], sorted(lost)
 
 
 def _kept(unit: Unit) -> pd.DataFrame | None:
@@ -202,26 +196,13 @@ def _kept(unit: Unit) -> pd.DataFrame | None:
         return None
 
 
-def _worked(units: Sequence[Unit], workers: int) -> Iterator[Unit]:
-    """Do every unit; each one when it is done."""
-    if workers == 1 or len(units) < 2:
-        for one in units:
-            work_on(one)
-            yield one
-        return
-    # spawn: a fork would copy the locks of the decoder's threads
-    with ProcessPoolExecutor(min(workers, len(units)), multiprocessing.get_context("spawn")) as pool:
-        try:
-            waiting = {pool.submit(work_on, one): one for one in units}
-            for future in as_completed(waiting):
-                future.result()
-                yield waiting[future]
-        finally:
-            pool.shutdown(cancel_futures=True)
+def _lost(unit: Unit) -> bool:
+    """Leave nothing, so that another run tries again."""
+    return False
 
 
-def work_on(unit: Unit) -> None:
-    """Do one study of one clip and keep its rows; nothing to say is an empty file."""
+def work_on(unit: Unit) -> bool:
+    """Do one study of one clip and keep its rows; nothing to say is an empty file. True when that is done."""
     if unit.study == ROBUSTNESS:
         records = robustness_rows(unit.subject, unit.measured, seed=unit.seed)
     elif unit.study == SELECTION:
@@ -229,3 +210,4 @@ def work_on(unit: Unit) -> None:
     else:
         records = studied(unit.subject, unit.study)
     write_atomic(unit.path, rows_text(flat_rows(records)) if records else "", overwrite=True)
+    return True

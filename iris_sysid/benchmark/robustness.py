@@ -12,7 +12,7 @@ from iris_sysid.benchmark.studies import ODE, why
 from iris_sysid.benchmark.subjects import Subject
 from iris_sysid.calibration import uncalibrated
 from iris_sysid.calibration_file import read_calibration
-from iris_sysid.groundtruth._clip import KNOWN, told
+from iris_sysid.groundtruth._clip import told
 from iris_sysid.groundtruth.schemas import MeasuredDocument
 from iris_sysid.pipeline import observe_and_fit
 from iris_sysid.registry import PHENOMENA
@@ -56,8 +56,7 @@ def _refitted(subject: Subject, measured: MeasuredDocument, condition: str, seed
         tracks = track(video, phenomenon.tracker, TrackOptions(bodies=phenomenon.bodies))
         tracks = as_in(video, tracks, (original.width, original.height))
     calibration = _calibration(subject.measured.folder.parent)
-    known = {name: one for name, one in measured.of(clip.class_name, clip.setting).items() if name in KNOWN}
-    settings, free = told(phenomenon, known, calibration)
+    settings, free = told(phenomenon, measured.of(clip.class_name, clip.setting), calibration)
     return observe_and_fit(tracks, calibration, phenomenon, settings, free)[2]
 
 

@@ -15,7 +15,7 @@ from iris_sysid.benchmark.losses import stiffnesses
 from iris_sysid.benchmark.rows import COUPLING, EXTRAPOLATION, FAILED, IDENTIFIABILITY, LOSSES, OK
 from iris_sysid.benchmark.subjects import Subject
 from iris_sysid.diagnosis import diagnose
-from iris_sysid.errors import FitError, IrisError
+from iris_sysid.errors import IrisError
 from iris_sysid.registry import MODELS
 from iris_sysid.types import Array, Estimate, FitResult, OdeModel, Trajectory
 
@@ -39,11 +39,8 @@ def ode_rows(subject: Subject) -> Records:
 
 def effect_rows(subject: Subject) -> Records:
     """The parameters of the bank's model with the effects added that the clip shows; ``answer`` names them."""
-    trajectory, model = subject.trajectory(), subject.model
-    try:
-        found = diagnose(trajectory, model, **_told(subject))
-    except FitError:  # geometry that the motion does not feel cannot be left open: an incline's angle
-        found = diagnose(trajectory, model, **_told(subject, geometry=True))
+    known, free = subject.told()
+    found = diagnose(subject.trajectory(), subject.model, fixed=known, free=free)
     answer = ", ".join(one.name for one in found.added) or "none"
     return subject.records(found.final.estimates, found.final.status, method=EFFECTS, answer=answer)
 
@@ -172,11 +169,6 @@ def _plain(
     return subject.record(
         study=study, method=method, parameter=parameter, value=value if finite else np.nan, unit=unit, status=status
     )
-
-
-def _told(subject: Subject, *, geometry: bool = False) -> dict[str, Any]:
-    known, free = subject.told(geometry=geometry)
-    return {"fixed": known, "free": free}
 
 
 # name of each study: what makes its rows, and the study, method and parameter of the row that says it failed

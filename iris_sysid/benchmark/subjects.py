@@ -62,8 +62,8 @@ class Subject:
             raise DataError(f"{self.clip.place} has no trajectory: {self.measured.document.message}")
         return found
 
-    def told(self, *, geometry: bool = False) -> tuple[dict[str, Estimate], list[str]]:
-        """What the fit was told by name, and which constants it estimated; with ``geometry`` what the picture told.
+    def told(self) -> tuple[dict[str, Estimate], list[str]]:
+        """What the fit was told by name, and which constants it estimated.
 
         What was measured in the picture is in the trajectory, where a fit finds it by itself.
         """
@@ -72,7 +72,7 @@ class Subject:
             one.name: document.parameters[one.name].estimate()
             for one in self.model.parameters
             if one.name in document.parameters and one.name not in document.free
-            if geometry or one.name not in document.geometry
+            if one.name not in document.geometry
         }
         constants = [one.name for one in self.model.parameters if one.constant]
         finite = {name: one for name, one in known.items() if math.isfinite(one.value)}

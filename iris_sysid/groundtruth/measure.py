@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-import multiprocessing
-from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from iris_sysid.dataset import BOARD, Clip, Listing, list_clips
+from iris_sysid.dataset import BOARD, Clip, Listing, list_clips, places
 from iris_sysid.documents import read_document
 from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.groundtruth._clip import KNOWN, Job, measure_clip, record_failure
 from iris_sysid.groundtruth.boards import board_of, calibrate_class, scale_class
 from iris_sysid.groundtruth.schemas import ClipDocument, MeasuredDocument
 from iris_sysid.registry import PHENOMENA
+from iris_sysid.side_by_side import check_workers, side_by_side
 from iris_sysid.table_reading import read_track, read_trajectory
 from iris_sysid.types import Track, Trajectory
 
-MOST_WORKERS = 256
 NOT_BY_BOARD = ("angle", "intensity")  # what a phenomenon measures without any scale
 
 
@@ -121,8 +116,7 @@ def measure(
         When the measurements cannot be written.
     """
     conditions, measured, tell = conditions or Conditions(), measured or MeasuredDocument(), tell or _silent
-    if not 1 <= workers <= MOST_WORKERS:
-        raise DataError(f"workers must be a whole number from 1 to {MOST_WORKERS}, not {workers!r}")
+    check_workers(workers)
     listing, root = list_clips(dataset), Path(folder)
     gaps = {gap.place: gap.reason for gap in listing.gaps}
     chosen = [
@@ -131,7 +125,7 @@ def measure(
     calibrations = _calibrations(listing, root, measured, chosen, gaps)
     jobs = [_job(clip, root, measured, conditions, calibrations.get(clip.class_name)) for clip in chosen]
     now = 0
-    for done, (job, (fresh, why)) in enumerate(_outcomes(_in_turn(jobs), workers), start=1):
+    for done, (job, (fresh, why)) in enumerate(side_by_side(measure_clip, _in_turn(jobs), workers, _lost), start=1):
         now += fresh
         if why and fresh:
             tell(f"{job.clip.place}: {why}")
@@ -148,23 +142,13 @@ def _chosen(clips: Sequence[Clip], trials: int | None) -> list[Clip]:
     """The first clips of each setting, all without a number."""
     if trials is not None and trials < 1:
         raise DataError(f"trials must be at least 1, not {trials}")
-    return [clip for clip, place in zip(clips, _places(clips), strict=True) if trials is None or place < trials]
-
-
-def _places(clips: Sequence[Clip]) -> list[int]:
-    """The place of each clip in its setting, from 0."""
-    seen: Counter[tuple[str, str]] = Counter()
-    places = []
-    for clip in clips:
-        places.append(seen[clip.class_name, clip.setting])
-        seen[clip.class_name, clip.setting] += 1
-    return places
+    return [clip for clip, place in zip(clips, places(clips), strict=True) if trials is None or place < trials]
 
 
 def _in_turn(jobs: Sequence[Job]) -> list[Job]:
     """The first clip of every setting, then the second of every one: a run that ends early has some of each."""
-    places = _places([job.clip for job in jobs])
-    return [job for _, job in sorted(zip(places, jobs, strict=True), key=lambda pair: pair[0])]
+    turns = places([job.clip for job in jobs])
+    return [job for _, job in sorted(zip(turns, jobs, strict=True), key=lambda pair: pair[0])]
 
 
 def _calibrations(
@@ -197,44 +181,13 @@ def _job(clip: Clip, root: Path, measured: MeasuredDocument, conditions: Conditi
     return Job(clip, root, calibration, known, conditions.fps, conditions.clock_stderr, conditions.keep_partial)
 
 
+def _lost(job: Job) -> tuple[bool, str]:
+    """What came of a clip whose process died."""
+    return True, record_failure(job, "the process that read it ended; is the file damaged, or memory short?")
+
+
 def _read(job: Job, gaps: dict[str, str]) -> ClipMeasurement:
     document = read_document(job.path(".json"), ClipDocument)
     if document.status == "failed":
         gaps[job.clip.place] = f"failed: {document.message}"
     return ClipMeasurement(job.clip, document, job.path(".json").parent)
-
-
-# --------------------------------------------------------------------------- processes
-
-
-def _outcomes(jobs: Sequence[Job], workers: int) -> Iterator[tuple[Job, tuple[bool, str]]]:
-    """Measure all clips; each with what came of it, in the order in which they finish."""
-    if workers == 1 or len(jobs) < 2:
-        for job in jobs:
-            yield job, measure_clip(job)
-        return
-    rest = {job.clip.place: job for job in jobs}
-    with suppress(BrokenProcessPool):
-        for job, outcome in _side_by_side(jobs, workers):
-            del rest[job.clip.place]
-            yield job, outcome
-    for job in rest.values():  # a process died: one of these clips ends it, so each has one for itself
-        yield job, _apart(job)
-
-
-def _side_by_side(jobs: Sequence[Job], workers: int) -> Iterator[tuple[Job, tuple[bool, str]]]:
-    # spawn: a fork would copy the locks of the decoder's threads
-    with ProcessPoolExecutor(min(workers, len(jobs)), multiprocessing.get_context("spawn")) as pool:
-        waiting = {pool.submit(measure_clip, job): job for job in jobs}
-        try:
-            for future in as_completed(waiting):
-                yield waiting[future], future.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-def _apart(job: Job) -> tuple[bool, str]:
-    try:
-        return next(outcome for _, outcome in _side_by_side([job], 1))
-    except BrokenProcessPool:
-        return True, record_failure(job, "the process that read it ended; is the file damaged, or memory short?")

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import shutil
 import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.files import check_writable, json_text, origin_of, write_atomic
+from iris_sysid.side_by_side import check_workers, side_by_side
 from iris_sysid.synthetic.board import render_checkerboard
 from iris_sysid.synthetic.clip import Progress, render_clip
 from iris_sysid.synthetic.look import Look
@@ -135,8 +135,7 @@ def _check(size: tuple[int, int], fps: float, trials: int, seed: int, workers: i
     check_clip(size, fps, 1.0 if duration_s is None else duration_s, seed)
     if not isinstance(trials, int) or not 1 <= trials <= MOST_TRIALS:
         raise DataError(f"trials must be a whole number from 1 to {MOST_TRIALS}, not {trials!r}")
-    if not isinstance(workers, int) or not 1 <= workers <= 256:
-        raise DataError(f"workers must be a whole number from 1 to 256, not {workers!r}")
+    check_workers(workers)
 
 
 def _jobs(
@@ -215,41 +214,25 @@ def _counted(progress: Progress | None, done: int, total: int) -> Iterator[None]
 def _render(jobs: Sequence[Job], root: Path, workers: int, steps: Iterator[None]) -> None:
     next(steps)
     failed: dict[str, str] = {}
-    for place, error in _outcomes(jobs, root, workers):
+    for job, error in side_by_side(partial(_attempt, root), jobs, workers, _lost):
         next(steps)
         if error is not None:
-            failed[place] = str(error)
+            failed[job.place] = str(error)
     if failed:
         lines = "; ".join(f"{place}: {reason}" for place, reason in failed.items())
         raise IrisError(f"{len(failed)} of {len(jobs)} clips could not be rendered, the others are there: {lines}")
 
 
-def _outcomes(jobs: Sequence[Job], root: Path, workers: int) -> Iterator[tuple[str, IrisError | None]]:
-    """Render all jobs; give each one's place, with the error when it failed, in the order in which they finish."""
-    if workers == 1 or len(jobs) < 2:
-        for job in jobs:
-            yield job.place, _attempt(job, root)
-        return
-    # spawn: a fork would copy the locks of the encoder's threads
-    with ProcessPoolExecutor(min(workers, len(jobs)), multiprocessing.get_context("spawn")) as pool:
-        waiting = _submitted(pool, jobs, root)
-        try:
-            for future in as_completed(waiting):
-                yield waiting[future], future.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-def _submitted(pool: Executor, jobs: Sequence[Job], root: Path) -> dict[Future[IrisError | None], str]:
-    return {pool.submit(_attempt, job, root): job.place for job in jobs}
-
-
-def _attempt(job: Job, root: Path) -> IrisError | None:
+def _attempt(root: Path, job: Job) -> IrisError | None:
     try:
         _render_one(job, root)
     except IrisError as error:
         return error
     return None
+
+
+def _lost(job: Job) -> IrisError:
+    return IrisError("the process that rendered it ended; is memory short? Fewer workers need less")
 
 
 def _render_one(job: Job, root: Path) -> None:

@@ -1,0 +1,65 @@
+"""Jobs done in several processes, one of which may die without ending the others' work."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
+from typing import TypeVar
+
+from iris_sysid.errors import DataError
+
+MOST_WORKERS = 256
+
+Job = TypeVar("Job")
+Outcome = TypeVar("Outcome")
+
+
+def check_workers(workers: int) -> None:
+    """Raise DataError unless this is a number of processes."""
+    if not isinstance(workers, int) or not 1 <= workers <= MOST_WORKERS:
+        raise DataError(f"workers must be a whole number from 1 to {MOST_WORKERS}, not {workers!r}")
+
+
+def side_by_side(
+    work: Callable[[Job], Outcome], jobs: Sequence[Job], workers: int, lost: Callable[[Job], Outcome]
+) -> Iterator[tuple[Job, Outcome]]:
+    """Do all jobs; each with what came of it, in the order in which they finish.
+
+    Parameters
+    ----------
+    work
+        A function that a new process can import; what it raises ends the run.
+    jobs
+        What it is called with.
+    workers
+        Processes side by side; one is this process.
+    lost
+        Called in place of ``work`` for a job whose process died, e.g. for want of memory.
+    """
+    if workers == 1 or len(jobs) < 2:
+        for job in jobs:
+            yield job, work(job)
+        return
+    rest = dict(enumerate(jobs))
+    with suppress(BrokenProcessPool):
+        for place, outcome in _pooled(work, rest, workers):
+            yield rest.pop(place), outcome
+    for place, job in rest.items():  # a process died: one of these jobs ends it, so each has one for itself
+        try:
+            yield job, next(outcome for _, outcome in _pooled(work, {place: job}, 1))
+        except BrokenProcessPool:
+            yield job, lost(job)
+
+
+def _pooled(work: Callable[[Job], Outcome], jobs: dict[int, Job], workers: int) -> Iterator[tuple[int, Outcome]]:
+    # spawn: a fork would copy the locks of the decoder's and the encoder's threads
+    with ProcessPoolExecutor(min(workers, len(jobs)), multiprocessing.get_context("spawn")) as pool:
+        waiting = {pool.submit(work, job): place for place, job in jobs.items()}
+        try:
+            for future in as_completed(waiting):
+                yield waiting[future], future.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
