@@ -1,0 +1,94 @@
+"""What the files are made of: numbers, estimates, quantities, segments."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from iris_sysid.types import Estimate, Quantity, Segment, SegmentLabel
+
+Number = float | None
+
+
+def known_number(value: Any) -> Number:
+    """The value as a float; None where it is NaN or infinite."""
+    finite = float(value)
+    return finite if math.isfinite(finite) else None
+
+
+def known_numbers(values: Iterable[Any]) -> Any:
+    """Numbers with null for what is not finite: a tuple of a tuple, a list of anything else."""
+    known = [known_number(value) for value in values]
+    return tuple(known) if isinstance(values, tuple) else known
+
+
+def number(value: Number) -> float:
+    """The value; NaN where it is None."""
+    return math.nan if value is None else value
+
+
+class Part(BaseModel):
+    """A piece of a document: no unknown key, no text for a number, no NaN, nothing changed afterwards."""
+
+    model_config = ConfigDict(
+        strict=True, extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+
+class Document(Part):
+    """A whole file; each kind states its ``document`` name and the ``version`` of its layout."""
+
+
+class EstimateEntry(Part):
+    """A number with its standard error, interval and unit."""
+
+    value: Number
+    """Value in the unit; null when there is none."""
+    stderr: Number
+    """Standard error; null when the data do not determine it."""
+    ci95: tuple[Number, Number]
+    """Lower and upper end of the 95 % interval; null where there is none."""
+    unit: str
+    measurement_type: Literal["fitted", "direct", "assumed", "derived", "metadata"]
+    source: str = ""
+    """Where the value comes from, in words."""
+    note: str = ""
+    """Why a number is null."""
+
+    def estimate(self) -> Estimate:
+        """The entry as an Estimate; null becomes NaN, and an open end of the interval infinity."""
+        value, stderr = number(self.value), number(self.stderr)
+        plain = Estimate(value, stderr, self.unit, self.measurement_type, self.source)
+        if known_numbers(plain.interval) == self.ci95:
+            return plain
+        low, high = self.ci95
+        interval = (-math.inf if low is None else low, math.inf if high is None else high)
+        return Estimate(value, stderr, self.unit, self.measurement_type, self.source, interval)
+
+
+class QuantityEntry(Part):
+    """A quantity's name, unit and LaTeX symbol."""
+
+    name: str
+    unit: str
+    symbol: str = ""
+
+    def quantity(self) -> Quantity:
+        """The entry as a Quantity."""
+        return Quantity(self.name, self.unit, self.symbol)
+
+
+class SegmentEntry(Part):
+    """Samples ``start`` to ``stop - 1``, counted from 0, and what happens in them."""
+
+    label: SegmentLabel
+    start: Annotated[int, Field(ge=0)]
+    stop: Annotated[int, Field(ge=1)]
+    reason: str = ""
+
+    def segment(self) -> Segment:
+        """The entry as a Segment."""
+        return Segment(self.label, self.start, self.stop, self.reason)
