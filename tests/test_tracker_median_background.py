@@ -9,6 +9,8 @@ import pytest
 from iris_sysid.errors import DataError, TrackingError, UnknownNameError
 from iris_sysid.types import TrackOptions
 from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
+from trackers._observe import observe, stage_of
+from trackers._view import view_of
 from trackers.median_background import track
 
 SHAPE = (96, 160)
@@ -162,6 +164,18 @@ def test_hand_that_holds_the_body_is_reported_until_it_lets_go():
     assert not found.hand[22:].any()
     assert found.valid[20:].all()
     assert rms((found.xy_px - path)[25:]) < 0.05
+
+
+def test_mark_that_a_hand_hides_for_a_while_is_not_taken_for_a_body():
+    path, pictures = swing(60, (50, 48), (25, 12)), []
+    for k, (x, y) in enumerate(path):
+        picture = np.full(SHAPE, 120.0)
+        picture[10:22, 130:142] = 15.0  # a mark on the wall
+        picture[4:60, 160 - max(0, 40 - 4 * max(0, k - 12)) :] = 70.0  # a hand that withdraws
+        pictures.append(paint(picture, disc(SHAPE, x, y, 8), 200.0))
+    clip = DrawnClip(noisy(pictures, 2.0))
+    glimpses = observe(clip, stage_of(clip, view_of(clip, TrackOptions())), TrackOptions())
+    assert all(len(one.sightings) == 1 for one in glimpses[24:])
 
 
 def test_body_that_rests_for_most_of_the_clip_is_found_moving_and_at_rest():

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from trackers._background import Bytes, Flags, Image, Still
-from trackers._foreground import SQUARE, most_of_channels, scene_of
+from trackers._foreground import SQUARE, Scene, any_channel, most_of_channels, scene_of
 
 SMALLEST_HOLE = 12  # px
 EDGE_RATIO = 2.0  # how much stronger an edge is in the background than in the frame
@@ -15,6 +15,7 @@ OUTLINE_SHARE = 0.3  # of a hole's outline: the rest is the outline of what hide
 SHADE = 0.4  # of a component's peak: what is fainter is the shadow of something near
 FEWEST_SAMPLES = 3  # that must show what is behind
 MARGIN = 4  # px round what differs, in which its edges lie
+SURROUNDED = 0.5  # of what lies round a hole: if more of it is a hand or arm, the hole is something that these hide
 RIM = np.ones((5, 5), np.uint8)  # the outline of a resting body is blurred
 
 
@@ -25,12 +26,14 @@ def usable_samples(stack: Bytes, still: Still) -> Flags | None:
 
     Where a body rests in most samples it becomes background, and the other samples differ from it in
     the body's shape: a hole. A hole is told from a body by its outline, much of which is an edge in
-    the background but not in the frame.
+    the background but not in the frame. A mark that a hand hides looks like a hole as well, but round it is
+    what reaches in from the edge of the picture.
     """
     edges = _edges(still.background)
     scene = scene_of(still)
     holes = np.zeros(stack.shape[:3], dtype=np.bool_)
     for k, picture in enumerate(stack):
+        reaching = _reaching_in(scene, picture)
         for excess in (cv2.subtract(picture, scene.highest), cv2.subtract(scene.lowest, picture)):
             excess = np.where(excess > scene.strong, excess, 0).astype(np.uint8)
             level = most_of_channels(excess)
@@ -41,11 +44,37 @@ def usable_samples(stack: Bytes, still: Still) -> Flags | None:
                     slice(max(0, left - MARGIN), left + width + MARGIN),
                 )
                 part = np.ascontiguousarray(picture[window]).astype(np.float32)
-                holes[k][window] |= _holes(np.ascontiguousarray(level[window]), edges[window], _edges(part))
+                found = _holes(np.ascontiguousarray(level[window]), edges[window], _edges(part))
+                holes[k][window] |= _without_hidden(found, reaching[window])
     if holes.sum(axis=0).max() < FEWEST_SAMPLES:
         return None
     wide = np.stack([cv2.dilate(hole.astype(np.uint8), RIM) > 0 for hole in holes])
     return wide | (wide.sum(axis=0) < FEWEST_SAMPLES)
+
+
+def _reaching_in(scene: Scene, picture: Bytes) -> Flags:
+    """What differs from the background and hangs together with the edge of the picture (h, w)."""
+    differs = any_channel(scene.excess(picture) > scene.weak).astype(np.uint8)
+    count, labels = cv2.connectedComponents(cv2.morphologyEx(differs, cv2.MORPH_CLOSE, SQUARE), connectivity=8)
+    reaches = np.zeros(count, dtype=np.bool_)
+    for side in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        reaches[side] = True
+    reaches[0] = False
+    return np.asarray(reaches[labels])
+
+
+def _without_hidden(holes: Flags, reaching: Flags) -> Flags:
+    """The holes (h, w) but those that lie in the midst of what reaches in from the edge."""
+    if not reaching.any():
+        return holes
+    count, labels = cv2.connectedComponents(holes.astype(np.uint8), connectivity=8)
+    kept = holes.copy()
+    for label in range(1, count):
+        one = labels == label
+        ring = (cv2.dilate(one.astype(np.uint8), RIM) > 0) & ~one
+        if reaching[ring].mean() > SURROUNDED:
+            kept[one] = False
+    return kept
 
 
 def _edges(image: Image) -> Image:
