@@ -12,7 +12,7 @@ from typing import TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import toeplitz
+from scipy.linalg import LinAlgError, cho_factor, cho_solve, toeplitz
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
@@ -24,6 +24,8 @@ MAX_ORDER = 8
 LONGEST_GAP = 5000  # samples; noise does not remember longer
 RESTRICTED_UP_TO = 5000  # samples; beyond, what the fit took out is too small a share to matter
 EDGE = 0.999  # of the unit circle, for partial autocorrelations
+TOLERANCE = 1e-10  # relative, of the likelihood
+DIGITS_LOST = 1e-4  # of minus twice the log likelihood: products of very smooth columns cancel when they are whitened
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -143,13 +145,94 @@ def fit_autoregression(residual: Array, basis: Array) -> Autoregression:
 
 def _most_likely(residual: Array, basis: Array, start: Array) -> Array:
     """Partial autocorrelations of the largest restricted likelihood, from a start; tanh keeps them inside."""
+    products = _LaggedProducts.of(residual, basis, start.size)
 
-    def objective(unbounded: Vector) -> float:
+    def quick(unbounded: Vector) -> tuple[float, Vector]:
+        inside = np.tanh(unbounded)
+        value, gradient = products.minus_restricted(EDGE * inside)
+        return value, cast("Vector", gradient * EDGE * (1.0 - inside**2))
+
+    def exact(unbounded: Vector) -> float:
         return _minus_restricted(residual, basis, EDGE * np.tanh(unbounded))[0]
 
     unbounded = cast("Vector", np.arctanh(start / EDGE * (1 - 1e-6)))
-    found = minimize(objective, unbounded, method="L-BFGS-B", jac="3-point", tol=1e-10)
+    try:
+        found = minimize(quick, unbounded, method="L-BFGS-B", jac=True, tol=TOLERANCE)
+        holds = found.success and abs(found.fun - exact(found.x)) < DIGITS_LOST
+    except LinAlgError:  # singular to rounding
+        holds = False
+    if not holds:
+        found = minimize(exact, unbounded, method="L-BFGS-B", jac="3-point", tol=TOLERANCE)
     return np.asarray(EDGE * np.tanh(found.x), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _LaggedProducts:
+    """All that the restricted likelihood of order q needs of a residual and a basis x (n, c), in one pass over them.
+
+    ``products`` (q + 1, q + 1, c, q + 1, c): sums of x[t - i, a] x[t - j, b] over the samples that a predictor of
+    each order is for, the lower ones after each gap, and ``counts`` (q + 1,) of them; ``degrees`` of freedom.
+    """
+
+    products: Array
+    counts: Array
+    degrees: int
+
+    @classmethod
+    def of(cls, residual: Array, basis: Array, order: int) -> _LaggedProducts:
+        present = np.isfinite(residual)
+        columns = np.where(present[:, None], np.column_stack([residual, basis]), 0.0)
+        padded = np.concatenate([np.zeros((order, columns.shape[1])), columns])
+        ends = range(order, -1, -1)
+        lagged = np.stack([padded[end : end + len(columns)] for end in ends], axis=1).reshape(len(columns), -1)
+        order_at = np.where(present, np.minimum(_run_length(present) - 1, order), -1)
+        parts = [lagged[order_at == one] for one in range(order + 1)]
+        products = np.array([part.T @ part for part in parts])
+        shape = (order + 1, *(order + 1, columns.shape[1]) * 2)
+        counts = np.array([float(len(part)) for part in parts])
+        return cls(products.reshape(shape), counts, max(int(present.sum()) - basis.shape[1], 1))
+
+    def minus_restricted(self, partial: Array) -> tuple[float, Array]:
+        """As :func:`_minus_restricted`, and its gradient (q,); LinAlgError when singular to rounding."""
+        filters, slopes = _filters(partial)
+        shares, share_slopes = _shares(partial)
+        half = np.einsum("piajb,pj->piab", self.products, filters)
+        each = np.einsum("piab,pi->pab", half, filters)
+        white = np.einsum("p,pab->ab", shares, each)  # products of the whitened columns
+        factor = cho_factor(white[1:, 1:], lower=True)
+        taken = cho_solve(factor, white[1:, 0])
+        square = max(float(white[0, 0] - white[1:, 0] @ taken), 1e-300)
+        logs = np.sum(np.log(np.diag(factor[0])))
+        value = float(-self.counts @ np.log(shares) + 2.0 * logs + self.degrees * np.log(square))
+        left = np.append(1.0, -taken)
+        by_white = self.degrees / square * np.outer(left, left)
+        by_white[1:, 1:] += cho_solve(factor, np.eye(taken.size))
+        by_share = shares * np.einsum("pab,ab->p", each, by_white) - self.counts
+        by_filter = 2.0 * shares[:, None] * np.einsum("piab,ab->pi", half, by_white)
+        return value, by_share @ share_slopes + np.einsum("mpi,pi->m", slopes, by_filter)
+
+
+def _filters(partial: Array) -> tuple[Array, Array]:
+    """Prediction-error filters (q + 1, q + 1) of order 0 to q, and their slopes (q, q + 1, q + 1) by each partial."""
+    order = partial.size
+    filters, slopes = np.zeros((order + 1, order + 1)), np.zeros((order, order + 1, order + 1))
+    filters[:, 0] = 1.0
+    for p, reflection in enumerate(partial):
+        back = filters[p, : p + 1][::-1]
+        filters[p + 1] = filters[p]
+        filters[p + 1, 1 : p + 2] -= reflection * back
+        slopes[:, p + 1] = slopes[:, p]
+        slopes[:, p + 1, 1 : p + 2] -= reflection * slopes[:, p, : p + 1][:, ::-1]
+        slopes[p, p + 1, 1 : p + 2] -= back
+    return filters, slopes
+
+
+def _shares(partial: Array) -> tuple[Array, Array]:
+    """Innovation over prediction variance (q + 1,) of the predictors, and the slopes (q + 1, q) of its log."""
+    left = 1.0 - partial**2
+    shares = np.append(np.cumprod(left[::-1])[::-1], 1.0)
+    later = np.arange(partial.size) >= np.arange(partial.size + 1)[:, None]
+    return shares, np.where(later, -2.0 * partial / left, 0.0)
 
 
 def _minus_restricted(residual: Array, basis: Array, partial: Array) -> tuple[float, float]:
@@ -173,14 +256,14 @@ def whiten(columns: Array, partial: Array) -> tuple[Array, Array]:
     present = np.isfinite(columns[:, 0])
     known = _run_length(present)
     rows = coefficients_of(partial)
-    tail = np.concatenate([np.cumprod((1.0 - partial**2)[::-1])[::-1], [1.0]])  # innovation / prediction variance
+    shares = _shares(partial)[0]
     filled = np.where(present[:, None], columns, 0.0)
     error = lfilter(np.concatenate([[1.0], -rows[-1]]), [1.0], filled, axis=0)
     for order in range(partial.size):
         at = np.flatnonzero(known == order + 1)
         error[at] = filled[at] - sum(rows[order][k] * filled[at - 1 - k] for k in range(order))
     order_at = np.minimum(known[present] - 1, partial.size)
-    variances = 1.0 / tail[order_at]
+    variances = 1.0 / shares[order_at]
     return np.asarray(error[present] / np.sqrt(variances)[:, None]), np.asarray(variances)
 
 
