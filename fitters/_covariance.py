@@ -14,7 +14,8 @@ from scipy.signal import lfilter
 from scipy.stats import t as student
 
 from fitters._autoregression import Autoregression, coefficients_of, fit_autoregression, grid_positions, on_grid
-from iris_sysid.types import Array
+from fitters._memory import remembered
+from iris_sysid.types import Array, Estimate
 
 MEMORY = 20_000  # samples before the first one that its noise may remember
 MOST_DEGREES = 1e6
@@ -51,7 +52,9 @@ def inverse_normal(jacobian: Array, smallest: float = 0.0) -> Array:
     return np.asarray(scaled @ scaled.T / np.outer(size, size))
 
 
-def random_uncertainty(t_s: Array, residual: Array, sensitivity: Array, bread: Array) -> Uncertainty:
+def random_uncertainty(
+    t_s: Array, residual: Array, sensitivity: Array, bread: Array, memory: tuple[Estimate, ...] = ()
+) -> Uncertainty:
     """Covariance of the free values from the residual, autocorrelation allowed for.
 
     Parameters
@@ -64,6 +67,8 @@ def random_uncertainty(t_s: Array, residual: Array, sensitivity: Array, bread: A
         (n, d, k) d predicted / d value, in units of sigma.
     bread
         (k, k) :func:`inverse_normal` of the sensitivities.
+    memory
+        Partial autocorrelations of the noise where they were measured elsewhere: short residuals need them.
 
     Notes
     -----
@@ -76,7 +81,8 @@ def random_uncertainty(t_s: Array, residual: Array, sensitivity: Array, bread: A
     for channel in range(d):
         columns = on_grid(positions, sensitivity[:, channel], 0.0)
         errors = on_grid(positions, residual[:, channel], np.nan)
-        process = fit_autoregression(errors, orthonormal_basis(columns))
+        basis = orthonormal_basis(columns)
+        process = remembered(errors, basis, memory, fit_autoregression(errors, basis))
         part = bread @ middle(columns, process.coefficients) @ bread * process.innovation_sd**2
         total += part
         spread += _variance_of_variance(columns, bread, process, np.diag(part))

@@ -10,6 +10,7 @@ import numpy as np
 from fitters._covariance import Uncertainty, inverse_normal, random_uncertainty
 from fitters._estimates import Errors, estimate_all
 from fitters._least_squares import LARGEST, Solution, Target
+from fitters._memory import stated_memory
 from fitters._problem import difference_steps, value_names
 from fitters._task import Task, with_priors
 from fitters._verdict import (
@@ -38,7 +39,8 @@ class Linearised:
 
     ``residual`` (n, d); ``sensitivity`` (n, d, k) to the free values; ``known`` by source (r, n, d): change of
     prediction - observation for one standard error of each uncertain known value (r = 1), and of each pattern that
-    errors of the observation have in common; ``prior`` (j, k) rows that priors add to the sensitivities.
+    errors of the observation have in common; ``prior`` (j, k) rows that priors add to the sensitivities; ``memory``
+    the partial autocorrelations of the noise where they were measured.
     """
 
     t_s: Array
@@ -46,6 +48,7 @@ class Linearised:
     sensitivity: Array
     known: Mapping[str, Array]
     prior: Array
+    memory: tuple[Estimate, ...] = ()
 
     @property
     def flat(self) -> Array:
@@ -80,7 +83,8 @@ def linearise(task: Task, target: Target, solution: Solution) -> Linearised:
     known = {name: scaled[None, :, :, k + i] * task.known[name].stderr for i, name in enumerate(uncertain)}
     known |= {source: -patterns[:, target.used] / sigma for source, patterns in task.systematic.items()}
     residual = (target.observed - solution.predicted)[target.used] / sigma
-    return Linearised(problem.t_s[target.used], residual, scaled[:, :, :k], known, task.unknowns.prior_rows)
+    memory = stated_memory(task.trajectory.geometry)
+    return Linearised(problem.t_s[target.used], residual, scaled[:, :, :k], known, task.unknowns.prior_rows, memory)
 
 
 def errors_of(task: Task, near: Linearised, usable: Mask, undetermined: Mask) -> tuple[Errors, Uncertainty]:
@@ -100,7 +104,7 @@ def errors_of(task: Task, near: Linearised, usable: Mask, undetermined: Mask) ->
     k = usable.size
     flat = near.flat[:, usable]
     bread = inverse_normal(near.informed[:, usable], SINGULAR**-0.5)
-    random = random_uncertainty(near.t_s, near.residual, near.sensitivity[:, :, usable], bread)
+    random = random_uncertainty(near.t_s, near.residual, near.sensitivity[:, :, usable], bread, near.memory)
     covariance, degrees = np.full((k, k), np.nan), np.full(k, np.nan)
     covariance[np.ix_(usable, usable)] = random.covariance
     degrees[usable] = random.degrees
@@ -199,7 +203,7 @@ def information_loss(near: Linearised) -> float:
     """
     flat = near.flat
     bread = inverse_normal(near.informed, SINGULAR**-0.5)
-    random = random_uncertainty(near.t_s, near.residual, near.sensitivity, bread)
+    random = random_uncertainty(near.t_s, near.residual, near.sensitivity, bread, near.memory)
     information = float(np.einsum("ij,ij->", flat @ bread, flat))
     middle = near.informed.T @ near.informed @ random.covariance
     return float(np.trace(middle)) / information if information > 0 else float("nan")

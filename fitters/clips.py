@@ -222,7 +222,7 @@ def _view(
     size = np.sqrt(np.sum(near.flat**2, axis=0))
     basis = np.linalg.qr(near.flat / np.where(size > 0, size, 1.0))[0]
     across = columns - basis @ (basis.T @ columns)
-    seen = Linearised(near.t_s, near.residual, across.reshape(n, d, -1), {}, np.zeros((0, len(shared))))
+    seen = Linearised(near.t_s, near.residual, across.reshape(n, d, -1), {}, np.zeros((0, len(shared))), near.memory)
     square = float(np.sum(near.residual**2))
     loss = information_loss(seen)
     return _View(seen, 1.0 / loss if np.isfinite(loss) and loss > 0 else 0.0, known, square)
@@ -277,7 +277,8 @@ def _shift(views: Sequence[_View], name: str, bread: Array) -> Array:
 
 def _one_clip(view: _View, bread: Array) -> tuple[Array, Array]:
     """What one clip's noise adds to the covariance (s, s), and the degrees of freedom (s,) of its variances."""
-    found = random_uncertainty(view.near.t_s, view.near.residual, view.near.sensitivity, view.weight * bread)
+    near = view.near
+    found = random_uncertainty(near.t_s, near.residual, near.sensitivity, view.weight * bread, near.memory)
     return found.covariance, found.degrees
 
 

@@ -32,6 +32,7 @@ NO_LENS = "the lens does not distort"
 PICTURE_UP = "the vertical is the picture's"
 
 MARK_SIGMA_PX = 1.0  # how well a person points at something
+MEMORY_ERROR = 0.1  # by how much the memory of a place's errors differs from that of its outline's, on the twin
 
 SCALE_HELP = "write it as 640px=1m, 398.7(5)px=100cm or 640+-3px=1m (m, cm or mm)"
 BAR_HELP = "write it as x1,y1,x2,y2=length in px and m, cm or mm, e.g. 272.2,446.1,273.2,47.4=1m"
@@ -324,7 +325,7 @@ def to_world(track: Track, calibration: Calibration, *, body: int | None = None)
         position=position,
         sigma=np.sqrt(np.square(parts).sum(axis=2)),
         valid=track.valid,
-        geometry={"scale": calibration.scale} if calibration.unit == "m" else {},
+        geometry={**({"scale": calibration.scale} if calibration.unit == "m" else {}), **_error_memory(track)},
         origin={**track.origin, **_first_frame(track), "body": track.body, "calibration": calibration.source},
         systematic={
             common_source(name): np.moveaxis(by_calibration @ change.T, 2, 0) for name, change in changes.items()
@@ -342,6 +343,17 @@ def check_homography(homography: Array) -> None:
     # 1e-12: a homography of rank 2 has a condition number of 1e16, one of a tilted camera below 1e9
     if not np.all(np.isfinite(homography)) or 1 / np.linalg.cond(homography) < 1e-12:
         raise CalibrationError("the calibration's homography has no inverse, so it maps the picture on a line; redo it")
+
+
+def _error_memory(track: Track) -> dict[str, Estimate]:
+    """How long the tracker says that errors of the place last, for fits too short to see it in their residual."""
+    source = "partial autocorrelation of the errors of the outline, frames apart: "
+    return {
+        f"error_memory_{frames}": Estimate(
+            value, float(np.hypot(stderr, MEMORY_ERROR)), "1", "derived", f"{source}{frames}"
+        )
+        for frames, (value, stderr) in enumerate(track.origin.get("error_memory", ()), start=1)
+    }
 
 
 def _first_frame(track: Track) -> dict[str, int]:

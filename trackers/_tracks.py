@@ -9,6 +9,7 @@ import numpy as np
 from iris_sysid.types import Track
 from trackers._choose import held_frames
 from trackers._link import Path
+from trackers._memory import memory
 from trackers._scatter import with_scatter
 from trackers._sighting import Glimpse, Sighting
 
@@ -46,8 +47,19 @@ def track_of(path: Path, glimpses: Sequence[Glimpse], body: str, origin: dict[st
         sigma_intensity=table[:, 7],
         area_px=table[:, 4],
         hand=hand,
-        origin=origin,
+        origin={**origin, **_memory_of(path)},
     )
+
+
+def _memory_of(path: Path) -> dict[str, object]:
+    """How long the errors of the place last, as ``error_memory``, where the outline says so."""
+    seen = [one for one in path.sightings if one.centre.bends and not one.hand]
+    if not seen:
+        return {}
+    places = np.array([(one.x, one.y) for one in seen])
+    bends, radius = np.array([one.centre.bends for one in seen]), np.array([one.radius for one in seen])
+    found = memory(np.array([one.frame for one in seen]), places, bends, radius)
+    return {"error_memory": found} if found else {}
 
 
 def _row(one: Sighting) -> tuple[float, ...]:

@@ -1,0 +1,137 @@
+"""How long the errors of a body's place last: told by those of its outline's shape, which are seen.
+
+A compressed frame is made of blocks of the frame before it, moved, with what is left over corrected only where it is
+large. So the outline is off by parts of a pixel, here outwards and there inwards, and stays so for some frames. Its
+errors as a whole move the place; no frame shows that. Those that bend a disc into three or five lobes move nothing,
+are seen in each frame, and last as long.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import lfilter
+
+from iris_sysid.types import Array, Mask
+from trackers._background import Image
+
+LOBES = (3, 5)  # odd as a shift is: what is symmetric about its centre, a disc or its streak, has none of its own
+MOST_BENT = 0.15  # of the radius: what has larger lobes is no disc, and its own shape changes as it turns
+INNER, OUTER = 0.5, 1.8  # of the radius, between which the outline lies
+SLOWEST = 0.5  # px a frame: what rests is copied from frame to frame, and its errors last for ever
+PIECE = (10, 32)  # frames of a piece of the course that is looked at by itself, least and most
+OUTLIER = 3.0  # robust standard deviations: something is before the outline or behind it, e.g. the floor
+MAD_TO_SD = 1.4826  # of a normal distribution
+FEWEST = 40  # samples of each lobe without which nothing can be said
+MOST_PIECES = 20  # that are looked at: they tell a partial autocorrelation to 0.04
+DEGREE = 2  # of the polynomial in time that a piece may follow of its own: the shading changes with the place
+GRID = (np.linspace(0.0, 0.9, 19), np.linspace(-0.2, 0.5, 15))  # partial autocorrelations at one and two frames
+
+
+def lobes(share: Image, x: float, y: float, area: float) -> tuple[float, ...]:
+    """Amplitudes, px, of the outline's bends into three and five lobes, as cosine and sine each.
+
+    With delta(phi) the outline's distance from a circle of radius r, the amplitude is that of its Fourier series,
+    1/pi times the integral of delta cos(m phi), here sum(a cos(m phi)) / (pi r) over the pixels near the outline.
+
+    Parameters
+    ----------
+    share
+        How much (h, w) of each pixel the body covers.
+    x, y, area
+        Its centre in these pixels, and its area.
+    """
+    rows, columns = np.indices(share.shape, dtype=np.float64)
+    radius = float(np.sqrt(area / np.pi))
+    distance = np.hypot(columns - x, rows - y)
+    near = (distance > INNER * radius) & (distance < OUTER * radius)
+    angle, weight = np.arctan2(rows - y, columns - x)[near], share[near] / (np.pi * radius)
+    return tuple(float((weight * wave(lobe * angle)).sum()) for lobe in LOBES for wave in (np.cos, np.sin))
+
+
+def memory(frame: Array, xy_px: Array, bends: Array, radius_px: Array) -> list[tuple[float, float]]:
+    """Partial autocorrelations at one and two frames of a disc's outline, each with its standard error.
+
+    Mean and standard deviation of the posterior of an autoregression of order 2, by the restricted likelihood
+    (Patterson and Thompson 1971) of all pieces in which the body moves, each about parabolas of its own and with
+    variances of its own. Empty where too little of the outline is seen, or it is not that of a disc.
+
+    Parameters
+    ----------
+    frame
+        Numbers (n,) of the frames in which the body is seen, ascending.
+    xy_px
+        Its places (n, 2), px.
+    bends
+        Amplitudes (n, 4) of :func:`lobes`, px.
+    radius_px
+        Radius (n,) of the disc of the same area, px.
+    """
+    useful = _moving(frame, xy_px)
+    if not useful.any() or np.median(np.abs(bends[useful])) > MOST_BENT * np.median(radius_px[useful]):
+        return []
+    useful[useful] = _clear(bends[useful])
+    pieces = [bends[useful][piece] for piece in _pieces(frame[useful])][:MOST_PIECES]
+    if sum(len(piece) for piece in pieces) < FEWEST:
+        return []
+    minus_twice = np.array([[_minus_restricted(pieces, first, second) for second in GRID[1]] for first in GRID[0]])
+    weight = np.exp(-0.5 * (minus_twice - minus_twice.min()))
+    weight /= weight.sum()
+    shares = zip(GRID, (weight.sum(axis=1), weight.sum(axis=0)), strict=True)
+    return [_moments(values, share) for values, share in shares]
+
+
+def _moments(values: Array, weight: Array) -> tuple[float, float]:
+    """Mean and standard deviation of values with weights that sum to one; the latter at least a step of the grid."""
+    mean = float(values @ weight)
+    return mean, max(float(np.sqrt((values - mean) ** 2 @ weight)), float(values[1] - values[0]))
+
+
+def _moving(frame: Array, xy_px: Array) -> Mask:
+    """Where (n,) the body has moved since the frame before, or moves until the next one."""
+    step = np.hypot(*np.diff(xy_px, axis=0).T)
+    moves = (np.diff(frame) == 1) & (step > SLOWEST)
+    return np.asarray(np.append(moves, False) | np.append(False, moves))
+
+
+def _clear(bends: Array) -> Mask:
+    """Where (n,) no lobe is wild."""
+    off = np.abs(bends - np.median(bends, axis=0))
+    return np.asarray((off < OUTLIER * MAD_TO_SD * np.median(off, axis=0)).all(axis=1))
+
+
+def _pieces(frame: Array) -> list[slice]:
+    """Stretches of frames without gaps, none too long or too short."""
+    ends = np.concatenate([[0], np.flatnonzero(np.diff(frame) != 1) + 1, [len(frame)]])
+    cuts = [
+        (first, min(first + PIECE[1], stop))
+        for start, stop in itertools.pairwise(ends.tolist())
+        for first in range(start, stop, PIECE[1])
+    ]
+    return [slice(start, stop) for start, stop in cuts if stop - start >= PIECE[0]]
+
+
+def _minus_restricted(pieces: Sequence[Array], first: float, second: float) -> float:
+    """Minus twice the log restricted likelihood of those partial autocorrelations, the variances profiled out."""
+    value = 0.0
+    for piece in pieces:
+        n = len(piece)
+        powers = np.vander(np.linspace(-1, 1, n), DEGREE + 1)
+        white = _whitened(np.column_stack([powers, piece]), first, second)
+        directions, triangle = np.linalg.qr(white[:, : DEGREE + 1])
+        left = white[:, DEGREE + 1 :] - directions @ (directions.T @ white[:, DEGREE + 1 :])
+        squares = (left**2).sum(axis=0).reshape(len(LOBES), 2).sum(axis=1)
+        # of the first two samples, whose variance is that of the process
+        logs = -2 * np.log(1 - second**2) - np.log(1 - first**2) + 2 * np.log(np.abs(np.diag(triangle))).sum()
+        value += 2 * float(len(LOBES) * logs + (n - DEGREE - 1) * np.log(squares).sum())
+    return value
+
+
+def _whitened(columns: Array, first: float, second: float) -> Array:
+    """Prediction errors (n, c) of columns, over their standard deviation in units of the innovation's."""
+    filtered = lfilter([1.0, -first * (1 - second), -second], [1.0], columns, axis=0)
+    filtered[0] = columns[0] * np.sqrt((1 - first**2) * (1 - second**2))
+    filtered[1] = (columns[1] - first * columns[0]) * np.sqrt(1 - second**2)
+    return np.asarray(filtered)
