@@ -1,5 +1,6 @@
 """The disc tracker on drawn clips, whose truth is exact: at the Cramér-Rao bound, through blur, and what it refuses."""
 
+import cv2
 import numpy as np
 import pytest
 
@@ -108,6 +109,34 @@ def test_ball_that_goes_straight_away_is_measured_by_its_radius():
     assert found.n_valid >= 36
     assert rms(found.radius_px - radius) < 0.05
     assert rms(found.xy_px - [80.3, 47.6]) < 0.05
+
+
+FLOOR, BLUE = np.array([112.0, 136.0, 158.0]), (190.0, 120.0, 60.0)  # blue, green, red
+
+
+def shrinking_on_its_shadow(colour, n=40):
+    """A ball that goes away from the camera over its own soft shadow, and its radius (n,), px."""
+    radius = 24.0 / (1 + 0.03 * np.arange(n))
+    pictures = []
+    for r in radius:
+        shadow = cv2.GaussianBlur(disc(SHAPE, 80.3, 47.6, 1.25 * r, 16), (0, 0), 0.2 * r)[..., np.newaxis]
+        pictures.append(paint(FLOOR * (1 - 0.12 * shadow), disc(SHAPE, 80.3, 47.6, r, 16), colour))
+    return DrawnClip(noisy(pictures, 2.0)), radius
+
+
+def test_ball_about_as_bright_as_the_floor_is_measured_by_its_colour_unasked():
+    clip, radius = shrinking_on_its_shadow(BLUE)
+    found = one_track(clip)
+    assert found.origin["plane"] != "luma"
+    assert found.n_valid >= 36
+    assert rms((found.radius_px - radius)[found.valid]) < 0.1
+
+
+def test_soft_shadow_round_a_ball_does_not_enlarge_it():
+    clip, radius = shrinking_on_its_shadow(230.0)
+    found = one_track(clip)
+    assert found.origin["plane"] == "luma"
+    assert abs((found.radius_px - radius)[found.valid].mean()) < 0.02
 
 
 # --------------------------------------------------------------------------- gaps, two discs, bad input

@@ -16,7 +16,9 @@ from trackers._disc_fit import Cutout, DiscFit, band, fit_disc, shows_disc
 from trackers._disc_model import Disc, Form
 from trackers._view import View
 
-SURROUNDINGS = tuple(Form(4, exterior, known, oval=True) for known, exterior in ((True, 1), (True, 3), (False, 3)))
+SURROUNDINGS = tuple(
+    Form(4, exterior, known, oval=True) for known, exterior in ((True, 1), (True, 3), (True, 4), (False, 3), (False, 4))
+)
 PLAIN = Form(3, 1)  # with which the shutter is found: an oval would take up a streak
 INTERIORS = (1, 3, 4, 6)
 ROOM = 2.0  # px of radius for each further term of the shading
@@ -28,9 +30,11 @@ FEWEST_FAST = 3  # frames
 SHUTTERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # exposure over the time between frames
 FINER = (-0.12, -0.06, 0.0, 0.06, 0.12)  # about the best of them
 FINEST = (-0.04, -0.02, 0.0, 0.02, 0.04)  # about the best of these, once the shading is known
+CLEARER = 1.0  # times as sure must a plane of colour be as luma: it is coded more coarsely
 NOT_SEEN = -1e6  # worth of a fit that fails
 WORST = 0.25  # of the frames: in these something else may be wrong
 COUNTS = 0.5  # weight from which on a pixel is of the disc or its surroundings
+SOFT = 0.12  # of the radius: standard deviation of an outline that is far off, at the start
 MOVED = 1.0  # px from the start from which a fit is repeated about its result
 REPEATS = 3
 GAP = 2.0  # px kept from another body
@@ -64,15 +68,40 @@ class Workshop:
     def fit(self, body: int, number: int, picture: Bytes) -> DiscFit | None:
         """The disc of a body in the picture of a frame; None where it is not expected or not seen."""
         expected = self.courses[body].discs.get(number)
-        start, lesson = expected, self.lessons.get(body, Lesson())
+        if expected is None:
+            return None
+        fitted = self._fit_from(body, number, picture, expected)
+        if fitted is None:
+            rough = self.rough(self._lesson(body), body, number, picture)
+            fitted = None if rough is None else self._fit_from(body, number, picture, rough)
+        return fitted if fitted is not None and shows_disc(fitted, expected) else None
+
+    def rough(self, lesson: Lesson, body: int, number: int, picture: Bytes) -> Disc | None:
+        """The disc of a plain fit with a soft outline at first, which finds an edge that is farther off; None if none.
+
+        A course may be off by what a shadow adds to the body.
+        """
+        expected = self.courses[body].discs.get(number)
+        if expected is None:
+            return None
+        soft = replace(expected, blur=max(1.0, (SOFT * expected.radius) ** 2))
+        fitted = self.fit_as(replace(lesson, form=PLAIN), body, number, picture, soft)
+        return fitted.disc if fitted is not None and shows_disc(fitted, expected) else None
+
+    def _lesson(self, body: int) -> Lesson:
+        return self.lessons.get(body, Lesson())
+
+    def _fit_from(self, body: int, number: int, picture: Bytes, start: Disc) -> DiscFit | None:
+        """The disc fitted from a start, and again from what is found until it stays; None where it is not seen."""
+        fitted = None
         for _ in range(REPEATS):
-            fitted = self.fit_as(lesson, body, number, picture, start)
-            if fitted is None or start is None or expected is None or not shows_disc(fitted, start):
+            fitted = self.fit_as(self._lesson(body), body, number, picture, start)
+            if fitted is None or not shows_disc(fitted, start):
                 return None
             last, start = start, fitted.disc
             if max(abs(start.x - last.x), abs(start.y - last.y), abs(start.radius - last.radius)) < MOVED:
                 break
-        return fitted if fitted is not None and expected is not None and shows_disc(fitted, expected) else None
+        return fitted
 
     def fit_as(
         self, lesson: Lesson, body: int, number: int, picture: Bytes, start: Disc | None = None
@@ -109,7 +138,7 @@ class Workshop:
         outside = cutout.distance(start) < edge
         form = lesson.form
         if form.known_background and known[outside].mean() < MOSTLY:
-            form = replace(form, exterior=SURROUNDINGS[-1].exterior, known_background=False)
+            form = replace(form, exterior=max(form.exterior, 3), known_background=False)
         usable = known | ~outside if form.known_background else np.ones_like(known)
         for other in self._others(body, number):
             usable &= cutout.distance(other) < -GAP
@@ -136,7 +165,7 @@ def _lesson(workshop: Workshop, body: int, pictures: Mapping[int, Bytes]) -> Les
     spread = [seen[k] for k in np.unique(np.linspace(0, len(seen) - 1, STUDIED).astype(int))]
     radius = float(np.median([course.discs[number].radius for number in seen]))
     study = _Study(workshop, body, pictures, radius)
-    lesson = study.best([Lesson(channel=channel) for channel in range(study.channels)], spread, precision)
+    lesson = _plane(study, spread)
     speed = {number: course.motion(number, 1.0).length for number in seen}
     fast = sorted((one for one in seen if FAST < speed[one] < TOO_FAST * radius), key=lambda one: -speed[one])[:STUDIED]
     if len(fast) >= FEWEST_FAST:
@@ -148,7 +177,17 @@ def _lesson(workshop: Workshop, body: int, pictures: Mapping[int, Bytes]) -> Les
         longest = min(max(SHUTTERS), lesson.shutter + max(FINEST))
         lesson = study.best(_with_shutters(replace(lesson, longest_shutter=longest), FINEST), fast, evidence)
     lesson = replace(lesson, longest_shutter=0.0)
-    return replace(lesson, correlation=noise_correlation(_standardised(one) for one in study.fits(lesson, seen) if one))
+    return replace(lesson, correlation=study.correlation(lesson, seen))
+
+
+def _plane(study: _Study, numbers: Sequence[int]) -> Lesson:
+    """The plane of colour that tells the centre best, its noise alike in neighbouring pixels as it may be."""
+    lessons = [Lesson(channel=channel) for channel in range(study.channels)]
+    if len(lessons) == 1:
+        return lessons[0]
+    alike = [replace(one, correlation=study.correlation(one, numbers)) for one in lessons]
+    worth = study.worth(alike, numbers, precision) - 2 * np.log(CLEARER) * (np.arange(len(lessons)) > 0)
+    return lessons[int(np.argmax(worth))]
 
 
 def _with_shutters(lesson: Lesson, steps: Sequence[float]) -> list[Lesson]:
@@ -187,6 +226,7 @@ class _Study:
     body: int
     pictures: Mapping[int, Bytes]
     radius: float
+    starts: dict[tuple[int, int], Disc | None] = field(default_factory=dict)
 
     @property
     def channels(self) -> int:
@@ -196,9 +236,36 @@ class _Study:
     def fits(self, lesson: Lesson, numbers: Sequence[int], *, shown: bool = True) -> list[DiscFit | None]:
         """The fits that a lesson gives in some frames; with ``shown`` those that are surely of a disc."""
         discs = self.workshop.courses[self.body].discs
-        fits = [self.workshop.fit_as(lesson, self.body, number, self.pictures[number]) for number in numbers]
+        fits = [
+            self.workshop.fit_as(lesson, self.body, number, self.pictures[number], self._start(lesson, number))
+            for number in numbers
+        ]
         pairs = zip(numbers, fits, strict=True)
         return [one if one and (not shown or shows_disc(one, discs[number])) else None for number, one in pairs]
+
+    def _start(self, lesson: Lesson, number: int) -> Disc | None:
+        """Where a fit begins: at the disc that a plain one finds in that plane, where it finds one."""
+        key = (lesson.channel, number)
+        if key not in self.starts:
+            plain = Lesson(channel=lesson.channel)
+            self.starts[key] = self.workshop.rough(plain, self.body, number, self.pictures[number])
+        return self.starts[key]
+
+    def correlation(self, lesson: Lesson, numbers: Sequence[int]) -> Array | None:
+        """Correlation of the noise of neighbouring pixels that the fits of some frames leave."""
+        return noise_correlation(_standardised(one) for one in self.fits(lesson, numbers) if one)
+
+    def worth(
+        self,
+        lessons: Sequence[Lesson],
+        numbers: Sequence[int],
+        worth: Callable[[DiscFit | None], float],
+        *,
+        shown: bool = True,
+    ) -> Array:
+        """What each lesson is worth, by the mean over the frames but the worst."""
+        values = np.array([[worth(one) for one in self.fits(lesson, numbers, shown=shown)] for lesson in lessons])
+        return np.asarray(np.sort(values, axis=1)[:, int(WORST * len(numbers)) :].mean(axis=1))
 
     def best(
         self,
@@ -208,12 +275,10 @@ class _Study:
         *,
         shown: bool = True,
     ) -> Lesson:
-        """The lesson that is worth most, by the mean over the frames but the worst; the first of equals."""
+        """The lesson that is worth most; the first of equals."""
         if len(lessons) == 1:
             return lessons[0]
-        values = np.array([[worth(one) for one in self.fits(lesson, numbers, shown=shown)] for lesson in lessons])
-        kept = np.sort(values, axis=1)[:, int(WORST * len(numbers)) :]
-        return lessons[int(np.argmax(kept.mean(axis=1)))]
+        return lessons[int(np.argmax(self.worth(lessons, numbers, worth, shown=shown)))]
 
 
 def _standardised(fitted: DiscFit) -> tuple[Array, Array]:

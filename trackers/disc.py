@@ -14,6 +14,7 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackOptions
+from trackers._background import Background
 from trackers._choose import follow, held_frames
 from trackers._circles import course_of_circles
 from trackers._course import Course, course_of
@@ -29,6 +30,7 @@ from trackers._view import view_of
 WELL_SEEN = 0.8  # of the frames: where a body is found less often, circles are looked for as well
 REPORT_EVERY = 10  # frames between two calls of the progress function
 EMPTY = (np.nan,) * 8
+PLANES = ("luma", "red difference", "blue difference")  # by Lesson.channel
 
 
 def track(video: FrameSource, options: TrackOptions) -> list[Track]:
@@ -64,7 +66,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     workshop, paths = _workshop(video, stage, frames, glimpses, options)
     fits: list[dict[int, DiscFit]] = [{} for _ in workshop.courses]
     for place, frame in enumerate(video.frames()):
-        picture = stage.view.picture(frame)
+        picture = workshop.view.picture(frame)
         for body, found in enumerate(fits):
             fitted = workshop.fit(body, frame.index, picture)
             if fitted is not None:
@@ -127,8 +129,14 @@ def _by_motion(
 
 
 def _taught(stage: Stage, frames: Sequence[Frame], courses: Sequence[Course]) -> Workshop:
-    known = behind(stage.lens.background, stage.view, [frame.index for frame in frames], courses)
-    return taught(Workshop(stage.view, known, courses), frames)
+    """The workshop for some courses, in colour only where that shows a disc much better than luma does."""
+    view, numbers = stage.view.with_chroma(), [frame.index for frame in frames]
+    coloured = Background(replace(stage.stack, view=view), stage.lens.background.usable)
+    workshop = taught(Workshop(view, behind(coloured, view, numbers, courses), courses), frames)
+    if stage.view.chroma or any(lesson.channel for lesson in workshop.lessons.values()):
+        return workshop
+    known = behind(stage.lens.background, stage.view, numbers, courses)
+    return replace(workshop, view=stage.view, behind=known)
 
 
 def _shown(workshop: Workshop, frames: Sequence[Frame]) -> int:
@@ -142,6 +150,7 @@ def _origin(lesson: Lesson, options: TrackOptions) -> dict[str, object]:
         "bodies": options.bodies,
         "roi": options.roi,
         "colour": options.colour,
+        "plane": PLANES[lesson.channel],
         "shutter": lesson.shutter,
         "shading_terms": lesson.form.interior,
         "background_terms": lesson.form.exterior,
