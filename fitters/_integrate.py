@@ -127,3 +127,42 @@ def integrate(
             _weighted(state, slopes, STAGES, step_s, trial)
             state, trial = trial, state
         _copy(state, out[k + 1])
+
+
+@kernel(types.void(_COLUMNS, _VECTOR, int64[::1], int64[::1], _MATRIX, _MATRIX, _MATRIX, boolean, _MATRIX))
+def restarted(
+    columns: Columns,
+    t_s: Array,
+    substeps: NDArray[np.int64],
+    which: NDArray[np.int64],
+    starts: Array,
+    params: Array,
+    inputs: Array,
+    linear: bool,
+    out: Array,
+) -> None:
+    """Fill ``out`` (k, s) with the states at the ends of sample intervals, each begun anew from given states.
+
+    Parameters
+    ----------
+    columns, t_s, inputs, linear
+        As for :func:`integrate`.
+    substeps
+        (k,) number of equal steps in each of these intervals.
+    which
+        (k,) the intervals.
+    starts
+        (n, s) states at the samples.
+    params
+        (p, 1).
+    out
+        (k, s), written.
+    """
+    initial, ends = np.zeros((starts.shape[1], 1)), np.zeros((2, starts.shape[1], 1))
+    for k in range(which.size):
+        at = which[k]
+        for i in range(starts.shape[1]):
+            initial[i, 0] = starts[at, i]
+        integrate(columns, t_s[at : at + 2], substeps[k : k + 1], initial, params, inputs[at : at + 2], linear, ends)
+        for i in range(starts.shape[1]):
+            out[k, i] = ends[1, i, 0]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitters._compile import CompiledRhs, compiled_rhs
-from fitters._integrate import ORDER
+from fitters._integrate import ORDER, integrate, restarted
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array, OdeModel
 
@@ -18,6 +18,7 @@ Hold = Literal["linear", "zero-order"]
 MOST_STEPS = (64, 20_000)  # for each sample, and in all if that is more; a problem that needs more is stiff
 BATCH_NUMBERS = 4_000_000  # numbers in the states of one batch of columns: 32 MB
 PLANNED = 2000  # samples by which steps are chosen
+KINK_TRIALS = 4  # of what each kink may be off, until all together are not off by too much
 KINKED_ORDER = 4  # an error that falls with a lower power of the step is that of an equation with a kink
 RESPONSE = 1e-4  # change of the prediction that a difference step aims at, relative to the motion
 
@@ -50,11 +51,16 @@ class InitialValueProblem:
         parts = [self._warped(columns[:, c : c + 1]) for c in range(columns.shape[1])]
         return np.concatenate(parts, axis=2)
 
+    def _times(self, column: Array) -> Array:
+        """The times (n,) s that the samples really show."""
+        if self.model.warp is None:
+            return self.t_s
+        params = column[: len(self.model.parameters), 0]
+        return np.ascontiguousarray(self.model.warp(self.t_s, params), dtype=np.float64)
+
     def _warped(self, column: Array) -> Array:
         """States (n, s, 1) at the times that the samples really show; NaN where time would run backwards."""
-        assert self.model.warp is not None
-        params = column[: len(self.model.parameters), 0]
-        times = np.ascontiguousarray(self.model.warp(self.t_s, params), dtype=np.float64)
+        times = self._times(column)
         if not np.all(np.diff(times) > 0):
             return np.full((self.t_s.size, len(self.model.states), 1), np.nan)
         return self._integrated(times, column)
@@ -159,11 +165,55 @@ class InitialValueProblem:
             enough = max(negligible, tolerance) if error > smooth else tolerance
             if error <= enough or step_s <= shortest_s or runaways == 3:
                 break
+            if error > smooth and self._can_restart:
+                return problem._refined_at_kinks(values, enough, shortest_s)
             ratio = (error / tolerance) ** (1 / ORDER) if np.isfinite(error) else 4.0
             shorter = max(step_s / min(max(1.1 * ratio, 1.2), 4.0), shortest_s)
             smooth = error * (shorter / step_s) ** KINKED_ORDER
             step_s, problem = shorter, self.with_step(shorter)
         return problem
+
+    @property
+    def _can_restart(self) -> bool:
+        """Whether the equation is compiled, and one from the first sample to the last."""
+        return self.rhs.integrate is integrate
+
+    def _refined_at_kinks(self, values: Array, enough: float, shortest_s: float) -> InitialValueProblem:
+        """The problem with more steps in those intervals alone in which the equation has a kink.
+
+        They are told by the difference between the usual steps and half of them, each interval begun anew from the
+        same states; the next one on each side gets as many steps, because kinks move when values change.
+        """
+        states = np.ascontiguousarray(self.states(values[:, None])[:, :, 0])
+        most = np.maximum(np.ceil(np.diff(self.t_s) / shortest_s), self.substeps).astype(np.int64)
+        every = np.arange(self.t_s.size - 1)
+        error = self._errors_in(every, self.substeps, values, states)
+        allowed = enough / np.sqrt(max(int(np.sum(error > enough / error.size)), 1))
+        problem = self
+        for _ in range(KINK_TRIALS):
+            substeps = self.substeps.copy()
+            open_at = every[error > allowed]
+            while open_at.size:
+                substeps[open_at] *= 2
+                left = self._errors_in(open_at, substeps[open_at], values, states)
+                open_at = open_at[(left > allowed) & (2 * substeps[open_at] <= most[open_at])]
+            problem = replace(self, substeps=_spread_to_neighbours(substeps))
+            if problem.first(PLANNED).step_error(values) <= enough:
+                break
+            allowed /= 4.0
+        return problem
+
+    def _errors_in(self, which: NDArray[np.int64], substeps: NDArray[np.int64], values: Array, states: Array) -> Array:
+        """Largest error (k,) of a state from the finite time step in each of these intervals, relative to its size."""
+        times, params = self._times(values[:, None]), np.ascontiguousarray(values[: len(self.model.parameters), None])
+        ends = np.empty((2, which.size, states.shape[1]))
+        for k, out in enumerate(ends):
+            more = substeps * (k + 1)
+            restarted(self.rhs.columns, times, more, which, states, params, self.inputs, self.hold == "linear", out)
+        size = np.max(np.abs(states), axis=0, initial=0.0)
+        with np.errstate(all="ignore"):
+            error = np.max(np.abs(ends[0] - ends[1]) / np.where(size > 0, size, 1.0), axis=1, initial=0.0)
+        return np.asarray(np.where(np.isfinite(error), error, np.inf))
 
     def prediction_error(self, values: Array, predicted: Array) -> float:
         """Largest error of a prediction (n, d) from the finite time step, relative to each quantity's size."""
@@ -181,6 +231,12 @@ class InitialValueProblem:
             size = np.max(np.abs(fine), axis=0, initial=0.0)
             error = np.max(np.abs(coarse - fine) / np.where(size > 0, size, 1.0), initial=0.0)
         return float(error) if np.isfinite(error) else np.inf
+
+
+def _spread_to_neighbours(substeps: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The largest number of steps in each interval and the one on each side."""
+    padded = np.pad(substeps, 1, mode="edge")
+    return np.max([padded[:-2], padded[1:-1], padded[2:]], axis=0)
 
 
 def initial_value_problem(model: OdeModel, t_s: Array, inputs: Array | None, hold: Hold) -> InitialValueProblem:

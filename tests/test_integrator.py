@@ -118,6 +118,25 @@ def test_kinked_equation_is_solved_to_what_the_noise_leaves_visible_and_no_finer
     assert planned.substeps.sum() < exact.substeps.sum() / 2
 
 
+def stiffer_below(t, state, params):
+    place, speed = state
+    return (speed, -20.0 * place * (1.0 + params[0] * (place < 0.0)))
+
+
+def test_steps_are_shortened_only_where_the_equation_has_its_kink():
+    t_s = np.arange(0.0, 20.0, 1 / 60)
+    problem = initial_value_problem(model_of(stiffer_below, states=("x", "v")), t_s, None, "linear")
+    values, negligible = np.array([1.0, 0.3, 0.0]), 1e-6
+    planned = problem.planned(values, 1e-8, negligible)
+    place = planned.predicted(values)[:, 0]
+    crossings = np.flatnonzero(np.diff(np.sign(place)))
+    refined = np.flatnonzero(planned.substeps > planned.substeps.min())
+    assert 0 < refined.size <= 5 * crossings.size < t_s.size / 4
+    assert np.max(np.min(np.abs(refined[:, None] - crossings), axis=1)) <= 2
+    finest = problem.with_step(1 / 60 / planned.substeps.max()).predicted(values)
+    assert np.max(np.abs(finest[:, 0] - place)) < 2 * negligible * np.max(np.abs(place))
+
+
 def test_smooth_equation_is_solved_as_exactly_whatever_the_noise_hides():
     problem = initial_value_problem(PENDULUM, np.linspace(0.0, 20.0, 201), None, "linear")
     values = np.array([0.5, 0.1, 9.81, 1.5, -1.0])
