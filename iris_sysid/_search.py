@@ -7,7 +7,7 @@ effect must still be significant, and better than its rivals, beside all the oth
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import prod
 
@@ -26,6 +26,7 @@ MOST_REVISIONS = 4
 REFITTED = 4  # best of the screen that are refitted in each round, and of the pairs
 WORTH_REFITTING = 0.7  # of the chi-square that is significant; a refit can find more than the first order shows
 NEARLY = 0.2  # less of the gain to first order than another's; a refit can be that much better
+WRONG_SIGN = "but below zero that would be a gain of energy (or of water), so it is not named"
 SAMPLES_A_PART = 10  # of a clip that is cut into short parts, the ends of which are held out
 
 
@@ -68,6 +69,11 @@ class Screened:
         return cls(screens, tuple(together), len(library))
 
     @property
+    def names(self) -> list[str]:
+        """The effects, best first."""
+        return [one[0].effect for one in self.scores]
+
+    @property
     def visible(self) -> frozenset[str]:
         """The effects that the fitted parameters cannot imitate, in every clip."""
         return frozenset.intersection(*(one.visible for one in self.screens))
@@ -76,9 +82,13 @@ class Screened:
         """One effect, from the size that all clips give and the shape that explains most in each."""
         scores = next(one for one in self.scores if one[0].effect == name)
         together = combined(scores)
-        threshold = significant_from(SINGLE_LEVEL / self.library, scores[0].tried ** len(scores))
         starts = tuple({name: (together.size, one.shape)} for one in scores)
-        return Candidate((name,), starts, together.chi2, threshold**2)
+        return Candidate((name,), starts, together.chi2, self.needed(name))
+
+    def needed(self, name: str) -> float:
+        """The chi-square from which one effect is significant."""
+        scores = next(one for one in self.scores if one[0].effect == name)
+        return significant_from(SINGLE_LEVEL / self.library, scores[0].tried ** len(scores)) ** 2
 
     def pairs(self, names: frozenset[str]) -> list[Candidate]:
         """All pairs of these effects, best first."""
@@ -99,8 +109,14 @@ class Screened:
 
     def parallel(self, name: str) -> list[str]:
         """Effects whose sensitivity is parallel to that of the one named, in every clip."""
-        others = [one[0].effect for one in self.scores if one[0].effect != name]
+        others = [one for one in self.names if one != name]
         return [one for one in others if all(abs(each.cosine(name, one)) > ALIKE for each in self.screens)]
+
+
+def two_sided(effect: Effect) -> Effect:
+    """The effect with a size that may be fitted below zero too, so that sizes near zero have no bias."""
+    size, *rest = effect.parameters
+    return replace(effect, parameters=(replace(size, lower=-np.inf), *rest)) if size.lower == 0.0 else effect
 
 
 class Search:
@@ -131,7 +147,8 @@ class Search:
         holdout: float,
         say: Callable[[str], None],
     ) -> None:
-        self.clips, self.model, self.library = clips, model, {one.name: one for one in library}
+        self.clips, self.model, self.library = clips, model, {one.name: two_sided(one) for one in library}
+        self._one_sided = frozenset(one.name for one in library if one.parameters[0].lower == 0.0)
         self.base, self.holdout, self.say = base, holdout, say
         self._states: dict[frozenset[str], State] = {base.names: base}
         self._screened: dict[frozenset[str], Screened] = {}
@@ -142,8 +159,7 @@ class Search:
         path = self._onwards([self.base])
         if len(path[-1].effects) < 2:
             return tuple(path)
-        together = [one for one in self._pairs(self.base) if self._predicts_better(one, self.base)]
-        best = min(together, key=lambda one: one.cost, default=path[-1])
+        best = next(self._pairs(self.base), path[-1])
         other = self._onwards([self.base, best])
         return tuple(path if path[-1].cost <= other[-1].cost else other)
 
@@ -167,6 +183,28 @@ class Search:
         first = [(one.effects[0].name, next(fit for fit in one.fits if not fit.usable)) for one in alone]
         return [f"the refit with {name} is {fit.status}: {reason(fit)}" for name, fit in first]
 
+    def refused(self, final: State) -> list[str]:
+        """What is left, in words, where effects would explain it with a sign that makes them something else."""
+        found = self.screened(final)
+        asked = [one for one in found.scores if found.single(one[0].effect).ratio > 1.0]
+        wrong = [combined(one) for one in asked if not self._may_be(found.single(one[0].effect))]
+        if not wrong:
+            return []
+        best, others = wrong[0], ", ".join(one.effect for one in wrong[1:])
+        like = f" (or the like of {others})" if others else ""
+        return [f"what is left would take {best.effect} of {best.size:.2g} {best.unit}{like}, {WRONG_SIGN}"]
+
+    def _may_be(self, candidate: Candidate) -> bool:
+        """Whether no effect that only takes energy away, or lets water out, has a size below zero."""
+        return all(
+            start[name][0] >= 0.0 for start in candidate.starts for name in self._one_sided & set(candidate.names)
+        )
+
+    def _makes_sense(self, state: State) -> bool:
+        """The same of the sizes that were fitted, over all clips."""
+        sizes = [one.parameters[0].name for one in state.effects if one.name in self._one_sided]
+        return all(pooled(sizes_of(state.fits, name)).value >= 0.0 for name in sizes)
+
     def screened(self, current: State) -> Screened:
         """The screen of every effect that is not there yet."""
         if current.names not in self._screened:
@@ -184,7 +222,8 @@ class Search:
     def equals(self, final: State, effect: Effect) -> tuple[str, ...]:
         """Effects that explain the data as well as one of those added, beside all the others."""
         rivals = [one.effects[-1].name for one in self._as_good(final, effect)]
-        names = [*rivals, *self.screened(self._without(final, effect)).parallel(effect.name)]
+        found = self.screened(self._without(final, effect))
+        names = [*rivals, *(one for one in found.parallel(effect.name) if self._may_be(found.single(one)))]
         return tuple(one for one in dict.fromkeys(names) if one not in final.names)
 
     def size(self, final: State, name: str) -> Estimate:
@@ -212,21 +251,20 @@ class Search:
 
     def _longer(self, current: State) -> State | None:
         """The state with the effect, or the pair, that explains most and predicts better; None when none does."""
-        for proposed in (self._singles, self._pairs):  # pairs are fitted only where no single effect will do
-            for longer in sorted(proposed(current), key=lambda one: one.cost):
-                if self._predicts_better(longer, current):
-                    return longer
-        return None
+        single = next(self._singles(current), None)
+        return single or next(self._pairs(current), None)  # pairs are fitted only where no single effect will do
 
     def _candidates(self, current: State) -> frozenset[str]:
         """What the model itself can imitate cannot be told from it, whatever else is added."""
         return self.screened(self.base).visible & self.screened(current).visible
 
-    def _singles(self, current: State) -> list[State]:
-        """The state with each of the effects added that are most worth it and significant."""
+    def _singles(self, current: State) -> Iterator[State]:
+        """The state with an effect added that is significant and predicts better, best first."""
         found, names = self.screened(current), self._candidates(current)
-        candidates = [found.single(one[0].effect) for one in found.scores if one[0].effect in names]
-        return [one for one in self._refitted(current, candidates) if self._is_needed(one, one.effects[-1])]
+        candidates = [found.single(one) for one in found.names if one in names]
+        for one in self._refitted(current, candidates):
+            if self._is_needed(one, one.effects[-1]) and self._predicts_better(one, current):
+                yield one
 
     def _rivals(self, rest: State, effect: Effect) -> list[State]:
         """The state with each of the effects in place of one that explain nearly as much to first order, or more."""
@@ -237,8 +275,10 @@ class Search:
         return self._refitted(rest, candidates)
 
     def _refitted(self, current: State, candidates: Sequence[Candidate]) -> list[State]:
-        worth = [one for one in candidates if one.ratio > WORTH_REFITTING][:REFITTED]
-        return [state for state in (self._with(current, one) for one in worth) if state.usable]
+        """The state with each of the candidates that are worth it, best first."""
+        worth = [one for one in candidates if one.ratio > WORTH_REFITTING and self._may_be(one)][:REFITTED]
+        usable = [state for state in (self._with(current, one) for one in worth) if state.usable]
+        return sorted(filter(self._makes_sense, usable), key=lambda one: one.cost)
 
     def _with(self, current: State, candidate: Candidate) -> State:
         """The state with effects added."""
@@ -248,6 +288,8 @@ class Search:
     def _without(self, current: State, effect: Effect) -> State:
         """The state with one of its effects taken away."""
         left = [one for one in current.effects if one.name != effect.name]
+        if len(left) == 1:  # from the base, as wherever it is fitted
+            return self._with(self.base, self.screened(self.base).single(left[0].name))
         return self._fitted(current, left, [{}] * len(self.clips), ())
 
     def _fitted(
@@ -261,25 +303,27 @@ class Search:
             self._states[key] = refitted(self.clips, current, self.model, effects, starts)
         return self._states[key]
 
-    def _pairs(self, current: State) -> list[State]:
-        """The state with two effects that are significant together, and each beside the other."""
+    def _pairs(self, current: State) -> Iterator[State]:
+        """The state with two effects that are significant together, and each beside the other, best first."""
         if len(current.effects) + 2 > MOST_ADDED:
-            return []
+            return
         candidates = self.screened(current).pairs(self._candidates(current))
         needed = {frozenset(one.names): one.needed for one in candidates}
-        return [
-            both
-            for both in self._refitted(current, candidates)
-            if standard_errors(current, both, both.effects[-2:]) ** 2 > needed[both.names - current.names]
-            and all(self._is_needed(both, effect) for effect in both.effects[-2:])
-        ]
+        for both in self._refitted(current, candidates):
+            added = both.effects[-2:]
+            if (
+                standard_errors(current, both, added) ** 2 > needed[both.names - current.names]
+                and all(self._is_needed(both, effect) for effect in added)
+                and self._predicts_better(both, current)
+            ):
+                yield both
 
     def _is_needed(self, current: State, effect: Effect) -> bool:
         """Whether an effect is significant beside all the others."""
         rest = self._without(current, effect)
         if not rest.usable:
             return True
-        needed = self.screened(rest).single(effect.name).needed
+        needed = self.screened(self.base).needed(effect.name)  # so many shapes are tried, whatever else is there
         return standard_errors(rest, current, [effect]) ** 2 > needed
 
     def _revised(self, current: State) -> State:
@@ -295,7 +339,7 @@ class Search:
         rest = self._without(current, effect)
         if not rest.usable:
             return None
-        if not self._is_needed(current, effect):
+        if not self._is_needed(current, effect) and self._makes_sense(rest):
             return rest
         rivals = [one for one in self._rivals(rest, effect) if one.cost < current.cost - one.margin]
         return min(rivals, key=lambda one: one.cost, default=None)

@@ -138,7 +138,7 @@ def diagnose(
         noise_floor=floor,
         unit=base.fits[0].model.observed[0].unit,
         proposed=_proposed(clips, final, after.fitted, floor),
-        notes=reservations(base.fits, screens[0], search.failed),
+        notes=(*reservations(base.fits, screens[0], search.failed), *search.refused(final)),
     )
 
 

@@ -57,7 +57,7 @@ def test_two_hidden_effects_are_found_in_sequence():
 
 
 def test_two_effects_of_which_stand_ins_explain_more_alone_are_found_together():
-    flight, hidden = MODELS["projectile"], {"coulomb-friction": -0.08, "parameter-drift": 0.013}
+    flight, hidden = MODELS["projectile"], {"coulomb-friction": 0.08, "parameter-drift": 0.013}
     model = with_effects(flight, [EFFECTS[name] for name in hidden])
     values = {"x_0": 0.02, "z_0": 0.78, "vx_0": 2.09, "vz_0": 2.46}
     values |= {EFFECTS[name].parameters[0].name: size for name, size in hidden.items()}

@@ -22,7 +22,7 @@ EFFECT = Effect(
     summary="dry friction, constant against the motion",
     equation=r"-c\,\dot x / |\dot x|",
     source="Coulomb (1785), Theorie des machines simples",
-    parameters=(Parameter("coulomb_friction", "{x}/s^2", "c", default=0.0),),
+    parameters=(Parameter("coulomb_friction", "{x}/s^2", "c", lower=0.0, default=0.0),),
     applies=moves,
     acceleration=acceleration,
     alike="constant-force, while the motion keeps its direction",

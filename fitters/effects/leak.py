@@ -17,7 +17,7 @@ EFFECT = Effect(
     summary="a narrow leak at the bottom",
     equation=r"-l\,h",
     source="Hagen (1839) and Poiseuille (1840): laminar flow in proportion to the pressure",
-    parameters=(Parameter("leak", "1/s", "l", default=0.0),),
+    parameters=(Parameter("leak", "1/s", "l", lower=0.0, default=0.0),),
     applies=drains,
     acceleration=acceleration,
     alike="the decay rate itself, where the decay is exponential",

@@ -22,7 +22,7 @@ EFFECT = Effect(
     summary="drag that grows with the speed",
     equation=r"-b\,\dot x",
     source="Stokes (1851), Trans. Camb. Phil. Soc. 9, 8",
-    parameters=(Parameter("linear_drag", "1/s", "b", default=0.0),),
+    parameters=(Parameter("linear_drag", "1/s", "b", lower=0.0, default=0.0),),
     applies=applies,
     acceleration=acceleration,
     alike="quadratic drag, when the speed hardly varies",

@@ -29,7 +29,7 @@ EFFECT = Effect(
     summary="a way out above some level",
     equation=r"-w\,\max(h - h_r, 0)",
     source="first-order expansion of the flow over a broad rim",
-    parameters=(Parameter("overflow", "1/s", "w", default=0.0), Parameter("rim", "{x}", "h_r", default=0.0)),
+    parameters=(Parameter("overflow", "1/s", "w", lower=0.0, default=0.0), Parameter("rim", "{x}", "h_r", default=0.0)),
     applies=drains,
     acceleration=acceleration,
     alike="leak, when the rim is low",

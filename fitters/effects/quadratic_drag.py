@@ -17,7 +17,7 @@ EFFECT = Effect(
     summary="drag that grows with the square of the speed",
     equation=r"-c\,|\dot x|\,\dot x",
     source="Batchelor (1967), An Introduction to Fluid Dynamics, section 5.11: form drag at Re of 10^3 to 10^5",
-    parameters=(Parameter("quadratic_drag", "1/{x}", "c", default=0.0),),
+    parameters=(Parameter("quadratic_drag", "1/{x}", "c", lower=0.0, default=0.0),),
     applies=moves,
     acceleration=acceleration,
     alike="linear drag, when the speed hardly varies",

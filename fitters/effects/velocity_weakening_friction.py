@@ -24,7 +24,7 @@ EFFECT = Effect(
     equation=r"-c\,e^{-|\dot x|/v_s}\,\dot x / |\dot x|",
     source="Stribeck (1902), Z. VDI 46, 1341; form of Bo and Pavelescu (1982), Wear 82, 277",
     parameters=(
-        Parameter("weakening_friction", "{x}/s^2", "c", default=0.0),
+        Parameter("weakening_friction", "{x}/s^2", "c", lower=0.0, default=0.0),
         Parameter(
             "weakening_speed", "{x}/s", "v_s", lower=1e-3, upper=1e3, default=0.5, constant=True, source="assumed"
         ),
