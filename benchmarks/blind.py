@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 import pandas as pd
@@ -18,6 +19,8 @@ from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.scores import Screen, screen, shaped, significant_from
 from iris_sysid.types import Array, Effect, Estimate, OdeModel, Trajectory
+
+Found = TypeVar("Found")
 
 FRAME_RATE_HZ = 60.0
 # by model: length of the clip, s; noise, in the observed unit (0.1 px of a 720-line picture); ranges of the truth
@@ -110,7 +113,8 @@ def hide(
     for effect, tried in zip(effects, (one.tried for one in chosen), strict=True):
         first, factor = effect.parameters[0], float(np.exp(rng.uniform(*np.log(FACTORS))))
         detectable = significant_from(SINGLE_LEVEL / len(library), tried) * alone.scores[effect.name].stderr
-        size = float(np.clip(rng.choice([-1.0, 1.0]) * factor * detectable, first.lower, first.upper))
+        sign = float(rng.choice([-1.0, 1.0])) if first.lower < 0.0 else 1.0  # friction only brakes
+        size = float(np.clip(sign * factor * detectable, first.lower, first.upper))
         sizes[first.name] = size
         factors.append(abs(size) / detectable * _share_apart(effect.name, alone))
     return effects, sizes, factors
@@ -129,8 +133,24 @@ def _share_apart(name: str, alone: Screen) -> float:
     return float(np.sqrt(1.0 - sum(others) ** 2))
 
 
-def case(seed: int, count: int) -> Outcome | None:
-    """One case: hide, diagnose, compare; None when the motion with what is hidden in it runs away.
+@dataclass(frozen=True, eq=False, slots=True)
+class Hidden:
+    """A motion with effects hidden in it: their ``sizes`` by parameter, and over the smallest detectable ones."""
+
+    model: OdeModel
+    trajectory: Trajectory
+    effects: tuple[Effect, ...]
+    sizes: Mapping[str, float]
+    factors: tuple[float, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of what is hidden."""
+        return tuple(one.name for one in self.effects)
+
+
+def hidden_case(seed: int, count: int) -> Hidden | None:
+    """Make one case; None when the motion with what is hidden in it runs away.
 
     Parameters
     ----------
@@ -145,21 +165,40 @@ def case(seed: int, count: int) -> Outcome | None:
     effects, sizes, factors = hide(model, values, count, rng)
     try:
         trajectory = measured(with_effects(model, effects), {**values, **sizes}, rng)
-        found = diagnose(trajectory, model)
+    except FitError:
+        return None
+    return Hidden(model, trajectory, tuple(effects), sizes, tuple(factors))
+
+
+def outcome(made: Hidden) -> Outcome | None:
+    """What the diagnosis makes of a case; None when its model cannot be fitted."""
+    try:
+        found = diagnose(made.trajectory, made.model)
     except FitError:
         return None
     classes = [{one.name, *found.indistinguishable[one.name]} for one in found.added]
-    hidden = tuple(one.name for one in effects)
     return Outcome(
-        model=model.name,
-        hidden=hidden,
-        factors=tuple(factors),
-        found=tuple(any(name in one for one in classes) for name in hidden),
-        off=tuple(_off(found.sizes.get(name), size) for name, size in sizes.items()),
+        model=made.model.name,
+        hidden=made.names,
+        factors=made.factors,
+        found=tuple(any(name in one for one in classes) for name in made.names),
+        off=tuple(_off(found.sizes.get(name), size) for name, size in made.sizes.items()),
         added=tuple(one.name for one in found.added),
-        wrong=tuple(one.name for one, names in zip(found.added, classes, strict=True) if not names & set(hidden)),
-        excess=found.after.fitted / SETTINGS[model.name][1],
+        wrong=tuple(one.name for one, names in zip(found.added, classes, strict=True) if not names & set(made.names)),
+        excess=found.after.fitted / SETTINGS[made.model.name][1],
     )
+
+
+def case(seed: int, count: int) -> Outcome | None:
+    """One case, made and diagnosed; None when it runs away or cannot be fitted.
+
+    Parameters
+    ----------
+    seed, count
+        As for :func:`hidden_case`.
+    """
+    made = hidden_case(seed, count)
+    return None if made is None else outcome(made)
 
 
 def _off(found: Estimate | None, size: float) -> float:
@@ -181,10 +220,10 @@ def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
             {
                 "hidden size": label,
                 "effects": len(part),
-                "named or in the class": _percent([one.found[k] for one, k in part]),
-                "interval covers": _percent(np.abs(off[np.isfinite(off)]) < 1.0),
-                "where all was named": _percent(np.abs(alone[np.isfinite(alone)]) < 1.0),
-                "wrong name in the case": _percent([bool(one.wrong) for one, _ in part]),
+                "named or in the class": percent([one.found[k] for one, k in part]),
+                "interval covers": percent(np.abs(off[np.isfinite(off)]) < 1.0),
+                "where all was named": percent(np.abs(alone[np.isfinite(alone)]) < 1.0),
+                "wrong name in the case": percent([bool(one.wrong) for one, _ in part]),
                 "error after / noise": f"{np.median([one.excess for one, _ in part]):.3f}" if part else "",
             }
         )
@@ -193,30 +232,47 @@ def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
         {
             "hidden size": "nothing hidden",
             "effects": len(clean),
-            "wrong name in the case": _percent([bool(one.wrong) for one in clean]),
+            "wrong name in the case": percent([bool(one.wrong) for one in clean]),
             "error after / noise": f"{np.median([one.excess for one in clean]):.3f}" if clean else "",
         }
     )
     return pd.DataFrame(rows).fillna("")
 
 
-def _percent(flags: Sequence[bool] | Array) -> str:
+def percent(flags: Sequence[bool] | Array) -> str:
+    """The share that is true; nothing where there are none."""
     return f"{100 * np.mean(flags):.1f} %" if len(flags) else ""
+
+
+def in_all_cases(one: Callable[[int, int], Found | None], about: str, cases: int) -> tuple[list[Found], int]:
+    """Run every case in processes, as the command line asks; what was found, and how many gave nothing.
+
+    Parameters
+    ----------
+    one
+        From a seed and a count of hidden effects.
+    about
+        What the command does.
+    cases
+        How many, unless asked otherwise.
+    """
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument("--cases", type=int, default=cases)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args()
+    seeds = np.arange(asked.cases) + 10_000 * asked.seed
+    counts = np.random.default_rng(asked.seed).integers(0, 3, asked.cases)
+    with ProcessPoolExecutor(asked.workers) as pool:
+        every = list(pool.map(one, seeds.tolist(), counts.tolist()))
+    found = [each for each in every if each is not None]
+    return found, len(every) - len(found)
 
 
 def main() -> None:
     """Print the table, and the cases that went wrong."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cases", type=int, default=300)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--seed", type=int, default=0)
-    arguments = parser.parse_args()
-    seeds = np.arange(arguments.cases) + 10_000 * arguments.seed
-    counts = np.random.default_rng(arguments.seed).integers(0, 3, arguments.cases)
-    with ProcessPoolExecutor(arguments.workers) as pool:
-        every = list(pool.map(case, seeds.tolist(), counts.tolist()))
-    outcomes = [one for one in every if one is not None]
-    print(f"{len(outcomes)} cases; {len(every) - len(outcomes)} ran away or could not be fitted")
+    outcomes, gone = in_all_cases(case, str(__doc__), 300)
+    print(f"{len(outcomes)} cases; {gone} ran away or could not be fitted")
     print(table(outcomes).to_string(index=False))
     for one in outcomes:
         sizes = list(zip(one.hidden, one.factors, one.found, strict=True))

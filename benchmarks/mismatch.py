@@ -8,22 +8,19 @@ independent samples as the smoothing leaves.
 
 from __future__ import annotations
 
-import argparse
 import warnings
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 import pysindy
 
-from benchmarks.blind import SETTINGS, Outcome, case, drawn, hide, measured
-from fitters.compose import with_effects
+from benchmarks.blind import Outcome, hidden_case, in_all_cases, outcome, percent
 from fitters.ode import fit
 from fitters.screen import force_along, rates
 from iris_sysid.errors import FitError
-from iris_sysid.registry import EFFECTS, MODELS
+from iris_sysid.registry import EFFECTS
 from iris_sysid.scores import shaped
 from iris_sysid.types import Array, Effect, OdeModel, Trajectory
 
@@ -47,16 +44,12 @@ def pair(seed: int, count: int) -> Pair | None:
     seed, count
         As for :func:`benchmarks.blind.case`.
     """
-    ours = case(seed, count)
-    if ours is None:
+    made = hidden_case(seed, count)
+    ours = None if made is None else outcome(made)
+    if made is None or ours is None:
         return None
-    rng = np.random.default_rng(seed)
-    model = MODELS[list(SETTINGS)[seed % len(SETTINGS)]]
-    values = drawn(model, rng)
-    effects, sizes, _ = hide(model, values, count, rng)
     try:
-        trajectory = measured(with_effects(model, effects), {**values, **sizes}, rng)
-        return Pair(ours, on_the_mismatch(trajectory, model))
+        return Pair(ours, on_the_mismatch(made.trajectory, made.model))
     except FitError:
         return None
 
@@ -140,8 +133,8 @@ def table(pairs: Sequence[Pair]) -> pd.DataFrame:
         {
             "hidden size": "nothing hidden",
             "effects": f"{len(clean)} cases",
-            "diagnosis: wrong name": _percent([bool(one.ours.wrong) for one in clean]),
-            "mismatch: wrong name": _percent([bool(one.theirs) for one in clean]),
+            "diagnosis: wrong name": percent([bool(one.ours.wrong) for one in clean]),
+            "mismatch: wrong name": percent([bool(one.theirs) for one in clean]),
         }
     )
     return pd.DataFrame(rows).fillna("")
@@ -157,29 +150,17 @@ def _row(label: str, pairs: Sequence[Pair], low: float, high: float, *, forces_o
     return {
         "hidden size": label,
         "effects": len(part),
-        "diagnosis: named or in the class": _percent([one.ours.found[k] for one, k in part]),
-        "mismatch: named": _percent([one.ours.hidden[k] in one.theirs for one, k in part]),
-        "mismatch: named, and nothing else": _percent([set(one.theirs) == set(one.ours.hidden) for one, _ in part]),
-        "diagnosis: wrong name": _percent([bool(one.ours.wrong) for one, _ in part]),
-        "mismatch: wrong name": _percent([bool(set(one.theirs) - set(one.ours.hidden)) for one, _ in part]),
+        "diagnosis: named or in the class": percent([one.ours.found[k] for one, k in part]),
+        "mismatch: named": percent([one.ours.hidden[k] in one.theirs for one, k in part]),
+        "mismatch: named, and nothing else": percent([set(one.theirs) == set(one.ours.hidden) for one, _ in part]),
+        "diagnosis: wrong name": percent([bool(one.ours.wrong) for one, _ in part]),
+        "mismatch: wrong name": percent([bool(set(one.theirs) - set(one.ours.hidden)) for one, _ in part]),
     }
-
-
-def _percent(flags: Sequence[bool]) -> str:
-    return f"{100 * np.mean(flags):.0f} %" if flags else ""
 
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cases", type=int, default=60)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    seeds = np.arange(asked.cases) + 10_000 * asked.seed
-    counts = np.random.default_rng(asked.seed).integers(0, 3, asked.cases)
-    with ProcessPoolExecutor(asked.workers) as pool:
-        pairs = [one for one in pool.map(pair, seeds.tolist(), counts.tolist()) if one is not None]
+    pairs, _ = in_all_cases(pair, str(__doc__), 60)
     print(f"{len(pairs)} cases")
     print(table(pairs).to_string(index=False))
 
