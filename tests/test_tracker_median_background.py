@@ -213,6 +213,17 @@ def test_shadow_that_hangs_on_a_coloured_body_does_not_drag_its_centre(gap, leas
     assert rms(errors_px(found, path)) < least
 
 
+def test_shadow_that_hangs_on_a_body_as_clear_in_luma_as_in_colour_does_not_drag_its_centre():
+    path = swing(60, (70, 40), (40, 12))
+    pictures = []
+    for x, y in path:
+        shadow = cv2.GaussianBlur(disc(SHAPE, x + 11, y + 15, 10), (0, 0), 3.0)[..., np.newaxis]
+        pictures.append(paint(np.array((190, 202, 204)) * (1 - 0.15 * shadow), disc(SHAPE, x, y, 10), (38, 112, 222)))
+    found = one_track(DrawnClip(noisy(pictures, 2.0)))
+    assert found.n_valid == 60
+    assert rms(errors_px(found, path)) < 0.2  # 3 px in luma alone
+
+
 def test_streak_of_a_fast_shaded_ball_has_its_middle_and_its_area():
     radius, shape, travel = 24, (320, 160), 8
     y = np.linspace(80, 240, 41)

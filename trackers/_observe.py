@@ -11,6 +11,7 @@ from iris_sysid.errors import TrackingError
 from iris_sysid.types import FrameSource, TrackOptions
 from trackers._attention import Attention, watch_of
 from trackers._background import Background, Bytes, Flags, Still, noise_inflation, still_of
+from trackers._centroid import filled_round
 from trackers._foreground import Scene, cores, scene_of
 from trackers._samples import Samples
 from trackers._sighting import Glimpse, Lens
@@ -20,6 +21,10 @@ from trackers._view import View
 SAMPLES = 40  # frames from which the background is made
 FEWER_SAMPLES, LARGE = 25, 4_000_000  # when a frame has so many pixels: they are kept in memory
 MISSED_BY_LUMA = 0.1  # of what moves in colour: from here on colour is looked at too
+SHADED = 0.3  # of the body's area is added to it by luma: its shadow
+VIVID = 4.0  # times what is noise: so far from the background must its colour be
+MOSTLY = 0.5  # of the frames
+AROUND = np.ones((5, 5), np.uint8)  # px about what moves: two more than its edge
 FEWEST_COLOURED = 20  # px that must move in colour for a frame to count
 REPORT_EVERY = 10  # frames between two calls of the progress function
 
@@ -82,29 +87,45 @@ def stage_of(video: FrameSource, view: View) -> Stage:
 
 
 def luma_misses(stack: Bytes) -> bool:
-    """Whether what moves in colour shows less in luma, or in a tenth of the frames much of it not at all.
+    """Whether colour must be looked at too: where luma shows a body badly, not at all, or with its shadow.
 
     A green ball on a wall as bright as it is such a case: what luma shows of it is mostly shade, and its centre
-    that of the lit side. Looking at colour takes longer. ``stack`` (k, h, w, 3) are sampled pictures.
+    that of the lit side. A ball whose shadow on the wall touches it is another: luma shows both as one. Looking at
+    colour takes longer. ``stack`` (k, h, w, 3) are sampled pictures.
     """
     still = still_of(stack)
     scene, luma_scene = scene_of(still), scene_of(still.channel(0))
-    missed, clearer = [], []
-    for picture in stack:
-        coloured_excess = scene.excess(picture) > scene.strong
-        strong = (coloured_excess[..., 1] | coloured_excess[..., 2]).astype(np.uint8)
-        strong = cv2.morphologyEx(strong, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
-        if np.count_nonzero(strong) >= FEWEST_COLOURED:
-            in_luma = _covered(luma_scene, np.ascontiguousarray(picture[..., 0]))
-            missed.append(np.count_nonzero(strong > in_luma) / np.count_nonzero(strong))
-            clearer.append(_clearer_in_colour(scene, picture, strong > 0))
-    return bool(missed) and (float(np.percentile(missed, 90)) > MISSED_BY_LUMA or float(np.mean(clearer)) > 0.5)
+    seen = [one for picture in stack if (one := _in_colour(scene, luma_scene, picture)) is not None]
+    if not seen:
+        return False
+    missed, in_luma, in_colour, shaded = np.array(seen).T
+    if np.percentile(missed, 90) > MISSED_BY_LUMA or np.mean(in_colour > in_luma) > MOSTLY:
+        return True
+    vivid = len(seen) > MOSTLY * len(stack) and np.median(in_colour) > VIVID
+    return bool(vivid and np.median(shaded) > SHADED)
 
 
-def _clearer_in_colour(scene: Scene, picture: Bytes, moving: Flags) -> bool:
-    """Whether chroma stands farther above its threshold than luma does, over most of what moves."""
+def _in_colour(scene: Scene, luma_scene: Scene, picture: Bytes) -> tuple[float, float, float, float] | None:
+    """What moves in colour: the share that luma misses, how far it stands out in luma and colour, what luma adds.
+
+    None where nothing does.
+    """
+    excess = scene.excess(picture) > scene.strong
+    strong = cv2.morphologyEx((excess[..., 1] | excess[..., 2]).astype(np.uint8), cv2.MORPH_OPEN, AROUND)
+    area = np.count_nonzero(strong)
+    if area < FEWEST_COLOURED:
+        return None
+    in_luma = _covered(luma_scene, np.ascontiguousarray(picture[..., 0]))
+    whole = filled_round(in_luma.astype(np.uint8), strong)
+    beside = np.count_nonzero(whole > cv2.dilate(strong, AROUND))
+    missed = np.count_nonzero(strong > in_luma) / area
+    return missed, *_standing_out(scene, picture, strong > 0), beside / area
+
+
+def _standing_out(scene: Scene, picture: Bytes, moving: Flags) -> tuple[float, float]:
+    """How far luma and chroma stand above what they must for a body, times that, over most of what moves."""
     excess = scene.excess(picture)[moving].astype(np.float64) / scene.strong[moving]
-    return float(np.median(excess[:, 1:].max(axis=1))) > float(np.median(excess[:, 0]))
+    return float(np.median(excess[:, 0])), float(np.median(excess[:, 1:].max(axis=1)))
 
 
 def _covered(scene: Scene, picture: Bytes) -> Flags:
@@ -113,7 +134,7 @@ def _covered(scene: Scene, picture: Bytes) -> Flags:
     for core in cores(scene, picture):
         left, top, right, bottom = core.box
         covered[top:bottom, left:right] |= core.mask
-    return cv2.dilate(covered, np.ones((5, 5), np.uint8)) > 0
+    return cv2.dilate(covered, AROUND) > 0
 
 
 def observe(video: FrameSource, stage: Stage, options: TrackOptions) -> list[Glimpse]:
