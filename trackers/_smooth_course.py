@@ -21,17 +21,17 @@ FEWEST = 12  # samples below which nothing can be said
 BLOCK = 1000  # samples at once
 
 
-def excess_scatter(t_s: Array, values: Array, sigma: Array) -> Array:
+def excess_scatter(t_s: Array, values: Array, sigma: Array, longest: int = 0) -> Array:
     """By how much samples (n,) scatter about a smooth course more than ``sigma`` (n,) says: factors (n,), 1 or more.
 
     A polynomial of degree 4 is fitted to each sample's neighbourhood; the residual at its middle, over its own
     standard deviation for white noise, is squared and averaged over the neighbours. All arrays are of samples that
-    are known, in order of time.
+    are known, in order of time. ``longest`` samples on either side are tried as well, for what is slow throughout.
     """
     n = values.size
     if n < FEWEST:
         return np.ones(n)
-    for half in sorted({min(half, (n - 1) // 2) for half in HALF_WINDOWS}, reverse=True):
+    for half in sorted({min(half, (n - 1) // 2) for half in (*HALF_WINDOWS, longest) if half}, reverse=True):
         ratio = _residuals(t_s, values, sigma, half, DEGREE)
         if _scale(_residuals(t_s, values, sigma, half, HIGHER)) > FOLLOWS * _scale(ratio):
             break
@@ -73,3 +73,11 @@ def _residuals_of(t_s: Array, values: Array, sigma: Array, which: NDArray[np.int
 def pooled(sigma: Array) -> Array:
     """Standard errors (n,) with each variance averaged over its neighbours: few blocks or strips tell it badly."""
     return np.asarray(np.sqrt(_averaged(sigma**2)))
+
+
+def persistent(sigma: Array) -> Array:
+    """Standard errors (n,) of which none is below the median of all.
+
+    Where a course is slow, a compressed picture stays behind it as far as elsewhere, but smoothly: nothing scatters.
+    """
+    return np.asarray(np.maximum(sigma, np.median(sigma)))

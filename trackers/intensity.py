@@ -15,13 +15,14 @@ import numpy as np
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Frame, FrameSource, Track, Tracker, TrackOptions
 from trackers._lamp import Lamp, lamp_of, luma_of
-from trackers._smooth_course import excess_scatter, pooled
+from trackers._smooth_course import excess_scatter, persistent, pooled
 from trackers._together import Region, region_that_changes
 from trackers._view import View, view_of
 
 SAMPLES = 40  # frames in which the region is sought
 FEWEST_FRAMES = 3
 LEAST_TOGETHER = 0.8  # of what changes in the picture must follow the course of the region
+SLOW = 45  # frames on either side: compression is late over so many, while the light fades smoothly
 REPORT_EVERY = 10  # frames between two calls of the progress function
 
 
@@ -119,7 +120,7 @@ def _track_of(
     intensity, sigma = readings.T
     n, t_s = len(times), np.array([t_s for _, t_s in times])
     sigma = pooled(sigma)
-    scatter = excess_scatter(t_s, intensity, sigma)
+    scatter = excess_scatter(t_s, intensity, sigma, SLOW)
     return Track(
         t_s=t_s,
         xy_px=np.tile(lamp.centre, (n, 1)),
@@ -128,7 +129,7 @@ def _track_of(
         frame=np.array([index for index, _ in times]),
         body=body,
         intensity=intensity,
-        sigma_intensity=sigma * scatter,
+        sigma_intensity=persistent(sigma * scatter),
         area_px=np.full(n, float(np.count_nonzero(lamp.mask))),
         origin={
             "tracker": TRACKER.name,

@@ -18,7 +18,7 @@ from iris_sysid.errors import DataError, TrackingError
 from iris_sysid.types import Array, FrameSource, Track, Tracker, TrackOptions
 from trackers._background import Image
 from trackers._observe import Stage, stage_of
-from trackers._smooth_course import excess_scatter, pooled
+from trackers._smooth_course import excess_scatter, persistent, pooled
 from trackers._turned_pattern import Pattern, centred, luma_of, pattern_of, turned
 from trackers._turning import Axis, Middle, Turns, activity, axis_of, middle_of
 from trackers._view import view_of
@@ -160,7 +160,7 @@ def _track_of(clip: _Clip, found: Array, lesson: _Lesson, middle: Middle, stage:
     if not valid.any():
         raise TrackingError("the body that turns shows in no frame as it was learnt; limit the picture with --roi")
     sigma[valid] = pooled(sigma[valid])
-    sigma[valid] *= excess_scatter(clip.t_s[valid], angle[valid], sigma[valid])
+    sigma[valid] = persistent(sigma[valid] * excess_scatter(clip.t_s[valid], angle[valid], sigma[valid]))
     view, axis = stage.view, lesson.pattern.axis
     axis_px = (np.array([axis.x, axis.y]) + 0.5) * view.step - 0.5 + np.array([view.left, view.top])
     way = view.step * middle.radius
