@@ -2,6 +2,8 @@
 
 ``python -m benchmarks.identity`` renders clips of the phenomena with several bodies, the settings of the benchmark's
 table in turn, each clip with a seed of its own, follows the bodies, and compares with the truth beside each clip.
+``--dataset DATASET --tracks FOLDER`` compares the tracks that ``iris-sysid gt`` or ``benchmarks.groundtruth`` kept of
+a data set of the twin instead.
 """
 
 from __future__ import annotations
@@ -9,7 +11,7 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,8 +19,10 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from iris_sysid import open_video
+from iris_sysid.dataset import list_clips
 from iris_sysid.errors import IrisError
-from iris_sysid.synthetic import SCENES, Truth, render_clip
+from iris_sysid.synthetic import SCENES, Truth, read_truth, render_clip
+from iris_sysid.table_reading import read_track
 from iris_sysid.types import Track, TrackOptions
 from trackers.median_background import track
 
@@ -174,6 +178,26 @@ def together(scores: Sequence[Score]) -> Score:
     )
 
 
+def rendered(phenomenon: str, count: int, size: tuple[int, int], minutes: float) -> Iterator[Score]:
+    """Scores of clips rendered and tracked now: so many, or those that are begun within the minutes."""
+    start = time.monotonic()
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(count):
+            if time.monotonic() - start < 60 * minutes:
+                yield run_clip(phenomenon, number, size, PHENOMENA[phenomenon], Path(folder))
+
+
+def kept(phenomenon: str, dataset: Path, tracks: Path) -> Iterator[Score]:
+    """Scores of the tracks kept of a data set of the twin; a clip without a track is left out."""
+    for clip in list_clips(dataset).clips:
+        path = tracks / f"{clip.place}.track.csv"
+        if path.exists() and (truth := read_truth(clip.path)).phenomenon == phenomenon:
+            one = score(truth, read_track(path))
+            if one.switches or one.seen < one.usable:
+                print(f"{clip.place}: {one.switches} switches, {one.seen} of {one.usable}", flush=True)
+            yield one
+
+
 def main() -> None:
     """Print one row a phenomenon."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -181,17 +205,20 @@ def main() -> None:
     parser.add_argument("--phenomenon", choices=list(PHENOMENA), action="append", help="only this one; may be repeated")
     parser.add_argument("--size", type=int, nargs=2, default=SIZE, metavar=("WIDTH", "HEIGHT"), help="px")
     parser.add_argument("--minutes", type=float, default=np.inf, help="begin no clip of a phenomenon after so long")
+    parser.add_argument("--dataset", type=Path, help="data set of the twin whose tracks were kept")
+    parser.add_argument("--tracks", type=Path, help="folder of the tracks that were kept")
     options = parser.parse_args()
+    if (options.dataset is None) != (options.tracks is None):
+        parser.error("--dataset and --tracks go together")
     print(
         "| phenomenon | clips | identity switches | coverage | HOTA | IDF1 | RMSE px |\n|---|---|---|---|---|---|---|"
     )
-    with tempfile.TemporaryDirectory() as folder:
-        for phenomenon in options.phenomenon or PHENOMENA:
-            scores: list[Score] = []
-            start = time.monotonic()
-            while len(scores) < options.clips and time.monotonic() - start < 60 * options.minutes:
-                duration_s = PHENOMENA[phenomenon]
-                scores.append(run_clip(phenomenon, len(scores), tuple(options.size), duration_s, Path(folder)))
+    for phenomenon in options.phenomenon or PHENOMENA:
+        if options.dataset is None:
+            scores = list(rendered(phenomenon, options.clips, tuple(options.size), options.minutes))
+        else:
+            scores = list(kept(phenomenon, options.dataset, options.tracks))
+        if scores:
             all_of = together(scores)
             print(
                 f"| {phenomenon} | {all_of.clips} | {all_of.switches} | {all_of.seen / all_of.usable:.4f} "
