@@ -218,7 +218,7 @@ def _camera(
             drop_outliers=choices.drop_outliers,
         )
     except CalibrationError as error:
-        missing = [note for note in notes if note.startswith(NO_VIEW)]
+        missing = [note.removeprefix(f"{NO_VIEW}: ") for note in notes if note.startswith(NO_VIEW)]
         if not missing:
             raise
         raise CalibrationError(f"{error}; {len(missing)} other pictures gave none, e.g. {missing[0]}") from error

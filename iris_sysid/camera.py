@@ -194,7 +194,8 @@ def _common_size(views: Sequence[BoardView]) -> tuple[int, int]:
         if view.image_size != first.image_size:
             raise CalibrationError(
                 f"pictures differ in size: {first.name} is {_size_text(first.image_size)} px, {view.name} is "
-                f"{_size_text(view.image_size)} px; a camera is calibrated at one resolution, crop and orientation"
+                f"{_size_text(view.image_size)} px; a camera is calibrated at one resolution, crop and orientation: leave out those of "
+                "the other size"
             )
     return first.image_size
 
@@ -225,7 +226,7 @@ def _check_count(given: int, distinct: int) -> None:
     what = f"all {given} views are alike" if distinct == 1 and given > 1 else few
     raise CalibrationError(
         f"{what}, at least {FEWEST_VIEWS} are needed: focal length, principal point and distortion are not determined; "
-        f"{TILT_HELP}, or calibrate the plane of motion from one picture without the camera"
+        f"{TILT_HELP}, or calibrate the plane of motion alone, from one picture: --one-picture"
     )
 
 

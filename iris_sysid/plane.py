@@ -367,9 +367,10 @@ def check_image_size(calibrated: tuple[int, int] | None, clip: tuple[int, int]) 
     if abs(clip_width * height - clip_height * width) <= max(width, height, clip_width, clip_height):
         raise CalibrationError(
             f"{sizes}, of the same shape: a camera often uses another part of its sensor at another resolution; "
-            f"calibrate at {clip_width}x{clip_height} px, or, if the pictures were only resized, resize the calibration"
+            f"calibrate at {clip_width}x{clip_height} px, or, if the pictures were only resized, calibrate with "
+            f"--camera and --resized {clip_width}x{clip_height}"
         )
     raise CalibrationError(
-        f"{sizes}, of another shape: the pictures were cropped; calibrate at {clip_width}x{clip_height} px, or "
-        "give the crop's place"
+        f"{sizes}, of another shape: the pictures were cropped; calibrate at {clip_width}x{clip_height} px, or, where "
+        "the place of the crop is known, with --camera and --cropped x,y,w,h"
     )

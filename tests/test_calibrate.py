@@ -452,14 +452,23 @@ def same(folder):
     ("change", "options", "match"),
     [
         (lambda k, one: np.full_like(one, 128), (), "none of 4 pictures shows the board"),
-        (lambda k, one: one, ("--board", "7x5"), "none of 4 pictures shows the board"),
-        (lambda k, one: cv2.GaussianBlur(one, (0, 0), 9), (), "none of 4 pictures shows the board"),
-        (lambda k, one: one if k else cv2.resize(one, (1440, 810)), (), "pictures differ in size"),
-        ("same", (), "all 4 views are alike.*not determined"),
+        (lambda k, one: one, ("--board", "7x5"), "none of 4 pictures shows the board.*has 9x6 inner corners, not 7x5"),
+        (
+            lambda k, one: cv2.GaussianBlur(one, (0, 0), 9),
+            (),
+            "is blurred: edges of the board are .* px wide, at most .* px can be used.*hold the board still and focus",
+        ),
+        (lambda k, one: one if k else cv2.resize(one, (1440, 810)), (), "differ in size.*leave out those of the other"),
+        (
+            lambda k, one: one[:, : one.shape[1] // 2],
+            (),
+            r"cut off at the right edge of the picture \(.* of 9x6 inner corners are seen\); show the whole board",
+        ),
+        ("same", (), "all 4 views are alike.*focal length.*not determined.*tilt the board.*--one-picture"),
         (
             lambda k, one: one if k < 2 else np.full_like(one, 128),
             (),
-            "only 2 different views.*2 other pictures gave none, e.g. no view: view2.png: no checkerboard is seen",
+            "only 2 different views.*2 other pictures gave none, e.g. view2.png: no checkerboard is seen",
         ),
         (lambda k, one: one, ("--plane-view", "9"), "no picture number 9; 4 were given"),
         (lambda k, one: one, ("--square", "30"), "give the unit m, cm or mm"),
