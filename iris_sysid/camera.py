@@ -194,8 +194,8 @@ def _common_size(views: Sequence[BoardView]) -> tuple[int, int]:
         if view.image_size != first.image_size:
             raise CalibrationError(
                 f"pictures differ in size: {first.name} is {_size_text(first.image_size)} px, {view.name} is "
-                f"{_size_text(view.image_size)} px; a camera is calibrated at one resolution, crop and orientation: leave out those of "
-                "the other size"
+                f"{_size_text(view.image_size)} px; a camera is calibrated at one resolution, crop and orientation: "
+                "leave out those of the other size"
             )
     return first.image_size
 
