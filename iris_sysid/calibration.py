@@ -347,12 +347,16 @@ def check_homography(homography: Array) -> None:
 
 def _error_memory(track: Track) -> dict[str, Estimate]:
     """How long the tracker says that errors of the place last, for fits too short to see it in their residual."""
-    source = "partial autocorrelation of the errors of the outline, frames apart: "
+    stated = zip(("one frame", "two frames"), track.origin.get("error_memory", ()), strict=False)
     return {
-        f"error_memory_{frames}": Estimate(
-            value, float(np.hypot(stderr, MEMORY_ERROR)), "1", "derived", f"{source}{frames}"
+        f"error_memory_{order}": Estimate(
+            value,
+            float(np.hypot(stderr, MEMORY_ERROR)),
+            "1",
+            "derived",
+            f"partial autocorrelation of the outline's errors, {apart} apart",
         )
-        for frames, (value, stderr) in enumerate(track.origin.get("error_memory", ()), start=1)
+        for order, (apart, (value, stderr)) in enumerate(stated, start=1)
     }
 
 
