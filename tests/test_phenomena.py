@@ -195,6 +195,18 @@ def test_dropping_ball_gives_the_height():
     assert acceleration == pytest.approx(-9.81, rel=0.01)
 
 
+def test_last_sample_of_a_drop_before_the_floor_is_left_out_and_that_is_said():
+    t_s = np.arange(150) / 100
+    ball, _ = bouncing_ball(t_s, 2.0, 9.81)
+    world = segment(in_plane(t_s, ball, 0.001, unit="m", rng=np.random.default_rng(1)), kind="flight")
+    got = PHENOMENA["dropping-ball"].observe([world], {})
+    drop = next(one for one in got.segments if one.label == "motion")
+    assert np.flatnonzero(got.valid != world.valid).tolist() == [drop.stop - 1]
+    assert drop.reason.endswith("without its last sample, which has the floor behind it")
+    ends = world.with_(segments=(Segment("motion", 0, 60),))  # nothing ends this fall
+    assert PHENOMENA["dropping-ball"].observe([ends], {}).valid.all()
+
+
 def test_projectile_gives_x_and_z():
     t_s = np.arange(100) / 100
     ball, _ = bouncing_ball(t_s, 1.0, 9.81, speed_x=2.0, launch=2.0)

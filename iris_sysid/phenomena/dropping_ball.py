@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from iris_sysid.phenomena._motion import in_motion, only_body, stated
-from iris_sysid.types import BenchmarkClass, Estimate, Phenomenon, Quantity, Trajectory
+from iris_sysid.types import BenchmarkClass, Estimate, Mask, Phenomenon, Quantity, Segment, Trajectory
+
+SHORTEST = 8  # samples of a fall that can spare its last one
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
@@ -21,7 +26,8 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
     Returns
     -------
     Trajectory
-        ``z``; the motion is the segment from the release to the first contact.
+        ``z``; the motion is the segment from the release to the first contact, without the last sample before it:
+        the floor is behind the ball there, and moves its middle by half a pixel.
 
     Raises
     ------
@@ -30,13 +36,28 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
     """
     body = only_body(world, "dropping-ball")
     in_motion(body, 3)
+    segments, valid = _clear_of_the_floor(body)
     return body.with_(
         quantities=(Quantity("z", body.quantities[1].unit, "z"),),
         position=body.position[:, 1:2],
         sigma=body.sigma[:, 1:2],
         geometry={**body.geometry, **stated(settings, "ball_radius")},
+        segments=segments,
+        valid=valid,
         smoothed=None,
     )
+
+
+def _clear_of_the_floor(body: Trajectory) -> tuple[tuple[Segment, ...], Mask]:
+    """The segments, and which samples are valid (n,), without the last one before a fall ends at the floor."""
+    segments, valid = list(body.segments), body.valid.copy()
+    followed = {one.start for one in segments if one.label == "contact"}
+    for k, one in enumerate(segments):
+        seen = np.flatnonzero(valid[one.start : one.stop])
+        if one.label == "motion" and one.stop in followed and seen.size >= SHORTEST:
+            valid[one.start + seen[-1]] = False
+            segments[k] = replace(one, reason=f"{one.reason}; without its last sample, which has the floor behind it")
+    return tuple(segments), valid
 
 
 PHENOMENON = Phenomenon(
