@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from iris_sysid._refits import Clip, Errors, Starts, State, errors_of, pooled, refitted, sizes_of, standard_errors
-from iris_sysid.reservations import reason
+from iris_sysid.reservations import why
 from iris_sysid.scores import ALIKE, Score, Screen, combined, screen, significant_from
 from iris_sysid.types import Effect, Estimate, OdeModel
 
@@ -181,7 +181,7 @@ class Search:
         """A text for each effect that could not be added to the base alone."""
         alone = [one for one in self._states.values() if len(one.effects) == 1 and not one.usable]
         first = [(one.effects[0].name, next(fit for fit in one.fits if not fit.usable)) for one in alone]
-        return [f"the refit with {name} is {fit.status}: {reason(fit)}" for name, fit in first]
+        return [f"the refit with {name} is {fit.status}{why(fit)}" for name, fit in first]
 
     def refused(self, final: State) -> list[str]:
         """What is left, in words, where effects would explain it with a sign that makes them something else."""

@@ -20,7 +20,7 @@ from iris_sysid._refits import Clip, Errors, State
 from iris_sysid._search import Search
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
-from iris_sysid.reservations import reservations
+from iris_sysid.reservations import gains, reservations
 from iris_sysid.scores import Score, combined
 from iris_sysid.types import DiscoveredTerm, Effect, Estimate, FitResult, OdeModel, Trajectory
 
@@ -138,7 +138,7 @@ def diagnose(
         noise_floor=floor,
         unit=base.fits[0].model.observed[0].unit,
         proposed=_proposed(clips, final, after.fitted, floor),
-        notes=(*reservations(base.fits, screens[0], search.failed), *search.refused(final)),
+        notes=(*reservations(base.fits, screens[0], search.failed), *gains(final.fits), *search.refused(final)),
     )
 
 

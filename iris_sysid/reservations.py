@@ -33,9 +33,33 @@ def reservations(bases: Sequence[FitResult], screened: Sequence[Score], failed: 
     return (*_few(doubtful), *_few(hidden), *_unseen(screened), *failed)
 
 
+def gains(finals: Sequence[FitResult]) -> tuple[str, ...]:
+    """Say where a damping is below zero: the fit then makes up for what is lacking by a gain of energy.
+
+    Parameters
+    ----------
+    finals
+        Fits with what was added, one a clip.
+    """
+    texts = [
+        f"{_clip(k, finals)}{name} is {value.value:.2g} ± {value.stderr:.1g} {value.unit}, a gain of energy: the loss "
+        "has another form than the equation gives it"
+        for k, one in enumerate(finals)
+        for name, value in one.estimates.items()
+        if name.startswith("damping") and value.interval[1] < 0.0
+    ]
+    return tuple(_few(texts))
+
+
 def reason(fit: FitResult) -> str:
     """Why a fit is doubtful or failed, without its values and remedies, which its own message has."""
     return fit.message.partition(". ")[0].partition(" (")[0]
+
+
+def why(fit: FitResult) -> str:
+    """The same after a colon; nothing where the status itself says it."""
+    words = reason(fit)
+    return "" if words == fit.status.replace("-", " ") else f": {words}"
 
 
 def _clip(k: int, bases: Sequence[FitResult]) -> str:

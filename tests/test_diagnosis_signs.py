@@ -1,5 +1,7 @@
 """Friction only brakes, a leak only empties: what asks for the opposite is said to, and not named after them."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from fitters.ode import simulate
 from iris_sysid._search import two_sided
 from iris_sysid.diagnosis import diagnose
 from iris_sysid.registry import EFFECTS, MODELS
+from iris_sysid.report.diagnosis_page import write_diagnosis
 from iris_sysid.types import Trajectory
 from iris_sysid.wording import diagnosis_sentence
 
@@ -27,9 +30,8 @@ def clip(name: str, values: dict[str, float], hidden: dict[str, float], seconds:
 
 
 def test_what_only_takes_energy_or_water_away_has_no_size_below_zero():
-    assert ONE_SIDED == {
-        "linear-drag", "quadratic-drag", "coulomb-friction", "velocity-weakening-friction", "leak", "overflow",
-    }  # fmt: skip
+    frictions = ["coulomb-friction", "linear-drag", "quadratic-drag", "velocity-weakening-friction"]
+    assert sorted(ONE_SIDED) == sorted([*frictions, "leak", "overflow"])
 
 
 @pytest.mark.parametrize("hidden", [{"linear-drag": -0.1}, {"coulomb-friction": -0.3}])
@@ -49,16 +51,36 @@ def test_swing_whose_drag_falls_with_speed_gets_no_drag_below_zero():
     assert all(found.sizes[one.parameters[0].name].value > 0 for one in found.added if one.name in ONE_SIDED)
 
 
+def test_damping_below_zero_is_called_a_gain_of_energy():
+    found = diagnose(clip("pendulum", {**SWING, "damping": -0.1}, {}, 4.0, 2e-3), MODELS["pendulum"])
+    assert found.added == ()
+    (note,) = found.notes
+    assert note.startswith("damping is -0.1")
+    assert "a gain of energy" in note
+
+
 def test_tank_that_fills_from_below_gets_no_leak_below_zero():
     found = diagnose(clip("torricelli", DRAIN, {"leak": -0.01}, 8.0, 2e-4), MODELS["torricelli"])
     assert not {"leak", "overflow"} & {one.name for one in found.added}
 
 
-def test_braking_effects_are_still_named_with_their_size():
-    found = diagnose(clip("projectile", THROW, {"linear-drag": 0.1}, 0.8, 2e-4), MODELS["projectile"])
+def test_braking_effects_are_still_named_with_their_size_and_shown_before_and_after(tmp_path):
+    measured = clip("projectile", THROW, {"linear-drag": 0.1}, 0.8, 2e-4)
+    found = diagnose(measured, MODELS["projectile"])
     first = found.added[0].name
     assert "linear-drag" in (first, *found.indistinguishable[first])
     assert not [one for one in found.notes if "not named" in one]
+    page = write_diagnosis(found, measured, tmp_path).read_text(encoding="utf-8")
+    assert ">After<" in page
+    assert ">Before<" in page
+
+
+def test_page_of_a_diagnosis_that_adds_nothing_shows_one_fit_and_no_unit_of_one(tmp_path):
+    measured = clip("projectile", THROW, {}, 0.8, 2e-4)
+    page = write_diagnosis(diagnose(measured, MODELS["projectile"]), measured, tmp_path).read_text(encoding="utf-8")
+    assert "The fit" in page
+    assert ">Before<" not in page
+    assert not re.search(r"\d 1</td>", page)
 
 
 def test_size_is_fitted_on_both_sides_of_zero_so_that_none_has_no_bias():

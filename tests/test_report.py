@@ -227,7 +227,7 @@ def test_diagnosis_page_is_safe_and_complete(diagnosed, tmp_path):
     assert set(listing(tmp_path)) == set(FILES)
     found = assert_safe_and_alone(page.read_text("utf-8"))
     assert HOSTILE in found.text
-    for part in ("Error before and after", "After", "Before", "Screen, round 1", "Ruled out", "quadratic-drag"):
+    for part in ("Error before and after", "The fit", "Screen, round 1", "Ruled out", "quadratic-drag"):
         assert part in found.text, part
 
 

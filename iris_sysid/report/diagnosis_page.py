@@ -11,7 +11,7 @@ from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
 from iris_sysid import wording
-from iris_sysid.diagnosis import Diagnosis
+from iris_sysid.diagnosis import Diagnosis, Limit
 from iris_sysid.documents import checked, entries_of, fit_document, plain_origin, term_entry, write_document
 from iris_sysid.files import check_writable
 from iris_sysid.report import write_page
@@ -21,6 +21,7 @@ from iris_sysid.scores import Score
 from iris_sysid.types import Array, FitResult, Trajectory
 
 FILES = ("diagnosis.json", "residual.png", "state.png", "report.html")
+MARKERS = ".x+1"  # of the observed quantities, in their order
 BEFORE, AFTER = "#D55E00", "#0072B2"  # Okabe and Ito (2008)
 
 
@@ -98,15 +99,15 @@ def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Dia
 
 def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Page:
     """Say what the model lacks; the pictures and values are those of the first clip."""
-    base, final = diagnosis.base, diagnosis.final
-    pictures = [Picture("residual", png_of(residual_figure(diagnosis)), "What is left over, before and after")]
+    base = diagnosis.base
+    when = ", before and after" if diagnosis.added else ""
+    pictures = [Picture("residual", png_of(residual_figure(diagnosis)), f"What is left over{when}")]
     if base.model.second_order:
-        caption = "Where in its motion the model is wrong: the residual's colour over place and speed, before and after"
+        caption = f"Where in its motion the model is wrong: the residual's colour over place and speed{when}"
         pictures.append(Picture("state", png_of(state_figure(diagnosis)), caption))
     sections = [
         Section("Error before and after", ("", "#fitted", "#held out", "#noise floor"), _error_rows(diagnosis)),
-        estimates_section("After", wording.shown(final), final.model.equation),
-        estimates_section("Before", wording.shown(base), base.model.equation),
+        *(estimates_section(one.capitalize(), wording.shown(fit), fit.model.equation) for fit, one in _fits(diagnosis)),
         *_clips_section(diagnosis, clips),
         *_proposed_section(diagnosis),
         *(_round_section(k, scores) for k, scores in enumerate(diagnosis.rounds, start=1)),
@@ -125,6 +126,13 @@ def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Page:
         sections=sections,
         origin=clips[0].origin,
     )
+
+
+def _fits(diagnosis: Diagnosis) -> list[tuple[FitResult, str]]:
+    """The first clip's fit with the effects, and without; the only one where none was added."""
+    if not diagnosis.added:
+        return [(diagnosis.base, "the fit")]
+    return [(diagnosis.final, "after"), (diagnosis.base, "before")]
 
 
 def _name(clip: Trajectory) -> str:
@@ -171,8 +179,8 @@ def _round_section(number: int, scores: tuple[Score, ...]) -> Section:
     rows = [
         (
             score.effect,
-            f"{100 * score.gain:.2g} %",
-            f"{score.size:.3g} ± {score.stderr:.2g} {score.unit}" if np.isfinite(score.size) else "cannot be seen here",
+            f"{100 * score.gain:.3g} %",
+            _size_text(score),
             f"{score.z:.1f}" if np.isfinite(score.z) else "",
         )
         for score in scores
@@ -181,43 +189,71 @@ def _round_section(number: int, scores: tuple[Score, ...]) -> Section:
     return Section(f"Screen, round {number}", columns, rows)
 
 
-def _limit_text(limit: object) -> str:
-    upper, unit = getattr(limit, "upper_95", np.nan), getattr(limit, "unit", "")
-    return f"{upper:.2g} {unit}" if np.isfinite(upper) else "cannot be seen here"
+def _size_text(score: Score) -> str:
+    if not np.isfinite(score.size):
+        return "cannot be seen here"
+    return _in_unit(f"{score.size:.3g} ± {score.stderr:.2g}", score.unit)
+
+
+def _limit_text(limit: Limit) -> str:
+    return _in_unit(f"{limit.upper_95:.2g}", limit.unit) if np.isfinite(limit.upper_95) else "cannot be seen here"
+
+
+def _in_unit(number: str, unit: str) -> str:
+    """A number with its unit, which a pure number has none of."""
+    return number if unit == "1" else f"{number} {unit}"
 
 
 def residual_figure(diagnosis: Diagnosis) -> Figure:
     """The residual over time, before above and after below, with the noise as a band."""
-    fits = [(diagnosis.base, BEFORE, "before"), (diagnosis.final, AFTER, "after")]
-    figure = Figure(figsize=(9, 5), layout="constrained")
-    for axes, (fit, colour, when) in zip(figure.subplots(2, 1, sharex=True, sharey=True), fits, strict=True):
+    fits = _fits(diagnosis)[::-1]
+    figure = Figure(figsize=(9, 1 + 2 * len(fits)), layout="constrained")
+    panels = figure.subplots(len(fits), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+    for axes, (fit, when), colour in zip(panels, fits, (BEFORE, AFTER), strict=False):
         axes.axhspan(
             -2 * diagnosis.noise_floor, 2 * diagnosis.noise_floor, color="#009E73", alpha=0.2, label="± 2 noise"
         )
         for k in range(fit.residual.shape[1]):
-            axes.plot(fit.t_s, fit.residual[:, k], ".", color=colour, markersize=2)
-        axes.set_ylabel(f"{when} ({diagnosis.unit})")
-        axes.legend(loc="upper right", framealpha=0.8)
+            name = fit.model.observed[k].name if fit.residual.shape[1] > 1 else None
+            marker, size = MARKERS[k % len(MARKERS)], _size_of_dots(fit)
+            axes.plot(fit.t_s, fit.residual[:, k], marker, color=colour, markersize=size, label=name)
+        axes.set_ylabel(f"{when if diagnosis.added else 'residual'} ({diagnosis.unit})")
+        axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     axes.set_xlabel("time (s)")
     return figure
 
 
 def state_figure(diagnosis: Diagnosis) -> Figure:
     """The residual's sign and size over place and speed, before and after, on one colour scale."""
-    fits = [(diagnosis.base, "before"), (diagnosis.final, "after")]
-    largest = float(np.nanpercentile(np.abs(diagnosis.base.residual[:, 0]), 98))
+    fits = _fits(diagnosis)[::-1]
+    k = _most_varied(diagnosis.base)
+    largest = float(np.nanpercentile(np.abs(diagnosis.base.residual[:, k]), 98))
     figure = Figure(figsize=(9, 4), layout="constrained")
-    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    panels = figure.subplots(1, len(fits), sharex=True, sharey=True, squeeze=False)[0]
     for axes, (fit, when) in zip(panels, fits, strict=True):
-        drawn = _draw_state(axes, fit, largest)
-        axes.set(title=when, xlabel=f"{fit.model.observed[0].name} ({diagnosis.unit})")
+        drawn = _draw_state(axes, fit, k, largest)
+        axes.set(title=when if diagnosis.added else "", xlabel=f"{fit.model.observed[k].name} ({diagnosis.unit})")
     panels[0].set_ylabel(f"speed ({diagnosis.unit}/s)")
     figure.colorbar(drawn, ax=panels, label=f"residual ({diagnosis.unit})")
     return figure
 
 
-def _draw_state(axes: Axes, fit: FitResult, largest: float) -> PathCollection:
-    used = fit.used
-    place = fit.predicted[used, 0]
-    speed: Array = np.gradient(place, fit.t_s[used])
-    return axes.scatter(place, speed, c=fit.residual[used, 0], s=4, cmap="RdBu_r", vmin=-largest, vmax=largest)
+def _size_of_dots(fit: FitResult) -> float:
+    """Points; few samples are drawn larger, so that they are seen."""
+    return float(np.clip(60.0 / np.sqrt(max(fit.n, 1)), 2.0, 6.0))
+
+
+def _speed(fit: FitResult, k: int) -> Array:
+    """How fast (n,) the k-th quantity changes at the samples used."""
+    return np.asarray(np.gradient(fit.predicted[fit.used, k], fit.t_s[fit.used]))
+
+
+def _most_varied(fit: FitResult) -> int:
+    """The quantity whose speed changes most: a throw's height, not its way along."""
+    return int(np.argmax([np.ptp(_speed(fit, k)) for k in range(fit.predicted.shape[1])]))
+
+
+def _draw_state(axes: Axes, fit: FitResult, k: int, largest: float) -> PathCollection:
+    place, colour = fit.predicted[fit.used, k], fit.residual[fit.used, k]
+    size = _size_of_dots(fit) ** 2
+    return axes.scatter(place, _speed(fit, k), s=size, c=colour, cmap="RdBu_r", vmin=-largest, vmax=largest)
