@@ -11,6 +11,7 @@ from iris_sysid.types import Frame
 from trackers._background import Background, Bytes, Image
 from trackers._centroid import Centre, Window, coverage_centre, filled_round
 from trackers._foreground import CONTRAST_SHARES, SMALLEST_AREA, SQUARE, WEAK_SIGMAS, Core
+from trackers._streak import streak_centre
 from trackers._view import View
 
 THINNEST_BODY = 1.3  # px, inscribed radius
@@ -134,7 +135,7 @@ class Lens:
         window, left, top = self._window(frame, core, bodies, size)
         if np.count_nonzero(window.core) < SMALLEST_AREA:
             return None
-        centre = coverage_centre(window)
+        centre = streak_centre(window, coverage_centre(window))
         if centre.cut:
             return None
         inside = window.core > 0

@@ -1,0 +1,191 @@
+"""Centre of a round body that moves far during an exposure: a disc swept along a line, fitted to the pixels.
+
+The outline of such a body is as wide as its way, so that nothing tells its own brightness from that of what is behind
+it there but the shape: the swept disc.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TypeAlias, cast
+
+import cv2
+import numpy as np
+from scipy.optimize import least_squares
+
+from iris_sysid.types import Array
+from trackers._background import MAD_TO_SD, Flags
+from trackers._centroid import Centre, Window
+
+SHORTEST = 0.35  # of the radius: after a shorter way the outline still shows the body
+SMALLEST = 15.0  # px, radius: of a smaller disc too few pixels tell shading, shadow and course apart
+FRINGE = 5  # px round the body that are compared
+THINNED = 4  # of the pixels one tells the course well enough to see which are outliers
+OUTLIER = 4.0  # standard deviations: a cord, a mark, another body
+UNEXPLAINED = (
+    0.02  # of the sum of squares, by a body that is no disc, or that turned back meanwhile; a disc leaves 0.01
+)
+EVALUATIONS = 100
+STEP = 1e-4  # relative, of numeric derivatives
+
+Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """A disc whose centre moves evenly along a way (across, down) about (x, y) during the exposure, all px."""
+
+    x: float
+    y: float
+    across: float
+    down: float
+    radius: float
+
+    @property
+    def values(self) -> Array:
+        """The five numbers."""
+        return np.array([self.x, self.y, self.across, self.down, self.radius])
+
+    @property
+    def length(self) -> float:
+        """Of the way, px."""
+        return float(np.hypot(self.across, self.down))
+
+    @property
+    def is_streak(self) -> bool:
+        """Whether the outline is too wide to be seen as such, of a disc large enough to show its shading beside it."""
+        return self.radius > SMALLEST and self.length > SHORTEST * self.radius
+
+    def terms(self, columns: Array, rows: Array) -> Array:
+        """What pixels (n,) see of the disc, (4, n).
+
+        The share of the exposure for which each is covered, and, summed over that time, u, v and u^2 + v^2: the place
+        on the disc that it sees, along the way and across it, in radii.
+        """
+        length = max(self.length, 1e-6)
+        ahead = np.array([self.across, self.down]) / length
+        along = (columns - self.x) * ahead[0] + (rows - self.y) * ahead[1]
+        v = (rows - self.y) * ahead[0] - (columns - self.x) * ahead[1]
+        half = _area(v + 0.5, self.radius) - _area(v - 0.5, self.radius)  # of the chord, mean over a pixel
+        first, last = (np.clip(along + side * half, -length / 2, length / 2) for side in (-1.0, 1.0))
+        u, w, share = (along - first) / self.radius, (along - last) / self.radius, (last - first) / length
+        v = v / self.radius
+        return np.stack([share, share * (u + w) / 2, share * v, share * ((u * u + u * w + w * w) / 3 + v * v)])
+
+
+def _area(v: Array, radius: float) -> Array:
+    """Area between a half circle, its diameter, and the lines at 0 and v."""
+    inside = np.clip(v, -radius, radius)
+    return 0.5 * (inside * np.sqrt(np.maximum(radius**2 - inside**2, 0.0)) + radius**2 * np.arcsin(inside / radius))
+
+
+def streak_centre(window: Window, centre: Centre) -> Centre:
+    """The centre of a swept disc where the window shows one; the centre that is known otherwise.
+
+    A pixel shows I = B (1 - a) + sum_k c_k t_k + (1 - a) (d_0 + d_1 x + d_2 y), where a is the share of the exposure
+    for which the disc covers it, t_k are its :meth:`Sweep.terms`, c_k the disc's brightness and shading, and d a soft
+    shadow on the background B. For each course of the disc c and d follow by linear least squares, each colour for
+    itself; the course by non-linear ones (variable projection, Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, 413).
+
+    Parameters
+    ----------
+    window
+        The pixels round the body.
+    centre
+        From the body's outline.
+    """
+    guess = _guess(window) if window.core.any() else None
+    if guess is None or not guess.is_streak:
+        return centre
+    pixels = _pixels(window, guess)
+    sweep, _ = _swept(pixels.only((pixels.columns + pixels.rows) % THINNED == 0), guess)
+    kept = pixels.only(_plain(pixels.left_over(sweep)))
+    sweep, covariance = _swept(kept, sweep)
+    if not sweep.is_streak or pixels.unexplained(sweep) > UNEXPLAINED:
+        return centre
+    errors = np.sqrt(window.inflation * np.diag(covariance))
+    return replace(
+        centre,
+        x=sweep.x,
+        y=sweep.y,
+        sigma_x=float(errors[0]),
+        sigma_y=float(errors[1]),
+        area=float(np.pi * sweep.radius**2),
+        sigma_area=float(2 * np.pi * sweep.radius * errors[4]),
+    )
+
+
+def _guess(window: Window) -> Sweep:
+    """The sweep with the moments of what differs from the background."""
+    near = cv2.dilate(window.core, np.ones((2 * FRINGE + 1, 2 * FRINGE + 1), np.uint8)) > window.other
+    level = np.abs((window.image - window.background) / window.noise).max(axis=-1)
+    usual = max(float(np.median(level[window.core > 0])), 1e-6)
+    weight = np.where(near, np.minimum(level / usual, 1.0), 0.0)
+    rows, columns = (np.asarray(one) for one in np.indices(weight.shape, dtype=np.float64))
+    x, y = (float(np.average(one, weights=weight)) for one in (columns, rows))
+    moments = np.cov(np.stack([columns[near], rows[near]]), aweights=weight[near])
+    (narrow, wide), axes = np.linalg.eigh(moments)
+    way = np.sqrt(12.0 * max(wide - narrow, 0.0)) * axes[:, 1]
+    return Sweep(x, y, float(way[0]), float(way[1]), float(2.0 * np.sqrt(max(narrow, 0.25))))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Pixels:
+    """The pixels that are compared: their places (n,), px, and what they show, (n, channels), in units of the noise."""
+
+    columns: Array
+    rows: Array
+    difference: Array
+    background: Array
+
+    def only(self, which: Flags) -> _Pixels:
+        return _Pixels(self.columns[which], self.rows[which], self.difference[which], self.background[which])
+
+    def left_over(self, sweep: Sweep) -> Array:
+        """What the best brightness and shadow leave over (n, channels)."""
+        disc = sweep.terms(self.columns, self.rows)
+        free = 1.0 - disc[0]
+        x, y = (self.columns - sweep.x) / sweep.radius, (self.rows - sweep.y) / sweep.radius
+        terms = np.stack([*disc, free, free * x, free * y], axis=1)
+        shown = self.difference + self.background * disc[0][:, np.newaxis]
+        gram = terms.T @ terms + 1e-9 * len(x) * np.eye(terms.shape[1])
+        return shown - terms @ np.linalg.solve(gram, terms.T @ shown)
+
+    def unexplained(self, sweep: Sweep) -> float:
+        """Share of the sum of squares of the difference that is left over."""
+        return float((self.left_over(sweep) ** 2).sum() / (self.difference**2).sum())
+
+
+def _pixels(window: Window, sweep: Sweep) -> _Pixels:
+    """Those near a sweep on which there is nothing else."""
+    rows, columns = (np.asarray(one) for one in np.indices(window.core.shape, dtype=np.float64))
+    covered = sweep.terms(columns.ravel(), rows.ravel())[0].reshape(rows.shape) > 0
+    near = cv2.dilate(covered.astype(np.uint8), np.ones((2 * FRINGE + 1, 2 * FRINGE + 1), np.uint8))
+    use = (near > 0) & (cv2.dilate(window.other, np.ones((3, 3), np.uint8)) == 0)
+    noise = np.asarray(window.noise[use].mean(axis=0), dtype=np.float64)
+    image, background = (np.asarray(one[use], dtype=np.float64) / noise for one in (window.image, window.background))
+    return _Pixels(columns.ravel()[use.ravel()], rows.ravel()[use.ravel()], image - background, background)
+
+
+def _plain(left_over: Array) -> Flags:
+    """Which pixels (n,) are no outliers in any channel."""
+    spread = MAD_TO_SD * np.median(np.abs(left_over), axis=0)
+    return np.asarray((np.abs(left_over) < OUTLIER * spread).all(axis=1))
+
+
+def _swept(pixels: _Pixels, start: Sweep) -> tuple[Sweep, Array]:
+    """The sweep that leaves least over, and the covariance (5, 5) of its numbers for white noise of what it leaves."""
+
+    def left_over(values: Vector) -> Vector:
+        return pixels.left_over(_sweep(values)).ravel()
+
+    first = cast("Vector", start.values)
+    found = least_squares(left_over, first, method="lm", diff_step=[STEP] * first.size, max_nfev=EVALUATIONS)
+    jacobian = np.asarray(found.jac)
+    variance = 2.0 * float(found.cost) / max(len(jacobian) - len(found.x), 1)
+    return _sweep(found.x), np.linalg.pinv(jacobian.T @ jacobian) * variance
+
+
+def _sweep(values: Array) -> Sweep:
+    x, y, across, down, radius = (float(value) for value in values)
+    return Sweep(x, y, across, down, max(abs(radius), 1.0))
