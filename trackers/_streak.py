@@ -1,7 +1,8 @@
 """Centre of a round body that moves far during an exposure: a disc swept along a line, fitted to the pixels.
 
 The outline of such a body is as wide as its way, so that nothing tells its own brightness from that of what is behind
-it there but the shape: the swept disc.
+it there but the shape: the swept disc. Each frame is fitted by itself; the tracker ``disc`` knows the way from the
+frames before and after, and gains by that where every body is a disc.
 """
 
 from __future__ import annotations
