@@ -180,7 +180,8 @@ def _kinds_of(stage: Stage, pictures: Sequence[Bytes], count: int) -> list[Kind]
     if numbers.sum() < count:
         raise TrackingError(
             f"{count} bodies were asked for, but what moves is enough for {int(numbers.sum())}; ask for fewer, "
-            f"or limit the picture with --roi or --colour"
+            f"limit the picture with --roi or --colour, or leave out with --start what comes before they are struck: "
+            f"bodies that rest in a pile for most of a clip hide what is behind them"
         )
     return [replace(kind, count=int(number)) for kind, number in zip(kinds, numbers, strict=True) if number]
 
