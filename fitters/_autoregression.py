@@ -159,7 +159,7 @@ def _most_likely(residual: Array, basis: Array, start: Array) -> Array:
     try:
         found = minimize(quick, unbounded, method="L-BFGS-B", jac=True, tol=TOLERANCE)
         holds = found.success and abs(found.fun - exact(found.x)) < DIGITS_LOST
-    except LinAlgError:  # singular to rounding
+    except (LinAlgError, ValueError):  # singular to rounding, or too large to be squared
         holds = False
     if not holds:
         found = minimize(exact, unbounded, method="L-BFGS-B", jac="3-point", tol=TOLERANCE)
@@ -193,7 +193,7 @@ class _LaggedProducts:
         return cls(products.reshape(shape), counts, max(int(present.sum()) - basis.shape[1], 1))
 
     def minus_restricted(self, partial: Array) -> tuple[float, Array]:
-        """As :func:`_minus_restricted`, and its gradient (q,); LinAlgError when singular to rounding."""
+        """As :func:`_minus_restricted`, and its gradient (q,); LinAlgError or ValueError when there is none."""
         filters, slopes = _filters(partial)
         shares, share_slopes = _shares(partial)
         half = np.einsum("piajb,pj->piab", self.products, filters)

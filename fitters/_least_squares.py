@@ -179,6 +179,7 @@ def minimise(
     loss: Loss = "linear",
     steps: Array | None = None,
     gradients: tuple[float, ...] = (),
+    most: int | None = None,
 ) -> Solution:
     """Least squares from one start over all samples of the problem, by lmfit's trust region with our Jacobian.
 
@@ -200,6 +201,8 @@ def minimise(
         (k,) difference steps of an earlier solution.
     gradients
         Of the iterations so far.
+    most
+        Evaluations after which it is given up, where that is sooner than usual, unless it is rough.
     """
     start = unknowns.inside(values)
     problem = problem.planned(start, ROUGH_STEP if rough else FINE_STEP, target.negligible)
@@ -209,7 +212,8 @@ def minimise(
     if not np.all(np.isfinite(predicted)):
         why = "runs away at the start"
         return Solution(problem, start, predicted, objective.steps, np.inf, False, True, why, gradients)
-    found = _minimised(objective, loss, rough=rough)
+    enough = ROUGH_EVALUATIONS if rough else min(most or FINE_EVALUATIONS, FINE_EVALUATIONS)
+    found = _minimised(objective, loss, enough, rough=rough)
     best = objective.values_of(found.params)
     seen = np.asarray(found.residual)[: int(target.used.sum()) * target.observed.shape[1]]
     with np.errstate(all="ignore"):
@@ -228,7 +232,7 @@ def minimise(
     )
 
 
-def _minimised(objective: _Objective, loss: Loss, *, rough: bool) -> lmfit.minimizer.MinimizerResult:
+def _minimised(objective: _Objective, loss: Loss, most: int, *, rough: bool) -> lmfit.minimizer.MinimizerResult:
     tolerance = ROUGH if rough else FINE
     parameters = lmfit.Parameters()
     unknowns = objective.unknowns
@@ -240,7 +244,7 @@ def _minimised(objective: _Objective, loss: Loss, *, rough: bool) -> lmfit.minim
     )
     with np.errstate(all="ignore"):
         return minimizer.least_squares(
-            max_nfev=ROUGH_EVALUATIONS if rough else FINE_EVALUATIONS,
+            max_nfev=most,
             jac=objective.jacobian,
             x_scale="jac",
             loss=loss,

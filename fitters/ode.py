@@ -42,6 +42,7 @@ from iris_sysid.types import (
 )
 
 NOTHING: Mapping[str, float] = MappingProxyType({})
+PATIENCE = 500_000, 50  # samples evaluated, and evaluations at least, until a fit that began nearby is given up
 SMALLEST_DEVIATION = 3.0  # in units of the noise, for a sample to count as wild
 
 
@@ -274,7 +275,8 @@ def solve(
         solution = search(task.problem, task.target, task.unknowns, _starts(task, start, multistart))
     if not np.isfinite(solution.rms):
         return failed(trajectory, model, known, "diverged", diverged_text(task, solution))
-    target, solution = _without_wild_samples(task, solution, loss)
+    most = max(PATIENCE[0] // n, PATIENCE[1]) if nearby else None
+    target, solution = _without_wild_samples(task, solution, loss, most)
     if priors:
         task, solution = _with_priors_weighed(task, target, solution, loss)
     if loss != "linear":
@@ -320,7 +322,7 @@ def _nothing_to_fit(task: Task) -> Solution:
     return Solution(problem, vector, problem.predicted(vector), np.zeros(0), 1.0, True, True, "")
 
 
-def _without_wild_samples(task: Task, solution: Solution, loss: Loss) -> tuple[Target, Solution]:
+def _without_wild_samples(task: Task, solution: Solution, loss: Loss, most: int | None) -> tuple[Target, Solution]:
     """Finish the fit while judging every sample by it: those that stand alone leave, good ones come back."""
     candidates = task.selection.used[task.selection.span]
     target = task.target
@@ -340,6 +342,7 @@ def _without_wild_samples(task: Task, solution: Solution, loss: Loss) -> tuple[T
             loss=loss,
             steps=solution.steps,
             gradients=solution.gradients,
+            most=most,
         )
     return target, solution
 
