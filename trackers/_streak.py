@@ -18,7 +18,7 @@ from iris_sysid.types import Array
 from trackers._background import MAD_TO_SD, Flags
 from trackers._centroid import Centre, Window
 
-SHORTEST = 0.35  # of the radius: after a shorter way the outline still shows the body
+SHORTEST = 0.5  # of the radius: after a shorter way the outline still shows the body
 SMALLEST = 15.0  # px, radius: of a smaller disc too few pixels tell shading, shadow and course apart
 FRINGE = 5  # px round the body that are compared
 THINNED = 4  # of the pixels one tells the course well enough to see which are outliers
@@ -26,7 +26,9 @@ OUTLIER = 4.0  # standard deviations: a cord, a mark, another body
 UNEXPLAINED = (
     0.02  # of the sum of squares, by a body that is no disc, or that turned back meanwhile; a disc leaves 0.01
 )
+HOPELESS, DOUBTFUL = 0.15, 0.03  # the same of a fourth of the pixels, by the guess and by the first fit
 EVALUATIONS = 100
+ROUGH, PRECISE = 1e-3, 1e-5  # relative change of the sum of squares at which a fit ends
 STEP = 1e-4  # relative, of numeric derivatives
 
 Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
@@ -99,9 +101,14 @@ def streak_centre(window: Window, centre: Centre) -> Centre:
     if guess is None or not guess.is_streak:
         return centre
     pixels = _pixels(window, guess)
-    sweep, _ = _swept(pixels.only((pixels.columns + pixels.rows) % THINNED == 0), guess)
+    few = pixels.only((pixels.columns + pixels.rows) % THINNED == 0)
+    if few.unexplained(guess) > HOPELESS:
+        return centre
+    sweep, _ = _swept(few, guess, ROUGH)
+    if not sweep.is_streak or few.unexplained(sweep) > DOUBTFUL:
+        return centre
     kept = pixels.only(_plain(pixels.left_over(sweep)))
-    sweep, covariance = _swept(kept, sweep)
+    sweep, covariance = _swept(kept, sweep, PRECISE)
     if not sweep.is_streak or pixels.unexplained(sweep) > UNEXPLAINED:
         return centre
     errors = np.sqrt(window.inflation * np.diag(covariance))
@@ -174,14 +181,16 @@ def _plain(left_over: Array) -> Flags:
     return np.asarray((np.abs(left_over) < OUTLIER * spread).all(axis=1))
 
 
-def _swept(pixels: _Pixels, start: Sweep) -> tuple[Sweep, Array]:
+def _swept(pixels: _Pixels, start: Sweep, enough: float) -> tuple[Sweep, Array]:
     """The sweep that leaves least over, and the covariance (5, 5) of its numbers for white noise of what it leaves."""
 
     def left_over(values: Vector) -> Vector:
         return pixels.left_over(_sweep(values)).ravel()
 
     first = cast("Vector", start.values)
-    found = least_squares(left_over, first, method="lm", diff_step=[STEP] * first.size, max_nfev=EVALUATIONS)
+    found = least_squares(
+        left_over, first, method="lm", diff_step=[STEP] * first.size, ftol=enough, max_nfev=EVALUATIONS
+    )
     jacobian = np.asarray(found.jac)
     variance = 2.0 * float(found.cost) / max(len(jacobian) - len(found.x), 1)
     return _sweep(found.x), np.linalg.pinv(jacobian.T @ jacobian) * variance
