@@ -24,11 +24,14 @@ def radius():
     return R0_F / h_m
 
 
-def observed(valid, *, noise=0.02, seed=0):
+WHOLE = (Segment("motion", 0, T_S.size, "all"),)
+
+
+def observed(valid, *, noise=0.02, seed=0, segments=WHOLE):
     values = radius() + np.random.default_rng(seed).normal(0, noise, T_S.size)
     world = Trajectory(
         t_s=T_S, quantities=(Quantity("r", "px"),), position=np.where(valid, values, np.nan)[:, None],
-        sigma=np.full((T_S.size, 1), noise), valid=valid, segments=(Segment("motion", 0, T_S.size, "all"),),
+        sigma=np.full((T_S.size, 1), noise), valid=valid, segments=segments,
     )  # fmt: skip
     return PHENOMENA["falling-ball"].observe([world], {})
 
@@ -41,6 +44,23 @@ def test_fall_begins_at_the_release_and_ends_before_the_bounce():
     start, stop = motion(observed(np.ones(T_S.size, dtype=bool)))
     assert RELEASE <= start <= RELEASE + 3
     assert BOUNCE - 2 <= stop <= BOUNCE + 1
+
+
+def test_fall_that_was_taken_for_the_release_because_of_its_bounce_is_found():
+    parts = (
+        Segment("rest", 0, 33),
+        Segment("release", 33, BOUNCE + 1),
+        Segment("motion", BOUNCE + 1, T_S.size, "bounces"),
+    )
+    start, stop = motion(observed(np.ones(T_S.size, dtype=bool), segments=parts))
+    assert (start, BOUNCE - 2 <= stop <= BOUNCE + 1) == (33, True)
+
+
+def test_release_before_the_fall_stays_one():
+    parts = (Segment("release", 0, RELEASE + 2), Segment("motion", RELEASE + 2, T_S.size, "falls"))
+    trajectory = observed(np.ones(T_S.size, dtype=bool), segments=parts)
+    assert trajectory.segments[0].label == "release"
+    assert motion(trajectory)[0] == RELEASE + 2
 
 
 def test_fall_ends_at_a_gap_that_may_hide_the_bounce():

@@ -12,12 +12,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iris_sysid.phenomena._motion import in_motion, only_measured, stated, stated_length
 from iris_sysid.types import BenchmarkClass, Estimate, FitResult, Phenomenon, Segment, Trajectory
 
+Index = NDArray[np.int64]
+
 FEWEST = 5  # samples of the fall
 CLEARLY = 3.0  # standard errors by which the radius shrinks from sample to sample
+LONGER = 1.5  # times the fall that the motion holds: then the release holds the first one
 LONGEST_GAP = 3.5  # times the usual step: a bounce may hide in a longer one
 
 
@@ -45,23 +49,50 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
     body = only_measured(world, "falling-ball", "r")
     in_motion(body, 5)
     stated_length(settings, ("h0",), "m")
-    segments = tuple(part for one in body.segments for part in _parted(one, body))
+    segments = tuple(part for one in _with_missed_fall(body) for part in _parted(one, body))
     return body.with_(segments=segments, geometry={**body.geometry, **stated(settings, "h0")}, smoothed=None)
 
 
-def _parted(motion: Segment, body: Trajectory) -> list[Segment]:
-    """The fall, and what is before and after it: where a hand is not seen by itself, or the bounce is hidden."""
-    index = motion.start + np.flatnonzero(body.valid[motion.start : motion.stop])
-    if motion.label != "motion" or index.size <= FEWEST:
-        return [motion]
+def _with_missed_fall(body: Trajectory) -> list[Segment]:
+    """The segments; a release that holds a longer fall than the motion after it was none: a bounce looks like one."""
+    segments: list[Segment] = []
+    for one in body.segments:
+        if segments and segments[-1].label == "release" and one.label == "motion":
+            both = replace(one, start=segments[-1].start)
+            if _shrinkage(both, body) > LONGER * _shrinkage(one, body):
+                segments[-1] = both
+                continue
+        segments.append(one)
+    return segments
+
+
+def _shrinkage(segment: Segment, body: Trajectory) -> float:
+    """By how much the radius shrinks in the longest fall of a segment, px."""
+    index, (first, last) = _fall(segment, body)
+    return float(body.position[index[first], 0] - body.position[index[last], 0]) if index.size else 0.0
+
+
+def _fall(segment: Segment, body: Trajectory) -> tuple[Index, tuple[int, int]]:
+    """Valid samples of a segment, and from which to which of them the radius shrinks most; the same where never."""
+    index = segment.start + np.flatnonzero(body.valid[segment.start : segment.stop])
+    if index.size < 2:
+        return index, (0, 0)
     t_s, radius, sigma = body.t_s[index], body.position[index, 0], body.sigma[index, 0]
     error = np.hypot(sigma[1:], sigma[:-1])
     shrinks = np.diff(radius) < -CLEARLY * np.where(np.isfinite(error), error, 0.0)
     shrinks &= np.diff(t_s) < LONGEST_GAP * np.median(np.diff(t_s))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], shrinks, [False]])))
-    if not edges.size:
+    runs = [(int(first), int(last)) for first, last in edges.reshape(-1, 2)]
+    return index, max(runs, key=lambda run: radius[run[0]] - radius[run[1]], default=(0, 0))
+
+
+def _parted(motion: Segment, body: Trajectory) -> list[Segment]:
+    """The fall, and what is before and after it: where a hand is not seen by itself, or the bounce is hidden."""
+    if motion.label != "motion":
         return [motion]
-    first, last = max(edges.reshape(-1, 2).tolist(), key=lambda run: radius[run[0]] - radius[run[1]])
+    index, (first, last) = _fall(motion, body)
+    if index.size <= FEWEST or first == last:
+        return [motion]
     bounced = last < index.size - 1  # the exposure of the last sample may hold the bounce as well
     start, stop = int(index[first]), int(index[last - bounced]) + 1
     if last - bounced - first < FEWEST - 1:
