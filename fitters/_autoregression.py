@@ -41,6 +41,15 @@ class Autoregression:
     innovation_sd: float
     n: int
 
+    @classmethod
+    def of(cls, residual: Array, basis: Array, partial: Array) -> Autoregression:
+        """That with given partial autocorrelations (q,), and the innovations that these leave of a residual.
+
+        ``residual`` and ``basis`` as for :func:`fit_autoregression`.
+        """
+        degrees = max(int(np.isfinite(residual).sum()) - basis.shape[1], 1)
+        return cls(partial, coefficients_of(partial)[-1], minus_restricted(residual, basis, partial)[1], degrees)
+
     @property
     def sd(self) -> float:
         """Standard deviation of the noise itself."""
@@ -139,8 +148,7 @@ def fit_autoregression(residual: Array, basis: Array) -> Autoregression:
     chosen = partial[:order]
     if order and n <= RESTRICTED_UP_TO:
         chosen = _most_likely(residual, basis, chosen)
-    innovation_sd = _minus_restricted(residual, basis, chosen)[1]
-    return Autoregression(chosen, coefficients_of(chosen)[-1], innovation_sd, max(n - basis.shape[1], 1))
+    return Autoregression.of(residual, basis, chosen)
 
 
 def _most_likely(residual: Array, basis: Array, start: Array) -> Array:
@@ -153,7 +161,7 @@ def _most_likely(residual: Array, basis: Array, start: Array) -> Array:
         return value, cast("Vector", gradient * EDGE * (1.0 - inside**2))
 
     def exact(unbounded: Vector) -> float:
-        return _minus_restricted(residual, basis, EDGE * np.tanh(unbounded))[0]
+        return minus_restricted(residual, basis, EDGE * np.tanh(unbounded))[0]
 
     unbounded = cast("Vector", np.arctanh(start / EDGE * (1 - 1e-6)))
     try:
@@ -193,7 +201,7 @@ class _LaggedProducts:
         return cls(products.reshape(shape), counts, max(int(present.sum()) - basis.shape[1], 1))
 
     def minus_restricted(self, partial: Array) -> tuple[float, Array]:
-        """As :func:`_minus_restricted`, and its gradient (q,); LinAlgError or ValueError when there is none."""
+        """As :func:`minus_restricted`, and its gradient (q,); LinAlgError or ValueError when there is none."""
         filters, slopes = _filters(partial)
         shares, share_slopes = _shares(partial)
         half = np.einsum("piajb,pj->piab", self.products, filters)
@@ -235,7 +243,7 @@ def _shares(partial: Array) -> tuple[Array, Array]:
     return shares, np.where(later, -2.0 * partial / left, 0.0)
 
 
-def _minus_restricted(residual: Array, basis: Array, partial: Array) -> tuple[float, float]:
+def minus_restricted(residual: Array, basis: Array, partial: Array) -> tuple[float, float]:
     """Minus twice the log restricted likelihood, innovation variance profiled out; and its root."""
     white, variances = whiten(np.column_stack([residual, basis]), partial)
     directions, triangle = np.linalg.qr(white[:, 1:])

@@ -12,7 +12,7 @@ from typing import cast
 import numpy as np
 from scipy.optimize import minimize
 
-from fitters._autoregression import EDGE, Autoregression, Vector, _minus_restricted, coefficients_of
+from fitters._autoregression import EDGE, Autoregression, Vector, minus_restricted
 from iris_sysid.types import Array, Estimate
 
 NAMES = ("error_memory_1", "error_memory_2")  # in the geometry of a trajectory
@@ -47,9 +47,8 @@ def remembered(residual: Array, basis: Array, memory: tuple[Estimate, ...], alon
 
     def objective(unbounded: Vector) -> float:
         off = (unbounded - known) / spread
-        return _minus_restricted(residual, basis, EDGE * np.tanh(unbounded))[0] + float(off @ off)
+        return minus_restricted(residual, basis, EDGE * np.tanh(unbounded))[0] + float(off @ off)
 
     found = minimize(objective, cast("Vector", known), method="L-BFGS-B", jac="3-point")
     partial = np.asarray(EDGE * np.tanh(found.x), dtype=np.float64)
-    innovation_sd = _minus_restricted(residual, basis, partial)[1]
-    return Autoregression(partial, coefficients_of(partial)[-1], innovation_sd, alone.n)
+    return Autoregression.of(residual, basis, partial)

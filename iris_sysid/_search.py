@@ -80,15 +80,18 @@ class Screened:
 
     def single(self, name: str) -> Candidate:
         """One effect, from the size that all clips give and the shape that explains most in each."""
-        scores = next(one for one in self.scores if one[0].effect == name)
+        scores = self._scores_of(name)
         together = combined(scores)
         starts = tuple({name: (together.size, one.shape)} for one in scores)
         return Candidate((name,), starts, together.chi2, self.needed(name))
 
     def needed(self, name: str) -> float:
         """The chi-square from which one effect is significant."""
-        scores = next(one for one in self.scores if one[0].effect == name)
+        scores = self._scores_of(name)
         return significant_from(SINGLE_LEVEL / self.library, scores[0].tried ** len(scores)) ** 2
+
+    def _scores_of(self, name: str) -> tuple[Score, ...]:
+        return next(one for one in self.scores if one[0].effect == name)
 
     def pairs(self, names: frozenset[str]) -> list[Candidate]:
         """All pairs of these effects, best first."""

@@ -37,8 +37,12 @@ def with_error(estimate: Estimate) -> str:
     value, stderr = rounded(estimate.value, estimate.stderr)
     if value == "undetermined":
         return value
-    unit = "" if estimate.unit in ("", "1") else f" {estimate.unit}"
-    return f"{value} ± {stderr}{unit}" if stderr else f"{value}{unit}"
+    return in_unit(f"{value} ± {stderr}" if stderr else value, estimate.unit)
+
+
+def in_unit(number: str, unit: str) -> str:
+    """A number with its unit, which a pure number has none of."""
+    return number if unit in ("", "1") else f"{number} {unit}"
 
 
 def interval(estimate: Estimate) -> str:
@@ -152,7 +156,7 @@ def _angles(diagnosis: Diagnosis, value: float) -> str:
         return "not known"
     if diagnosis.unit == "rad":
         return f"{np.degrees(value):.3g}°"
-    return f"{value:.3g}" if diagnosis.unit in ("", "1") else f"{value:.3g} {diagnosis.unit}"
+    return in_unit(f"{value:.3g}", diagnosis.unit)
 
 
 def _moved(diagnosis: Diagnosis) -> str:
@@ -163,9 +167,8 @@ def _moved(diagnosis: Diagnosis) -> str:
         base, final = diagnosis.base.estimates[name], diagnosis.final.estimates[name]
         if name.endswith("_0") or name in offsets or not abs(final.value - base.value) > 2 * final.stderr:
             continue
-        unit = "" if base.unit in ("", "1") else f" {base.unit}"
         old, new = rounded(base.value, final.stderr)[0], rounded(final.value, final.stderr)[0]
-        parts.append(f"{name} moves from {old} to {new}{unit}")
+        parts.append(f"{name} moves from {old} to {in_unit(new, base.unit)}")
     text = "; ".join(parts)
     return f"{text[0].upper()}{text[1:]}." if parts else ""
 

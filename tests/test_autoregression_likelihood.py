@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import approx_fprime
 from scipy.signal import lfilter
 
-from fitters._autoregression import _LaggedProducts, _minus_restricted, _most_likely, burg
+from fitters._autoregression import _LaggedProducts, _most_likely, burg, minus_restricted
 from fitters._covariance import orthonormal_basis
 
 PARTIAL = np.array([0.9, -0.5, 0.3, -0.1])
@@ -26,7 +26,7 @@ def residual_with_gaps(seed, n=500, lost=0.06):
 def test_lagged_products_give_the_likelihood_of_the_whitened_columns_with_gaps(order, lost):
     residual, basis = residual_with_gaps(0, lost=lost)
     value, _ = _LaggedProducts.of(residual, basis, order).minus_restricted(PARTIAL[:order])
-    assert value == pytest.approx(_minus_restricted(residual, basis, PARTIAL[:order])[0], abs=1e-8)
+    assert value == pytest.approx(minus_restricted(residual, basis, PARTIAL[:order])[0], abs=1e-8)
 
 
 @pytest.mark.parametrize("lost", [0.0, 0.06])
@@ -41,9 +41,9 @@ def test_gradient_of_the_likelihood_is_that_of_its_differences(lost):
 def test_nothing_near_is_more_likely_than_what_is_found():
     residual, basis = residual_with_gaps(2)
     found = _most_likely(residual, basis, burg(residual, 3)[0])
-    least = _minus_restricted(residual, basis, found)[0]
+    least = minus_restricted(residual, basis, found)[0]
     for step in 1e-3 * np.concatenate([np.eye(3), -np.eye(3)]):
-        assert _minus_restricted(residual, basis, found + step)[0] > least
+        assert minus_restricted(residual, basis, found + step)[0] > least
 
 
 def test_noise_too_smooth_for_products_is_found_from_the_whitened_columns():
@@ -53,4 +53,4 @@ def test_noise_too_smooth_for_products_is_found_from_the_whitened_columns():
     residual -= basis @ (basis.T @ residual)
     start = burg(residual, 4)[0]
     found = _most_likely(residual, basis, start)
-    assert _minus_restricted(residual, basis, found)[0] <= _minus_restricted(residual, basis, start)[0]
+    assert minus_restricted(residual, basis, found)[0] <= minus_restricted(residual, basis, start)[0]

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from iris_sysid.types import Array, Frame
-from trackers._background import Bytes, Flags
+from trackers._background import MAD_TO_SD, Bytes, Flags
 from trackers._correlation import noise_correlation, variance_of_sum
 from trackers._together import Region
 from trackers._view import View
 
 MOST_TERMS = 3  # level, slope and bend of each pixel against the mean of the region
 MOST_PIXELS = 20_000  # by which the noise of a frame is measured
-MAD_TO_SD = 1.4826  # of a normal distribution
 ROUNDING = float(1.0 / np.sqrt(12.0))  # grey levels
 OUTLIER = 4.0  # standard deviations
 PRIOR_PIXELS = 30  # as many of the noise in all samples count beside those of a frame: small regions have few

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from iris_sysid.types import Array, Mask
-from trackers._background import Image
+from trackers._background import MAD_TO_SD, Image
 
 LOBES = (3, 5)  # odd as a shift is: what is symmetric about its centre, a disc or its streak, has none of its own
 MOST_BENT = 0.15  # of the radius: what has larger lobes is no disc, and its own shape changes as it turns
@@ -23,7 +23,6 @@ INNER, OUTER = 0.5, 1.8  # of the radius, between which the outline lies
 SLOWEST = 0.5  # px a frame: what rests is copied from frame to frame, and its errors last for ever
 PIECE = (10, 32)  # frames of a piece of the course that is looked at by itself, least and most
 OUTLIER = 3.0  # robust standard deviations: something is before the outline or behind it, e.g. the floor
-MAD_TO_SD = 1.4826  # of a normal distribution
 FEWEST = 40  # samples of each lobe without which nothing can be said
 MOST_PIECES = 20  # that are looked at: they tell a partial autocorrelation to 0.04
 DEGREE = 2  # of the polynomial in time that a piece may follow of its own: the shading changes with the place

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.types import Array
+from trackers._background import MAD_TO_SD
 
-MAD_TO_SD = 1.4826  # of a normal distribution
 ROUNDS = ((8, 3.0), (8, 0.5), (6, 0.03))  # most steps of each, and the step over standard error that ends it sooner
 LEAST_SHARE = 0.1  # of a step that goes back
 HUBER = 1.5  # standard deviations from which a residual counts linearly: the second round

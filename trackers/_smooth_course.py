@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.types import Array
+from trackers._background import MAD_TO_SD
 
 DEGREE, HIGHER = 4, 6  # of the polynomial through a window, and of one that shows whether that follows the course
 HALF_WINDOWS = (25, 15, 8)  # samples on either side: the longest through which the polynomial follows the course
 FOLLOWS = 0.8  # of the residual is left by the higher degree where the lower one follows the course
 HALF_MEAN = 20  # samples on either side over which the scatter is averaged
 OUTLIER = 6.0  # standard deviations: a sample farther off, e.g. at a kink of the course, counts as one that far off
-MAD_TO_SD = 1.4826  # of a normal distribution
 FEWEST = 12  # samples below which nothing can be said
 BLOCK = 1000  # samples at once
 

@@ -97,8 +97,8 @@ def streak_centre(window: Window, centre: Centre) -> Centre:
     centre
         From the body's outline.
     """
-    guess = _guess(window) if window.core.any() else None
-    if guess is None or not guess.is_streak:
+    guess = _guess(window)
+    if not guess.is_streak:
         return centre
     pixels = _pixels(window, guess)
     few = pixels.only((pixels.columns + pixels.rows) % THINNED == 0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array
-from trackers._background import Bytes
+from trackers._background import MAD_TO_SD, Bytes
 
 LEAST_CHANGE = 12.0  # grey levels between full and empty
 LEAST_HEIGHT = 4  # px that the surface sweeps
@@ -22,7 +22,6 @@ CLEAR = 4  # px above or below the surface from which a pixel shows one side alo
 WINDOW = 10  # px above and below the surface whose pixels are compared
 LEAST_ROOM = 3  # px that must show on either side of the surface
 TUKEY = 5.0  # standard deviations from which a strip does not count
-MAD_TO_SD = 1.4826  # of a normal distribution
 MOST_OFF = 0.5  # of the strips may not keep to the surface
 SMALLEST_SCATTER = 5e-3  # px: of strips that agree to the last digit in a picture without noise
 LEAST_CONTRAST = 4.0  # grey levels, of a strip

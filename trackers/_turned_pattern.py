@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.types import Array
-from trackers._background import Bytes, Image
+from trackers._background import MAD_TO_SD, Bytes, Image
 from trackers._turning import Axis
 
 FINEST = 120  # points from the axis to the end of the body, at most
 MOST_POINTS = 6000  # that are compared in every frame: those that tell most about the angle
 BLOCK = 0.5  # of the reach: side of the blocks whose errors are taken to be independent: light and lens vary slowly
-MAD_TO_SD = 1.4826  # of a normal distribution
 TUKEY = 5.0  # standard deviations from which a residual does not count
 LEAST_NOISE = 1.0  # grey levels
 STEPS = 8  # of Gauss and Newton, at most

@@ -33,7 +33,6 @@ def usable_samples(stack: Bytes, still: Still) -> Flags | None:
     scene = scene_of(still)
     holes = np.zeros(stack.shape[:3], dtype=np.bool_)
     for k, picture in enumerate(stack):
-        reaching = _reaching_in(scene, picture)
         for excess in (cv2.subtract(picture, scene.highest), cv2.subtract(scene.lowest, picture)):
             excess = np.where(excess > scene.strong, excess, 0).astype(np.uint8)
             level = most_of_channels(excess)
@@ -45,7 +44,8 @@ def usable_samples(stack: Bytes, still: Still) -> Flags | None:
                 )
                 part = np.ascontiguousarray(picture[window]).astype(np.float32)
                 found = _holes(np.ascontiguousarray(level[window]), edges[window], _edges(part))
-                holes[k][window] |= _without_hidden(found, reaching[window])
+                if found.any():
+                    holes[k][window] |= _without_hidden(found, _reaching_in(scene, picture)[window])
     if holes.sum(axis=0).max() < FEWEST_SAMPLES:
         return None
     wide = np.stack([cv2.dilate(hole.astype(np.uint8), RIM) > 0 for hole in holes])

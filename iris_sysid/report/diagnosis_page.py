@@ -192,16 +192,13 @@ def _round_section(number: int, scores: tuple[Score, ...]) -> Section:
 def _size_text(score: Score) -> str:
     if not np.isfinite(score.size):
         return "cannot be seen here"
-    return _in_unit(f"{score.size:.3g} ± {score.stderr:.2g}", score.unit)
+    return wording.in_unit(f"{score.size:.3g} ± {score.stderr:.2g}", score.unit)
 
 
 def _limit_text(limit: Limit) -> str:
-    return _in_unit(f"{limit.upper_95:.2g}", limit.unit) if np.isfinite(limit.upper_95) else "cannot be seen here"
-
-
-def _in_unit(number: str, unit: str) -> str:
-    """A number with its unit, which a pure number has none of."""
-    return number if unit == "1" else f"{number} {unit}"
+    return (
+        wording.in_unit(f"{limit.upper_95:.2g}", limit.unit) if np.isfinite(limit.upper_95) else "cannot be seen here"
+    )
 
 
 def residual_figure(diagnosis: Diagnosis) -> Figure:
