@@ -14,6 +14,7 @@ from trackers._sighting import Glimpse
 
 NEIGHBOURS = 2  # sightings on either side that tell the radius
 LONGEST_BREAK_S = 0.3  # no velocity is told across a longer gap
+LESS_BENT = 0.5  # of the bend of the discs on both sides: from here on those of one side tell the motion
 
 
 @dataclass(eq=False, slots=True)
@@ -27,11 +28,10 @@ class Course:
         """What moves within an exposure that takes that share of the time between frames.
 
         Velocity and acceleration are those of the parabola through three discs: that before and that after it if
-        there are both.
+        there are both. Before and after an impact they are those of one side, where these bend much less (Harten,
+        Engquist, Osher and Chakravarthy 1987, J. Comput. Phys. 71, 231).
         """
-        frames = sorted(self.discs)
-        first = int(np.clip(np.searchsorted(frames, frame) - 1, 0, max(0, len(frames) - 3)))
-        near = frames[first : first + 3]
+        near = self._near(frame)
         elapsed = self.times[near[-1]] - self.times[near[0]] if near else 0.0
         if exposure_share == 0 or not 0 < elapsed <= LONGEST_BREAK_S or not near[0] <= frame <= near[-1]:
             return Motion()
@@ -41,6 +41,27 @@ class Course:
         share = exposure_share * self.frame_time() / elapsed
         bend = 2 * share**2 * slope[2, :2] if len(near) == 3 else np.zeros(2)
         return Motion(*(share * slope[1]), *bend)
+
+    def _near(self, frame: int) -> list[int]:
+        """The frames of the three discs that tell the motion at a frame."""
+        frames = sorted(self.discs)
+        last = max(0, len(frames) - 3)
+        middle = int(np.clip(np.searchsorted(frames, frame) - 1, 0, last))
+        beside = [first for first in (middle - 1, middle + 1) if 0 <= first <= last]
+        threes = [frames[first : first + 3] for first in (middle, *beside)]
+        bends = [self._bend(three) for three in threes]
+        best = int(np.argmin(bends))
+        return threes[best if bends[best] < LESS_BENT * bends[0] else 0]
+
+    def _bend(self, frames: Sequence[int]) -> float:
+        """How far the middle one of three discs lies off the line through the others, px; infinite if far apart."""
+        if len(frames) < 3 or self.times[frames[-1]] - self.times[frames[0]] > LONGEST_BREAK_S:
+            return np.inf
+        (first, one, last), (a, b, c) = (self.discs[k] for k in frames), (self.times[k] for k in frames)
+        share = (b - a) / (c - a)
+        return float(
+            np.hypot(one.x - first.x - share * (last.x - first.x), one.y - first.y - share * (last.y - first.y))
+        )
 
     def frame_time(self) -> float:
         """Time between two frames, s, by the median."""

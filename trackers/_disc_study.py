@@ -30,7 +30,7 @@ FEWEST_FAST = 3  # frames
 SHUTTERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # exposure over the time between frames
 FINER = (-0.12, -0.06, 0.0, 0.06, 0.12)  # about the best of them
 FINEST = (-0.04, -0.02, 0.0, 0.02, 0.04)  # about the best of these, once the shading is known
-CLEARER = 1.0  # times as sure must a plane of colour be as luma: it is coded more coarsely
+CLEARER_AT_REST, CLEARER_MOVING = 1.0, 3.0  # times as sure must colour be as luma: it lags behind where bodies move
 NOT_SEEN = -1e6  # worth of a fit that fails
 WORST = 0.25  # of the frames: in these something else may be wrong
 COUNTS = 0.5  # weight from which on a pixel is of the disc or its surroundings
@@ -165,8 +165,9 @@ def _lesson(workshop: Workshop, body: int, pictures: Mapping[int, Bytes]) -> Les
     spread = [seen[k] for k in np.unique(np.linspace(0, len(seen) - 1, STUDIED).astype(int))]
     radius = float(np.median([course.discs[number].radius for number in seen]))
     study = _Study(workshop, body, pictures, radius)
-    lesson = _plane(study, spread)
     speed = {number: course.motion(number, 1.0).length for number in seen}
+    moves = float(np.median(list(speed.values()))) > FAST
+    lesson = _plane(study, spread, CLEARER_MOVING if moves else CLEARER_AT_REST)
     fast = sorted((one for one in seen if FAST < speed[one] < TOO_FAST * radius), key=lambda one: -speed[one])[:STUDIED]
     if len(fast) >= FEWEST_FAST:
         lesson = replace(lesson, form=PLAIN, longest_shutter=max(SHUTTERS))
@@ -180,13 +181,17 @@ def _lesson(workshop: Workshop, body: int, pictures: Mapping[int, Bytes]) -> Les
     return replace(lesson, correlation=study.correlation(lesson, seen))
 
 
-def _plane(study: _Study, numbers: Sequence[int]) -> Lesson:
-    """The plane of colour that tells the centre best, its noise alike in neighbouring pixels as it may be."""
+def _plane(study: _Study, numbers: Sequence[int], clearer: float) -> Lesson:
+    """The plane that tells the centre best, its noise alike in neighbouring pixels as it may be.
+
+    One of colour must do so ``clearer`` times as well as luma: it is coded at half the size, and where a body moves
+    the coder leaves it behind by more than the noise shows.
+    """
     lessons = [Lesson(channel=channel) for channel in range(study.channels)]
     if len(lessons) == 1:
         return lessons[0]
     alike = [replace(one, correlation=study.correlation(one, numbers)) for one in lessons]
-    worth = study.worth(alike, numbers, precision) - 2 * np.log(CLEARER) * (np.arange(len(lessons)) > 0)
+    worth = study.worth(alike, numbers, precision) - 2 * np.log(clearer) * (np.arange(len(lessons)) > 0)
     return lessons[int(np.argmax(worth))]
 
 

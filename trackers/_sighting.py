@@ -96,11 +96,15 @@ class Glimpse:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Lens:
-    """What turns a core into a sighting: the background, the region and its reduction for the search, the noise."""
+    """What turns a core into a sighting: the background, the region and its reduction for the search, the noise.
+
+    ``streaks`` says that a body that moves far during an exposure is fitted as a swept disc.
+    """
 
     background: Background
     view: View
     inflation: float
+    streaks: bool = True
 
     def glimpse(self, frame: Frame, bodies: list[Core], things: list[Core]) -> Glimpse:
         """Look at each body closely; ``things`` are the cores of whatever moves, bodies and hands."""
@@ -135,7 +139,9 @@ class Lens:
         window, left, top = self._window(frame, core, bodies, size)
         if np.count_nonzero(window.core) < SMALLEST_AREA:
             return None
-        centre = streak_centre(window, coverage_centre(window))
+        centre = coverage_centre(window)
+        if self.streaks:
+            centre = streak_centre(window, centre)
         if centre.cut:
             return None
         inside = window.core > 0

@@ -21,6 +21,7 @@ from trackers._course import Course, course_of
 from trackers._disc_background import behind
 from trackers._disc_fit import DiscFit
 from trackers._disc_study import Lesson, Workshop, taught
+from trackers._impact import struck_within
 from trackers._link import Path
 from trackers._observe import Stage, observe, stage_of
 from trackers._scatter import with_scatter
@@ -60,7 +61,8 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     """
     stage = stage_of(video, view_of(video, options))
     frames = stage.stack.frames
-    glimpses = observe(video, stage, _half(options, 0))
+    rough = replace(stage, lens=replace(stage.lens, streaks=False))  # the second pass fits every disc
+    glimpses = observe(video, rough, _half(options, 0))
     if not glimpses:
         raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
     workshop, paths = _workshop(video, stage, frames, glimpses, options)
@@ -79,7 +81,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         )
     held = [held_frames(path, glimpses) for path in paths] or [set[int]()] * len(fits)
     return [
-        _track_of(body, fits[body], glimpses, held[body], _origin(workshop.lessons[body], options))
+        _track_of(body, (fits[body], workshop.lessons[body]), glimpses, held[body], options)
         for body in range(len(fits))
     ]
 
@@ -161,18 +163,25 @@ def _origin(lesson: Lesson, options: TrackOptions) -> dict[str, object]:
 
 
 def _track_of(
-    body: int, fits: dict[int, DiscFit], glimpses: Sequence[Glimpse], held: set[int], origin: dict[str, object]
+    body: int,
+    found: tuple[dict[int, DiscFit], Lesson],
+    glimpses: Sequence[Glimpse],
+    held: set[int],
+    options: TrackOptions,
 ) -> Track:
     """The Track of one body; gaps are NaN."""
+    fits, lesson = found
     rows = [_row(fits[glimpse.frame]) if glimpse.frame in fits else EMPTY for glimpse in glimpses]
     columns = np.array(rows, dtype=np.float64)
     hand = np.zeros(len(glimpses), dtype=np.bool_)
     hand[list(held)] = True
     t_s = np.array([glimpse.t_s for glimpse in glimpses])
+    sigma = np.column_stack([with_scatter(t_s, columns[:, axis], columns[:, axis + 2]) for axis in (0, 1)])
+    exposure_s = lesson.shutter * float(np.median(np.diff(t_s)))
     return Track(
         t_s=t_s,
         xy_px=columns[:, 0:2],
-        sigma_px=np.column_stack([with_scatter(t_s, columns[:, axis], columns[:, axis + 2]) for axis in (0, 1)]),
+        sigma_px=np.hypot(sigma, struck_within(t_s, columns[:, :2], sigma, exposure_s)),
         valid=np.isfinite(columns[:, 0]),
         frame=np.array([glimpse.frame for glimpse in glimpses]),
         body=str(body + 1),
@@ -181,7 +190,7 @@ def _track_of(
         intensity=columns[:, 6],
         area_px=columns[:, 7],
         hand=hand,
-        origin=origin,
+        origin=_origin(lesson, options),
     )
 
 

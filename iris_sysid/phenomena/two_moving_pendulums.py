@@ -8,7 +8,7 @@ from iris_sysid.types import BenchmarkClass, Phenomenon
 PHENOMENON = Phenomenon(
     name="two-moving-pendulums",
     summary="two balls on cords swing and strike one another; the angle of each about the pivot that its arc shows",
-    tracker="median-background",
+    tracker="disc",
     model="pendulum-impact",
     observe=observe_pair,
     bodies=2,
