@@ -43,8 +43,8 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
 
     - ``oscillation`` and ``any``: the longest.
     - ``flight``: the first that falls and is at least half as long as the longest, which a bounce ends.
-    - ``slide``: the longest along a straight line, monotone, from where it is slowest to where it leaves the line; one
-      that falls goes before a longer one along the floor.
+    - ``slide``: along a straight line, monotone, from where it is slowest to where it leaves the line; the first that
+      falls and is at least half as long as the longest, which the foot of the board ends.
 
     What comes before it is ``release`` and what follows ``contact``. A single sample that disagrees with neighbours
     which agree with one another is marked not valid, and the reason of the motion says so.
@@ -136,7 +136,7 @@ def _choose(body: Body, stretches: list[Stretch], kind: MotionKind) -> Stretch |
     if not candidates:
         return None
     sizes = np.array([body.part(one.start, one.stop).index.size for one in candidates])
-    first = int(np.argmax(sizes >= (0.5 if kind == "flight" else 1.0) * sizes.max()))
+    first = int(np.argmax(sizes >= (0.5 if kind in ("flight", "slide") else 1.0) * sizes.max()))
     return _without_strange_ends(body, candidates[first])
 
 

@@ -210,6 +210,19 @@ def test_slide_ends_where_the_body_falls_off_the_line():
     assert "until" in reason(got)
 
 
+def test_slide_is_the_way_down_the_board_though_that_along_the_floor_is_seen_longer():
+    t_s = np.arange(40) / 60
+    down = np.minimum(t_s, 18 / 60)
+    along = np.maximum(t_s - 18 / 60, 0.0)
+    x = -180 * 2 * down**2 - 1200 * along
+    z = -1000 * 2 * down**2 - 60 * along - 300 * along**2
+    got = segment(in_plane(t_s, np.column_stack([x, z]), 0.1, rng=np.random.default_rng(12)), kind="slide")
+    start, stop = motion(got)
+    assert start <= 2
+    assert 17 <= stop <= 20
+    assert spans(got, "contact")
+
+
 def test_carrying_and_setting_down_are_not_part_of_the_slide():
     t_s = np.arange(40) / 10
     slide = down_a_board(t_s, 1.2, 150.0, 0.5, 1e9)

@@ -30,6 +30,7 @@ HOPELESS, DOUBTFUL = 0.15, 0.03  # the same of a fourth of the pixels, by the gu
 EVALUATIONS = 100
 ROUGH, PRECISE = 1e-3, 1e-5  # relative change of the sum of squares at which a fit ends
 STEP = 1e-4  # relative, of numeric derivatives
+BLOCK = 16  # px: a coder moves and rounds squares of this size as one
 
 Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
 
@@ -111,7 +112,7 @@ def streak_centre(window: Window, centre: Centre) -> Centre:
     sweep, covariance = _swept(kept, sweep, PRECISE)
     if not sweep.is_streak or pixels.unexplained(sweep) > UNEXPLAINED:
         return centre
-    errors = np.sqrt(window.inflation * np.diag(covariance))
+    errors = np.sqrt(np.diag(covariance))
     return replace(
         centre,
         x=sweep.x,
@@ -182,7 +183,11 @@ def _plain(left_over: Array) -> Flags:
 
 
 def _swept(pixels: _Pixels, start: Sweep, enough: float) -> tuple[Sweep, Array]:
-    """The sweep that leaves least over, and the covariance (5, 5) of its numbers for white noise of what it leaves."""
+    """The sweep that leaves least over, and the covariance (5, 5) of its numbers.
+
+    What is left over is alike within the blocks of a coder: the covariance is the one that is robust to clusters (Liang
+    and Zeger 1986, Biometrika 73, 13), H^-1 (sum over blocks of s s') H^-1 with H = J'J and s = J'r of a block.
+    """
 
     def left_over(values: Vector) -> Vector:
         return pixels.left_over(_sweep(values)).ravel()
@@ -192,8 +197,12 @@ def _swept(pixels: _Pixels, start: Sweep, enough: float) -> tuple[Sweep, Array]:
         left_over, first, method="lm", diff_step=[STEP] * first.size, ftol=enough, max_nfev=EVALUATIONS
     )
     jacobian = np.asarray(found.jac)
-    variance = 2.0 * float(found.cost) / max(len(jacobian) - len(found.x), 1)
-    return _sweep(found.x), np.linalg.pinv(jacobian.T @ jacobian) * variance
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    _, block = np.unique([pixels.columns // BLOCK, pixels.rows // BLOCK], axis=1, return_inverse=True)
+    moved = (found.fun[:, np.newaxis] * jacobian).reshape(block.size, -1, first.size).sum(axis=1) @ inverse
+    of_blocks = np.zeros((int(block.max()) + 1, first.size))
+    np.add.at(of_blocks, block, moved)
+    return _sweep(found.x), of_blocks.T @ of_blocks
 
 
 def _sweep(values: Array) -> Sweep:

@@ -14,6 +14,7 @@ LEAST_EDGE = 1.0  # grey levels a px beyond that
 OUTLINE_SHARE = 0.3  # of a hole's outline: the rest is the outline of what hides the hole's other part
 SHADE = 0.4  # of a component's peak: what is fainter is the shadow of something near
 FEWEST_SAMPLES = 3  # that must show what is behind
+AS_HOLE = 0.6  # of the samples in which a pixel differs: where fewer are holes, something passes before the background
 MARGIN = 4  # px round what differs, in which its edges lie
 SURROUNDED = 0.5  # of what lies round a hole: if more of it is a hand or arm, the hole is something that these hide
 RIM = np.ones((5, 5), np.uint8)  # the outline of a resting body is blurred
@@ -32,7 +33,9 @@ def usable_samples(stack: Bytes, still: Still) -> Flags | None:
     edges = _edges(still.background)
     scene = scene_of(still)
     holes = np.zeros(stack.shape[:3], dtype=np.bool_)
+    differs = np.zeros(stack.shape[1:3], dtype=np.int64)
     for k, picture in enumerate(stack):
+        differs += any_channel(scene.excess(picture) > scene.strong)
         for excess in (cv2.subtract(picture, scene.highest), cv2.subtract(scene.lowest, picture)):
             excess = np.where(excess > scene.strong, excess, 0).astype(np.uint8)
             level = most_of_channels(excess)
@@ -46,6 +49,7 @@ def usable_samples(stack: Bytes, still: Still) -> Flags | None:
                 found = _holes(np.ascontiguousarray(level[window]), edges[window], _edges(part))
                 if found.any():
                     holes[k][window] |= _without_hidden(found, _reaching_in(scene, picture)[window])
+    holes &= holes.sum(axis=0) > AS_HOLE * differs
     if holes.sum(axis=0).max() < FEWEST_SAMPLES:
         return None
     wide = np.stack([cv2.dilate(hole.astype(np.uint8), RIM) > 0 for hole in holes])
