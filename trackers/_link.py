@@ -68,11 +68,17 @@ class Path:
 
 
 def unlikeness(one: Sighting, other: Sighting) -> float:
-    """How different two sightings look: log ratios of area, contrast and, weighing half, compactness."""
+    """How different two sightings look: log ratios of area, contrast and, weighing half, compactness; and the side.
+
+    The side is -1 for a body darker than what is behind it, 1 for a brighter one: two balls that strike one another are
+    where the other one is predicted, and may differ in nothing else.
+    """
+    sides = (one.brightening / one.contrast, other.brightening / other.contrast)
     return float(
         abs(np.log(one.area / other.area))
         + abs(np.log(one.contrast / other.contrast))
         + 0.5 * abs(np.log(one.compactness / other.compactness))
+        + 0.5 * abs(sides[0] - sides[1])
     )
 
 
