@@ -8,7 +8,7 @@ from trackers._centroid import Centre
 from trackers._link import link
 from trackers._sighting import Glimpse, Sighting
 
-RADIUS, SPEED = 20.0, 25.0  # px, px a frame
+RADIUS, SPEED = 20.0, 50.0  # px, px a frame: farther than the two are wide together
 
 
 def sighting(frame, x, brightening):
