@@ -11,7 +11,7 @@ from iris_sysid.documents import document_text, read_document, schema
 from iris_sysid.errors import DataError
 from iris_sysid.groundtruth.measure import Measurements
 from iris_sysid.groundtruth.parameters import parameters_document
-from iris_sysid.groundtruth.pool import regenerate
+from iris_sysid.groundtruth.pool import ALIKE, regenerate
 from iris_sysid.groundtruth.schemas import MeasuredDocument, ParametersDocument
 from tests._clip_documents import clip_measured
 
@@ -44,8 +44,10 @@ def test_pooled_value_is_the_random_effects_mean_and_its_error_has_the_common_pa
     found = regenerate(lengths(values), "length")
     mean = random_effects(values, np.full(10, RANDOM), "m").mean
     assert found.value == mean.value
-    assert found.standard_uncertainty == pytest.approx(math.hypot(mean.stderr, SCALE))
+    alike = math.sqrt(ALIKE) * RANDOM
+    assert found.standard_uncertainty == pytest.approx(math.hypot(mean.stderr, SCALE, alike))
     assert found.budget["calibration: corners"] == pytest.approx(SCALE)
+    assert found.budget["tracking errors of clips filmed alike"] == pytest.approx(alike)
     assert found.interval[1] - found.value == pytest.approx(found.expanded_uncertainty)
     assert found.n == 10
 
@@ -54,8 +56,8 @@ def test_pooled_interval_holds_the_truth_in_95_percent_of_data_sets():
     rng = np.random.default_rng(2)
     hits = 0
     for _ in range(600):
-        shift = rng.normal(0, SCALE)
-        found = regenerate(lengths(0.5 + shift + rng.normal(0, RANDOM, 4)), "length")
+        shift = rng.normal(0, SCALE) + math.sqrt(ALIKE) * rng.normal(0, RANDOM)
+        found = regenerate(lengths(0.5 + shift + math.sqrt(1 - ALIKE) * rng.normal(0, RANDOM, 4)), "length")
         hits += found.interval[0] <= 0.5 <= found.interval[1]
     assert 0.93 <= hits / 600 <= 0.98  # a share of 600 is uncertain by 0.9 %
 
