@@ -31,6 +31,7 @@ from iris_sysid.arrays import Mask, frozen_mask
 from iris_sysid.errors import DataError
 from iris_sysid.types import MotionKind, Segment, SegmentLabel, Trajectory
 
+PARABOLA = 0.05  # of its extent: what a flight leaves of a parabola is less, two flights with a bounce between more
 EDGE = 6  # samples at either end that have too few neighbours for a jump, and are compared with an extrapolation
 
 
@@ -42,7 +43,8 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
     Motion is one stretch between those:
 
     - ``oscillation`` and ``any``: the longest.
-    - ``flight``: the first that falls and is at least half as long as the longest, which a bounce ends.
+    - ``flight``: the first that falls and is at least half as long as the longest that is a parabola, which a bounce
+      ends.
     - ``slide``: along a straight line, monotone, from where it is slowest to where it leaves the line; the first that
       falls and is at least half as long as the longest, which the foot of the board ends.
 
@@ -135,6 +137,8 @@ def _choose(body: Body, stretches: list[Stretch], kind: MotionKind) -> Stretch |
         candidates = [one for one in candidates if _falls(body.part(one.start, one.stop))] or candidates
     if not candidates:
         return None
+    if kind == "flight":
+        candidates = [one for one in candidates if _is_parabola(body.part(one.start, one.stop))] or candidates
     sizes = np.array([body.part(one.start, one.stop).index.size for one in candidates])
     first = int(np.argmax(sizes >= (0.5 if kind in ("flight", "slide") else 1.0) * sizes.max()))
     return _without_strange_ends(body, candidates[first])
@@ -147,6 +151,15 @@ def _falls(inside: Body) -> bool:
     every = np.arange(inside.index.size)[None]
     fitted, gain, _ = local.fit_windows(inside.t_s, inside.position, every, inside.t_s[:1], 2)
     return bool(fitted[0, 2, -1] < -SLOW * gain[0, 2] * inside.scale[-1])
+
+
+def _is_parabola(inside: Body) -> bool:
+    """Whether its coordinates follow parabolas in time, to a small part of its extent."""
+    if inside.index.size < FEWEST:
+        return False
+    every = np.arange(inside.index.size)[None]
+    _, _, residual = local.fit_windows(inside.t_s, inside.position, every, inside.t_s[:1], 2)
+    return bool(np.sqrt((residual**2).sum(axis=-1).mean()) < PARABOLA * np.linalg.norm(np.ptp(inside.position, axis=0)))
 
 
 def _straight(body: Body, one: Stretch) -> Stretch:

@@ -53,6 +53,12 @@ def test_method_whose_runs_all_failed_has_no_error_and_is_not_best():
     assert line(table, "other")["best"]
 
 
+def test_method_scored_on_fewer_clips_is_not_best_though_its_error_is_smaller():
+    table = parameter_summary(rows(one=[0.50001], all_three=[0.51, 0.52, None]))
+    assert not line(table, "one")["best"]
+    assert line(table, "all_three")["best"]
+
+
 def test_best_is_by_the_displayed_number_and_may_be_shared():
     table = parameter_summary(rows(a=[0.53001], b=[0.53002], c=[0.54]))
     assert [bool(line(table, name)["best"]) for name in "abc"] == [True, True, False]

@@ -158,6 +158,14 @@ def test_first_flight_is_taken_though_a_later_one_is_longer():
     assert abs(t_s[motion(got)[1]] - bounces[0]) < 2 / 240
 
 
+def test_two_flights_whose_bounce_was_not_seen_do_not_outweigh_the_first_fall():
+    t_s = np.arange(150) / 60
+    ball, bounces = bouncing_ball(t_s, 120.0, 1000.0, restitution=0.95)
+    unseen = np.abs(t_s - bounces[1]) < 4 / 60
+    got = segment(in_plane(t_s, ball, 0.1, ~unseen, rng=np.random.default_rng(4)), kind="flight")
+    assert abs(t_s[motion(got)[1]] - bounces[0]) < 2 / 60
+
+
 def test_ball_that_enters_and_leaves_the_picture_in_flight_is_all_motion():
     t_s = np.arange(40) / 60
     ball, _ = bouncing_ball(t_s, 600.0, 1500.0, speed_x=900.0)

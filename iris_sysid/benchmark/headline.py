@@ -18,7 +18,8 @@ NULLS = (INITIAL, METADATA)
 NOTES = (
     "MAE ± standard deviation of the absolute errors (n values, failed runs). A failed run is in no mean.",
     "Where no truth is known, the mean of the values themselves is shown, as 'mean'.",
-    "Bold: the smallest displayed MAE among the methods on the same clips; null baselines do not compete.",
+    "Bold: the smallest displayed MAE among the methods on the same clips; null baselines, and methods scored on fewer "
+    "clips, do not compete.",
     "Latent methods are shown under the publication's own reading of alpha and beta; the other one is in the long "
     "table. The best of several start values is shown as the initial value.",
 )
@@ -28,7 +29,7 @@ def headline_table(rows: pd.DataFrame) -> Table:
     """The errors of all methods side by side, the null baselines of each data set included.
 
     A column is one method on one data set. Errors on different clips stand beside one another, but are never
-    compared: bold is decided within a data set.
+    compared: bold is decided within a data set, among the methods that were scored on all clips that any was.
 
     Parameters
     ----------
@@ -79,7 +80,9 @@ def _best(entries: list[pd.Series | None], columns: list[tuple[str, str]]) -> se
     best: set[int] = set()
     for dataset in dict.fromkeys(name for name, _ in columns):
         places = [k for k, (name, stem) in enumerate(columns) if name == dataset and stem not in NULLS]
-        numbers = [np.nan if (one := entries[k]) is None else float(one["mae"]) for k in places]
+        scored = [one["n"] + one["failed"] if (one := entries[k]) is not None and one["n"] else 0 for k in places]
+        on_all = [entries[k] if count == max(scored) else None for k, count in zip(places, scored, strict=True)]
+        numbers = [np.nan if one is None else float(one["mae"]) for one in on_all]
         best |= {places[k] for k in smallest(numbers)}
     return best
 

@@ -53,9 +53,10 @@ def parameter_summary(rows: pd.DataFrame, *, reference: str | None = None) -> pd
         ``method``; ``n`` values and ``failed`` rows without one;
         ``mean`` and ``sd`` (n - 1) of the values; ``mae`` and ``mae_sd``, mean and sd of the absolute errors;
         ``relative_percent``, the mean of the absolute errors over their truths; ``difference``, mae minus the
-        reference's; ``best``, whether the *displayed* mae is the smallest of the group's methods (null baselines do
-        not compete); ``beats_initial``, ``yes`` or ``no``, against the best displayed null baseline of initial
-        values, empty where there is none. Failed rows count in no mean. NaN where a number cannot be had.
+        reference's; ``best``, whether the *displayed* mae is the smallest of the group's methods (null baselines, and
+        methods that were scored on fewer clips, do not compete); ``beats_initial``, ``yes`` or ``no``, against the
+        best displayed null baseline of initial values, empty where there is none. Failed rows count in no mean. NaN
+        where a number cannot be had.
 
     Raises
     ------
@@ -86,12 +87,14 @@ def _group_lines(group: pd.DataFrame, reference: str | None) -> list[dict[str, A
     shown = {name: _shown(error) for name, error in errors.items()}
     against = _named(errors, reference) if reference else ""
     nulls = set(group.loc[group["source"] == SOURCE, "method"])
-    best = min((shown[name] for name in shown if name not in nulls), default=math.inf)
+    scored = {line["method"]: line["n"] + line["failed"] for line in lines if line["method"] not in nulls and line["n"]}
+    on_all = {name for name, count in scored.items() if count == max(scored.values())}
+    best = min((shown[name] for name in on_all), default=math.inf)
     initial = min((shown[name] for name in shown if name.startswith(INITIAL)), default=math.inf)
     for line in lines:
         name = line["method"]
         line["difference"] = line["mae"] - errors.get(against, math.nan)
-        line["best"] = name not in nulls and math.isfinite(best) and shown[name] == best
+        line["best"] = name in on_all and math.isfinite(best) and shown[name] == best
         judged = name not in nulls and math.isfinite(initial) and math.isfinite(shown[name])
         line["beats_initial"] = ("yes" if shown[name] < initial else "no") if judged else ""
     return lines

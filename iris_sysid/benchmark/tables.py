@@ -114,7 +114,7 @@ NUMERIC = ("truth", "n", "failed", "mean", "sd", "mae", "mae_sd", "relative_perc
 def _parameter_notes(reference: str | None) -> tuple[str, ...]:
     notes = (
         "MAE is the mean absolute error over the n values; failed runs are counted and in no mean.",
-        "Bold: the smallest displayed MAE; null baselines do not compete.",
+        "Bold: the smallest displayed MAE; null baselines, and methods scored on fewer clips, do not compete.",
         "Beats initial value: the displayed MAE is below that of the best start value left untrained.",
     )
     return notes if reference is None else (*notes, f"Difference: MAE minus that of {reference}, in every row.")
