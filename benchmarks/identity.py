@@ -19,15 +19,14 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from iris_sysid import open_video
-from iris_sysid.dataset import list_clips
+from iris_sysid.dataset import benchmark_classes, list_clips
 from iris_sysid.errors import IrisError
-from iris_sysid.registry import TRACKERS
+from iris_sysid.registry import PHENOMENA, TRACKERS
 from iris_sysid.synthetic import SCENES, Truth, read_truth, render_clip
 from iris_sysid.table_reading import read_track
 from iris_sysid.types import Track, TrackOptions
 
-PHENOMENA = {"two-moving-pendulums": 2.5, "one-static-pendulum": 2.5, "hitting-cones": 5.0}  # and seconds of each clip
-TRACKED_BY = {"two-moving-pendulums": "disc"}  # as by iris-sysid run; the others by median-background
+SECONDS = {"two-moving-pendulums": 2.5, "one-static-pendulum": 2.5, "hitting-cones": 5.0}  # of each clip
 THRESHOLDS = np.arange(0.05, 0.96, 0.05)  # of similarity, as in the definition of HOTA
 MATCHED = 0.5  # of similarity, for switches, IDF1 and the error
 SIZE = (640, 360)  # px
@@ -156,7 +155,7 @@ def run_clip(phenomenon: str, number: int, size: tuple[int, int], duration_s: fl
         overwrite=True,
     )
     try:
-        tracker = TRACKERS[TRACKED_BY.get(phenomenon, "median-background")]
+        tracker = TRACKERS[PHENOMENA[benchmark_classes()[SCENES[phenomenon].folder][0]].tracker]
         tracks = tracker.track(open_video(clip), TrackOptions(bodies=truth.table["body"].nunique()))
     except IrisError as error:
         print(f"{phenomenon}, clip {number}: {error}", flush=True)
@@ -186,7 +185,7 @@ def rendered(phenomenon: str, count: int, size: tuple[int, int], minutes: float)
     with tempfile.TemporaryDirectory() as folder:
         for number in range(count):
             if time.monotonic() - start < 60 * minutes:
-                yield run_clip(phenomenon, number, size, PHENOMENA[phenomenon], Path(folder))
+                yield run_clip(phenomenon, number, size, SECONDS[phenomenon], Path(folder))
 
 
 def kept(phenomenon: str, dataset: Path, tracks: Path) -> Iterator[Score]:
@@ -204,7 +203,7 @@ def main() -> None:
     """Print one row a phenomenon."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--clips", type=int, default=100, help="clips of each phenomenon")
-    parser.add_argument("--phenomenon", choices=list(PHENOMENA), action="append", help="only this one; may be repeated")
+    parser.add_argument("--phenomenon", choices=list(SECONDS), action="append", help="only this one; may be repeated")
     parser.add_argument("--size", type=int, nargs=2, default=SIZE, metavar=("WIDTH", "HEIGHT"), help="px")
     parser.add_argument("--minutes", type=float, default=np.inf, help="begin no clip of a phenomenon after so long")
     parser.add_argument("--dataset", type=Path, help="data set of the twin whose tracks were kept")
@@ -215,7 +214,7 @@ def main() -> None:
     print(
         "| phenomenon | clips | identity switches | coverage | HOTA | IDF1 | RMSE px |\n|---|---|---|---|---|---|---|"
     )
-    for phenomenon in options.phenomenon or PHENOMENA:
+    for phenomenon in options.phenomenon or SECONDS:
         if options.dataset is None:
             scores = list(rendered(phenomenon, options.clips, tuple(options.size), options.minutes))
         else:

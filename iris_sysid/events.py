@@ -27,7 +27,7 @@ from iris_sysid._breaks import (
     split_at_impacts,
 )
 from iris_sysid._straight import straight_part
-from iris_sysid.arrays import Mask, frozen_mask
+from iris_sysid.arrays import Array, Mask, frozen_mask
 from iris_sysid.errors import DataError
 from iris_sysid.types import MotionKind, Segment, SegmentLabel, Trajectory
 
@@ -130,17 +130,18 @@ def _between_hands(world: Trajectory, held: Mask) -> list[Stretch]:
 
 
 def _choose(body: Body, stretches: list[Stretch], kind: MotionKind) -> Stretch | None:
+    goes_down = kind in ("flight", "slide")
     candidates = [one for one in stretches if body.part(one.start, one.stop).index.size]
     if kind == "slide":
         candidates = [_straight(body, one) for one in candidates]
-    if kind in ("flight", "slide"):
+    if goes_down:
         candidates = [one for one in candidates if _falls(body.part(one.start, one.stop))] or candidates
     if not candidates:
         return None
     if kind == "flight":
         candidates = [one for one in candidates if _is_parabola(body.part(one.start, one.stop))] or candidates
     sizes = np.array([body.part(one.start, one.stop).index.size for one in candidates])
-    first = int(np.argmax(sizes >= (0.5 if kind in ("flight", "slide") else 1.0) * sizes.max()))
+    first = int(np.argmax(sizes >= (0.5 if goes_down else 1.0) * sizes.max()))
     return _without_strange_ends(body, candidates[first])
 
 
@@ -148,18 +149,23 @@ def _falls(inside: Body) -> bool:
     """Whether its last coordinate, z, accelerates downwards significantly."""
     if inside.index.size < FEWEST:
         return False
-    every = np.arange(inside.index.size)[None]
-    fitted, gain, _ = local.fit_windows(inside.t_s, inside.position, every, inside.t_s[:1], 2)
-    return bool(fitted[0, 2, -1] < -SLOW * gain[0, 2] * inside.scale[-1])
+    fitted, gain, _ = _parabola(inside)
+    return bool(fitted[2, -1] < -SLOW * gain[2] * inside.scale[-1])
 
 
 def _is_parabola(inside: Body) -> bool:
     """Whether its coordinates follow parabolas in time, to a small part of its extent."""
     if inside.index.size < FEWEST:
         return False
-    every = np.arange(inside.index.size)[None]
-    _, _, residual = local.fit_windows(inside.t_s, inside.position, every, inside.t_s[:1], 2)
+    _, _, residual = _parabola(inside)
     return bool(np.sqrt((residual**2).sum(axis=-1).mean()) < PARABOLA * np.linalg.norm(np.ptp(inside.position, axis=0)))
+
+
+def _parabola(inside: Body) -> tuple[Array, Array, Array]:
+    """Coefficients (3, d) of the parabolas through all samples, their errors (3,) per unit noise, residuals (n, d)."""
+    every = np.arange(inside.index.size)[None]
+    fitted, gain, residual = local.fit_windows(inside.t_s, inside.position, every, inside.t_s[:1], 2)
+    return fitted[0], gain[0], residual[0]
 
 
 def _straight(body: Body, one: Stretch) -> Stretch:

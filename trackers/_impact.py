@@ -14,11 +14,11 @@ FOREMOST = 0.5  # of the largest change near by: what less is seen of it beside 
 EVEN = 1.5  # times its even length in time that both sides may take: gaps
 
 
-def struck_within(t_s: Array, xy: Array, sigma: Array, exposure_s: float) -> Array:
+def struck_within(t_s: Array, xy: Array, sigma: Array, shutter: float) -> Array:
     """Additional standard error (n, 2) of places in whose exposure the velocity changes at once; 0 elsewhere.
 
     Parabolas through three samples on either side lead to where the motions before and after meet. Where that is
-    within the exposure T, the mean place of the body is off the one at its middle by up to dv T / 8.
+    within the exposure, of length T, the mean place of the body is off the one at its middle by up to dv T / 8.
 
     Parameters
     ----------
@@ -26,12 +26,12 @@ def struck_within(t_s: Array, xy: Array, sigma: Array, exposure_s: float) -> Arr
         Times (n,) of the middles of the exposures, s.
     xy, sigma
         Places and standard errors (n, 2), px; NaN in gaps.
-    exposure_s
-        Length T of an exposure, s.
+    shutter
+        Exposure over the time between frames.
     """
     added = np.zeros_like(xy)
     known = np.flatnonzero(np.isfinite(xy).all(axis=1) & np.isfinite(sigma).all(axis=1))
-    if known.size < 2 * SIDE + 1 or exposure_s <= 0:
+    if known.size < 2 * SIDE + 1 or shutter <= 0:
         return added
     t, x, y = (sliding_window_view(one[known], 2 * SIDE + 1) for one in (t_s, *xy.T))
     middle = known[SIDE:-SIDE]
@@ -46,10 +46,9 @@ def struck_within(t_s: Array, xy: Array, sigma: Array, exposure_s: float) -> Arr
     foremost = size > FOREMOST * maximum_filter1d(size, 2 * SIDE + 1)
     meets = ((place - place_after) * change).sum(axis=1) / size**2
     error = np.hypot(doubt, doubt_after) * np.median(sigma[known], axis=0).max()
-    share = exposure_s / frame_s
     even = u[:, -1] - u[:, 0] <= EVEN * 2 * SIDE
-    struck = even & foremost & (size > CLEAR * error) & (np.abs(meets) < share / 2 + error / size)
-    added[middle[struck]] = np.abs(change[struck]) * share / 8
+    struck = even & foremost & (size > CLEAR * error) & (np.abs(meets) < shutter / 2 + error / size)
+    added[middle[struck]] = np.abs(change[struck]) * shutter / 8
     return added
 
 

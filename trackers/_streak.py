@@ -12,7 +12,7 @@ from typing import TypeAlias, cast
 
 import cv2
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from iris_sysid.types import Array
 from trackers._background import MAD_TO_SD, Flags
@@ -105,14 +105,15 @@ def streak_centre(window: Window, centre: Centre) -> Centre:
     few = pixels.only((pixels.columns + pixels.rows) % THINNED == 0)
     if few.unexplained(guess) > HOPELESS:
         return centre
-    sweep, _ = _swept(few, guess, ROUGH)
+    sweep = _sweep(_swept(few, guess, ROUGH).x)
     if not sweep.is_streak or few.unexplained(sweep) > DOUBTFUL:
         return centre
     kept = pixels.only(_plain(pixels.left_over(sweep)))
-    sweep, covariance = _swept(kept, sweep, PRECISE)
+    found = _swept(kept, sweep, PRECISE)
+    sweep = _sweep(found.x)
     if not sweep.is_streak or pixels.unexplained(sweep) > UNEXPLAINED:
         return centre
-    errors = np.sqrt(np.diag(covariance))
+    errors = np.sqrt(np.diag(_covariance(kept, found)))
     return replace(
         centre,
         x=sweep.x,
@@ -182,27 +183,31 @@ def _plain(left_over: Array) -> Flags:
     return np.asarray((np.abs(left_over) < OUTLIER * spread).all(axis=1))
 
 
-def _swept(pixels: _Pixels, start: Sweep, enough: float) -> tuple[Sweep, Array]:
-    """The sweep that leaves least over, and the covariance (5, 5) of its numbers.
-
-    What is left over is alike within the blocks of a coder: the covariance is the one that is robust to clusters (Liang
-    and Zeger 1986, Biometrika 73, 13), H^-1 (sum over blocks of s s') H^-1 with H = J'J and s = J'r of a block.
-    """
+def _swept(pixels: _Pixels, start: Sweep, enough: float) -> OptimizeResult:
+    """The numbers of the sweep that leaves least over."""
 
     def left_over(values: Vector) -> Vector:
         return pixels.left_over(_sweep(values)).ravel()
 
     first = cast("Vector", start.values)
-    found = least_squares(
-        left_over, first, method="lm", diff_step=[STEP] * first.size, ftol=enough, max_nfev=EVALUATIONS
-    )
+    steps = [STEP] * first.size
+    return least_squares(left_over, first, method="lm", diff_step=steps, ftol=enough, max_nfev=EVALUATIONS)
+
+
+def _covariance(pixels: _Pixels, found: OptimizeResult) -> Array:
+    """Of the five numbers of a sweep that was found, (5, 5).
+
+    What is left over is alike within the blocks of a coder: the covariance is the one that is robust to clusters (Liang
+    and Zeger 1986, Biometrika 73, 13), H^-1 (sum over blocks of s s') H^-1 with H = J'J and s = J'r of a block.
+    """
     jacobian = np.asarray(found.jac)
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
-    _, block = np.unique([pixels.columns // BLOCK, pixels.rows // BLOCK], axis=1, return_inverse=True)
-    moved = (found.fun[:, np.newaxis] * jacobian).reshape(block.size, -1, first.size).sum(axis=1) @ inverse
-    of_blocks = np.zeros((int(block.max()) + 1, first.size))
+    across, down = ((places // BLOCK).astype(np.int64) for places in (pixels.columns, pixels.rows))
+    _, block = np.unique(across * (int(down.max()) + 1) + down, return_inverse=True)
+    moved = (found.fun[:, np.newaxis] * jacobian).reshape(block.size, -1, found.x.size).sum(axis=1) @ inverse
+    of_blocks = np.zeros((int(block.max()) + 1, found.x.size))
     np.add.at(of_blocks, block, moved)
-    return _sweep(found.x), of_blocks.T @ of_blocks
+    return of_blocks.T @ of_blocks
 
 
 def _sweep(values: Array) -> Sweep:

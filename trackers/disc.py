@@ -177,11 +177,10 @@ def _track_of(
     hand[list(held)] = True
     t_s = np.array([glimpse.t_s for glimpse in glimpses])
     sigma = np.column_stack([with_scatter(t_s, columns[:, axis], columns[:, axis + 2]) for axis in (0, 1)])
-    exposure_s = lesson.shutter * float(np.median(np.diff(t_s)))
     return Track(
         t_s=t_s,
         xy_px=columns[:, 0:2],
-        sigma_px=np.hypot(sigma, struck_within(t_s, columns[:, :2], sigma, exposure_s)),
+        sigma_px=np.hypot(sigma, struck_within(t_s, columns[:, :2], sigma, lesson.shutter)),
         valid=np.isfinite(columns[:, 0]),
         frame=np.array([glimpse.frame for glimpse in glimpses]),
         body=str(body + 1),

@@ -10,7 +10,7 @@ import pandas as pd
 
 from iris_sysid.benchmark.nulls import INITIAL, METADATA
 from iris_sysid.benchmark.study_tables import smallest
-from iris_sysid.benchmark.summary import ABSENT, displayed, parameter_summary
+from iris_sysid.benchmark.summary import ABSENT, competing, displayed, parameter_summary
 from iris_sysid.benchmark.tables import Cell, Table
 
 LINE = ["phenomenon", "setting", "parameter", "unit"]
@@ -80,9 +80,11 @@ def _best(entries: list[pd.Series | None], columns: list[tuple[str, str]]) -> se
     best: set[int] = set()
     for dataset in dict.fromkeys(name for name, _ in columns):
         places = [k for k, (name, stem) in enumerate(columns) if name == dataset and stem not in NULLS]
-        scored = [one["n"] + one["failed"] if (one := entries[k]) is not None and one["n"] else 0 for k in places]
-        on_all = [entries[k] if count == max(scored) else None for k, count in zip(places, scored, strict=True)]
-        numbers = [np.nan if one is None else float(one["mae"]) for one in on_all]
+        found = [entries[k] for k in places]
+        numbers = [
+            float(one["mae"]) if one is not None and competes else np.nan
+            for one, competes in zip(found, competing(found), strict=True)
+        ]
         best |= {places[k] for k in smallest(numbers)}
     return best
 

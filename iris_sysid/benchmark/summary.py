@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -87,8 +87,8 @@ def _group_lines(group: pd.DataFrame, reference: str | None) -> list[dict[str, A
     shown = {name: _shown(error) for name, error in errors.items()}
     against = _named(errors, reference) if reference else ""
     nulls = set(group.loc[group["source"] == SOURCE, "method"])
-    scored = {line["method"]: line["n"] + line["failed"] for line in lines if line["method"] not in nulls and line["n"]}
-    on_all = {name for name, count in scored.items() if count == max(scored.values())}
+    rivals = [line for line in lines if line["method"] not in nulls]
+    on_all = {line["method"] for line, competes in zip(rivals, competing(rivals), strict=True) if competes}
     best = min((shown[name] for name in on_all), default=math.inf)
     initial = min((shown[name] for name in shown if name.startswith(INITIAL)), default=math.inf)
     for line in lines:
@@ -98,6 +98,12 @@ def _group_lines(group: pd.DataFrame, reference: str | None) -> list[dict[str, A
         judged = name not in nulls and math.isfinite(initial) and math.isfinite(shown[name])
         line["beats_initial"] = ("yes" if shown[name] < initial else "no") if judged else ""
     return lines
+
+
+def competing(lines: Sequence[Mapping[str, Any] | pd.Series | None]) -> list[bool]:
+    """Which of a group's lines may be the best: those with a value that were scored on all clips that any was."""
+    scored = [one["n"] + one["failed"] if one is not None and one["n"] else 0 for one in lines]
+    return [0 < count == max(scored) for count in scored]
 
 
 def _named(methods: Iterable[str], name: str) -> str:
