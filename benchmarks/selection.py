@@ -33,7 +33,7 @@ ACCEPTED = {
     "sliding-cone": ("incline",),
     "pendulum": ("pendulum",),
     "rotating-cone": ("angular-oscillator",),
-    "hitting-cones": ("contact-chain", "impact-chain"),
+    "hitting-cones": ("coasting-ball", "contact-chain", "impact-chain"),  # the first is the ball's before it strikes
     "two-moving-pendulums": ("coupled-pendulums", "pendulum-impact"),
     "one-static-pendulum": ("coupled-pendulums", "pendulum-impact"),
 }

@@ -218,7 +218,7 @@ def minimise(
     seen = np.asarray(found.residual)[: int(target.used.sum()) * target.observed.shape[1]]
     with np.errstate(all="ignore"):
         rms = float(np.sqrt(np.mean(seen**2)))
-    finite = bool(np.isfinite(rms))
+    finite = bool(np.isfinite(rms)) and bool(np.max(np.abs(seen), initial=0.0) < LARGEST)
     return Solution(
         problem=problem,
         values=best,

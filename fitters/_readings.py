@@ -17,6 +17,7 @@ from fitters._noise import noise_from_differences
 from iris_sysid.types import Array, Mask, OdeModel, Quantity, Trajectory
 
 LARGEST_RADIUS = 30.0  # times the extent of a track: a circle that large is a line
+TILTED = "height, tilted"
 UPRIGHT = 0.05  # rad: how far a camera's vertical may be off
 
 
@@ -89,9 +90,8 @@ def readings(raw: Raw, known: Mask) -> list[Reading]:
     """Every reading that the channels admit, its own constants from the ``known`` samples (n,) alone."""
     if not raw.has("x", "z"):
         return [_as_given(raw)]
-    found = [_plane(raw), _height(raw, known), _line(raw, known)]
     circle = _circle(raw, known)
-    found += [circle] if circle is not None else []
+    found = [_plane(raw), _height(raw, known), _line(raw, known), *([circle] if circle is not None else [])]
     found = [_with_constant_size(one, raw, known) for one in found] if raw.has("r") else found
     return [*found, _size(raw, known)] if raw.has("r") else found
 
@@ -114,17 +114,18 @@ def _height(raw: Raw, known: Mask) -> Reading:
 
 
 def _line(raw: Raw, known: Mask) -> Reading:
-    """Way along the line of least squares, forwards in time."""
+    """Way along the line of least squares, forwards in time; the height on one that may be upright."""
     sigma, place = raw.sigma("x", "z"), np.column_stack([raw.column("x"), raw.column("z")])
     middle = place[known].mean(axis=0)
     along = np.linalg.svd(place[known] - middle, full_matrices=False)[2]
     way, across = ((place - middle) @ along.T).T
-    ahead = 1.0 if way[known][-1] >= way[known][0] else -1.0
+    lever, rest = np.array([1 / sigma]), across[:, None] / sigma
     steep = abs(float(np.arctan2(along[0, 1], along[0, 0])))
     angle = min(steep, np.pi - steep)
-    return Reading(
-        "way", ahead * way[:, None], (raw.unit,), np.array([1 / sigma]), across[:, None] / sigma, 2, {"angle": angle}
-    )
+    if np.pi / 2 - angle < UPRIGHT:
+        return Reading(TILTED, (middle[1] + np.sign(along[0, 1]) * way)[:, None], (raw.unit,), lever, rest, 2)
+    ahead = 1.0 if way[known][-1] >= way[known][0] else -1.0
+    return Reading("way", ahead * way[:, None], (raw.unit,), lever, rest, 2, {"angle": angle})
 
 
 def _circle(raw: Raw, known: Mask) -> Reading | None:
@@ -235,6 +236,7 @@ def _sloping(model: OdeModel) -> bool:
 
 ONLY: Mapping[str, Callable[[OdeModel], bool]] = {
     "height": _upright,
+    TILTED: _upright,
     "way": _sloping,
     "place": lambda model: {quantity.name for quantity in model.observed} == {"x", "z"},
     "size": lambda model: model.observed[0].name == "r",

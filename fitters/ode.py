@@ -279,6 +279,8 @@ def solve(
     target, solution = _without_wild_samples(task, solution, loss, most)
     if priors:
         task, solution = _with_priors_weighed(task, target, solution, loss)
+    if not np.isfinite(solution.rms):  # the refinement ran away from a solution that was finite
+        return failed(trajectory, model, known, "diverged", diverged_text(task, solution))
     if loss != "linear":
         target = reweighted(target, solution)
     return task, target, solution

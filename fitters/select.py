@@ -3,57 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fitters._readings import (
-    UPRIGHT,
-    Raw,
-    Reading,
-    as_trajectory,
-    moves_with_its_zero,
-    raw_of,
-    readings,
-    suits,
-    together,
-)
+from fitters._candidates import Candidate, Trial, all_tried
+from fitters._readings import Raw, Reading, raw_of, readings, together
 from fitters._task import select
-from fitters.compose import with_effect
-from fitters.ode import fit, simulate
+from iris_sysid.arrays import departure
 from iris_sysid.errors import FitError
-from iris_sysid.registry import EFFECTS, MODELS
-from iris_sysid.types import Array, Estimate, FitResult, Mask, OdeModel, Trajectory
+from iris_sysid.registry import MODELS
+from iris_sysid.types import Mask, OdeModel, Trajectory
 
 FITTED = 0.7  # share of the samples, from the first on; the rest is held out
 LONGEST = 900  # samples: what tells models apart shows in the first 15 s at 60 Hz
-ENOUGH = 400  # samples for a first fit: of more than twice that every second is taken, and so on
-ADEQUATE_NOISE, ADEQUATE_MOTION = 3.0, 0.02  # residual below 3 times the noise, or 2 % of the motion
 FEWEST = 12  # samples: enough for four unknowns and something to predict
-OPEN_ZERO = {"background", "rest"}  # parameters that say where a model counts from
-FAR = 1e6  # in units of the noise: a prediction that has run away
-NEAR = 10.0  # times the best held-out error: what predicts worse is not fitted to all samples
-MOST_ALONE = 3  # bodies that are looked at one by one; models fitted to all samples in any case
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Candidate:
-    """One model of the bank under one reading of the track.
-
-    ``heldout`` and ``residual``: root mean square, in units of the measurement's noise, of all raw channels over the
-    samples held out and over all of them; ``bic`` over all samples. ``fit`` is that of all samples, None when it
-    failed; ``adequate`` when its residual is near the noise.
-    """
-
-    model: str
-    reading: str
-    heldout: float
-    residual: float
-    bic: float
-    adequate: bool
-    fit: FitResult | None
-    note: str = ""
+MOST_BODIES = 3  # that are looked at together: of more, those that move farthest
+CORRELATED = 0.9  # at lag one, and beyond: what is left has the form of a motion, not of noise
+STRONG = 6.0  # BIC, of independent samples: less is no strong evidence (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -84,7 +52,11 @@ def select_model(
     A track of x and z (and apparent radius r) in m or px is read as a place, a height, a way along a line, an angle
     about the centre of a circle, and a size. Other quantities are taken as they are, whatever their names: an angle
     may be the angle of any model that observes one. Zeros are not known but for straight down, which is known to 3
-    degrees. Of the models whose held-out errors cannot be told apart the one with the smallest BIC is first.
+    degrees. Of the models whose held-out errors cannot be told apart the one with the smallest BIC is first. One whose
+    events never happen comes after the others, and a BIC that is smaller by less than 6 does not pay for more numbers.
+
+    A body that stays in its place is left out, and of more than three those that move farthest are looked at. When
+    no equation fits several bodies, one is chosen for the first that moves, until others move too; the reading says so.
 
     Parameters
     ----------
@@ -106,27 +78,82 @@ def select_model(
         When there are too few samples, or no model of the bank can observe this.
     """
     tracks = [bodies] if isinstance(bodies, Trajectory) else list(bodies)
-    raws = _raws(tracks)
+    left = _departures(tracks)
+    moving = np.flatnonzero(left < tracks[0].n).tolist() if len(tracks) > 1 else [0]
+    together = _choice(_raws([tracks[k] for k in _most_moving(tracks, moving or range(len(tracks)))]), bank, free)
+    alone = _first_mover(tracks, left) if len(moving) > 1 and together.chosen is None else None
+    return together if alone is None else _until_others_move(_choice([alone], bank, free), together)
+
+
+def _choice(raws: Sequence[Raw], bank: Mapping[str, OdeModel], free: Sequence[str]) -> Choice:
+    """The choice for one body, or for several with the same samples."""
     known = np.arange(raws[0].t_s.size) < FITTED * raws[0].t_s.size
-    motion = float(np.sqrt(np.mean([np.var(raw.channels, axis=0) / raw.noise**2 for raw in raws])))
-    trials = [_Trial(raws[0].t_s, known, motion, reading) for reading in _readings_of(raws, known)]
-    tried = _all_tried(trials, bank, free)
-    tried += _each_alone(raws, known, bank, motion, free) if len(raws) > 1 else []
+    trials = [Trial(raws[0].t_s, known, _motion(raws), reading) for reading in _readings_of(raws, known)]
+    tried = all_tried(trials, bank, free)
+    tried += _each_alone(raws, known, bank, free) if len(raws) > 1 else []
     if not tried:
-        seen = ", ".join(f"{q.name} in {q.unit}" for q in tracks[0].quantities)
-        raise FitError(f"no model of the bank observes {len(tracks)} times {seen}: {', '.join(bank)}")
+        seen = ", ".join(f"{q.name} in {q.unit}" for q in raws[0].quantities)
+        raise FitError(f"no model of the bank observes {len(raws)} times {seen}: {', '.join(bank)}")
     return _chosen(tried, int((~known).sum()))
+
+
+def _motion(raws: Sequence[Raw]) -> float:
+    """How far the bodies move, root mean square in units of the noise."""
+    return float(np.sqrt(np.mean([np.var(raw.channels, axis=0) / raw.noise**2 for raw in raws])))
 
 
 def _raws(tracks: Sequence[Trajectory]) -> list[Raw]:
     """The bodies at the samples that all of them have, from the start of the motion on."""
     used = np.logical_and.reduce([select(track, ("motion",)).used for track in tracks])
+    return [raw_of(track, _first_of(used)) for track in tracks]
+
+
+def _first_of(used: Mask) -> Mask:
+    """The first LONGEST of some samples; FitError for too few."""
     index = np.flatnonzero(used)[:LONGEST]
     if index.size < FEWEST:
         raise FitError(f"only {index.size} usable samples, {FEWEST} are needed to choose a model: take a longer clip")
     kept = np.zeros_like(used)
     kept[index] = True
-    return [raw_of(track, kept) for track in tracks]
+    return kept
+
+
+# --------------------------------------------------------------------------- several bodies
+
+
+def _departures(tracks: Sequence[Trajectory]) -> NDArray[np.intp]:
+    """Sample at which each body leaves its place; their number for one that stays, or is hardly seen."""
+    seen = [select(track, ("motion",)).used for track in tracks]
+    noise = [np.max(raw_of(*one).noise) for one in zip(tracks, seen, strict=True) if one[1].sum() >= FEWEST]
+    left = np.full(len(tracks), tracks[0].n)
+    for k, (track, used) in enumerate(zip(tracks, seen, strict=True)):
+        index = np.flatnonzero(used)
+        gone = departure(track.position[index], float(max(noise, default=0.0)))
+        if index.size >= FEWEST and gone < index.size:
+            left[k] = index[gone]
+    return left
+
+
+def _most_moving(tracks: Sequence[Trajectory], moving: Sequence[int]) -> list[int]:
+    """Those of the moving bodies that move farthest, in the order given."""
+    way = [float(np.max(np.ptp(tracks[k].position[tracks[k].valid], axis=0), initial=0.0)) for k in moving]
+    return sorted(moving[k] for k in np.argsort(way, kind="stable")[-MOST_BODIES:])
+
+
+def _first_mover(tracks: Sequence[Trajectory], left: NDArray[np.intp]) -> Raw | None:
+    """The body that leaves its place first, until the exposure before another does; None when that is too short."""
+    first, second = np.argsort(left, kind="stable")[:2]
+    used = select(tracks[first], ("motion",)).used.copy()
+    used[: left[first]] = used[max(left[second] - 1, 0) :] = False
+    return raw_of(tracks[first], _first_of(used)) if used.sum() >= FEWEST else None
+
+
+def _until_others_move(alone: Choice, together: Choice) -> Choice:
+    """What the first body does alone, and named so; where nothing fits that either, what was found of all."""
+    if alone.chosen is None:
+        return together
+    ranking = tuple(replace(one, reading=f"{one.reading}, until others move") for one in alone.ranking)
+    return replace(alone, chosen=ranking[0], ranking=ranking, message=_sentence(ranking, ranking[0]))
 
 
 def _readings_of(raws: Sequence[Raw], known: Mask) -> list[Reading]:
@@ -137,200 +164,82 @@ def _readings_of(raws: Sequence[Raw], known: Mask) -> list[Reading]:
     found = []
     if all("angle" in body for body in bodies):
         found.append(together([body["angle"] for body in bodies], "angles"))
-    if all("way" in body for body in bodies) and len(raws) > 2:
+    if all("way" in body for body in bodies) and len(raws) == MOST_BODIES:
         found.append(_common_ways(raws))
     return found
 
 
 def _common_ways(raws: Sequence[Raw]) -> Reading:
-    """Sideways places of the three bodies that move most, in the order of their places."""
-    extent = [float(np.ptp(raw.column("x"))) for raw in raws]
-    most = sorted(np.argsort(extent)[-3:].tolist(), key=lambda k: float(raws[k].column("x")[0]))
+    """Sideways places of bodies, in the order of their places."""
     parts = []
-    for k in most:
-        sigma, x, z = raws[k].sigma("x", "z"), raws[k].column("x"), raws[k].column("z")
+    for raw in sorted(raws, key=lambda one: float(one.column("x")[0])):
+        sigma, x, z = raw.sigma("x", "z"), raw.column("x"), raw.column("z")
         rest = (z - z.mean())[:, None] / sigma
-        parts.append(Reading("way", x[:, None], (raws[k].unit,), np.array([1 / sigma]), rest, 1))
+        parts.append(Reading("way", x[:, None], (raw.unit,), np.array([1 / sigma]), rest, 1))
     return together(parts, "ways")
 
 
-def _each_alone(
-    raws: Sequence[Raw], known: Mask, bank: Mapping[str, OdeModel], motion: float, free: Sequence[str]
-) -> list[Candidate]:
+def _each_alone(raws: Sequence[Raw], known: Mask, bank: Mapping[str, OdeModel], free: Sequence[str]) -> list[Candidate]:
     """One-body models for each body by itself: bodies that have nothing to do with one another."""
     per_body = []
-    for raw in raws[:MOST_ALONE]:
-        trials = [_Trial(raw.t_s, known, motion, reading) for reading in readings(raw, known)]
-        per_body.append({(one.model, one.reading): one for one in _all_tried(trials, bank, free)})
+    for raw in raws:
+        trials = [Trial(raw.t_s, known, _motion([raw]), reading) for reading in readings(raw, known)]
+        per_body.append({(one.model, one.reading): one for one in all_tried(trials, bank, free)})
     found = []
     for key in per_body[0]:
         parts = [body[key] for body in per_body if key in body]
-        if len(parts) < len(per_body):
-            continue
-        heldout, residual = (
-            float(np.sqrt(np.mean([getattr(one, name) ** 2 for one in parts]))) for name in ("heldout", "residual")
-        )
-        adequate, bic = all(one.adequate for one in parts), float(np.sum([one.bic for one in parts]))
-        found.append(Candidate(key[0], f"{key[1]}, each alone", heldout, residual, bic, adequate, parts[0].fit))
+        if len(parts) == len(per_body):
+            found.append(_all_of(key, parts))
     return found
 
 
-# --------------------------------------------------------------------------- one candidate
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Trial:
-    """A reading at its times (n,), of which ``known`` (n,) are fitted first; ``motion`` in units of the noise."""
-
-    t_s: Array
-    known: Mask
-    motion: float
-    reading: Reading
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Begun:
-    """A model fitted to the first part of a reading, and the error of what it predicts."""
-
-    trial: _Trial
-    model: OdeModel
-    name: str
-    options: Mapping[str, Any]
-    first: FitResult
-    heldout: float
-
-
-def _all_tried(trials: Sequence[_Trial], bank: Mapping[str, OdeModel], free: Sequence[str]) -> list[Candidate]:
-    """Fit every model that suits a reading to its first part; those that predict best, to all of it."""
-    tried: list[Candidate] = []
-    begun: list[_Begun] = []
-    for trial in trials:
-        for model in bank.values():
-            if suits(model, trial.reading):
-                one = _begun(model, trial, free)
-                if isinstance(one, _Begun):
-                    begun.append(one)
-                else:
-                    tried.append(one)
-    begun.sort(key=lambda one: one.heldout)
-    near = NEAR * begun[0].heldout if begun else 0.0
-    for k, one in enumerate(begun):
-        tried.append(_finished(one) if k < MOST_ALONE or one.heldout <= near else _left_behind(one))
-    return tried
-
-
-def _begun(model: OdeModel, trial: _Trial, free: Sequence[str]) -> _Begun | Candidate:
-    adapted, options = _adapted(model, trial.reading, free)
-    every = max(1, trial.t_s.size // ENOUGH)
-    whole = as_trajectory(trial.t_s, trial.reading, adapted)
-    some = {name: getattr(whole, name)[::every] for name in ("t_s", "position", "sigma")}
-    part = whole.with_(**some, valid=trial.known[::every])
-    try:
-        first = fit(part, adapted, multistart=0, **options)
-    except FitError as error:
-        return _no_candidate(model, trial.reading, str(error))
-    if not first.usable:
-        return _no_candidate(model, trial.reading, f"{first.status}: {first.message}")
-    heldout = _rms(trial.reading, _prediction(adapted, first, trial.t_s), ~trial.known)
-    return _Begun(trial, adapted, model.name, options, first, heldout)
-
-
-def _finished(begun: _Begun) -> Candidate:
-    """Fit all samples, from where the first part led."""
-    trial, reading = begun.trial, begun.trial.reading
-    start = {name: begun.first.estimates[name].value for name in begun.first.free}
-    whole = as_trajectory(trial.t_s, reading, begun.model)
-    full = fit(whole, begun.model, start=start, nearby=True, **begun.options)
-    if not full.usable:
-        return Candidate(
-            begun.name, reading.name, begun.heldout, np.inf, np.inf, False, None, f"{full.status}: {full.message}"
-        )
-    residual = _rms(reading, full.predicted, np.ones_like(trial.known))
-    n = reading.quantities.size + reading.rest.size
-    count = len(full.free) + reading.count
-    bic = n * float(np.log(max(residual, 1e-6) ** 2)) + count * float(np.log(n)) + _pulls(full, begun.options)
-    adequate = residual <= max(ADEQUATE_NOISE, ADEQUATE_MOTION * trial.motion)
-    return Candidate(begun.name, reading.name, begun.heldout, residual, bic, adequate, full)
-
-
-def _left_behind(begun: _Begun) -> Candidate:
-    """What predicts far worse than others is not fitted any further."""
-    reading = begun.trial.reading
-    residual = _rms(reading, _prediction(begun.model, begun.first, begun.trial.t_s), np.ones_like(begun.trial.known))
-    return Candidate(
-        begun.name, reading.name, begun.heldout, residual, np.inf, False, begun.first, "predicts far worse"
+def _all_of(key: tuple[str, str], parts: Sequence[Candidate]) -> Candidate:
+    """One model under one reading, for each body by itself."""
+    heldout, residual = (
+        float(np.sqrt(np.mean([getattr(one, name) ** 2 for one in parts]))) for name in ("heldout", "residual")
     )
-
-
-def _no_candidate(model: OdeModel, reading: Reading, why: str) -> Candidate:
-    return Candidate(model.name, reading.name, np.inf, np.inf, np.inf, False, None, why)
-
-
-def _adapted(model: OdeModel, reading: Reading, free: Sequence[str]) -> tuple[OdeModel, dict[str, Any]]:
-    """The model with its zero left open, and what else the reading leaves open or knows."""
-    names = {parameter.name for parameter in model.parameters}
-    fixed: dict[str, float | Estimate] = {name: one for name, one in reading.known.items() if name in names}
-    if "pivot_x" in names or "angle" in names:  # what the model estimates itself, or needs for derived numbers only
-        fixed = {name: one for name, one in fixed.items() if name not in ("pivot_x", "pivot_z")}
-    opened = [name for name in free if name in names and name not in fixed]
-    opened += ["gravity"] if reading.name in ("height", "place") and _holds_gravity(model) else []
-    upright = [name for name in names if name == "vertical" or name.startswith("vertical_")]
-    fixed |= {name: Estimate(0.0, UPRIGHT, "rad", source="a camera held upright") for name in upright}
-    opened += sorted(upright)
-    if names & OPEN_ZERO:
-        opened += sorted(names & OPEN_ZERO)
-    elif not upright and model.observe is None and not model.events and not moves_with_its_zero(model):
-        offset = EFFECTS["zero-offset"]
-        model = with_effect(model, offset) if offset.applies(model) else model
-        if "gravity" in names and model.observed[0].unit == "rad":  # an angle from the vertical
-            fixed["zero_offset"] = Estimate(0.0, UPRIGHT, "rad", source="a camera held upright")
-            opened.append("zero_offset")
-    return model, {"fixed": fixed, "free": opened}
-
-
-def _holds_gravity(model: OdeModel) -> bool:
-    """Whether a model takes gravity for known: then one that estimates it would have the harder task."""
-    return any(parameter.name == "gravity" and parameter.constant for parameter in model.parameters)
-
-
-def _pulls(full: FitResult, options: Mapping[str, Any]) -> float:
-    """Squared distances from the priors in their standard errors."""
-    priors = {name: one for name, one in options["fixed"].items() if isinstance(one, Estimate)}
-    return float(sum(((full.estimates[name].value - one.value) / one.stderr) ** 2 for name, one in priors.items()))
-
-
-def _prediction(model: OdeModel, first: FitResult, t_s: Array) -> Array:
-    """What the fit of the first part says of all samples (n, d)."""
-    values = {name: estimate.value for name, estimate in first.estimates.items()}
-    return simulate(model, t_s, values).observed
-
-
-def _rms(reading: Reading, predicted: Array, wanted: Mask) -> float:
-    """Root mean square of all raw channels in units of their noise."""
-    with np.errstate(all="ignore"):
-        moved = (reading.quantities - predicted)[wanted] * reading.lever
-        every = np.concatenate([moved.ravel(), reading.rest[wanted].ravel()])
-        every = np.where(np.isfinite(every), np.clip(every, -FAR, FAR), FAR)
-    return float(np.sqrt(np.mean(every**2)))
+    return Candidate(
+        model=key[0],
+        reading=f"{key[1]}, each alone",
+        heldout=heldout,
+        residual=residual,
+        bic=float(np.sum([one.bic for one in parts])),
+        adequate=all(one.adequate for one in parts),
+        fit=parts[0].fit,
+        count=sum(one.count for one in parts),
+        idle=all(one.idle for one in parts),
+    )
 
 
 # --------------------------------------------------------------------------- the choice
 
 
 def _chosen(tried: Sequence[Candidate], n_heldout: int) -> Choice:
-    """Rank: held-out error first, BIC among those whose held-out errors cannot be told apart."""
+    """Rank: held-out error first, then what the samples show, then BIC."""
     best = min(one.heldout for one in tried)
     alike = best * (1.0 + 3.0 / np.sqrt(2.0 * max(n_heldout, 1)))  # three standard errors of a root mean square
-    ranking = sorted(tried, key=lambda one: (one.heldout > alike, one.bic if one.heldout <= alike else one.heldout))
-    first = ranking[0]
+    near = sorted((one for one in tried if one.heldout <= alike), key=lambda one: (one.idle, one.bic))
+    equal = [
+        one for one in near if one.idle == near[0].idle and one.bic - near[0].bic <= STRONG / _independent(near[0])
+    ]
+    first = min(equal, key=lambda one: (one.count, one.bic))
+    far = sorted((one for one in tried if one.heldout > alike), key=lambda one: one.heldout)
+    ranking = (first, *(one for one in near if one is not first), *far)
     others = [one for one in ranking[1:] if one.model != first.model]
     heldout_margin = others[0].heldout / max(first.heldout, 1e-12) if others else np.inf
     bic_margin = others[0].bic - first.bic if others else np.inf
     chosen = first if first.adequate else None
-    return Choice(chosen, tuple(ranking), float(heldout_margin), float(bic_margin), _sentence(first, others, chosen))
+    return Choice(chosen, ranking, float(heldout_margin), float(bic_margin), _sentence(ranking, chosen))
 
 
-def _sentence(first: Candidate, others: Sequence[Candidate], chosen: Candidate | None) -> str:
+def _independent(one: Candidate) -> float:
+    """Share of a residual's samples that are independent of one another, by its autocorrelation at lag one."""
+    correlation = 0.0 if one.fit is None else float(np.clip(one.fit.correlation, 0.0, CORRELATED))
+    return (1.0 - correlation) / (1.0 + correlation)
+
+
+def _sentence(ranking: Sequence[Candidate], chosen: Candidate | None) -> str:
+    first = ranking[0]
     if chosen is None:
         return (
             f"none of these: the nearest, {first.model} ({first.reading}), leaves {first.residual:.3g} times the noise "
@@ -340,6 +249,7 @@ def _sentence(first: Candidate, others: Sequence[Candidate], chosen: Candidate |
     text = (
         f"{first.model} ({first.reading}): residual {first.residual:.3g}, held out {first.heldout:.3g} times the noise"
     )
+    others = [one for one in ranking if one.model != first.model]
     if others and np.isfinite(others[0].heldout):
         text += f"; next {others[0].model} ({others[0].reading}), held out {others[0].heldout:.3g}"
     return text

@@ -50,3 +50,26 @@ def increasing_times(t_s: ArrayLike) -> Array:
             "is the file sorted by time, without duplicates?"
         )
     return times
+
+
+STANDS = 5  # samples from which the place at rest is taken
+LEFT = 10.0  # times the noise beyond which a body has left its place
+TREMBLES = 0.01  # of the whole way that a body goes, below which it only trembles
+
+
+def departure(place: Array, noise: float) -> int:
+    """Sample at which a body has left the place where it was first seen, for good; their number where it stays.
+
+    Parameters
+    ----------
+    place
+        (n, d) in one unit.
+    noise
+        Of a place, in that unit.
+    """
+    if len(place) <= STANDS:
+        return len(place)
+    away = np.sqrt(np.sum((place - np.median(place[:STANDS], axis=0)) ** 2, axis=1))
+    gone = away > max(LEFT * noise, TREMBLES * float(away.max()))
+    for_good = gone & np.append(gone[1:], True)
+    return int(np.argmax(for_good)) if for_good.any() else len(place)

@@ -705,3 +705,12 @@ def test_alexiev_length_68_has_its_dynamic_length_within_one_percent():
     # String 0.68 m plus the distance to the bob's centre that the period sees: 0.686 m.
     assert result.estimates["length"].value == pytest.approx(0.686, rel=0.01)
     assert result.used.sum() >= 495
+
+
+def test_equation_too_stiff_for_its_steps_is_said_to_run_away():
+    t_s = np.arange(49) / 60
+    height = 1e-3 * np.random.default_rng(0).standard_normal((49, 1))
+    clip = Trajectory(t_s, (Quantity("z", "m"),), height, np.full((49, 1), 1e-3), np.ones(49, bool))
+    result = fit(clip, MODELS["linear-oscillator"], fixed={"damping": 1e3}, multistart=0)
+    assert result.status == "diverged"
+    assert "runs away" in result.message

@@ -94,3 +94,71 @@ def test_every_reading_of_a_track_counts_the_same_channels():
     found = readings(raw_of(clip, np.ones(60, bool)), np.arange(60) < 40)
     assert {one.name for one in found} == {"place", "height", "way", "angle", "size"}
     assert all(one.quantities.shape[1] + one.rest.shape[1] == 3 for one in found)
+
+
+# --------------------------------------------------------------------------- events, and several bodies
+
+
+def few(*names):
+    return {name: MODELS[name] for name in names}
+
+
+def test_cord_that_never_goes_slack_is_no_evidence_for_one_that_may():
+    t_s = np.arange(200) / 60
+    choice = select_model(track(t_s, on_arc(t_s), ["m", "m"]), few("pendulum", "slack-cord"))
+    assert choice.chosen.model == "pendulum"
+    idle = {one.model: one.idle for one in choice.ranking}
+    assert idle == {"pendulum": False, "slack-cord": True}
+
+
+def test_fall_seen_by_a_camera_that_leans_is_still_a_fall():
+    t_s, lean = np.arange(30) / 60, 0.02
+    drop = 9.8 * t_s**2 / 2
+    fall = track(t_s, {"x": 0.3 + drop * np.sin(lean), "z": 1.5 - drop * np.cos(lean)}, ["m", "m"])
+    chosen = select_model(fall, few("free-fall", "incline", "projectile")).chosen
+    assert (chosen.model, chosen.reading) == ("free-fall", "height, tilted")
+
+
+def test_two_pendulums_that_strike_one_another_are_chosen_by_the_motion_of_both():
+    t_s = np.arange(150) / 60
+    values = {"length_1": 0.5, "length_2": 0.5, "damping_1": 0.05, "damping_2": 0.05, "restitution": 0.9}
+    values |= {"pivot_ratio": 0.08, "theta1_0": -0.5, "theta2_0": 0.0, "omega1_0": 0.0, "omega2_0": 0.0}
+    model = MODELS["pendulum-impact"]
+    known = {p.name: p.default for p in model.parameters if p.default is not None}
+    theta = simulate(model, t_s, {**known, **values}).observed
+    bodies = [
+        track(t_s, {"x": pivot + 0.5 * np.sin(one), "z": 1 - 0.5 * np.cos(one)}, ["m", "m"], seed=seed)
+        for seed, (one, pivot) in enumerate(zip(theta.T, (0.0, 0.04), strict=True))
+    ]
+    choice = select_model(bodies, few("pendulum", "pendulum-impact", "linear-pendulum"))
+    assert (choice.chosen.model, choice.chosen.reading) == ("pendulum-impact", "angles")
+    assert choice.heldout_margin > 10
+
+
+def rolling_at_cups():
+    """A ball that rolls at two cups, which tumble off when it reaches them, and a third that it never reaches."""
+    t_s = np.arange(120) / 60
+    way = 3.0 * (1 - np.exp(-0.8 * t_s)) / 0.8
+    hit = int(np.argmax(way > 2.0))
+    rng, after = np.random.default_rng(5), np.arange(120) >= hit
+    tumbling = [np.cumsum(after * (0.02 + 0.02 * rng.standard_normal(120))) for _ in range(4)]
+    places = [
+        {"x": np.where(after, way[hit] + 0.4 * tumbling[3], way), "z": np.zeros(120)},
+        {"x": 2.2 + tumbling[0], "z": 0.1 + 0.3 * tumbling[1]},
+        {"x": 2.4 + tumbling[2], "z": np.full(120, 0.1)},
+        {"x": np.full(120, 3.5), "z": np.full(120, 0.1)},
+    ]
+    return [track(t_s, place, ["m", "m"], seed=seed) for seed, place in enumerate(places)]
+
+
+def test_where_no_equation_fits_all_bodies_one_is_chosen_for_the_first_until_the_others_move():
+    choice = select_model(rolling_at_cups(), few("coasting-ball", "incline", "stopping-block", "projectile"))
+    assert (choice.chosen.model, choice.chosen.reading) == ("coasting-ball", "way, until others move")
+    assert choice.chosen.fit.estimates["damping"].value == pytest.approx(0.8, rel=0.02)
+
+
+def test_body_that_stays_in_its_place_has_no_say():
+    bodies = rolling_at_cups()
+    alone = bodies[0].with_(valid=np.arange(120) < 50)
+    choice = select_model([alone, bodies[3]], few("coasting-ball", "incline"))
+    assert (choice.chosen.model, choice.chosen.reading) == ("coasting-ball", "way")

@@ -9,16 +9,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from fitters.select import Choice, select_model
-from iris_sysid._observables import segmented
+from iris_sysid._observables import measured
 from iris_sysid.benchmark.predictions import EQUATION
 from iris_sysid.benchmark.rows import FAILED, OK, SELECTION
 from iris_sysid.benchmark.selection import NO_ANSWER
 from iris_sysid.benchmark.studies import why
 from iris_sysid.benchmark.subjects import Subject
-from iris_sysid.calibration import uncalibrated
+from iris_sysid.calibration import to_world, uncalibrated
 from iris_sysid.calibration_file import read_calibration
 from iris_sysid.registry import PHENOMENA
+from iris_sysid.types import Calibration, Phenomenon, Track, Trajectory
 
 BANK, NEAREST = "bank", "bank, nearest"
 NONE_FITS = "none of these"
@@ -26,7 +29,7 @@ NONE_FITS = "none of these"
 SAME_EQUATION: Mapping[str, tuple[str, ...]] = {
     "bouncing-ball": ("free-fall",),
     "pendulum-impact": ("coupled-pendulums",),
-    "impact-chain": ("contact-chain",),
+    "coasting-ball": ("contact-chain", "impact-chain"),
 }
 
 
@@ -48,8 +51,25 @@ def _choice(subject: Subject) -> Choice:
     phenomenon = PHENOMENA[subject.clip.phenomenon]
     path = subject.measured.folder.parent / "calibration.json"
     calibration = read_calibration(path) if path.is_file() else uncalibrated()
-    bodies = subject.measured.tracks()[: len(subject.model.observed)]  # cups that a ball hits are not its equation
-    return select_model([segmented(one, calibration, phenomenon) for one in bodies])
+    fitted = subject.trajectory()
+    in_motion = fitted.mask("motion")
+    bodies = [_seen(track, calibration, phenomenon) for track in subject.measured.tracks()]
+    return select_model([body.with_(valid=body.valid & in_motion & fitted.valid) for body in bodies])
+
+
+def _seen(track: Track, calibration: Calibration, phenomenon: Phenomenon) -> Trajectory:
+    """What the phenomenon measures; of a body whose size changes its place as well."""
+    body = measured(track, calibration, phenomenon)
+    if phenomenon.measures != "radius":
+        return body
+    place = to_world(track, calibration)
+    return place.with_(
+        quantities=(*place.quantities, *body.quantities),
+        position=np.column_stack([place.position, body.position]),
+        sigma=np.column_stack([place.sigma, body.sigma]),
+        valid=place.valid & body.valid,
+        systematic={},
+    )
 
 
 def _row(subject: Subject, method: str, answer: str, status: str) -> dict[str, Any]:

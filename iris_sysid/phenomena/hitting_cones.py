@@ -12,15 +12,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from iris_sysid.arrays import Array
+from iris_sysid.arrays import STANDS, Array, departure
 from iris_sysid.errors import DataError
 from iris_sysid.phenomena._geometry import fit_line
 from iris_sysid.phenomena._motion import only_body, stated
 from iris_sysid.types import BenchmarkClass, Estimate, Phenomenon, Quantity, Segment, Trajectory
 
-FIRST = 5  # samples from which the place at rest is taken
-GONE = 10.0  # scatters of the place at rest, or standard errors, beyond which a body has left it
-SHARE = 0.01  # of the whole way that a body goes, below which it only trembles
 FEWEST = 6  # samples of the run-up
 
 
@@ -71,16 +68,13 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
 def _leaves(body: Trajectory) -> int:
     """Sample at which a body has left the place where it was first seen, for good; their number where it stays."""
     index = np.flatnonzero(body.valid)
-    if index.size <= FIRST:
+    first = index[:STANDS]
+    if index.size <= STANDS:
         return body.n
-    place = body.position[index, :2]
-    rest = place[:FIRST]
-    sigma = np.nan_to_num(body.sigma[index[:FIRST], :2])
-    away = np.hypot(*(place - np.median(rest, axis=0)).T)
-    noise = float(np.hypot(*np.maximum(np.std(rest, axis=0), np.median(sigma, axis=0))))
-    gone = away > max(GONE * noise, SHARE * float(away.max()))
-    for_good = gone & np.append(gone[1:], True)
-    return int(index[np.argmax(for_good)]) if for_good.any() else body.n
+    scatter = np.std(body.position[first, :2], axis=0)
+    stated = np.median(np.nan_to_num(body.sigma[first, :2]), axis=0)
+    gone = departure(body.position[index, :2], float(np.hypot(*np.maximum(scatter, stated))))
+    return int(index[gone]) if gone < index.size else body.n
 
 
 def _along(body: Trajectory, used: NDArray[np.intp]) -> tuple[Array, Array]:
