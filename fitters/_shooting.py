@@ -86,34 +86,41 @@ def reach(problem: InitialValueProblem, target: Target, values: Array) -> int:
     return int(index[several.argmax()]) if several.any() else problem.t_s.size
 
 
-def explains(solution: Solution, target: Target) -> bool:
+def explains(solution: Solution, target: Target, motion_share: float = EXPLAINED_MOTION) -> bool:
     """Whether most of the residual is near the noise, or small beside the motion: no other minimum is better."""
     if not np.isfinite(solution.rms):
         return False
     motion = float(np.sqrt(np.mean((target.size / np.median(target.sigma[target.used], axis=0)) ** 2)))
     residual = target.weighted(target.observed - solution.predicted)
-    return robust_sd(residual) < max(EXPLAINED_NOISE, EXPLAINED_MOTION * motion)
+    return robust_sd(residual) < max(EXPLAINED_NOISE, motion_share * motion)
 
 
-def search(problem: InitialValueProblem, target: Target, unknowns: Unknowns, starts: Iterable[Array]) -> Solution:
+def search(
+    problem: InitialValueProblem, target: Target, unknowns: Unknowns, starts: Iterable[tuple[Array, bool]]
+) -> Solution:
     """Fit from each start in turn until one explains the data, or two starts end in the same best minimum.
+
+    A residual that is only small beside the motion, which an equation that lacks something leaves, is reason enough to
+    try no random start, but not to pass over a trusted one.
 
     Parameters
     ----------
     problem, target, unknowns
         As for :func:`minimise`.
     starts
-        Full vectors of values (p + s,), the most trusted first.
+        Full vectors of values (p + s,), the most trusted first, and whether each is one to trust.
     """
     best: Solution | None = None
     times_found = 0
-    for start in starts:
+    for start, trusted in starts:
+        if best is not None and not trusted and explains(best, target):
+            break
         found = grow(problem, target, unknowns, start)
         if best is None or found.rms < best.rms * (1 - SAME):
             best, times_found = found, 1
         elif np.isfinite(found.rms) and found.rms < best.rms * (1 + SAME):
             times_found += 1
-        if explains(best, target) or times_found == 2:
+        if times_found == 2 or explains(best, target, motion_share=0.0):
             break
     assert best is not None
     return best

@@ -291,12 +291,13 @@ def _downhill(task: Task, start: Mapping[str, float]) -> Solution:
     return minimise(task.problem, task.target, task.unknowns, next(starting_values(task, start)), rough=True)
 
 
-def _starts(task: Task, start: Mapping[str, float], multistart: int) -> Iterator[Array]:
-    """Starts in the order of trust, random ones about the last of them."""
+def _starts(task: Task, start: Mapping[str, float], multistart: int) -> Iterator[tuple[Array, bool]]:
+    """Starts in the order of trust, and whether to trust them: the last are random ones about the one before."""
     values = np.zeros(0)
     for values in starting_values(task, start):
-        yield values
-    yield from scattered_starts(task.unknowns, values, task.target, multistart)
+        yield values, True
+    for scattered in scattered_starts(task.unknowns, values, task.target, multistart):
+        yield scattered, False
 
 
 def _with_intervals(
