@@ -18,7 +18,7 @@ from iris_sysid.types import Array, Mask, OdeModel, Quantity, Trajectory
 
 LARGEST_RADIUS = 30.0  # times the extent of a track: a circle that large is a line
 TILTED = "height, tilted"
-UPRIGHT = 0.05  # rad: how far a camera's vertical may be off
+UPRIGHT = 0.05  # rad: how far a camera's vertical may be off, and its horizontal with it
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -212,7 +212,7 @@ def _between(parts: Sequence[Reading]) -> dict[str, float]:
 
 
 def suits(model: OdeModel, reading: Reading) -> bool:
-    """Whether a model may observe a reading: as many quantities of the same units, and upright where it says so."""
+    """Whether a model may observe a reading: as many quantities of the same units, upright or sloping as it says."""
     if model.inputs or len(model.observed) != len(reading.units):
         return False
     same = all(
@@ -220,7 +220,8 @@ def suits(model: OdeModel, reading: Reading) -> bool:
         for quantity, unit in zip(model.observed, reading.units, strict=True)
     )
     only = ONLY.get(reading.name)
-    return same and (only is None or only(model))
+    slopes = reading.known.get("angle", np.pi / 2) > UPRIGHT  # a level line is no incline
+    return same and (only is None or only(model)) and (slopes or all(one.name != "angle" for one in model.parameters))
 
 
 def _upright(model: OdeModel) -> bool:

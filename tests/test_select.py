@@ -162,3 +162,12 @@ def test_body_that_stays_in_its_place_has_no_say():
     alone = bodies[0].with_(valid=np.arange(120) < 50)
     choice = select_model([alone, bodies[3]], few("coasting-ball", "incline"))
     assert (choice.chosen.model, choice.chosen.reading) == ("coasting-ball", "way")
+
+
+def test_level_line_is_no_incline():
+    t_s = np.arange(40) / 60
+    way = 2.0 * t_s - 0.4 * t_s**2
+    level = track(t_s, {"x": way, "z": np.zeros(40)}, ["m", "m"])
+    assert "incline" not in {one.model for one in select_model(level).ranking}
+    sloping = track(t_s, {"x": way * np.cos(0.2), "z": -way * np.sin(0.2)}, ["m", "m"])
+    assert "incline" in {one.model for one in select_model(sloping).ranking}
