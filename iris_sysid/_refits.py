@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student
 
@@ -13,8 +14,9 @@ from fitters._covariance import inverse_normal
 from fitters.compose import with_effect
 from fitters.ode import fit, simulate
 from fitters.random_effects import random_effects
+from iris_sysid._stated_errors import unit_noise
 from iris_sysid.arrays import Mask
-from iris_sysid.scores import shaped, unit_noise
+from iris_sysid.scores import shaped
 from iris_sysid.types import Array, Effect, Estimate, FitResult, OdeModel, Trajectory
 
 
@@ -23,11 +25,13 @@ class Errors:
     """Root mean square of the residual, in the observed unit: over what was fitted, and over what was held out.
 
     Held out is the end of each clip, after a fit to its beginning; of several clips, also the size of every effect
-    added, which then comes from the other clips.
+    added, which then comes from the other clips. ``weighed`` is that of what was held out, in units of each sample's
+    noise.
     """
 
     fitted: float
     heldout: float
+    weighed: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -58,10 +62,17 @@ class Clip:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class State:
-    """The fits of all clips with the effects added so far."""
+    """The fits of all clips with the effects added so far; ``units`` (n, d) of the residuals, one a clip."""
 
     fits: tuple[FitResult, ...]
+    units: tuple[Array, ...]
     effects: tuple[Effect, ...] = field(default=())
+
+    @classmethod
+    def without_effects(cls, clips: Sequence[Clip], fits: Sequence[FitResult]) -> State:
+        """The state of the model as it is, whose units are those of all that follow."""
+        units = [unit_noise(fit, clip.trajectory) for fit, clip in zip(fits, clips, strict=True)]
+        return cls(tuple(fits), tuple(units))
 
     @property
     def usable(self) -> bool:
@@ -71,7 +82,7 @@ class State:
     @property
     def cost(self) -> float:
         """Sum of squares of what is left over, in units of the noise, and as much a free value as it is worth (BIC)."""
-        squares = sum(_sum_of_squares(one, one.used) for one in self.fits)
+        squares = sum(_sum_of_squares(*one, one[0].used) for one in zip(self.fits, self.units, strict=True))
         return squares + sum(len(one.free) * float(np.log(one.n * len(one.rms))) for one in self.fits)
 
     @property
@@ -123,7 +134,7 @@ def refitted(
         own_names = {one.name for one in own.parameters} | {f"{one.name}_0" for one in own.states}
         begin = {name: values[name] for name in open_now & own_names if name in values and name not in clip.fixed}
         fits.append(clip.refit(own, begin))
-    return State(tuple(fits), tuple(effects))
+    return State(tuple(fits), current.units, tuple(effects))
 
 
 def _values(effects: Sequence[Effect], start: Starts) -> dict[str, float]:
@@ -149,29 +160,29 @@ def standard_errors(before: State, after: State, effects: Sequence[Effect]) -> f
     if len(after.fits) > 1:
         sizes = [pooled(sizes_of(after.fits, one.parameters[0].name)) for one in effects]
         return float(min(abs(one.value) / one.stderr for one in sizes))
-    first, second = before.fits[0], after.fits[0]
+    first, second, unit = before.fits[0], after.fits[0], after.units[0]
     both = first.used & second.used
-    left = _sum_of_squares(second, both)
+    left = _sum_of_squares(second, unit, both)
     degrees = max(int(both.sum()) * len(second.rms) - len(second.free), 1)
-    gain = max(_sum_of_squares(first, both) - left, 0.0) * degrees / max(left, 1e-300)
-    inflation = max(_inflation(second, one.parameters[0].name) for one in effects)
+    gain = max(_sum_of_squares(first, unit, both) - left, 0.0) * degrees / max(left, 1e-300)
+    inflation = max(_inflation(second, unit, one.parameters[0].name) for one in effects)
     if len(effects) == 1:
         return float(norm.isf(student.sf(np.sqrt(gain / inflation), degrees)))
     return float(np.sqrt(gain / inflation))
 
 
-def _inflation(fitted: FitResult, name: str) -> float:
+def _inflation(fitted: FitResult, unit: Array, name: str) -> float:
     """Variance of a value over what it would be for white noise of the same size."""
     k = fitted.free.index(name)
-    noise = unit_noise(fitted)
-    white = inverse_normal(fitted.jacobian / np.tile(noise, fitted.n)[:, None], 1e-9)[k, k]
-    degrees = max(fitted.n * len(noise) - len(fitted.free), 1)
-    ratio = fitted.covariance[k, k] / (white * _sum_of_squares(fitted, fitted.used) / degrees)
+    noise = unit[fitted.used].ravel()
+    white = inverse_normal(fitted.jacobian / noise[:, None], 1e-9)[k, k]
+    degrees = max(noise.size - len(fitted.free), 1)
+    ratio = fitted.covariance[k, k] / (white * _sum_of_squares(fitted, unit, fitted.used) / degrees)
     return float(ratio) if np.isfinite(ratio) and ratio > 0 else float("inf")
 
 
-def _sum_of_squares(fitted: FitResult, samples: Mask) -> float:
-    return float(np.nansum((fitted.residual[samples] / unit_noise(fitted)) ** 2))
+def _sum_of_squares(fitted: FitResult, unit: Array, samples: Mask) -> float:
+    return float(np.nansum((fitted.residual[samples] / unit[samples]) ** 2))
 
 
 def sizes_of(fits: Sequence[FitResult], name: str) -> list[Estimate]:
@@ -191,38 +202,41 @@ def pooled(sizes: Sequence[Estimate]) -> Estimate:
     return random_effects(values, stderrs, known[0].unit).mean
 
 
-def errors_of(
-    clips: Sequence[Clip], fits: Sequence[FitResult], added: Sequence[str], holdout: float, parts: int = 1
-) -> Errors:
+def errors_of(clips: Sequence[Clip], state: State, holdout: float, parts: int = 1) -> Errors:
     """The error over the samples fitted, and over those held out; NaN where a clip has none to spare.
 
     Parameters
     ----------
-    clips, fits
-        The fits of all clips.
-    added
-        Names of the effects' parameters, which come from the other clips where there are any.
+    clips
+        What was asked of each.
+    state
+        Their fits; the sizes of its effects come from the other clips where there are any.
     holdout
         Share of each part of a clip, at its end, that is held out.
     parts
         Into how many parts a clip is cut; 1 holds out its end only.
     """
-    inside = np.concatenate([one.residual[one.used].ravel() for one in fits])
-    later = []
-    for k, (clip, fitted) in enumerate(zip(clips, fits, strict=True)):
+    fits, later, weighed = state.fits, [], []
+    for k, (clip, fitted, unit) in enumerate(zip(clips, fits, state.units, strict=True)):
         others = [one for j, one in enumerate(fits) if j != k]
-        given = {name: pooled(sizes_of(others, name)).value for name in added} if others else {}
-        later.append(_prediction_error(replace(clip, fixed={**clip.fixed, **given}), fitted, holdout, parts))
-    return Errors(_rms(inside), _rms(np.concatenate(later)))
+        given = {name: pooled(sizes_of(others, name)).value for name in state.sizes} if others else {}
+        at, wrong = _prediction_error(replace(clip, fixed={**clip.fixed, **given}), fitted, holdout, parts)
+        later.append(wrong.ravel())
+        weighed.append((wrong / unit[at]).ravel())
+    inside = np.concatenate([one.residual[one.used].ravel() for one in fits])
+    return Errors(_rms(inside), _rms(np.concatenate(later)), _rms(np.concatenate(weighed)))
 
 
 def _rms(values: Array) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _prediction_error(clip: Clip, fitted: FitResult, holdout: float, parts: int) -> Array:
-    """Observed - predicted over the last samples (m,) of each part after a fit to the others; one NaN without any."""
-    unknown = np.array([np.nan])
+def _prediction_error(clip: Clip, fitted: FitResult, holdout: float, parts: int) -> tuple[NDArray[np.intp], Array]:
+    """The last samples (m,) of each part, and observed - predicted (m, d) there after a fit to the others.
+
+    One sample and NaN where none can be held out.
+    """
+    unknown = np.zeros(1, dtype=np.intp), np.full((1, fitted.residual.shape[1]), np.nan)
     used = np.flatnonzero(fitted.used)
     later = used[(np.arange(len(used)) * parts / len(used)) % 1.0 >= 1.0 - holdout]
     if len(used) - len(later) < 3 * len(fitted.free) or len(later) == 0:
@@ -241,4 +255,4 @@ def _prediction_error(clip: Clip, fitted: FitResult, holdout: float, parts: int)
     known = trajectory.inputs[span] if trajectory.inputs is not None else None
     _, predicted = simulate(fitted.model, trajectory.t_s[span], values, inputs=known)
     columns = [trajectory.column(quantity.name) for quantity in fitted.model.observed]
-    return np.asarray((trajectory.position[later][:, columns] - predicted[later - begin]).ravel())
+    return later, np.asarray(trajectory.position[later][:, columns] - predicted[later - begin])

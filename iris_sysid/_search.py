@@ -15,6 +15,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from iris_sysid._refits import Clip, Errors, Starts, State, errors_of, pooled, refitted, sizes_of, standard_errors
+from iris_sysid._stated_errors import FEWEST, STANDS_OUT, stands_out
 from iris_sysid.reservations import why
 from iris_sysid.scores import ALIKE, Score, Screen, combined, screen, significant_from
 from iris_sysid.types import Effect, Estimate, OdeModel
@@ -27,6 +28,7 @@ REFITTED = 4  # best of the screen that are refitted in each round, and of the p
 WORTH_REFITTING = 0.7  # of the chi-square that is significant; a refit can find more than the first order shows
 NEARLY = 0.2  # less of the gain to first order than another's; a refit can be that much better
 WRONG_SIGN = "but below zero that would be a gain of energy (or of water), so it is not named"
+TOO_FAINT = f"but that moves fewer than {FEWEST} samples by {STANDS_OUT:g} of their stated errors, so it is not named"
 SAMPLES_A_PART = 10  # of a clip that is cut into short parts, the ends of which are held out
 
 
@@ -116,6 +118,15 @@ class Screened:
         return [one for one in others if all(abs(each.cosine(name, one)) > ALIKE for each in self.screens)]
 
 
+def _would_take(scores: Sequence[Score], but: str) -> list[str]:
+    """What would explain what is left, best first, in words, and why it is not named; nothing for none."""
+    if not scores:
+        return []
+    best, others = scores[0], ", ".join(one.effect for one in scores[1:])
+    like = f" (or the like of {others})" if others else ""
+    return [f"what is left would take {best.effect} of {best.size:.2g} {best.unit}{like}, {but}"]
+
+
 def two_sided(effect: Effect) -> Effect:
     """The effect with a size that may be fitted below zero too, so that sizes near zero have no bias."""
     size, *rest = effect.parameters
@@ -191,11 +202,9 @@ class Search:
         found = self.screened(final)
         asked = [one for one in found.scores if found.single(one[0].effect).ratio > 1.0]
         wrong = [combined(one) for one in asked if not self._may_be(found.single(one[0].effect))]
-        if not wrong:
-            return []
-        best, others = wrong[0], ", ".join(one.effect for one in wrong[1:])
-        like = f" (or the like of {others})" if others else ""
-        return [f"what is left would take {best.effect} of {best.size:.2g} {best.unit}{like}, {WRONG_SIGN}"]
+        faint = [combined(one) for one in asked if self._may_be(found.single(one[0].effect))]
+        faint = [one for one in faint if abs(one.size) < one.stands_out]
+        return [*_would_take(wrong, WRONG_SIGN), *_would_take(faint, TOO_FAINT)]
 
     def _may_be(self, candidate: Candidate) -> bool:
         """Whether no effect that only takes energy away, or lets water out, has a size below zero."""
@@ -219,7 +228,7 @@ class Search:
         """The errors of a state, what is held out being the ends of so many parts of each clip."""
         key = current.names, parts
         if key not in self._errors:
-            self._errors[key] = errors_of(self.clips, current.fits, current.sizes, self.holdout, parts)
+            self._errors[key] = errors_of(self.clips, current, self.holdout, parts)
         return self._errors[key]
 
     def equals(self, final: State, effect: Effect) -> tuple[str, ...]:
@@ -291,9 +300,14 @@ class Search:
     def _without(self, current: State, effect: Effect) -> State:
         """The state with one of its effects taken away."""
         left = [one for one in current.effects if one.name != effect.name]
-        if len(left) == 1:  # from the base, as wherever it is fitted
-            return self._with(self.base, self.screened(self.base).single(left[0].name))
-        return self._fitted(current, left, [{}] * len(self.clips), ())
+        nothing: list[Starts] = [{}] * len(self.clips)
+        if len(left) != 1:
+            return self._fitted(current, left, nothing, ())
+        alone = self._with(self.base, self.screened(self.base).single(left[0].name))  # as wherever it is fitted
+        if not alone.usable:
+            alone = refitted(self.clips, current, self.model, left, nothing)
+            self._states[alone.names] = alone
+        return alone
 
     def _fitted(
         self, current: State, effects: Sequence[Effect], starts: Sequence[Starts], added: Sequence[str]
@@ -322,10 +336,13 @@ class Search:
                 yield both
 
     def _is_needed(self, current: State, effect: Effect) -> bool:
-        """Whether an effect is significant beside all the others."""
+        """Whether an effect is significant beside all the others, and more than the errors stated may be."""
         rest = self._without(current, effect)
         if not rest.usable:
             return True
+        each = zip(rest.fits, current.fits, self.clips, strict=True)
+        if not any(stands_out(before, after, clip.trajectory) for before, after, clip in each):
+            return False
         needed = self.screened(self.base).needed(effect.name)  # so many shapes are tried, whatever else is there
         return standard_errors(rest, current, [effect]) ** 2 > needed
 
@@ -355,7 +372,7 @@ class Search:
         """
         parts = max(min(one.n for one in current.fits) // SAMPLES_A_PART, 1)
         for count in (1, parts):
-            now, before = (self.errors(one, count).heldout for one in (candidate, current))
+            now, before = (self.errors(one, count).weighed for one in (candidate, current))
             if now < before or np.isnan(before):
                 return True
         return False

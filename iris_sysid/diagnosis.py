@@ -2,10 +2,11 @@
 
 1. Fit the model to every clip. 2. Screen every effect that applies by a score test: its sensitivity, freed of what
 the fitted parameters can imitate, against the residual. 3. Refit with the best few; the one that explains most is
-added when it is significant at 5 % over the whole library, autocorrelation allowed for, and when samples that were
-held out are predicted better. Where no single effect is, pairs are tried. 4. Repeat until nothing is significant;
-each time, effects that the others have made needless go, and those with a better rival are replaced. Effects that do
-as well as the one added are named beside it, and for every effect that was not added there is an upper limit.
+added when it is significant at 5 % over the whole library, autocorrelation allowed for, when it moves the trajectory
+by more than its samples are said to be wrong by, and when samples that were held out are predicted better. Where no
+single effect is, pairs are tried. 4. Repeat until nothing is significant; each time, effects that the others have made
+needless go, and those with a better rival are replaced. Effects that do as well as the one added are named beside it,
+and for every effect that was not added there is an upper limit.
 """
 
 from __future__ import annotations
@@ -29,7 +30,10 @@ ABOVE_NOISE = 1.1  # times the noise floor, which is itself known to a few perce
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """The largest size of an effect that the data allow, at 95 % confidence; NaN where they say nothing."""
+    """The largest size of an effect that the data allow, at 95 % confidence; NaN where they say nothing.
+
+    No less than what the errors that the track states may hide.
+    """
 
     effect: str
     parameter: str
@@ -117,7 +121,7 @@ def diagnose(
     measured = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
     asked = [Clip(one, dict(fixed or {}), free).with_open_geometry(model) for one in measured]
     clips = [clip for clip, _ in asked]
-    base = _base(tuple(fitted for _, fitted in asked))
+    base = _base(clips, tuple(fitted for _, fitted in asked))
     library = [one for one in (effects if effects is not None else EFFECTS.values()) if one.applies(model)]
     search = Search(clips, model, library, base, holdout, progress or (lambda text: None))
     path = search.run()
@@ -151,15 +155,15 @@ def _proposed(clips: Sequence[Clip], final: State, error: float, floor: float) -
     return proposals([clip.trajectory for clip in clips], final.fits)
 
 
-def _base(fits: tuple[FitResult, ...]) -> State:
+def _base(clips: Sequence[Clip], fits: tuple[FitResult, ...]) -> State:
     for number, one in enumerate(fits, start=1):
         if not one.usable:
             which = f" to clip {number} of {len(fits)}" if len(fits) > 1 else ""
             raise FitError(f"the base model cannot be diagnosed, its fit{which} failed ({one.status}): {one.message}")
-    return State(fits)
+    return State.without_effects(clips, fits)
 
 
 def _limit(score: Score, effects: Sequence[Effect]) -> Limit:
     effect = next(one for one in effects if one.name == score.effect)
     upper = abs(score.size) + float(norm.isf(0.05)) * score.stderr
-    return Limit(effect.name, effect.parameters[0].name, upper, score.unit)
+    return Limit(effect.name, effect.parameters[0].name, max(upper, score.stands_out), score.unit)

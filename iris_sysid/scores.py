@@ -17,6 +17,7 @@ from scipy.stats import norm
 from fitters._autoregression import Autoregression, grid_positions, on_grid
 from fitters._covariance import inverse_normal, middle, random_uncertainty
 from fitters.screen import motion_of, sensitivity
+from iris_sysid._stated_errors import stands_out_from, stated_errors, unit_noise
 from iris_sysid.types import Array, Effect, FitResult, Trajectory
 
 ALIKE = 0.99  # cosine between projected sensitivities above which two effects cannot be told apart
@@ -31,7 +32,8 @@ class Score:
     ``size`` and ``stderr`` are its first-order estimate in ``unit``; ``gain`` is the share of the residual's
     sum of squares ``total``, in units of the noise, that it would take away; ``chi2`` is what that would take off
     the chi-square of white noise, with so many ``degrees`` of freedom. ``size`` and ``stderr`` are NaN when the data
-    cannot show the effect. ``shape`` are the other parameters at their best, of ``tried`` sets of them.
+    cannot show the effect. ``shape`` are the other parameters at their best, of ``tried`` sets of them. Below the size
+    ``stands_out`` it changes too little to be more than the errors that the track states may be.
     """
 
     effect: str
@@ -44,6 +46,7 @@ class Score:
     degrees: int = 1
     shape: tuple[float, ...] = ()
     tried: int = 1
+    stands_out: float = 0.0
 
     @property
     def z(self) -> float:
@@ -70,24 +73,26 @@ class _Residual:
     """What a fit leaves over, in units of the noise, and how it hangs together in time.
 
     ``values`` (n, d); ``basis`` (n * d, k) orthonormal, spans what the fitted parameters can imitate; ``process``
-    one autoregression a quantity; ``unit`` that of what is observed.
+    one autoregression a quantity; ``stated`` (n, d) the errors that the track states, 0 where it states none; ``unit``
+    that of what is observed.
     """
 
     t_s: Array
     values: Array
     basis: Array
     process: tuple[Autoregression, ...]
+    stated: Array
     unit: str
 
     @classmethod
-    def of(cls, fitted: FitResult, noise: Array) -> _Residual:
+    def of(cls, fitted: FitResult, noise: Array, stated: Array) -> _Residual:
         values = fitted.residual[fitted.used] / noise
-        jacobian = fitted.jacobian / np.tile(noise, len(values))[:, None]
+        jacobian = fitted.jacobian / noise.ravel()[:, None]
         jacobian = jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
         shaped = jacobian.reshape(*values.shape, -1)
         t_s = fitted.t_s[fitted.used]
         process = random_uncertainty(t_s, values, shaped, inverse_normal(jacobian)).noise
-        return cls(t_s, values, np.linalg.qr(jacobian)[0], process, fitted.model.observed[0].unit)
+        return cls(t_s, values, np.linalg.qr(jacobian)[0], process, stated / noise, fitted.model.observed[0].unit)
 
     @property
     def total(self) -> float:
@@ -124,6 +129,7 @@ class _Residual:
             chi2=degrees * gain / max(1.0 - gain, 1e-12),
             degrees=degrees,
             shape=best.shape,
+            stands_out=stands_out_from(best.length * best.unit.reshape(self.values.shape), self.stated),
         )
 
     def variance_along(self, direction: Array) -> float:
@@ -217,8 +223,8 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
     trajectory
         What it was fitted to.
     """
-    noise = unit_noise(fitted)
-    residual = _Residual.of(fitted, noise)
+    noise = unit_noise(fitted, trajectory)[fitted.used]
+    residual = _Residual.of(fitted, noise, stated_errors(fitted, trajectory)[fitted.used])
     forces = any(effect.acceleration is not None for effect in effects)
     motion = motion_of(fitted, trajectory) if forces else None
     seen = (fitted.predicted + fitted.residual)[fitted.used]
@@ -240,11 +246,6 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
         np.array([one.length for one in rows]),
         np.array([one.along for one in rows]),
     )
-
-
-def unit_noise(fitted: FitResult) -> Array:
-    """What residuals (n, d) are measured in: the noise (d,) of each quantity, 1 where there is none."""
-    return np.where(fitted.noise > 0, fitted.noise, 1.0)
 
 
 def shaped(effect: Effect, shape: Sequence[float]) -> Effect:
@@ -277,8 +278,8 @@ def combined(scores: Sequence[Score]) -> Score:
     weights = np.array([1.0 / one.stderr**2 if one.stderr > 0 else 0.0 for one in scores])
     total = sum(one.total for one in scores)
     gain = sum(one.gain * one.total for one in scores) / total
-    chi2 = sum(one.chi2 for one in scores)
-    together = replace(first, size=np.nan, stderr=np.nan, gain=gain, total=total, chi2=chi2)
+    chi2, least = sum(one.chi2 for one in scores), min(one.stands_out for one in scores)
+    together = replace(first, size=np.nan, stderr=np.nan, gain=gain, total=total, chi2=chi2, stands_out=least)
     if not weights.sum() > 0:
         return together
     size = float(np.sum(weights * np.nan_to_num([one.size for one in scores])) / weights.sum())
