@@ -4,6 +4,9 @@
 scatter of real ones. Nothing is rendered: the true path of each body, in metres, gets white noise of the size that the
 tracker has, 0.05 px. What is chosen from is the whole bank; what is given is x and z of each body and, where a ball is
 seen from above, its apparent radius: no name of a phenomenon, a setting or a quantity.
+
+With ``--dataset DATASET --tracks WORK`` the same is asked of clips that were rendered, tracked and segmented: what
+``python -m benchmarks.groundtruth DATASET --work WORK`` kept.
 """
 
 from __future__ import annotations
@@ -11,15 +14,23 @@ from __future__ import annotations
 import argparse
 import time
 import zlib
-from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from fitters.select import Choice, select_model
 from iris_sysid.benchmark.published import values_at
+from iris_sysid.benchmark.selecting import choice_for
+from iris_sysid.dataset import list_clips
+from iris_sysid.documents import read_document
 from iris_sysid.errors import IrisError
 from iris_sysid.events import segment
+from iris_sysid.groundtruth.measure import ClipMeasurement
+from iris_sysid.groundtruth.schemas import ClipDocument
 from iris_sysid.synthetic import SCENES
 from iris_sysid.synthetic.plan import Plan, plan_clip
 from iris_sysid.types import Quantity, Trajectory
@@ -39,11 +50,21 @@ ACCEPTED = {
 }
 
 
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A clip of the twin, and what chooses its equation."""
+
+    phenomenon: str
+    setting: str
+    clip: str
+    choose: Callable[[], Choice]
+
+
 def trial(name: str, setting: str, number: int) -> Plan:
     """One trial of a setting: its parameters scatter as the scene says."""
     scene = SCENES[name]
     rng = np.random.default_rng([number, zlib.crc32(f"{name}/{setting}".encode())])
-    values = {one.name: float(one.default or 0.0) for one in scene.parameters} | scene.settings[setting]
+    values = {one.name: float(one.default or 0.0) for one in scene.parameters} | dict(scene.settings[setting])
     scattered = {
         one.name: float(
             np.clip(values[one.name] + scene.scatter[one.name] * rng.standard_normal(), one.lower, one.upper)
@@ -97,23 +118,39 @@ def chosen_for(name: str, setting: str, number: int) -> Choice:
     return select_model(tracked(trial(name, setting, number), number))
 
 
-def rows(trials: int, phenomena: list[str]) -> pd.DataFrame:
-    """One row a trial: phenomenon, the nearest model, whether it is adequate, margins, seconds."""
-    found = []
+def drawn(trials: int, phenomena: list[str]) -> Iterator[Asked]:
+    """Every trial of every setting."""
     for name in phenomena:
         for setting in SCENES[name].settings:
             for number in range(1, trials + 1):
-                began = time.process_time()
-                try:
-                    choice = chosen_for(name, setting, number)
-                    nearest, adequate = choice.nearest.model, choice.chosen is not None
-                    margins = (choice.heldout_margin, choice.bic_margin)
-                except IrisError as error:
-                    nearest, adequate, margins = f"no answer: {error}"[:60], False, (np.nan, np.nan)
-                seconds = time.process_time() - began
-                found.append((name, setting, number, nearest, adequate, *margins, seconds))
-            part = Counter(row[3] for row in found if row[:2] == (name, setting))
-            print(f"  {name}/{setting}: {dict(part)}", flush=True)
+                yield Asked(name, setting, str(number), partial(chosen_for, name, setting, number))
+
+
+def kept(dataset: Path, tracks: Path, trials: int, phenomena: list[str]) -> Iterator[Asked]:
+    """Every clip of a data set of the twin that was measured."""
+    names = {scene.folder: name for name, scene in SCENES.items()}
+    for clip in list_clips(dataset).clips:
+        path = tracks / f"{clip.place}.json"
+        if int(clip.clip) <= trials and names[clip.class_name] in phenomena and path.exists():
+            measured = ClipMeasurement(clip, read_document(path, ClipDocument), path.parent)
+            yield Asked(names[clip.class_name], clip.setting, clip.clip, partial(choice_for, measured))
+
+
+def rows(asked: Iterable[Asked]) -> pd.DataFrame:
+    """One row a clip: phenomenon, the nearest model, whether it is adequate, margins, seconds."""
+    found = []
+    for one in asked:
+        began = time.process_time()
+        try:
+            choice = one.choose()
+            nearest, adequate = choice.nearest.model, choice.chosen is not None
+            margins = (choice.heldout_margin, choice.bic_margin)
+        except IrisError as error:
+            nearest, adequate, margins = f"no answer: {error}"[:60], False, (np.nan, np.nan)
+        seconds = time.process_time() - began
+        found.append((one.phenomenon, one.setting, one.clip, nearest, adequate, *margins, seconds))
+        right = nearest in ACCEPTED[one.phenomenon]
+        print(f"  {one.phenomenon}/{one.setting}/{one.clip}: {nearest}{'' if right else ', WRONG'}", flush=True)
     columns = ["phenomenon", "setting", "trial", "model", "adequate", "heldout_margin", "bic_margin", "seconds"]
     return pd.DataFrame(found, columns=columns)
 
@@ -147,8 +184,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=10, help="trials a setting")
     parser.add_argument("--phenomenon", action="append", choices=list(ACCEPTED), help="only these")
+    parser.add_argument("--dataset", type=Path, help="data set of the twin that was measured")
+    parser.add_argument("--tracks", type=Path, help="folder of what was measured")
     options = parser.parse_args()
-    print_result(rows(options.trials, options.phenomenon or list(ACCEPTED)))
+    if (options.dataset is None) != (options.tracks is None):
+        parser.error("--dataset and --tracks go together")
+    phenomena = options.phenomenon or list(ACCEPTED)
+    if options.dataset is None:
+        print_result(rows(drawn(options.trials, phenomena)))
+    else:
+        print_result(rows(kept(options.dataset, options.tracks, options.trials, phenomena)))
     print_published()
 
 

@@ -46,6 +46,11 @@ class Candidate:
     count: int = 0
     idle: bool = False
 
+    @property
+    def unknowns(self) -> int:
+        """How many of the numbers are the equation's own."""
+        return 0 if self.fit is None else len(self.fit.free)
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Trial:

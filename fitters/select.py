@@ -53,7 +53,8 @@ def select_model(
     about the centre of a circle, and a size. Other quantities are taken as they are, whatever their names: an angle
     may be the angle of any model that observes one. Zeros are not known but for straight down, which is known to 3
     degrees. Of the models whose held-out errors cannot be told apart the one with the smallest BIC is first. One whose
-    events never happen comes after the others, and a BIC that is smaller by less than 6 does not pay for more numbers.
+    events never happen comes after the others, and a BIC that is smaller by less than 6 does not pay for more numbers,
+    nor for an equation with more unknowns of its own.
 
     A body that stays in its place is left out, and of more than three those that move farthest are looked at. When
     no equation fits several bodies, one is chosen for the first that moves, until others move too; the reading says so.
@@ -222,7 +223,7 @@ def _chosen(tried: Sequence[Candidate], n_heldout: int) -> Choice:
     equal = [
         one for one in near if one.idle == near[0].idle and one.bic - near[0].bic <= STRONG / _independent(near[0])
     ]
-    first = min(equal, key=lambda one: (one.count, one.bic))
+    first = min(equal, key=lambda one: (one.count, one.unknowns, one.bic))
     far = sorted((one for one in tried if one.heldout > alike), key=lambda one: one.heldout)
     ranking = (first, *(one for one in near if one is not first), *far)
     others = [one for one in ranking[1:] if one.model != first.model]

@@ -20,6 +20,8 @@ from iris_sysid.benchmark.studies import why
 from iris_sysid.benchmark.subjects import Subject
 from iris_sysid.calibration import to_world, uncalibrated
 from iris_sysid.calibration_file import read_calibration
+from iris_sysid.errors import DataError
+from iris_sysid.groundtruth.measure import ClipMeasurement
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.types import Calibration, Phenomenon, Track, Trajectory
 
@@ -40,21 +42,32 @@ def selection_rows(subject: Subject) -> list[dict[str, Any]]:
     from is a failed row with the reason.
     """
     try:
-        choice = _choice(subject)
+        choice = choice_for(subject.measured)
     except Exception as error:  # one clip must not end the run of all
         return [_row(subject, one, NO_ANSWER, FAILED) | {"truth_source": why(error)} for one in (BANK, NEAREST)]
     chosen = NONE_FITS if choice.chosen is None else choice.chosen.model
     return [_row(subject, BANK, chosen, OK), _row(subject, NEAREST, choice.nearest.model, OK)]
 
 
-def _choice(subject: Subject) -> Choice:
-    phenomenon = PHENOMENA[subject.clip.phenomenon]
-    path = subject.measured.folder.parent / "calibration.json"
+def choice_for(clip: ClipMeasurement) -> Choice:
+    """The choice from the whole bank for a measured clip, from the places of its bodies while they move.
+
+    Raises
+    ------
+    DataError
+        When the clip could not be tracked.
+    FitError
+        When it has too few samples.
+    """
+    phenomenon = PHENOMENA[clip.clip.phenomenon]
+    path = clip.folder.parent / "calibration.json"
     calibration = read_calibration(path) if path.is_file() else uncalibrated()
-    fitted = subject.trajectory()
-    in_motion = fitted.mask("motion")
-    bodies = [_seen(track, calibration, phenomenon) for track in subject.measured.tracks()]
-    return select_model([body.with_(valid=body.valid & in_motion & fitted.valid) for body in bodies])
+    fitted = clip.trajectory()
+    if fitted is None:
+        raise DataError(f"{clip.clip.place} has no trajectory: {clip.document.message}")
+    in_motion = fitted.valid & fitted.mask("motion")
+    bodies = [_seen(track, calibration, phenomenon) for track in clip.tracks()]
+    return select_model([body.with_(valid=body.valid & in_motion) for body in bodies])
 
 
 def _seen(track: Track, calibration: Calibration, phenomenon: Phenomenon) -> Trajectory:
