@@ -87,12 +87,12 @@ def reach(problem: InitialValueProblem, target: Target, values: Array) -> int:
 
 
 def explains(solution: Solution, target: Target, motion_share: float = EXPLAINED_MOTION) -> bool:
-    """Whether most of the residual is near the noise, or small beside the motion: no other minimum is better."""
+    """Whether most of each quantity's residual is near the noise, or small beside the motion: there is none better."""
     if not np.isfinite(solution.rms):
         return False
     motion = float(np.sqrt(np.mean((target.size / np.median(target.sigma[target.used], axis=0)) ** 2)))
-    residual = target.weighted(target.observed - solution.predicted)
-    return robust_sd(residual) < max(EXPLAINED_NOISE, motion_share * motion)
+    residual = ((target.observed - solution.predicted) / target.sigma)[target.used]
+    return max(robust_sd(column) for column in residual.T) < max(EXPLAINED_NOISE, motion_share * motion)
 
 
 def search(

@@ -36,6 +36,11 @@ EXPERIMENTS = {
         np.arange(400) / 80,
     ),
     "bouncing-ball": ({"restitution": 0.8, "floor": 0.03, "z_0": 1.0, "vz_0": -0.2}, np.arange(400) / 100),
+    "skipping-ball": (
+        {"restitution": 0.8, "friction": 0.08, "floor": 0.03, "x_0": 0.1, "z_0": 1.0, "vx_0": 3.0, "vz_0": -0.2}
+        | {"rim_0": 0.0},
+        np.arange(300) / 100,
+    ),
     "stopping-block": ({"friction": 2.5, "s_0": 0.1, "v_0": 1.7}, np.arange(300) / 240),
     "slack-cord": (
         {"length": 0.5, "pivot_x": 0.1, "pivot_z": 0.7, "damping": 0.1}

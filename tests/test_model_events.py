@@ -198,3 +198,47 @@ def test_event_times_of_a_model_without_events_are_refused():
 def test_event_times_need_every_value():
     with pytest.raises(FitError, match="needs a value for z_0"):
         event_times(BALL, [0.0, 1.0], {"vz_0": 0.0})
+
+
+# --------------------------------------------------------------------------- friction along the floor
+
+
+SKIP = {
+    "restitution": 0.8,
+    "friction": 0.08,
+    "floor": 0.0,
+    "x_0": 0.0,
+    "z_0": 1.0,
+    "vx_0": 3.0,
+    "vz_0": 0.0,
+    "rim_0": 0.0,
+}
+
+
+def skipped(t_s, **changes):
+    return simulate(MODELS["skipping-ball"], t_s, SKIP | {"gravity": 9.81, "rim_0": 0.0} | changes).states
+
+
+def test_bounce_slips_by_the_law_of_friction_then_grips_and_the_ball_rolls():
+    states = skipped(np.arange(0, 3.0, 1e-2))
+    speeds = states[np.flatnonzero(np.diff(states[:, 2], prepend=np.nan) != 0), 2]
+    landing = np.sqrt(2 * 9.81)
+    slipped = 3.0 - 0.08 * 1.8 * landing
+    assert speeds[:2] == pytest.approx([3.0, slipped], abs=1e-9)
+    rim = 0.08 * 1.8 * landing / 0.4
+    assert speeds[2:] == pytest.approx((slipped + 0.4 * rim) / 1.4, abs=1e-9)  # it grips: rim and centre go alike
+    assert states[-1, 4] == pytest.approx(states[-1, 2], abs=1e-9)
+
+
+@pytest.mark.parametrize(("friction", "spin"), [(0.05, 0.0), (0.3, 9.0), (2.0, -4.0), (0.0, 5.0)])
+def test_bounces_keep_the_angular_momentum_about_the_point_of_contact(friction, spin):
+    states = skipped(np.arange(0, 2.5, 1e-2), friction=friction, rim_0=spin)
+    np.testing.assert_allclose(states[:, 2] + 0.4 * states[:, 4], 3.0 + 0.4 * spin, atol=1e-9)
+    power = states[:, 2] ** 2 + 0.4 * states[:, 4] ** 2
+    assert np.all(np.diff(power) < 1e-9)  # friction takes energy only
+
+
+def test_without_friction_the_ball_bounces_as_one_that_is_dropped():
+    t_s = np.arange(0, 2.0, 1e-2)
+    dropped = simulate(BALL, t_s, DROP | {"floor": 0.0, "z_0": 1.0}).observed[:, 0]
+    np.testing.assert_allclose(skipped(t_s, friction=0.0)[:, 1], dropped, atol=1e-9)

@@ -51,6 +51,13 @@ SETTINGS = {
         np.arange(300) / 60,
     ),
     "bouncing-ball": ({"restitution": 0.8, "floor": 0.03, "z_0": 1.0, "vz_0": -0.2}, np.arange(240) / 60),
+    "skipping-ball": (
+        {
+            "restitution": 0.8, "friction": 0.08, "floor": 0.03, "x_0": 0.1, "z_0": 1.0, "vx_0": 3.0, "vz_0": -0.2,
+            "rim_0": 0.0,
+        },
+        np.arange(200) / 60,
+    ),
     "stopping-block": ({"friction": 2.5, "s_0": 0.1, "v_0": 1.7}, np.arange(80) / 60),
     "coasting-ball": ({"damping": 0.4, "s_0": 0.1, "v_0": 1.7}, np.arange(80) / 60),
     "slack-cord": (

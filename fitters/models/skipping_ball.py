@@ -1,0 +1,116 @@
+"""A thrown ball that skips along a floor: restitution, and friction that slows it and sets it spinning."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from fitters.models._gravity import GRAVITY, MAGNIFICATION, STANDARD_GRAVITY
+from fitters.models._guess import line, samples, start_of
+from fitters.models._impacts import between_contacts
+from iris_sysid.types import Array, Event, OdeModel, Parameter, Quantity, Trajectory
+
+SETTLING = 1e-3  # m/s; a slower rebound leaves the ball on the floor: it would rise by 50 nm
+
+Six = tuple[float, float, float, float, float, float]
+
+
+def rhs(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> tuple[float, ...]:
+    """Give x'' = 0, z'' = -gravity in the air, z upwards; on the floor the ball rolls on evenly."""
+    _, _, vx, vz, _, on_floor = state
+    if on_floor == 1.0:
+        return vx, 0.0, 0.0, 0.0, 0.0
+    return vx, vz, 0.0, -params[4], 0.0
+
+
+def height(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> float:
+    """Height of the centre above where it is when the ball touches the floor."""
+    return 1.0 if state[5] == 1.0 else state[1] - params[2]
+
+
+def bounce(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> Six:
+    """Newton's restitution upwards; along the floor Coulomb's friction, or as much as stops the slip if that is less.
+
+    The last of many bounces leaves the ball rolling.
+    """
+    x, z, vx, vz, rim, _ = state
+    restitution, friction, _, inertia = params[0], params[1], params[2], params[3]
+    if vz > 0.0:  # it starts below the floor and rises
+        return x, z, vx, vz, rim, 0.0
+    slip = vx - rim
+    grip = abs(slip) * inertia / (1.0 + inertia)
+    settles = -restitution * vz < SETTLING
+    loss = grip if settles else min(friction * (1.0 + restitution) * -vz, grip)
+    along = -math.copysign(loss, slip)
+    return x, z, vx + along, 0.0 if settles else -restitution * vz, rim - along / inertia, 1.0 if settles else 0.0
+
+
+def observe(t_s: Array, states: Array, params: Array) -> Array:
+    """The position as the scale shows it."""
+    return states[:, :2] * params[5]
+
+
+def guess(trajectory: Trajectory) -> Mapping[str, float]:
+    """Heights of successive flights give the restitution, speeds before and after the first bounce the friction.
+
+    The ball is taken not to spin at first.
+    """
+    (t_s, x), (_, z) = samples(trajectory, "x"), samples(trajectory, "z")
+    floor, stretches = between_contacts(z)
+    first = stretches[0]
+    start = start_of(t_s[first], z[first], np.inf, degree=2)
+    gravity = -float(start[2]) if start[2] < 0 else STANDARD_GRAVITY
+    tops = np.array([np.max(z[one]) for one in stretches]) - floor
+    after = tops[2:] / tops[1:-1] if tops.size > 2 else tops[1:] / tops[:-1]
+    restitution = float(np.clip(np.sqrt(np.median(after)), 0.1, 0.95)) if after.size else 0.7
+    along = [line(t_s[one], x[one]) for one in stretches]
+    landing = math.sqrt(max(2 * gravity * float(tops[0]), 1e-12))
+    lost = abs(along[0][1] - along[1][1]) if len(along) > 1 else 0.0
+    return {
+        "restitution": restitution,
+        "friction": float(np.clip(lost / ((1 + restitution) * landing), 0.01, 2.0)) if lost else 0.1,
+        "floor": floor,
+        "gravity": gravity,
+        "x_0": along[0][0],
+        "z_0": float(start[0]),
+        "vx_0": along[0][1],
+        "vz_0": float(start[1]),
+        "rim_0": 0.0,
+    }
+
+
+MODEL = OdeModel(
+    name="skipping-ball",
+    summary="a thrown ball that bounces along a floor, whose friction slows it and sets it spinning",
+    equation=(
+        r"\ddot x = 0,\ \ddot z = -g,\quad \dot z^+ = -e\,\dot z^-,\ "
+        r"|\Delta\dot x| = \min\left(\mu (1 + e)|\dot z^-|,\ \tfrac{\alpha}{1 + \alpha}|\dot x - R\omega|\right)"
+        r"\text{ where } z = z_f"
+    ),
+    source="Garwin (1969), Am. J. Phys. 37, 88; Cross (2002), Am. J. Phys. 70, 1093",
+    states=(
+        Quantity("x", "m", "x"),
+        Quantity("z", "m", "z"),
+        Quantity("vx", "m/s", "v_x"),
+        Quantity("vz", "m/s", "v_z"),
+        Quantity("rim", "m/s", r"R\omega"),
+    ),
+    parameters=(
+        Parameter("restitution", "1", "e", lower=0.0, upper=1.5, default=0.8),
+        Parameter("friction", "1", r"\mu", lower=0.0, upper=10.0, default=0.1),
+        Parameter("floor", "m", "z_f", default=0.0),
+        Parameter(
+            "inertia", "1", r"\alpha", lower=0.01, upper=1.0, default=0.4, constant=True,
+            source="moment of inertia over m R^2 of a solid ball; 2/3 of a hollow one",
+        ),
+        GRAVITY,
+        MAGNIFICATION,
+    ),
+    observed=(Quantity("x", "m", "x"), Quantity("z", "m", "z")),
+    rhs=rhs,
+    guess=guess,
+    observe=observe,
+    events=(Event("impact", height, bounce),),
+)  # fmt: skip
