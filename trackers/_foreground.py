@@ -148,6 +148,11 @@ def filled(mask: Bytes) -> Bytes:
     return np.asarray(cv2.drawContours(np.zeros_like(mask), contours, -1, 1, cv2.FILLED), dtype=np.uint8)
 
 
+def padded(mask: Bytes) -> Bytes:
+    """The mask with another pixel on every side, 0; several times as fast as np.pad."""
+    return np.asarray(cv2.copyMakeBorder(mask, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0), dtype=np.uint8)
+
+
 def cores(scene: Scene, picture: Bytes, wanted: Flags | None = None) -> list[Core]:
     """The compact parts of one picture, the largest first; parts thinner than half the thickest are cut off.
 
@@ -162,8 +167,11 @@ def cores_of(parts: Iterable[Component], shape: tuple[int, ...]) -> list[Core]:
     """The compact parts of some components of a picture of that shape; see :func:`cores`."""
     found: list[Core] = []
     for component in parts:
-        faint, bold = (_cores_at(component, share, shape) for share in CONTRAST_SHARES)
-        found += bold if _clearness(component, bold) > IN_DOUBT * _clearness(component, faint) else faint
+        peak = float(cv2.blur(component.level, (3, 3))[component.mask > 0].max())
+        faint, bold = (_cores_at(component, share * peak, shape) for share in CONTRAST_SHARES)
+        edges = _edges(component.level)
+        clearness, clearer = (_clearness(component, edges, parts) for parts in (faint, bold))
+        found += bold if clearer > IN_DOUBT * clearness else faint
     return sorted(found, key=lambda core: -core.area)[:MOST_CORES]
 
 
@@ -171,7 +179,7 @@ def stout(component: Component) -> Component:
     """A component cut to the box of what is thicker than a cord: a cord's box is large, and slow to look through."""
     if component.mask.size < LARGE_BOX:
         return component
-    depth = cv2.distanceTransform(np.pad(component.mask, 1), cv2.DIST_L2, cv2.DIST_MASK_3)
+    depth = cv2.distanceTransform(padded(component.mask), cv2.DIST_L2, cv2.DIST_MASK_3)
     thick = min(CORD_RADIUS, ARM_SHARE * float(depth.max()))
     x, y, width, height = cv2.boundingRect((depth > thick).astype(np.uint8))
     reach = int(thick) + FRINGE
@@ -184,10 +192,15 @@ def stout(component: Component) -> Component:
     )
 
 
-def _clearness(component: Component, parts: list[Core]) -> float:
-    """How compact some parts are, times how sharp their outlines are, grey levels a px."""
-    level = component.level.astype(np.float32)
-    edges = np.hypot(cv2.Sobel(level, cv2.CV_32F, 1, 0, scale=1 / 8), cv2.Sobel(level, cv2.CV_32F, 0, 1, scale=1 / 8))
+def _edges(level: Bytes) -> Image:
+    """Gradient of a picture, grey levels a px."""
+    fine = level.astype(np.float32)
+    across, down = (cv2.Sobel(fine, cv2.CV_32F, *order, scale=1 / 8) for order in ((1, 0), (0, 1)))
+    return np.asarray(np.hypot(across, down), dtype=np.float32)
+
+
+def _clearness(component: Component, edges: Image, parts: list[Core]) -> float:
+    """How compact some parts are, times how sharp their outlines are by the gradient, grey levels a px."""
     compactness = sum(part.inscribed**2 for part in parts) / max(1, sum(part.area for part in parts))
     outlines = [np.zeros(0, dtype=np.float32)]
     for part in parts:
@@ -199,10 +212,9 @@ def _clearness(component: Component, parts: list[Core]) -> float:
     return compactness * float(outline.mean()) if outline.size else 0.0
 
 
-def _cores_at(component: Component, share: float, shape: tuple[int, ...]) -> list[Core]:
-    """The cores of those parts of a component that have at least some share of its peak contrast."""
-    faint = share * float(cv2.blur(component.level, (3, 3))[component.mask > 0].max())
-    mask = component.mask & (component.level >= faint).astype(np.uint8)
+def _cores_at(component: Component, faintest: float, shape: tuple[int, ...]) -> list[Core]:
+    """The cores of those parts of a component that differ by so many grey levels at least."""
+    mask = component.mask & (component.level >= faintest).astype(np.uint8)
     x0, y0, width, height = cv2.boundingRect(mask)
     mask = filled(mask[y0 : y0 + height, x0 : x0 + width])
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
@@ -217,8 +229,8 @@ def _cores_at(component: Component, share: float, shape: tuple[int, ...]) -> lis
 
 def _split(component: Bytes, left: int, top: int, shape: tuple[int, ...]) -> list[Core]:
     """Cut a component where it is thin: what is left when a disc of half its thickness has rolled inside it."""
-    padded = np.pad(component, 1)
-    depth = np.asarray(cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE))
+    wider = padded(component)
+    depth = np.asarray(cv2.distanceTransform(wider, cv2.DIST_L2, cv2.DIST_MASK_PRECISE))
     thickest = float(depth.max())
     if thickest < THINNEST:
         edge = _at_edge(_box(component, left, top), shape)
@@ -227,13 +239,13 @@ def _split(component: Bytes, left: int, top: int, shape: tuple[int, ...]) -> lis
     count, labels = cv2.connectedComponents((depth > cut).astype(np.uint8), connectivity=8)
     inland = not _near_edge(_box(component, left, top), ARM_SHARE * thickest, shape)
     if count == 2 and inland:
-        return [_lone(padded, depth, cut, (left - 1, top - 1))]
+        return [_lone(wider, depth, cut, (left - 1, top - 1))]
     seeds = [labels == label for label in range(1, count)]
     away = [cv2.distanceTransform((~s).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) for s in seeds]
     nearest, near = np.argmin(away, axis=0), np.min(away, axis=0) <= cut + 1.0
     found = []
     for k, seed in enumerate(seeds):
-        mask = ((nearest == k) & near & (padded > 0)).astype(np.uint8)[1:-1, 1:-1]
+        mask = ((nearest == k) & near & (wider > 0)).astype(np.uint8)[1:-1, 1:-1]
         edge = _at_edge(_box(mask, left, top), shape)
         held = edge or (not inland and _hangs_on_edge(depth, seed, left - 1, top - 1, shape))
         found.append(_core(mask, left, top, float(depth[seed].max()), (edge, held)))

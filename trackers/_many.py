@@ -13,7 +13,7 @@ from iris_sysid.types import Array, Frame, FrameSource, TrackOptions
 from trackers._background import Bytes
 from trackers._centroid import Centre
 from trackers._crowd import Placed, followed
-from trackers._foreground import SMALLEST_AREA, SQUARE, Core
+from trackers._foreground import SMALLEST_AREA, SQUARE, Core, padded
 from trackers._kinds import HALF_COVERED, behind, studied
 from trackers._link import Path
 from trackers._observe import REPORT_EVERY, Stage
@@ -172,7 +172,7 @@ def core_of(one: Shown, there: Placed, body: int) -> Core | None:
     largest = 1 + int(stats[1:count, cv2.CC_STAT_AREA].argmax())
     x, y, columns, rows, area = (int(value) for value in stats[largest])
     piece = (labels[y : y + rows, x : x + columns] == largest).astype(np.uint8)
-    depth = cv2.distanceTransform(np.pad(piece, 1), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    depth = cv2.distanceTransform(padded(piece), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     inscribed = float(depth.max())
     if area < SMALLEST_AREA or inscribed < THINNEST_BODY:
         return None

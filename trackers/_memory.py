@@ -12,7 +12,6 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.signal import lfilter
 
 from iris_sysid.types import Array, Mask
 from trackers._background import MAD_TO_SD, Image
@@ -130,7 +129,8 @@ def _minus_restricted(pieces: Sequence[Array], first: float, second: float) -> f
 
 def _whitened(columns: Array, first: float, second: float) -> Array:
     """Prediction errors (n, c) of columns, over their standard deviation in units of the innovation's."""
-    filtered = lfilter([1.0, -first * (1 - second), -second], [1.0], columns, axis=0)
-    filtered[0] = columns[0] * np.sqrt((1 - first**2) * (1 - second**2))
+    filtered = columns.copy()
+    filtered[0] *= np.sqrt((1 - first**2) * (1 - second**2))
     filtered[1] = (columns[1] - first * columns[0]) * np.sqrt(1 - second**2)
-    return np.asarray(filtered)
+    filtered[2:] -= first * (1 - second) * columns[1:-1] + second * columns[:-2]
+    return filtered

@@ -10,7 +10,7 @@ import numpy as np
 from iris_sysid.types import Frame
 from trackers._background import Background, Bytes, Image
 from trackers._centroid import Centre, Window, coverage_centre, filled_round
-from trackers._foreground import CONTRAST_SHARES, SMALLEST_AREA, SQUARE, WEAK_SIGMAS, Core
+from trackers._foreground import CONTRAST_SHARES, SMALLEST_AREA, SQUARE, WEAK_SIGMAS, Core, padded
 from trackers._streak import streak_centre
 from trackers._view import View
 
@@ -250,14 +250,14 @@ def _shaded(image: Image, background: Image, noise: Image) -> Bytes:
 def _without(mask: Bytes, shaded: Bytes) -> Bytes:
     """A mask without the shadow that hangs on the body; as it is where that makes it no rounder: a grey body."""
     body = cv2.morphologyEx(mask & ~shaded, cv2.MORPH_OPEN, SQUARE)
-    depth = cv2.distanceTransform(np.pad(body, 1), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
+    depth = cv2.distanceTransform(padded(body), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
     body = filled_round(body, (depth > MOSTLY_BODY * depth.max()).astype(np.uint8))
     return body if _roundness(body) > ROUNDER * _roundness(mask) else mask
 
 
 def _roundness(mask: Bytes) -> float:
     """Share of a mask that its largest inscribed disc covers; 0 when it is empty."""
-    depth = cv2.distanceTransform(np.pad(mask, 1), cv2.DIST_L2, cv2.DIST_MASK_5)
+    depth = cv2.distanceTransform(padded(mask), cv2.DIST_L2, cv2.DIST_MASK_5)
     return float(np.pi * depth.max() ** 2 / max(1, np.count_nonzero(mask)))
 
 
