@@ -116,9 +116,12 @@ def test_measures_of_identity_are_one_for_perfect_tracks_and_fall_with_gaps():
 # --------------------------------------------------------------------------- the twin
 
 
+CLIP_S = 5.0  # in half of that a hand that has let go still covers a ball, and a pile stands, for too much of the clip
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("phenomenon", ["two-moving-pendulums", "one-static-pendulum", "hitting-cones"])
 def test_bodies_of_ten_twin_clips_keep_their_names(phenomenon, tmp_path):
-    scores = [run_clip(phenomenon, number, (640, 360), 2.5, tmp_path) for number in range(10)]
+    scores = [run_clip(phenomenon, number, (640, 360), CLIP_S, tmp_path) for number in range(10)]
     assert sum(one.switches for one in scores) == 0
     assert min(one.seen / one.usable for one in scores) > 0.95

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from iris_sysid import wording
 from iris_sysid.files import check_writable, write_atomic
 from iris_sysid.report.budget import budget_sections, calibration_section
+from iris_sysid.report.determined import determined_sections
 from iris_sysid.report.figures import fit_figure, track_figure
 from iris_sysid.report.page import Page, Picture, Section, estimates_section, html_of, png_of
 from iris_sysid.types import FitResult, Trajectory
@@ -85,6 +86,7 @@ def clip_page(run: Run) -> Page:
         sections=[
             estimates_section("Parameters", wording.shown(fit), fit.model.equation),
             *budget_sections(fit),
+            *determined_sections(fit),
             calibration_section(run.calibration, run.tracks),
             *_segment_sections(trajectory),
             *([estimates_section("Measured on the way", trajectory.geometry)] if trajectory.geometry else []),
@@ -106,7 +108,6 @@ def _checks(trajectory: Trajectory, fit: FitResult) -> list[str]:
         f"{found} of {trajectory.n} samples measured, {fit.n} used for the fit.",
         f"{wording.residual_text(fit)}.",
         f"The residual correlates by {fit.correlation:.2f} from one sample to the next; standard errors allow for it.",
-        f"Condition number of the scaled Fisher information: {fit.condition:.3g}.",
     ]
     if fit.ok and fit.message:
         checks.append(f"{fit.message}.")
