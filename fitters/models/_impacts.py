@@ -8,7 +8,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.signal import argrelmin
 
-from fitters.models._guess import solved, weak_system
+from fitters.models._gravity import STANDARD_GRAVITY
+from fitters.models._guess import solved, start_of, weak_system
 from iris_sysid.types import Array
 
 NEAR = 0.3  # share of the range of the distance above its smallest value that still counts as near
@@ -25,6 +26,25 @@ def between_contacts(apart: Array) -> tuple[float, list[slice]]:
     edges = [-1, *contacts, apart.size]
     stretches = [slice(a + 1, b) for a, b in pairwise(edges) if b - a - 1 >= SHORTEST]
     return nearest, stretches or [slice(0, apart.size)]
+
+
+def bounces(t_s: Array, height: Array) -> tuple[dict[str, float], list[slice]]:
+    """Restitution, floor, gravity, and height and speed at the first sample of a body that bounces, and its flights.
+
+    The floor is where the height (n,) is least, the restitution comes from the heights of successive flights.
+    """
+    floor, flights = between_contacts(height)
+    start = start_of(t_s[flights[0]], height[flights[0]], np.inf, degree=2)
+    tops = np.array([np.max(height[one]) for one in flights]) - floor
+    after = tops[2:] / tops[1:-1] if tops.size > 2 else tops[1:] / tops[:-1]
+    values = {
+        "restitution": float(np.clip(np.sqrt(np.median(after)), 0.1, 0.95)) if after.size else 0.7,
+        "floor": floor,
+        "gravity": -float(start[2]) if start[2] < 0 else STANDARD_GRAVITY,
+        "z_0": float(start[0]),
+        "vz_0": float(start[1]),
+    }
+    return values, flights
 
 
 def pieces_regression(pieces: Sequence[Piece]) -> tuple[Array, float]:

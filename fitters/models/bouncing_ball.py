@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
-from fitters.models._gravity import GRAVITY, MAGNIFICATION, STANDARD_GRAVITY
-from fitters.models._guess import samples, start_of
-from fitters.models._impacts import between_contacts
+from fitters.models._gravity import GRAVITY, MAGNIFICATION
+from fitters.models._guess import samples
+from fitters.models._impacts import bounces
 from iris_sysid.types import Array, Event, OdeModel, Parameter, Quantity, Trajectory
 
 SETTLING = 1e-3  # m/s; a slower rebound leaves the ball on the floor: it would rise by 50 nm
@@ -45,19 +43,7 @@ def observe(t_s: Array, states: Array, params: Array) -> Array:
 
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
     """Take the floor where the height is least, and the restitution from the heights of successive flights."""
-    t_s, z = samples(trajectory, "z")
-    floor, stretches = between_contacts(z)
-    first = stretches[0]
-    start = start_of(t_s[first], z[first], np.inf, degree=2)
-    tops = np.array([np.max(z[one]) for one in stretches]) - floor
-    after = tops[2:] / tops[1:-1] if tops.size > 2 else tops[1:] / tops[:-1]
-    return {
-        "restitution": float(np.clip(np.sqrt(np.median(after)), 0.1, 0.95)) if after.size else 0.7,
-        "floor": floor,
-        "gravity": -float(start[2]) if start[2] < 0 else STANDARD_GRAVITY,
-        "z_0": float(start[0]),
-        "vz_0": float(start[1]),
-    }
+    return bounces(*samples(trajectory, "z"))[0]
 
 
 MODEL = OdeModel(

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitters.models._gravity import GRAVITY, MAGNIFICATION, STANDARD_GRAVITY
-from fitters.models._guess import line, samples, start_of
-from fitters.models._impacts import between_contacts
+from fitters.models._gravity import GRAVITY, MAGNIFICATION
+from fitters.models._guess import line, samples
+from fitters.models._impacts import bounces
 from iris_sysid.types import Array, Event, OdeModel, Parameter, Quantity, Trajectory
 
 SETTLING = 1e-3  # m/s; a slower rebound leaves the ball on the floor: it would rise by 50 nm
@@ -53,32 +53,19 @@ def observe(t_s: Array, states: Array, params: Array) -> Array:
 
 
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
-    """Heights of successive flights give the restitution, speeds before and after the first bounce the friction.
+    """As of a ball that bounces; the speed that the first bounce costs along the floor gives the friction.
 
     The ball is taken not to spin at first.
     """
     (t_s, x), (_, z) = samples(trajectory, "x"), samples(trajectory, "z")
-    floor, stretches = between_contacts(z)
-    first = stretches[0]
-    start = start_of(t_s[first], z[first], np.inf, degree=2)
-    gravity = -float(start[2]) if start[2] < 0 else STANDARD_GRAVITY
-    tops = np.array([np.max(z[one]) for one in stretches]) - floor
-    after = tops[2:] / tops[1:-1] if tops.size > 2 else tops[1:] / tops[:-1]
-    restitution = float(np.clip(np.sqrt(np.median(after)), 0.1, 0.95)) if after.size else 0.7
-    along = [line(t_s[one], x[one]) for one in stretches]
-    landing = math.sqrt(max(2 * gravity * float(tops[0]), 1e-12))
-    lost = abs(along[0][1] - along[1][1]) if len(along) > 1 else 0.0
-    return {
-        "restitution": restitution,
-        "friction": float(np.clip(lost / ((1 + restitution) * landing), 0.01, 2.0)) if lost else 0.1,
-        "floor": floor,
-        "gravity": gravity,
-        "x_0": along[0][0],
-        "z_0": float(start[0]),
-        "vx_0": along[0][1],
-        "vz_0": float(start[1]),
-        "rim_0": 0.0,
-    }
+    values, flights = bounces(t_s, z)
+    along = [line(t_s[one], x[one]) for one in flights[:2]]
+    values |= {"x_0": along[0][0], "vx_0": along[0][1], "rim_0": 0.0}
+    lost = abs(along[0][1] - along[-1][1])
+    landing = math.sqrt(2 * values["gravity"] * max(float(np.max(z[flights[0]])) - values["floor"], 1e-12))
+    if lost > 0:
+        values["friction"] = float(np.clip(lost / ((1 + values["restitution"]) * landing), 0.01, 2.0))
+    return values
 
 
 MODEL = OdeModel(
