@@ -27,6 +27,7 @@ MOST_REVISIONS = 4
 REFITTED = 4  # best of the screen that are refitted in each round, and of the pairs
 WORTH_REFITTING = 0.7  # of the chi-square that is significant; a refit can find more than the first order shows
 NEARLY = 0.2  # less of the gain to first order than another's; a refit can be that much better
+FAR_LESS = 0.6  # of the gain to first order of the best: no refit makes up for that
 WRONG_SIGN = "but below zero that would be a gain of energy (or of water), so it is not named"
 TOO_FAINT = f"but that moves fewer than {FEWEST} samples by {STANDS_OUT:g} of their stated errors, so it is not named"
 SAMPLES_A_PART = 10  # of a clip that is cut into short parts, the ends of which are held out
@@ -171,7 +172,8 @@ class Search:
     def run(self) -> tuple[State, ...]:
         """The states on the way: the base, with more and more effects, until nothing is significant."""
         path = self._onwards([self.base])
-        if len(path[-1].effects) < 2:
+        first = self.screened(self.base).pairs(self._candidates(self.base)) if len(path[-1].effects) > 1 else []
+        if not first or path[-1].names == set(first[0].names):
             return tuple(path)
         best = next(self._pairs(self.base), path[-1])
         other = self._onwards([self.base, best])
@@ -271,12 +273,19 @@ class Search:
         return self.screened(self.base).visible & self.screened(current).visible
 
     def _singles(self, current: State) -> Iterator[State]:
-        """The state with an effect added that is significant and predicts better, best first."""
+        """The state with an effect added that is significant and predicts better, best first.
+
+        What explains far less than another is refitted only where that one will not do.
+        """
         found, names = self.screened(current), self._candidates(current)
-        candidates = [found.single(one) for one in found.names if one in names]
-        for one in self._refitted(current, candidates):
-            if self._is_needed(one, one.effects[-1]) and self._predicts_better(one, current):
-                yield one
+        each = [(combined(one).gain, found.single(one[0].effect)) for one in found.scores if one[0].effect in names]
+        sensible = [(gain, one) for gain, one in each if self._may_be(one)]
+        enough = FAR_LESS * max((gain for gain, _ in sensible), default=0.0)
+        near, far = ([one for gain, one in sensible if (gain >= enough) == close] for close in (True, False))
+        for group in (near, far):
+            for one in self._refitted(current, group):
+                if self._is_needed(one, one.effects[-1]) and self._predicts_better(one, current):
+                    yield one
 
     def _rivals(self, rest: State, effect: Effect) -> list[State]:
         """The state with each of the effects in place of one that explain nearly as much to first order, or more."""

@@ -7,6 +7,8 @@ number, and what moves the trajectory by less than single samples are said to be
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from iris_sysid.types import Array, FitResult, Trajectory
@@ -67,7 +69,7 @@ def stands_out_from(change: Array, stated: Array) -> float:
 
 
 def stands_out(before: FitResult, after: FitResult, trajectory: Trajectory) -> bool:
-    """Whether what is between two fits to one trajectory is more than its stated errors may be.
+    """Whether what is between two fits to one trajectory is more than its stated errors may be, and those in common.
 
     Parameters
     ----------
@@ -77,10 +79,31 @@ def stands_out(before: FitResult, after: FitResult, trajectory: Trajectory) -> b
         What both were fitted to.
     """
     both = before.used & after.used
-    change = (before.predicted - after.predicted)[both]
-    return stands_out_from(change, stated_errors(after, trajectory)[both]) <= 1.0
+    change, stated = (before.predicted - after.predicted)[both], stated_errors(after, trajectory)[both]
+    if not np.all(stated > 0):
+        return True
+    columns = _columns(after, trajectory)
+    common = [patterns[:, both][:, :, columns] / stated for patterns in trajectory.systematic.values()]
+    return stands_out_from(_without_common(change / stated, common), np.ones_like(stated)) <= 1.0
+
+
+def _without_common(change: Array, common: Sequence[Array]) -> Array:
+    """A change (n, d) less what errors that all samples share (each (r, n, d) for one standard error) make of it.
+
+    Each error as large as it is most likely to be: least squares with one more sample for each, that it is 0 +- 1.
+    """
+    if not common:
+        return change
+    patterns = np.concatenate(common).reshape(-1, change.size)
+    sizes = np.linalg.solve(patterns @ patterns.T + np.eye(len(patterns)), patterns @ change.ravel())
+    return np.asarray(change - (sizes @ patterns).reshape(change.shape))
+
+
+def _columns(fitted: FitResult, trajectory: Trajectory) -> list[int]:
+    """Where the trajectory has what a fit observes."""
+    return [trajectory.column(quantity.name) for quantity in fitted.model.observed]
 
 
 def _sigma(fitted: FitResult, trajectory: Trajectory) -> Array:
     """Stated standard errors (n, d) of what a fit observes."""
-    return trajectory.sigma[:, [trajectory.column(quantity.name) for quantity in fitted.model.observed]]
+    return trajectory.sigma[:, _columns(fitted, trajectory)]

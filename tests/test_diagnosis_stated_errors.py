@@ -81,3 +81,10 @@ def test_change_stands_out_from_the_size_at_which_three_samples_are_three_errors
     assert stands_out_from(change, np.full((4, 1), 0.5)) == pytest.approx(3.0 * 0.5 / 2.0)
     assert stands_out_from(change, np.zeros((4, 1))) == 0.0
     assert stands_out_from(0.0 * change, np.ones((4, 1))) == np.inf
+
+
+def test_change_that_an_error_common_to_all_samples_may_make_does_not_stand_out():
+    clip = swing({"zero-offset": 0.004})
+    tilted = clip.with_(systematic={"vertical": np.full((1, 300, 1), 0.004)})
+    assert [one.name for one in diagnose(clip, PENDULUM, effects=[EFFECTS["zero-offset"]]).added] == ["zero-offset"]
+    assert diagnose(tilted, PENDULUM, effects=[EFFECTS["zero-offset"]]).added == ()
