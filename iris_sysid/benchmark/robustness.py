@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 from iris_sysid.benchmark.changed_clips import CHANGES, as_in, changed
 from iris_sysid.benchmark.rows import FAILED, ROBUSTNESS
 from iris_sysid.benchmark.studies import ODE, why
 from iris_sysid.benchmark.subjects import Subject
-from iris_sysid.calibration import uncalibrated
-from iris_sysid.calibration_file import read_calibration
 from iris_sysid.groundtruth._clip import told
 from iris_sysid.groundtruth.schemas import MeasuredDocument
 from iris_sysid.pipeline import observe_and_fit
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.tracking import track
-from iris_sysid.types import Calibration, FitResult, TrackOptions
+from iris_sysid.types import FitResult, TrackOptions
 from iris_sysid.video import open_video
 
 
@@ -55,12 +52,6 @@ def _refitted(subject: Subject, measured: MeasuredDocument, condition: str, seed
     with changed(clip.path, CHANGES[condition], seed) as video:
         tracks = track(video, phenomenon.tracker, TrackOptions(bodies=phenomenon.bodies))
         tracks = as_in(video, tracks, (original.width, original.height))
-    calibration = _calibration(subject.measured.folder.parent)
+    calibration = subject.measured.calibration()
     settings, free = told(phenomenon, measured.of(clip.class_name, clip.setting), calibration)
     return observe_and_fit(tracks, calibration, phenomenon, settings, free)[2]
-
-
-def _calibration(folder: Path) -> Calibration:
-    """That of the class; without one lengths stay in px."""
-    path = folder / "calibration.json"
-    return read_calibration(path) if path.is_file() else uncalibrated()

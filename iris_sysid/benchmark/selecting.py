@@ -18,8 +18,7 @@ from iris_sysid.benchmark.rows import FAILED, OK, SELECTION
 from iris_sysid.benchmark.selection import NO_ANSWER
 from iris_sysid.benchmark.studies import why
 from iris_sysid.benchmark.subjects import Subject
-from iris_sysid.calibration import to_world, uncalibrated
-from iris_sysid.calibration_file import read_calibration
+from iris_sysid.calibration import to_world
 from iris_sysid.errors import DataError
 from iris_sysid.groundtruth.measure import ClipMeasurement
 from iris_sysid.registry import PHENOMENA
@@ -60,13 +59,11 @@ def choice_for(clip: ClipMeasurement) -> Choice:
         When it has too few samples.
     """
     phenomenon = PHENOMENA[clip.clip.phenomenon]
-    path = clip.folder.parent / "calibration.json"
-    calibration = read_calibration(path) if path.is_file() else uncalibrated()
     fitted = clip.trajectory()
     if fitted is None:
         raise DataError(f"{clip.clip.place} has no trajectory: {clip.document.message}")
     in_motion = fitted.valid & fitted.mask("motion")
-    bodies = [_seen(track, calibration, phenomenon) for track in clip.tracks()]
+    bodies = [_seen(track, clip.calibration(), phenomenon) for track in clip.tracks()]
     return select_model([body.with_(valid=body.valid & in_motion) for body in bodies])
 
 

@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from fitters.identifiability import identifiability
-from fitters.ode import fit, simulate
 from fitters.sindy import discover
 from iris_sysid.benchmark.conversions import GRAVITY
+from iris_sysid.benchmark.coupling import coupling_rows
 from iris_sysid.benchmark.losses import stiffnesses
 from iris_sysid.benchmark.rows import COUPLING, EXTRAPOLATION, FAILED, IDENTIFIABILITY, LOSSES, OK
-from iris_sysid.benchmark.subjects import Subject
+from iris_sysid.benchmark.subjects import Records, Subject, simulated
 from iris_sysid.diagnosis import diagnose
 from iris_sysid.errors import IrisError
-from iris_sysid.registry import MODELS
-from iris_sysid.types import Array, Estimate, FitResult, OdeModel, Trajectory
+from iris_sysid.types import Estimate
 
-Records = list[dict[str, Any]]
 Study = Callable[[Subject], Records]
 
 ODE, EFFECTS, SINDY = "ode", "ode+effects", "sindy"
 TRAINED, AHEAD = 100, (10, 25, 50)  # frames: fitted, and predicted beyond (eq:extrapolation)
-KNOWN_SHARE = 0.7  # of a clip, the rest of which is held out
-COUPLED = "coupled-pendulums"
 TOO_SHORT = "too-short"
 NEAREST = "nearest in the bank"  # status of what an equation would be that is not quite one of the bank
 PENDULUM = "pendulum"
@@ -72,7 +67,7 @@ def identifiability_rows(subject: Subject) -> Records:
         "gradient, last": found.gradients[-1] if found.gradients else np.nan,
         "one-step residual over noise": float(np.mean(found.ode_residual / noise)),
     }
-    return [_plain(subject, IDENTIFIABILITY, ODE, name, value, "1") for name, value in numbers.items()]
+    return [subject.plain_record(IDENTIFIABILITY, ODE, name, value, "1") for name, value in numbers.items()]
 
 
 def extrapolation_rows(subject: Subject) -> Records:
@@ -82,62 +77,18 @@ def extrapolation_rows(subject: Subject) -> Records:
     unit = f"{trajectory.quantities[0].unit}^2"
     names = [f"E_{k}" for k in AHEAD]
     if used.size < TRAINED + AHEAD[0]:
-        return [_plain(subject, EXTRAPOLATION, ODE, name, np.nan, unit, TOO_SHORT) for name in names]
+        return [subject.plain_record(EXTRAPOLATION, ODE, name, np.nan, unit, TOO_SHORT) for name in names]
     known = trajectory.t_s <= trajectory.t_s[used[TRAINED - 1]]
     result = subject.refit(trajectory.with_(valid=trajectory.valid & known))
     if not result.usable:
-        return [_plain(subject, EXTRAPOLATION, ODE, name, np.nan, unit, result.status) for name in names]
+        return [subject.plain_record(EXTRAPOLATION, ODE, name, np.nan, unit, result.status) for name in names]
     predicted = simulated(subject.model, result, trajectory.t_s[used])
     errors = np.sum((trajectory.position[used] - predicted) ** 2, axis=1)
     places = [TRAINED + k - 1 for k in AHEAD]
     values = [float(errors[at]) if at < errors.size else np.nan for at in places]
-    return [_plain(subject, EXTRAPOLATION, ODE, *pair, unit, TOO_SHORT) for pair in zip(names, values, strict=True)]
-
-
-def simulated(model: OdeModel, result: FitResult, t_s: Array) -> Array:
-    """The observables (n, d) that a fit predicts at times (n,) from the start of its samples on."""
-    values = {name: one.value for name, one in result.estimates.items() if np.isfinite(one.value)}
-    return simulate(model, t_s, values).observed
-
-
-def coupling_rows(subject: Subject) -> Records:
-    """Two pendulums with the spring of the publication's bank at 0, and fitted, beside the impacts of ours.
-
-    The error over what was fitted, and over the last 30 % of the clip, predicted from the rest.
-    """
-    if len(subject.model.observed) != 2 or subject.model.observed[0].unit != "rad":
-        return []
-    trajectory, model = subject.trajectory(), MODELS[COUPLED]
-    known, _ = subject.told()
-    accepted = {one.name for one in model.parameters}
-    gravity = {name: one for name, one in known.items() if name in accepted}
-    fits: Mapping[str, tuple[OdeModel, dict[str, Any]]] = {
-        "coupling = 0": (model, {"fixed": {**gravity, "coupling": 0.0}, "free": []}),
-        "coupling fitted": (model, {"fixed": gravity, "free": []}),
-        "impacts": (subject.model, {}),
-    }
-    return [one for name, (kind, more) in fits.items() for one in _held_out(subject, trajectory, name, kind, more)]
-
-
-def _held_out(
-    subject: Subject, trajectory: Trajectory, method: str, model: OdeModel, more: Mapping[str, Any]
-) -> Iterator[dict[str, Any]]:
-    used = np.flatnonzero(trajectory.valid & trajectory.mask("motion"))
-    last = trajectory.t_s[used[int(KNOWN_SHARE * used.size)]]
-    known, free = subject.told()
-    asked = {"fixed": known, "free": free, **more}
-    result = fit(trajectory.with_(valid=trajectory.valid & (trajectory.t_s < last)), model, **asked)
-    values = {"fitted rms": np.nan, "held-out rms": np.nan}
-    if result.usable:
-        error = trajectory.position[used] - simulated(model, result, trajectory.t_s[used])
-        later = trajectory.t_s[used] >= last
-        values = {"fitted rms": _rms(error[~later]), "held-out rms": _rms(error[later])}
-    for name, value in values.items():
-        yield _plain(subject, COUPLING, method, name, value, "rad", result.status)
-
-
-def _rms(error: Array) -> float:
-    return float(np.sqrt(np.mean(error**2)))
+    return [
+        subject.plain_record(EXTRAPOLATION, ODE, *pair, unit, TOO_SHORT) for pair in zip(names, values, strict=True)
+    ]
 
 
 def loss_rows(subject: Subject) -> Records:
@@ -158,17 +109,6 @@ def loss_rows(subject: Subject) -> Records:
         for record in subject.records({"length": Estimate(length, np.nan, "m", "fitted")}, OK)
         if record["parameter"] == "length"
     ]
-
-
-def _plain(
-    subject: Subject, study: str, method: str, parameter: str, value: float, unit: str, otherwise: str = FAILED
-) -> dict[str, Any]:
-    """A row without a truth; what it is without a value is said by ``otherwise``."""
-    finite = bool(np.isfinite(value))
-    status = OK if finite else otherwise if otherwise != OK else FAILED
-    return subject.record(
-        study=study, method=method, parameter=parameter, value=value if finite else np.nan, unit=unit, status=status
-    )
 
 
 # name of each study: what makes its rows, and the study, method and parameter of the row that says it failed
@@ -199,7 +139,7 @@ def studied(subject: Subject, name: str) -> Records:
         said = {"method": method, "answer": why(error)}
         if not study:
             return subject.records({}, FAILED, **said)
-        return [_plain(subject, study, method, parameter, np.nan, "") | said]
+        return [subject.plain_record(study, method, parameter, np.nan, "") | said]
 
 
 def why(error: Exception) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fitters.ode import fit
+from fitters.ode import fit, simulate
 from iris_sysid.benchmark.conversions import READINGS
 from iris_sysid.benchmark.latent import NOT_ESTIMATED
 from iris_sysid.benchmark.published import truth_of
@@ -18,7 +18,9 @@ from iris_sysid.dataset import Clip, benchmark_classes
 from iris_sysid.errors import DataError
 from iris_sysid.groundtruth.measure import ClipMeasurement
 from iris_sysid.registry import MODELS, PHENOMENA
-from iris_sysid.types import Estimate, FitResult, OdeModel, Trajectory
+from iris_sysid.types import Array, Estimate, FitResult, OdeModel, Trajectory
+
+Records = list[dict[str, Any]]
 
 DEGREES = 180.0 / math.pi  # an angle is published in degrees
 ESTIMATED = ("fitted", "derived")  # types of a parameter that the clip itself gave; the others were told to the fit
@@ -96,6 +98,31 @@ class Subject:
         """
         return [self._record(name, unit, estimates.get(name), status) | more for name, unit in self.wanted.items()]
 
+    def plain_record(
+        self, study: str, method: str, parameter: str, value: float, unit: str, otherwise: str = FAILED
+    ) -> dict[str, Any]:
+        """A flat row without a truth.
+
+        Parameters
+        ----------
+        study, method, parameter, unit
+            What it is of.
+        value
+            NaN for none.
+        otherwise
+            The status of a row without a value.
+        """
+        finite = bool(math.isfinite(value))
+        status = OK if finite else otherwise if otherwise != OK else FAILED
+        return self.record(
+            study=study,
+            method=method,
+            parameter=parameter,
+            value=value if finite else math.nan,
+            unit=unit,
+            status=status,
+        )
+
     def _lacks_scale(self, name: str) -> bool:
         """Whether the measurement is in px and could not give this parameter for want of metres."""
         entry = self.measured.document.parameters.get(name)
@@ -118,6 +145,12 @@ class Subject:
             truth_source="" if true is None else true.source,
             status=status if math.isfinite(value) and status != FAILED else otherwise,
         )
+
+
+def simulated(model: OdeModel, result: FitResult, t_s: Array) -> Array:
+    """The observables (n, d) that a fit predicts at times (n,) from the start of its samples on."""
+    values = {name: one.value for name, one in result.estimates.items() if math.isfinite(one.value)}
+    return simulate(model, t_s, values).observed
 
 
 def subjects_of(clips: Iterable[ClipMeasurement], folder: Path, dataset: str) -> list[Subject]:

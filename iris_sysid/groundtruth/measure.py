@@ -6,16 +6,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from iris_sysid.calibration import uncalibrated
+from iris_sysid.calibration_file import read_calibration
 from iris_sysid.dataset import BOARD, Clip, Listing, list_clips, places
 from iris_sysid.documents import read_document
 from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.groundtruth._clip import KNOWN, Job, measure_clip, record_failure
-from iris_sysid.groundtruth.boards import board_of, calibrate_class, scale_class
+from iris_sysid.groundtruth.boards import NAME, board_of, calibrate_class, scale_class
 from iris_sysid.groundtruth.schemas import ClipDocument, MeasuredDocument
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.side_by_side import check_workers, side_by_side
 from iris_sysid.table_reading import read_track, read_trajectory
-from iris_sysid.types import Track, Trajectory
+from iris_sysid.types import Calibration, Track, Trajectory
 
 NOT_BY_BOARD = ("angle", "intensity")  # what a phenomenon measures without any scale
 
@@ -42,6 +44,11 @@ class ClipMeasurement:
         """The bodies in px, read back; empty for a clip that could not be tracked."""
         name = self.document.track
         return [] if name is None else read_track(self.folder / name)
+
+    def calibration(self) -> Calibration:
+        """That of its class by the board; without a board, pixels as they are."""
+        path = self.folder.parent / NAME
+        return read_calibration(path) if path.is_file() else uncalibrated()
 
 
 @dataclass(frozen=True, slots=True)
