@@ -31,7 +31,7 @@ def body(x, z, seed, valid=None):
 
 def struck(sign):
     """A cup on top, the second and first of the row, one that is seen too late, and the ball, in that order."""
-    ways = sign * simulate(MODELS["impact-chain"], T_S, VALUES | CONTACTS | START).observed
+    ways = sign * simulate(MODELS["impact-chain"], T_S, VALUES | START).observed
     hit = int(np.argmax(np.abs(ways[:, 1]) > 5 * NOISE))
     late = T_S > 0.5
     places = [(np.full(120, 0.05 * sign), 0.2), (ways[:, 2], 0.05), (ways[:, 1], 0.05), (np.full(120, -0.3), 0.05)]
