@@ -42,6 +42,12 @@ EXPERIMENTS = {
         np.arange(300) / 100,
     ),
     "stopping-block": ({"friction": 2.5, "s_0": 0.1, "v_0": 1.7}, np.arange(300) / 240),
+    "coasting-ball": ({"damping": 0.4, "s_0": 0.1, "v_0": 1.7}, np.arange(300) / 240),
+    "coupled-oscillators": (
+        {"stiffness_1": 7.8, "stiffness_2": 3.1, "damping_1": 0.04, "damping_2": 0.05, "coupling_1": 78.0}
+        | {"coupling_2": 32.0, "z1_0": 0.0, "z2_0": -0.14, "v1_0": -0.1, "v2_0": 0.0},
+        np.arange(500) / 60,
+    ),
     "slack-cord": (
         {"length": 0.5, "pivot_x": 0.1, "pivot_z": 0.7, "damping": 0.1}
         | {"x_0": 0.52, "z_0": 0.72, "vx_0": -0.1, "vz_0": 0.0},
