@@ -44,7 +44,7 @@ CLIPS = [
     Clip("phystrack/Projectile_Motion__60Deg_2_699mps.MP4", 1, ((201, 578),)),
     Clip("phystrack/SlidingFriction_R1.MP4", 1, ((109, 394),)),
     Clip("phystrack/SlidingFriction_R3.MP4", 1, ((82, 275),)),
-    Clip("phystrack/CaromPuck_HeadOn.MP4", 2, ((0, 9999), (0, 9999))),
+    Clip("phystrack/CaromPuck_HeadOn.MP4", 2, ((0, 751), (0, 276))),
     Clip("tracker_balltoss/BallToss.trz", 1, ((2, 12),)),
 ]
 
