@@ -14,7 +14,7 @@ import pandas as pd
 from fitters.compose import with_effects
 from fitters.ode import fit, simulate
 from iris_sysid._search import SINGLE_LEVEL
-from iris_sysid.diagnosis import diagnose
+from iris_sysid.diagnosis import Diagnosis, diagnose
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.scores import Screen, screen, shaped, significant_from
@@ -116,7 +116,7 @@ def hide(
         sign = float(rng.choice([-1.0, 1.0])) if first.lower < 0.0 else 1.0  # friction only brakes
         size = float(np.clip(sign * factor * detectable, first.lower, first.upper))
         sizes[first.name] = size
-        factors.append(abs(size) / detectable * _share_apart(effect.name, alone))
+        factors.append(abs(size) / detectable * share_apart(effect.name, alone))
     return effects, sizes, factors
 
 
@@ -125,8 +125,16 @@ def _in_some_shape(effect: Effect, clip: Trajectory, rng: np.random.Generator) -
     return shaped(effect, shapes[int(rng.integers(len(shapes)))])
 
 
-def _share_apart(name: str, alone: Screen) -> float:
-    """Of an effect's sensitivity, what the other effect hidden with it cannot imitate either."""
+def share_apart(name: str, alone: Screen) -> float:
+    """Of an effect's sensitivity, what the other effect hidden with it cannot imitate either.
+
+    Parameters
+    ----------
+    name
+        Which effect.
+    alone
+        The screen of all that are hidden, and no other.
+    """
     if name not in alone.visible:
         return 0.0
     others = [alone.cosine(name, other) for other in alone.scores if other != name]
@@ -176,16 +184,33 @@ def outcome(made: Hidden) -> Outcome | None:
         found = diagnose(made.trajectory, made.model)
     except FitError:
         return None
+    return outcome_of(found, made.names, made.sizes, made.factors, SETTINGS[made.model.name][1])
+
+
+def outcome_of(
+    found: Diagnosis, hidden: tuple[str, ...], sizes: Mapping[str, float], factors: tuple[float, ...], noise: float
+) -> Outcome:
+    """What was found, beside what was hidden.
+
+    Parameters
+    ----------
+    found
+        The diagnosis.
+    hidden, sizes, factors
+        Names of the effects, their sizes by parameter and over what is detectable.
+    noise
+        Of the measurement.
+    """
     classes = [{one.name, *found.indistinguishable[one.name]} for one in found.added]
     return Outcome(
-        model=made.model.name,
-        hidden=made.names,
-        factors=made.factors,
-        found=tuple(any(name in one for one in classes) for name in made.names),
-        off=tuple(_off(found.sizes.get(name), size) for name, size in made.sizes.items()),
+        model=found.base.model.name,
+        hidden=hidden,
+        factors=factors,
+        found=tuple(any(name in one for one in classes) for name in hidden),
+        off=tuple(_off(found.sizes.get(name), size) for name, size in sizes.items()),
         added=tuple(one.name for one in found.added),
-        wrong=tuple(one.name for one, names in zip(found.added, classes, strict=True) if not names & set(made.names)),
-        excess=found.after.fitted / SETTINGS[made.model.name][1],
+        wrong=tuple(one.name for one, names in zip(found.added, classes, strict=True) if not names & set(hidden)),
+        excess=found.after.fitted / noise,
     )
 
 
@@ -274,11 +299,18 @@ def main() -> None:
     outcomes, gone = in_all_cases(case, str(__doc__), 300)
     print(f"{len(outcomes)} cases; {gone} ran away or could not be fitted")
     print(table(outcomes).to_string(index=False))
+    print("\n".join(wrong_cases(outcomes)))
+
+
+def wrong_cases(outcomes: Sequence[Outcome]) -> list[str]:
+    """A line for each case with a wrong name, or without that of an effect above twice the detectable size."""
+    lines = []
     for one in outcomes:
         sizes = list(zip(one.hidden, one.factors, one.found, strict=True))
         if one.wrong or any(factor > 2 and not found for _, factor, found in sizes):
             hidden = ", ".join(f"{name} x {factor:.1f}" for name, factor, _ in sizes) or "nothing"
-            print(f"  {one.model}: hidden {hidden}; added {', '.join(one.added) or 'nothing'}")
+            lines.append(f"  {one.model}: hidden {hidden}; added {', '.join(one.added) or 'nothing'}")
+    return lines
 
 
 if __name__ == "__main__":
