@@ -228,7 +228,8 @@ def errors_of(clips: Sequence[Clip], state: State, holdout: float, parts: int = 
 
 
 def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    with np.errstate(over="ignore"):  # a prediction that runs away is infinitely wrong
+        return float(np.sqrt(np.mean(values**2)))
 
 
 def _prediction_error(clip: Clip, fitted: FitResult, holdout: float, parts: int) -> tuple[NDArray[np.intp], Array]:
