@@ -217,14 +217,14 @@ def _all_of(key: tuple[str, str], parts: Sequence[Candidate]) -> Candidate:
 
 def _chosen(tried: Sequence[Candidate], n_heldout: int) -> Choice:
     """Rank: held-out error first, then what the samples show, then BIC."""
-    best = min(one.heldout for one in tried)
+    fitted = [one for one in tried if np.isfinite(one.bic)] or tried  # to all samples, not only to the first
+    best = min(one.heldout for one in fitted)
     alike = best * (1.0 + 3.0 / np.sqrt(2.0 * max(n_heldout, 1)))  # three standard errors of a root mean square
-    near = sorted((one for one in tried if one.heldout <= alike), key=lambda one: (one.idle, one.bic))
-    equal = [
-        one for one in near if one.idle == near[0].idle and one.bic - near[0].bic <= STRONG / _independent(near[0])
-    ]
+    near = sorted((one for one in fitted if one.heldout <= alike), key=lambda one: (one.idle, one.bic))
+    strong = STRONG / _independent(near[0])
+    equal = [one for one in near if one.idle == near[0].idle and one.bic <= near[0].bic + strong]
     first = min(equal, key=lambda one: (one.count, one.unknowns, one.bic))
-    far = sorted((one for one in tried if one.heldout > alike), key=lambda one: one.heldout)
+    far = sorted((one for one in tried if one not in near), key=lambda one: one.heldout)
     ranking = (first, *(one for one in near if one is not first), *far)
     others = [one for one in ranking[1:] if one.model != first.model]
     heldout_margin = others[0].heldout / max(first.heldout, 1e-12) if others else np.inf

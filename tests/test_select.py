@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from fitters._candidates import Candidate
 from fitters._readings import circle_of, raw_of, readings
 from fitters.ode import simulate
-from fitters.select import select_model
+from fitters.select import _chosen, select_model
 from iris_sysid.errors import FitError
 from iris_sysid.registry import MODELS
 from iris_sysid.types import Quantity, Trajectory
@@ -171,3 +172,19 @@ def test_level_line_is_no_incline():
     assert "incline" not in {one.model for one in select_model(level).ranking}
     sloping = track(t_s, {"x": way * np.cos(0.2), "z": -way * np.sin(0.2)}, ["m", "m"])
     assert "incline" in {one.model for one in select_model(sloping).ranking}
+
+
+def candidate(model, heldout, bic):
+    return Candidate(model, "way", heldout, 1.0, bic, bool(np.isfinite(bic)), None, "", 5)
+
+
+def test_model_whose_fit_to_all_samples_failed_comes_after_those_that_were_fitted():
+    choice = _chosen([candidate("failed", 1.0, np.inf), candidate("fitted", 4.0, 30.0)], 5)
+    assert [one.model for one in choice.ranking] == ["fitted", "failed"]
+    assert choice.chosen.model == "fitted"
+
+
+def test_where_every_fit_failed_none_is_chosen():
+    choice = _chosen([candidate("worse", 2.0, np.inf), candidate("better", 1.0, np.inf)], 5)
+    assert choice.chosen is None
+    assert choice.nearest.model == "better"
