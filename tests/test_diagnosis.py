@@ -148,6 +148,13 @@ def test_document_and_page_say_the_same(dragged, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"diagnosis.json", "report.html", "residual.png", "state.png"}
 
 
+def test_clip_too_short_to_hold_any_out_says_so_on_the_page(tmp_path):
+    trajectory = swing({}, seed=4, n=14)
+    found = diagnose(trajectory, PENDULUM)
+    assert np.isnan(found.before.heldout)
+    assert "nothing could be held out" in write_diagnosis(found, trajectory, tmp_path).read_text()
+
+
 def test_trajectory_that_cannot_be_fitted_is_refused_with_the_reason():
     with pytest.raises(FitError, match="cannot be diagnosed, its fit failed \\(too-short\\)"):
         diagnose(swing({}, seed=0, n=5), PENDULUM)

@@ -160,9 +160,13 @@ def _clips_section(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> list[Se
 
 def _error_rows(diagnosis: Diagnosis) -> list[tuple[str, str, str, str]]:
     return [
-        (when, f"{errors.fitted:.4g}", f"{errors.heldout:.4g}", f"{diagnosis.noise_floor:.4g} {diagnosis.unit}")
+        (when, f"{errors.fitted:.4g}", _heldout_text(errors.heldout), f"{diagnosis.noise_floor:.4g} {diagnosis.unit}")
         for when, errors in (("before", diagnosis.before), ("after", diagnosis.after))
     ]
+
+
+def _heldout_text(error: float) -> str:
+    return f"{error:.4g}" if np.isfinite(error) else "nothing could be held out"
 
 
 def _proposed_section(diagnosis: Diagnosis) -> list[Section]:
