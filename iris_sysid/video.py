@@ -29,6 +29,8 @@ from iris_sysid.types import Frame
 
 # Pixels that may be decoded to sample a clip: 30 frames of 3840x2160, 120 of 1920x1080
 SAMPLING_PIXELS = 250_000_000
+# Pixels of a sample that are held in memory, beyond 9 frames: 13 frames of 3840x2160, 53 of 1920x1080
+HELD_PIXELS, HELD_FRAMES = 110_000_000, 9
 # A background needs this many different moments, or a third of those asked for
 FEWEST_KEY_FRAMES = 8
 GOLDEN = (math.sqrt(5) - 1) / 2
@@ -172,7 +174,8 @@ class Video:
 
         A small clip is decoded once. Of a large one, only key frames and a few frames after each are
         decoded, where it has enough key frames: their moments are then even to about half the distance of
-        key frames. At most ``count`` frames are held. ``index`` and times are those of :meth:`frames`.
+        key frames. At most ``count`` frames are held, fewer of a large clip: as many as 13 frames of 3840x2160, so
+        that the length of a clip does not count. ``index`` and times are those of :meth:`frames`.
 
         Raises
         ------
@@ -181,6 +184,7 @@ class Video:
         """
         if count < 1:
             raise VideoError(f"{self._source.label}: {count} frames to sample; ask for at least 1")
+        count = min(count, max(HELD_FRAMES, HELD_PIXELS // (self.width * self.height)))
         survey = self._source.survey()
         wanted = [k for k, (stamp, _) in enumerate(survey) if self._is_wanted(k, self._source.seconds(stamp))]
         if not wanted:

@@ -395,6 +395,16 @@ def test_sample_of_a_large_clip_with_few_key_frames_reads_it_through(tmp_path, m
     assert [frame.index for frame in open_video(path).sample(3)] == [10, 30, 50]
 
 
+@pytest.mark.parametrize("frames", [40, 200])
+def test_sample_of_large_pictures_holds_as_many_of_a_short_clip_as_of_a_long_one(tmp_path, monkeypatch, frames):
+    path = write_clip(tmp_path / "a.mp4", frames, options={"g": "4"})
+    monkeypatch.setattr(iris_sysid.video, "HELD_PIXELS", 13 * WIDTH * HEIGHT)
+    assert len(open_video(path).sample(40)) == 13
+    monkeypatch.setattr(iris_sysid.video, "HELD_PIXELS", 1)
+    assert len(open_video(path).sample(40)) == 9
+    assert len(open_video(path).sample(5)) == 5
+
+
 @pytest.mark.parametrize("count", [1, 2, 5, 16, 50])
 def test_sample_of_a_clip_of_unknown_length_is_even_and_bounded(tmp_path, count):
     found = [frame.index for frame in open_video(write_clip(tmp_path / "a.h264", 50), fps=30).sample(count)]

@@ -18,8 +18,7 @@ from trackers._sighting import Glimpse, Lens
 from trackers._uncover import usable_samples
 from trackers._view import View
 
-SAMPLES = 40  # frames from which the background is made
-FEWER_SAMPLES, LARGE = 25, 4_000_000  # when a frame has so many pixels: they are kept in memory
+SAMPLES = 40  # frames from which the background is made, fewer of a large clip
 MISSED_BY_LUMA = 0.1  # of what moves in colour: from here on colour is looked at too
 SHADED = 0.3  # of the body's area is added to it by luma: its shadow
 VIVID = 4.0  # times what is noise: so far from the background must its colour be
@@ -66,7 +65,7 @@ def background_of(samples: Samples, still: Still, usable: Flags | None) -> Backg
 
 def stage_of(video: FrameSource, view: View) -> Stage:
     """Background, noise and bounds from frames sampled over the clip; TrackingError when there are too few."""
-    samples = video.sample(SAMPLES if video.width * video.height < LARGE else FEWER_SAMPLES)
+    samples = video.sample(SAMPLES)
     if len(samples) < 3:
         raise TrackingError(
             f"the clip has {len(samples)} frame(s): motion shows against a background that takes at least 3"
