@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid import _local_fits as local
+from iris_sysid._lost_frames import lost_time
 from iris_sysid.arrays import Array, Mask
 from iris_sysid.types import Trajectory
 
@@ -38,18 +39,31 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Body:
-    """The samples that can be judged: found, and not in a hand."""
+    """The samples that can be judged: found, and not in a hand.
+
+    ``t_s`` are the video's times with those of frames that it lost given back, of which there are ``missing_s`` so far.
+    """
 
     t_s: Array
+    missing_s: Array
     position: Array
     scale: Array
     index: NDArray[np.int64]
     unit: str
 
+    @property
+    def stamp_s(self) -> Array:
+        """Times as the video has them."""
+        return self.t_s - self.missing_s
+
     def part(self, start: int, stop: int) -> Body:
         """The samples numbered ``start`` to ``stop - 1`` in the trajectory."""
-        inside = (self.index >= start) & (self.index < stop)
-        return replace(self, t_s=self.t_s[inside], position=self.position[inside], index=self.index[inside])
+        return self.only((self.index >= start) & (self.index < stop))
+
+    def only(self, chosen: Mask) -> Body:
+        """The samples that are chosen by a mask over its own."""
+        names = ("t_s", "missing_s", "position", "index")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
 
 def body_of(world: Trajectory, usable: Mask) -> Body:
@@ -61,7 +75,8 @@ def body_of(world: Trajectory, usable: Mask) -> Body:
     known = np.array([np.median(one[np.isfinite(one)]) if np.isfinite(one).any() else 0.0 for one in stated.T])
     smallest = 1e-9 * (np.ptp(position[index], axis=0).max() if index.size else 1.0) + np.finfo(float).tiny
     scale = np.maximum(np.maximum(scatter, known), smallest)
-    return Body(world.t_s[index], position[index], scale, index, world.quantities[0].unit)
+    missing_s = lost_time(world.t_s[index], position[index], scale)
+    return Body(world.t_s[index] + missing_s, missing_s, position[index], scale, index, world.quantities[0].unit)
 
 
 def runs(mask: Mask) -> list[tuple[int, int]]:
@@ -108,7 +123,7 @@ def _speed(inside: Body) -> tuple[int, Array, Array]:
 
 def _rest(inside: Body, start: int, stop: int, limit: float) -> Stretch:
     first, last = _while_in_place(inside, start, stop)
-    begin, end = inside.t_s[first], inside.t_s[last]
+    begin, end = inside.stamp_s[first], inside.stamp_s[last]
     text = f"speed below {limit:.2g} {inside.unit}/s from {begin:.3g} to {end:.3g} s"
     return Stretch(int(inside.index[first]), int(inside.index[last]) + 1, text)
 
@@ -183,7 +198,7 @@ def _impacts(body: Body, part: Stretch) -> list[Impact]:
     return [
         Impact(
             int(inside.index[step + 1]),
-            f"velocity jumps by {size:.3g} {body.unit}/s at {(inside.t_s[step] + inside.t_s[step + 1]) / 2:.3g} s",
+            f"velocity jumps by {size:.3g} {body.unit}/s at {inside.stamp_s[step : step + 2].mean():.3g} s",
         )
         for step, size in sorted(found.items())
     ]

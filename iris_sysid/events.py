@@ -6,11 +6,9 @@ constants serve a webcam and a 4K clip. They are quantiles, not settings.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from iris_sysid import _local_fits as local
 from iris_sysid._breaks import (
@@ -49,7 +47,8 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
       falls and is at least half as long as the longest, which the foot of the board ends.
 
     What comes before it is ``release`` and what follows ``contact``. A single sample that disagrees with neighbours
-    which agree with one another is marked not valid, and the reason of the motion says so.
+    which agree with one another is marked not valid, and the reason of the motion says so. Where frames were lost the
+    same motion goes on, ahead by their way: it is no release, and the reason says so.
 
     Parameters
     ----------
@@ -77,7 +76,7 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
     held = _held(frozen_mask(np.zeros(world.n) if hand is None else hand, world.n, "hand"))
     body = body_of(world, world.valid & ~held)
     outliers = _outliers(body, held)
-    body = replace(body, **{name: getattr(body, name)[~outliers] for name in ("t_s", "position", "index")})
+    body = body.only(~outliers)
     free = _between_hands(world, held)
     resting = [rest for part in free for rest in rests(body, part)]
     moving = [gap for part in free for gap in between(part, resting)]
@@ -85,10 +84,9 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
     motion = _choose(body, stretches, kind)
     if motion is None:
         raise DataError(_nothing_moves(world, held, resting))
-    gone = np.setdiff1d(np.flatnonzero(world.valid & ~held), body.index)
-    segments = _labelled(world, held, resting, impacts, motion, gone)
+    segments = _labelled(world, held, resting, impacts, motion, body)
     valid = world.valid.copy()
-    valid[gone] = False
+    valid[_left_out(world, body) & ~held] = False
     return world.with_(segments=tuple(segments), valid=valid)
 
 
@@ -174,8 +172,8 @@ def _straight(body: Body, one: Stretch) -> Stretch:
         return one
     part = straight_part(inside.t_s, inside.position, inside.scale)
     start, stop = int(inside.index[part.start]), int(inside.index[part.stop - 1]) + 1
-    begin = one.begin if start == inside.index[0] else f"{part.begin} at {inside.t_s[part.start]:.3g} s"
-    end = one.end if stop == inside.index[-1] + 1 else f"until {part.end} at {inside.t_s[part.stop - 1]:.3g} s"
+    begin = one.begin if start == inside.index[0] else f"{part.begin} at {inside.stamp_s[part.start]:.3g} s"
+    end = one.end if stop == inside.index[-1] + 1 else f"until {part.end} at {inside.stamp_s[part.stop - 1]:.3g} s"
     return Stretch(start, stop, begin, end)
 
 
@@ -191,9 +189,9 @@ def _without_strange_ends(body: Body, one: Stretch) -> Stretch:
     kept = inside.index[cut_start : inside.index.size - cut_end]
     begin, end = one.begin, one.end
     if cut_start:
-        begin = f"from {inside.t_s[cut_start]:.3g} s, where it comes onto its course"
+        begin = f"from {inside.stamp_s[cut_start]:.3g} s, where it comes onto its course"
     if cut_end:
-        end = f"until it leaves its course at {inside.t_s[-cut_end]:.3g} s"
+        end = f"until it leaves its course at {inside.stamp_s[-cut_end]:.3g} s"
     return Stretch(int(kept[0]), int(kept[-1]) + 1, begin, end)
 
 
@@ -215,12 +213,12 @@ def _labelled(
     resting: list[Stretch],
     impacts: list[Impact],
     motion: Stretch,
-    gone: NDArray[np.int64],
+    body: Body,
 ) -> list[Segment]:
     """Segments in time order: hand, rest and motion as found, what is left before motion release, after it contact."""
     found = [_hand_segment(world, start, stop) for start, stop in runs(held)]
     found += [Segment("rest", one.start, one.stop, one.begin) for one in resting]
-    found.append(Segment("motion", motion.start, motion.stop, _motion_reason(world, motion, gone)))
+    found.append(Segment("motion", motion.start, motion.stop, _motion_reason(world, motion, body)))
     found.sort(key=lambda one: one.start)
     seen = np.flatnonzero(world.valid)
     first, last = int(seen[0]), int(seen[-1]) + 1
@@ -237,13 +235,27 @@ def _hand_segment(world: Trajectory, start: int, stop: int) -> Segment:
     return Segment("hand", start, stop, f"something that reaches in from the edge of the picture touches it {until}")
 
 
-def _motion_reason(world: Trajectory, motion: Stretch, gone: NDArray[np.int64]) -> str:
+def _left_out(world: Trajectory, body: Body) -> Mask:
+    """Valid samples (n,) that are not among those of the body."""
+    left_out = world.valid.copy()
+    left_out[body.index] = False
+    return left_out
+
+
+def _motion_reason(world: Trajectory, motion: Stretch, body: Body) -> str:
+    inside = body.part(motion.start, motion.stop)
+    gone = np.flatnonzero(_left_out(world, body)[motion.start : motion.stop]) + motion.start
+    lost = 1 + np.flatnonzero(np.diff(inside.missing_s))
     reason = f"{motion.begin}; {motion.end}"
-    inside = gone[(gone >= motion.start) & (gone < motion.stop)]
-    if inside.size:
-        times = ", ".join(f"{world.t_s[k]:.3g}" for k in inside[:5]) + (", ..." if inside.size > 5 else "")
-        reason += f"; {inside.size} left out that disagree with their neighbours, at {times} s"
+    if gone.size:
+        reason += f"; {gone.size} left out that disagree with their neighbours, at {_times(world.t_s[gone])}"
+    if lost.size:
+        reason += f"; ahead by the way of a lost frame or more at {_times(inside.stamp_s[lost])}"
     return reason
+
+
+def _times(t_s: Array) -> str:
+    return ", ".join(f"{one:.3g}" for one in t_s[:5]) + (", ..." if t_s.size > 5 else "") + " s"
 
 
 def _left_over(start: int, stop: int, motion: Stretch, impacts: list[Impact]) -> list[Segment]:

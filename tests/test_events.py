@@ -243,6 +243,46 @@ def test_carrying_and_setting_down_are_not_part_of_the_slide():
     assert stop == 40
 
 
+# --------------------------------------------------------------------------- lost frames
+
+
+def without_frames(first, lost, position):
+    """Times of whole frames that run on over frames which are missing from the positions."""
+    left = np.delete(position, np.arange(first, first + lost), axis=0)
+    return np.arange(len(left)) / 60, left
+
+
+@pytest.mark.parametrize("lost", [1, 2, 3])
+@pytest.mark.parametrize("first", [2, 3, 5, 6, 7, 12, 20, 24])
+def test_frames_lost_in_a_slide_are_no_release_and_are_named(first, lost):
+    t_s = np.arange(30) / 60
+    slide = 3.0 * t_s[:, None] * [0.6, -0.8] * 100 + down_a_board(t_s, 0.0, 2000.0, np.arctan2(0.8, 0.6), 1e9)
+    stamps, left = without_frames(first, lost, slide)
+    got = segment(in_plane(stamps, left, 0.05, rng=np.random.default_rng([first, lost])), kind="slide")
+    assert motion(got) == (0, len(left))
+    assert f"ahead by the way of a lost frame or more at {stamps[first]:.3g} s" in reason(got)
+
+
+@pytest.mark.parametrize("first", [4, 6, 9, 15])
+def test_frame_lost_in_a_fall_is_no_release(first):
+    t_s = np.arange(40) / 60
+    ball, bounces = bouncing_ball(t_s, 900.0, 5000.0, launch=-300.0)
+    stamps, left = without_frames(first, 1, ball)
+    got = segment(in_plane(stamps, left, 0.05, rng=np.random.default_rng(first)), kind="flight")
+    start, stop = motion(got)
+    assert start == 0
+    assert abs(stamps[stop - 1] + 1 / 60 - bounces[0]) < 2.5 / 60
+
+
+@pytest.mark.parametrize("sigma", [0.02, 0.3])
+def test_frame_is_not_lost_at_a_release_nor_where_a_ball_bounces(sigma):
+    t_s = np.arange(240) / 240
+    ball, bounces = bouncing_ball(np.clip(t_s - 0.2, 0.0, None), 400.0, 9000.0)
+    got = segment(in_plane(t_s, ball, sigma, rng=np.random.default_rng(4)), kind="flight")
+    assert len(bounces) > 1
+    assert "lost" not in reason(got)
+
+
 # --------------------------------------------------------------------------- any, labels, bad input
 
 
