@@ -227,11 +227,11 @@ def case(seed: int, count: int) -> Outcome | None:
 
 
 def _off(found: Estimate | None, size: float) -> float:
-    """How far an estimate is off, in half-widths of its 95 % interval; NaN without one."""
+    """How far a size is from the middle of its 95 % interval, in half-widths; NaN without one."""
     if found is None:
         return float("nan")
     low, high = found.interval
-    return (found.value - size) / ((high - low) / 2)
+    return ((low + high) / 2 - size) / ((high - low) / 2)
 
 
 def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:

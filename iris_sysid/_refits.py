@@ -19,6 +19,8 @@ from iris_sysid.arrays import Mask
 from iris_sysid.scores import shaped
 from iris_sysid.types import Array, Effect, Estimate, FitResult, OdeModel, Trajectory
 
+HIGHEST = 0.95  # correlation from sample to sample that is allowed for
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Errors:
@@ -88,8 +90,14 @@ class State:
     @property
     def margin(self) -> float:
         """Cost that tells two states apart: twice the log of 20 : 1, more as correlation thins out the samples."""
-        correlation = max(abs(one.correlation) for one in self.fits)
-        return float(2 * np.log(20.0) * (1 + correlation) / max(1 - correlation, 0.05))
+        correlation = max(min(abs(one.correlation), HIGHEST) for one in self.fits)
+        return float(2 * np.log(20.0) * (1 + correlation) / (1 - correlation))
+
+    @property
+    def independent(self) -> float:
+        """How many independent samples these are worth: correlation thins them out."""
+        each = [(one.n * len(one.rms), min(abs(one.correlation), HIGHEST)) for one in self.fits]
+        return float(sum(samples * (1.0 - rho) / (1.0 + rho) for samples, rho in each))
 
     @property
     def names(self) -> frozenset[str]:

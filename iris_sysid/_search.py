@@ -14,6 +14,7 @@ from math import prod
 import numpy as np
 from scipy.stats import chi2
 
+from iris_sysid._companions import Companion, among, beside, companion
 from iris_sysid._refits import Clip, Errors, Starts, State, errors_of, pooled, refitted, sizes_of, standard_errors
 from iris_sysid._stated_errors import FEWEST, STANDS_OUT, stands_out
 from iris_sysid.reservations import why
@@ -241,22 +242,23 @@ class Search:
         return tuple(one for one in dict.fromkeys(names) if one not in final.names)
 
     def size(self, final: State, name: str) -> Estimate:
-        """A value over all clips, the choice between effects that explain the data as well in its error.
-
-        The unconditional standard error of Buckland, Burnham and Augustin (1997, Biometrics 53, 603), about the value
-        beside the effects that were added.
-        """
+        """A value over all clips, with what may be there instead, or as well, in its error."""
         as_good = [one for effect in final.effects for one in self._as_good(final, effect) if name in one.sizes]
-        chosen = pooled(sizes_of(final.fits, name))
-        others = [pooled(sizes_of(one.fits, name)) for one in as_good]
-        if not others or not chosen.stderr > 0:
-            return chosen
-        costs = np.array([final.cost, *(one.cost for one in as_good)])
-        weights = np.exp(-0.5 * (costs - costs.min()))
-        errors = [np.hypot(one.stderr, one.value - chosen.value) for one in (chosen, *others)]
-        wider = max(float(np.average(np.nan_to_num(errors), weights=weights)) / chosen.stderr, 1.0)
-        low, high = (chosen.value + wider * (end - chosen.value) for end in chosen.interval)
-        return replace(chosen, stderr=wider * chosen.stderr, ci95=(low, high))
+        others = [(pooled(sizes_of(one.fits, name)), one.cost - final.cost) for one in as_good]
+        return beside(among(pooled(sizes_of(final.fits, name)), others), self._companions(final, name))
+
+    def _companions(self, final: State, name: str) -> list[Companion]:
+        """What each effect that was not added would do to a size, if it were there with a sign that makes sense.
+
+        Those that the effect of that size cannot be told from are no company: they are named beside it.
+        """
+        own = next(one for one in final.effects if any(name == parameter.name for parameter in one.parameters))
+        found, alike = self.screened(final), self.equals(final, own)
+        asked = [
+            one for one in found.scores if one[0].effect not in alike and self._may_be(found.single(one[0].effect))
+        ]
+        each = [companion(one, name, final.independent) for one in asked]
+        return [one for one in each if one is not None]
 
     def _as_good(self, final: State, effect: Effect) -> list[State]:
         """The states with another effect in place of one of those added, that explain the data as well."""

@@ -46,8 +46,8 @@ class Diagnosis:
     """What a model lacks, if anything.
 
     ``bases`` and ``finals`` are fits to the same samples, one a clip, without and with the effects; ``added`` are
-    the effects in the order in which they were found, ``sizes`` by parameter name their size over all clips, with the
-    choice between effects that explain as much in its error.
+    the effects in the order in which they were found, ``sizes`` by parameter name their size over all clips, with what
+    else the library has that may be there instead, or as well, in its error.
     ``rounds`` hold the screen of each round, best first. ``indistinguishable`` names, for each effect added, those
     that explain the data as well. ``noise_floor`` is the noise of the measurement. ``proposed`` are terms without a
     named effect, for what is left above that floor. ``notes`` say what could not be asked, or answered, and why.

@@ -8,7 +8,7 @@ s' = s - J (J'J)^-1 J's is what the parameters cannot imitate, (s'r) / (s's') es
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -22,6 +22,7 @@ from iris_sysid.types import Array, Effect, FitResult, Trajectory
 
 ALIKE = 0.99  # cosine between projected sensitivities above which two effects cannot be told apart
 MOST_NUMBERS = 20_000_000  # in the directions; beyond, pairs are formed of each effect's best shape only
+SINGULAR = 1e-9  # of the largest singular value: the fitted parameters' own null directions
 HIDDEN = 1e-4  # share of a sensitivity that must be left after the parameters have taken theirs
 
 
@@ -33,7 +34,8 @@ class Score:
     sum of squares ``total``, in units of the noise, that it would take away; ``chi2`` is what that would take off
     the chi-square of white noise, with so many ``degrees`` of freedom. ``size`` and ``stderr`` are NaN when the data
     cannot show the effect. ``shape`` are the other parameters at their best, of ``tried`` sets of them. Below the size
-    ``stands_out`` it changes too little to be more than the errors that the track states may be.
+    ``stands_out`` it changes too little to be more than the errors that the track states may be. ``shifts`` say by how
+    much each fitted value changes when the effect is added, for each unit of its size.
     """
 
     effect: str
@@ -47,6 +49,7 @@ class Score:
     shape: tuple[float, ...] = ()
     tried: int = 1
     stands_out: float = 0.0
+    shifts: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def z(self) -> float:
@@ -58,7 +61,7 @@ class Score:
 class _Direction:
     """An effect in one shape: what the parameters cannot imitate of its sensitivity, as a unit vector and a length.
 
-    ``along`` is the residual's component.
+    ``along`` is the residual's component, ``shifts`` (k,) what each fitted value changes by for a unit of the effect.
     """
 
     effect: str
@@ -66,20 +69,23 @@ class _Direction:
     unit: Array
     length: float
     along: float
+    shifts: Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Residual:
     """What a fit leaves over, in units of the noise, and how it hangs together in time.
 
-    ``values`` (n, d); ``basis`` (n * d, k) orthonormal, spans what the fitted parameters can imitate; ``process``
-    one autoregression a quantity; ``stated`` (n, d) the errors that the track states, 0 where it states none; ``unit``
-    that of what is observed.
+    ``values`` (n, d); ``basis`` (n * d, k) orthonormal, spans what the k fitted values can imitate, ``solve`` (k, k)
+    takes a component along it to their values, ``free`` are their names; ``process`` one autoregression a quantity;
+    ``stated`` (n, d) the errors that the track states, 0 where it states none; ``unit`` that of what is observed.
     """
 
     t_s: Array
     values: Array
     basis: Array
+    solve: Array
+    free: tuple[str, ...]
     process: tuple[Autoregression, ...]
     stated: Array
     unit: str
@@ -88,29 +94,31 @@ class _Residual:
     def of(cls, fitted: FitResult, noise: Array, stated: Array) -> _Residual:
         values = fitted.residual[fitted.used] / noise
         jacobian = fitted.jacobian / noise.ravel()[:, None]
-        jacobian = jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+        scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+        jacobian = jacobian / scale
         shaped = jacobian.reshape(*values.shape, -1)
         t_s = fitted.t_s[fitted.used]
         process = random_uncertainty(t_s, values, shaped, inverse_normal(jacobian)).noise
-        return cls(t_s, values, np.linalg.qr(jacobian)[0], process, stated / noise, fitted.model.observed[0].unit)
+        basis, triangle = np.linalg.qr(jacobian)
+        solve = np.linalg.pinv(triangle, rcond=SINGULAR) / scale[:, None]
+        unit = fitted.model.observed[0].unit
+        return cls(t_s, values, basis, solve, tuple(fitted.free), process, stated / noise, unit)
 
     @property
     def total(self) -> float:
         """Sum of squares."""
         return max(float(np.sum(self.values**2)), 1e-300)
 
-    def apart(self, sensitivity: Array) -> tuple[Array, float, float]:
-        """What the parameters cannot imitate of a sensitivity (n, d): unit vector (n * d,), length; 0 for nothing.
-
-        And the residual's component along it.
-        """
+    def direction(self, effect: str, shape: tuple[float, ...], sensitivity: Array) -> _Direction:
+        """Of an effect's sensitivity (n, d) in one shape; of length 0 where the parameters can imitate it."""
         along = sensitivity.ravel()
-        left = along - self.basis @ (self.basis.T @ along)
+        imitated = self.basis.T @ along
+        left = along - self.basis @ imitated
         length = float(np.linalg.norm(left))
         if not np.isfinite(length) or length <= HIDDEN * float(np.linalg.norm(along)):
-            return np.zeros_like(along), 0.0, 0.0
+            return _Direction(effect, shape, np.zeros_like(along), 0.0, 0.0, np.zeros(len(self.free)))
         unit = left / length
-        return unit, length, float(unit @ self.values.ravel())
+        return _Direction(effect, shape, unit, length, float(unit @ self.values.ravel()), -self.solve @ imitated)
 
     def score(self, effect: Effect, directions: Sequence[_Direction], tried: int) -> Score:
         """The score of an effect in the shape that explains most; of NaN where it cannot be seen in any."""
@@ -130,6 +138,7 @@ class _Residual:
             degrees=degrees,
             shape=best.shape,
             stands_out=stands_out_from(best.length * best.unit.reshape(self.values.shape), self.stated),
+            shifts=dict(zip(self.free, best.shifts.tolist(), strict=True)),
         )
 
     def variance_along(self, direction: Array) -> float:
@@ -232,9 +241,7 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
     for effect in effects:
         shapes = list(effect.trials(residual.t_s, seen)) if effect.trials is not None else [()]
         along = [sensitivity(shaped(effect, shape), fitted, trajectory, motion) / noise for shape in shapes]
-        directions = [
-            _Direction(effect.name, shape, *residual.apart(one)) for shape, one in zip(shapes, along, strict=True)
-        ]
+        directions = [residual.direction(effect.name, *one) for one in zip(shapes, along, strict=True)]
         visible = [one for one in directions if one.length > 0]
         rows += visible
         scores[effect.name] = residual.score(effect, visible, len(shapes))
