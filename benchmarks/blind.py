@@ -252,16 +252,20 @@ def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
                 "error after / noise": f"{np.median([one.excess for one, _ in part]):.3f}" if part else "",
             }
         )
+    faint = [one for one in outcomes if one.hidden and max(one.factors) < 1.0]
     clean = [one for one in outcomes if not one.hidden]
-    rows.append(
-        {
-            "hidden size": "nothing hidden",
-            "effects": len(clean),
-            "wrong name in the case": percent([bool(one.wrong) for one in clean]),
-            "error after / noise": f"{np.median([one.excess for one in clean]):.3f}" if clean else "",
-        }
-    )
+    rows += [_cases("all below detectable", faint), _cases("nothing hidden", clean)]
     return pd.DataFrame(rows).fillna("")
+
+
+def _cases(label: str, cases: Sequence[Outcome]) -> dict[str, object]:
+    """A row about whole cases in place of effects."""
+    return {
+        "hidden size": label,
+        "effects": f"{len(cases)} cases",
+        "wrong name in the case": percent([bool(one.wrong) for one in cases]),
+        "error after / noise": f"{np.median([one.excess for one in cases]):.3f}" if cases else "",
+    }
 
 
 def percent(flags: Sequence[bool] | Array) -> str:
