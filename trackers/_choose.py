@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -116,11 +117,15 @@ def is_shadow(path: Path, body: Path) -> bool:
 
 def joined(bodies: list[Path], pieces: list[Path]) -> list[Path]:
     """The bodies, each with the pieces that can only be more of it, the best pieces first."""
+    known = [_known(body) for body in bodies]
     for piece in sorted(pieces, key=lambda path: -len(path.sightings)):
-        free = [body for body in bodies if not body.frames & piece.frames and _may_be(piece, body)]
+        frames = piece.frames
+        free = [k for k, one in enumerate(known) if not one.frames & frames and _may_be(piece, bodies[k], one)]
         if free:
-            nearest = min(free, key=lambda body: _gap_px(piece, body))
-            nearest.sightings = sorted([*nearest.sightings, *piece.sightings], key=lambda one: one.frame)
+            nearest = min(free, key=lambda k: _gap_px(piece, bodies[k]))
+            together = [*bodies[nearest].sightings, *piece.sightings]
+            bodies[nearest].sightings = sorted(together, key=lambda one: one.frame)
+            known[nearest] = _known(bodies[nearest])
     for body in bodies:
         body.sightings = _trimmed(_trimmed(body.sightings)[::-1])[::-1]
     return bodies
@@ -152,24 +157,37 @@ def _same(looks: dict[str, float], other: dict[str, float]) -> bool:
     return not opposite and all(abs(looks[name] - other[name]) < limit for name, limit in SAME.items())
 
 
-def _may_be(piece: Path, body: Path) -> bool:
+@dataclass(frozen=True, eq=False, slots=True)
+class _Known:
+    """Of a body's path: the frames in which it is seen, its looks, and the fastest that it goes, px/s."""
+
+    frames: set[int]
+    looks: dict[str, float]
+    fastest: float
+
+
+def _known(body: Path) -> _Known:
+    steps = np.linalg.norm(np.diff(body.xy, axis=0), axis=1) / np.diff([one.t_s for one in body.sightings])
+    return _Known(body.frames, _looks(body), float(np.max(steps)))
+
+
+def _may_be(piece: Path, body: Path, known: _Known) -> bool:
     """Whether a piece looks like the body and could be reached by it."""
-    if not _same(_looks(piece), _looks(body)):
+    if not _same(_looks(piece), known.looks):
         return False
     here, there = _ends(piece, body)
-    fastest = np.max(np.linalg.norm(np.diff(body.xy, axis=0), axis=1) / np.diff([s.t_s for s in body.sightings]))
-    allowed = SPEED_MARGIN * fastest * abs(here.t_s - there.t_s) + 2 * body.typical("radius")
+    allowed = SPEED_MARGIN * known.fastest * abs(here.t_s - there.t_s) + 2 * np.exp(known.looks["radius"])
     return bool(np.hypot(here.x - there.x, here.y - there.y) <= allowed)
 
 
 def _ends(piece: Path, body: Path) -> tuple[Sighting, Sighting]:
     """The sighting of the piece and that of the body between which the gap lies."""
-    before = [one for one in body.sightings if one.frame < piece.first.frame]
-    after = [one for one in body.sightings if one.frame > piece.last.frame]
-    gaps = [(piece.first, before[-1])] if before else []
-    gaps += [(piece.last, after[0])] if after else []
+    before = bisect_left(body.sightings, piece.first.frame, key=lambda one: one.frame)
+    after = bisect_right(body.sightings, piece.last.frame, key=lambda one: one.frame)
+    gaps = [(piece.first, one) for one in body.sightings[max(0, before - 1) : before]]
+    gaps += [(piece.last, one) for one in body.sightings[after : after + 1]]
     if not gaps:
-        return piece.first, min(body.sightings, key=lambda one: abs(one.frame - piece.first.frame))
+        return piece.first, body.first
     return min(gaps, key=lambda pair: abs(pair[0].frame - pair[1].frame))
 
 
@@ -185,6 +203,7 @@ def held_frames(path: Path, glimpses: Sequence[Glimpse]) -> set[int]:
     edge, larger than the body, is where the body or the hand was in the frame before.
     """
     seen = {one.frame: one for one in path.sightings}
+    larger = (BIGGER * path.typical("area"), HAND_SHARE * path.typical("radius"))
     held = {k for k, glimpse in enumerate(glimpses) if glimpse.frame in seen and seen[glimpse.frame].hand}
     for order in (range(len(glimpses)), range(len(glimpses) - 1, -1, -1)):
         place: Box | None = None
@@ -193,7 +212,7 @@ def held_frames(path: Path, glimpses: Sequence[Glimpse]) -> set[int]:
             if sighting is not None:
                 place = _round(sighting)
             elif place is not None:
-                hand = _hand_at(place, glimpses[k].intruders, path)
+                hand = _hand_at(place, glimpses[k].intruders, *larger)
                 place = hand.box if hand else None
                 held |= {k} if hand else set()
     return held | _between(held)
@@ -211,11 +230,10 @@ def _round(sighting: Sighting) -> Box:
     return (sighting.x - reach, sighting.y - reach, sighting.x + reach, sighting.y + reach)
 
 
-def _hand_at(place: Box, intruders: Sequence[Intruder], path: Path) -> Intruder | None:
-    """The first thing that reaches in there and is larger than the body."""
-    radius, area = path.typical("radius"), path.typical("area")
+def _hand_at(place: Box, intruders: Sequence[Intruder], area: float, inscribed: float) -> Intruder | None:
+    """The first thing that reaches in there and has more than that area, px, and inscribed radius, px."""
     for one in intruders:
         apart = one.box[0] > place[2] or one.box[2] < place[0] or one.box[1] > place[3] or one.box[3] < place[1]
-        if not apart and one.area > BIGGER * area and one.inscribed > HAND_SHARE * radius:
+        if not apart and one.area > area and one.inscribed > inscribed:
             return one
     return None
