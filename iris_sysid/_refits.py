@@ -19,6 +19,8 @@ from iris_sysid.arrays import Mask
 from iris_sysid.scores import shaped
 from iris_sysid.types import Array, Effect, Estimate, FitResult, OdeModel, Trajectory
 
+SAMPLES_A_VALUE = 2  # that a fit must have when others are held out
+MOST_MOVES = 4  # of an effect's shape to a better one nearby
 HIGHEST = 0.95  # correlation from sample to sample that is allowed for
 
 
@@ -132,17 +134,65 @@ def refitted(
     starts
         One a clip: of effects that are new, the size and the shape to begin with.
     """
-    fits = []
-    for clip, fitted, start in zip(clips, current.fits, starts, strict=True):
-        values = {**{name: one.value for name, one in fitted.estimates.items()}, **_values(effects, start)}
-        own = model
-        for effect in effects:
-            own = with_effect(own, shaped(effect, [values[one.name] for one in effect.parameters[1:]]))
-        open_now = {one.name for one in own.parameters if not one.constant} | {*fitted.free, *clip.free}
-        own_names = {one.name for one in own.parameters} | {f"{one.name}_0" for one in own.states}
-        begin = {name: values[name] for name in open_now & own_names if name in values and name not in clip.fixed}
-        fits.append(clip.refit(own, begin))
-    return State(tuple(fits), current.units, tuple(effects))
+    each = zip(clips, current.fits, starts, current.units, strict=True)
+    return State(tuple(_refitted(*one, model, effects) for one in each), current.units, tuple(effects))
+
+
+def _refitted(
+    clip: Clip, fitted: FitResult, start: Starts, unit: Array, model: OdeModel, effects: Sequence[Effect]
+) -> FitResult:
+    """One clip's fit, with each effect whose shape is chosen in the best of those around the one it begins with."""
+    found = _fit_from(clip, {**_estimates(fitted), **_values(effects, start)}, fitted.free, model, effects)
+    for effect in effects:
+        for _ in range(MOST_MOVES):
+            values = _in_better_shape(effect, clip, found, unit)
+            again = _fit_from(clip, values, fitted.free, model, effects) if values else found
+            if not again.usable or _misfit(clip, again, unit) >= _misfit(clip, found, unit):
+                break
+            found = again
+    return found
+
+
+def _fit_from(
+    clip: Clip, values: Mapping[str, float], free: Sequence[str], model: OdeModel, effects: Sequence[Effect]
+) -> FitResult:
+    """The fit of the model with effects, going on from these values, with what was free before free."""
+    own = model
+    for effect in effects:
+        own = with_effect(own, shaped(effect, [values[one.name] for one in effect.parameters[1:]]))
+    open_now = {one.name for one in own.parameters if not one.constant} | {*free, *clip.free}
+    own_names = {one.name for one in own.parameters} | {f"{one.name}_0" for one in own.states}
+    begin = {name: values[name] for name in open_now & own_names if name in values and name not in clip.fixed}
+    return clip.refit(own, begin)
+
+
+def _in_better_shape(effect: Effect, clip: Clip, found: FitResult, unit: Array) -> dict[str, float]:
+    """The values of a fit with the effect in the shape nearby that fits best, all else as it is; none if no other does."""
+    if effect.nearby is None or not found.usable:
+        return {}
+    values, names = _estimates(found), [one.name for one in effect.parameters[1:]]
+    shapes = effect.nearby(found.t_s[found.used], tuple(values[name] for name in names))
+    others = [{**values, **dict(zip(names, shape, strict=True))} for shape in shapes]
+    left = [_misfit(clip, found, unit, one) for one in [values, *others]]
+    best = int(np.argmin(left))
+    return others[best - 1] if best else {}
+
+
+def _misfit(clip: Clip, fitted: FitResult, unit: Array, values: Mapping[str, float] | None = None) -> float:
+    """Sum of squares of what the model leaves of all samples, also of those that the fit took for wild.
+
+    With other values where they are given.
+    """
+    used = np.flatnonzero(fitted.used)
+    stop, trajectory = int(used[-1]) + 1, clip.trajectory
+    predicted = _prediction_of(clip, fitted, values or _estimates(fitted), stop)
+    seen = trajectory.position[:stop, [trajectory.column(one.name) for one in fitted.model.observed]]
+    inside = trajectory.valid[:stop] & (np.arange(stop) >= used[0])
+    return float(np.nansum(((seen - predicted) / unit[:stop])[inside] ** 2))
+
+
+def _estimates(fitted: FitResult) -> dict[str, float]:
+    return {name: one.value for name, one in fitted.estimates.items()}
 
 
 def _values(effects: Sequence[Effect], start: Starts) -> dict[str, float]:
@@ -248,7 +298,7 @@ def _prediction_error(clip: Clip, fitted: FitResult, holdout: float, parts: int)
     unknown = np.zeros(1, dtype=np.intp), np.full((1, fitted.residual.shape[1]), np.nan)
     used = np.flatnonzero(fitted.used)
     later = used[(np.arange(len(used)) * parts / len(used)) % 1.0 >= 1.0 - holdout]
-    if len(used) - len(later) < 3 * len(fitted.free) or len(later) == 0:
+    if len(used) - len(later) < SAMPLES_A_VALUE * len(fitted.free) or len(later) == 0:
         return unknown
     trajectory = clip.trajectory
     kept = trajectory.valid.copy()
@@ -257,11 +307,16 @@ def _prediction_error(clip: Clip, fitted: FitResult, holdout: float, parts: int)
     part = replace(clip, trajectory=trajectory.with_(valid=kept)).refit(fitted.model, start)
     if not part.usable:
         return unknown
-    begin = int(np.searchsorted(trajectory.t_s, part.t0_s))
-    later = later[later >= begin]
-    span = slice(begin, used[-1] + 1)
-    values = {name: estimate.value for name, estimate in part.estimates.items()}
-    known = trajectory.inputs[span] if trajectory.inputs is not None else None
-    _, predicted = simulate(fitted.model, trajectory.t_s[span], values, inputs=known)
+    later = later[later >= int(np.searchsorted(trajectory.t_s, part.t0_s))]
     columns = [trajectory.column(quantity.name) for quantity in fitted.model.observed]
-    return later, np.asarray(trajectory.position[later][:, columns] - predicted[later - begin])
+    predicted = _prediction_of(clip, part, _estimates(part), used[-1] + 1)
+    return later, np.asarray(trajectory.position[later][:, columns] - predicted[later])
+
+
+def _prediction_of(clip: Clip, fitted: FitResult, values: Mapping[str, float], stop: int) -> Array:
+    """What the model of a fit predicts with these values for the first samples (stop, d), NaN before it begins."""
+    trajectory = clip.trajectory
+    begin = int(np.searchsorted(trajectory.t_s, fitted.t0_s))
+    known = trajectory.inputs[begin:stop] if trajectory.inputs is not None else None
+    _, predicted = simulate(fitted.model, trajectory.t_s[begin:stop], values, inputs=known)
+    return np.concatenate([np.full((begin, predicted.shape[1]), np.nan), predicted])

@@ -12,6 +12,7 @@ from iris_sysid.types import Discovery, Effect, Estimate, FitResult, PooledFit, 
 if TYPE_CHECKING:
     from iris_sysid.diagnosis import Diagnosis
 
+MUCH_WIDER = 1.5  # times the standard error that holds if nothing else is lacking, from which both are said
 UNEXPLAINED = 2.0  # times the noise: what is left is then plain to see, and is no error in the noise
 NOTEWORTHY = 0.2  # inclusion of a term that was not selected, from which on it is shown
 
@@ -144,10 +145,19 @@ def _proposed(diagnosis: Diagnosis) -> str:
 
 
 def _effect_text(effect: Effect, diagnosis: Diagnosis) -> str:
-    size = with_error(diagnosis.sizes[effect.parameters[0].name])
+    """The effect's name and size, when or where it acts, and what it cannot be told from."""
+    sizes = [diagnosis.sizes[one.name] for one in effect.parameters]
+    alone = diagnosis.final.estimates[effect.parameters[0].name]
+    parts = [with_error(sizes[0])]
+    if len(diagnosis.finals) == 1 and sizes[0].stderr > MUCH_WIDER * alone.stderr > 0:
+        parts.append(f"± {rounded(alone.value, alone.stderr)[1]} if nothing else is lacking")
+    for parameter, size in zip(effect.parameters[1:], sizes[1:], strict=True):
+        if parameter.unit in ("s", "{x}") and not parameter.constant:
+            parts.append(f"{parameter.name.replace('_', ' ')} {with_error(size)}")
     alike = diagnosis.indistinguishable.get(effect.name, ())
-    doubt = f", or as well {' or '.join(one.replace('-', ' ') for one in alike)}" if alike else ""
-    return f"{effect.name.replace('-', ' ')} ({size}{doubt})"
+    if alike:
+        parts.append(f"or as well {' or '.join(one.replace('-', ' ') for one in alike)}")
+    return f"{effect.name.replace('-', ' ')} ({', '.join(parts)})"
 
 
 def _angles(diagnosis: Diagnosis, value: float) -> str:

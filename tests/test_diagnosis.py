@@ -149,7 +149,7 @@ def test_document_and_page_say_the_same(dragged, tmp_path):
 
 
 def test_clip_too_short_to_hold_any_out_says_so_on_the_page(tmp_path):
-    trajectory = swing({}, seed=4, n=14)
+    trajectory = swing({}, seed=4, n=10)
     found = diagnose(trajectory, PENDULUM)
     assert np.isnan(found.before.heldout)
     assert "nothing could be held out" in write_diagnosis(found, trajectory, tmp_path).read_text()
@@ -181,6 +181,27 @@ def test_sudden_effect_is_found_where_it_acts(name, size, when):
     assert found.added[0].name == name
     assert found.final.estimates[moment].value == pytest.approx(when, abs=0.05)
     assert found.sizes[effect.parameters[0].name].value == pytest.approx(size, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("model", "values", "n", "lost", "noise"),
+    [
+        (PENDULUM, TRUTH, 600, 207, 5e-4),
+        (PENDULUM, TRUTH, 600, 450, 5e-5),
+        (PENDULUM, TRUTH, 3000, 1195, 5e-4),
+        (MODELS["incline"], {"acceleration": 6.7, "s_0": 0.0, "v_0": 0.4}, 22, 3, 1e-4),
+        (MODELS["incline"], {"acceleration": 6.7, "s_0": 0.0, "v_0": 0.4}, 22, 15, 1e-4),
+    ],
+)
+def test_frame_lost_is_found_in_its_interval_and_nothing_is_left(model, values, n, lost, noise):
+    seen = np.delete(simulate(model, np.arange(n + 1) / 60, values).observed, lost, axis=0)
+    seen = seen + noise * np.random.default_rng(lost).standard_normal(seen.shape)
+    t_s, valid = np.arange(n) / 60, np.ones(n, dtype=bool)
+    found = diagnose(Trajectory(t_s, model.observed, seen, np.full_like(seen, np.nan), valid), model)
+    assert [effect.name for effect in found.added] == ["dropped-frame"]
+    assert found.final.estimates["drop_time"].value == pytest.approx((lost - 0.5) / 60, abs=1e-6)
+    assert found.sizes["dropped_frame"].value == pytest.approx(1 / 60, rel=0.02)
+    assert found.after.fitted < (1.0 + 3.0 / np.sqrt(2 * n)) * noise
 
 
 def test_size_over_several_clips_is_that_of_all_and_more_certain():

@@ -128,10 +128,19 @@ def test_table_of_a_failed_fit_shows_no_nan(failed_fit):
 
 
 def a_diagnosis(
-    unit="rad", before=(0.01, 0.02), after=(0.005, 0.006), added=True, name="length", base_unit="m", notes=()
+    unit="rad",
+    before=(0.01, 0.02),
+    after=(0.005, 0.006),
+    added=True,
+    name="length",
+    base_unit="m",
+    notes=(),
+    stderr=0.001,
 ):
     drag = EFFECTS["quadratic-drag"]
-    size = {"quadratic_drag": Estimate(0.12, 0.001, "1/rad")}
+    size = {"quadratic_drag": Estimate(0.12, stderr, "1/rad")}
+    after_it = {name: Estimate(1.1, 0.01, base_unit), "quadratic_drag": Estimate(0.12, 0.001, "1/rad")}
+    final = SimpleNamespace(free=(name,), estimates=after_it)
     return SimpleNamespace(
         unit=unit,
         before=SimpleNamespace(fitted=before[0], heldout=before[1]),
@@ -143,7 +152,8 @@ def a_diagnosis(
         sizes=size,
         indistinguishable={"quadratic-drag": ("cubic-stiffness",)} if added else {},
         base=SimpleNamespace(model=MODELS["pendulum"], free=(name,), estimates={name: Estimate(1.0, 0.01, base_unit)}),
-        final=SimpleNamespace(free=(name,), estimates={name: Estimate(1.1, 0.01, base_unit)}),
+        final=final,
+        finals=(final,),
     )
 
 
@@ -153,6 +163,13 @@ def test_sentence_names_the_effect_its_doubles_the_errors_and_what_moved():
         "1.15° to 0.344°; the noise floor is 0.0573°. Length moves from 1.000 to 1.100 m. "
         "More is lacking: what is left is 5 times the noise."
     )
+
+
+def test_sentence_gives_both_errors_where_what_else_may_be_there_makes_the_size_much_less_sure():
+    assert "quadratic drag (0.120 ± 0.010 1/rad, ± 0.0010 if nothing else is lacking, or as well" in (
+        wording.diagnosis_sentence(a_diagnosis(stderr=0.01))
+    )
+    assert "if nothing else" not in wording.diagnosis_sentence(a_diagnosis(stderr=0.0012))
 
 
 def test_sentence_when_nothing_is_lacking():

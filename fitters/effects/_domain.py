@@ -15,6 +15,11 @@ def moves_on_a_line(model: OdeModel) -> bool:
     return model.second_order and len(model.states) == 2
 
 
+def slides(model: OdeModel) -> bool:
+    """Whether the model is of a body that moves along a board or a bench, where s is the way."""
+    return moves_on_a_line(model) and model.states[0].name == "s"
+
+
 def swings(model: OdeModel) -> bool:
     """Whether the model is of second order in one angle."""
     return moves_on_a_line(model) and model.states[0].unit == "rad"

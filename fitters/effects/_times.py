@@ -27,4 +27,9 @@ def moments(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
 
 def sudden(t_s: Array) -> float:
     """How long (s) something sudden lasts in a clip with these times (n,)."""
-    return WIDTH * float(np.median(np.diff(t_s)))
+    return WIDTH * frame_interval(t_s)
+
+
+def frame_interval(t_s: Array) -> float:
+    """The usual time (s) between two samples at these times (n,)."""
+    return float(np.median(np.diff(t_s)))

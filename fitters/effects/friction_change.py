@@ -1,0 +1,45 @@
+"""Dry friction that changes at a place on the way: a board of two surfaces, a seam, wax."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fitters.effects._domain import slides
+from fitters.effects._times import frame_interval
+from iris_sysid.types import Array, Effect, Parameter
+
+TURNOVER = 3e-2  # unit/s, as for coulomb-friction
+PLACES = 16  # tried, spread evenly over the way
+SLOWEST = 1e-9  # unit/s, so that a body at rest is on one surface or on the other
+
+
+def acceleration(
+    t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, float, float]
+) -> float:
+    """-c v / |v| beyond the place, smooth about v = 0, and over a frame interval on the way across."""
+    change, place, width = params
+    beyond = 0.5 * (1.0 + np.tanh((position - place) / (width * speed + SLOWEST)))
+    return -change * beyond * velocity / np.sqrt(speed * speed + TURNOVER * TURNOVER)
+
+
+def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
+    """Places within the way, its ends left out, and how long (s) it takes to get across."""
+    ends = np.linspace(np.nanmin(observed), np.nanmax(observed), PLACES + 2)
+    return [(float(place), frame_interval(t_s)) for place in ends[1:-1]]
+
+
+EFFECT = Effect(
+    name="friction-change",
+    summary="dry friction that changes at a place on the way",
+    equation=r"-c\,\dot x / |\dot x|\quad (x > x_c)",
+    source="Coulomb's law with a coefficient for each of two surfaces",
+    parameters=(
+        Parameter("friction_change", "{x}/s^2", "c", default=0.0),
+        Parameter("change_place", "{x}", "x_c", default=0.0),
+        Parameter("change_width", "s", "w_c", lower=1e-9, default=1.0, constant=True, source="frame interval"),
+    ),
+    applies=slides,
+    acceleration=acceleration,
+    alike="impact, where the rest of the way is short",
+    trials=trials,
+)
