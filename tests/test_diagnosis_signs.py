@@ -42,7 +42,7 @@ def test_throw_that_gains_energy_is_said_to_and_not_called_friction(hidden):
     assert not ONE_SIDED & {one for names in found.indistinguishable.values() for one in names}
     (note,) = [one for one in found.notes if "gain of energy" in one]
     assert name in note
-    assert float(note.partition(" of ")[2].split()[0]) == pytest.approx(size, rel=0.1)
+    assert float(note.partition(" of ")[2].split()[0]) == pytest.approx(size, rel=0.25)  # to first order
     assert "it is not named" in diagnosis_sentence(found)
 
 
