@@ -134,7 +134,7 @@ def _in_the_twins_shape(effect: Effect, clip: Trajectory, rng: np.random.Generat
     """An effect of the library in the one shape in which it can be hidden."""
     fixed = {"periodic-forcing": (2 * np.pi * FORCING_HZ, 0.0)}
     if effect.name == LOST:
-        fixed[LOST] = (float(rng.uniform(*np.quantile(clip.t_s, (0.2, 0.8)))), 2.0 / FPS)
+        fixed[LOST] = (float(rng.uniform(*np.quantile(clip.t_s, (0.2, 0.8)))), 1.0 / FPS)
     return replace(shaped(effect, fixed.get(effect.name, ())), trials=None)
 
 

@@ -7,8 +7,9 @@ s' = s - J (J'J)^-1 J's is what the parameters cannot imitate, (s'r) / (s's') es
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -16,7 +17,7 @@ from scipy.stats import norm
 
 from fitters._autoregression import Autoregression, grid_positions, on_grid
 from fitters._covariance import inverse_normal, middle, random_uncertainty
-from fitters.screen import motion_of, sensitivity
+from fitters.screen import Motion, motion_of, sensitivity
 from iris_sysid._stated_errors import stands_out_from, stated_errors, unit_noise
 from iris_sysid.types import Array, Effect, FitResult, Trajectory
 
@@ -240,9 +241,8 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
     scores, rows = {}, []
     for effect in effects:
         shapes = list(effect.trials(residual.t_s, seen)) if effect.trials is not None else [()]
-        along = [sensitivity(shaped(effect, shape), fitted, trajectory, motion) / noise for shape in shapes]
-        directions = [residual.direction(effect.name, *one) for one in zip(shapes, along, strict=True)]
-        visible = [one for one in directions if one.length > 0]
+        seen_in = partial(_direction_of, effect, residual, noise, fitted, trajectory, motion)
+        visible = _visible(effect, shapes, residual.t_s, seen_in)
         rows += visible
         scores[effect.name] = residual.score(effect, visible, len(shapes))
     return Screen(
@@ -253,6 +253,34 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
         np.array([one.length for one in rows]),
         np.array([one.along for one in rows]),
     )
+
+
+def _direction_of(
+    effect: Effect,
+    residual: _Residual,
+    noise: Array,
+    fitted: FitResult,
+    trajectory: Trajectory,
+    motion: Motion | None,
+    shape: tuple[float, ...],
+) -> _Direction:
+    along = sensitivity(shaped(effect, shape), fitted, trajectory, motion) / noise
+    return residual.direction(effect.name, shape, along)
+
+
+def _visible(
+    effect: Effect, shapes: Sequence[tuple[float, ...]], t_s: Array, seen_in: Callable[[tuple[float, ...]], _Direction]
+) -> list[_Direction]:
+    """The shapes that can be seen, and those near the best of them as long as one of these explains more."""
+    found = [one for one in map(seen_in, shapes) if one.length > 0]
+    best = max(found, key=lambda one: abs(one.along), default=None)
+    while effect.trials is not None and effect.nearby is not None and best is not None:
+        around = [one for one in map(seen_in, effect.nearby(t_s, best.shape)) if one.length > 0]
+        found += around
+        before, best = best, max([best, *around], key=lambda one: abs(one.along))
+        if best is before:
+            break
+    return found
 
 
 def shaped(effect: Effect, shape: Sequence[float]) -> Effect:

@@ -8,11 +8,34 @@ from fitters.effects._domain import any_model
 from fitters.effects._times import moments
 from iris_sysid.types import Array, Effect, Parameter
 
+FARTHEST = 8  # powers of two of frames by which a moment is moved
+
 
 def warp(t_s: Array, params: Array) -> Array:
-    """A delay from some time on, over a frame or two, so that the time can be estimated."""
+    """A delay from some time on, that grows over one frame interval: the sample before has none, that after has all."""
     delay, when, width = params
-    return np.asarray(t_s + 0.5 * delay * (1.0 + np.tanh((t_s - when) / abs(width))))
+    return np.asarray(t_s + delay * np.clip((t_s - when) / width + 0.5, 0.0, 1.0))
+
+
+def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
+    """Middles (s) of frame intervals spread evenly over the clip, and the length (s) of one."""
+    before = np.unique(np.searchsorted(t_s, [when for when, _ in moments(t_s, observed)])) - 1
+    return _shapes(t_s, t_s[before] + _interval(t_s) / 2)
+
+
+def nearby(t_s: Array, shape: tuple[float, ...]) -> list[tuple[float, ...]]:
+    """The middles of frame intervals before and after one, near and far."""
+    steps = 2 ** np.arange(FARTHEST)
+    return _shapes(t_s, shape[0] + _interval(t_s) * np.concatenate([-steps[::-1], steps]))
+
+
+def _interval(t_s: Array) -> float:
+    return float(np.median(np.diff(t_s)))
+
+
+def _shapes(t_s: Array, when: Array) -> list[tuple[float, ...]]:
+    inside = when[(when > t_s[0]) & (when < t_s[-1])]
+    return [(float(one), _interval(t_s)) for one in inside]
 
 
 EFFECT = Effect(
@@ -22,11 +45,12 @@ EFFECT = Effect(
     source="one lost frame is a delay of one over the frame rate",
     parameters=(
         Parameter("dropped_frame", "s", r"\delta", default=0.0),
-        Parameter("drop_time", "s", "t_d", default=0.0),
+        Parameter("drop_time", "s", "t_d", default=0.0, constant=True, source="the frame interval that fits best"),
         Parameter("drop_width", "s", "w_d", lower=1e-9, default=1.0, constant=True, source="frame interval"),
     ),
     applies=any_model,
     warp=warp,
     alike="impact",
-    trials=moments,
+    trials=trials,
+    nearby=nearby,
 )

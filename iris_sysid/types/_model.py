@@ -119,6 +119,7 @@ class Effect:
     ``alike`` names effects and parameters that do nearly the same, in words.
     ``trials(t_s (n,), observed (n, d))``, where given, returns the values of the parameters after the first to
     try, e.g. times at which something may have happened: at size zero nothing tells one from another.
+    ``nearby(t_s (n,), shape)``, where given, returns others around such values, which are then chosen, not fitted.
     """
 
     name: str
@@ -132,3 +133,4 @@ class Effect:
     warp: Callable[[Array, Array], Array] | None = None
     alike: str = ""
     trials: Callable[[Array, Array], Sequence[tuple[float, ...]]] | None = None
+    nearby: Callable[[Array, tuple[float, ...]], Sequence[tuple[float, ...]]] | None = None
