@@ -29,6 +29,7 @@ REFITTED = 4  # best of the screen that are refitted in each round, and of the p
 WORTH_REFITTING = 0.7  # of the chi-square that is significant; a refit can find more than the first order shows
 NEARLY = 0.2  # less of the gain to first order than another's; a refit can be that much better
 FAR_LESS = 0.6  # of the gain to first order of the best: no refit makes up for that
+MOST_NAMED = 3  # of the effects that what is left would take
 WRONG_SIGN = "but below zero that would be a gain of energy (or of water), so it is not named"
 TOO_FAINT = f"but that moves fewer than {FEWEST} samples by {STANDS_OUT:g} of their stated errors, so it is not named"
 SAMPLES_A_PART = 10  # of a clip that is cut into short parts, the ends of which are held out
@@ -124,8 +125,9 @@ def _would_take(scores: Sequence[Score], but: str) -> list[str]:
     """What would explain what is left, best first, in words, and why it is not named; nothing for none."""
     if not scores:
         return []
-    best, others = scores[0], ", ".join(one.effect for one in scores[1:])
-    like = f" (or the like of {others})" if others else ""
+    best, others = scores[0], [one.effect for one in scores[1:]]
+    more = f" and {len(others) - MOST_NAMED} more" if len(others) > MOST_NAMED else ""
+    like = f" (or the like of {', '.join(others[:MOST_NAMED])}{more})" if others else ""
     return [f"what is left would take {best.effect} of {best.size:.2g} {best.unit}{like}, {but}"]
 
 

@@ -14,7 +14,7 @@ from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
 from iris_sysid.types import Effect, Estimate, Parameter, Trajectory
-from iris_sysid.wording import diagnosis_sentence
+from iris_sysid.wording import diagnosis_sentence, with_error
 from tests._real_data import alexiev_length_68
 
 PENDULUM = MODELS["pendulum"]
@@ -145,6 +145,8 @@ def test_document_and_page_say_the_same(dragged, tmp_path):
     assert document.error.before.heldout > document.error.after.heldout
     page = write_diagnosis(found, trajectory, tmp_path).read_text()
     assert "Adding quadratic drag" in page
+    size = found.sizes["quadratic_drag"]
+    assert with_error(size) in page.partition(">Added<")[2].partition("</table>")[0]
     assert {path.name for path in tmp_path.iterdir()} == {"diagnosis.json", "report.html", "residual.png", "state.png"}
 
 
@@ -201,6 +203,7 @@ def test_frame_lost_is_found_in_its_interval_and_nothing_is_left(model, values, 
     assert [effect.name for effect in found.added] == ["dropped-frame"]
     assert found.final.estimates["drop_time"].value == pytest.approx((lost - 0.5) / 60, abs=1e-6)
     assert found.sizes["dropped_frame"].value == pytest.approx(1 / 60, rel=0.02)
+    assert f"drop time {(lost - 0.5) / 60:.4g}"[:-1] in diagnosis_sentence(found)
     assert found.after.fitted < (1.0 + 3.0 / np.sqrt(2 * n)) * noise
 
 

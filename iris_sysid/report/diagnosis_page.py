@@ -22,6 +22,7 @@ from iris_sysid.types import Array, FitResult, Trajectory
 
 FILES = ("diagnosis.json", "residual.png", "state.png", "report.html")
 MARKERS = ".x+1"  # of the observed quantities, in their order
+TITLES = {"the fit": "The fit", "before": "Before", "after": "After, if nothing else is lacking"}
 BEFORE, AFTER = "#D55E00", "#0072B2"  # Okabe and Ito (2008)
 
 
@@ -107,7 +108,8 @@ def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Page:
         pictures.append(Picture("state", png_of(state_figure(diagnosis)), caption))
     sections = [
         Section("Error before and after", ("", "#fitted", "#held out", "#noise floor"), _error_rows(diagnosis)),
-        *(estimates_section(one.capitalize(), wording.shown(fit), fit.model.equation) for fit, one in _fits(diagnosis)),
+        *_added_section(diagnosis),
+        *(estimates_section(TITLES[one], wording.shown(fit), fit.model.equation) for fit, one in _fits(diagnosis)),
         *_clips_section(diagnosis, clips),
         *_proposed_section(diagnosis),
         *(_round_section(k, scores) for k, scores in enumerate(diagnosis.rounds, start=1)),
@@ -126,6 +128,24 @@ def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Page:
         sections=sections,
         origin=clips[0].origin,
     )
+
+
+def _added_section(diagnosis: Diagnosis) -> list[Section]:
+    """Sizes of what was added, over all clips, with one more effect allowed for that the data do not show."""
+    rows = [
+        (
+            effect.name,
+            parameter.name,
+            wording.with_error(size),
+            wording.interval(size),
+            ", ".join(diagnosis.indistinguishable[effect.name]),
+        )
+        for effect in diagnosis.added
+        for parameter, size in ((one, diagnosis.sizes[one.name]) for one in effect.parameters)
+        if size.stderr > 0
+    ]
+    columns = ("effect", "value", "#± standard error", "#95 % interval, one more effect allowed for", "or as well")
+    return [Section("Added", columns, rows)] if rows else []
 
 
 def _fits(diagnosis: Diagnosis) -> list[tuple[FitResult, str]]:
