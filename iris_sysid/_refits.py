@@ -167,7 +167,7 @@ def _fit_from(
 
 
 def _in_better_shape(effect: Effect, clip: Clip, found: FitResult, unit: Array) -> dict[str, float]:
-    """The values of a fit with the effect in the shape nearby that fits best, all else the same; none where it is there."""
+    """The values of a fit with the effect in the shape nearby that fits best, all else the same; none if it does."""
     if effect.nearby is None or not found.usable:
         return {}
     values, names = _estimates(found), [one.name for one in effect.parameters[1:]]

@@ -152,7 +152,8 @@ def _effect_text(effect: Effect, diagnosis: Diagnosis) -> str:
     if len(diagnosis.finals) == 1 and sizes[0].stderr > MUCH_WIDER * alone.stderr > 0:
         parts.append(f"± {rounded(alone.value, alone.stderr)[1]} if nothing else is lacking")
     for parameter, size in zip(effect.parameters[1:], sizes[1:], strict=True):
-        if parameter.unit in ("s", "{x}") and not parameter.constant:
+        chosen = effect.nearby is not None and parameter is effect.parameters[1]
+        if parameter.unit in ("s", "{x}") and (chosen or not parameter.constant):
             parts.append(f"{parameter.name.replace('_', ' ')} {with_error(size)}")
     alike = diagnosis.indistinguishable.get(effect.name, ())
     if alike:

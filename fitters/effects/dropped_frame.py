@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitters.effects._domain import any_model
-from fitters.effects._times import moments
+from fitters.effects._times import frame_interval, moments
 from iris_sysid.types import Array, Effect, Parameter
 
 FARTHEST = 8  # powers of two of frames by which a moment is moved
@@ -20,22 +20,18 @@ def warp(t_s: Array, params: Array) -> Array:
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
     """Middles (s) of frame intervals spread evenly over the clip, and the length (s) of one."""
     before = np.unique(np.searchsorted(t_s, [when for when, _ in moments(t_s, observed)])) - 1
-    return _shapes(t_s, t_s[before] + _interval(t_s) / 2)
+    return _shapes(t_s, t_s[before] + frame_interval(t_s) / 2)
 
 
 def nearby(t_s: Array, shape: tuple[float, ...]) -> list[tuple[float, ...]]:
     """The middles of frame intervals before and after one, near and far."""
     steps = 2 ** np.arange(FARTHEST)
-    return _shapes(t_s, shape[0] + _interval(t_s) * np.concatenate([-steps[::-1], steps]))
-
-
-def _interval(t_s: Array) -> float:
-    return float(np.median(np.diff(t_s)))
+    return _shapes(t_s, shape[0] + frame_interval(t_s) * np.concatenate([-steps[::-1], steps]))
 
 
 def _shapes(t_s: Array, when: Array) -> list[tuple[float, ...]]:
     inside = when[(when > t_s[0]) & (when < t_s[-1])]
-    return [(float(one), _interval(t_s)) for one in inside]
+    return [(float(one), frame_interval(t_s)) for one in inside]
 
 
 EFFECT = Effect(
