@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import cv2
 import numpy as np
@@ -33,6 +34,7 @@ CORD_SHARE = 0.2  # of the inscribed radius: what is thinner is a cord
 TAIL = 0.03  # mean coverage, or fall of it, at which the outline has ended
 STEPS_APART = 6  # quarters of a px over which the coverage falls, or no longer does
 AXES, SMALLEST_STREAK = 4, 5.0  # directions in which an outline may be wide; px, half the thickness of the body
+COARSE = 3.0  # px of the reduced image: the standard deviation of a blur that is made at a reduced size
 WIDEST = 0.6  # of half the thickness of a body: half the width of the most blurred outline
 NARROWEST = 0.75  # px, half the width of the sharpest outline: half a pixel's diagonal
 
@@ -135,23 +137,29 @@ def _first_look(window: Window, depth: Image, rim: float, persistence: float) ->
 def _moments(window: Window, share: Image, variance: Image) -> Centre:
     """Centre and standard error from coverage and its variance."""
     area = max(float(share.sum()), 1e-9)
-    rows, columns = np.indices(share.shape, dtype=np.float64)
-    x, y = float((share * columns).sum() / area), float((share * rows).sum() / area)
+    columns, rows = (np.arange(size, dtype=np.float64) for size in share.shape[::-1])
+    x, y = float(share.sum(axis=0) @ columns) / area, float(share.sum(axis=1) @ rows) / area
     inside = window.core > 0
     border = np.concatenate([share[0], share[-1], share[:, 0], share[:, -1]])
     return Centre(
         x=x,
         y=y,
-        sigma_x=float(np.sqrt(((columns - x) ** 2 * variance).sum())) / area,
-        sigma_y=float(np.sqrt(((rows - y) ** 2 * variance).sum())) / area,
+        sigma_x=float(np.sqrt(variance.sum(axis=0, dtype=np.float64) @ (columns - x) ** 2)) / area,
+        sigma_y=float(np.sqrt(variance.sum(axis=1, dtype=np.float64) @ (rows - y) ** 2)) / area,
         area=area,
         sigma_area=float(np.sqrt(variance.sum())),
-        contrast=float(np.abs(window.image - window.background)[inside].max(axis=-1).mean()),
+        contrast=float(largest(np.abs(window.image - window.background))[inside].mean()),
         intensity=float(window.image[..., 0][inside].mean()),
         sigma_intensity=float(window.noise[..., 0][inside].mean() * np.sqrt(window.inflation / inside.sum())),
         cut=bool(border.max() > 0.5),
         bends=lobes(share, x, y, area),
     )
+
+
+def largest(image: Image) -> Image:
+    """The largest of the channels of an image (h, w, channels), pixel by pixel: faster than by np.max."""
+    planes = [image[..., channel] for channel in range(image.shape[-1])]
+    return np.asarray(reduce(np.maximum, planes))
 
 
 def _continued(window: Window, depth: Image, blur: float) -> tuple[Image, Image]:
@@ -160,14 +168,28 @@ def _continued(window: Window, depth: Image, blur: float) -> tuple[Image, Image]
     ``depth`` (h, w), px, is above 0 where a pixel is of the body alone. Its shading is followed by a polynomial, what
     is left by the mean of what is near.
     """
-    inner = np.clip(depth, 0.0, 1.0).astype(np.float32)[..., np.newaxis]
+    inner = np.clip(depth, 0.0, 1.0).astype(np.float32)
     weight = np.maximum(_blurred(inner, blur), np.float32(1e-6))
-    shade = _shading(window.image, inner[..., 0] > 0.5)
-    own = shade + np.divide(_blurred((window.image - shade) * inner, blur), weight, dtype=np.float32)
-    strength = np.sqrt((((own - window.background) / window.noise) ** 2).sum(axis=-1, keepdims=True))
-    seen = np.sqrt((((window.image - window.background) / window.noise) ** 2).sum(axis=-1, keepdims=True))
-    excess = np.divide(_blurred((seen - strength) * inner, blur), weight, dtype=np.float32)
-    return own, (strength + excess)[..., 0]
+    shade = _shading(window.image, inner > 0.5)
+    own: Image = shade + _blurred((window.image - shade) * _like(inner, shade), blur) / _like(weight, shade)
+    strength, seen = (_strength(image, window) for image in (own, window.image))
+    return own, np.add(strength, _blurred((seen - strength) * inner, blur) / weight, dtype=np.float32)
+
+
+def _like(plane: Image, image: Image) -> Image:
+    """A plane (h, w) once for each channel of an image; products are several times as fast so as by broadcasting."""
+    return np.asarray(cv2.merge([plane] * image.shape[-1])).reshape(image.shape)
+
+
+def _strength(image: Image, window: Window) -> Image:
+    """How far an image (h, w, channels) is off the background, in units of the noise (h, w)."""
+    off = (image - window.background) / window.noise
+    return np.sqrt(_inner(off, off), dtype=np.float32)
+
+
+def _inner(one: Image, other: Image) -> Image:
+    """Sum over the channels of the product of two images; several times as fast as by np.sum."""
+    return np.asarray(np.einsum("hwc,hwc->hw", one, other))
 
 
 def _shading(image: Image, inside: Flags) -> Image:
@@ -182,24 +204,41 @@ def _shading(image: Image, inside: Flags) -> Image:
     rows, columns = rows[thin], columns[thin]
     x0, y0, scale = columns.mean(), rows.mean(), max(1.0, float(np.ptp(columns)) / 2)
     terms = _terms((columns - x0) / scale, (rows - y0) / scale)
-    values = image[rows, columns].astype(np.float64)
-    best, left = values.mean(axis=0, keepdims=True), float(values.var(axis=0).sum())
+    values = np.ascontiguousarray(image[rows, columns].T, dtype=np.float64)  # (channels, n): quick to sum over n
+    best = values.mean(axis=1)[np.newaxis]
+    left = _mean_square(values - best.T)
     gram = terms.T @ terms + RIDGE * rows.size * np.eye(terms.shape[1])
-    moments = terms.T @ values
+    moments = (values @ terms).T
     for count in SHADINGS:
         if rows.size < FEWEST_A_TERM * count:
             break
         solved = np.linalg.solve(gram[:count, :count], moments[:count])
-        spread = float(((values - terms[:, :count] @ solved) ** 2).mean(axis=0).sum())
+        spread = _mean_square(values - solved.T @ terms[:, :count].T)
         if spread < (1 - EXPLAINED) * left:
             best, left = solved, spread
-    y, x = np.indices(image.shape[:2], dtype=np.float64)
-    near = (_terms((x - x0) / scale, (y - y0) / scale)[..., : len(best)] @ best).astype(np.float32)
-    return np.clip(near, values.min(axis=0), values.max(axis=0), dtype=np.float32)
+    across, down = ((np.arange(n) - middle) / scale for n, middle in zip(image.shape[1::-1], (x0, y0), strict=True))
+    limits = (np.tile(one.astype(np.float32), image.shape[1]) for one in (values.min(axis=1), values.max(axis=1)))
+    return np.clip(_polynomial(best, across, down), *limits).reshape(image.shape)
+
+
+def _mean_square(values: Array) -> float:
+    """Of values (channels, n), summed over the channels."""
+    return float(np.einsum("cn,cn->", values, values)) / values.shape[1]
 
 
 def _terms(u: Array, v: Array) -> Array:
     return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
+
+
+def _polynomial(best: Array, u: Array, v: Array) -> Image:
+    """The sum (h, w * channels) of the first of :func:`_terms` times their coefficients (terms, channels)."""
+    full = np.zeros((6, best.shape[1]))
+    full[: len(best)] = best
+    level, right, below, across, both, down = full
+    u = u[:, np.newaxis]
+    of_powers = np.stack([level + u * right + u * u * across, below + u * both, down + 0 * u])
+    powers = np.stack([np.ones_like(v), v, v * v], axis=1)
+    return powers.astype(np.float32) @ of_powers.reshape(3, -1).astype(np.float32)
 
 
 def _level_outside(window: Window, share: Image, beyond: Image) -> Image:
@@ -208,27 +247,34 @@ def _level_outside(window: Window, share: Image, beyond: Image) -> Image:
     ``beyond`` is negative outside of the outline; what covers much of a pixel there, a cord, does not count.
     """
     free = (beyond < 0) & (beyond > -OUTSKIRTS) & (np.abs(share) < FAINT) & (window.other == 0)
-    weight = free.astype(np.float32)[..., np.newaxis]
+    weight = free.astype(np.float32)
     blurred = np.maximum(_blurred(weight, OUTSKIRTS), np.float32(LEAST_FREE))
-    return np.divide(_blurred((window.image - window.background) * weight, OUTSKIRTS), blurred, dtype=np.float32)
+    off = window.image - window.background
+    return _blurred(off * _like(weight, off), OUTSKIRTS) / _like(blurred, off)
 
 
 def _blurred(image: Image, blur: float) -> Image:
-    """Image (h, w, channels) after a Gaussian blur of that standard deviation, px."""
-    return np.asarray(cv2.GaussianBlur(image, (0, 0), blur), dtype=np.float32).reshape(image.shape)
+    """Image (h, w, channels) after a Gaussian blur of that standard deviation, px; a wide one at a reduced size."""
+    height, width = image.shape[:2]
+    size = (-(-width // max(1, int(blur / COARSE))), -(-height // max(1, int(blur / COARSE))))
+    if size == (width, height):
+        return np.asarray(cv2.GaussianBlur(image, (0, 0), blur), dtype=np.float32).reshape(image.shape)
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    soft = cv2.GaussianBlur(small, (0, 0), blur * size[0] / width, sigmaY=blur * size[1] / height)
+    return np.asarray(cv2.resize(soft, (width, height), interpolation=cv2.INTER_LINEAR)).reshape(image.shape)
 
 
 def _share(window: Window, foreground: Image, strength: Image) -> tuple[Image, Image]:
     """Share of each pixel that the body covers, and its variance; by the core where brightness does not tell."""
     contrast = (foreground - window.background) / window.noise
     difference = (window.image - window.background) / window.noise
-    squared = np.maximum((contrast**2).sum(axis=-1), 1e-6)
+    squared = np.maximum(_inner(contrast, contrast), np.float32(1e-6))
     tells = strength > TELLING
     strength = np.maximum(strength, TELLING)
     low, high = ONE_SIDED
     mixed = np.clip((np.sqrt(squared) / strength - low) / (high - low), 0.0, 1.0)
-    signed = np.clip((contrast * difference).sum(axis=-1) / squared, *SHARE_RANGE)
-    unsigned = np.clip(np.sqrt((difference**2).sum(axis=-1)) / strength, *SHARE_RANGE)
+    signed = np.clip(_inner(contrast, difference) / squared, *SHARE_RANGE)
+    unsigned = np.clip(np.sqrt(_inner(difference, difference)) / strength, *SHARE_RANGE)
     share = np.where(tells, mixed * signed + (1 - mixed) * unsigned, window.core)
     variance = np.where(tells, (1 + (1 - mixed) ** 2) / strength**2, 1.0 / 12.0)
     near = cv2.dilate(window.core, np.ones((5, 5), np.uint8)) > window.other
@@ -267,8 +313,7 @@ def _without_cords(mask: Bytes) -> Bytes:
 def filled_round(mask: Bytes, seed: Bytes) -> Bytes:
     """The parts of ``mask`` that overlap ``seed``, their holes filled."""
     count, labels = cv2.connectedComponents(mask, connectivity=4)
-    keep = np.zeros(count, dtype=np.uint8)
-    keep[np.unique(labels[(seed > 0) & (mask > 0)])] = 1
+    keep = (np.bincount(labels[(seed > 0) & (mask > 0)], minlength=count) > 0).astype(np.uint8)
     contours, _ = cv2.findContours(keep[labels], cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return np.asarray(cv2.drawContours(np.zeros_like(mask), contours, -1, 1, cv2.FILLED), dtype=np.uint8)
 

@@ -41,12 +41,14 @@ def lobes(share: Image, x: float, y: float, area: float) -> tuple[float, ...]:
     x, y, area
         Its centre in these pixels, and its area.
     """
-    rows, columns = np.indices(share.shape, dtype=np.float64)
     radius = float(np.sqrt(area / np.pi))
-    distance = np.hypot(columns - x, rows - y)
-    near = (distance > INNER * radius) & (distance < OUTER * radius)
-    angle, weight = np.arctan2(rows - y, columns - x)[near], share[near] / (np.pi * radius)
-    return tuple(float((weight * wave(lobe * angle)).sum()) for lobe in LOBES for wave in (np.cos, np.sin))
+    across, down = np.arange(share.shape[1]) - x, np.arange(share.shape[0])[:, np.newaxis] - y
+    place = across + 1j * down
+    squared = across**2 + down**2
+    near = (squared > (INNER * radius) ** 2) & (squared < (OUTER * radius) ** 2) & (share != 0)
+    weight, direction = share[near] / (np.pi * radius), place[near] / np.sqrt(squared[near])
+    sums = [complex(weight @ direction**lobe) for lobe in LOBES]
+    return tuple(part for one in sums for part in (one.real, one.imag))
 
 
 def memory(frame: Array, xy_px: Array, bends: Array, radius_px: Array) -> list[tuple[float, float]]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from iris_sysid.types import Frame
 from trackers._background import Background, Bytes, Image
-from trackers._centroid import Centre, Window, coverage_centre, filled_round
+from trackers._centroid import Centre, Window, coverage_centre, filled_round, largest
 from trackers._foreground import CONTRAST_SHARES, SMALLEST_AREA, SQUARE, WEAK_SIGMAS, Core, padded
 from trackers._streak import streak_centre
 from trackers._view import View
@@ -226,9 +226,9 @@ def _level(difference: Image, mask: Bytes, other: Bytes) -> Image:
 def _sharpened(mask: Bytes, difference: Image, noise: Image, step: int) -> Bytes:
     """A mask found at reduced size, made right to the pixel."""
     near = cv2.dilate(mask, np.ones((2 * step + 1, 2 * step + 1), np.uint8))
-    level = np.abs(difference).max(axis=-1)
+    level = largest(np.abs(difference))
     faint = CONTRAST_SHARES[0] * float(np.percentile(level[mask > 0], 90))
-    body = (near > 0) & (level > np.maximum(faint, WEAK_SIGMAS * noise.max(axis=-1)))
+    body = (near > 0) & (level > np.maximum(faint, WEAK_SIGMAS * largest(noise)))
     return filled_round(body.astype(np.uint8), mask)
 
 
@@ -239,12 +239,13 @@ def _shaded(image: Image, background: Image, noise: Image) -> Bytes:
     """
     if image.shape[-1] < 3:
         return np.zeros(image.shape[:2], dtype=np.uint8)
-    smooth = np.asarray(cv2.blur(image, (3, 3)))
-    light = smooth[..., 0] / np.maximum(background[..., 0], 1.0)
-    expected = GREY + (background[..., 1:] - GREY) * light[..., np.newaxis]
-    allowed = np.maximum(COLOUR_SIGMAS * noise[..., 1:], COLOUR_FLOOR)
-    coloured = (np.abs(smooth[..., 1:] - expected) > allowed).any(axis=-1)
-    return ((light > DARKEST_SHADE) & (light < 1) & ~coloured).astype(np.uint8)
+    luma, *colours = cv2.split(cv2.blur(image, (3, 3)))
+    light = luma / np.maximum(background[..., 0], 1.0)
+    shaded = (light > DARKEST_SHADE) & (light < 1)
+    for channel, colour in enumerate(colours, start=1):
+        expected = GREY + (background[..., channel] - GREY) * light
+        shaded &= np.abs(colour - expected) <= np.maximum(COLOUR_SIGMAS * noise[..., channel], COLOUR_FLOOR)
+    return shaded.astype(np.uint8)
 
 
 def _without(mask: Bytes, shaded: Bytes) -> Bytes:
@@ -263,7 +264,7 @@ def _roundness(mask: Bytes) -> float:
 
 def _sharpness(window: Window) -> float:
     """Steepness of the outline: 90th percentile of the gradient of the difference, grey levels a px."""
-    level = np.abs(window.image - window.background).max(axis=-1)
+    level = largest(np.abs(window.image - window.background))
     across = cv2.Sobel(level, cv2.CV_32F, 1, 0, scale=1 / 8)
     down = cv2.Sobel(level, cv2.CV_32F, 0, 1, scale=1 / 8)
     near = cv2.dilate(window.core, np.ones((3, 3), np.uint8)) > 0

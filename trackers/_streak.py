@@ -16,7 +16,7 @@ from scipy.optimize import OptimizeResult, least_squares
 
 from iris_sysid.types import Array
 from trackers._background import MAD_TO_SD, Flags
-from trackers._centroid import Centre, Window
+from trackers._centroid import Centre, Window, largest
 
 SHORTEST = 0.5  # of the radius: after a shorter way the outline still shows the body
 SMALLEST = 15.0  # px, radius: of a smaller disc too few pixels tell shading, shadow and course apart
@@ -28,6 +28,7 @@ UNEXPLAINED = (
 )
 HOPELESS, DOUBTFUL = 0.15, 0.03  # the same of a fourth of the pixels, by the guess and by the first fit
 EVALUATIONS = 100
+FIRST, SOON = 3, 0.35  # evaluations, after which what is no streak has a shorter way than that; of the radius
 ROUGH, PRECISE = 1e-3, 1e-5  # relative change of the sum of squares at which a fit ends
 STEP = 1e-4  # relative, of numeric derivatives
 BLOCK = 16  # px: a coder moves and rounds squares of this size as one
@@ -105,7 +106,10 @@ def streak_centre(window: Window, centre: Centre) -> Centre:
     few = pixels.only((pixels.columns + pixels.rows) % THINNED == 0)
     if few.unexplained(guess) > HOPELESS:
         return centre
-    sweep = _sweep(_swept(few, guess, ROUGH).x)
+    sweep = _sweep(_swept(few, guess, ROUGH, FIRST).x)
+    if sweep.length < SOON * sweep.radius:
+        return centre
+    sweep = _sweep(_swept(few, sweep, ROUGH).x)
     if not sweep.is_streak or few.unexplained(sweep) > DOUBTFUL:
         return centre
     kept = pixels.only(_plain(pixels.left_over(sweep)))
@@ -128,12 +132,12 @@ def streak_centre(window: Window, centre: Centre) -> Centre:
 def _guess(window: Window) -> Sweep:
     """The sweep with the moments of what differs from the background."""
     near = cv2.dilate(window.core, np.ones((2 * FRINGE + 1, 2 * FRINGE + 1), np.uint8)) > window.other
-    level = np.abs((window.image - window.background) / window.noise).max(axis=-1)
+    level = largest(np.abs((window.image - window.background) / window.noise))
     usual = max(float(np.median(level[window.core > 0])), 1e-6)
-    weight = np.where(near, np.minimum(level / usual, 1.0), 0.0)
-    rows, columns = (np.asarray(one) for one in np.indices(weight.shape, dtype=np.float64))
+    rows, columns = (one.astype(np.float64) for one in np.nonzero(near))
+    weight = np.minimum(level[near] / usual, 1.0)
     x, y = (float(np.average(one, weights=weight)) for one in (columns, rows))
-    moments = np.cov(np.stack([columns[near], rows[near]]), aweights=weight[near])
+    moments = np.cov(np.stack([columns, rows]), aweights=weight)
     (narrow, wide), axes = np.linalg.eigh(moments)
     way = np.sqrt(12.0 * max(wide - narrow, 0.0)) * axes[:, 1]
     return Sweep(x, y, float(way[0]), float(way[1]), float(2.0 * np.sqrt(max(narrow, 0.25))))
@@ -183,7 +187,7 @@ def _plain(left_over: Array) -> Flags:
     return np.asarray((np.abs(left_over) < OUTLIER * spread).all(axis=1))
 
 
-def _swept(pixels: _Pixels, start: Sweep, enough: float) -> OptimizeResult:
+def _swept(pixels: _Pixels, start: Sweep, enough: float, evaluations: int = EVALUATIONS) -> OptimizeResult:
     """The numbers of the sweep that leaves least over."""
 
     def left_over(values: Vector) -> Vector:
@@ -191,7 +195,7 @@ def _swept(pixels: _Pixels, start: Sweep, enough: float) -> OptimizeResult:
 
     first = cast("Vector", start.values)
     steps = [STEP] * first.size
-    return least_squares(left_over, first, method="lm", diff_step=steps, ftol=enough, max_nfev=EVALUATIONS)
+    return least_squares(left_over, first, method="lm", diff_step=steps, ftol=enough, max_nfev=evaluations)
 
 
 def _covariance(pixels: _Pixels, found: OptimizeResult) -> Array:
