@@ -7,6 +7,8 @@ from iris_sysid.registry import TRACKERS
 from iris_sysid.types import TrackOptions
 from tests._drawn import DrawnClip, disc, paint
 from trackers._attention import merged
+from trackers._observe import stage_of
+from trackers._view import view_of
 
 SHAPE = (240, 2000)
 N = 16
@@ -30,7 +32,7 @@ def across(speed):
     return np.column_stack([150.3 + speed * np.arange(N), 120.7 + 30 * np.sin(np.arange(N) / 4)])
 
 
-@pytest.mark.parametrize(("radius", "speed"), [(40, 25.0), (40, 90.0), (12, 25.0)])
+@pytest.mark.parametrize(("radius", "speed"), [(80, 90.0), (40, 25.0), (40, 90.0), (12, 25.0)])
 def test_body_in_a_large_picture_is_found_where_it_is_drawn_in_one_pass(radius, speed):
     path = across(speed)
     clip = clip_of(path, radius)
@@ -38,6 +40,22 @@ def test_body_in_a_large_picture_is_found_where_it_is_drawn_in_one_pass(radius, 
     assert clip.decoded == N
     assert track.n_valid == N
     assert np.sqrt(np.mean((track.xy_px - path) ** 2)) < 0.1
+
+
+@pytest.mark.parametrize(("radius", "step"), [(80, 6), (40, 3)])
+def test_picture_is_searched_at_half_the_usual_size_where_the_body_is_large(radius, step):
+    clip = clip_of(across(90.0), radius)
+    assert stage_of(clip, view_of(clip, TrackOptions()), coarse=True).view.step == step
+
+
+def test_picture_with_a_small_body_beside_a_large_one_is_searched_at_the_usual_size():
+    path, small = across(90.0), disc((21, 21), 10, 10, 8, 8)
+    pictures = [one.copy() for one in clip_of(path, 80).pictures]
+    for (x, _), picture in zip(path, pictures, strict=True):
+        left = (int(x) + 300) % 1900
+        picture[10:31, left : left + 21] = np.rint(paint(picture[10:31, left : left + 21].astype(float), small, 180.0))
+    clip = DrawnClip(pictures)
+    assert stage_of(clip, view_of(clip, TrackOptions()), coarse=True).view.step == 3
 
 
 def test_large_body_that_comes_in_later_is_seen_within_three_frames():

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 
 from iris_sysid.errors import TrackingError
-from iris_sysid.types import FrameSource, TrackOptions
+from iris_sysid.types import Frame, FrameSource, TrackOptions
 from trackers._attention import Attention, watch_of
 from trackers._background import Background, Bytes, Flags, Still, noise_inflation, still_of
 from trackers._centroid import filled_round
 from trackers._foreground import Scene, cores, scene_of
 from trackers._samples import Samples
-from trackers._sighting import Glimpse, Lens
+from trackers._sighting import THINNEST_BODY, Glimpse, Lens
 from trackers._uncover import usable_samples
 from trackers._view import View
 
@@ -23,6 +24,7 @@ MISSED_BY_LUMA = 0.1  # of what moves in colour: from here on colour is looked a
 SHADED = 0.3  # of the body's area is added to it by luma: its shadow
 VIVID = 4.0  # times what is noise: so far from the background must its colour be
 MOSTLY = 0.5  # of the frames
+LARGE_ENOUGH, SPECKS = 12.0, 10  # px, inscribed radius at half the usual size; % of what moves that may be smaller
 AROUND = np.ones((5, 5), np.uint8)  # px about what moves: two more than its edge
 FEWEST_COLOURED = 20  # px that must move in colour for a frame to count
 REPORT_EVERY = 10  # frames between two calls of the progress function
@@ -63,13 +65,18 @@ def background_of(samples: Samples, still: Still, usable: Flags | None) -> Backg
     return Background(samples, usable, None, {step: Background(samples.reduced(step), usable, still)})
 
 
-def stage_of(video: FrameSource, view: View) -> Stage:
-    """Background, noise and bounds from frames sampled over the clip; TrackingError when there are too few."""
+def stage_of(video: FrameSource, view: View, coarse: bool = False) -> Stage:
+    """Background, noise and bounds from frames sampled over the clip; TrackingError when there are too few.
+
+    With ``coarse`` a large picture whose bodies are large is searched at half the usual size.
+    """
     samples = video.sample(SAMPLES)
     if len(samples) < 3:
         raise TrackingError(
             f"the clip has {len(samples)} frame(s): motion shows against a background that takes at least 3"
         )
+    if coarse and view.step > 1 and _shows_large(half := replace(view, coarser=2), samples):
+        view = half
     smalls = np.stack([view.with_chroma().searched(frame) for frame in samples])
     if view.chroma or luma_misses(smalls[:: 1 if view.step == 1 else 2]):  # fewer tell as much of large pictures
         view = view.with_chroma()
@@ -83,6 +90,15 @@ def stage_of(video: FrameSource, view: View) -> Stage:
         stage = stage.behind(usable)
     moving = [_covered(stage.scene, picture) for picture in smalls] if view.colour is not None else []
     return replace(stage, view=view.fitted(samples, moving))
+
+
+def _shows_large(view: View, samples: Sequence[Frame]) -> bool:
+    """Whether what moves is large at the size at which this view is searched, all but a few specks."""
+    stack = np.stack([view.with_chroma().searched(frame) for frame in samples])
+    scene = scene_of(still_of(stack))
+    moving = [core.inscribed for picture in stack for core in cores(scene, picture) if not core.held]
+    bodies = [inscribed for inscribed in moving if inscribed > THINNEST_BODY]
+    return len(bodies) > MOSTLY * len(stack) and float(np.percentile(bodies, SPECKS)) > LARGE_ENOUGH
 
 
 def luma_misses(stack: Bytes) -> bool:

@@ -18,7 +18,10 @@ WIDEST_DETECTION = 960  # px: wider pictures are searched at reduced size
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Region of the frame (px), whether colour counts, the colour wanted, and the reduction for detection."""
+    """Region of the frame (px), whether colour counts, the colour wanted, and the reduction for detection.
+
+    ``coarser`` is how many times smaller than usual a large picture is searched.
+    """
 
     left: int
     top: int
@@ -26,11 +29,13 @@ class View:
     height: int
     chroma: bool = False
     colour: Colour | None = None
+    coarser: int = 1
 
     @property
     def step(self) -> int:
         """How many pixels a side make one pixel of the search for bodies."""
-        return min(-(-self.width // WIDEST_DETECTION), self.height)
+        usual = -(-self.width // WIDEST_DETECTION)
+        return min(usual if usual == 1 else self.coarser * usual, self.height)
 
     @property
     def small_size(self) -> tuple[int, int]:

@@ -72,7 +72,7 @@ def _bodies(video: FrameSource, view: View, options: TrackOptions) -> tuple[list
     """What each frame shows and the paths of the bodies: each for itself, and if that misses some, all at once."""
     if options.bodies > FEW and options.colour is None:
         return _together(video, view, options)
-    stage = stage_of(video, view)
+    stage = stage_of(video, view, coarse=True)
     try:
         glimpses, paths = _look(video, stage, options)
         again = second_stage(stage, paths)
