@@ -32,7 +32,7 @@ def across(speed):
     return np.column_stack([150.3 + speed * np.arange(N), 120.7 + 30 * np.sin(np.arange(N) / 4)])
 
 
-@pytest.mark.parametrize(("radius", "speed"), [(80, 90.0), (40, 25.0), (40, 90.0), (12, 25.0)])
+@pytest.mark.parametrize(("radius", "speed"), [(76, 90.0), (40, 25.0), (40, 90.0), (12, 25.0)])
 def test_body_in_a_large_picture_is_found_where_it_is_drawn_in_one_pass(radius, speed):
     path = across(speed)
     clip = clip_of(path, radius)
@@ -42,7 +42,7 @@ def test_body_in_a_large_picture_is_found_where_it_is_drawn_in_one_pass(radius, 
     assert np.sqrt(np.mean((track.xy_px - path) ** 2)) < 0.1
 
 
-@pytest.mark.parametrize(("radius", "step"), [(80, 6), (40, 3)])
+@pytest.mark.parametrize(("radius", "step"), [(76, 6), (40, 3)])
 def test_picture_is_searched_at_half_the_usual_size_where_the_body_is_large(radius, step):
     clip = clip_of(across(90.0), radius)
     assert stage_of(clip, view_of(clip, TrackOptions()), coarse=True).view.step == step
@@ -50,7 +50,7 @@ def test_picture_is_searched_at_half_the_usual_size_where_the_body_is_large(radi
 
 def test_picture_with_a_small_body_beside_a_large_one_is_searched_at_the_usual_size():
     path, small = across(90.0), disc((21, 21), 10, 10, 8, 8)
-    pictures = [one.copy() for one in clip_of(path, 80).pictures]
+    pictures = [one.copy() for one in clip_of(path, 76).pictures]
     for (x, _), picture in zip(path, pictures, strict=True):
         left = (int(x) + 300) % 1900
         picture[10:31, left : left + 21] = np.rint(paint(picture[10:31, left : left + 21].astype(float), small, 180.0))
