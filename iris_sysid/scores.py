@@ -244,7 +244,8 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
         seen_in = partial(_direction_of, effect, residual, noise, fitted, trajectory, motion)
         visible = _visible(effect, shapes, residual.t_s, seen_in)
         rows += visible
-        scores[effect.name] = residual.score(effect, visible, len(shapes))
+        tried = len({*shapes, *(one.shape for one in visible)})
+        scores[effect.name] = residual.score(effect, visible, tried)
     return Screen(
         scores,
         tuple(one.effect for one in rows),
