@@ -32,7 +32,7 @@ def across(speed):
     return np.column_stack([150.3 + speed * np.arange(N), 120.7 + 30 * np.sin(np.arange(N) / 4)])
 
 
-@pytest.mark.parametrize(("radius", "speed"), [(76, 90.0), (40, 25.0), (40, 90.0), (12, 25.0)])
+@pytest.mark.parametrize(("radius", "speed"), [(76, 90.0), (76, 25.0), (40, 25.0), (40, 90.0), (12, 25.0)])
 def test_body_in_a_large_picture_is_found_where_it_is_drawn_in_one_pass(radius, speed):
     path = across(speed)
     clip = clip_of(path, radius)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackers._background import Flags
+from trackers._foreground import rounded
 from trackers._link import Path
 from trackers._observe import Stage
 
@@ -16,7 +17,7 @@ FEWEST_SAMPLES = 3  # that must show what is behind
 
 
 def second_stage(stage: Stage, paths: Sequence[Path]) -> Stage | None:
-    """The stage with the background seen when the bodies are elsewhere; None when it need not be.
+    """The stage with the background seen when the bodies are elsewhere; None when it shows nothing else.
 
     ``paths`` are the bodies as the first look gave them.
     """
@@ -26,7 +27,14 @@ def second_stage(stage: Stage, paths: Sequence[Path]) -> Stage | None:
     known = stage.lens.background.usable
     usable = free if known is None else free & known
     too_few = usable.sum(axis=0) < FEWEST_SAMPLES
-    return stage.behind(usable | (too_few if known is None else too_few & known))
+    again = stage.behind(usable | (too_few if known is None else too_few & known))
+    return again if _shows_another(stage, again) else None
+
+
+def _shows_another(stage: Stage, again: Stage) -> bool:
+    """Whether the background is another one by so much that the first one would take it for part of a body."""
+    still = again.lens.background.reduced(again.view.step).whole
+    return still is None or bool((stage.scene.excess(rounded(still.background)) > stage.scene.weak).any())
 
 
 def _free(stage: Stage, paths: Sequence[Path]) -> Flags:
