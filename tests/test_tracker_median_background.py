@@ -190,6 +190,13 @@ def test_body_that_rests_for_most_of_the_clip_is_found_moving_and_at_rest():
 ORANGE, WALL = (40.0, 110.0, 215.0), (150.0, 165.0, 170.0)  # blue, green, red
 
 
+def test_large_body_that_hardly_leaves_its_place_leaves_no_rim_of_itself_in_the_background():
+    shape = (180, 300)
+    path = swing(75, (150.0, 90.0), (50, 20), period=73.7)
+    (found,) = track(moving_disc(path, 40, shape, contrast=100, noise=3), TrackOptions())
+    assert np.sqrt(np.mean((found.xy_px - path) ** 2)) < 0.006
+
+
 def test_body_that_rests_before_a_floor_as_bright_as_itself_does_not_become_background():
     n, moving = 100, 30
     floor = np.full((*SHAPE, 3), 133.0)  # as bright as orange

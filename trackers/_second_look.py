@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackers._background import Flags
-from trackers._foreground import rounded
+from trackers._foreground import WEAK_FLOOR, WEAK_SIGMAS
 from trackers._link import Path
 from trackers._observe import Stage
 
@@ -33,8 +33,11 @@ def second_stage(stage: Stage, paths: Sequence[Path]) -> Stage | None:
 
 def _shows_another(stage: Stage, again: Stage) -> bool:
     """Whether the background is another one by so much that the first one would take it for part of a body."""
-    still = again.lens.background.reduced(again.view.step).whole
-    return still is None or bool((stage.scene.excess(rounded(still.background)) > stage.scene.weak).any())
+    before, after = (one.lens.background.reduced(one.view.step).whole for one in (stage, again))
+    if before is None or after is None:
+        return True
+    off = np.abs(after.background - before.background)
+    return bool((off > np.maximum(WEAK_SIGMAS * before.noise, WEAK_FLOOR)).any())
 
 
 def _free(stage: Stage, paths: Sequence[Path]) -> Flags:
