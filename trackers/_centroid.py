@@ -200,20 +200,20 @@ def _shading(image: Image, inside: Flags) -> Image:
     rows, columns = np.nonzero(inside)
     if rows.size == 0:
         return np.zeros_like(image)
-    thin = slice(None, None, max(1, rows.size // MOST_SHADED))
+    thin = slice(None, None, -(-rows.size // MOST_SHADED))
     rows, columns = rows[thin], columns[thin]
     x0, y0, scale = columns.mean(), rows.mean(), max(1.0, float(np.ptp(columns)) / 2)
     terms = _terms((columns - x0) / scale, (rows - y0) / scale)
     values = np.ascontiguousarray(image[rows, columns].T, dtype=np.float64)  # (channels, n): quick to sum over n
     best = values.mean(axis=1)[np.newaxis]
     left = _mean_square(values - best.T)
-    gram = terms.T @ terms + RIDGE * rows.size * np.eye(terms.shape[1])
-    moments = (values @ terms).T
+    gram = terms @ terms.T + RIDGE * rows.size * np.eye(len(terms))
+    moments = terms @ values.T
     for count in SHADINGS:
         if rows.size < FEWEST_A_TERM * count:
             break
         solved = np.linalg.solve(gram[:count, :count], moments[:count])
-        spread = _mean_square(values - solved.T @ terms[:, :count].T)
+        spread = _mean_square(values - solved.T @ terms[:count])
         if spread < (1 - EXPLAINED) * left:
             best, left = solved, spread
     across, down = ((np.arange(n) - middle) / scale for n, middle in zip(image.shape[1::-1], (x0, y0), strict=True))
@@ -227,7 +227,7 @@ def _mean_square(values: Array) -> float:
 
 
 def _terms(u: Array, v: Array) -> Array:
-    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=-1)
+    return np.stack([np.ones_like(u), u, v, u * u, u * v, v * v])
 
 
 def _polynomial(best: Array, u: Array, v: Array) -> Image:
@@ -295,19 +295,21 @@ def _signed_distance(share: Image, heart: Flags) -> Image:
     solid = np.maximum(share, heart.astype(np.float32))
     fine = (cv2.resize(solid, size, interpolation=cv2.INTER_LINEAR) > 0.5).astype(np.uint8)
     seed = cv2.resize(heart.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST)
-    fine = _without_cords(filled_round(fine, seed))
-    inside = cv2.distanceTransform(fine, cv2.DIST_L2, cv2.DIST_MASK_5)
+    fine, inside = _without_cords(filled_round(fine, seed))
     outside = cv2.distanceTransform(1 - fine, cv2.DIST_L2, cv2.DIST_MASK_5)
     signed = np.where(fine > 0, inside - 0.5, 0.5 - outside) / finer
     return np.asarray(cv2.resize(signed.astype(np.float32), (width, height), interpolation=cv2.INTER_AREA))
 
 
-def _without_cords(mask: Bytes) -> Bytes:
-    """The mask without parts thinner than a share of its thickness, its outline elsewhere as it was."""
-    depth = cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_5)
+def _without_cords(mask: Bytes) -> tuple[Bytes, Image]:
+    """The mask without parts thinner than a share of its thickness, its outline elsewhere as it was; its depth, px."""
+    depth = np.asarray(cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_5))
     cord = CORD_SHARE * float(depth.max())
     away = cv2.distanceTransform((depth < cord).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
-    return mask * (away < cord + 1.0).astype(np.uint8)
+    stout = mask * (away < cord + 1.0).astype(np.uint8)
+    if np.array_equal(stout, mask):
+        return mask, depth
+    return stout, np.asarray(cv2.distanceTransform(stout, cv2.DIST_L2, cv2.DIST_MASK_5))
 
 
 def filled_round(mask: Bytes, seed: Bytes) -> Bytes:

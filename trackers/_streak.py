@@ -160,10 +160,10 @@ class _Pixels:
         disc = sweep.terms(self.columns, self.rows)
         free = 1.0 - disc[0]
         x, y = (self.columns - sweep.x) / sweep.radius, (self.rows - sweep.y) / sweep.radius
-        terms = np.stack([*disc, free, free * x, free * y], axis=1)
+        terms = np.vstack([disc, free, free * x, free * y])
         shown = self.difference + self.background * disc[0][:, np.newaxis]
-        gram = terms.T @ terms + 1e-9 * len(x) * np.eye(terms.shape[1])
-        return shown - terms @ np.linalg.solve(gram, terms.T @ shown)
+        gram = terms @ terms.T + 1e-9 * len(x) * np.eye(len(terms))
+        return shown - terms.T @ np.linalg.solve(gram, terms @ shown)
 
     def unexplained(self, sweep: Sweep) -> float:
         """Share of the sum of squares of the difference that is left over."""
@@ -172,13 +172,13 @@ class _Pixels:
 
 def _pixels(window: Window, sweep: Sweep) -> _Pixels:
     """Those near a sweep on which there is nothing else."""
-    rows, columns = (np.asarray(one) for one in np.indices(window.core.shape, dtype=np.float64))
-    covered = sweep.terms(columns.ravel(), rows.ravel())[0].reshape(rows.shape) > 0
+    columns, rows = (np.arange(size, dtype=np.float64) for size in window.core.shape[::-1])
+    covered = sweep.terms(columns, rows[:, np.newaxis])[0] > 0
     near = cv2.dilate(covered.astype(np.uint8), np.ones((2 * FRINGE + 1, 2 * FRINGE + 1), np.uint8))
-    use = (near > 0) & (cv2.dilate(window.other, np.ones((3, 3), np.uint8)) == 0)
-    noise = np.asarray(window.noise[use].mean(axis=0), dtype=np.float64)
-    image, background = (np.asarray(one[use], dtype=np.float64) / noise for one in (window.image, window.background))
-    return _Pixels(columns.ravel()[use.ravel()], rows.ravel()[use.ravel()], image - background, background)
+    use = np.nonzero((near > 0) & (cv2.dilate(window.other, np.ones((3, 3), np.uint8)) == 0))
+    noise = window.noise[use].mean(axis=0, dtype=np.float64)
+    image, background = (one[use].astype(np.float64) / noise for one in (window.image, window.background))
+    return _Pixels(columns[use[1]], rows[use[0]], image - background, background)
 
 
 def _plain(left_over: Array) -> Flags:
