@@ -165,6 +165,23 @@ def test_two_discs_are_fitted_side_by_side():
         assert np.median(nearest.radius_px) == pytest.approx(radius, abs=0.03)
 
 
+@pytest.mark.parametrize("sway_px", [4.0, 7.0])
+def test_ball_that_hangs_at_rest_and_then_sways_less_than_its_radius_is_fitted_beside_one_that_swings(sway_px):
+    k = np.arange(120)
+    swings = np.column_stack([62.0 - 22.0 * np.abs(np.cos(k / 9)) * np.exp(-k / 150), np.full(k.size, 48.3)])
+    sways = np.where(k < 30, 0.0, np.abs(np.sin((k - 30) / 9))) * np.exp(-k / 200)
+    hangs = np.column_stack([85.4 + sway_px * sways, np.full(k.size, 47.8)])
+    pictures = [
+        paint(paint(PLAIN, disc(SHAPE, *a, 9), 210.0), disc(SHAPE, *b, 8), 200.0)
+        for a, b in zip(swings, hangs, strict=True)
+    ]
+    tracks = track(DrawnClip(noisy(pictures, 2.0)), TrackOptions(bodies=2))
+    for path in (swings, hangs):
+        nearest = min(tracks, key=lambda one: rms(one.xy_px - path))
+        assert nearest.n_valid == k.size
+        assert rms(nearest.xy_px - path) < 0.02
+
+
 def test_tiny_disc_is_found_without_bias():
     path = swing(60, CENTRE, (50, 20), period=57.3)
     found = one_track(moving_disc(path, 2.0, SHAPE))

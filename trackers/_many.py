@@ -16,13 +16,28 @@ from trackers._crowd import Placed, followed
 from trackers._foreground import SMALLEST_AREA, SQUARE, Core, padded
 from trackers._kinds import HALF_COVERED, behind, studied
 from trackers._link import Path
-from trackers._observe import REPORT_EVERY, Stage
+from trackers._observe import REPORT_EVERY, Stage, stage_of
 from trackers._portions import Shown, shown
 from trackers._sighting import THINNEST_BODY, Glimpse, Sighting, touches
+from trackers._view import View
 
 SEAM = 0.08  # radii: how well the line is known along which two touching bodies part, standard deviation
 ROUNDING = 0.5  # px, of the outline of a body, standard deviation
 SEEN = 0.6  # of its area: of a body that is hidden more, the centre is not known
+
+
+def together(video: FrameSource, view: View, options: TrackOptions) -> tuple[list[Glimpse], list[Path], View]:
+    """All bodies followed at once, told apart by colour where they differ in it; also how the clip was viewed.
+
+    Parameters
+    ----------
+    video, options
+        As for :func:`many`.
+    view
+        How to look at it; colour is added.
+    """
+    stage = stage_of(video, view.with_chroma())
+    return *many(video, stage, options), stage.view
 
 
 def many(video: FrameSource, stage: Stage, options: TrackOptions) -> tuple[list[Glimpse], list[Path]]:

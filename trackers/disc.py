@@ -1,13 +1,15 @@
 """Discs: centre and apparent radius of balls and round plates, by a model fitted to the pixels round them.
 
 A first pass finds where bodies are: those that move before a still background, or, where these are few (a ball
-that falls away from the camera does not move sideways, it gets smaller), circles that follow one another.
+that falls away from the camera does not move sideways, it gets smaller), circles that follow one another. Several
+bodies of which one is missed, as where it hangs so long in one place that it became background, are followed at once.
 A few frames teach the shading, the shutter and the noise. The second pass fits every frame.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -23,14 +25,16 @@ from trackers._disc_fit import DiscFit
 from trackers._disc_study import Lesson, Workshop, taught
 from trackers._impact import struck_within
 from trackers._link import Path
+from trackers._many import together
 from trackers._observe import Stage, observe, stage_of
 from trackers._scatter import with_scatter
 from trackers._sighting import Glimpse
 from trackers._view import view_of
 
-WELL_SEEN = 0.8  # of the frames: where a body is found less often, circles are looked for as well
+WELL_SEEN = 0.8  # of the frames: where a body is found less often, it is looked for in another way as well
 REPORT_EVERY = 10  # frames between two calls of the progress function
 EMPTY = (np.nan,) * 8
+_Followed = tuple[list[Glimpse], list[Path], TrackingError | None]  # what frames show, paths, why there are none
 PLANES = ("luma", "red difference", "blue difference")  # by Lesson.channel
 
 
@@ -60,12 +64,12 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         When the options do not fit the clip, or name an unknown colour.
     """
     stage = stage_of(video, view_of(video, options))
-    frames = stage.stack.frames
     rough = replace(stage, lens=replace(stage.lens, streaks=False))  # the second pass fits every disc
     glimpses = observe(video, rough, _half(options, 0))
     if not glimpses:
         raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
-    workshop, paths = _workshop(video, stage, frames, glimpses, options)
+    glimpses, paths, refusal = _followed(video, stage, glimpses, options)
+    workshop, paths = _workshop(video, stage, (glimpses, paths, refusal), options)
     fits: list[dict[int, DiscFit]] = [{} for _ in workshop.courses]
     for place, frame in enumerate(video.frames()):
         picture = workshop.view.picture(frame)
@@ -99,13 +103,35 @@ def _report(options: TrackOptions, done: int, expected: int) -> None:
         options.progress(done, expected)
 
 
+def _followed(video: FrameSource, stage: Stage, glimpses: list[Glimpse], options: TrackOptions) -> _Followed:
+    """The bodies that move before the background, each followed for itself; all at once where that misses one."""
+    paths: list[Path] = []
+    refusal = None
+    try:
+        paths = follow(glimpses, options.bodies, float(np.hypot(stage.view.width, stage.view.height)))
+    except TrackingError as found:
+        refusal = found
+    if options.bodies > 1 and options.colour is None and _least_seen(paths) < WELL_SEEN * len(glimpses):
+        with suppress(TrackingError):
+            others, joint, _ = together(video, stage.view, _half(options, 0))
+            if _least_seen(joint) > _least_seen(paths):
+                return others, joint, None
+    return glimpses, paths, refusal
+
+
+def _least_seen(paths: Sequence[Path]) -> int:
+    """Sightings of the body that has fewest; 0 where there is none."""
+    return min((len(path.sightings) for path in paths), default=0)
+
+
 def _workshop(
-    video: FrameSource, stage: Stage, frames: Sequence[Frame], glimpses: Sequence[Glimpse], options: TrackOptions
+    video: FrameSource, stage: Stage, followed: _Followed, options: TrackOptions
 ) -> tuple[Workshop, list[Path]]:
     """The courses that fit the sampled frames best, ready to be fitted; and the paths they follow, if any."""
-    by_motion, paths, refusal = _by_motion(stage, frames, glimpses, options)
-    seen = min((len(path.sightings) for path in paths), default=0)
-    if options.bodies > 1 or seen >= WELL_SEEN * len(glimpses):
+    glimpses, paths, refusal = followed
+    frames = stage.stack.frames
+    by_motion = _taught(stage, frames, [course_of(path, glimpses) for path in paths]) if paths else None
+    if options.bodies > 1 or _least_seen(paths) >= WELL_SEEN * len(glimpses):
         if by_motion is None:
             raise refusal or TrackingError("nothing moves in the clip")
         return by_motion, paths
@@ -116,18 +142,6 @@ def _workshop(
     if by_motion is None or (by_circles is not None and _shown(by_circles, frames) > _shown(by_motion, frames)):
         return by_circles, []  # type: ignore[return-value]  # one of the two is there
     return by_motion, paths
-
-
-def _by_motion(
-    stage: Stage, frames: Sequence[Frame], glimpses: Sequence[Glimpse], options: TrackOptions
-) -> tuple[Workshop | None, list[Path], TrackingError | None]:
-    """What the bodies that move before the background give, or why there are none."""
-    diagonal = float(np.hypot(stage.view.width, stage.view.height))
-    try:
-        paths = follow(glimpses, options.bodies, diagonal)
-    except TrackingError as refusal:
-        return None, [], refusal
-    return _taught(stage, frames, [course_of(path, glimpses) for path in paths]), paths, None
 
 
 def _taught(stage: Stage, frames: Sequence[Frame], courses: Sequence[Course]) -> Workshop:

@@ -18,7 +18,7 @@ from iris_sysid.errors import TrackingError
 from iris_sysid.types import FrameSource, Track, Tracker, TrackOptions
 from trackers._choose import follow
 from trackers._link import Path
-from trackers._many import many
+from trackers._many import together
 from trackers._masks import masked
 from trackers._observe import Stage, observe, stage_of
 from trackers._second_look import second_stage
@@ -71,7 +71,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
 def _bodies(video: FrameSource, view: View, options: TrackOptions) -> tuple[list[Glimpse], list[Path], View]:
     """What each frame shows and the paths of the bodies: each for itself, and if that misses some, all at once."""
     if options.bodies > FEW and options.colour is None:
-        return _together(video, view, options)
+        return together(video, view, options)
     stage = stage_of(video, view, coarse=True)
     try:
         glimpses, paths = _look(video, stage, options)
@@ -82,20 +82,14 @@ def _bodies(video: FrameSource, view: View, options: TrackOptions) -> tuple[list
         if options.bodies == 1 or options.colour is not None:
             raise
         with suppress(TrackingError):
-            return _together(video, view, options)
+            return together(video, view, options)
         raise
     if options.bodies > 1 and options.colour is None and _seen(paths) < options.bodies * len(glimpses):
         with suppress(TrackingError):
-            together = _together(video, view, options)
-            if _seen(together[1]) > _seen(paths):
-                return together
+            joint = together(video, view, options)
+            if _seen(joint[1]) > _seen(paths):
+                return joint
     return glimpses, paths, stage.view
-
-
-def _together(video: FrameSource, view: View, options: TrackOptions) -> tuple[list[Glimpse], list[Path], View]:
-    """All bodies followed at once, told apart by colour where they differ in it."""
-    stage = stage_of(video, view.with_chroma())
-    return *many(video, stage, options), stage.view
 
 
 def _seen(paths: Sequence[Path]) -> int:
