@@ -77,7 +77,9 @@ def _bodies(video: FrameSource, view: View, options: TrackOptions) -> tuple[list
         glimpses, paths = _look(video, stage, options)
         again = second_stage(stage, paths)
         if again is not None:
-            glimpses, paths = _look(video, again, options)
+            stage = again
+            del glimpses, paths, again  # a long clip's are held once only
+            glimpses, paths = _look(video, stage, options)
     except TrackingError:
         if options.bodies == 1 or options.colour is not None:
             raise
