@@ -8,7 +8,7 @@ from iris_sysid.types import BenchmarkClass, Phenomenon
 PHENOMENON = Phenomenon(
     name="two-moving-pendulum-one-static",
     summary="a ball on a cord strikes another that hangs at rest; the angle of each about the pivot that its arc shows",
-    tracker="median-background",
+    tracker="disc",
     model="pendulum-impact",
     observe=observe_pair,
     bodies=2,
