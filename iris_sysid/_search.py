@@ -16,8 +16,8 @@ from scipy.stats import chi2
 
 from iris_sysid._companions import Companion, among, beside, companion
 from iris_sysid._refits import Clip, Errors, Starts, State, errors_of, pooled, refitted, sizes_of, standard_errors
-from iris_sysid._stated_errors import FEWEST, STANDS_OUT, stands_out
-from iris_sysid.reservations import why
+from iris_sysid._stated_errors import stands_out
+from iris_sysid.reservations import TOO_FAINT, WRONG_SIGN, why, would_take
 from iris_sysid.scores import ALIKE, Score, Screen, combined, screen, significant_from
 from iris_sysid.types import Effect, Estimate, OdeModel
 
@@ -29,9 +29,6 @@ REFITTED = 4  # best of the screen that are refitted in each round, and of the p
 WORTH_REFITTING = 0.7  # of the chi-square that is significant; a refit can find more than the first order shows
 NEARLY = 0.2  # less of the gain to first order than another's; a refit can be that much better
 FAR_LESS = 0.6  # of the gain to first order of the best: no refit makes up for that
-MOST_NAMED = 3  # of the effects that what is left would take
-WRONG_SIGN = "but below zero that would be a gain of energy (or of water), so it is not named"
-TOO_FAINT = f"but that moves fewer than {FEWEST} samples by {STANDS_OUT:g} of their stated errors, so it is not named"
 SAMPLES_A_PART = 10  # of a clip that is cut into short parts, the ends of which are held out
 
 
@@ -115,20 +112,15 @@ class Screened:
             found.append(Candidate(pair, starts, degrees * share / (1.0 - share), needed))
         return sorted(found, key=lambda one: (-one.ratio, one.names))
 
+    def as_likely(self, name: str, margin: float) -> list[str]:
+        """Effects that to first order take as much off the chi-square as the one named, but for a margin."""
+        least = combined(self._scores_of(name)).chi2 - margin
+        return [one for one in self.names if combined(self._scores_of(one)).chi2 > least]
+
     def parallel(self, name: str) -> list[str]:
         """Effects whose sensitivity is parallel to that of the one named, in every clip."""
         others = [one for one in self.names if one != name]
         return [one for one in others if all(abs(each.cosine(name, one)) > ALIKE for each in self.screens)]
-
-
-def _would_take(scores: Sequence[Score], but: str) -> list[str]:
-    """What would explain what is left, best first, in words, and why it is not named; nothing for none."""
-    if not scores:
-        return []
-    best, others = scores[0], [one.effect for one in scores[1:]]
-    more = f" and {len(others) - MOST_NAMED} more" if len(others) > MOST_NAMED else ""
-    like = f" (or the like of {', '.join(others[:MOST_NAMED])}{more})" if others else ""
-    return [f"what is left would take {best.effect} of {best.size:.2g} {best.unit}{like}, {but}"]
 
 
 def two_sided(effect: Effect) -> Effect:
@@ -209,7 +201,7 @@ class Search:
         wrong = [combined(one) for one in asked if not self._may_be(found.single(one[0].effect))]
         faint = [combined(one) for one in asked if self._may_be(found.single(one[0].effect))]
         faint = [one for one in faint if abs(one.size) < one.stands_out]
-        return [*_would_take(wrong, WRONG_SIGN), *_would_take(faint, TOO_FAINT)]
+        return [*would_take(wrong, WRONG_SIGN), *would_take(faint, TOO_FAINT)]
 
     def _may_be(self, candidate: Candidate) -> bool:
         """Whether no effect that only takes energy away, or lets water out, has a size below zero."""
@@ -238,10 +230,16 @@ class Search:
 
     def equals(self, final: State, effect: Effect) -> tuple[str, ...]:
         """Effects that explain the data as well as one of those added, beside all the others."""
+        found = self.screened(self._without(final, effect))
+        likely = found.as_likely(effect.name, final.margin)
+        names = [*self._stand_ins(final, effect), *(one for one in likely if self._may_be(found.single(one)))]
+        return tuple(one for one in dict.fromkeys(names) if one not in final.names)
+
+    def _stand_ins(self, final: State, effect: Effect) -> list[str]:
+        """Effects that do as well when refitted in the place of one, and those whose sensitivity is parallel to its."""
         rivals = [one.effects[-1].name for one in self._as_good(final, effect)]
         found = self.screened(self._without(final, effect))
-        names = [*rivals, *(one for one in found.parallel(effect.name) if self._may_be(found.single(one)))]
-        return tuple(one for one in dict.fromkeys(names) if one not in final.names)
+        return [*rivals, *(one for one in found.parallel(effect.name) if self._may_be(found.single(one)))]
 
     def size(self, final: State, name: str) -> Estimate:
         """A value over all clips, with what may be there instead, or as well, in its error."""
@@ -255,7 +253,7 @@ class Search:
         Those that the effect of that size cannot be told from are no company: they are named beside it.
         """
         own = next(one for one in final.effects if any(name == parameter.name for parameter in one.parameters))
-        found, alike = self.screened(final), self.equals(final, own)
+        found, alike = self.screened(final), self._stand_ins(final, own)
         asked = [
             one for one in found.scores if one[0].effect not in alike and self._may_be(found.single(one[0].effect))
         ]

@@ -6,10 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from iris_sysid._stated_errors import FEWEST, STANDS_OUT
 from iris_sysid.scores import Score
 from iris_sysid.types import FitResult
 
-MOST_NAMED = 3  # clips with the same reservation; more are counted
+MOST_NAMED = 3  # clips, or effects, with the same reservation; more are counted
+WRONG_SIGN = "but below zero that would be a gain of energy (or of water), so it is not named"
+TOO_FAINT = f"but that moves fewer than {FEWEST} samples by {STANDS_OUT:g} of their stated errors, so it is not named"
 
 
 def reservations(bases: Sequence[FitResult], screened: Sequence[Score], failed: Sequence[str]) -> tuple[str, ...]:
@@ -31,6 +34,24 @@ def reservations(bases: Sequence[FitResult], screened: Sequence[Score], failed: 
     ]
     hidden = [f"{_clip(k, bases)}{text}" for k, one in enumerate(bases) if (text := _hidden_in_noise(one))]
     return (*_few(doubtful), *_few(hidden), *_unseen(screened), *failed)
+
+
+def would_take(scores: Sequence[Score], but: str) -> list[str]:
+    """Say what would explain what is left, and why it is not named; nothing for none.
+
+    Parameters
+    ----------
+    scores
+        Of the effects that would, best first.
+    but
+        Why, in words.
+    """
+    if not scores:
+        return []
+    best, others = scores[0], [one.effect for one in scores[1:]]
+    more = f" and {len(others) - MOST_NAMED} more" if len(others) > MOST_NAMED else ""
+    like = f" (or the like of {', '.join(others[:MOST_NAMED])}{more})" if others else ""
+    return [f"what is left would take {best.effect} of {best.size:.2g} {best.unit}{like}, {but}"]
 
 
 def gains(finals: Sequence[FitResult]) -> tuple[str, ...]:

@@ -244,7 +244,7 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
         seen_in = partial(_direction_of, effect, residual, noise, fitted, trajectory, motion)
         visible = _visible(effect, shapes, residual.t_s, seen_in)
         rows += visible
-        tried = len({*shapes, *(one.shape for one in visible)})
+        tried = len(shapes) if effect.nearby is None else residual.t_s.size  # the best of all, wherever it began
         scores[effect.name] = residual.score(effect, visible, tried)
     return Screen(
         scores,
