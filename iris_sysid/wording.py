@@ -12,6 +12,7 @@ from iris_sysid.types import Discovery, Effect, Estimate, FitResult, PooledFit, 
 if TYPE_CHECKING:
     from iris_sysid.diagnosis import Diagnosis
 
+MOST_NAMED = 5  # of the effects that one cannot be told from
 MUCH_WIDER = 1.5  # times the standard error that holds if nothing else is lacking, from which both are said
 UNEXPLAINED = 2.0  # times the noise: what is left is then plain to see, and is no error in the noise
 NOTEWORTHY = 0.2  # inclusion of a term that was not selected, from which on it is shown
@@ -157,7 +158,8 @@ def _effect_text(effect: Effect, diagnosis: Diagnosis) -> str:
             parts.append(f"{parameter.name.replace('_', ' ')} {with_error(size)}")
     alike = diagnosis.indistinguishable.get(effect.name, ())
     if alike:
-        parts.append(f"or as well {' or '.join(one.replace('-', ' ') for one in alike)}")
+        more = f" or {len(alike) - MOST_NAMED} more" if len(alike) > MOST_NAMED else ""
+        parts.append(f"or as well {' or '.join(one.replace('-', ' ') for one in alike[:MOST_NAMED])}{more}")
     return f"{effect.name.replace('-', ' ')} ({', '.join(parts)})"
 
 

@@ -172,6 +172,12 @@ def test_sentence_gives_both_errors_where_what_else_may_be_there_makes_the_size_
     assert "if nothing else" not in wording.diagnosis_sentence(a_diagnosis(stderr=0.0012))
 
 
+def test_sentence_counts_what_is_too_much_to_name():
+    found = a_diagnosis()
+    found.indistinguishable["quadratic-drag"] = tuple("abcdefg")
+    assert "or as well a or b or c or d or e or 2 more)" in wording.diagnosis_sentence(found)
+
+
 def test_sentence_when_nothing_is_lacking():
     at_the_noise = (0.001, 0.0011)
     assert wording.diagnosis_sentence(a_diagnosis("m", at_the_noise, at_the_noise, added=False)) == (
