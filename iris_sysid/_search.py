@@ -112,10 +112,9 @@ class Screened:
             found.append(Candidate(pair, starts, degrees * share / (1.0 - share), needed))
         return sorted(found, key=lambda one: (-one.ratio, one.names))
 
-    def as_likely(self, name: str, margin: float) -> list[str]:
-        """Effects that to first order take as much off the chi-square as the one named, but for a margin."""
-        least = combined(self._scores_of(name)).chi2 - margin
-        return [one for one in self.names if combined(self._scores_of(one)).chi2 > least]
+    def taking(self, chi2: float) -> list[str]:
+        """Effects that take more than this off the chi-square, to first order."""
+        return [one[0].effect for one in self.scores if combined(one).chi2 > chi2]
 
     def parallel(self, name: str) -> list[str]:
         """Effects whose sensitivity is parallel to that of the one named, in every clip."""
@@ -230,8 +229,9 @@ class Search:
 
     def equals(self, final: State, effect: Effect) -> tuple[str, ...]:
         """Effects that explain the data as well as one of those added, beside all the others."""
-        found = self.screened(self._without(final, effect))
-        likely = found.as_likely(effect.name, final.margin)
+        rest = self._without(final, effect)
+        found = self.screened(rest)
+        likely = found.taking(max(found.single(effect.name).chi2, rest.cost - final.cost) - final.margin)
         names = [*self._stand_ins(final, effect), *(one for one in likely if self._may_be(found.single(one)))]
         return tuple(one for one in dict.fromkeys(names) if one not in final.names)
 
