@@ -277,7 +277,7 @@ def errors_of(clips: Sequence[Clip], state: State, holdout: float, parts: int = 
     fits, later, weighed = state.fits, [], []
     for k, (clip, fitted, unit) in enumerate(zip(clips, fits, state.units, strict=True)):
         others = [one for j, one in enumerate(fits) if j != k]
-        shared = [one.parameters[0].name for one in state.effects] if others else []  # when and where is each clip's own
+        shared = [one.parameters[0].name for one in state.effects] if others else []  # moments are each clip's own
         given = {name: pooled(sizes_of(others, name)).value for name in shared}
         at, wrong = _prediction_error(replace(clip, fixed={**clip.fixed, **given}), fitted, holdout, parts)
         later.append(wrong.ravel())
