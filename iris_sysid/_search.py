@@ -228,18 +228,17 @@ class Search:
         return self._errors[key]
 
     def equals(self, final: State, effect: Effect) -> tuple[str, ...]:
-        """Effects that explain the data as well as one of those added, beside all the others."""
-        rest = self._without(final, effect)
-        found = self.screened(rest)
-        likely = found.taking(max(found.single(effect.name).chi2, rest.cost - final.cost) - final.margin)
-        names = [*self._stand_ins(final, effect), *(one for one in likely if self._may_be(found.single(one)))]
-        return tuple(one for one in dict.fromkeys(names) if one not in final.names)
+        """Effects that explain the data as well as one of those added, beside all the others.
 
-    def _stand_ins(self, final: State, effect: Effect) -> list[str]:
-        """Effects that do as well when refitted in the place of one, and those whose sensitivity is parallel to its."""
-        rivals = [one.effects[-1].name for one in self._as_good(final, effect)]
-        found = self.screened(self._without(final, effect))
-        return [*rivals, *(one for one in found.parallel(effect.name) if self._may_be(found.single(one)))]
+        When refitted in its place, by a parallel sensitivity, or by what they take off the chi-square to first order.
+        """
+        rest = self._without(final, effect)
+        rivals, found = self._as_good(final, effect), self.screened(rest)
+        enough = max(found.single(effect.name).chi2, rest.cost - final.cost) - final.margin
+        others = [*found.parallel(effect.name), *found.taking(enough)]
+        alike = [one for one in others if self._may_be(found.single(one))]
+        names = dict.fromkeys([*(one.effects[-1].name for one in rivals), *alike])
+        return tuple(one for one in names if one not in final.names)
 
     def size(self, final: State, name: str) -> Estimate:
         """A value over all clips, with what may be there instead, or as well, in its error."""
@@ -250,10 +249,10 @@ class Search:
     def _companions(self, final: State, name: str) -> list[Companion]:
         """What each effect that was not added would do to a size, if it were there with a sign that makes sense.
 
-        Those that the effect of that size cannot be told from are no company: they are named beside it.
+        Those whose sensitivity is parallel to that of its effect are no company: they are named beside it.
         """
         own = next(one for one in final.effects if any(name == parameter.name for parameter in one.parameters))
-        found, alike = self.screened(final), self._stand_ins(final, own)
+        found, alike = self.screened(final), self.screened(self._without(final, own)).parallel(own.name)
         asked = [
             one for one in found.scores if one[0].effect not in alike and self._may_be(found.single(one[0].effect))
         ]
