@@ -13,7 +13,6 @@ from pydantic import ValidationError
 
 from iris_sysid.errors import DataError, UnknownNameError
 from iris_sysid.files import json_text, write_atomic
-from iris_sysid.groundtruth.schemas import GROUND_TRUTH
 from iris_sysid.schemas import (
     DOCUMENTS,
     DiscoveryDocument,
@@ -49,6 +48,8 @@ Kind = TypeVar("Kind", bound=Document)
 
 def schema(name: str) -> dict[str, Any]:
     """The JSON Schema (2020-12) of the file of that name; UnknownNameError lists the names there are."""
+    from iris_sysid.groundtruth.schemas import GROUND_TRUTH  # here: it takes longer to load than all the others
+
     kinds = {**DOCUMENTS, **GROUND_TRUTH}
     if name not in kinds:
         raise UnknownNameError(f"no file is named {name!r}; there are: {', '.join(kinds)}")

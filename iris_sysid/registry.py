@@ -7,7 +7,9 @@ starts with ``_`` are helpers. Nothing else has to be edited to add one.
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import pkgutil
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -25,7 +27,10 @@ DISTRIBUTION = "iris-sysid"
 
 @dataclass(eq=False)
 class Registry(Mapping[str, Item], Generic[Item]):
-    """The items of one type that the modules of one package define, by name; found on first look-up."""
+    """The items of one type that the modules of one package define, by name; found on first look-up.
+
+    Of one item that is asked for by its name only the file is loaded that is called so.
+    """
 
     kind: str
     package: str
@@ -33,6 +38,8 @@ class Registry(Mapping[str, Item], Generic[Item]):
     _items: dict[str, Item] | None = None
 
     def __getitem__(self, name: str) -> Item:
+        if self._items is None and (alone := self._alone(name)) is not None:
+            return alone
         items = self._found()
         if name not in items:
             close = get_close_matches(name, items, n=1)
@@ -52,6 +59,15 @@ class Registry(Mapping[str, Item], Generic[Item]):
     def forget(self) -> None:
         """Look again at the next look-up, e.g. after a plugin file was added."""
         self._items = None
+
+    def _alone(self, name: str) -> Item | None:
+        """The item that the file of that name defines; None where there is no such file, or it defines another."""
+        check_ours(importlib.import_module(self.package))
+        file = f"{self.package}.{name.replace('-', '_')}"
+        if not re.fullmatch(r"[a-z][a-z0-9-]*", name) or importlib.util.find_spec(file) is None:
+            return None
+        item = self._item_of(importlib.import_module(file))
+        return item if item is not None and item.name == name else None
 
     def _found(self) -> dict[str, Item]:
         if self._items is None:

@@ -315,8 +315,11 @@ def _without_cords(mask: Bytes) -> tuple[Bytes, Image]:
 def filled_round(mask: Bytes, seed: Bytes) -> Bytes:
     """The parts of ``mask`` that overlap ``seed``, their holes filled."""
     count, labels = cv2.connectedComponents(mask, connectivity=4)
-    keep = (np.bincount(labels[(seed > 0) & (mask > 0)], minlength=count) > 0).astype(np.uint8)
-    contours, _ = cv2.findContours(keep[labels], cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    both = (seed > 0) & (mask > 0)
+    kept = mask  # of one part
+    if count > 2 or not both.any():
+        kept = (np.bincount(labels[both], minlength=count) > 0).astype(np.uint8)[labels]
+    contours, _ = cv2.findContours(kept, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return np.asarray(cv2.drawContours(np.zeros_like(mask), contours, -1, 1, cv2.FILLED), dtype=np.uint8)
 
 

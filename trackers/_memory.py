@@ -76,7 +76,8 @@ def memory(frame: Array, xy_px: Array, bends: Array, radius_px: Array) -> list[t
     pieces = [bends[useful][piece] for piece in _pieces(frame[useful])][:MOST_PIECES]
     if sum(len(piece) for piece in pieces) < FEWEST:
         return []
-    minus_twice = np.array([[_minus_restricted(pieces, first, second) for second in GRID[1]] for first in GRID[0]])
+    stacks = _stacked(pieces)
+    minus_twice = np.array([[_minus_restricted(stacks, first, second) for second in GRID[1]] for first in GRID[0]])
     weight = np.exp(-0.5 * (minus_twice - minus_twice.min()))
     weight /= weight.sum()
     shares = zip(GRID, (weight.sum(axis=1), weight.sum(axis=0)), strict=True)
@@ -113,26 +114,34 @@ def _pieces(frame: Array) -> list[slice]:
     return [slice(start, stop) for start, stop in cuts if stop - start >= PIECE[0]]
 
 
-def _minus_restricted(pieces: Sequence[Array], first: float, second: float) -> float:
+def _stacked(pieces: Sequence[Array]) -> list[Array]:
+    """Pieces of the same length together (k, n, 4), each with the powers of time that it may follow: (k, n, 7)."""
+    of_length = {n: [piece for piece in pieces if len(piece) == n] for n in sorted({len(piece) for piece in pieces})}
+    powers = {n: np.vander(np.linspace(-1, 1, n), DEGREE + 1) for n in of_length}
+    return [np.stack([np.column_stack([powers[n], one]) for one in same]) for n, same in of_length.items()]
+
+
+def _minus_restricted(stacks: Sequence[Array], first: float, second: float) -> float:
     """Minus twice the log restricted likelihood of those partial autocorrelations, the variances profiled out."""
     value = 0.0
-    for piece in pieces:
-        n = len(piece)
-        powers = np.vander(np.linspace(-1, 1, n), DEGREE + 1)
-        white = _whitened(np.column_stack([powers, piece]), first, second)
-        directions, triangle = np.linalg.qr(white[:, : DEGREE + 1])
-        left = white[:, DEGREE + 1 :] - directions @ (directions.T @ white[:, DEGREE + 1 :])
-        squares = (left**2).sum(axis=0).reshape(len(LOBES), 2).sum(axis=1)
+    for columns in stacks:
+        count, n, _ = columns.shape
+        white = _whitened(columns, first, second)
+        directions, triangle = np.linalg.qr(white[..., : DEGREE + 1])
+        seen = white[..., DEGREE + 1 :]
+        left = seen - directions @ (directions.transpose(0, 2, 1) @ seen)
+        squares = (left**2).sum(axis=1).reshape(count, len(LOBES), 2).sum(axis=-1)
+        sizes = np.abs(np.diagonal(triangle, axis1=1, axis2=2))
         # of the first two samples, whose variance is that of the process
-        logs = -2 * np.log(1 - second**2) - np.log(1 - first**2) + 2 * np.log(np.abs(np.diag(triangle))).sum()
+        logs = -count * (2 * np.log(1 - second**2) + np.log(1 - first**2)) + 2 * np.log(sizes).sum()
         value += 2 * float(len(LOBES) * logs + (n - DEGREE - 1) * np.log(squares).sum())
     return value
 
 
 def _whitened(columns: Array, first: float, second: float) -> Array:
-    """Prediction errors (n, c) of columns, over their standard deviation in units of the innovation's."""
+    """Prediction errors (k, n, c) of columns, over their standard deviation in units of the innovation's."""
     filtered = columns.copy()
-    filtered[0] *= np.sqrt((1 - first**2) * (1 - second**2))
-    filtered[1] = (columns[1] - first * columns[0]) * np.sqrt(1 - second**2)
-    filtered[2:] -= first * (1 - second) * columns[1:-1] + second * columns[:-2]
+    filtered[:, 0] *= np.sqrt((1 - first**2) * (1 - second**2))
+    filtered[:, 1] = (columns[:, 1] - first * columns[:, 0]) * np.sqrt(1 - second**2)
+    filtered[:, 2:] -= first * (1 - second) * columns[:, 1:-1] + second * columns[:, :-2]
     return filtered

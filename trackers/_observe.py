@@ -157,7 +157,8 @@ def observe(video: FrameSource, stage: Stage, options: TrackOptions) -> list[Gli
     glimpses: list[Glimpse] = []
     attention = stage.attention()
     for frame in video.frames():
-        glimpses.append(stage.lens.glimpse(frame, *attention.cores(frame)))
+        before = glimpses[-1].sightings if glimpses else ()
+        glimpses.append(stage.lens.glimpse(frame, *attention.cores(frame), before))
         if options.progress is not None and len(glimpses) % REPORT_EVERY == 0:
             options.progress(len(glimpses), video.n_expected)
     if options.progress is not None:

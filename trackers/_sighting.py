@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -24,6 +25,7 @@ GREY = 128.0  # grey level of a colour plane where there is no colour
 COLOUR_SIGMAS, COLOUR_FLOOR = 3.0, 3.0  # floor in grey levels: by so much a shadow's colour may be off
 MOSTLY_BODY = 0.5  # of the inscribed radius: deeper than that lies the body
 ROUNDER = 1.15  # times as round must a body be without what may be its shadow
+STILL = 0.4  # of the radius: what moved less since the frame before is no streak
 LARGE_RADIUS = 24.0  # px, inscribed: what is larger is measured in larger pixels, which tell its centre as well
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom, px
@@ -106,11 +108,16 @@ class Lens:
     inflation: float
     streaks: bool = True
 
-    def glimpse(self, frame: Frame, bodies: list[Core], things: list[Core]) -> Glimpse:
-        """Look at each body closely; ``things`` are the cores of whatever moves, bodies and hands."""
+    def glimpse(
+        self, frame: Frame, bodies: list[Core], things: list[Core], before: Sequence[Sighting] = ()
+    ) -> Glimpse:
+        """Look at each body closely.
+
+        ``things`` are the cores of whatever moves, bodies and hands; ``before`` is what the frame before showed.
+        """
         reaching = [core for core in things if core.held and core.inscribed > THINNEST_BODY]
         inside = [core for core in bodies if not core.at_edge and core.inscribed > THINNEST_BODY]
-        sightings = [self.sighting(frame, core, bodies, reaching) for core in inside]
+        sightings = [self.sighting(frame, core, bodies, reaching, before) for core in inside]
         intruders = tuple(self.intruder(core) for core in reaching)
         return Glimpse(frame.index, frame.t_s, tuple(one for one in sightings if one is not None), intruders)
 
@@ -121,7 +128,14 @@ class Lens:
         box = (left + view.left, top + view.top, right + view.left, bottom + view.top)
         return Intruder(box, float(core.area * step**2), core.inscribed * step)
 
-    def sighting(self, frame: Frame, core: Core, bodies: list[Core], reaching: list[Core]) -> Sighting | None:
+    def sighting(
+        self,
+        frame: Frame,
+        core: Core,
+        bodies: list[Core],
+        reaching: list[Core],
+        before: Sequence[Sighting] = (),
+    ) -> Sighting | None:
         """Look at one body closely; None when it is too small, or cut off.
 
         Parameters
@@ -134,13 +148,16 @@ class Lens:
             All bodies of the frame: pixels of the others do not count.
         reaching
             What reaches in from the edge and may be a hand.
+        before
+            What the frame before showed: a body that has hardly moved since is no streak.
         """
         size = self._pixel(core)
         window, left, top = self._window(frame, core, bodies, size)
         if np.count_nonzero(window.core) < SMALLEST_AREA:
             return None
         centre = coverage_centre(window)
-        if self.streaks:
+        left, top = left * size + self.view.left, top * size + self.view.top
+        if self.streaks and not _hardly_moved(_in_pixels(centre, size), left, top, before):
             centre = streak_centre(window, centre)
         if centre.cut:
             return None
@@ -150,8 +167,8 @@ class Lens:
             frame.index,
             frame.t_s,
             _in_pixels(centre, size),
-            left * size + self.view.left,
-            top * size + self.view.top,
+            left,
+            top,
             brightening=float(luma[inside].mean()),
             sharpness=_sharpness(window) / size,
             compactness=min(1.0, np.pi * core.inscribed**2 / core.area),
@@ -183,6 +200,15 @@ class Lens:
         shaded = _shaded(image, background, noise)
         mask, other = _without(mask, shaded), other & ~shaded
         return Window(image, background, noise, mask, other & ~mask, self.inflation), left, top
+
+
+def _hardly_moved(centre: Centre, left: int, top: int, before: Sequence[Sighting]) -> bool:
+    """Whether one of the sightings of the frame before is at about the place of a centre in the window at (left, top).
+
+    An exposure is no longer than the time between two frames, and so is the way in it.
+    """
+    least = STILL * np.sqrt(centre.area / np.pi)
+    return any(np.hypot(left + centre.x - one.x, top + centre.y - one.y) < least for one in before)
 
 
 def _in_pixels(centre: Centre, size: int) -> Centre:
