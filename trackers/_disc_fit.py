@@ -11,6 +11,7 @@ from trackers._background import Bytes, Flags, Image
 from trackers._correlation import variance_of_sum
 from trackers._disc_model import BLUR, OVAL_ALONG, RADIUS, Disc, DiscModel, Form, Motion, X, Y
 from trackers._edge import edge_reach
+from trackers._memory import lobes_of
 from trackers._robust_fit import TUKEY, Labels, Pixels, Solution, robust_fit
 
 INWARDS = (4.0, 0.25, 12.0)  # px, of the radius, px: how far inside of the outline the body's shading must hold
@@ -51,12 +52,16 @@ class Cutout:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DiscFit:
-    """A disc as fitted, and what it was fitted to: rows and columns in the cutout of the pixels that count."""
+    """A disc as fitted, and what it was fitted to: rows and columns in the cutout of the pixels that count.
+
+    ``bends`` are the lobes of the outline that the disc does not have, px.
+    """
 
     disc: Disc
     solution: Solution
     rows: Labels
     columns: Labels
+    bends: tuple[float, ...] = ()
 
     @property
     def outline_share(self) -> float:
@@ -151,7 +156,11 @@ def fit_disc(
         solution = robust_fit(model.predict, model.start(values), Pixels(values, noise, zone))
     except np.linalg.LinAlgError:
         return None
-    fitted = DiscFit(_disc_of(solution, model), solution, rows, columns)
+    disc = _disc_of(solution, model)
+    edge = zone == 1
+    beyond = (solution.weight * solution.residual)[edge] / (disc.contrast or 1.0)
+    bends = lobes_of(beyond, (x[edge] - disc.x) + 1j * (y[edge] - disc.y), disc.radius)
+    fitted = DiscFit(disc, solution, rows, columns, bends)
     return replace(fitted, disc=_with_errors(fitted, cutout.image.shape, correlation))
 
 

@@ -43,10 +43,24 @@ def lobes(share: Image, x: float, y: float, area: float) -> tuple[float, ...]:
     """
     radius = float(np.sqrt(area / np.pi))
     across, down = np.arange(share.shape[1]) - x, np.arange(share.shape[0])[:, np.newaxis] - y
-    place = across + 1j * down
     squared = across**2 + down**2
     near = (squared > (INNER * radius) ** 2) & (squared < (OUTER * radius) ** 2) & (share != 0)
-    weight, direction = share[near] / (np.pi * radius), place[near] / np.sqrt(squared[near])
+    return lobes_of(share[near], (across + 1j * down)[near], radius)
+
+
+def lobes_of(share: Array | Image, place: Array, radius: float) -> tuple[float, ...]:
+    """The same from pixels near the outline of a disc.
+
+    Parameters
+    ----------
+    share
+        How much (n,) of each pixel the body covers, or how much more than the disc does.
+    place
+        Of each pixel (n,), x + iy from the centre, px.
+    radius
+        Of the disc, px.
+    """
+    weight, direction = share / (np.pi * radius), place / np.maximum(np.abs(place), 1e-9)
     sums = [complex(weight @ direction**lobe) for lobe in LOBES]
     return tuple(part for one in sums for part in (one.real, one.imag))
 
@@ -69,7 +83,7 @@ def memory(frame: Array, xy_px: Array, bends: Array, radius_px: Array) -> list[t
     radius_px
         Radius (n,) of the disc of the same area, px.
     """
-    useful = _moving(frame, xy_px)
+    useful = moving(frame, xy_px, radius_px)
     if not useful.any() or np.median(np.abs(bends[useful])) > MOST_BENT * np.median(radius_px[useful]):
         return []
     useful[useful] = _clear(bends[useful])
@@ -90,9 +104,12 @@ def _moments(values: Array, weight: Array) -> tuple[float, float]:
     return mean, max(float(np.sqrt((values - mean) ** 2 @ weight)), float(values[1] - values[0]))
 
 
-def _moving(frame: Array, xy_px: Array) -> Mask:
-    """Where (n,) the body has moved since the frame before, or moves until the next one."""
-    step = np.hypot(*np.diff(xy_px, axis=0).T)
+def moving(frame: Array, xy_px: Array, radius_px: Array) -> Mask:
+    """Where (n,) the outline has moved since the frame before, or moves until the next one.
+
+    ``frame`` (n,) are numbers of frames, ``xy_px`` (n, 2) and ``radius_px`` (n,) the disc's places and radii, px.
+    """
+    step = np.hypot(*np.diff(xy_px, axis=0).T) + np.abs(np.diff(radius_px))
     moves = (np.diff(frame) == 1) & (step > SLOWEST)
     return np.asarray(np.append(moves, False) | np.append(False, moves))
 

@@ -108,9 +108,7 @@ class Lens:
     inflation: float
     streaks: bool = True
 
-    def glimpse(
-        self, frame: Frame, bodies: list[Core], things: list[Core], before: Sequence[Sighting] = ()
-    ) -> Glimpse:
+    def glimpse(self, frame: Frame, bodies: list[Core], things: list[Core], before: Sequence[Sighting] = ()) -> Glimpse:
         """Look at each body closely.
 
         ``things`` are the cores of whatever moves, bodies and hands; ``before`` is what the frame before showed.

@@ -29,9 +29,11 @@ from trackers._many import together
 from trackers._observe import Stage, observe, stage_of
 from trackers._scatter import with_scatter
 from trackers._sighting import Glimpse
+from trackers._tracks import errors_last
 from trackers._view import view_of
 
 WELL_SEEN = 0.8  # of the frames: where a body is found less often, it is looked for in another way as well
+FORGOTTEN = 0.25  # of the memory of its lobes a disc's place has not, on the twin: shading and blur take it up
 REPORT_EVERY = 10  # frames between two calls of the progress function
 EMPTY = (np.nan,) * 8
 _Followed = tuple[list[Glimpse], list[Path], TrackingError | None]  # what frames show, paths, why there are none
@@ -190,7 +192,10 @@ def _track_of(
     hand = np.zeros(len(glimpses), dtype=np.bool_)
     hand[list(held)] = True
     t_s = np.array([glimpse.t_s for glimpse in glimpses])
-    sigma = np.column_stack([with_scatter(t_s, columns[:, axis], columns[:, axis + 2]) for axis in (0, 1)])
+    free = np.array([k for k, one in enumerate(glimpses) if one.frame in fits and not hand[k]], dtype=np.int64)
+    bends = np.array([fits[glimpses[k].frame].bends for k in free])
+    lasting, known = errors_last(free, columns[:, :2], columns[:, 4], bends, FORGOTTEN)
+    sigma = np.column_stack([with_scatter(t_s, columns[:, axis], columns[:, axis + 2], known) for axis in (0, 1)])
     return Track(
         t_s=t_s,
         xy_px=columns[:, 0:2],
@@ -199,11 +204,11 @@ def _track_of(
         frame=np.array([glimpse.frame for glimpse in glimpses]),
         body=str(body + 1),
         radius_px=columns[:, 4],
-        sigma_radius_px=with_scatter(t_s, columns[:, 4], columns[:, 5]),
+        sigma_radius_px=with_scatter(t_s, columns[:, 4], columns[:, 5], known),
         intensity=columns[:, 6],
         area_px=columns[:, 7],
         hand=hand,
-        origin=_origin(lesson, options),
+        origin={**_origin(lesson, options), **lasting},
     )
 
 
