@@ -33,6 +33,7 @@ _OPTIONS = {
     "max_pixels": str(MAX_PIXELS),
 }
 DECODED_AHEAD = 4  # pictures beside one a processor: what is done with one must not keep the decoder waiting
+MOST_DECODED = 16  # at once, 12 MB each of 3840x2160
 _NO_TIMESTAMPS = 0x0080  # AVFMT_NOTIMESTAMPS: a bare stream of pictures, such as .h264
 
 
@@ -75,7 +76,8 @@ class ContainerSource:
         """
         tally = Tally()
         with _opened_again(self.path, self.label) as (container, stream):
-            stream.thread_type, stream.codec_context.thread_count = "AUTO", (os.cpu_count() or 1) + DECODED_AHEAD
+            stream.thread_type = "AUTO"
+            stream.codec_context.thread_count = min((os.cpu_count() or 1) + DECODED_AHEAD, MOST_DECODED)
             for picture in _decoded(container, stream, tally):
                 seconds = None if self.timeless or picture.pts is None else self.seconds(picture.pts)
                 tally.count_picture(picture, seconds)

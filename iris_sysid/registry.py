@@ -11,7 +11,7 @@ import importlib.util
 import pkgutil
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from importlib.metadata import packages_distributions
 from types import ModuleType
@@ -36,10 +36,13 @@ class Registry(Mapping[str, Item], Generic[Item]):
     package: str
     item_type: type[Item]
     _items: dict[str, Item] | None = None
+    _asked: dict[str, Item] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Item:
-        if self._items is None and (alone := self._alone(name)) is not None:
-            return alone
+        if self._items is None and name not in self._asked and (alone := self._alone(name)) is not None:
+            self._asked[name] = alone
+        if name in self._asked:
+            return self._asked[name]
         items = self._found()
         if name not in items:
             close = get_close_matches(name, items, n=1)
@@ -59,6 +62,7 @@ class Registry(Mapping[str, Item], Generic[Item]):
     def forget(self) -> None:
         """Look again at the next look-up, e.g. after a plugin file was added."""
         self._items = None
+        self._asked.clear()
 
     def _alone(self, name: str) -> Item | None:
         """The item that the file of that name defines; None where there is no such file, or it defines another."""

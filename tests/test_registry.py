@@ -38,6 +38,20 @@ def test_registry_dropped_in_file_is_found(plugin_folder, fresh):
     assert set(TRACKERS) < set(fresh)
 
 
+def test_registry_one_name_loads_its_file_alone(plugin_folder, fresh):
+    (plugin_folder / "dropped_in.py").write_text(PLUGIN.format(name="dropped-in"))
+    (plugin_folder / "dropped_out.py").write_text("raise RuntimeError('not asked for')")
+    assert fresh["dropped-in"] is fresh["dropped-in"]
+    with pytest.raises(RuntimeError, match="not asked for"):
+        len(fresh)
+
+
+def test_registry_item_asked_for_first_is_the_one_listed_later(plugin_folder, fresh):
+    (plugin_folder / "dropped_in.py").write_text(PLUGIN.format(name="dropped-in"))
+    asked = fresh["dropped-in"]
+    assert dict(fresh)["dropped-in"] is asked
+
+
 def test_registry_helper_file_is_not_a_plugin(plugin_folder, fresh):
     (plugin_folder / "_dropped_helper.py").write_text("raise RuntimeError('helpers are not imported')")
     assert set(fresh) == set(TRACKERS)
