@@ -45,8 +45,7 @@ def matched(truth: Truth, tracks: Sequence[Track]) -> Iterator[tuple[Track, Arra
     for body in bodies:
         xy = body[["x_px", "y_px"]].to_numpy(copy=True)
         xy[body["phase"].to_numpy() == "hand"] = np.nan
-        nearest = np.abs(body["t_s"].to_numpy()[:, np.newaxis] - tracks[0].t_s).argmin(axis=0)
-        places.append(xy[nearest])
+        places.append(xy)
     away = np.array([[np.nanmedian(np.hypot(*(one.xy_px - xy).T)) for xy in places] for one in tracks])
     for track, own in zip(*linear_sum_assignment(np.nan_to_num(away, nan=1e9)), strict=True):
         yield tracks[int(track)], places[int(own)], float(bodies[int(own)]["radius_px"].median())

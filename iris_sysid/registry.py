@@ -39,10 +39,8 @@ class Registry(Mapping[str, Item], Generic[Item]):
     _asked: dict[str, Item] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Item:
-        if self._items is None and name not in self._asked and (alone := self._alone(name)) is not None:
-            self._asked[name] = alone
-        if name in self._asked:
-            return self._asked[name]
+        if self._items is None and (alone := self._alone(name)) is not None:
+            return alone
         items = self._found()
         if name not in items:
             close = get_close_matches(name, items, n=1)
@@ -66,12 +64,13 @@ class Registry(Mapping[str, Item], Generic[Item]):
 
     def _alone(self, name: str) -> Item | None:
         """The item that the file of that name defines; None where there is no such file, or it defines another."""
-        check_ours(importlib.import_module(self.package))
-        file = f"{self.package}.{name.replace('-', '_')}"
-        if not re.fullmatch(r"[a-z][a-z0-9-]*", name) or importlib.util.find_spec(file) is None:
-            return None
-        item = self._item_of(importlib.import_module(file))
-        return item if item is not None and item.name == name else None
+        if name not in self._asked and re.fullmatch(r"[a-z][a-z0-9-]*", name):
+            check_ours(importlib.import_module(self.package))
+            file = f"{self.package}.{name.replace('-', '_')}"
+            item = self._item_of(importlib.import_module(file)) if importlib.util.find_spec(file) else None
+            if item is not None and item.name == name:
+                self._asked[name] = item
+        return self._asked.get(name)
 
     def _found(self) -> dict[str, Item]:
         if self._items is None:

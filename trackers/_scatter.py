@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.linalg import toeplitz
 
 from iris_sysid.types import Array, Mask
 
@@ -54,9 +55,9 @@ def with_scatter(t_s: Array, values: Array, sigma: Array, known: Steadiness) -> 
     seen = np.isfinite(values) & np.isfinite(sigma) & (sigma > 0)
     moves = known.moving[seen]
     counted = moves if np.count_nonzero(moves) >= WINDOWS[0] + FEWEST_WINDOWS else np.ones_like(moves)
-    samples = t_s[seen], values[seen], sigma[seen]
-    scatter = [_scatter(*samples, counted, _expected(window, known.memory)) for window in WINDOWS]
-    found = [one for one in scatter if one is not None]
+    samples = t_s[seen], values[seen], sigma[seen], counted
+    squares = {window: _median_squares(*samples, window) for window in WINDOWS}
+    found = [np.sqrt(one / _expected(window, known.memory)) for window, one in squares.items() if one is not None]
     if not found:
         return sigma
     factor = found[0]
@@ -68,12 +69,11 @@ def with_scatter(t_s: Array, values: Array, sigma: Array, known: Steadiness) -> 
     return np.asarray(sigma * factor) if significant else sigma
 
 
-def _scatter(t_s: Array, values: Array, sigma: Array, counted: Mask, expected: tuple[int, float]) -> float | None:
-    """Scatter over sigma in windows of so many samples that all count, where their median sum of squares is expected.
+def _median_squares(t_s: Array, values: Array, sigma: Array, counted: Mask, window: int) -> float | None:
+    """Median, over windows of so many samples that all count, of the sum of squares over sigma that is left over.
 
     None when there are too few windows without gaps.
     """
-    window, usual = expected
     if t_s.size < window + FEWEST_WINDOWS - 1:
         return None
     t, y, s = (sliding_window_view(one, window) for one in (t_s, values, sigma))
@@ -88,22 +88,21 @@ def _scatter(t_s: Array, values: Array, sigma: Array, counted: Mask, expected: t
     target = (level / s)[even]
     basis = np.linalg.qr(weighted)[0]
     residual = target - (basis @ (basis.transpose(0, 2, 1) @ target[..., np.newaxis]))[..., 0]
-    return float(np.sqrt(np.median((residual**2).sum(axis=1)) / usual))
+    return float(np.median((residual**2).sum(axis=1)))
 
 
-def _expected(window: int, memory: tuple[float, ...]) -> tuple[int, float]:
-    """A length of window, and the median sum of squares of what a polynomial leaves there of errors of size 1.
+def _expected(window: int, memory: tuple[float, ...]) -> float:
+    """The median of that for errors of size 1.
 
     Of correlated errors it is a weighted sum of chi^2, taken as one of as much mean and variance (Satterthwaite 1946),
     whose median is by Wilson and Hilferty (1931).
     """
     powers = np.vander(np.linspace(-1, 1, window), DEGREE + 1)
     left = np.eye(window) - powers @ np.linalg.pinv(powers)
-    apart = np.abs(np.subtract.outer(np.arange(window), np.arange(window)))
-    covariance = left @ _autocorrelation(window, memory)[apart] @ left
+    covariance = left @ toeplitz(_autocorrelation(window, memory)) @ left
     mean, squares = float(np.trace(covariance)), float((covariance**2).sum())
     freedom = mean**2 / squares
-    return window, mean * (1 - 2 / (9 * freedom)) ** 3
+    return mean * (1 - 2 / (9 * freedom)) ** 3
 
 
 def _autocorrelation(count: int, memory: tuple[float, ...]) -> Array:
