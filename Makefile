@@ -4,7 +4,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 CONSTRAINED := PIP_CONSTRAINT=constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1
 
-.PHONY: demo test test-slow lint format benchmarks wheel clean
+.PHONY: demo test test-slow lint format validation wheel clean
 
 demo: .venv/ready
 	$(BIN)/iris-sysid demo -o demo-output --force
@@ -24,8 +24,8 @@ format: .venv/ready
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-benchmarks: .venv/ready
-	$(BIN)/python -m benchmarks
+validation: .venv/ready
+	$(BIN)/python -m validation
 
 wheel: .venv/ready
 	$(BIN)/python -m build --wheel --no-isolation --outdir dist .

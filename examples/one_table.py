@@ -12,7 +12,7 @@ import pandas as pd
 from scipy.integrate import solve_ivp
 
 from iris_sysid import MODELS, diagnose, estimates_frame, fit, read_trajectory
-from iris_sysid.wording import diagnosis_sentence
+from iris_sysid.report.text import diagnosis_sentence
 
 
 def write_measured_angles(path: Path) -> None:

@@ -28,8 +28,8 @@ from iris_sysid import (
     read_trajectory,
     simulate,
 )
+from iris_sysid.report.text import diagnosis_sentence
 from iris_sysid.types import Array
-from iris_sysid.wording import diagnosis_sentence
 
 FULL_SCALE_V = 10.0  # the sensor reads no more
 SETTLED = 50  # samples before the score counts, as its publishers ask

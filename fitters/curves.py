@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fitters._covariance import inverse_normal
-from fitters._least_squares import Solution, Target, Unknowns, minimise
+from fitters.noise.sandwich_covariance import inverse_normal
+from fitters.ode.least_squares import Solution, Target, Unknowns, minimise
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array
 
 if TYPE_CHECKING:
-    from fitters._problem import InitialValueProblem
+    from fitters.integrator.initial_value_problem import InitialValueProblem
 
 Extended: TypeAlias = NDArray[np.longdouble]
 Formula = Callable[[Any, Any], Any]  # (x (n,) or (n, m), b (k,)) -> y (n,); complex b give complex y

@@ -15,30 +15,30 @@ DISTRIBUTION = "iris-sysid"
 _HOME = {
     name: module
     for module, names in {
-        "iris_sysid.calibration": "scale scale_bar scale_from_text uncalibrated from_osp to_world",
-        "iris_sysid.calibration_file": "read_calibration write_calibration",
+        "iris_sysid.calibration.pixel_scale": "scale scale_bar scale_from_text uncalibrated from_osp to_world",
+        "iris_sysid.calibration.calibration_json": "read_calibration write_calibration",
         "iris_sysid.errors": (
             "IrisError VideoError TrackingError CalibrationError DataError FitError UnknownNameError "
             "PluginError OutputError"
         ),
-        "iris_sysid.events": "segment",
+        "iris_sysid.trajectory.segmentation": "segment",
         "iris_sysid.pipeline": "run track observe save Run",
         "iris_sysid.registry": "TRACKERS MODELS EFFECTS PHENOMENA",
-        "iris_sysid.smoothing": "smooth",
-        "iris_sysid.diagnosis": "diagnose Diagnosis",
-        "iris_sysid.frames": "to_frame estimates_frame",
-        "iris_sysid.osp": "read_osp marked_tracks",
-        "iris_sysid.report": "write_report",
-        "iris_sysid.table_reading": "read_track read_trajectory",
-        "iris_sysid.tables": "write_track write_trajectory",
+        "iris_sysid.trajectory.smoothing": "smooth",
+        "iris_sysid.diagnosis.diagnose": "diagnose Diagnosis",
+        "iris_sysid.io.dataframes": "to_frame estimates_frame",
+        "iris_sysid.io.osp_tracker": "read_osp marked_tracks",
+        "iris_sysid.report.clip_page": "write_report",
+        "iris_sysid.io.csv_read": "read_track read_trajectory",
+        "iris_sysid.io.csv_write": "write_track write_trajectory",
         "iris_sysid.types": (
             "Calibration Discovery Effect Estimate FitResult Frame FrameSource OdeModel Parameter Phenomenon Quantity "
             "Segment Smoothed Track Tracker TrackOptions Trajectory"
         ),
-        "iris_sysid.video": "open_video",
-        "fitters.compose": "with_effects",
-        "fitters.ode": "fit simulate",
-        "fitters.sindy": "discover",
+        "iris_sysid.video.reader": "open_video",
+        "fitters.compose_effects": "with_effects",
+        "fitters.ode.single_clip": "fit simulate",
+        "fitters.sindy.discover": "discover",
     }.items()
     for name in names.split()
 }

@@ -5,25 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from fitters.ode import fit
-from iris_sysid import shared_errors
-from iris_sysid._observables import measured, segmented
-from iris_sysid.calibration import MARK_SIGMA_PX, to_world, uncalibrated
-from iris_sysid.documents import write_fit
+from iris_sysid.calibration.pixel_scale import MARK_SIGMA_PX, to_world, uncalibrated
+from iris_sysid.calibration.plane import check_image_size
+from iris_sysid.cli._parsing import units_of
 from iris_sysid.errors import CalibrationError, DataError, UnknownNameError
-from iris_sysid.files import check_writable
-from iris_sysid.gravity import gravity_calibration, upright, vertical_said
-from iris_sysid.options import units_of
-from iris_sysid.plane import check_image_size
+from iris_sysid.io.csv_write import write_track, write_trajectory
+from iris_sysid.io.files import check_writable, origin_of
+from iris_sysid.io.json_documents import write_fit
 from iris_sysid.registry import MODELS, PHENOMENA, TRACKERS
-from iris_sysid.report import write_report
-from iris_sysid.smoothing import smooth
-from iris_sysid.tables import write_track, write_trajectory
-from iris_sysid.tracking import from_source, track
+from iris_sysid.report.clip_page import write_report
+from iris_sysid.trajectory import systematic_errors
+from iris_sysid.trajectory.observables import measured, segmented
+from iris_sysid.trajectory.smoothing import smooth
+from iris_sysid.trajectory.vertical_and_scale import gravity_calibration, upright, vertical_said
 from iris_sysid.types import (
     Array,
     Calibration,
@@ -35,7 +34,7 @@ from iris_sysid.types import (
     TrackOptions,
     Trajectory,
 )
-from iris_sysid.video import open_video
+from iris_sysid.video.reader import open_video
 
 FILES = ("track.csv", "trajectory.csv", "fit.json", "track.png", "fit.png", "report.html")
 PASSES = 4  # of geometry and fit; each takes the error down by about theta_0^2 / 4
@@ -43,7 +42,7 @@ PASSES = 4  # of geometry and fit; each takes the error down by about theta_0^2 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Run:
-    """Everything that one clip gave, from the track to the fit; :func:`iris_sysid.report.write_report` draws it."""
+    """Everything that one clip gave, from the track to the fit; :func:`iris_sysid.write_report` draws it."""
 
     source: Path
     video: FrameSource
@@ -54,6 +53,39 @@ class Run:
     trajectory: Trajectory
     fit: FitResult
     notes: tuple[str, ...] = field(default=())
+
+
+def track(video: FrameSource, tracker: str = "median-background", options: TrackOptions | None = None) -> list[Track]:
+    """Follow the bodies of a clip with the tracker of that name.
+
+    Parameters
+    ----------
+    video
+        Frames with their times, from :func:`iris_sysid.open_video`.
+    tracker
+        Registered name; ``iris-sysid list`` shows them.
+    options
+        Region, colour, number of bodies, progress.
+
+    Returns
+    -------
+    list of Track
+        One a body, in px and s; a frame without the body is NaN and not valid.
+
+    Raises
+    ------
+    UnknownNameError
+        When no tracker has that name.
+    TrackingError
+        When nothing moves, or nothing that moves can be followed.
+    """
+    return TRACKERS[tracker].track(video, options or TrackOptions())
+
+
+def from_source(tracks: Sequence[Track], source: str | Path, options: Mapping[str, Any]) -> list[Track]:
+    """The tracks with the file they come from, its sha256, the options and the versions of packages as their origin."""
+    origin = origin_of(Path(source), options)
+    return [replace(one, origin={**one.origin, **origin}) for one in tracks]
 
 
 def _numbers(estimates: Mapping[str, Estimate]) -> dict[str, dict[str, float | str]]:
@@ -142,11 +174,11 @@ def observe(
         [one.xy_px[one.valid] for one in tracks] + [[point] for point in (marks_px or {}).values()]
     )
     shared = {
-        **shared_errors.from_calibration(trajectory, positions, calibration, seen_px),
-        **shared_errors.from_edge(trajectory, chosen),
-        **shared_errors.from_axis(trajectory, chosen),
-        **shared_errors.from_pivots(trajectory),
-        **shared_errors.from_clock(trajectory, clock_stderr),
+        **systematic_errors.from_calibration(trajectory, positions, calibration, seen_px),
+        **systematic_errors.from_edge(trajectory, chosen),
+        **systematic_errors.from_axis(trajectory, chosen),
+        **systematic_errors.from_pivots(trajectory),
+        **systematic_errors.from_clock(trajectory, clock_stderr),
     }
     return world, trajectory.with_(systematic=shared)
 

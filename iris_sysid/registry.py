@@ -10,14 +10,16 @@ import importlib
 import importlib.util
 import pkgutil
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from importlib.metadata import packages_distributions
+from pathlib import Path
 from types import ModuleType
 from typing import Generic, TypeVar
 
-from iris_sysid.errors import PluginError, UnknownNameError
+from iris_sysid.errors import DataError, PluginError, UnknownNameError
 from iris_sysid.types import Effect, OdeModel, Phenomenon, Tracker
 
 Item = TypeVar("Item", Tracker, OdeModel, Effect, Phenomenon)
@@ -126,3 +128,43 @@ TRACKERS: Registry[Tracker] = Registry("tracker", "trackers", Tracker)
 MODELS: Registry[OdeModel] = Registry("model", "fitters.models", OdeModel)
 EFFECTS: Registry[Effect] = Registry("effect", "fitters.effects", Effect)
 PHENOMENA: Registry[Phenomenon] = Registry("phenomenon", "iris_sysid.phenomena", Phenomenon)
+
+
+def model_named(text: str) -> OdeModel:
+    """The model of that name.
+
+    ``FILE.py:NAME`` runs the file, as Python would, and takes the :class:`iris_sysid.types.OdeModel` that it calls
+    NAME; anything else is looked up among the registered models.
+
+    Raises
+    ------
+    DataError
+        When the file is not there, fails, or holds no such model.
+    UnknownNameError
+        When no model of the bank has that name.
+    """
+    path, separator, name = text.rpartition(":")
+    if not separator or not path.endswith(".py"):
+        return MODELS[text]
+    namespace = _run(Path(path))
+    found = namespace.get(name)
+    if isinstance(found, OdeModel):
+        return found
+    models = sorted(key for key, value in namespace.items() if isinstance(value, OdeModel))
+    what = "is not there" if name not in namespace else f"is {type(namespace[name]).__name__}, not an OdeModel"
+    raise DataError(f"{name!r} {what} in {path}; models in it: {', '.join(models) or 'none'}")
+
+
+def _run(path: Path) -> dict[str, object]:
+    if not path.is_file():
+        raise DataError(f"there is no file {path}; give FILE.py:NAME")
+    spec = importlib.util.spec_from_file_location(f"_user_models_{path.stem}", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses look their module up
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise DataError(f"{path} fails with {type(error).__name__}: {error}") from error
+    return vars(module)

@@ -3,12 +3,12 @@
 import cv2
 import numpy as np
 
-from iris_sysid._camera_fit import matrix_of, projected
-from iris_sysid.board_plane import _homography
-from iris_sysid.board_views import Board, view_of_corners
-from iris_sysid.homographies import apply_homography, homography_slopes
-from iris_sysid.lens import undistort_px
-from iris_sysid.plane import UNKNOWN_SCALE, to_plane, upright, with_scale
+from iris_sysid.calibration.board.board import Board, view_of_corners
+from iris_sysid.calibration.board.plane_pose import _homography
+from iris_sysid.calibration.bundle_adjustment import matrix_of, projected
+from iris_sysid.calibration.distortion import undistort_px
+from iris_sysid.calibration.homography import apply_homography, homography_slopes
+from iris_sysid.calibration.plane import UNKNOWN_SCALE, to_plane, upright, with_scale
 from iris_sysid.types import N_VALUES, Calibration
 
 BOARD = Board(9, 6, 0.03)

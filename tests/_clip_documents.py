@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from iris_sysid.dataset import Clip
-from iris_sysid.documents import entries_of
-from iris_sysid.groundtruth.measure import ClipMeasurement
-from iris_sysid.groundtruth.schemas import ClipDocument
+from iris_sysid.benchmark.dataset import Clip
+from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
+from iris_sysid.io.json_documents import entries_of
+from iris_sysid.io.schemas.groundtruth import ClipDocument
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.types import Estimate
 

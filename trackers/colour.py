@@ -13,15 +13,15 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackOptions
-from trackers._background import MAD_TO_SD, QUANTISATION_SD, Background, Bytes, Image, Still
-from trackers._choose import joined
-from trackers._foreground import SMALLEST_AREA, Component, Core, cores_of
-from trackers._link import Path, link
-from trackers._observe import REPORT_EVERY
-from trackers._samples import Samples
-from trackers._sighting import Glimpse, Lens
-from trackers._tracks import track_of
-from trackers._view import View, view_of
+from trackers._background.median import MAD_TO_SD, QUANTISATION_SD, Background, Bytes, Image, Still
+from trackers._detection.detect_frames import REPORT_EVERY
+from trackers._detection.detection import Glimpse, Lens
+from trackers._detection.foreground import SMALLEST_AREA, Component, Core, cores_of
+from trackers._frames.sampled_frames import Samples
+from trackers._frames.working_image import View, view_of
+from trackers._linking.frame_to_frame import Path, link
+from trackers._linking.select_bodies import joined
+from trackers._linking.to_track import track_of
 
 RING, GAP = 9, 3  # px at the size that is searched: width of the ring outside of a body, and from where on
 FIRST_REACH, LEAST_REACH = 0.25, 0.1  # of the picture's diagonal: how far a body may go unforeseen

@@ -16,21 +16,21 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackOptions
-from trackers._background import Background
-from trackers._choose import follow, held_frames
-from trackers._circles import course_of_circles
-from trackers._course import Course, course_of
-from trackers._disc_background import behind
-from trackers._disc_fit import DiscFit
-from trackers._disc_study import Lesson, Workshop, taught
-from trackers._impact import struck_within
-from trackers._link import Path
-from trackers._many import together
-from trackers._observe import Stage, observe, stage_of
-from trackers._scatter import with_scatter
-from trackers._sighting import Glimpse
-from trackers._tracks import errors_last
-from trackers._view import view_of
+from trackers._background.median import Background
+from trackers._detection.detect_frames import Stage, observe, stage_of
+from trackers._detection.detection import Glimpse
+from trackers._disc.background import behind
+from trackers._disc.circle_detection import course_of_circles
+from trackers._disc.expected_position import Course, course_of
+from trackers._disc.fit import DiscFit
+from trackers._disc.impact_frames import struck_within
+from trackers._disc.learn_appearance import Lesson, Workshop, taught
+from trackers._frames.working_image import view_of
+from trackers._linking.frame_to_frame import Path
+from trackers._linking.select_bodies import follow, held_frames
+from trackers._linking.to_track import errors_last
+from trackers._multi_body.track_together import together
+from trackers._uncertainty.excess_scatter import with_scatter
 
 WELL_SEEN = 0.8  # of the frames: where a body is found less often, it is looked for in another way as well
 FORGOTTEN = 0.25  # of the memory of its lobes a disc's place has not, on the twin: shading and blur take it up

@@ -14,10 +14,10 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Frame, FrameSource, Track, Tracker, TrackOptions
-from trackers._lamp import Lamp, lamp_of, luma_of
-from trackers._smooth_course import excess_scatter, persistent, pooled
-from trackers._together import Region, region_that_changes
-from trackers._view import View, view_of
+from trackers._frames.working_image import View, view_of
+from trackers._regions.covarying_region import Region, region_that_changes
+from trackers._regions.lamp_brightness import Lamp, lamp_of, luma_of
+from trackers._uncertainty.local_polynomial import excess_scatter, persistent, pooled
 
 SAMPLES = 40  # frames in which the region is sought
 FEWEST_FRAMES = 3

@@ -14,7 +14,7 @@ from __future__ import annotations
 import cv2
 
 from iris_sysid.types import FrameSource, Track, Tracker, TrackOptions
-from trackers._adaptive import Subtractor, track_with
+from trackers._linking.adaptive_background import Subtractor, track_with
 
 THRESHOLD = 400.0  # squared distance in grey levels within which a kept sample is near, as OpenCV has it
 

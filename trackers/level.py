@@ -14,9 +14,9 @@ import numpy as np
 
 from iris_sysid.errors import DataError, TrackingError
 from iris_sysid.types import Array, Frame, FrameSource, Track, Tracker, TrackOptions
-from trackers._smooth_course import excess_scatter, pooled
-from trackers._surface import STRIPS, WALL, WINDOW, Vessel, rough_levels, surface_of, vessel_of
-from trackers._view import View, view_of
+from trackers._frames.working_image import View, view_of
+from trackers._regions.liquid_surface import STRIPS, WALL, WINDOW, Vessel, rough_levels, surface_of, vessel_of
+from trackers._uncertainty.local_polynomial import excess_scatter, pooled
 
 SAMPLES = 40  # frames from which both looks are learnt
 FEWEST_FRAMES = 3

@@ -16,15 +16,15 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import FrameSource, Track, Tracker, TrackOptions
-from trackers._choose import follow
-from trackers._link import Path
-from trackers._many import together
-from trackers._masks import masked
-from trackers._observe import Stage, observe, stage_of
-from trackers._second_look import second_stage
-from trackers._sighting import Glimpse
-from trackers._tracks import track_of
-from trackers._view import View, view_of
+from trackers._detection.detect_frames import Stage, observe, stage_of
+from trackers._detection.detection import Glimpse
+from trackers._frames.working_image import View, view_of
+from trackers._linking.frame_to_frame import Path
+from trackers._linking.refined_background import second_stage
+from trackers._linking.select_bodies import follow
+from trackers._linking.to_track import track_of
+from trackers._multi_body.given_masks import masked
+from trackers._multi_body.track_together import together
 
 FEW = 2  # bodies: more than these are followed all at once
 

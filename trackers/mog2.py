@@ -12,7 +12,7 @@ from __future__ import annotations
 import cv2
 
 from iris_sysid.types import FrameSource, Track, Tracker, TrackOptions
-from trackers._adaptive import Subtractor, track_with
+from trackers._linking.adaptive_background import Subtractor, track_with
 
 THRESHOLD = 16.0  # squared distance in standard deviations: 4 sigma, as OpenCV has it
 

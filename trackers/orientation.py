@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import DataError, TrackingError
 from iris_sysid.types import Array, FrameSource, Track, Tracker, TrackOptions
-from trackers._background import Image
-from trackers._observe import Stage, stage_of
-from trackers._smooth_course import excess_scatter, persistent, pooled
-from trackers._turned_pattern import Pattern, centred, luma_of, pattern_of, turned
-from trackers._turning import Axis, Middle, Turns, activity, axis_of, middle_of
-from trackers._view import view_of
+from trackers._background.median import Image
+from trackers._detection.detect_frames import Stage, stage_of
+from trackers._frames.working_image import view_of
+from trackers._regions.rotation_axis import Axis, Middle, Turns, activity, axis_of, middle_of
+from trackers._regions.rotation_template import Pattern, centred, luma_of, pattern_of, turned
+from trackers._uncertainty.local_polynomial import excess_scatter, persistent, pooled
 
 BLURS = (6.0, 3.0, 1.5, 0.7, 0.7)  # px, from rough to fine: how far off the angles may be before each
 LEAST_TURN = 0.03  # rad: what turns less is not told from what shakes

@@ -17,9 +17,9 @@ import numpy as np
 
 from iris_sysid.errors import DataError, TrackingError
 from iris_sysid.types import Array, FrameSource, Track, Tracker, TrackOptions
-from trackers._background import Bytes, Image
-from trackers._observe import REPORT_EVERY
-from trackers._view import view_of
+from trackers._background.median import Bytes, Image
+from trackers._detection.detect_frames import REPORT_EVERY
+from trackers._frames.working_image import view_of
 
 SMALLEST_PATCH = 6  # px a side
 LEAST_CORRELATION = 0.6  # below it something else is seen, or the patch is half hidden

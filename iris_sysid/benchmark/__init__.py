@@ -1,20 +1,20 @@
 """The benchmark's tables: published results read as they are, re-scored, audited, and written in four forms."""
 
-from iris_sysid.benchmark.all_tables import tables_of
-from iris_sysid.benchmark.audit import audit, verdicts
 from iris_sysid.benchmark.build import Inputs, build
-from iris_sysid.benchmark.evidence import Finding
-from iris_sysid.benchmark.findings import findings
-from iris_sysid.benchmark.latent import latent_rows, read_latent_runs
-from iris_sysid.benchmark.nulls import null_rows
-from iris_sysid.benchmark.page_files import write_pages
-from iris_sysid.benchmark.predictions import prediction_rows
-from iris_sysid.benchmark.published import published_values, truth_of, truths
-from iris_sysid.benchmark.rows import COLUMNS, check_rows, flat_rows, read_rows, rows_text
-from iris_sysid.benchmark.selection import SelectionScore, read_predictions, rescored_selection, score_selection
-from iris_sysid.benchmark.summary import parameter_summary
-from iris_sysid.benchmark.tables import parameter_table, render, render_rows
-from iris_sysid.benchmark.write import write_audit
+from iris_sysid.benchmark.sources.latent import latent_rows, read_latent_runs
+from iris_sysid.benchmark.sources.null_baselines import null_rows
+from iris_sysid.benchmark.sources.predictions import prediction_rows
+from iris_sysid.benchmark.sources.published import published_values, truth_of, truths
+from iris_sysid.benchmark.sources.rows import COLUMNS, check_rows, flat_rows, read_rows, rows_text
+from iris_sysid.benchmark.sources.selection import SelectionScore, read_predictions, rescored_selection, score_selection
+from iris_sysid.benchmark.tables.all_tables import tables_of
+from iris_sysid.benchmark.tables.pages import write_pages
+from iris_sysid.benchmark.tables.summary import parameter_summary
+from iris_sysid.benchmark.tables.table import parameter_table, render, render_rows
+from validation.audit.evidence import Finding
+from validation.audit.findings import findings
+from validation.audit.reproduce import audit, verdicts
+from validation.audit.write import write_audit
 
 __all__ = [
     "COLUMNS",

@@ -11,11 +11,11 @@ from typing import Any
 import pandas as pd
 
 from iris_sysid.benchmark.dataset_rows import DatasetRows
-from iris_sysid.benchmark.inputs import given_rows, hashes
-from iris_sysid.benchmark.page_files import check_pages, write_pages
-from iris_sysid.benchmark.rows import joined, read_rows
+from iris_sysid.benchmark.sources.inputs import given_rows, hashes
+from iris_sysid.benchmark.sources.rows import joined, read_rows
+from iris_sysid.benchmark.tables.pages import check_pages, write_pages
 from iris_sysid.errors import DataError
-from iris_sysid.files import origin_of, sha256_of
+from iris_sysid.io.files import origin_of, sha256_of
 
 DOCUMENT = "benchmark"  # what a manifest says it is of
 

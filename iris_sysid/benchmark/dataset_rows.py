@@ -9,18 +9,27 @@ from pathlib import Path
 
 import pandas as pd
 
-from iris_sysid.benchmark.robustness import robustness_rows
-from iris_sysid.benchmark.rows import OK, ROBUSTNESS, SELECTION, SHARING, flat_rows, joined, read_rows, rows_text
-from iris_sysid.benchmark.selecting import selection_rows
-from iris_sysid.benchmark.sharing import sharing_rows
-from iris_sysid.benchmark.studies import STUDY_OF, ode_rows, studied
-from iris_sysid.benchmark.subjects import Subject, subjects_of
-from iris_sysid.dataset import places
+from iris_sysid.benchmark.dataset import places
+from iris_sysid.benchmark.groundtruth.measure import Conditions, Measurements, measure
+from iris_sysid.benchmark.parallel import side_by_side
+from iris_sysid.benchmark.sources.rows import (
+    OK,
+    ROBUSTNESS,
+    SELECTION,
+    SHARING,
+    flat_rows,
+    joined,
+    read_rows,
+    rows_text,
+)
+from iris_sysid.benchmark.studies.model_selection import selection_rows
+from iris_sysid.benchmark.studies.robustness import robustness_rows
+from iris_sysid.benchmark.studies.sharing import sharing_rows
+from iris_sysid.benchmark.studies.studies import STUDY_OF, ode_rows, studied
+from iris_sysid.benchmark.studies.subjects import Subject, subjects_of
 from iris_sysid.errors import DataError, IrisError
-from iris_sysid.files import json_text, write_atomic
-from iris_sysid.groundtruth.measure import Conditions, Measurements, measure
-from iris_sysid.groundtruth.schemas import MeasuredDocument
-from iris_sysid.side_by_side import side_by_side
+from iris_sysid.io.files import json_text, write_atomic
+from iris_sysid.io.schemas.groundtruth import MeasuredDocument
 
 PER_CLIP = (*STUDY_OF, SELECTION)  # studies of one clip; robustness is of a few clips, sharing of a setting
 ALL_STUDIES = (*PER_CLIP, ROBUSTNESS, SHARING)

@@ -8,8 +8,8 @@ import sys
 
 import typer
 
-from iris_sysid import terminal
 from iris_sysid.cli import (
+    _terminal,
     benchmark,
     calibrate,
     demo,
@@ -57,7 +57,7 @@ app.command("schema")(schema.schema)
 
 def main() -> None:
     """Run the command line; a stated failure is one line on stderr and exit status 1."""
-    terminal.replace_unprintable()
+    _terminal.replace_unprintable()
     debug = "--debug" in sys.argv
     arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
     try:
@@ -67,5 +67,5 @@ def main() -> None:
             raise
         stated = isinstance(error, IrisError)
         text = str(error) if stated else f"unexpected {type(error).__name__}: {error}; --debug shows where"
-        typer.echo(f"iris-sysid: {terminal.one_line(text)}", err=True)
+        typer.echo(f"iris-sysid: {_terminal.one_line(text)}", err=True)
         sys.exit(1)

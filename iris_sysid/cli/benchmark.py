@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from iris_sysid import terminal
+from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Fps, Output
 
 if TYPE_CHECKING:
@@ -65,10 +65,10 @@ def benchmark(
     from iris_sysid.benchmark import write_audit
     from iris_sysid.benchmark.build import Inputs, build, can_write
     from iris_sysid.benchmark.dataset_rows import ALL_STUDIES, Plan
-    from iris_sysid.benchmark.inputs import named_files
-    from iris_sysid.documents import read_document
-    from iris_sysid.groundtruth.measure import Conditions
-    from iris_sysid.groundtruth.schemas import MeasuredDocument
+    from iris_sysid.benchmark.groundtruth.measure import Conditions
+    from iris_sysid.benchmark.sources.inputs import named_files
+    from iris_sysid.io.json_documents import read_document
+    from iris_sysid.io.schemas.groundtruth import MeasuredDocument
 
     written: dict[str, Path] = {}
     if audit is not None:
@@ -104,11 +104,11 @@ def benchmark(
 def _rows_of(dataset: Path, work: Path, plan: Plan) -> DatasetRows:
     from iris_sysid.benchmark.dataset_rows import dataset_rows
 
-    with terminal.progress("measuring and studying") as report_progress:
+    with _terminal.progress("measuring and studying") as report_progress:
         return dataset_rows(
             dataset,
             work,
             plan,
             progress=report_progress,
-            tell=lambda text: typer.echo(terminal.one_line(text), err=True),
+            tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
         )

@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from iris_sysid import terminal
+from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Json, Output
 
 if TYPE_CHECKING:
-    from iris_sysid.calibrate import Asked
+    from iris_sysid.cli._calibrate_request import Asked
 
 Text = str | None
 
@@ -62,7 +62,7 @@ def calibrate(
     Example:
       iris-sysid calibrate board.mp4 --board 9x6 --square 25mm -o calibration.json --plot
     """
-    from iris_sysid import calibrate as made
+    from iris_sysid.cli import _calibrate_request as made
 
     asked: Asked = made.Asked(
         sources=tuple(sources),
@@ -96,8 +96,8 @@ def calibrate(
     )
     pictures = made.plot_paths(output) if plot else ()
     for source in sources:
-        terminal.check_outputs(source, [output, *pictures], overwrite=force)
-    with terminal.progress("looking for the board") as report_progress:
+        _terminal.check_outputs(source, [output, *pictures], overwrite=force)
+    with _terminal.progress("looking for the board") as report_progress:
         result = made.make(asked, report_progress)
     drawn = made.save(result, output, plot=plot, overwrite=force)
     typer.echo(made.text_of(result.calibration, json=json))

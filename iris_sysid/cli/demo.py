@@ -4,7 +4,7 @@ from pathlib import Path
 
 import typer
 
-from iris_sysid import terminal
+from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Output
 
 
@@ -18,8 +18,8 @@ def demo(
     Example:
       iris-sysid demo -o demo-output
     """
-    from iris_sysid.demo import demo as run_demo
+    from iris_sysid.cli._demo_clip import demo as run_demo
 
-    with terminal.progress("demo") as report_progress:
+    with _terminal.progress("demo") as report_progress:
         text = run_demo(output, overwrite=force, progress=report_progress)
     typer.echo(text)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from iris_sysid import terminal
+from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Free, Json, Output, Settings
 
 if TYPE_CHECKING:
@@ -42,12 +42,12 @@ def diagnose(
     Example:
       iris-sysid diagnose trajectory.csv --model pendulum -o diagnosis/
     """
-    from iris_sysid import diagnosis, options
-    from iris_sysid.documents import document_text
-    from iris_sysid.registry import MODELS, PHENOMENA
+    from iris_sysid.cli import _parsing
+    from iris_sysid.diagnosis import diagnose as diagnosis
+    from iris_sysid.io.json_documents import document_text
+    from iris_sysid.registry import MODELS, PHENOMENA, model_named
     from iris_sysid.report.diagnosis_page import check_folder, diagnosis_document, write_diagnosis
-    from iris_sysid.user_models import model_named
-    from iris_sysid.wording import diagnosis_sentence
+    from iris_sysid.report.text import diagnosis_sentence
 
     shown = None if phenomenon is None else PHENOMENA[phenomenon]
     if model is not None:
@@ -57,10 +57,10 @@ def diagnose(
     else:
         raise typer.BadParameter("Missing option '--model' or '--phenomenon'")
     check_folder(output, overwrite=force)
-    fixed = options.settings(known or (), options.units_of(chosen))
+    fixed = _parsing.settings(known or (), _parsing.units_of(chosen))
     asked = {"model": chosen.name if model is None else model, "set": known, "free": free, "holdout": holdout}
     measured = _measured(clips, phenomenon, output, trials, board, square)
-    questioned = [options.asked(clip, **asked) for clip in measured]
+    questioned = [_parsing.asked(clip, **asked) for clip in measured]
     usual = shown.free if shown is not None and model is None else ()
     found = diagnosis.diagnose(
         questioned,
@@ -80,10 +80,10 @@ def _measured(
     clips: list[Path], phenomenon: str | None, output: Path, trials: int | None, board: str | None, square: str | None
 ) -> "list[Trajectory]":
     """The trajectories of tables and folders; clips of a data set are measured, and kept beside the output."""
-    from iris_sysid.clip_folders import clips_of, clips_of_dataset, is_dataset
+    from iris_sysid.benchmark.clip_folders import clips_of, clips_of_dataset, is_dataset
+    from iris_sysid.benchmark.groundtruth.direct import with_board
     from iris_sysid.errors import DataError
-    from iris_sysid.groundtruth.direct import with_board
-    from iris_sysid.groundtruth.schemas import MeasuredDocument
+    from iris_sysid.io.schemas.groundtruth import MeasuredDocument
 
     found: list[Trajectory] = []
     for path in clips:
@@ -92,14 +92,14 @@ def _measured(
             continue
         if phenomenon is None:
             raise DataError(f"{path} is a data set: say which of its clips, e.g. --phenomenon pendulum")
-        with terminal.progress("measuring clips") as report_progress:
+        with _terminal.progress("measuring clips") as report_progress:
             found += clips_of_dataset(
                 path,
                 phenomenon,
                 Path(f"{output}".rstrip("/") + ".work"),
                 board=with_board(MeasuredDocument(), board, square),
                 trials=trials,
-                tell=lambda text: typer.echo(terminal.one_line(text), err=True),
+                tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
                 progress=report_progress,
             )
     return found

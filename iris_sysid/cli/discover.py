@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from iris_sysid import terminal
+from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Json, Output, Settings
 
 Tables = Annotated[list[Path], typer.Argument(help="CSV with t_s and <quantity>_<unit> columns; several clips of one.")]
@@ -30,24 +30,25 @@ def discover(
       iris-sysid discover trajectory.csv --residual-of pendulum -o lacking.json
     """
     from fitters.sindy import discover as find
-    from iris_sysid import documents, files, options
+    from iris_sysid.cli import _parsing
+    from iris_sysid.io import files, json_documents
+    from iris_sysid.io.csv_read import read_trajectory
     from iris_sysid.registry import MODELS
-    from iris_sysid.table_reading import read_trajectory
-    from iris_sysid.wording import discovery_sentence, discovery_text
+    from iris_sysid.report.text import discovery_sentence, discovery_text
 
     for table in tables:
-        terminal.check_outputs(table, [output, plot], overwrite=force)
-    terminal.check_suffix(plot, ".png")
+        _terminal.check_outputs(table, [output, plot], overwrite=force)
+    _terminal.check_suffix(plot, ".png")
     units = {one.name: one.unit for model in MODELS.values() for one in model.parameters}
-    constants = options.settings(known or (), units)
+    constants = _parsing.settings(known or (), units)
     asked = {"quantity": quantity, "set": known, "residual_of": residual_of, "seed": seed}
-    clips = [options.asked(read_trajectory(table), **asked) for table in tables]
+    clips = [_parsing.asked(read_trajectory(table), **asked) for table in tables]
     found = find(clips, quantities=quantity or (), known=constants, residual_of=residual_of, seed=seed)
-    document = documents.discovery_document(found, discovery_sentence(found))
-    documents.write_document(document, output, overwrite=force)
+    document = json_documents.discovery_document(found, discovery_sentence(found))
+    json_documents.write_document(document, output, overwrite=force)
     if plot is not None:
         from iris_sysid.report.discovery_figure import discovery_figure
         from iris_sysid.report.page import png_of
 
         files.write_atomic(plot, png_of(discovery_figure(found, clips)), overwrite=force)
-    typer.echo(documents.document_text(document).rstrip("\n") if json else discovery_text(found))
+    typer.echo(json_documents.document_text(document).rstrip("\n") if json else discovery_text(found))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from iris_sysid import terminal
+from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Free, Json, ModelName, Output, Settings, Starts
 
 if TYPE_CHECKING:
@@ -38,14 +38,14 @@ def fit(
     Example:
       iris-sysid fit trajectory.csv --model pendulum --set gravity=9.79 -o fit.json
     """
-    from iris_sysid import options
+    from iris_sysid.cli import _parsing
     from iris_sysid.errors import DataError
-    from iris_sysid.table_reading import read_trajectory
-    from iris_sysid.user_models import model_named
+    from iris_sysid.io.csv_read import read_trajectory
+    from iris_sysid.registry import model_named
 
     for table in tables:
-        terminal.check_outputs(table, [output, plot], overwrite=force)
-    terminal.check_suffix(plot, ".png")
+        _terminal.check_outputs(table, [output, plot], overwrite=force)
+    _terminal.check_suffix(plot, ".png")
     if (shared or per_clip) and len(tables) < 2:
         raise DataError("--shared and --per-clip are about several clips; give several tables")
     if len(tables) > 1 and (plot or uncertainty or model == AUTO):
@@ -55,8 +55,8 @@ def fit(
             "--plot, --uncertainty, --set and --start-at need the name of a model; --model auto has none yet"
         )
     chosen = None if model == AUTO else model_named(model)
-    units = {} if chosen is None else options.units_of(chosen)
-    fixed, first = (options.settings(texts or (), units) for texts in (known, start))
+    units = {} if chosen is None else _parsing.units_of(chosen)
+    fixed, first = (_parsing.settings(texts or (), units) for texts in (known, start))
     asked = {
         "model": model,
         "set": known,
@@ -65,7 +65,7 @@ def fit(
         "shared": shared,
         "uncertainty": uncertainty,
     }
-    clips = [options.asked(read_trajectory(table), **asked) for table in tables]
+    clips = [_parsing.asked(read_trajectory(table), **asked) for table in tables]
     if chosen is None:
         _choose(clips[0], free or [], output, force, json)
         return
@@ -90,18 +90,18 @@ def _fit_one(
 ) -> None:
     from dataclasses import replace
 
-    from fitters.identifiability import identifiability
     from fitters.ode import fit as fit_model
-    from iris_sysid import documents
+    from fitters.ode.identifiability import identifiability
+    from iris_sysid.io import json_documents
 
     methods = [one for text in uncertainty for one in text.split(",")]
     result = fit_model(trajectory, model, fixed=fixed, free=free, start=starts, uncertainty=methods)
     if result.identifiability is not None:
         result = replace(result, identifiability=identifiability(result, trajectory))
-    documents.write_fit(result, trajectory, output, overwrite=force)
+    json_documents.write_fit(result, trajectory, output, overwrite=force)
     _draw(trajectory, result, plot, force)
-    terminal.show_fit(result, trajectory, json)
-    terminal.exit_unless_ok(result)
+    _terminal.show_fit(result, trajectory, json)
+    _terminal.exit_unless_ok(result)
 
 
 def _pool(
@@ -115,16 +115,17 @@ def _pool(
     force: bool,
     json: bool,
 ) -> None:
-    from fitters.clips import fit_clips
-    from iris_sysid import documents, wording
+    from fitters.ode.several_clips import fit_clips
     from iris_sysid.errors import IrisError
-    from iris_sysid.fit_documents import pooled_document
+    from iris_sysid.io import json_documents
+    from iris_sysid.io.fit_json import pooled_document
+    from iris_sysid.report import text as wording
 
     shared, per_clip, free = names
     pooled = fit_clips(clips, model, shared=shared, per_clip=per_clip, fixed=fixed, free=free, start=starts)
     document = pooled_document(pooled, [table.name for table in tables], clips[0])
-    documents.write_document(document, output, overwrite=force)
-    typer.echo(documents.document_text(document).rstrip("\n") if json else wording.pooled_text(pooled))
+    json_documents.write_document(document, output, overwrite=force)
+    typer.echo(json_documents.document_text(document).rstrip("\n") if json else wording.pooled_text(pooled))
     if not pooled.usable:
         raise IrisError(f"the fit failed ({pooled.status}): {pooled.message}")
     if pooled.message:
@@ -132,17 +133,18 @@ def _pool(
 
 
 def _choose(trajectory: Trajectory, free: list[str], output: Path, force: bool, json: bool) -> None:
-    from fitters.select import select_model
-    from iris_sysid import documents, wording
+    from fitters.selection.select import select_model
     from iris_sysid.errors import IrisError
-    from iris_sysid.fit_documents import selection_document
+    from iris_sysid.io import json_documents
+    from iris_sysid.io.fit_json import selection_document
+    from iris_sysid.report import text as wording
 
     choice = select_model(trajectory, free=free)
     if choice.nearest.fit is None:
         raise IrisError(f"no model of the bank could be fitted: {choice.nearest.note}")
     document = selection_document(choice, trajectory)
-    documents.write_document(document, output, overwrite=force)
-    typer.echo(documents.document_text(document).rstrip("\n") if json else choice.message)
+    json_documents.write_document(document, output, overwrite=force)
+    typer.echo(json_documents.document_text(document).rstrip("\n") if json else choice.message)
     if choice.chosen is None:
         raise IrisError(choice.message)
     if not json:
@@ -152,7 +154,7 @@ def _choose(trajectory: Trajectory, free: list[str], output: Path, force: bool, 
 def _draw(trajectory: Trajectory, result: FitResult, plot: Path | None, force: bool) -> None:
     if plot is None:
         return
-    from iris_sysid import files
+    from iris_sysid.io import files
     from iris_sysid.report.figures import fit_figure
     from iris_sysid.report.page import png_of
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from iris_sysid import terminal
+from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Fps, KeepPartial, TimeBase
 
 
@@ -33,15 +33,15 @@ def gt(
     Example:
       iris-sysid gt DATASET/ --measured measured.json -o parameters.json
     """
-    from iris_sysid.documents import document_text, write_document
-    from iris_sysid.files import check_writable
-    from iris_sysid.groundtruth import direct
-    from iris_sysid.groundtruth.effects import lacking_effects
-    from iris_sysid.groundtruth.measure import Conditions, measure
-    from iris_sysid.groundtruth.parameters import parameters_document
-    from iris_sysid.groundtruth.schemas import MeasuredDocument
-    from iris_sysid.measures import SHARES
-    from iris_sysid.measures import measured as read_share
+    from iris_sysid.benchmark.groundtruth import direct
+    from iris_sysid.benchmark.groundtruth.effects import lacking_effects
+    from iris_sysid.benchmark.groundtruth.measure import Conditions, measure
+    from iris_sysid.benchmark.groundtruth.parameters import parameters_document
+    from iris_sysid.io.files import check_writable
+    from iris_sysid.io.json_documents import document_text, write_document
+    from iris_sysid.io.schemas.groundtruth import MeasuredDocument
+    from iris_sysid.units import SHARES
+    from iris_sysid.units import measured as read_share
 
     if template:
         typer.echo(document_text(direct.template()).rstrip("\n"))
@@ -54,7 +54,7 @@ def gt(
     conditions = Conditions(
         fps=fps, clock_stderr=read_share(time_base, SHARES, "50ppm")[0], keep_partial=keep_partial, trials=trials
     )
-    with terminal.progress("measuring clips") as report_progress:
+    with _terminal.progress("measuring clips") as report_progress:
         found = measure(
             dataset,
             work or output.with_suffix(".work"),
@@ -62,7 +62,7 @@ def gt(
             conditions=conditions,
             workers=workers,
             progress=report_progress,
-            tell=lambda text: typer.echo(terminal.one_line(text), err=True),
+            tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
         )
     document = parameters_document(found, by_hand, lacking_effects if diagnose else None)
     write_document(document, output, overwrite=force)

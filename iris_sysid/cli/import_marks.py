@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from iris_sysid import terminal
+from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Json, Output
 
 
@@ -21,9 +21,10 @@ def import_marks(
     Example:
       iris-sysid import toss.trz -o track.csv
     """
-    from iris_sysid import osp, tables, tracking
+    from iris_sysid import pipeline
+    from iris_sysid.io import csv_write, osp_tracker
 
-    terminal.check_outputs(project, [output], overwrite=force)
-    tracks = osp.marked_tracks(osp.read_osp(project))
-    tables.write_track(tracking.from_source(tracks, project, {}), output, overwrite=force)
-    terminal.print_rows([{"body": body.body, "marks": body.n_valid} for body in tracks], json)
+    _terminal.check_outputs(project, [output], overwrite=force)
+    tracks = osp_tracker.marked_tracks(osp_tracker.read_osp(project))
+    csv_write.write_track(pipeline.from_source(tracks, project, {}), output, overwrite=force)
+    _terminal.print_rows([{"body": body.body, "marks": body.n_valid} for body in tracks], json)

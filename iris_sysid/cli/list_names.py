@@ -1,6 +1,6 @@
 """The command ``iris-sysid list``."""
 
-from iris_sysid import terminal
+from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Json
 
 
@@ -19,4 +19,4 @@ def list_names(json: Json = False) -> None:
         for registry in (PHENOMENA, MODELS, EFFECTS, TRACKERS, SCENES)
         for item in registry.values()
     ]
-    terminal.print_rows(rows, json)
+    _terminal.print_rows(rows, json)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from iris_sysid import terminal
+from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Settings
 from iris_sysid.errors import DataError, UnknownNameError
 
@@ -74,22 +74,22 @@ def _render_clip(
     film: tuple[str, float, float, int],
     force: bool,
 ) -> None:
-    from iris_sysid import options
+    from iris_sysid.cli import _parsing
     from iris_sysid.synthetic import render_clip
     from iris_sysid.synthetic.plan import scene_named
 
     size, fps, seconds, seed = film
     units = {one.name: one.unit for one in scene_named(phenomenon).parameters}
-    with terminal.progress("rendering") as report_progress:
+    with _terminal.progress("rendering") as report_progress:
         render_clip(
             phenomenon,
             output,
-            effects=options.effects(effect),
-            size=options.size(size),
+            effects=_parsing.effects(effect),
+            size=_parsing.size(size),
             fps=fps,
             duration_s=seconds,
             seed=seed,
-            overrides={name: value.value for name, value in options.settings(known, units).items()},
+            overrides={name: value.value for name, value in _parsing.settings(known, units).items()},
             progress=report_progress,
             overwrite=force,
         )
@@ -105,13 +105,13 @@ def _render_dataset(
     trials: int | None,
     workers: int | None,
 ) -> None:
-    from iris_sysid import options
-    from iris_sysid.synthetic import render_dataset
+    from iris_sysid.benchmark.render_dataset import render_dataset
+    from iris_sysid.cli import _parsing
 
-    with terminal.progress("rendering") as report_progress:
+    with _terminal.progress("rendering") as report_progress:
         done = render_dataset(
             folder,
-            size=options.size(size),
+            size=_parsing.size(size),
             fps=fps,
             trials=TRIALS if trials is None else trials,
             seed=seed,

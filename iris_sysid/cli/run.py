@@ -2,7 +2,7 @@
 
 import typer
 
-from iris_sysid import terminal
+from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import (
     CalibrationFile,
     Colour,
@@ -55,14 +55,15 @@ def run(
     Example:
       iris-sysid run pendulum.mp4 --phenomenon pendulum --scale 640px=1m -o out/
     """
-    from iris_sysid import options, pipeline
-    from iris_sysid.measures import SHARES, measured
+    from iris_sysid import pipeline
+    from iris_sysid.cli import _parsing
     from iris_sysid.registry import PHENOMENA
+    from iris_sysid.units import SHARES, measured
 
     known_names = pipeline.accepted_settings(PHENOMENA[phenomenon])
     pipeline.check_folder(output, overwrite=force)
-    from_gravity, metres = options.calibration_of(scale, scale_bar, calibration)
-    with terminal.progress("tracking") as report_progress:
+    from_gravity, metres = _parsing.calibration_of(scale, scale_bar, calibration)
+    with _terminal.progress("tracking") as report_progress:
         result = pipeline.run(
             video,
             phenomenon,
@@ -73,16 +74,16 @@ def run(
             stop_s=stop,
             keep_partial=keep_partial,
             tracker=tracker,
-            options=options.track_options(PHENOMENA[phenomenon].bodies, roi, colour),
-            settings=options.settings(known or (), known_names),
+            options=_parsing.track_options(PHENOMENA[phenomenon].bodies, roi, colour),
+            settings=_parsing.settings(known or (), known_names),
             free=free or (),
-            marks_px=options.marks(mark or ()),
-            plumb_px=options.plumb_line(mark or ()),
-            vertical=options.vertical(vertical),
+            marks_px=_parsing.marks(mark or ()),
+            plumb_px=_parsing.plumb_line(mark or ()),
+            vertical=_parsing.vertical(vertical),
             clock_stderr=measured(time_base, SHARES, "50ppm")[0],
             progress=report_progress,
         )
     page = pipeline.save(result, output, overwrite=force)
-    terminal.show_fit(result.fit, result.trajectory, json)
+    _terminal.show_fit(result.fit, result.trajectory, json)
     typer.echo(f"report: {page}", err=True)
-    terminal.exit_unless_ok(result.fit)
+    _terminal.exit_unless_ok(result.fit)

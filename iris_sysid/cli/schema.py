@@ -19,6 +19,6 @@ def schema(
     Example:
       iris-sysid schema fit
     """
-    from iris_sysid import documents, files
+    from iris_sysid.io import files, json_documents
 
-    typer.echo(files.json_text(documents.schema(name)).rstrip("\n"))
+    typer.echo(files.json_text(json_documents.schema(name)).rstrip("\n"))

@@ -2,7 +2,7 @@
 
 import typer
 
-from iris_sysid import terminal
+from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Output, Table
 
 
@@ -13,12 +13,13 @@ def smooth(table: Table, output: Output, force: Force = False) -> None:
     Example:
       iris-sysid smooth trajectory.csv -o smoothed.csv
     """
-    from iris_sysid import smoothing, tables
-    from iris_sysid.table_reading import read_trajectory
+    from iris_sysid.io import csv_write
+    from iris_sysid.io.csv_read import read_trajectory
+    from iris_sysid.trajectory import smoothing
 
-    terminal.check_outputs(table, [output], overwrite=force)
+    _terminal.check_outputs(table, [output], overwrite=force)
     smoothed = smoothing.smooth(read_trajectory(table))
-    tables.write_trajectory(smoothed, output, overwrite=force)
+    csv_write.write_trajectory(smoothed, output, overwrite=force)
     state = smoothed.smoothed
     assert state is not None
     for quantity, psd, nis in zip(smoothed.quantities, state.psd, state.nis, strict=True):

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from iris_sysid import terminal
+from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Fps, KeepPartial, Output, Start, Stop, Video
 
 
@@ -27,20 +27,20 @@ def tensors(
     Example:
       iris-sysid tensors pendulum.mp4 -o pendulum.npy
     """
-    from iris_sysid import options
-    from iris_sysid.tensors import write_tensor
-    from iris_sysid.video import open_video
+    from iris_sysid.cli import _parsing
+    from iris_sysid.video.reader import open_video
+    from iris_sysid.video.tensor_writer import write_tensor
 
-    terminal.check_outputs(clip, [output], overwrite=force)
+    _terminal.check_outputs(clip, [output], overwrite=force)
     video = open_video(clip, fps=fps, start_s=start, stop_s=stop, keep_partial=keep_partial)
-    with terminal.progress("reading") as report_progress:
+    with _terminal.progress("reading") as report_progress:
         told = write_tensor(
             video,
             output,
             frames=frames,
             step=step,
             stride=stride,
-            size=options.size(size),
+            size=_parsing.size(size),
             overwrite=force,
             progress=report_progress,
         )

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from iris_sysid import terminal
+from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import (
     Bodies,
     CalibrationFile,
@@ -55,27 +55,29 @@ def track(
     Example:
       iris-sysid track toss.mp4 --roi 0,0,640,400 -o track.csv --overlay overlay.mp4
     """
-    from iris_sysid import options, tables, tracking
+    from iris_sysid import pipeline
+    from iris_sysid.calibration.plane import check_image_size
+    from iris_sysid.cli import _parsing
     from iris_sysid.errors import DataError
-    from iris_sysid.plane import check_image_size
+    from iris_sysid.io import csv_write
     from iris_sysid.registry import PHENOMENA
-    from iris_sysid.video import open_video
+    from iris_sysid.video.reader import open_video
 
     chosen = PHENOMENA[phenomenon] if phenomenon else None
     name = tracker or (chosen.tracker if chosen else "median-background")
-    metres = options.metres_of(scale, scale_bar, calibration, needed=world is not None)
-    terminal.check_outputs(video, [output, overlay, world], overwrite=force)
-    terminal.check_suffix(overlay, ".mp4")
+    metres = _parsing.metres_of(scale, scale_bar, calibration, needed=world is not None)
+    _terminal.check_outputs(video, [output, overlay, world], overwrite=force)
+    _terminal.check_suffix(overlay, ".mp4")
     clip = open_video(video, fps=fps, start_s=start, stop_s=stop, keep_partial=keep_partial)
     if metres is not None:
         check_image_size(metres.image_size, (clip.width, clip.height))
-    with terminal.progress("tracking") as report_progress:
-        wanted = options.track_options(bodies or (chosen.bodies if chosen else 1), roi, colour, report_progress)
+    with _terminal.progress("tracking") as report_progress:
+        wanted = _parsing.track_options(bodies or (chosen.bodies if chosen else 1), roi, colour, report_progress)
         if mask is not None:
             if name != "median-background":
                 raise DataError(f"--mask takes the place of the detector of median-background, not of {name}")
             wanted = replace(wanted, mask=open_video(mask, fps=fps or clip.rate or 60.0))
-        tracks = tracking.track(clip, name, wanted)
+        tracks = pipeline.track(clip, name, wanted)
     asked = {
         "tracker": name,
         "fps": fps,
@@ -84,15 +86,15 @@ def track(
         "stop_s": stop,
         "keep_partial": keep_partial,
     }
-    tables.write_track(tracking.from_source(tracks, video, asked), output, overwrite=force)
+    csv_write.write_track(pipeline.from_source(tracks, video, asked), output, overwrite=force)
     if world is not None and metres is not None:
-        tables.write_worlds(tracks, metres, world, overwrite=force)
+        csv_write.write_worlds(tracks, metres, world, overwrite=force)
     if overlay is not None:
         from iris_sysid.report.overlay import write_overlay
 
-        with terminal.progress("drawing") as report_progress:
+        with _terminal.progress("drawing") as report_progress:
             write_overlay(clip, tracks, overlay, overwrite=force, progress=report_progress)
     if clip.warning:
         typer.echo(f"warning: {clip.warning}", err=True)
     found = [{"body": body.body, "frames": len(body.t_s), "tracked": body.n_valid} for body in tracks]
-    terminal.print_rows(found, json)
+    _terminal.print_rows(found, json)

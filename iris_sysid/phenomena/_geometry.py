@@ -15,9 +15,8 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import least_squares
 
-from iris_sysid.arrays import Array, Mask
 from iris_sysid.errors import DataError
-from iris_sysid.types import Estimate
+from iris_sysid.types import Array, Estimate, Mask
 
 NORMAL_MAD = 1.4826  # median absolute deviation to standard deviation of a normal
 OUTLYING = 5.0  # scatters: a good sample is that far off once in two million

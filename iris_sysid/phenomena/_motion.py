@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from iris_sysid.arrays import Mask
 from iris_sysid.errors import DataError
-from iris_sysid.types import Estimate, Trajectory
+from iris_sysid.types import Estimate, Mask, Trajectory
 
 
 def only_body(world: Sequence[Trajectory], name: str) -> Trajectory:

@@ -7,10 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from iris_sysid.arrays import Array, Mask
 from iris_sysid.errors import DataError
 from iris_sysid.phenomena._geometry import Circle, fit_circle
-from iris_sysid.types import Estimate, Quantity, Segment, Trajectory
+from iris_sysid.types import Array, Estimate, Mask, Quantity, Segment, Trajectory
 
 TAUT = 3  # samples on their arcs in a row after which the cords count as taut
 FEWEST = 8  # samples of each body

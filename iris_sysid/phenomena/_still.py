@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from iris_sysid.arrays import Array
-from iris_sysid.types import Segment, Trajectory
+from iris_sysid.types import Array, Segment, Trajectory
 
 FEWEST = 5  # samples of the still part
 LATEST = 0.7  # of the motion: the still part must end by then

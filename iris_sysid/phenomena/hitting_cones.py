@@ -12,11 +12,20 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from iris_sysid.arrays import STANDS, Array, departure
 from iris_sysid.errors import DataError
 from iris_sysid.phenomena._geometry import fit_line
 from iris_sysid.phenomena._motion import only_body, stated
-from iris_sysid.types import BenchmarkClass, Estimate, Phenomenon, Quantity, Segment, Trajectory
+from iris_sysid.types import (
+    STANDS,
+    Array,
+    BenchmarkClass,
+    Estimate,
+    Phenomenon,
+    Quantity,
+    Segment,
+    Trajectory,
+    departure,
+)
 
 FEWEST = 6  # samples of the run-up
 

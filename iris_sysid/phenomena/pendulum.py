@@ -16,11 +16,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from iris_sysid.arrays import Array, Mask
 from iris_sysid.errors import DataError
 from iris_sysid.phenomena._geometry import Circle, circle_about, fit_circle
 from iris_sysid.phenomena._motion import in_motion, only_body, stated, stated_length
-from iris_sysid.types import BenchmarkClass, Estimate, FitResult, Phenomenon, Quantity, Segment, Trajectory
+from iris_sysid.types import Array, BenchmarkClass, Estimate, FitResult, Mask, Phenomenon, Quantity, Segment, Trajectory
 
 TAUT = 3  # samples on the arc in a row after which the cord counts as taut
 RADIUS = ("arc_radius", "length")  # settings that give the arc's radius, in order of preference

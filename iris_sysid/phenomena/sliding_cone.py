@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from iris_sysid.arrays import Mask
 from iris_sysid.errors import DataError
 from iris_sysid.phenomena._geometry import Line, fit_line
 from iris_sysid.phenomena._motion import in_motion, only_body, stated
-from iris_sysid.types import Array, BenchmarkClass, Estimate, Phenomenon, Quantity, Trajectory
+from iris_sysid.types import Array, BenchmarkClass, Estimate, Mask, Phenomenon, Quantity, Trajectory
 
 # px: what hand, blur and shading move the place of a body that speeds up against the body itself; on the twin it lies
 # 0.3 to 0.5 px off the board at the top and on its own place at the bottom

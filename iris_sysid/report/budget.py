@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from iris_sysid import wording
+from iris_sysid.calibration.plane import local_geometry
 from iris_sysid.errors import CalibrationError
-from iris_sysid.plane import local_geometry
+from iris_sysid.report import text
 from iris_sysid.report.page import Section, estimates_section
 from iris_sysid.types import Calibration, Estimate, FitResult, Track
 
@@ -48,7 +48,7 @@ def _rows(
 def _spelled(source: str, known: Mapping[str, Estimate]) -> str:
     """A source in words: what it is, and how well it is known where it is a constant."""
     if source in known:
-        return f"{source} = {wording.with_error(known[source])}"
+        return f"{source} = {text.with_error(known[source])}"
     return SPELLED.get(source, source)
 
 

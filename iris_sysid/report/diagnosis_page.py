@@ -10,14 +10,14 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
-from iris_sysid import wording
-from iris_sysid.diagnosis import Diagnosis, Limit
-from iris_sysid.documents import checked, entries_of, fit_document, plain_origin, term_entry, write_document
-from iris_sysid.files import check_writable
-from iris_sysid.report import write_page
+from iris_sysid.diagnosis.diagnose import Diagnosis, Limit
+from iris_sysid.diagnosis.score_test import Score
+from iris_sysid.io.files import check_writable
+from iris_sysid.io.json_documents import checked, entries_of, fit_document, plain_origin, term_entry, write_document
+from iris_sysid.io.schemas import DiagnosisDocument, known_number
+from iris_sysid.report import text
+from iris_sysid.report.clip_page import write_page
 from iris_sysid.report.page import Page, Picture, Section, estimates_section, png_of
-from iris_sysid.schemas import DiagnosisDocument, known_number
-from iris_sysid.scores import Score
 from iris_sysid.types import Array, FitResult, Trajectory
 
 FILES = ("diagnosis.json", "residual.png", "state.png", "report.html")
@@ -86,7 +86,7 @@ def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Dia
     floor = {"noise_floor": known_number(diagnosis.noise_floor), "unit": diagnosis.unit}
     return checked(
         DiagnosisDocument,
-        sentence=wording.diagnosis_sentence(diagnosis),
+        sentence=text.diagnosis_sentence(diagnosis),
         **first,
         added=added,
         indistinguishable={name: list(others) for name, others in diagnosis.indistinguishable.items()},
@@ -109,7 +109,7 @@ def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Page:
     sections = [
         Section("Error before and after", ("", "#fitted", "#held out", "#noise floor"), _error_rows(diagnosis)),
         *_added_section(diagnosis),
-        *(estimates_section(TITLES[one], wording.shown(fit), fit.model.equation) for fit, one in _fits(diagnosis)),
+        *(estimates_section(TITLES[one], text.shown(fit), fit.model.equation) for fit, one in _fits(diagnosis)),
         *_clips_section(diagnosis, clips),
         *_proposed_section(diagnosis),
         *(_round_section(k, scores) for k, scores in enumerate(diagnosis.rounds, start=1)),
@@ -122,7 +122,7 @@ def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Page:
     name = _name(clips[0]) + (f" and {len(clips) - 1} more" if len(clips) > 1 else "")
     return Page(
         title=f"{name}: what {base.model.name} lacks",
-        headline=wording.diagnosis_sentence(diagnosis),
+        headline=text.diagnosis_sentence(diagnosis),
         summary=base.model.summary,
         pictures=pictures,
         sections=sections,
@@ -136,8 +136,8 @@ def _added_section(diagnosis: Diagnosis) -> list[Section]:
         (
             effect.name,
             parameter.name,
-            wording.with_error(size),
-            wording.interval(size),
+            text.with_error(size),
+            text.interval(size),
             ", ".join(diagnosis.indistinguishable[effect.name]),
         )
         for effect in diagnosis.added
@@ -171,7 +171,7 @@ def _clips_section(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> list[Se
                 f"{float(np.sqrt(np.nanmean(one.residual[one.used] ** 2))):.4g} {diagnosis.unit}"
                 for one in (base, final)
             ),
-            *(wording.with_error(final.estimates[name]) for name in names),
+            *(text.with_error(final.estimates[name]) for name in names),
         )
         for clip, base, final in zip(clips, diagnosis.bases, diagnosis.finals, strict=True)
     ]
@@ -192,7 +192,7 @@ def _heldout_text(error: float) -> str:
 def _proposed_section(diagnosis: Diagnosis) -> list[Section]:
     """Terms for what is left, when there are any."""
     rows = [
-        (f"{one.term} in {one.equation}", wording.with_error(one.coefficient), f"{100 * one.inclusion:.0f} %")
+        (f"{one.term} in {one.equation}", text.with_error(one.coefficient), f"{100 * one.inclusion:.0f} %")
         for one in diagnosis.proposed
     ]
     columns = ("term that no effect is named after", "#coefficient, to first order", "#chosen in resampled data")
@@ -216,13 +216,11 @@ def _round_section(number: int, scores: tuple[Score, ...]) -> Section:
 def _size_text(score: Score) -> str:
     if not np.isfinite(score.size):
         return "cannot be seen here"
-    return wording.in_unit(f"{score.size:.3g} ± {score.stderr:.2g}", score.unit)
+    return text.in_unit(f"{score.size:.3g} ± {score.stderr:.2g}", score.unit)
 
 
 def _limit_text(limit: Limit) -> str:
-    return (
-        wording.in_unit(f"{limit.upper_95:.2g}", limit.unit) if np.isfinite(limit.upper_95) else "cannot be seen here"
-    )
+    return text.in_unit(f"{limit.upper_95:.2g}", limit.unit) if np.isfinite(limit.upper_95) else "cannot be seen here"
 
 
 def residual_figure(diagnosis: Diagnosis) -> Figure:

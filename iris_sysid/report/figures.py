@@ -16,7 +16,7 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from fitters.ode import simulate
-from iris_sysid.plane import to_pixels
+from iris_sysid.calibration.plane import to_pixels
 from iris_sysid.types import Array, Calibration, FitResult, FrameSource, Track, Trajectory
 
 # Okabe and Ito (2008): eight colours that stay apart for every kind of colour vision.

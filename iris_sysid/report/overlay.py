@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from iris_sysid.files import atomic_path
+from iris_sysid.io.files import atomic_path
 from iris_sysid.types import FrameSource, Track
 
 # BGR of the same colour-vision-safe set that the figures use

@@ -11,8 +11,8 @@ from typing import Any
 import jinja2
 from matplotlib.figure import Figure
 
-from iris_sysid import wording
-from iris_sysid.files import json_text
+from iris_sysid.io.files import json_text
+from iris_sysid.report import text
 from iris_sysid.report.figures import equation_figure
 from iris_sysid.types import Estimate
 
@@ -112,8 +112,8 @@ def estimates_section(title: str, estimates: Mapping[str, Estimate], equation: s
     rows = [
         (
             name,
-            wording.with_error(estimate),
-            wording.interval(estimate),
+            text.with_error(estimate),
+            text.interval(estimate),
             estimate.measurement_type,
             estimate.source,
         )

@@ -2,7 +2,6 @@
 
 from iris_sysid.synthetic.board import render_checkerboard
 from iris_sysid.synthetic.clip import render_clip
-from iris_sysid.synthetic.dataset import Dataset, render_dataset
 from iris_sysid.synthetic.look import Look
 from iris_sysid.synthetic.plan import plan_clip
 from iris_sysid.synthetic.scene import SCENES
@@ -10,12 +9,10 @@ from iris_sysid.synthetic.truth import Truth, read_truth
 
 __all__ = [
     "SCENES",
-    "Dataset",
     "Look",
     "Truth",
     "plan_clip",
     "read_truth",
     "render_checkerboard",
     "render_clip",
-    "render_dataset",
 ]

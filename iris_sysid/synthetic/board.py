@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.transform import Rotation, Slerp
 
-from iris_sysid.files import json_text, write_atomic
+from iris_sysid.io.files import json_text, write_atomic
 from iris_sysid.synthetic.camera import Camera, View
 from iris_sysid.synthetic.clip import Progress, check_paths, film
 from iris_sysid.synthetic.look import Look

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from iris_sysid.errors import OutputError
-from iris_sysid.files import atomic_path, check_writable
+from iris_sysid.io.files import atomic_path, check_writable
 from iris_sysid.synthetic.encoder import FORMATS, Encoder
 from iris_sysid.synthetic.look import Look
 from iris_sysid.synthetic.picture import Picture

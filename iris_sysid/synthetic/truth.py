@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from iris_sysid.errors import DataError
-from iris_sysid.files import json_text, write_atomic
+from iris_sysid.io.files import json_text, write_atomic
 from iris_sysid.types import Estimate
 
 SCHEMA = 1

@@ -5,8 +5,13 @@ Arrays are float64 unless said otherwise and cannot be written to. NaN means "no
 World: x right, z up.
 """
 
-from iris_sysid.arrays import Array as Array
-from iris_sysid.arrays import Mask as Mask
+from iris_sysid.types._arrays import STANDS as STANDS
+from iris_sysid.types._arrays import Array as Array
+from iris_sysid.types._arrays import Mask as Mask
+from iris_sysid.types._arrays import departure as departure
+from iris_sysid.types._arrays import frozen_array as frozen_array
+from iris_sysid.types._arrays import frozen_mask as frozen_mask
+from iris_sysid.types._arrays import increasing_times as increasing_times
 from iris_sysid.types._calibration import N_VALUES as N_VALUES
 from iris_sysid.types._calibration import Calibration as Calibration
 from iris_sysid.types._clip import TRACK_SIGMAS as TRACK_SIGMAS

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from iris_sysid.arrays import Array, frozen_array
+from iris_sysid.types._arrays import Array, frozen_array
 from iris_sysid.types._numbers import Estimate
 
 N_VALUES = 18  # nine entries of the homography, row by row, then fx, fy, cx, cy, k1, k2, p1, p2, k3

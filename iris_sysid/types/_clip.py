@@ -10,8 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from iris_sysid.arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
 from iris_sysid.errors import DataError
+from iris_sysid.types._arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
 
 
 def _no_chroma() -> None:

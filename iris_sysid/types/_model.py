@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iris_sysid.arrays import Array
 from iris_sysid.errors import DataError
+from iris_sysid.types._arrays import Array
 from iris_sysid.types._motion import Trajectory
 from iris_sysid.types._numbers import Quantity
 

@@ -9,8 +9,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from iris_sysid.arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
 from iris_sysid.errors import DataError
+from iris_sysid.types._arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
 from iris_sysid.types._numbers import Estimate, Quantity
 
 MotionKind = Literal["oscillation", "slide", "flight", "any"]

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from iris_sysid.arrays import Array, Mask
+from iris_sysid.types._arrays import Array, Mask
 from iris_sysid.types._model import OdeModel
 from iris_sysid.types._numbers import Estimate
 

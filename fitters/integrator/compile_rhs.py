@@ -1,0 +1,186 @@
+"""Turn a model's readable right-hand side into machine code that the integrator can call."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import cfunc, njit
+from numba.core.dispatcher import Dispatcher
+from numba.core.errors import NumbaError
+
+from fitters.integrator.dormand_prince import COLUMNS_SIGNATURE, integrate
+from iris_sysid.errors import FitError
+from iris_sysid.types import OdeModel
+
+# The state and the parameters of one column reach the model as tuples of numbers, as it is written.
+_LOOP = """
+def columns(t, states, params, inputs, out):
+    for c in range(states.shape[1]):
+        {slopes} = rhs(t, {states}, {params}{inputs})
+"""
+
+# Crossing functions and resets of a model with events: its state ends with the mode, out with the event's number.
+_EVENTS = """
+def crossings(t, states, params, inputs, out):
+    for c in range(states.shape[1]):
+        {crossings}
+
+def resets(t, states, params, inputs, out):
+    for c in range(states.shape[1]):
+        {resets}
+"""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CompiledRhs:
+    """A right-hand side ready to integrate.
+
+    ``integrate`` is :func:`fitters.integrator.dormand_prince.integrate` or, where numba cannot
+    compile the model, the same steps in plain Python; ``columns`` is its first argument; ``note`` says so in words,
+    empty when compiled. For a model with events it integrates through them, and ``columns`` is what that takes first.
+    """
+
+    integrate: Callable[..., None]
+    columns: Any
+    note: str = ""
+
+
+def compiled_rhs(model: OdeModel) -> CompiledRhs:
+    """Compile the model's right-hand side, once per function; FitError when it does not return what it must.
+
+    A function that numba cannot compile runs in plain Python: slower, with the same steps. Events must compile.
+    """
+    _check_slopes(model)
+    if model.events:
+        return _with_events(model)
+    return _compile(model.rhs, len(model.states), len(model.parameters), len(model.inputs))
+
+
+def callable_in_kernels(rhs: Callable[..., Any]) -> Any:
+    """The right-hand side as a numba function, for use inside another one, e.g. a model with a term added."""
+    return rhs if isinstance(rhs, Dispatcher) else _jitted(rhs)
+
+
+@functools.lru_cache(maxsize=512)
+def _jitted(rhs: Callable[..., Any]) -> Any:
+    return njit(error_model="numpy")(rhs)
+
+
+@functools.lru_cache(maxsize=512)
+def _compile(rhs: Callable[..., Any], n_states: int, n_params: int, n_inputs: int) -> CompiledRhs:
+    source = _loop_source(n_states, n_params, n_inputs)
+    try:
+        columns = cfunc(COLUMNS_SIGNATURE)(_loop(source, callable_in_kernels(rhs)))
+    except (NumbaError, NotImplementedError, TypeError) as error:
+        reason = next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
+        note = f"numba cannot compile the model's rhs ({reason[:120]}): it ran in plain Python, which is slower"
+        return CompiledRhs(integrate.py_func, _quiet(_loop(source, rhs)), note)
+    return CompiledRhs(integrate, columns)
+
+
+def _row(name: str, count: int, index: str = ", c") -> str:
+    return "(" + "".join(f"{name}[{i}{index}], " for i in range(count)) + ")"
+
+
+def _arguments(n_states: int, n_params: int, n_inputs: int) -> dict[str, str]:
+    return {
+        "states": _row("states", n_states),
+        "params": _row("params", n_params),
+        "inputs": f", {_row('inputs', n_inputs, '')}" if n_inputs else "",
+    }
+
+
+def _loop_source(n_states: int, n_params: int, n_inputs: int, modes: int = 0) -> str:
+    return _LOOP.format(slopes=_row("out", n_states), **_arguments(n_states + modes, n_params, n_inputs))
+
+
+def _loop(source: str, rhs: Callable[..., Any]) -> Callable[..., None]:
+    loop: Callable[..., None] = _defined(source, {"rhs": rhs})["columns"]
+    return loop
+
+
+def _defined(source: str, namespace: dict[str, Any]) -> dict[str, Any]:
+    exec(compile(source, "<columns>", "exec"), namespace)
+    return namespace
+
+
+def _with_events(model: OdeModel) -> CompiledRhs:
+    """Compile a model with its events."""
+    from fitters.integrator.events import (
+        integrate_through_events,  # compiled when imported: only models with events pay for it
+    )
+
+    functions = (model.rhs, *(one.crossing for one in model.events), *(one.reset for one in model.events))
+    try:
+        three = _compile_events(functions, len(model.states), len(model.parameters), len(model.inputs))
+    except (NumbaError, NotImplementedError, TypeError) as error:
+        reason = next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
+        raise FitError(
+            f"numba cannot compile the events of model {model.name!r} ({reason[:200]}): rhs, crossing and reset take "
+            "(t, state, params), state ending with the mode, and return numbers and tuples of numbers only"
+        ) from error
+
+    def through(columns: Any, t_s: Any, substeps: Any, initial: Any, params: Any, inputs: Any, *rest: Any) -> None:
+        happened = np.empty((0, 2, initial.shape[1]))
+        integrate_through_events(columns, t_s, substeps, initial, params, inputs, *rest, happened)
+
+    return CompiledRhs(through, (len(model.events), *three))
+
+
+@functools.lru_cache(maxsize=512)
+def _compile_events(functions: tuple[Callable[..., Any], ...], n_states: int, n_params: int, n_inputs: int) -> Any:
+    """Three functions: dstate/dt, crossing functions, resets; from the model's rhs, its crossings and its resets."""
+    rhs, *others = (callable_in_kernels(one) for one in functions)
+    count = len(others) // 2
+    call = "(t, {states}, {params}{inputs})".format(**_arguments(n_states + 1, n_params, n_inputs))
+    cases = [f"if out[{n_states + 1}, c] == {k}: {_row('out', n_states + 1)} = reset_{k}{call}" for k in range(count)]
+    source = _EVENTS.format(
+        crossings="; ".join(f"out[{k}, c] = crossing_{k}{call}" for k in range(count)),
+        resets="\n        ".join(cases),
+    )
+    named = {f"crossing_{k}": one for k, one in enumerate(others[:count])}
+    named |= {f"reset_{k}": one for k, one in enumerate(others[count:])}
+    defined = _defined(source, named)
+    columns = _loop(_loop_source(n_states, n_params, n_inputs, modes=1), rhs)
+    return tuple(cfunc(COLUMNS_SIGNATURE)(one) for one in (columns, defined["crossings"], defined["resets"]))
+
+
+def _quiet(columns: Callable[..., None]) -> Callable[..., None]:
+    """Plain Python raises where machine code gives inf or NaN; make both give NaN."""
+
+    def quiet(t: float, states: Any, params: Any, inputs: Any, out: Any) -> None:
+        try:
+            with np.errstate(all="ignore"):
+                columns(t, states, params, inputs, out)
+        except (ArithmeticError, ValueError):
+            out[:] = np.nan
+
+    return quiet
+
+
+def _check_slopes(model: OdeModel) -> None:
+    """Call the right-hand side once, with ones, to see that it returns one number a state."""
+    mode = (0.0,) if model.events else ()
+    arguments: list[Any] = [0.0, (1.0,) * len(model.states) + mode, (1.0,) * len(model.parameters)]
+    if model.inputs:
+        arguments.append((1.0,) * len(model.inputs))
+    try:
+        with np.errstate(all="ignore"):
+            slopes = model.rhs(*arguments)
+    except ArithmeticError:
+        return
+    except Exception as error:
+        raise FitError(
+            f"rhs of model {model.name!r} raises {type(error).__name__}: {error}; it is called as "
+            f"rhs(t, state, params{', inputs' if model.inputs else ''}) with tuples of numbers"
+        ) from error
+    if not isinstance(slopes, tuple) or len(slopes) != len(model.states):
+        shown = f"{len(slopes)} values" if isinstance(slopes, tuple) else type(slopes).__name__
+        names = ", ".join(state.name for state in model.states)
+        raise FitError(
+            f"rhs of model {model.name!r} must return a tuple with one derivative a state ({names}), not {shown}"
+        )

@@ -1,0 +1,1 @@
+"""Measurement noise: its size, its autocorrelation, and the covariance of estimates under it."""

@@ -1,0 +1,396 @@
+"""What a fit is asked to do, checked: which samples, which values are known, free, and where they start."""
+
+from __future__ import annotations
+
+import keyword
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from fitters.integrator.initial_value_problem import Hold, InitialValueProblem, initial_value_problem, value_names
+from fitters.noise.measurement_noise import noise_from_differences, wild_in_motion
+from fitters.ode.least_squares import Target, Unknowns
+from iris_sysid.errors import FitError
+from iris_sysid.types import Array, Estimate, Mask, OdeModel, Parameter, SegmentLabel, Trajectory
+
+METRE = re.compile(r"\bm\b")
+NO_PRIORS: Mapping[str, Estimate] = MappingProxyType({})
+MAGNIFICATION = "magnification"  # observed length / true length: carries the relative error of the scale
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Selection:
+    """Samples ``start`` to ``stop - 1`` of a trajectory, of which ``used`` (n of the trajectory) can be fitted."""
+
+    start: int
+    stop: int
+    used: Mask
+    note: str = ""
+
+    @property
+    def span(self) -> slice:
+        """The samples over which the model is integrated."""
+        return slice(self.start, self.stop)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Task:
+    """A fit, ready to run.
+
+    ``known`` by name: the values held, with their uncertainty; ``priors`` those estimated that were measured
+    elsewhere; ``noise`` (d,) is the standard deviation of the measurement from differences of neighbours, in the
+    units of the observed quantities; ``systematic`` by source (r, n, d) what their errors have in common.
+    """
+
+    trajectory: Trajectory
+    model: OdeModel
+    selection: Selection
+    known: Mapping[str, Estimate]
+    priors: Mapping[str, Estimate]
+    free: tuple[str, ...]
+    problem: InitialValueProblem
+    target: Target
+    unknowns: Unknowns
+    noise: Array
+    systematic: Mapping[str, Array]
+
+
+def select(trajectory: Trajectory, labels: Sequence[SegmentLabel]) -> Selection:
+    """The valid samples inside segments of these labels; of several stretches with something between, the longest."""
+    stretches = list(_stretches(trajectory, labels))
+    best = Selection(0, 0, np.zeros(trajectory.n, dtype=np.bool_))
+    for first, last in stretches:
+        used = np.zeros(trajectory.n, dtype=np.bool_)
+        used[first:last] = (trajectory.valid & trajectory.mask(*labels))[first:last]
+        if used.sum() > best.used.sum():
+            index = np.flatnonzero(used)
+            best = Selection(int(index[0]), int(index[-1]) + 1, used)
+    if len(stretches) > 1 and best.stop:
+        t0_s, t1_s = trajectory.t_s[[best.start, best.stop - 1]]
+        note = f"of {len(stretches)} stretches of {'/'.join(labels)} the longest was fitted, {t0_s:.6g} to {t1_s:.6g} s"
+        return Selection(best.start, best.stop, best.used, note)
+    return best
+
+
+def _stretches(trajectory: Trajectory, labels: Sequence[SegmentLabel]) -> Iterator[tuple[int, int]]:
+    """Runs of wanted segments that no unwanted segment interrupts, as (start, stop)."""
+    if not trajectory.segments:
+        yield 0, trajectory.n
+        return
+    run: tuple[int, int] | None = None
+    for segment in sorted(trajectory.segments, key=lambda one: one.start):
+        if segment.label in labels:
+            run = (segment.start if run is None else run[0], segment.stop)
+        elif run is not None:
+            yield run
+            run = None
+    if run is not None:
+        yield run
+
+
+def check_names(model: OdeModel, **given: Sequence[str]) -> None:
+    """FitError when a name is given that the model does not have, or one that cannot be a parameter's name."""
+    names = value_names(model)
+    for name in names:
+        if not name.isidentifier() or keyword.iskeyword(name):
+            raise FitError(f"model {model.name!r}: {name!r} cannot name a parameter; use letters, digits and _")
+    for option, wanted in given.items():
+        for name in wanted:
+            if name not in names:
+                raise FitError(f"{option}: model {model.name!r} has no parameter {name!r}; it has {', '.join(names)}")
+
+
+def known_values(
+    model: OdeModel, trajectory: Trajectory, fixed: Mapping[str, float | Estimate], free: Sequence[str]
+) -> dict[str, Estimate]:
+    """Values that are held, by name: those given, then those measured on the way, then the model's constants.
+
+    Parameters
+    ----------
+    model
+        Its constants are held unless freed.
+    trajectory
+        ``geometry`` may hold a constant of the model, e.g. the angle of an incline, or the scale.
+    fixed
+        Given by the caller; a plain number is taken as exact.
+    free
+        Names to estimate.
+    """
+    given = _all_given(model, trajectory, fixed)
+    constant = {
+        parameter.name: _constant(parameter, trajectory, model)
+        for parameter in model.parameters
+        if parameter.constant and parameter.name not in fixed
+    }
+    return {name: one for name, one in {**constant, **given}.items() if name not in free}
+
+
+def priors_of(
+    model: OdeModel, trajectory: Trajectory, fixed: Mapping[str, float | Estimate], free: Sequence[str]
+) -> dict[str, Estimate]:
+    """Values that are measured elsewhere and estimated as well, by name: normal priors.
+
+    Parameters
+    ----------
+    model, trajectory
+        As for :func:`known_values`.
+    fixed, free
+        What stands in both is a prior; FitError when it has no standard error.
+    """
+    both = {name: one for name, one in _all_given(model, trajectory, fixed).items() if name in free}
+    exact = sorted(name for name, one in both.items() if not 0 < one.stderr < np.inf)
+    if exact:
+        raise FitError(
+            f"{', '.join(exact)} cannot be both fixed and free: give it with its standard error, which then is a "
+            f"prior (e.g. {exact[0]}={both[exact[0]].value:g}+-0.01), or leave out one of the two"
+        )
+    return both
+
+
+def _all_given(model: OdeModel, trajectory: Trajectory, fixed: Mapping[str, float | Estimate]) -> dict[str, Estimate]:
+    units = {one.name: one.unit for one in model.parameters} | {f"{one.name}_0": one.unit for one in model.states}
+    given = {
+        name: _given(name, fixed[name], _unit_in(trajectory, model, unit))
+        for name, unit in units.items()
+        if name in fixed
+    }
+    for parameter in model.parameters:
+        if parameter.name in given:
+            _check_bounds(parameter, given[parameter.name])
+    return given
+
+
+def _unit_in(trajectory: Trajectory, model: OdeModel, unit: str) -> str:
+    return METRE.sub("px", unit) if in_pixels(trajectory, model) else unit
+
+
+def _given(name: str, value: float | Estimate, unit: str) -> Estimate:
+    estimate = value if isinstance(value, Estimate) else Estimate(float(value), 0.0, unit, "assumed", "given")
+    if not np.isfinite(estimate.value):
+        raise FitError(f"the fixed value of {name} must be a finite number, not {estimate.value}")
+    if estimate.unit not in ("", unit):
+        remedy = "give the scale as well" if "px" in unit else "give it in that unit"
+        raise FitError(f"{name} is given in {estimate.unit}, but it is in {unit} here: {remedy}")
+    return replace(estimate, unit=unit)
+
+
+def _check_bounds(parameter: Parameter, given: Estimate) -> None:
+    if not parameter.lower <= given.value <= parameter.upper:
+        bounds = f"{parameter.lower:g} to {parameter.upper:g} {parameter.unit}"
+        raise FitError(f"{parameter.name} must lie within {bounds}, not {given.value:g}")
+
+
+def _constant(parameter: Parameter, trajectory: Trajectory, model: OdeModel) -> Estimate:
+    measured = trajectory.geometry.get(parameter.name)
+    if measured is not None and np.isfinite(measured.value):
+        return measured
+    if parameter.default is None or (in_pixels(trajectory, model) and METRE.search(parameter.unit)):
+        return Estimate(np.nan, np.nan, parameter.unit, "assumed", "not known")
+    stderr, source = parameter.stderr, parameter.source
+    scale = None if trajectory.systematic else trajectory.geometry.get("scale")  # its error counts once
+    if parameter.name == MAGNIFICATION and scale is not None and scale.value > 0 and scale.stderr > 0:
+        stderr, source = scale.stderr / scale.value, f"scale: {scale.source}"
+    return Estimate(parameter.default, stderr, parameter.unit, "assumed", source)
+
+
+def in_pixels(trajectory: Trajectory, model: OdeModel) -> bool:
+    """Whether lengths that should be in m are in px: no scale is known, so constants in metres have no meaning."""
+    units = {quantity.name: quantity.unit for quantity in trajectory.quantities}
+    return any(METRE.search(q.unit) and "px" in units.get(q.name, "") for q in model.observed)
+
+
+def in_units_of(trajectory: Trajectory, model: OdeModel) -> OdeModel:
+    """The model with metres replaced by px where the trajectory is in px."""
+    if not in_pixels(trajectory, model):
+        return model
+
+    def renamed(items: tuple[Any, ...]) -> tuple[Any, ...]:
+        return tuple(replace(item, unit=METRE.sub("px", item.unit)) for item in items)
+
+    return replace(
+        model,
+        states=renamed(model.states),
+        parameters=renamed(model.parameters),
+        observed=renamed(model.observed),
+        derived=renamed(model.derived),
+    )
+
+
+def check_columns(trajectory: Trajectory, model: OdeModel) -> None:
+    """FitError when the trajectory lacks what the model observes, or has it in another unit."""
+    units = {quantity.name: quantity.unit for quantity in trajectory.quantities}
+    for quantity in model.observed:
+        if quantity.name not in units:
+            raise FitError(
+                f"model {model.name!r} observes {', '.join(q.name for q in model.observed)}, but the trajectory has "
+                f"{', '.join(units)}: name the columns so, or choose another model"
+            )
+        if quantity.unit != "1" and units[quantity.name] not in (quantity.unit, METRE.sub("px", quantity.unit)):
+            raise FitError(
+                f"model {model.name!r} needs {quantity.name} in {quantity.unit}, but it is in {units[quantity.name]}"
+            )
+
+
+def prepare(
+    trajectory: Trajectory,
+    model: OdeModel,
+    selection: Selection,
+    known: Mapping[str, Estimate],
+    hold: Hold,
+    priors: Mapping[str, Estimate] = NO_PRIORS,
+) -> Task:
+    """Put data and model together.
+
+    Parameters
+    ----------
+    trajectory, model, selection
+        What is fitted, and to which samples.
+    known
+        Values held; everything else is free.
+    hold
+        How inputs vary between samples.
+    priors
+        Measured elsewhere, and estimated.
+    """
+    span, used = selection.span, selection.used[selection.span]
+    columns = [trajectory.column(quantity.name) for quantity in model.observed]
+    observed, given = trajectory.position[span][:, columns], trajectory.sigma[span][:, columns]
+    t_s = trajectory.t_s[span]
+    clean = used.copy()
+    clean[used] = ~wild_in_motion(t_s[used], observed[used])
+    noise = np.array([_noise(t_s[clean], observed[clean, c], given[clean, c]) for c in range(observed.shape[1])])
+    sigma = _relative(given, used) * _usable(noise, observed[clean])
+    free = tuple(name for name in value_names(model) if name not in known)
+    return Task(
+        trajectory=trajectory,
+        model=model,
+        selection=selection,
+        known=known,
+        priors=priors,
+        free=free,
+        problem=initial_value_problem(model, t_s, known_inputs(trajectory, model, span), hold),
+        target=Target(observed, sigma, clean),
+        unknowns=_unknowns(model, free, priors),
+        noise=noise,
+        systematic={source: one[:, span][:, :, columns] for source, one in trajectory.systematic.items()},
+    )
+
+
+def _noise(t_s: Array, values: Array, sigma: Array) -> float:
+    noise = noise_from_differences(t_s, values)
+    finite = sigma[np.isfinite(sigma)]
+    return float(np.median(finite)) if np.isnan(noise) and finite.size else noise
+
+
+def _relative(sigma: Array, used: Mask) -> Array:
+    """Standard errors (n, d) relative to their median; 1 where one of them is not known."""
+    relative = np.ones_like(sigma)
+    for column in range(sigma.shape[1]):
+        inside = sigma[used, column]
+        if np.all(np.isfinite(inside)) and np.all(inside > 0):
+            relative[used, column] = inside / np.median(inside)
+    return relative
+
+
+def _usable(noise: Array, observed: Array) -> Array:
+    """The noise as a unit to weigh by: never zero, also for exact data."""
+    size = np.std(observed, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    return np.asarray(np.where(np.isfinite(noise), np.maximum(noise, 1e-9 * size), 1e-2 * size))
+
+
+def known_inputs(trajectory: Trajectory, model: OdeModel, span: slice) -> Array | None:
+    """Inputs (n, m) in the model's order, bridged linearly where they are not known."""
+    if not model.inputs:
+        return None
+    names = [quantity.name for quantity in trajectory.input_quantities]
+    missing = [quantity.name for quantity in model.inputs if quantity.name not in names]
+    if missing or trajectory.inputs is None:
+        raise FitError(
+            f"model {model.name!r} needs the input {', '.join(missing)}; "
+            f"the trajectory has {', '.join(names) or 'no inputs'}"
+        )
+    columns = [_bridged(trajectory.t_s, trajectory.inputs[:, names.index(q.name)], q.name) for q in model.inputs]
+    return np.stack(columns, axis=1)[span]
+
+
+def _bridged(t_s: Array, values: Array, name: str) -> Array:
+    known = np.isfinite(values)
+    if not known.any():
+        raise FitError(f"the input {name!r} has no known value")
+    return np.interp(t_s, t_s[known], values[known])
+
+
+def _unknowns(model: OdeModel, free: Sequence[str], priors: Mapping[str, Estimate]) -> Unknowns:
+    names = value_names(model)
+    bounds = {parameter.name: (parameter.lower, parameter.upper) for parameter in model.parameters}
+    lower, upper = np.array([bounds.get(name, (-np.inf, np.inf)) for name in free]).reshape(-1, 2).T
+    which, nothing = np.array([names.index(name) for name in free], dtype=np.intp), np.zeros(len(free))
+    return with_priors(Unknowns(which, tuple(free), lower, upper, nothing, nothing), priors)
+
+
+def with_priors(unknowns: Unknowns, priors: Mapping[str, Estimate]) -> Unknowns:
+    """The unknowns with normal priors by name, weighed by their standard errors alone."""
+    expected = np.array([priors[name].value if name in priors else 0.0 for name in unknowns.names])
+    precision = np.array([1.0 / priors[name].stderr if name in priors else 0.0 for name in unknowns.names])
+    return replace(unknowns, expected=expected, precision=precision)
+
+
+def starting_values(task: Task, start: Mapping[str, float]) -> Iterator[Array]:
+    """Full vectors of values to start from: the caller's over the model's own guess, then the guess alone.
+
+    FitError when a free parameter has neither a start, nor a guess, nor a default.
+    """
+    known = {name: estimate.value for name, estimate in task.known.items()}
+    start = {**{name: estimate.value for name, estimate in task.priors.items()}, **start}
+    complete = set(task.free) <= set(start)
+    if complete:
+        yield _vector(task, {**start, **known})
+    guessed = _guess(task, needed=not complete)
+    first = {**guessed, **start, **known}
+    missing = [name for name in task.free if name not in first]
+    if missing:
+        raise FitError(f"no starting value for {', '.join(missing)}: give one, e.g. start={{{missing[0]!r}: 1.0}}")
+    if not complete:
+        yield _vector(task, first)
+    if start and set(task.free) <= set(guessed):
+        yield _vector(task, {**guessed, **known})
+
+
+def _vector(task: Task, values: Mapping[str, float]) -> Array:
+    return np.array([values[name] for name in value_names(task.model)])
+
+
+def _guess(task: Task, *, needed: bool) -> dict[str, float]:
+    """Defaults, then first samples for initial states, then what the model guesses from the clean samples."""
+    values = {p.name: p.default for p in task.model.parameters if p.default is not None}
+    seen = [quantity.name for quantity in task.model.observed]
+    for state in task.model.states:
+        plain = state.name in seen and task.model.observe is None
+        values[f"{state.name}_0"] = float(task.target.observed[0, seen.index(state.name)]) if plain else 0.0
+    clean = np.zeros(task.trajectory.n, dtype=np.bool_)
+    clean[task.selection.span] = task.target.used
+    try:
+        with np.errstate(all="ignore"):
+            guessed = task.model.guess(task.trajectory.with_(valid=clean, segments=(), smoothed=None))
+    except Exception as error:
+        if not needed:  # the caller gave every start
+            return values
+        raise FitError(
+            f"guess of model {task.model.name!r} raises {type(error).__name__}: {error}; "
+            f"give a start for {', '.join(task.free)}"
+        ) from error
+    unsure = {name: _middle(task.model, name) for name, value in guessed.items() if not np.isfinite(value)}
+    sure = {name: float(value) for name, value in guessed.items() if np.isfinite(value)}
+    return {**unsure, **values, **sure}
+
+
+def _middle(model: OdeModel, name: str) -> float:
+    """A value inside the bounds, for one that the data do not let the model guess: 1 where that lies inside."""
+    bounds = {parameter.name: (parameter.lower, parameter.upper) for parameter in model.parameters}
+    lower, upper = bounds.get(name, (-np.inf, np.inf))
+    return 1.0 if lower < 1.0 < upper else float(np.clip(0.5 * (lower + upper), lower, upper))

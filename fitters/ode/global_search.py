@@ -1,0 +1,153 @@
+"""Find the global minimum, by shooting with a growing horizon.
+
+The misfit of an oscillation has a minimum near every period that slips in by one more turn. A short piece at
+the start of the motion has none of these, so the fit begins there and then grows: each time to where the
+present solution still follows the data, never further. Starts are tried in turn until one explains the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from fitters.integrator.initial_value_problem import InitialValueProblem
+from fitters.noise.measurement_noise import robust_sd
+from fitters.ode.least_squares import Solution, Target, Unknowns, minimise
+from iris_sysid.types import Array
+
+FOLLOWS = 0.3  # a solution follows while its error is below this share of the motion's size
+GROWTH = (1.3, 8.0)  # least and largest growth of the horizon
+EXPLAINED_NOISE, EXPLAINED_MOTION = 3.0, 0.1  # residual below 3 times the noise, or 10 % of the motion
+ENOUGH, THINNEST = 500, 8  # samples for a rough fit; at 60 Hz, 8 frames are still one step of the integrator
+SAME = 1e-3  # relative difference of the rms of one and the same minimum
+
+
+def grow(problem: InitialValueProblem, target: Target, unknowns: Unknowns, values: Array) -> Solution:
+    """Fit a first short horizon, then ever longer ones, then all samples.
+
+    The horizons are solved roughly, on some of their samples where there are many; so are all samples together
+    when the motion has not been followed that far.
+
+    Parameters
+    ----------
+    problem, target, unknowns, values
+        As for :func:`minimise`.
+    """
+    n = problem.t_s.size
+    values = unknowns.inside(values)
+    gradients: tuple[float, ...] = ()
+    stop = max(first_horizon(target, unknowns.which.size), reach(problem, target, values))
+    while True:
+        part = thinned(problem.first(stop), target.first(stop))
+        found = minimise(*part, unknowns, values, rough=True, gradients=gradients)
+        values, gradients = found.values, found.gradients
+        if stop == n:
+            rough = not explains(found, part[1])
+            return minimise(problem, target, unknowns, values, rough=rough, steps=found.steps, gradients=gradients)
+        stop = next_horizon(problem, target, values, stop)
+
+
+def thinned(problem: InitialValueProblem, target: Target) -> tuple[InitialValueProblem, Target]:
+    """Every k-th sample, k at most THINNEST, so that ENOUGH are left; all where inputs vary from one to the next."""
+    k = min(THINNEST, problem.t_s.size // ENOUGH)
+    if k < 2 or problem.model.inputs or target.every(k).used.sum() < ENOUGH // 2:
+        return problem, target
+    return problem.every(k), target.every(k)
+
+
+def first_horizon(target: Target, n_free: int) -> int:
+    """Number of samples in which the motion has covered half of its range, and that suffice for the unknowns."""
+    seen = target.observed[target.used]
+    span = np.maximum.accumulate(seen, axis=0) - np.minimum.accumulate(seen, axis=0)
+    share = np.mean(span / np.where(span[-1] > 0, span[-1], 1.0), axis=1)
+    wanted = int(np.searchsorted(share, 0.5)) + 1
+    index = np.flatnonzero(target.used)
+    return int(index[min(max(wanted, 2 * n_free + 4), index.size) - 1]) + 1
+
+
+def next_horizon(problem: InitialValueProblem, target: Target, values: Array, stop: int) -> int:
+    """Number of samples over which the present solution still follows the data, within the limits of GROWTH."""
+    least, most = (min(int(growth * stop) + 1, problem.t_s.size) for growth in GROWTH)
+    return max(reach(problem.first(most), target.first(most), values), least)
+
+
+def reach(problem: InitialValueProblem, target: Target, values: Array) -> int:
+    """Number of samples over which the solution follows the data: until two of three used samples are off.
+
+    One alone may be wild.
+    """
+    rough = problem.with_step(float(np.median(np.diff(problem.t_s))))
+    with np.errstate(all="ignore"):
+        error = np.abs(target.observed - rough.predicted(values)) / target.size
+    index = np.flatnonzero(target.used)
+    lost = ~(np.max(error[index], axis=1) < FOLLOWS)
+    several = np.convolve(lost, np.ones(3), mode="same") >= 2
+    return int(index[several.argmax()]) if several.any() else problem.t_s.size
+
+
+def explains(solution: Solution, target: Target, motion_share: float = EXPLAINED_MOTION) -> bool:
+    """Whether most of each quantity's residual is near the noise, or small beside the motion: there is none better."""
+    if not np.isfinite(solution.rms):
+        return False
+    motion = float(np.sqrt(np.mean((target.size / np.median(target.sigma[target.used], axis=0)) ** 2)))
+    residual = ((target.observed - solution.predicted) / target.sigma)[target.used]
+    return max(robust_sd(column) for column in residual.T) < max(EXPLAINED_NOISE, motion_share * motion)
+
+
+def search(
+    problem: InitialValueProblem, target: Target, unknowns: Unknowns, starts: Iterable[tuple[Array, bool]]
+) -> Solution:
+    """Fit from each start in turn until one explains the data, or two starts end in the same best minimum.
+
+    A residual that is only small beside the motion, which an equation that lacks something leaves, is reason enough to
+    try no random start, but not to pass over a trusted one.
+
+    Parameters
+    ----------
+    problem, target, unknowns
+        As for :func:`minimise`.
+    starts
+        Full vectors of values (p + s,), the most trusted first, and whether each is one to trust.
+    """
+    best: Solution | None = None
+    times_found = 0
+    for start, trusted in starts:
+        if best is not None and not trusted and explains(best, target):
+            break
+        found = grow(problem, target, unknowns, start)
+        if best is None or found.rms < best.rms * (1 - SAME):
+            best, times_found = found, 1
+        elif np.isfinite(found.rms) and found.rms < best.rms * (1 + SAME):
+            times_found += 1
+        if times_found == 2 or explains(best, target, motion_share=0.0):
+            break
+    assert best is not None
+    return best
+
+
+def scattered_starts(unknowns: Unknowns, values: Array, target: Target, count: int, seed: int = 0) -> Iterator[Array]:
+    """Random starts about one: parameters within a factor of about 2, initial states within the motion's size.
+
+    Parameters
+    ----------
+    unknowns
+        The free values and their bounds.
+    values
+        (p + s,) the start to scatter about.
+    target
+        Gives the size of the motion.
+    count
+        How many.
+    seed
+        Same seed, same starts.
+    """
+    rng = np.random.default_rng(seed)
+    size = float(np.mean(target.size))
+    for _ in range(count):
+        scattered = values.copy()
+        now = values[unknowns.which]
+        factor = np.exp(0.7 * rng.standard_normal(now.size))
+        shift = np.where(now == 0, size, 0.0) * rng.standard_normal(now.size)
+        scattered[unknowns.which] = now * factor + shift
+        yield unknowns.inside(scattered)

@@ -1,0 +1,256 @@
+"""95 % intervals by other ways than the linearised fit: profile likelihood and block bootstrap.
+
+All are of the random error: errors of known values come on top of each in the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitters.integrator.initial_value_problem import BATCH_NUMBERS
+from fitters.noise.autoregression import Autoregression, autocovariance
+from fitters.noise.sandwich_covariance import inverse_normal
+from fitters.ode.fit_problem import Task
+from fitters.ode.least_squares import Solution, Target, minimise
+from fitters.ode.result import Linearised
+from fitters.ode.status import SINGULAR
+from iris_sysid.errors import FitError
+from iris_sysid.types import Array, Mask
+
+Method = Literal["robust", "profile", "bootstrap"]
+METHODS: tuple[Method, ...] = get_args(Method)
+Interval = tuple[float, float]
+
+CLOSE = 0.01  # of the quantile, at which the end of a profile interval is found
+TRIES = 8
+REPLICATES = 400  # the ends of the interval then scatter by 7 % of its half width
+CHORD_STEPS = 8
+DISAGREE = 0.25  # of the robust half width; three times what 400 replicates scatter
+LAGS = 2000  # longest memory of the noise that a block is made for, in samples
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Found:
+    """A finished fit, as the intervals need it.
+
+    ``covariance`` (k, k) of the free values, priors included; ``quantile`` (k,) of Student's t; ``usable`` (k,) false
+    for values at a bound or undetermined; ``noise`` of each quantity.
+    """
+
+    task: Task
+    target: Target
+    solution: Solution
+    near: Linearised
+    covariance: Array
+    quantile: Array
+    usable: Mask
+    noise: tuple[Autoregression, ...]
+
+    @property
+    def values(self) -> Array:
+        """The free values (k,)."""
+        return self.solution.values[self.task.unknowns.which]
+
+    @property
+    def spread(self) -> Array:
+        """Mean squared residual in units of sigma, unknowns deducted."""
+        size, k = self.near.residual.size, self.usable.size
+        return np.asarray(np.sum(self.near.residual**2) / max(size - k, 1))
+
+
+def checked_methods(methods: Sequence[str]) -> tuple[Method, ...]:
+    """The methods in their order; FitError lists those there are when one is unknown."""
+    unknown = [one for one in methods if one not in (*METHODS, "all")]
+    if unknown:
+        raise FitError(f"uncertainty: there is no {', '.join(unknown)}; there are: {', '.join(METHODS)}, all")
+    return tuple(one for one in METHODS if one in methods or "all" in methods)
+
+
+def intervals_by(found: Found, methods: Sequence[Method]) -> dict[str, dict[str, Interval]]:
+    """Intervals by method and name, of the values that have an error at all."""
+    ways: Mapping[Method, Callable[[Found], dict[str, Interval]]] = {
+        "robust": _robust,
+        "profile": _profile,
+        "bootstrap": _bootstrap,
+    }
+    return {method: ways[method](found) for method in methods}
+
+
+def disagreements(intervals: Mapping[str, Mapping[str, Interval]]) -> list[str]:
+    """One sentence for each value whose interval by another method ends elsewhere than the robust one."""
+    texts = []
+    for method, meaning in (
+        ("profile", "the fit is not linear over its own error, and the profile is to be trusted"),
+        ("bootstrap", "the noise is not what an autoregression describes, and the wider one is to be trusted"),
+    ):
+        for name, (low, high) in intervals.get(method, {}).items():
+            lower, upper = intervals["robust"][name]
+            half = (upper - lower) / 2
+            if max(abs(low - lower), abs(high - upper)) > DISAGREE * half or not np.isfinite(low + high):
+                texts.append(
+                    f"the {method} interval of {name}, {low:.5g} to {high:.5g}, disagrees with the robust one, "
+                    f"{lower:.5g} to {upper:.5g}: {meaning}"
+                )
+    return texts
+
+
+def _robust(found: Found) -> dict[str, Interval]:
+    half = found.quantile * np.sqrt(np.diag(found.covariance))
+    return {
+        name: (float(found.values[k] - half[k]), float(found.values[k] + half[k]))
+        for k, name in enumerate(found.task.free)
+        if found.usable[k]
+    }
+
+
+# --------------------------------------------------------------------------- profile likelihood
+
+
+def _profile(found: Found) -> dict[str, Interval]:
+    """Ends at which the misfit, all other values fitted again, has grown by the squared quantile (Wilks 1938).
+
+    For noise that is not white the misfit is divided by the ratio of the robust variance to the white one (Kent
+    1982, Biometrika 69, 19), so that both intervals are the same where the fit is linear.
+    """
+    white = inverse_normal(found.near.informed[:, found.usable], SINGULAR**-0.5)
+    scale = np.full(found.usable.size, np.nan)
+    scale[found.usable] = np.diag(found.covariance)[found.usable] / np.diag(white)
+    return {
+        name: (_end(found, k, scale[k], -1.0), _end(found, k, scale[k], 1.0))
+        for k, name in enumerate(found.task.free)
+        if found.usable[k]
+    }
+
+
+def _end(found: Found, index: int, scale: float, side: float) -> float:
+    """Where the signed root of the misfit's growth reaches the quantile, by the secant through the optimum."""
+    unknowns = found.task.unknowns
+    best, wanted = found.values[index], found.quantile[index]
+    distance = side * wanted * float(np.sqrt(found.covariance[index, index]))
+    bound = float(unknowns.lower[index] if side < 0 else unknowns.upper[index])
+    for _ in range(TRIES):
+        at = bound if abs(distance) >= abs(bound - best) else best + distance
+        growth = _misfit_with(found, index, at) - _misfit(found, found.solution)
+        root = float(np.sqrt(max(growth, 0.0) / scale))
+        if not np.isfinite(root):
+            return float(side * np.inf)
+        if abs(root - wanted) < CLOSE * wanted or (at == bound and root < wanted):
+            return float(at)
+        distance *= float(np.clip(wanted / max(root, 1e-12), 0.25, 4.0))
+    return float(best + distance)
+
+
+def _misfit_with(found: Found, index: int, value: float) -> float:
+    """Smallest sum of squares with one free value held."""
+    task, solution = found.task, found.solution
+    usable = found.usable & (np.arange(found.usable.size) != index)
+    moved = solution.values.copy()
+    response = found.covariance[:, index] / found.covariance[index, index] * (value - found.values[index])
+    moved[task.unknowns.which[usable]] += response[usable]
+    moved[task.unknowns.which[index]] = value
+    others = task.unknowns.without(index)
+    if others.which.size == 0:
+        predicted = solution.problem.predicted(moved)
+        fitted = Solution(solution.problem, moved, predicted, solution.steps, 0.0, True, True, "")
+    else:
+        fitted = minimise(solution.problem, found.target, others, moved, steps=np.delete(solution.steps, index))
+    return _misfit(found, fitted)
+
+
+def _misfit(found: Found, solution: Solution) -> float:
+    residual = found.target.weighted(found.target.observed - solution.predicted)
+    pulls = found.task.unknowns.prior_residual(solution.values)
+    with np.errstate(all="ignore"):
+        return float(residual @ residual + pulls @ pulls)
+
+
+# --------------------------------------------------------------------------- block bootstrap
+
+
+def block_length(noise: Sequence[Autoregression], n: int) -> int:
+    """Length of blocks that is best for the variance of a mean, (2 G^2 / D n)^(1/3), circular blocks.
+
+    G = sum |k| R(k) and D = 4/3 (sum R(k))^2 over all lags (Politis and White 2004, Econometric Reviews 23, 53), with
+    the autocovariance R of the autoregression; the longest over the quantities.
+    """
+    longest = 1.0
+    for process in noise:
+        covariance = autocovariance(process.partial, min(LAGS, n))
+        lags = np.arange(covariance.size)
+        spectrum = covariance[0] + 2 * np.sum(covariance[1:])
+        longest = max(longest, float((1.5 * (2 * np.sum(lags * covariance)) ** 2 / spectrum**2 * n) ** (1 / 3)))
+    return int(np.clip(round(longest), 1, max(n // 4, 1)))
+
+
+def _bootstrap(found: Found) -> dict[str, Interval]:
+    """Basic bootstrap interval (Davison and Hinkley 1997, section 5.2) of residuals drawn anew in circular blocks.
+
+    Blocks (Kuensch 1989, Ann. Stat. 17, 1217) keep the noise's memory. Each replicate is a full fit, by the chord
+    method from the optimum: the Jacobian stays, the prediction is computed anew.
+    """
+    rng = np.random.default_rng(0)
+    size = max(1, BATCH_NUMBERS // found.near.residual.size)
+    batches = [min(size, REPLICATES - start) for start in range(0, REPLICATES, size)]
+    change = np.concatenate([_replicates(found, count, rng) for count in batches], axis=1)
+    change = change[:, np.all(np.isfinite(change), axis=0)]
+    if change.shape[1] < REPLICATES // 2:
+        nothing = (float("nan"), float("nan"))
+        return {name: nothing for name, usable in zip(found.task.free, found.usable, strict=True) if usable}
+    low, high = np.percentile(change, [2.5, 97.5], axis=1)
+    kept = np.flatnonzero(found.usable)
+    return {
+        found.task.free[k]: (float(found.values[k] - high[c]), float(found.values[k] - low[c]))
+        for c, k in enumerate(kept)
+    }
+
+
+def _replicates(found: Found, count: int, rng: np.random.Generator) -> Array:
+    """Changes of the usable free values (k, count) in refits to residuals drawn anew."""
+    near, unknowns = found.near, found.task.unknowns
+    usable = np.flatnonzero(found.usable)
+    drawn = _drawn_residual(found, count, rng)
+    flat, precision = near.flat[:, usable], unknowns.precision[usable]
+    bread = inverse_normal(near.informed[:, usable], SINGULAR**-0.5)
+    told = rng.standard_normal((usable.size, count)) * _prior_spread(found)[usable, None]
+    change = np.zeros((usable.size, count))
+    moved = np.zeros_like(drawn)
+    for _ in range(CHORD_STEPS):
+        step = bread @ (flat.T @ (drawn - moved) + precision[:, None] ** 2 * (told - change))
+        change += step
+        relative = np.abs(step) / np.sqrt(np.diag(found.covariance))[usable, None]
+        if not np.nanmax(relative) > CLOSE:
+            break
+        moved = _moved(found, usable, change)
+    return change
+
+
+def _prior_spread(found: Found) -> Array:
+    """Standard errors (k,) of the priors, zero where there is none."""
+    priors = found.task.priors
+    return np.array([priors[name].stderr if name in priors else 0.0 for name in found.task.free])
+
+
+def _drawn_residual(found: Found, count: int, rng: np.random.Generator) -> Array:
+    """Residuals (n * d, count) drawn in circular blocks, inflated for what the fit took out of them."""
+    residual = found.near.residual - found.near.residual.mean(axis=0)
+    n, d = residual.shape
+    residual = residual * np.sqrt(n * d / max(n * d - found.usable.size, 1))
+    length = block_length(found.noise, n)
+    starts = rng.integers(0, n, (-(-n // length), count))
+    index = (starts[:, None, :] + np.arange(length)[None, :, None]).reshape(-1, count)[:n] % n
+    return np.asarray(residual[index].transpose(0, 2, 1).reshape(n * d, count))
+
+
+def _moved(found: Found, usable: NDArray[np.intp], change: Array) -> Array:
+    """Change of the prediction (n * d, count) in units of sigma when the free values change."""
+    solution, target = found.solution, found.target
+    columns = np.repeat(solution.values[:, None], change.shape[1], axis=1)
+    columns[found.task.unknowns.which[usable]] += change
+    difference = solution.problem.predictions(columns) - solution.predicted[:, :, None]
+    with np.errstate(all="ignore"):
+        return np.asarray(target.weighted(difference))

@@ -1,0 +1,262 @@
+"""Least squares on the trajectory itself: the residual, its Jacobian, and lmfit's minimiser with bounds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import lmfit
+import numpy as np
+from numpy.typing import NDArray
+
+from fitters.integrator.initial_value_problem import InitialValueProblem, adapted_steps, first_steps
+from iris_sysid.types import Array, Mask
+
+Loss = Literal["linear", "soft_l1"]
+
+ROUGH, FINE = 1e-5, 1e-8  # relative change of the sum of squares at which a horizon, or the fit, is done
+ROUGH_STEP, FINE_STEP = 1e-6, 1e-8  # relative error from the finite time step
+NEGLIGIBLE = 1e-2, 1e-4  # of the noise, and of the motion: error from the time step where the equation has a kink
+ROUGH_EVALUATIONS, FINE_EVALUATIONS = 40, 200
+LARGEST = 1e100  # in units of sigma: squares and their sums stay finite
+SOFT_AT = 2.0  # soft_l1 bends over at this many standard deviations
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Target:
+    """What has to be explained: ``observed`` and ``sigma`` (n, d) at the samples of a problem, ``used`` (n,)."""
+
+    observed: Array
+    sigma: Array
+    used: Mask
+
+    def first(self, n: int) -> Target:
+        """The target up to its n-th sample."""
+        return Target(self.observed[:n], self.sigma[:n], self.used[:n])
+
+    def every(self, k: int) -> Target:
+        """The target at every k-th sample."""
+        return Target(self.observed[::k], self.sigma[::k], self.used[::k])
+
+    def weighted(self, values: Array) -> Array:
+        """Values (n, d, ...) at the used samples in units of sigma, flattened time-major (n_used * d, ...)."""
+        sigma = self.sigma[self.used].reshape(*self.sigma[self.used].shape, *(1,) * (values.ndim - 2))
+        return np.asarray((values[self.used] / sigma).reshape(-1, *values.shape[2:]))
+
+    @property
+    def size(self) -> Array:
+        """Standard deviation (d,) of the observed motion."""
+        return np.asarray(np.std(self.observed[self.used], axis=0))
+
+    @property
+    def negligible(self) -> float:
+        """Error of a prediction, relative to the largest value seen, that disappears in the noise."""
+        seen = np.max(np.abs(self.observed[self.used]), axis=0)
+        noise = np.median(self.sigma[self.used], axis=0)
+        return float(min(NEGLIGIBLE[0] * np.min(noise / np.where(seen > 0, seen, 1.0)), NEGLIGIBLE[1]))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Unknowns:
+    """Which values are free: their places ``which`` (k,), names and bounds (k,).
+
+    Those measured elsewhere have a normal prior of mean ``expected`` (k,) and standard error 1 / ``precision`` (k,);
+    a precision of zero is no prior.
+    """
+
+    which: NDArray[np.intp]
+    names: tuple[str, ...]
+    lower: Array
+    upper: Array
+    expected: Array
+    precision: Array
+
+    @property
+    def measured(self) -> NDArray[np.intp]:
+        """Which of the free values have a prior."""
+        return np.flatnonzero(self.precision)
+
+    @property
+    def prior_rows(self) -> Array:
+        """What the priors add to the sensitivities (j, k), one row each."""
+        return np.asarray(np.diag(self.precision)[self.measured])
+
+    def prior_residual(self, values: Array) -> Array:
+        """What the priors add to the residual (j,), expected - value in standard errors."""
+        part = self.measured
+        return np.asarray((self.expected[part] - values[self.which[part]]) * self.precision[part])
+
+    def weighing_priors(self, factor: float) -> Unknowns:
+        """The same with the weight of every prior multiplied by a factor."""
+        return replace(self, precision=self.precision * factor)
+
+    def without(self, index: int) -> Unknowns:
+        """The same with one of the free values held."""
+        kept = np.arange(self.which.size) != index
+        names = tuple(name for name, keep in zip(self.names, kept, strict=True) if keep)
+        arrays = (self.lower, self.upper, self.expected, self.precision)
+        return Unknowns(self.which[kept], names, *(array[kept] for array in arrays))
+
+    def inside(self, values: Array) -> Array:
+        """The values with the free ones moved inside their bounds."""
+        moved = values.copy()
+        width = np.where(np.isfinite(self.upper - self.lower), self.upper - self.lower, 1.0)
+        moved[self.which] = np.clip(values[self.which], self.lower + 1e-6 * width, self.upper - 1e-6 * width)
+        return moved
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Solution:
+    """What least squares found.
+
+    ``values`` (p + s,); ``predicted`` (n, d) by the ``problem`` with its time steps; ``steps`` (k,) for differences;
+    ``rms`` of the residual in units of sigma, infinite where the solution runs away; ``fine`` when the optimiser was
+    not stopped early. ``gradients``: norm of the gradient of the mean squared residual, in units of sigma, by the
+    free values relative to their size, at each iteration so far.
+    """
+
+    problem: InitialValueProblem
+    values: Array
+    predicted: Array
+    steps: Array
+    rms: float
+    converged: bool
+    fine: bool
+    message: str
+    gradients: tuple[float, ...] = ()
+
+
+@dataclass(eq=False, slots=True)
+class _Objective:
+    """Residual and Jacobian in the form that lmfit calls; the last prediction and difference steps are kept."""
+
+    problem: InitialValueProblem
+    target: Target
+    unknowns: Unknowns
+    start: Array
+    steps: Array
+    gradients: list[float] = field(default_factory=list)
+    _last: tuple[Array, Array] | None = field(default=None)
+
+    def values_of(self, parameters: lmfit.Parameters) -> Array:
+        values = self.start.copy()
+        values[self.unknowns.which] = [parameters[name].value for name in self.unknowns.names]
+        return values
+
+    def predicted(self, values: Array) -> Array:
+        if self._last is None or not np.array_equal(self._last[0], values, equal_nan=True):
+            self._last = (values, self.problem.predicted(values))
+        return self._last[1]
+
+    def residual(self, parameters: lmfit.Parameters) -> Array:
+        values = self.values_of(parameters)
+        residual = -self.target.weighted(self.target.observed - self.predicted(values))
+        both = np.concatenate([residual, -self.unknowns.prior_residual(values)])
+        return np.clip(both, -LARGEST, LARGEST)
+
+    def jacobian(self, parameters: lmfit.Parameters) -> Array:
+        values = self.values_of(parameters)
+        slopes = self.problem.rough_sensitivity(values, self.unknowns.which, self.steps, self.predicted(values))
+        self.steps = adapted_steps(self.steps, slopes, self.target.size)
+        rows = np.concatenate([np.nan_to_num(self.target.weighted(slopes)), self.unknowns.prior_rows])
+        jacobian = np.clip(rows, -LARGEST, LARGEST)
+        self.gradients.append(self._gradient(jacobian, self.residual(parameters), values))
+        return jacobian
+
+    def _gradient(self, jacobian: Array, residual: Array, values: Array) -> float:
+        """Norm of the gradient of the mean square by the relative free values: 1 is one standard deviation."""
+        size = np.maximum(np.abs(values[self.unknowns.which]), 1e-3)
+        return float(np.linalg.norm(2.0 * (residual @ jacobian) * size / residual.size))
+
+
+def minimise(
+    problem: InitialValueProblem,
+    target: Target,
+    unknowns: Unknowns,
+    values: Array,
+    *,
+    rough: bool = False,
+    loss: Loss = "linear",
+    steps: Array | None = None,
+    gradients: tuple[float, ...] = (),
+    most: int | None = None,
+) -> Solution:
+    """Least squares from one start over all samples of the problem, by lmfit's trust region with our Jacobian.
+
+    Parameters
+    ----------
+    problem
+        The model at the samples; its time steps are chosen here, for the start.
+    target
+        What to explain.
+    unknowns
+        The free values and their bounds.
+    values
+        (p + s,) start, and the values held.
+    rough
+        Stop early: good enough for the next horizon.
+    loss
+        As in ``scipy.optimize.least_squares``.
+    steps
+        (k,) difference steps of an earlier solution.
+    gradients
+        Of the iterations so far.
+    most
+        Evaluations after which it is given up, where that is sooner than usual, unless it is rough.
+    """
+    start = unknowns.inside(values)
+    problem = problem.planned(start, ROUGH_STEP if rough else FINE_STEP, target.negligible)
+    steps = first_steps(start, unknowns.which) if steps is None else steps
+    objective = _Objective(problem, target, unknowns, start, steps)
+    predicted = objective.predicted(start)
+    if not np.all(np.isfinite(predicted)):
+        why = "runs away at the start"
+        return Solution(problem, start, predicted, objective.steps, np.inf, False, True, why, gradients)
+    enough = ROUGH_EVALUATIONS if rough else min(most or FINE_EVALUATIONS, FINE_EVALUATIONS)
+    found = _minimised(objective, loss, enough, rough=rough)
+    best = objective.values_of(found.params)
+    seen = np.asarray(found.residual)[: int(target.used.sum()) * target.observed.shape[1]]
+    with np.errstate(all="ignore"):
+        rms = float(np.sqrt(np.mean(seen**2)))
+    finite = bool(np.isfinite(rms)) and bool(np.max(np.abs(seen), initial=0.0) < LARGEST)
+    return Solution(
+        problem=problem,
+        values=best,
+        predicted=objective.predicted(best),
+        steps=objective.steps,
+        rms=rms if finite else np.inf,
+        converged=bool(found.success) and finite,
+        fine=not rough,
+        message=str(found.message),
+        gradients=(*gradients, *objective.gradients),
+    )
+
+
+def _minimised(objective: _Objective, loss: Loss, most: int, *, rough: bool) -> lmfit.minimizer.MinimizerResult:
+    tolerance = ROUGH if rough else FINE
+    parameters = lmfit.Parameters()
+    unknowns = objective.unknowns
+    for k, name in enumerate(unknowns.names):
+        first = objective.start[unknowns.which[k]]
+        parameters.add(name, value=first, min=unknowns.lower[k], max=unknowns.upper[k])
+    minimizer = lmfit.Minimizer(
+        objective.residual, parameters, nan_policy="propagate", scale_covar=False, calc_covar=False
+    )
+    with np.errstate(all="ignore"):
+        return minimizer.least_squares(
+            max_nfev=most,
+            jac=objective.jacobian,
+            x_scale="jac",
+            loss=loss,
+            f_scale=SOFT_AT,
+            ftol=tolerance,
+            xtol=tolerance,
+            gtol=1e-15,
+        )
+
+
+def reweighted(target: Target, solution: Solution) -> Target:
+    """The target with the weights that a robust loss ends with: sigma grows where the residual is large."""
+    residual = target.observed - solution.predicted
+    softness = np.sqrt(1.0 + (residual / target.sigma / SOFT_AT) ** 2)
+    return replace(target, sigma=np.where(np.isfinite(softness), target.sigma * np.sqrt(softness), target.sigma))

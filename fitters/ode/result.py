@@ -1,0 +1,344 @@
+"""From a solution to a FitResult: errors, noise, criteria, status."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitters.integrator.initial_value_problem import difference_steps, value_names
+from fitters.noise.known_correlation import stated_memory
+from fitters.noise.sandwich_covariance import Uncertainty, inverse_normal, random_uncertainty
+from fitters.ode.error_budget import Errors, estimate_all
+from fitters.ode.fit_problem import Task, with_priors
+from fitters.ode.least_squares import LARGEST, Solution, Target
+from fitters.ode.status import (
+    SINGULAR,
+    Determination,
+    at_bounds,
+    bound_text,
+    determination,
+    is_misfit,
+    misfit_text,
+    null_direction_text,
+    singular_text,
+    status_of,
+    unknown_text,
+    weakest_text,
+)
+from iris_sysid.types import Array, Estimate, FitResult, FitStatus, Identifiability, Mask, OdeModel, Trajectory
+
+NO_PULLS: Array = np.zeros(0)
+NOISE_GAIN = {1: 2.0, 2: 6.0}  # variance of a difference of white noise over its own: 1 + 1, and 1 + 4 + 1
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Linearised:
+    """The fit near its solution, at the used samples and in units of sigma.
+
+    ``residual`` (n, d); ``sensitivity`` (n, d, k) to the free values; ``known`` by source (r, n, d): change of
+    prediction - observation for one standard error of each uncertain known value (r = 1), and of each pattern that
+    errors of the observation have in common; ``prior`` (j, k) rows that priors add to the sensitivities; ``memory``
+    the partial autocorrelations of the noise where they were measured.
+    """
+
+    t_s: Array
+    residual: Array
+    sensitivity: Array
+    known: Mapping[str, Array]
+    prior: Array
+    memory: tuple[Estimate, ...] = ()
+
+    @property
+    def flat(self) -> Array:
+        """Sensitivity as a matrix (n * d, k), time-major."""
+        n, d, k = self.sensitivity.shape
+        return self.sensitivity.reshape(n * d, k)
+
+    @property
+    def informed(self) -> Array:
+        """The flat sensitivity with the rows of the priors below it (n * d + j, k)."""
+        return np.concatenate([self.flat, self.prior])
+
+
+def linearise(task: Task, target: Target, solution: Solution) -> Linearised:
+    """Residual and sensitivities at the solution.
+
+    Parameters
+    ----------
+    task, target, solution
+        What was asked, the samples that count with their weights, what was found.
+    """
+    names = value_names(task.model)
+    uncertain = [name for name, estimate in task.known.items() if estimate.stderr > 0]
+    others = np.array([names.index(name) for name in uncertain], dtype=np.intp)
+    problem, values = solution.problem, solution.values
+    which = np.concatenate([task.unknowns.which, others])
+    steps = np.concatenate([solution.steps, difference_steps(problem, values, others)])
+    slopes = np.nan_to_num(problem.sensitivity(values, which, steps))
+    sigma = target.sigma[target.used]
+    scaled = np.clip(slopes[target.used] / sigma[:, :, None], -LARGEST, LARGEST)
+    k = task.unknowns.which.size
+    known = {name: scaled[None, :, :, k + i] * task.known[name].stderr for i, name in enumerate(uncertain)}
+    known |= {source: -patterns[:, target.used] / sigma for source, patterns in task.systematic.items()}
+    residual = (target.observed - solution.predicted)[target.used] / sigma
+    memory = stated_memory(task.trajectory.geometry)
+    return Linearised(problem.t_s[target.used], residual, scaled[:, :, :k], known, task.unknowns.prior_rows, memory)
+
+
+def errors_of(task: Task, near: Linearised, usable: Mask, undetermined: Mask) -> tuple[Errors, Uncertainty]:
+    """Random and systematic errors; NaN for values that are undetermined or sit at a bound.
+
+    Parameters
+    ----------
+    task
+        Its priors are sources of error of their own.
+    near
+        The linearised fit.
+    usable
+        (k,) false for values at a bound: they are held there.
+    undetermined
+        (k,) values with a share in a null direction.
+    """
+    k = usable.size
+    flat = near.flat[:, usable]
+    bread = inverse_normal(near.informed[:, usable], SINGULAR**-0.5)
+    random = random_uncertainty(near.t_s, near.residual, near.sensitivity[:, :, usable], bread, near.memory)
+    covariance, degrees = np.full((k, k), np.nan), np.full(k, np.nan)
+    covariance[np.ix_(usable, usable)] = random.covariance
+    degrees[usable] = random.degrees
+    covariance[undetermined, :] = covariance[:, undetermined] = np.nan
+    systematic = {}
+    for name, responses in near.known.items():
+        shift = np.full((len(responses), k), np.nan)
+        shift[:, usable] = -responses.reshape(len(responses), -1) @ flat @ bread
+        systematic[name] = np.where(undetermined, np.nan, shift)
+    pulls = _prior_shifts(task, bread, usable)
+    systematic |= {name: np.where(undetermined, np.nan, shift) for name, shift in pulls.items()}
+    return Errors(covariance, degrees, systematic), random
+
+
+def _prior_shifts(task: Task, bread: Array, usable: Mask) -> dict[str, Array]:
+    """Change of the free values (k,) for one standard error of each prior, by name."""
+    shifts = {}
+    for index in task.unknowns.measured:
+        if not usable[index]:
+            continue
+        name = task.free[index]
+        shifts[name] = np.full(usable.size, np.nan)
+        pull = task.unknowns.precision[index] ** 2 * task.priors[name].stderr
+        shifts[name][usable] = bread[:, int(usable[:index].sum())] * pull
+    return shifts
+
+
+def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -> FitResult:
+    """Judge the solution and put everything that is known about it together.
+
+    Parameters
+    ----------
+    task, target, solution
+        What was asked, the samples that count with their weights, what was found.
+    notes
+        What a reader should know beside the status.
+    """
+    near = linearise(task, target, solution)
+    touching = at_bounds(task.unknowns, solution.values)
+    found = _determination(near, ~touching)
+    errors, random = errors_of(task, near, ~touching, found.undetermined)
+    results = estimate_all(task, solution.values, errors)
+    residual = target.observed - solution.predicted
+    rms = np.sqrt(np.mean(residual[target.used] ** 2, axis=0))
+    status, message = _status(task, target, solution, touching, found, rms)
+    measured = with_priors(task.unknowns, task.priors)
+    pulls = measured.prior_residual(solution.values)
+    aic, bic = criteria(near.residual, target.sigma[target.used], len(task.free), pulls)
+    return FitResult(
+        model=task.model,
+        status=status,
+        message=". ".join(filter(None, [message, *notes, unknown_text(task, results.estimates)])),
+        estimates=results.estimates,
+        free=task.free,
+        covariance=errors.covariance + _from_priors(task, errors),
+        t_s=task.trajectory.t_s,
+        used=_spread(task, target.used, False).astype(np.bool_),
+        predicted=_spread(task, target.observed - residual, np.nan),
+        residual=_spread(task, np.where(target.used[:, None], residual, np.nan), np.nan),
+        noise=task.noise,
+        rms=rms,
+        aic=aic,
+        bic=bic,
+        jacobian=near.flat * np.repeat(target.sigma[target.used].ravel()[:, None], len(task.free), axis=1),
+        fisher=fisher_information(near) + measured.prior_rows.T @ measured.prior_rows,
+        condition=found.condition,
+        correlation=_lag_one(near.residual),
+        t0_s=float(solution.problem.t_s[0]),
+        budget=results.budget,
+        identifiability=_identifiability(task, target, solution, near, found),
+        origin={
+            **task.trajectory.origin,
+            "rhs_note": solution.problem.rhs.note,
+            "hold": solution.problem.hold,
+            "residual_autoregression": [process.coefficients.tolist() for process in random.noise],
+            "residual_innovation_sd": [process.innovation_sd for process in random.noise],
+        },
+    )
+
+
+def _determination(near: Linearised, usable: Mask) -> Determination:
+    """What the values that are not at a bound leave undetermined, spread over all free values."""
+    found = determination(near.informed[:, usable])
+    null = np.zeros((found.null.shape[0], usable.size))
+    null[:, usable] = found.null
+    undetermined = np.zeros(usable.size, dtype=np.bool_)
+    undetermined[usable] = found.undetermined
+    return Determination(found.condition, null, undetermined)
+
+
+def information_loss(near: Linearised) -> float:
+    """Variance of the noise as the free values feel it, in units of sigma squared: more than its own when correlated.
+
+    The mean ratio of the middle of the sandwich to the information, trace(B J' Gamma J) / trace(B J'J) with
+    B = (J'J + priors)^-1; NaN when there is no information.
+    """
+    flat = near.flat
+    bread = inverse_normal(near.informed, SINGULAR**-0.5)
+    random = random_uncertainty(near.t_s, near.residual, near.sensitivity, bread, near.memory)
+    information = float(np.einsum("ij,ij->", flat @ bread, flat))
+    middle = near.informed.T @ near.informed @ random.covariance
+    return float(np.trace(middle)) / information if information > 0 else float("nan")
+
+
+def _identifiability(
+    task: Task, target: Target, solution: Solution, near: Linearised, found: Determination
+) -> Identifiability:
+    values = solution.values[task.unknowns.which]
+    order = 2 if task.model.second_order else 1
+    residual = np.where(target.used[:, None], target.observed - solution.predicted, np.nan)
+    return Identifiability(
+        names=task.free,
+        condition=found.condition,
+        undetermined=tuple(null_direction_text(task.free, values, row) for row in found.null),
+        weakest=weakest_text(task.free, near.informed),
+        gradients=solution.gradients,
+        ode_residual=ode_residual(residual, order),
+        ode_residual_noise=task.noise**2 * NOISE_GAIN[order],
+    )
+
+
+def ode_residual(residual: Array, order: int) -> Array:
+    """Mean squared error (d,) of one step of the fitted equation from sample to sample, in squared units.
+
+    The IRIS benchmark's R, the mean of |z[t+1] - P(z[t])|^2 with P the fitted step. A second-order equation steps
+    from a position and its backward difference, so the error is that of z[t+1] - 2 z[t] + z[t-1] less the
+    acceleration; the fitted motion z - e has none, and what is left is the difference of order ``order`` of the
+    residual e (n, d), up to terms of (rate * step)^2 of it. NaN marks samples that are not used.
+    """
+    step = np.diff(residual, n=order, axis=0)
+    known = np.all(np.isfinite(step), axis=1)
+    return np.asarray(np.mean(step[known] ** 2, axis=0)) if known.any() else np.full(residual.shape[1], np.nan)
+
+
+def _status(
+    task: Task, target: Target, solution: Solution, touching: Mask, found: Determination, rms: Array
+) -> tuple[FitStatus, str]:
+    misfit = is_misfit(rms, task.noise, target.size)
+    singular = bool(found.undetermined.any())
+    status = status_of(converged=solution.converged, singular=singular, touching=bool(touching.any()), misfit=misfit)
+    texts = []
+    if not solution.converged:
+        texts.append(f"not converged ({solution.message}): give starting values nearer to the truth with start={{...}}")
+    if singular:
+        texts.append(singular_text(task, solution.values, found))
+    if touching.any():
+        texts.append(bound_text(task, solution.values, touching))
+    if misfit:
+        texts.append(misfit_text(task, rms, task.noise))
+    return status, ". ".join(texts)
+
+
+def _from_priors(task: Task, errors: Errors) -> Array:
+    """Covariance (k, k) of the free values that comes from the errors of their priors."""
+    shifts = [shift for name, shift in errors.systematic.items() if name in task.priors]
+    return np.asarray(sum((np.outer(shift, shift) for shift in shifts), np.zeros(errors.covariance.shape)))
+
+
+def criteria(residual: Array, sigma: Array, n_free: int, pulls: Array = NO_PULLS) -> tuple[float, float]:
+    """Akaike's and the Bayesian criterion for normal white noise of unknown size in each quantity.
+
+    -2 log L = sum over quantities of n (log(2 pi s^2) + 1) + 2 sum log sigma, with s^2 the mean square of the
+    residual (n, d) in units of sigma (n, d); every quantity's s counts as a parameter. A prior is one more sample:
+    ``pulls`` (j,) are the distances of estimates from their priors in standard errors of those.
+    """
+    n, d = residual.shape
+    with np.errstate(all="ignore"):
+        square = np.maximum(np.mean(residual**2, axis=0), 1e-300)
+        minus_two_log = float(n * np.sum(np.log(2 * np.pi * square) + 1) + 2 * np.sum(np.log(sigma)))
+    minus_two_log += float(pulls @ pulls)
+    count = n_free + d
+    return minus_two_log + 2 * count, minus_two_log + count * float(np.log(n * d + pulls.size))
+
+
+def fisher_information(near: Linearised) -> Array:
+    """Fisher information (k, k) of the free values for white noise of the size of the residual."""
+    n, d, k = near.sensitivity.shape
+    square = np.sum(near.residual**2, axis=0) / max(n - k / d, 1)
+    weighted = near.sensitivity / np.sqrt(np.maximum(square, 1e-300))[None, :, None]
+    return np.asarray(np.einsum("ndi,ndj->ij", weighted, weighted))
+
+
+def _lag_one(residual: Array) -> float:
+    """Autocorrelation of the residual (n, d) from one sample to the next, mean over the quantities."""
+    power = np.maximum(np.sum(residual**2, axis=0), 1e-300)
+    return float(np.mean(np.sum(residual[1:] * residual[:-1], axis=0) / power))
+
+
+def _spread(task: Task, values: Array | Mask, fill: float) -> Array:
+    """Values over the fitted span, spread over all samples of the trajectory."""
+    spread = np.full((task.trajectory.n, *values.shape[1:]), fill)
+    spread[task.selection.span] = values
+    return spread
+
+
+def failed(
+    trajectory: Trajectory, model: OdeModel, known: Mapping[str, Estimate], status: FitStatus, message: str
+) -> FitResult:
+    """The result of a fit that gave nothing: NaN everywhere, and what to do in the message.
+
+    Parameters
+    ----------
+    trajectory, model
+        What should have been fitted.
+    known
+        Values held; they are kept.
+    status, message
+        What happened and the remedy.
+    """
+    n, d = trajectory.n, len(model.observed)
+    free = tuple(name for name in value_names(model) if name not in known)
+    k = len(free)
+    units = {p.name: p.unit for p in model.parameters} | {f"{s.name}_0": s.unit for s in model.states}
+    nothing = {name: Estimate(np.nan, np.nan, units[name], "fitted", ci95=(np.nan, np.nan)) for name in free}
+    derived = {q.name: Estimate(np.nan, np.nan, q.unit, "derived", ci95=(np.nan, np.nan)) for q in model.derived}
+    estimates = {name: known.get(name, nothing.get(name)) for name in value_names(model)}
+    return FitResult(
+        model=model,
+        status=status,
+        message=message,
+        estimates={name: one for name, one in estimates.items() if one is not None} | derived,
+        free=free,
+        covariance=np.full((k, k), np.nan),
+        t_s=trajectory.t_s,
+        used=np.zeros(n, dtype=np.bool_),
+        predicted=np.full((n, d), np.nan),
+        residual=np.full((n, d), np.nan),
+        noise=np.full(d, np.nan),
+        rms=np.full(d, np.nan),
+        aic=np.nan,
+        bic=np.nan,
+        jacobian=np.empty((0, k)),
+        fisher=np.full((k, k), np.nan),
+        condition=np.nan,
+        correlation=np.nan,
+        t0_s=float(trajectory.t_s[0]),
+    )

@@ -1,0 +1,342 @@
+"""Fit one model to several clips at once: values that all share, and values that scatter from clip to clip."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from fitters.noise.random_effects import LEAST_CLIPS, random_effects
+from fitters.noise.sandwich_covariance import MOST_DEGREES, random_uncertainty
+from fitters.ode import fit
+from fitters.ode.fit_problem import check_names
+from fitters.ode.result import Linearised, information_loss, linearise
+from fitters.ode.single_clip import NOTHING, solve
+from iris_sysid.errors import FitError
+from iris_sysid.types import Array, Estimate, FitResult, FitStatus, OdeModel, PooledFit, Population, Trajectory
+
+NO_OPTIONS: Mapping[str, Any] = MappingProxyType({})
+ROUNDS = 12  # Gauss-Newton steps of the shared values; three are enough where the fit is nearly linear
+DONE = 1e-3  # of a standard error: a step that small ends the search
+UNLIKELY = 0.01  # chance below which shared values are said to differ
+STATUSES: tuple[FitStatus, ...] = ("singular", "at-bound", "misfit", "not-converged", "diverged", "too-short")
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _View:
+    """What one clip says of the shared values (s of them) when its own values follow.
+
+    ``near`` has the sensitivities to them, those to its own values taken out; ``weight`` is one over the variance of
+    its noise as they feel it; ``known`` by name (r, n * d): response to one standard error of a known
+    value (r = 1), or of each pattern of a source.
+    """
+
+    near: Linearised
+    weight: float
+    known: Mapping[str, Array]
+    sum_of_squares: float
+
+
+def fit_clips(
+    trajectories: Sequence[Trajectory],
+    model: OdeModel,
+    *,
+    shared: Sequence[str] = (),
+    per_clip: Sequence[str] = (),
+    fixed: Mapping[str, float | Estimate] = NOTHING,
+    free: Sequence[str] = (),
+    start: Mapping[str, float] = NOTHING,
+    options: Mapping[str, Any] = NO_OPTIONS,
+) -> PooledFit:
+    """Fit one model to several clips: shared values from all of them, the others clip by clip.
+
+    Shared values minimise the sum of the clips' squared residuals, each clip weighed by its own noise (Gauss-Newton on
+    the values that are left when each clip's own ones follow). Every other parameter is a random draw for each clip:
+    its mean over the clips and its scatter between them are estimated apart from the error within a clip.
+
+    Parameters
+    ----------
+    trajectories
+        The clips, two at least.
+    model
+        The governing equation.
+    shared
+        Parameters that are the same in all clips; a constant named here is estimated.
+    per_clip
+        Parameters that differ without being draws of one kind, e.g. an angle that was set: no mean is given. Initial
+        states always belong here.
+    fixed, free, start
+        As for :func:`fitters.ode.fit`, the same for all clips. A value in ``fixed`` is one and the same in all clips,
+        and so is its error.
+    options
+        Further arguments of :func:`fitters.ode.fit` by name, e.g. ``{"loss": "soft_l1"}``.
+
+    Returns
+    -------
+    PooledFit
+        ``status`` is the most serious of the clips', and the message says which clips it is about.
+
+    Raises
+    ------
+    FitError
+        With fewer than two clips, for an unknown name, or one that is both shared and not.
+    """
+    _check(trajectories, model, shared, per_clip, fixed)
+    both = {"fixed": fixed, "start": start, **options}
+    alone = [fit(one, model, free=_free(free, shared, model), **both) for one in trajectories]
+    if not any(one.usable for one in alone):
+        return _pooled(model, alone, {}, {}, {}, np.full((len(shared), len(shared)), np.nan), {})
+    scatter = _populations(alone, shared)
+    if not shared:
+        others = _others(alone, (), per_clip)
+        return _pooled(model, alone, {}, {}, _populations(alone, others), np.zeros((0, 0)), {})
+    usable = [(one, clip) for one, clip in zip(trajectories, alone, strict=True) if clip.usable]
+    values, views = _joint(usable, model, shared, {**both, "free": [name for name in free if name not in shared]})
+    covariance, estimates, budget = _shared_estimates(values, views, shared, alone)
+    held = {**fixed, **estimates}
+    rest = [name for name in free if name not in shared]
+    pairs = zip(trajectories, alone, strict=True)
+    clips = [_held_fit(one, clip, model, rest, {**both, "fixed": held}) for one, clip in pairs]
+    others = _others(alone, shared, per_clip)
+    return _pooled(model, clips, estimates, scatter, _populations(clips, others), covariance, budget)
+
+
+def _check(
+    trajectories: Sequence[Trajectory],
+    model: OdeModel,
+    shared: Sequence[str],
+    per_clip: Sequence[str],
+    fixed: Mapping[str, float | Estimate],
+) -> None:
+    check_names(model, shared=list(shared), per_clip=list(per_clip), fixed=list(fixed))
+    if len(trajectories) < LEAST_CLIPS:
+        raise FitError(f"a fit over clips needs {LEAST_CLIPS} of them, not {len(trajectories)}; use fit for one")
+    for name in shared:
+        if name in per_clip:
+            raise FitError(f"{name} cannot be both shared and per clip; leave out one of the two")
+        if name in fixed:
+            raise FitError(f"{name} cannot be both shared and fixed; leave out one of the two")
+
+
+def _free(free: Sequence[str], shared: Sequence[str], model: OdeModel) -> list[str]:
+    constants = [one.name for one in model.parameters if one.constant and one.name in shared]
+    return [*free, *(name for name in constants if name not in free)]
+
+
+def _others(clips: Sequence[FitResult], shared: Sequence[str], per_clip: Sequence[str]) -> list[str]:
+    """Fitted parameters that are draws from clip to clip."""
+    left_out = {*shared, *per_clip, *(f"{state.name}_0" for state in clips[0].model.states)}
+    return [name for name in clips[0].free if name not in left_out]
+
+
+def _populations(clips: Sequence[FitResult], names: Sequence[str]) -> dict[str, Population]:
+    """Scatter of each value over the clips that determine it; values that fewer than two do are left out."""
+    found = {}
+    for name in names:
+        rows = [(one.estimates[name].value, _random(one, name)) for one in clips if one.usable]
+        sure = np.array([row for row in rows if np.isfinite(row[0]) and np.isfinite(row[1]) and row[1] > 0])
+        if len(sure) >= LEAST_CLIPS:
+            one = random_effects(sure[:, 0], sure[:, 1], clips[0].estimates[name].unit)
+            found[name] = _with_common_errors(one, clips, name)
+    return found
+
+
+def _random(one: FitResult, name: str) -> float:
+    """Standard error of the random kind of a value in one clip."""
+    return float(one.budget.get(name, {}).get("random", np.nan))
+
+
+def _with_common_errors(one: Population, clips: Sequence[FitResult], name: str) -> Population:
+    """The mean with the errors that all clips have in common: those of known values do not average out."""
+    sources = {source for clip in clips for source in clip.budget.get(name, {}) if source != "random"}
+    parts = [np.nanmean([clip.budget[name].get(s, np.nan) for clip in clips if name in clip.budget]) for s in sources]
+    stderr = float(np.hypot(one.mean.stderr, np.linalg.norm(parts)))
+    half = (one.mean.interval[1] - one.mean.value) / one.mean.stderr * stderr
+    interval = (one.mean.value - half, one.mean.value + half)
+    mean = Estimate(one.mean.value, stderr, one.mean.unit, "fitted", one.mean.source, interval)
+    return Population(mean, one.between, one.within, one.q, one.degrees, one.p_value)
+
+
+# --------------------------------------------------------------------------- shared values
+
+
+def _joint(
+    usable: Sequence[tuple[Trajectory, FitResult]], model: OdeModel, shared: Sequence[str], options: Mapping[str, Any]
+) -> tuple[Array, list[_View]]:
+    """The shared values (s,) of the smallest weighted sum of squares, and what each clip says there."""
+    values = _first_values([clip for _, clip in usable], shared)
+    weights: list[float] = []
+    best, step = np.inf, np.asarray(np.zeros(values.size))
+    views: list[_View] = []
+    for _ in range(ROUNDS):
+        now = [_view(one, clip, model, shared, values, options) for one, clip in usable]
+        weights = weights or [view.weight for view in now]
+        total = sum(weight * view.sum_of_squares for weight, view in zip(weights, now, strict=True))
+        if not total <= best * (1 + 1e-9) and views:  # too far: half the way back
+            step = step / 2
+            values = values - step
+            continue
+        best, views = total, now
+        information, pull = _normal_equations(views, weights)
+        step = np.asarray(np.linalg.lstsq(information, pull, rcond=1e-12)[0])
+        spread = np.sqrt(np.diag(np.linalg.pinv(information)))
+        if np.all(np.abs(step) <= DONE * spread):
+            break
+        values = values + step
+    return values, views
+
+
+def _first_values(clips: Sequence[FitResult], shared: Sequence[str]) -> Array:
+    """Mean of each clip's own values, weighed by their errors where they have any."""
+    values = []
+    for name in shared:
+        rows = np.array([(clip.estimates[name].value, _random(clip, name)) for clip in clips])
+        sure = rows[np.isfinite(rows[:, 1]) & (rows[:, 1] > 0)]
+        weighed = np.average(sure[:, 0], weights=sure[:, 1] ** -2.0) if len(sure) else np.median(rows[:, 0])
+        values.append(float(weighed))
+    return np.array(values)
+
+
+def _view(
+    one: Trajectory, clip: FitResult, model: OdeModel, shared: Sequence[str], values: Array, options: Mapping[str, Any]
+) -> _View:
+    """Fit a clip's own values with the shared ones held, and take their part out of the shared sensitivities."""
+    units = {name: clip.estimates[name].unit for name in shared}
+    # An error of any size makes the engine compute the response to a known value; it is divided out again.
+    tried = dict(zip(shared, values.tolist(), strict=True))
+    trial = {name: max(abs(value), 1e-3) for name, value in tried.items()}
+    held = {name: Estimate(value, trial[name], units[name]) for name, value in tried.items()}
+    own = {name: clip.estimates[name].value for name in clip.free if name not in shared}
+    start = {name: value for name, value in own.items() if np.isfinite(value)}
+    arguments = {**options, "fixed": {**options["fixed"], **held}, "start": start, "nearby": True}
+    found = solve(one, model, **arguments)
+    if isinstance(found, FitResult):
+        raise FitError(f"a clip cannot be fitted with the shared values held: {found.message}")
+    near = linearise(*found)
+    n, d, _ = near.sensitivity.shape
+    columns = np.stack([near.known[name].ravel() / trial[name] for name in shared], axis=1)
+    known = {name: response.reshape(len(response), -1) for name, response in near.known.items() if name not in shared}
+    size = np.sqrt(np.sum(near.flat**2, axis=0))
+    basis = np.linalg.qr(near.flat / np.where(size > 0, size, 1.0))[0]
+    across = columns - basis @ (basis.T @ columns)
+    seen = Linearised(near.t_s, near.residual, across.reshape(n, d, -1), {}, np.zeros((0, len(shared))), near.memory)
+    square = float(np.sum(near.residual**2))
+    loss = information_loss(seen)
+    return _View(seen, 1.0 / loss if np.isfinite(loss) and loss > 0 else 0.0, known, square)
+
+
+def _normal_equations(views: Sequence[_View], weights: Sequence[float]) -> tuple[Array, Array]:
+    """Information (s, s) and gradient (s,) of the shared values."""
+    flats = [view.near.flat for view in views]
+    information = sum(weight * flat.T @ flat for weight, flat in zip(weights, flats, strict=True))
+    pull = sum(
+        weight * flat.T @ view.near.residual.ravel() for weight, flat, view in zip(weights, flats, views, strict=True)
+    )
+    return np.asarray(information), np.asarray(pull)
+
+
+def _shared_estimates(
+    values: Array, views: Sequence[_View], shared: Sequence[str], alone: Sequence[FitResult]
+) -> tuple[Array, dict[str, Estimate], dict[str, dict[str, float]]]:
+    """Covariance (s, s), estimates and budget of the shared values; the noise of the clips is independent."""
+    weights = [view.weight for view in views]
+    bread = np.asarray(np.linalg.pinv(_normal_equations(views, weights)[0]), dtype=np.float64)
+    parts = [_one_clip(view, bread) for view in views]
+    covariance = np.asarray(sum(part for part, _ in parts))
+    variance = np.diag(covariance)
+    spread = sum(np.diag(part) ** 2 / degrees for part, degrees in parts)  # Satterthwaite (1946)
+    degrees = np.clip(variance**2 / np.maximum(spread, 1e-300), 1.0, MOST_DEGREES)
+    names = sorted({name for view in views for name in view.known})
+    shifts = {name: _shift([view for view in views if name in view.known], name, bread) for name in names}
+    estimates, budget = {}, {}
+    for k, name in enumerate(shared):
+        part = {"random": float(np.sqrt(variance[k])), **{s: float(shift[k]) for s, shift in shifts.items()}}
+        stderr = float(np.linalg.norm(list(part.values())))
+        half = float(student.ppf(0.975, degrees[k] * (stderr / max(part["random"], 1e-300)) ** 4)) * stderr
+        unit, value = alone[0].estimates[name].unit, float(values[k])
+        source = f"shared by {len(views)} clips"
+        estimates[name] = Estimate(value, stderr, unit, "fitted", source, ci95=(value - half, value + half))
+        budget[name] = part
+    return covariance, estimates, budget
+
+
+def _shift(views: Sequence[_View], name: str, bread: Array) -> Array:
+    """How far one standard error of a known value moves the shared values (s,), in all clips alike.
+
+    Several patterns of one source are not in the same order in all clips: their sizes are added, which is the most
+    that they can come to.
+    """
+    moved = [bread @ (view.weight * view.near.flat.T @ view.known[name].T) for view in views]
+    if all(one.shape[1] == 1 for one in moved):
+        return np.asarray(np.abs(sum(moved))[:, 0])
+    return np.asarray(sum(np.linalg.norm(one, axis=1) for one in moved))
+
+
+def _one_clip(view: _View, bread: Array) -> tuple[Array, Array]:
+    """What one clip's noise adds to the covariance (s, s), and the degrees of freedom (s,) of its variances."""
+    near = view.near
+    found = random_uncertainty(near.t_s, near.residual, near.sensitivity, view.weight * bread, near.memory)
+    return found.covariance, found.degrees
+
+
+def _held_fit(
+    one: Trajectory, clip: FitResult, model: OdeModel, free: Sequence[str], options: Mapping[str, Any]
+) -> FitResult:
+    """The clip's own values with the shared ones held; what failed alone stays as it is."""
+    if not clip.usable:
+        return clip
+    held = options["fixed"]
+    own = {name: clip.estimates[name].value for name in clip.free if name not in held}
+    start = {name: value for name, value in own.items() if np.isfinite(value)}
+    return fit(one, model, free=free, **{**options, "start": start, "nearby": True})
+
+
+# --------------------------------------------------------------------------- result
+
+
+def _pooled(
+    model: OdeModel,
+    clips: Sequence[FitResult],
+    shared: Mapping[str, Estimate],
+    scatter: Mapping[str, Population],
+    population: Mapping[str, Population],
+    covariance: Array,
+    budget: Mapping[str, Mapping[str, float]],
+) -> PooledFit:
+    status, message = _verdict(clips, scatter)
+    counted = [one for one in clips if np.isfinite(one.aic)]
+    n = sum(one.n * len(model.observed) for one in counted)
+    likelihood = sum(one.aic - 2 * (len(one.free) + len(model.observed)) for one in counted)
+    count = sum(len(one.free) + len(model.observed) for one in counted) + len(shared)
+    return PooledFit(
+        model=clips[0].model,
+        status=status,
+        message=message,
+        shared=shared,
+        scatter=scatter,
+        population=population,
+        clips=tuple(clips),
+        covariance=covariance,
+        budget=budget,
+        aic=likelihood + 2 * count if counted else float("nan"),
+        bic=likelihood + count * float(np.log(n)) if counted else float("nan"),
+    )
+
+
+def _verdict(clips: Sequence[FitResult], scatter: Mapping[str, Population]) -> tuple[FitStatus, str]:
+    """The most serious status of clips that are left; failed ones are named, and are no part of the result."""
+    usable = [one for one in clips if one.usable]
+    texts = [f"clip {k + 1} is {one.status}: {one.message}" for k, one in enumerate(clips) if not one.ok]
+    texts += [
+        f"{name} is shared, but differs between clips by more than its error: {one.between.value:.3g} {one.mean.unit} "
+        f"from clip to clip, {one.within:.3g} within one (chance {one.p_value:.1g}): leave it out of shared"
+        for name, one in scatter.items()
+        if one.p_value < UNLIKELY
+    ]
+    seen = {one.status for one in (usable or clips)}
+    status: FitStatus = next((one for one in STATUSES if one in seen), "ok")
+    return status, ". ".join(texts)

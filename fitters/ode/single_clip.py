@@ -1,0 +1,398 @@
+"""The ODE engine: integrate a model, and fit it to a measured trajectory with honest errors."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fitters.integrator.initial_value_problem import (
+    Hold,
+    InitialValueProblem,
+    difference_steps,
+    initial_value_problem,
+    value_names,
+)
+from fitters.noise.measurement_noise import wild_in_residual
+from fitters.noise.sandwich_covariance import quantile_975
+from fitters.ode.fit_problem import (
+    Task,
+    check_columns,
+    check_names,
+    in_units_of,
+    known_values,
+    prepare,
+    priors_of,
+    select,
+    starting_values,
+    with_priors,
+)
+from fitters.ode.global_search import explains, scattered_starts, search
+from fitters.ode.intervals import Found, Method, checked_methods, disagreements, intervals_by
+from fitters.ode.least_squares import FINE_STEP, Loss, Solution, Target, minimise, reweighted
+from fitters.ode.result import conclude, errors_of, failed, information_loss, linearise
+from fitters.ode.status import at_bounds, diverged_text, needed_samples, too_short_text
+from iris_sysid.errors import FitError
+from iris_sysid.types import (
+    Array,
+    Estimate,
+    FitResult,
+    OdeModel,
+    SegmentLabel,
+    Trajectory,
+    frozen_array,
+    increasing_times,
+)
+
+NOTHING: Mapping[str, float] = MappingProxyType({})
+PATIENCE = 500_000, 50  # samples evaluated, and evaluations at least, until a fit that began nearby is given up
+SMALLEST_DEVIATION = 3.0  # in units of the noise, for a sample to count as wild
+
+
+class Simulation(NamedTuple):
+    """States (n, s) and observed quantities (n, d) at the times asked for."""
+
+    states: Array
+    observed: Array
+
+
+def simulate(
+    model: OdeModel,
+    t_s: ArrayLike,
+    values: Mapping[str, float],
+    *,
+    inputs: ArrayLike | None = None,
+    hold: Hold = "linear",
+    tolerance: float = 1e-9,
+) -> Simulation:
+    """Integrate a model from the first of the given times, by Dormand and Prince's method of order 8.
+
+    Parameters
+    ----------
+    model
+        The governing equation.
+    t_s
+        (n,) s, increasing, as uneven as it likes.
+    values
+        Parameters and initial states (``theta_0``) by name; constants have their defaults. Derived quantities,
+        as a fit returns them too, are passed over.
+    inputs
+        (n, m) known inputs at these times, for a model that declares them.
+    hold
+        Inputs between samples: on a line (``linear``) or held until the next sample (``zero-order``).
+    tolerance
+        Largest error of each state from the finite time step, relative to the state's size.
+
+    Returns
+    -------
+    Simulation
+        ``states`` (n, s) and ``observed`` (n, d); NaN or infinite from where the solution runs away.
+
+    Raises
+    ------
+    FitError
+        When a value is missing or unknown, or the right-hand side does not return what it must.
+    DataError
+        When times do not increase or inputs have the wrong shape.
+    """
+    problem, vector = _problem_at(model, t_s, values, inputs, hold)
+    problem = problem.planned(vector, tolerance)
+    states = np.ascontiguousarray(problem.states(vector[:, None])[:, :, 0])
+    return Simulation(states, problem.observe(states, vector))
+
+
+def sensitivity(
+    model: OdeModel,
+    t_s: ArrayLike,
+    values: Mapping[str, float],
+    names: Sequence[str],
+    *,
+    inputs: ArrayLike | None = None,
+    hold: Hold = "linear",
+    tolerance: float = 1e-9,
+) -> Array:
+    """How the observed quantities change with parameters and initial states: d observed / d value (n, d, k).
+
+    Central differences of solutions with the same time steps; relative error about 1e-7.
+
+    Parameters
+    ----------
+    model, t_s, values, inputs, hold, tolerance
+        As for :func:`simulate`.
+    names
+        The k parameters or initial states.
+
+    Raises
+    ------
+    FitError
+        When a name is unknown or a value is missing.
+    """
+    check_names(model, names=names)
+    problem, vector = _problem_at(model, t_s, values, inputs, hold)
+    problem = problem.planned(vector, tolerance)
+    which = np.array([value_names(model).index(name) for name in names], dtype=np.intp)
+    return problem.sensitivity(vector, which, difference_steps(problem, vector, which))
+
+
+def _problem_at(
+    model: OdeModel, t_s: ArrayLike, values: Mapping[str, float], inputs: ArrayLike | None, hold: Hold
+) -> tuple[InitialValueProblem, Array]:
+    derived = {quantity.name for quantity in model.derived}
+    check_names(model, values=[name for name in values if name not in derived])
+    times = increasing_times(t_s)
+    given = {p.name: p.default for p in model.parameters if p.default is not None} | dict(values)
+    missing = [name for name in value_names(model) if name not in given and not _is_constant(model, name)]
+    if missing:
+        raise FitError(f"model {model.name!r} needs a value for {', '.join(missing)}")
+    known = None
+    if model.inputs:
+        known = frozen_array([] if inputs is None else inputs, (times.size, len(model.inputs)), "inputs")
+    vector = np.array([float(given.get(name, np.nan)) for name in value_names(model)])
+    return initial_value_problem(model, times, known, hold), vector
+
+
+def _is_constant(model: OdeModel, name: str) -> bool:
+    return any(parameter.name == name and parameter.constant for parameter in model.parameters)
+
+
+def fit(
+    trajectory: Trajectory,
+    model: OdeModel,
+    *,
+    fixed: Mapping[str, float | Estimate] = NOTHING,
+    free: Sequence[str] = (),
+    start: Mapping[str, float] = NOTHING,
+    segments: Sequence[SegmentLabel] = ("motion",),
+    loss: Loss = "linear",
+    hold: Hold = "linear",
+    multistart: int = 8,
+    nearby: bool = False,
+    uncertainty: Sequence[str] = ("robust",),
+) -> FitResult:
+    """Fit a model to a measured trajectory, by shooting with a growing horizon.
+
+    The prediction is the solution of the equation itself from its initial states on; nothing is differentiated.
+    Standard errors allow for autocorrelated residuals; errors of known values are propagated and kept apart in
+    ``budget``.
+
+    Parameters
+    ----------
+    trajectory
+        Measured positions; only valid samples inside the wanted segments are used, smoothed ones never.
+        ``sigma`` gives relative weights, the size of the noise is estimated. Its ``geometry`` gives the model's
+        constants of the same name, e.g. ``angle``, and the error of ``scale``.
+    model
+        The governing equation. Everything that is not a constant is estimated, and so are the initial states
+        ``<state>_0``, which hold at the first sample used.
+    fixed
+        Values to hold, by name; an Estimate's standard error is propagated.
+    free
+        Constants to estimate as well, e.g. ``("gravity",)``. What is in ``fixed`` too, with its standard error, has
+        that as a normal prior: it takes part in the fit, and its share of each error is kept apart in ``budget``.
+    start
+        Starting values by name, tried before the model's own guess.
+    segments
+        Labels of the segments to use.
+    loss
+        ``linear`` (least squares) or ``soft_l1`` (large residuals count less). With both, samples that stand
+        alone far from their neighbours' residual are left out, and the message says how many.
+    hold
+        How inputs vary between samples.
+    multistart
+        Number of random starts to try when no start explains the data.
+    nearby
+        ``start`` is near the minimum, e.g. that of a simpler model: go straight down from it.
+    uncertainty
+        Ways to the 95 % intervals of the random error in ``intervals``: ``robust`` (linearised, allowing for
+        autocorrelation, as the estimates have it), ``profile`` (likelihood), ``bootstrap`` (of residuals in blocks),
+        or ``all``. The message says where they disagree.
+
+    Returns
+    -------
+    FitResult
+        With ``status`` and, in ``message``, the remedy. A fit that fails is a result with NaN, never an exception.
+
+    Raises
+    ------
+    FitError
+        When the call makes no sense: a quantity or an input that the trajectory lacks or has in another unit, an
+        unknown name or way to an interval, an exact value both fixed and free, a right-hand side that does not return
+        one number a state.
+    """
+    methods = checked_methods(uncertainty)
+    found = solve(
+        trajectory,
+        model,
+        fixed=fixed,
+        free=free,
+        start=start,
+        segments=segments,
+        loss=loss,
+        hold=hold,
+        multistart=multistart,
+        nearby=nearby,
+    )
+    if isinstance(found, FitResult):
+        return found
+    task, target, solution = found
+    with np.errstate(all="ignore"):  # garbage has errors without bound: infinite, and shown as such
+        result = conclude(task, target, solution, _notes(task, target))
+        return result if methods == ("robust",) else _with_intervals(task, target, solution, result, methods)
+
+
+def solve(
+    trajectory: Trajectory,
+    model: OdeModel,
+    *,
+    fixed: Mapping[str, float | Estimate] = NOTHING,
+    free: Sequence[str] = (),
+    start: Mapping[str, float] = NOTHING,
+    segments: Sequence[SegmentLabel] = ("motion",),
+    loss: Loss = "linear",
+    hold: Hold = "linear",
+    multistart: int = 8,
+    nearby: bool = False,
+) -> tuple[Task, Target, Solution] | FitResult:
+    """The fit before it is judged: what was asked, the samples that count, what was found; or why there is nothing.
+
+    Parameters
+    ----------
+    trajectory, model, fixed, free, start, segments, loss, hold, multistart, nearby
+        As for :func:`fit`.
+    """
+    check_names(model, fixed=list(fixed), free=list(free), start=list(start))
+    check_columns(trajectory, model)
+    known, priors = (asked(model, trajectory, fixed, free) for asked in (known_values, priors_of))
+    model = in_units_of(trajectory, model)
+    selection = select(trajectory, segments)
+    n_free = len(value_names(model)) - len(known)
+    n, needed = int(selection.used.sum()), needed_samples(len(model.observed), n_free)
+    if n < needed:
+        return failed(trajectory, model, known, "too-short", too_short_text(n, needed, n_free))
+    task = prepare(trajectory, model, selection, known, hold, priors)
+    if n_free == 0:
+        return task, task.target, _nothing_to_fit(task)
+    if nearby:
+        solution = _downhill(task, start)
+    else:
+        solution = search(task.problem, task.target, task.unknowns, _starts(task, start, multistart))
+    if not np.isfinite(solution.rms):
+        return failed(trajectory, model, known, "diverged", diverged_text(task, solution))
+    most = max(PATIENCE[0] // n, PATIENCE[1]) if nearby else None
+    target, solution = _without_wild_samples(task, solution, loss, most)
+    if priors:
+        task, solution = _with_priors_weighed(task, target, solution, loss)
+    if not np.isfinite(solution.rms):  # the refinement ran away from a solution that was finite
+        return failed(trajectory, model, known, "diverged", diverged_text(task, solution))
+    if loss != "linear":
+        target = reweighted(target, solution)
+    return task, target, solution
+
+
+def _downhill(task: Task, start: Mapping[str, float]) -> Solution:
+    """Fit all samples from the start given alone."""
+    return minimise(task.problem, task.target, task.unknowns, next(starting_values(task, start)), rough=True)
+
+
+def _starts(task: Task, start: Mapping[str, float], multistart: int) -> Iterator[tuple[Array, bool]]:
+    """Starts in the order of trust, and whether to trust them: the last are random ones about the one before."""
+    values = np.zeros(0)
+    for values in starting_values(task, start):
+        yield values, True
+    for scattered in scattered_starts(task.unknowns, values, task.target, multistart):
+        yield scattered, False
+
+
+def _with_intervals(
+    task: Task, target: Target, solution: Solution, result: FitResult, methods: tuple[Method, ...]
+) -> FitResult:
+    """The result with intervals by several methods, and with what they disagree about in its message."""
+    near = linearise(task, target, solution)
+    touching = at_bounds(task.unknowns, solution.values)
+    usable = ~touching & np.isfinite(np.diag(result.covariance))
+    if not usable.any():
+        return result
+    random = errors_of(task, near, ~touching, ~usable)[1]
+    quantile = np.full(usable.size, np.nan)
+    quantile[~touching] = [quantile_975(degrees) for degrees in random.degrees]
+    found = Found(task, target, solution, near, result.covariance, quantile, usable, random.noise)
+    intervals = intervals_by(found, ("robust", *(one for one in methods if one != "robust")))
+    message = ". ".join(filter(None, [result.message, *disagreements(intervals)]))
+    return replace(result, intervals=intervals, message=message)
+
+
+def _nothing_to_fit(task: Task) -> Solution:
+    """The prediction of values that are all known, judged like a fit."""
+    vector = np.array([task.known[name].value for name in value_names(task.model)])
+    problem = task.problem.planned(vector, FINE_STEP)
+    return Solution(problem, vector, problem.predicted(vector), np.zeros(0), 1.0, True, True, "")
+
+
+def _without_wild_samples(task: Task, solution: Solution, loss: Loss, most: int | None) -> tuple[Target, Solution]:
+    """Finish the fit while judging every sample by it: those that stand alone leave, good ones come back."""
+    candidates = task.selection.used[task.selection.span]
+    target = task.target
+    for _ in range(4):
+        wild = np.zeros_like(candidates)
+        if explains(solution, target):
+            residual = (target.observed - solution.predicted) / target.sigma
+            wild[candidates] = wild_in_residual(residual[candidates], SMALLEST_DEVIATION)
+        if solution.fine and _exact(solution, target) and np.array_equal(candidates & ~wild, target.used):
+            break
+        target = Target(target.observed, target.sigma, candidates & ~wild)
+        solution = minimise(
+            task.problem,
+            target,
+            task.unknowns,
+            solution.values,
+            loss=loss,
+            steps=solution.steps,
+            gradients=solution.gradients,
+            most=most,
+        )
+    return target, solution
+
+
+def _exact(solution: Solution, target: Target) -> bool:
+    """Whether the time steps are short enough for the values found: as short as they would now be chosen."""
+    problem = solution.problem
+    error = problem.prediction_error(solution.values, solution.predicted)
+    if error < 10 * FINE_STEP or problem.model.events:
+        return error < 10 * FINE_STEP
+    wanted = problem.planned(solution.values, FINE_STEP, target.negligible)
+    return bool(np.all(wanted.substeps <= problem.substeps))
+
+
+def _with_priors_weighed(task: Task, target: Target, solution: Solution, loss: Loss) -> tuple[Task, Solution]:
+    """Weigh the priors against what the data really say: they know less when their noise is large, or correlated.
+
+    Least squares takes each sample for a new one; the mean ratio of the information in the sandwich to that says
+    how far off it is.
+    """
+    for _ in range(2):
+        factor = float(np.sqrt(information_loss(linearise(task, target, solution))))
+        if not (np.isfinite(factor) and factor > 0):
+            break
+        weighed = with_priors(task.unknowns, task.priors).weighing_priors(factor)
+        task = replace(task, unknowns=weighed)
+        before = solution
+        solution = minimise(
+            before.problem, target, weighed, before.values, loss=loss, steps=before.steps, gradients=before.gradients
+        )
+    return task, solution
+
+
+def _notes(task: Task, target: Target) -> list[str]:
+    """What a reader should know beside the status."""
+    candidates = task.selection.used[task.selection.span]
+    left_out_s = task.problem.t_s[candidates & ~target.used]
+    notes = [task.selection.note, task.problem.rhs.note]
+    if left_out_s.size:
+        times = ", ".join(f"{t:.4g}" for t in left_out_s[:5]) + (", ..." if left_out_s.size > 5 else "")
+        share = f"{left_out_s.size} of {int(candidates.sum())} samples"
+        notes.append(f"{share} stand alone and were left out (t = {times} s)")
+    return [note for note in notes if note]

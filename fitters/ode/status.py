@@ -1,0 +1,214 @@
+"""Judge a fit: what it cannot have determined, which status it gets, and what to do about it, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitters.integrator.initial_value_problem import value_names
+from fitters.ode.fit_problem import Task
+from fitters.ode.least_squares import Solution, Unknowns
+from iris_sysid.types import Array, Estimate, FitStatus, Mask
+
+SINGULAR = 1e12  # condition of the scaled Fisher information; derivatives are good to 1e-7, so 1e14 is rounding
+PART = 1e-4  # of a null direction, in scaled values, that makes a value part of it; rounding gives 1e-8
+SHARE = 0.05  # of the strongest relative change, for a value to be named with the others
+WEAK = 0.3  # of the largest share in a direction, for a value to be named
+MISFIT_NOISE, MISFIT_MOTION = 5.0, 0.05  # residual above 5 times the noise and 5 % of the motion
+SPARE = 3  # samples beyond one for each unknown
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Determination:
+    """What the data determine of the free values.
+
+    ``condition`` of the Fisher information after scaling each parameter to unit information; ``null`` (j, k)
+    its null directions in the free values; ``undetermined`` (k,) has a share in one of them.
+    """
+
+    condition: float
+    null: Array
+    undetermined: Mask
+
+
+def determination(sensitivity: Array) -> Determination:
+    """Find what sensitivities (m, k) leave undetermined, by the singular values of the scaled columns."""
+    size = np.sqrt(np.sum(sensitivity**2, axis=0))
+    if size.size == 0:
+        return Determination(1.0, np.empty((0, 0)), np.zeros(0, dtype=np.bool_))
+    scaled = sensitivity / np.where(size > 0, size, 1.0)
+    triangle = np.linalg.qr(scaled, mode="r")
+    _, singular, right = np.linalg.svd(triangle)
+    condition = float((singular[0] / max(singular[-1], 1e-12 * singular[0])) ** 2) if singular[0] > 0 else np.inf
+    null = right[singular**2 * SINGULAR < singular[0] ** 2]
+    undetermined = np.any(np.abs(null) > PART, axis=0) if null.size else np.zeros(size.size, dtype=np.bool_)
+    return Determination(condition, null / np.where(size > 0, size, 1.0), undetermined)
+
+
+def null_direction_text(names: tuple[str, ...], values: Array, direction: Array) -> str:
+    """Say which changes of the parameters leave the prediction as it is."""
+    shown = [k for k in range(len(names)) if abs(direction[k]) > 0]
+    relative = np.array([direction[k] / values[k] if values[k] != 0 else np.inf for k in shown])
+    if not np.all(np.isfinite(relative)):
+        return "the data do not say anything of " + ", ".join(names[k] for k in shown)
+    strongest = np.max(np.abs(relative))
+    part = [(names[k], r / strongest) for k, r in zip(shown, relative, strict=True) if abs(r) > SHARE * strongest]
+    if len(part) == 1:
+        return f"the data do not determine {part[0][0]} at all"
+    sign = np.sign(part[0][1])
+    listed = _and([name for name, _ in part])
+    if all(abs(share * sign - 1.0) < 0.02 for _, share in part):
+        return f"{listed} scale together: only their ratios are determined"
+    changes = ", ".join(f"{name} by {share * sign:+.2g} %" for name, share in part)
+    return f"{listed} cannot be told apart: changing {changes} leaves the prediction as it is"
+
+
+def weakest_text(names: tuple[str, ...], sensitivity: Array) -> str:
+    """Say which free values the data tell apart least, and by how much their common error grows through that."""
+    size = np.sqrt(np.sum(sensitivity**2, axis=0))
+    if len(names) < 2 or not np.all(size > 0):
+        return ""
+    _, singular, right = np.linalg.svd(np.linalg.qr(sensitivity / size, mode="r"))
+    shares = np.abs(right[-1]) / np.max(np.abs(right[-1]))
+    part = [name for name, share in zip(names, shares, strict=True) if share > WEAK]
+    if singular[-1] <= 0 or len(part) < 2:
+        return ""
+    return f"{_and(part)} are told apart least: together {1 / singular[-1]:.3g} times the error of each alone"
+
+
+def _and(names: list[str]) -> str:
+    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+
+
+def singular_text(task: Task, values: Array, found: Determination) -> str:
+    """Name the null directions of a singular fit and say what to give."""
+    texts = [null_direction_text(task.free, values[task.unknowns.which], row) for row in found.null]
+    names = [name for name, out in zip(task.free, found.undetermined, strict=True) if out]
+    example = next((name for name in names if not name.endswith("_0")), names[0])
+    return f"{'; '.join(texts)}. Give one of {_and(names)} a known value, e.g. fixed={{{example!r}: value}}"
+
+
+def at_bounds(unknowns: Unknowns, values: Array) -> Mask:
+    """True (k,) for free values that sit on one of their bounds, whatever the optimiser says."""
+    now = values[unknowns.which]
+    touching = np.zeros(now.size, dtype=np.bool_)
+    for bound in (unknowns.lower, unknowns.upper):
+        near = np.abs(now - bound) <= 1e-6 * np.maximum(np.abs(bound), 1e-3) + 2e-6 * _width(unknowns)
+        touching |= np.isfinite(bound) & near
+    return touching
+
+
+def _width(unknowns: Unknowns) -> Array:
+    width = unknowns.upper - unknowns.lower
+    return np.where(np.isfinite(width), np.minimum(width, 1e-3), 0.0)
+
+
+def bound_text(task: Task, values: Array, touching: Mask) -> str:
+    """Name the values at their bounds and say what that can mean."""
+    at = [f"{task.free[k]} = {values[task.unknowns.which[k]]:.4g}" for k in np.flatnonzero(touching)]
+    first = task.free[int(np.flatnonzero(touching)[0])]
+    return (
+        f"{_and(at)} at the end of the allowed range: no error can be given for it, and the others hold only with it "
+        f"there. If that is where it belongs, fix it (fixed={{{first!r}: value}}); otherwise the model is too rich or "
+        "does not describe this motion"
+    )
+
+
+def too_short_text(n: int, needed: int, free: int) -> str:
+    """Say how many samples there are and how many are needed.
+
+    Parameters
+    ----------
+    n, needed, free
+        Numbers of usable samples, of samples needed, and of unknowns.
+    """
+    return (
+        f"only {n} usable samples for {free} unknowns; at least {needed} are needed: "
+        "take a longer clip, or fix what is known"
+    )
+
+
+def diverged_text(task: Task, solution: Solution) -> str:
+    """Say that the solution runs away, from which values."""
+    values = dict(zip(value_names(task.model), solution.values, strict=True))
+    unknown = [name for name, value in values.items() if np.isnan(value) and _is_needed(task, name, solution.values)]
+    if unknown:
+        return f"the equation needs {_and(unknown)}, which has no value: give it, e.g. fixed={{{unknown[0]!r}: value}}"
+    shown = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+    lost = _without_slope(task, solution.values)
+    if lost:
+        return f"rhs of model {task.model.name!r} gives no finite rate of {_and(lost)} at the start ({shown})"
+    return f"the solution runs away ({shown}): give starting values nearer to the truth with start={{...}}"
+
+
+def _without_slope(task: Task, values: Array) -> list[str]:
+    """States whose rate is not finite at the first sample."""
+    model, problem = task.model, task.problem
+    params, state = values[: len(model.parameters)].tolist(), values[len(model.parameters) :].tolist()
+    mode = [0.0] if model.events else []
+    known = [tuple(problem.inputs[0].tolist())] if model.inputs else []
+    try:
+        with np.errstate(all="ignore"):
+            slopes = model.rhs(float(problem.t_s[0]), (*state, *mode), tuple(params), *known)
+    except ArithmeticError:
+        return [one.name for one in model.states]
+    return [one.name for one, slope in zip(model.states, slopes, strict=True) if not np.isfinite(slope)]
+
+
+def _is_needed(task: Task, name: str, values: Array) -> bool:
+    """Whether the prediction has no value as long as this one has none."""
+    known = np.where(np.isnan(values), 1.0, values)
+    known[value_names(task.model).index(name)] = np.nan
+    return not np.isfinite(task.problem.first(2).predicted(known)).all()
+
+
+def unknown_text(task: Task, estimates: Mapping[str, Estimate]) -> str:
+    """Say which derived quantities could not be computed, and what they need; empty when all could."""
+    lacking = [quantity.name for quantity in task.model.derived if np.isnan(estimates[quantity.name].value)]
+    unknown = [name for name, estimate in task.known.items() if np.isnan(estimate.value)]
+    if not (lacking and unknown):
+        return ""
+    return f"{_and(lacking)} needs {_and(unknown)}: give it, e.g. fixed={{{unknown[0]!r}: value}}"
+
+
+def misfit_text(task: Task, rms: Array, noise: Array) -> str:
+    """Say how far the residual is above the noise."""
+    ratios = ", ".join(
+        f"{quantity.name} {value:.3g} {quantity.unit} (noise {floor:.3g})"
+        for quantity, value, floor in zip(task.model.observed, rms, noise, strict=True)
+    )
+    return (
+        f"the residual is far above the noise: {ratios}. The equation lacks something, or the motion has a part "
+        "that does not belong to it: look at the residual; the estimates hold only as well as the equation does"
+    )
+
+
+def is_misfit(rms: Array, noise: Array, size: Array) -> bool:
+    """Whether a residual (d,) is both far above the noise and visible beside the motion's standard deviation."""
+    with np.errstate(all="ignore"):
+        far = ~(rms <= MISFIT_NOISE * noise)
+    return bool(np.any(far & (rms > MISFIT_MOTION * size)))
+
+
+def needed_samples(n_observed: int, n_free: int) -> int:
+    """Smallest number of samples of so many quantities for so many unknowns."""
+    return -(-n_free // n_observed) + SPARE
+
+
+def status_of(*, converged: bool, singular: bool, touching: bool, misfit: bool) -> FitStatus:
+    """The most serious of what applies.
+
+    Parameters
+    ----------
+    converged, singular, touching, misfit
+        What was found: the optimiser was done; a null direction; a value at its bound; a residual above the noise.
+    """
+    if not converged:
+        return "not-converged"
+    if singular:
+        return "singular"
+    if touching:
+        return "at-bound"
+    return "misfit" if misfit else "ok"

@@ -1,0 +1,1 @@
+"""Model selection: which equation of the bank predicts a trajectory best."""

@@ -1,0 +1,197 @@
+"""One candidate for the governing equation: a model of the bank fitted to a reading of a track, and how it predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fitters.compose_effects import with_effect
+from fitters.integrator.event_times import event_times
+from fitters.ode import fit, simulate
+from fitters.selection.observables import TILTED, UPRIGHT, Reading, as_trajectory, moves_with_its_zero, suits
+from iris_sysid.errors import FitError
+from iris_sysid.registry import EFFECTS
+from iris_sysid.types import Array, Estimate, FitResult, Mask, OdeModel
+
+ENOUGH = 400  # samples for a first fit: of more than twice that every second is taken, and so on
+ADEQUATE_NOISE, ADEQUATE_MOTION = 3.0, 0.02  # residual below 3 times the noise, or 2 % of the motion
+OPEN_ZERO = {"background", "rest"}  # parameters that say where a model counts from
+FAR = 1e6  # in units of the noise: a prediction that has run away
+NEAR = 10.0  # times the best held-out error: what predicts worse is not fitted to all samples
+SHOWN = 4  # samples on either side of an event: a place, a velocity, and two that agree with them
+MOST_FITTED = 3  # models fitted to all samples in any case
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Candidate:
+    """One model of the bank under one reading of the track.
+
+    ``heldout`` and ``residual``: root mean square, in units of the measurement's noise, of all raw channels over the
+    samples held out and over all of them; ``bic`` over all samples. ``fit`` is that of all samples, None when it
+    failed; ``adequate`` when its residual is near the noise. ``count`` numbers describe the samples: those of the model
+    and of the reading. ``idle``: the model has events, and none happens in these samples, which so say nothing of them.
+    """
+
+    model: str
+    reading: str
+    heldout: float
+    residual: float
+    bic: float
+    adequate: bool
+    fit: FitResult | None
+    note: str = ""
+    count: int = 0
+    idle: bool = False
+
+    @property
+    def unknowns(self) -> int:
+        """How many of the numbers are the equation's own."""
+        return 0 if self.fit is None else len(self.fit.free)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Trial:
+    """A reading at its times (n,), of which ``known`` (n,) are fitted first; ``motion`` in units of the noise."""
+
+    t_s: Array
+    known: Mask
+    motion: float
+    reading: Reading
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Begun:
+    """A model fitted to the first part of a reading, and the error of what it predicts."""
+
+    trial: Trial
+    model: OdeModel
+    name: str
+    options: Mapping[str, Any]
+    first: FitResult
+    heldout: float
+
+
+def all_tried(trials: Sequence[Trial], bank: Mapping[str, OdeModel], free: Sequence[str]) -> list[Candidate]:
+    """Fit every model that suits a reading to its first part; those that predict best, to all of it."""
+    tried: list[Candidate] = []
+    begun: list[_Begun] = []
+    for trial in trials:
+        for model in bank.values():
+            if suits(model, trial.reading):
+                one = _begun(model, trial, free)
+                if isinstance(one, _Begun):
+                    begun.append(one)
+                else:
+                    tried.append(one)
+    begun.sort(key=lambda one: one.heldout)
+    near = NEAR * begun[0].heldout if begun else 0.0
+    for k, one in enumerate(begun):
+        tried.append(_finished(one) if k < MOST_FITTED or one.heldout <= near else _left_behind(one))
+    return tried
+
+
+def _begun(model: OdeModel, trial: Trial, free: Sequence[str]) -> _Begun | Candidate:
+    adapted, options = _adapted(model, trial.reading, free)
+    every = max(1, trial.t_s.size // ENOUGH)
+    whole = as_trajectory(trial.t_s, trial.reading, adapted)
+    some = {name: getattr(whole, name)[::every] for name in ("t_s", "position", "sigma")}
+    part = whole.with_(**some, valid=trial.known[::every])
+    try:
+        first = fit(part, adapted, multistart=0, **options)
+    except FitError as error:
+        return _no_candidate(model, trial.reading, str(error))
+    if not first.usable and first.status != "not-converged":  # what it predicts will show how far it got
+        return _no_candidate(model, trial.reading, f"{first.status}: {first.message}")
+    heldout = _rms(trial.reading, _prediction(adapted, first, trial.t_s), ~trial.known)
+    return _Begun(trial, adapted, model.name, options, first, heldout)
+
+
+def _finished(begun: _Begun) -> Candidate:
+    """Fit all samples, from where the first part led."""
+    trial, reading = begun.trial, begun.trial.reading
+    start = {name: begun.first.estimates[name].value for name in begun.first.free}
+    whole = as_trajectory(trial.t_s, reading, begun.model)
+    full = fit(whole, begun.model, start=start, nearby=True, **begun.options)
+    if not full.usable:
+        return Candidate(
+            begun.name, reading.name, begun.heldout, np.inf, np.inf, False, None, f"{full.status}: {full.message}"
+        )
+    residual = _rms(reading, full.predicted, np.ones_like(trial.known))
+    n = reading.quantities.size + reading.rest.size
+    count = len(full.free) + reading.count
+    bic = n * float(np.log(max(residual, 1e-6) ** 2)) + count * float(np.log(n)) + _pulls(full, begun.options)
+    adequate = residual <= max(ADEQUATE_NOISE, ADEQUATE_MOTION * trial.motion)
+    idle = _idle(begun.model, full, trial.t_s)
+    return Candidate(begun.name, reading.name, begun.heldout, residual, bic, adequate, full, "", count, idle)
+
+
+def _idle(model: OdeModel, full: FitResult, t_s: Array) -> bool:
+    """Whether a model has events of which none happens in its fit with SHOWN samples or more on either side."""
+    if not model.events:
+        return False
+    happened = event_times(model, t_s, {name: estimate.value for name, estimate in full.estimates.items()})
+    return not any(t_s[SHOWN - 1] < one.t_s < t_s[-SHOWN] for one in happened)
+
+
+def _left_behind(begun: _Begun) -> Candidate:
+    """What predicts far worse than others is not fitted any further."""
+    reading = begun.trial.reading
+    residual = _rms(reading, _prediction(begun.model, begun.first, begun.trial.t_s), np.ones_like(begun.trial.known))
+    return Candidate(
+        begun.name, reading.name, begun.heldout, residual, np.inf, False, begun.first, "predicts far worse"
+    )
+
+
+def _no_candidate(model: OdeModel, reading: Reading, why: str) -> Candidate:
+    return Candidate(model.name, reading.name, np.inf, np.inf, np.inf, False, None, why)
+
+
+def _adapted(model: OdeModel, reading: Reading, free: Sequence[str]) -> tuple[OdeModel, dict[str, Any]]:
+    """The model with its zero left open, and what else the reading leaves open or knows."""
+    names = {parameter.name for parameter in model.parameters}
+    fixed: dict[str, float | Estimate] = {name: one for name, one in reading.known.items() if name in names}
+    if "pivot_x" in names or "angle" in names:  # what the model estimates itself, or needs for derived numbers only
+        fixed = {name: one for name, one in fixed.items() if name not in ("pivot_x", "pivot_z")}
+    opened = [name for name in free if name in names and name not in fixed]
+    opened += ["gravity"] if reading.name in ("height", TILTED, "place") and _holds_gravity(model) else []
+    upright = [name for name in names if name == "vertical" or name.startswith("vertical_")]
+    fixed |= {name: Estimate(0.0, UPRIGHT, "rad", source="a camera held upright") for name in upright}
+    opened += sorted(upright)
+    if names & OPEN_ZERO:
+        opened += sorted(names & OPEN_ZERO)
+    elif not upright and model.observe is None and not model.events and not moves_with_its_zero(model):
+        offset = EFFECTS["zero-offset"]
+        model = with_effect(model, offset) if offset.applies(model) else model
+        if "gravity" in names and model.observed[0].unit == "rad":  # an angle from the vertical
+            fixed["zero_offset"] = Estimate(0.0, UPRIGHT, "rad", source="a camera held upright")
+            opened.append("zero_offset")
+    return model, {"fixed": fixed, "free": opened}
+
+
+def _holds_gravity(model: OdeModel) -> bool:
+    """Whether a model takes gravity for known: then one that estimates it would have the harder task."""
+    return any(parameter.name == "gravity" and parameter.constant for parameter in model.parameters)
+
+
+def _pulls(full: FitResult, options: Mapping[str, Any]) -> float:
+    """Squared distances from the priors in their standard errors."""
+    priors = {name: one for name, one in options["fixed"].items() if isinstance(one, Estimate)}
+    return float(sum(((full.estimates[name].value - one.value) / one.stderr) ** 2 for name, one in priors.items()))
+
+
+def _prediction(model: OdeModel, first: FitResult, t_s: Array) -> Array:
+    """What the fit of the first part says of all samples (n, d)."""
+    values = {name: estimate.value for name, estimate in first.estimates.items()}
+    return simulate(model, t_s, values).observed
+
+
+def _rms(reading: Reading, predicted: Array, wanted: Mask) -> float:
+    """Root mean square of all raw channels in units of their noise."""
+    with np.errstate(all="ignore"):
+        moved = (reading.quantities - predicted)[wanted] * reading.lever
+        every = np.concatenate([moved.ravel(), reading.rest[wanted].ravel()])
+        every = np.where(np.isfinite(every), np.clip(every, -FAR, FAR), FAR)
+    return float(np.sqrt(np.mean(every**2)))

@@ -1,0 +1,336 @@
+"""Discover the governing equation itself: sparse regression proposes it, trajectory fitting disposes.
+
+1. The weak form of every candidate equation, with the noise of its rows known, gives rows to pysindy's stepwise sparse
+   regression; how many terms it proposes is decided by prediction of rows held out.
+2. The proposed equation is fitted to the trajectories by the ODE engine. About that fit, all candidates compete again
+   on the sensitivities of the trajectory; the price of a term is chosen by prediction of held-out parts of the clips.
+   The new choice is fitted in turn, until the choice stays.
+3. Blocks of time and clips are resampled, which gives each term the probability that it is included. A term that fewer
+   than half of the resampled data sets include is taken out again (stability selection).
+4. The result is compared with the bank, see :mod:`fitters.sindy.model_matching`.
+
+Numbers come from the trajectory fit, never from the regression.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # ships none
+
+from fitters.sindy.library import DIFFERENCE, INPUT, LINEAR, ONE, RATE, SIN, Library, library_of, turnover_of
+from fitters.sindy.model import model_of
+from fitters.sindy.model_matching import match, terms_of
+from fitters.sindy.refinement import Refined, added_alone, as_good, disposed, inclusion, refined, stable
+from fitters.sindy.residual import beyond
+from fitters.sindy.sparse_regression import Compressed, Kept, predicted_best, proposed, significant, term_price
+from fitters.sindy.weak_form import Piece, Rows, pieces_of, rows_of
+from iris_sysid.errors import DataError, FitError
+from iris_sysid.types import (
+    NORMAL_975,
+    Array,
+    DiscoveredEquation,
+    DiscoveredTerm,
+    Discovery,
+    Estimate,
+    FitStatus,
+    Match,
+    Trajectory,
+)
+
+NOTHING: Mapping[str, Estimate] = MappingProxyType({})
+ALIKE = 3.84  # chi-squared, one degree of freedom, 95 %: choices that differ by less cannot be told apart
+
+
+def discover(
+    trajectories: Trajectory | Sequence[Trajectory],
+    *,
+    quantities: Sequence[str] = (),
+    known: Mapping[str, Estimate] = NOTHING,
+    residual_of: str | None = None,
+    resampled: int = 100,
+    seed: int = 0,
+) -> Discovery:
+    """Find the equation that trajectories obey, with error bars, and its name in the bank.
+
+    Parameters
+    ----------
+    trajectories
+        One or several clips of the same quantities, of any lengths; only valid samples in motion are used.
+    quantities
+        Names of those to find equations for; all when not given.
+    known
+        Constants of the bank's models by name, e.g. gravity, with their errors.
+    residual_of
+        Name of a model of the bank whose terms are kept: only what its fit leaves is explained by further terms.
+    resampled
+        Number of resampled data sets for the inclusion probabilities.
+    seed
+        Of the resampling.
+
+    Returns
+    -------
+    Discovery
+        Equations, every candidate with coefficient, interval and inclusion, and the matching model of the bank.
+        A discovery whose fit is not good has a ``status`` other than ok and a message.
+
+    Raises
+    ------
+    DataError
+        When there are too few samples, a quantity does not move, is unknown, or differs between clips.
+    FitError
+        When no proposed equation could be fitted, or the model of ``residual_of`` is none of these quantities.
+    """
+    clips = _clips(trajectories, quantities)
+    library = library_of(clips[0].quantities, clips[0].input_quantities)
+    with threadpool_limits(limits=1, user_api="blas"):  # the matrices are small: threads cost more than they give
+        pieces = [piece for clip in clips for piece in pieces_of(clip, library)]
+        if not pieces:
+            raise DataError("no stretch of motion without a gap is long enough to discover an equation in")
+        speeds = np.concatenate([piece.rates for piece in pieces])
+        library = library_of(clips[0].quantities, clips[0].input_quantities, turnover_of(speeds))
+        rng, constants = np.random.default_rng(seed), {**clips[0].geometry, **known}
+        if residual_of is not None:
+            own = terms_of(library, residual_of)
+            found, shares = beyond(clips, library, own, rng, resampled)
+            discovery = _discovery(library, found, own, shares, [], *_compared(clips, library, found, constants))
+        else:
+            discovery = _discovered(clips, library, _starts(pieces, library), constants, rng, resampled)
+    return replace(discovery, origin=_origin(clips))
+
+
+def _discovered(
+    clips: Sequence[Trajectory],
+    library: Library,
+    starts: Sequence[tuple[Kept, Mapping[str, float]]],
+    constants: Mapping[str, Estimate],
+    rng: np.random.Generator,
+    resampled: int,
+) -> Discovery:
+    found = disposed(clips, library, starts)
+    if not found.usable:
+        raise FitError(f"no equation of the library could be fitted: {found.fits[0].message}")
+    found, shares = stable(clips, library, found, rng, resampled)
+    named, alike, matched, nearest = _named(clips, library, found, constants)
+    if named is not found:
+        shares = inclusion(named, rng, resampled)
+    return _discovery(library, named, starts[0][0], shares, alike, matched, nearest)
+
+
+# --------------------------------------------------------------------------- what is asked
+
+
+def _clips(trajectories: Trajectory | Sequence[Trajectory], quantities: Sequence[str]) -> list[Trajectory]:
+    clips = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
+    if not clips:
+        raise DataError("there is no trajectory: give at least one")
+    clips = [_only(clip, quantities) for clip in clips]
+    first = _columns(clips[0])
+    for place, clip in enumerate(clips[1:], start=2):
+        if _columns(clip) != first:
+            raise DataError(
+                f"clip {place} has {', '.join(_columns(clip))} but clip 1 {', '.join(first)}: "
+                "clips of one discovery must have the same quantities, in the same units"
+            )
+    return clips
+
+
+def _columns(clip: Trajectory) -> list[str]:
+    return [quantity.column for quantity in (*clip.quantities, *clip.input_quantities)]
+
+
+def _only(clip: Trajectory, names: Sequence[str]) -> Trajectory:
+    if not names:
+        return clip
+    places = [clip.column(name) for name in names]
+    return clip.with_(
+        quantities=tuple(clip.quantities[k] for k in places),
+        position=clip.position[:, places],
+        sigma=clip.sigma[:, places],
+        smoothed=None,
+    )
+
+
+def _origin(clips: Sequence[Trajectory]) -> dict[str, Any]:
+    """Where the first clip comes from, and the sources of all where there are several."""
+    origin = dict(clips[0].origin)
+    if len(clips) > 1:
+        origin["clips"] = [{key: clip.origin.get(key) for key in ("source", "sha256")} for clip in clips]
+    return origin
+
+
+# --------------------------------------------------------------------------- proposals
+
+
+def _starts(pieces: list[Piece], library: Library) -> list[tuple[Kept, dict[str, float]]]:
+    """Proposed choices with coefficients: pysindy's, the significant ones, all smooth ones, then single terms."""
+    rows = rows_of(pieces, library)
+    choices = [proposed(one) for one in rows]
+    best = [path[predicted_best(one, path)] for one, path in zip(rows, choices, strict=True)]
+    normals = [Compressed.of(one.right, one.left) for one in rows]
+    sure = [np.array(significant(one, term_price(one)), dtype=np.intp) for one in normals]
+    smooth = [_smooth(library, equation) for equation in range(len(rows))]
+    single = [path[min(1, len(path) - 1)] for path in choices]
+    return [_start(library, rows, choice) for choice in (best, sure, smooth, single)]
+
+
+def _smooth(library: Library, equation: int) -> NDArray[np.intp]:
+    """The terms of an equation that make every motion one that an integrator can follow, whatever their size."""
+    codes = [library.terms[k].code for k in library.of_equation(equation)]
+    own = (ONE, SIN if SIN in codes else LINEAR, RATE, DIFFERENCE, INPUT)
+    return np.flatnonzero([code in own for code in codes])
+
+
+def _start(library: Library, rows: Sequence[Rows], choice: Sequence[Any]) -> tuple[Kept, dict[str, float]]:
+    kept: list[int] = []
+    start: dict[str, float] = {}
+    for equation, (one, places) in enumerate(zip(rows, choice, strict=True)):
+        terms = [library.of_equation(equation)[k] for k in places]
+        solved = np.linalg.lstsq(one.right[:, places], one.left, rcond=1e-10)[0]
+        start |= {library.names[k]: float(value) for k, value in zip(terms, solved, strict=True)}
+        kept += terms
+    return tuple(sorted(kept)), start
+
+
+# --------------------------------------------------------------------------- a name
+
+
+def _named(
+    clips: Sequence[Trajectory], library: Library, found: Refined, constants: Mapping[str, Estimate]
+) -> tuple[Refined, list[Kept], Match | None, Match | None]:
+    """Match with the bank; of choices that the data cannot tell apart, one that the bank has is taken."""
+    alike = as_good(found, library, ALIKE)
+    matched, nearest = _compared(clips, library, found, constants)
+    for other in alike if matched is None else ():
+        values = found.total.solved(other)[0]
+        start = {library.names[k]: float(value) for k, value in zip(other, values, strict=True)}
+        second = refined(clips, library, other, start)
+        count = max(found.count, second.count)
+        if second.criterion(count) > found.criterion(count) + ALIKE:
+            continue
+        named, _ = _match(library, second, constants)
+        if named is not None:
+            return second, as_good(second, library, ALIKE), named, None
+    return found, alike, matched, nearest
+
+
+def _compared(
+    clips: Sequence[Trajectory], library: Library, found: Refined, constants: Mapping[str, Estimate]
+) -> tuple[Match | None, Match | None]:
+    """The model of the bank with this structure, and the nearest one with what it comes to by itself."""
+    matched, nearest = _match(library, found, constants)
+    if nearest is not None and not nearest.missing:
+        nearest = _alone(clips, library, found, nearest, constants)
+    return matched, nearest
+
+
+def _alone(
+    clips: Sequence[Trajectory], library: Library, found: Refined, nearest: Match, constants: Mapping[str, Estimate]
+) -> Match:
+    """The nearest model's parameters from its own terms alone, and how much larger the residual then is."""
+    kept = terms_of(library, nearest.model)
+    values = found.total.solved(kept)[0]
+    alone = refined(clips, library, kept, dict(zip((library.names[k] for k in kept), values.tolist(), strict=True)))
+    again = _match(library, alone, constants)[0] if alone.usable else None
+    if again is None or again.model != nearest.model:
+        return nearest
+    pairs = zip(alone.fits, found.fits, strict=True)
+    ratio = float(np.sqrt(np.mean([np.mean((one.rms / other.rms) ** 2) for one, other in pairs])))
+    return replace(nearest, parameters=again.parameters, note=f"its residual is {ratio:.3g} times as large")
+
+
+def _match(library: Library, found: Refined, known: Mapping[str, Estimate]) -> tuple[Match | None, Match | None]:
+    values, errors = _values(found)
+    return match(library, found.kept, values, errors, found.covariance, known)
+
+
+def _values(found: Refined) -> tuple[Array, Array]:
+    """Coefficients (k,) and standard errors: of the fit for those chosen, if added for the others."""
+    values, errors = added_alone(found)
+    values[list(found.kept)] = found.coefficients
+    errors[list(found.kept)] = np.sqrt(np.diag(found.covariance))
+    return values, errors
+
+
+# --------------------------------------------------------------------------- the result
+
+
+def _discovery(
+    library: Library,
+    found: Refined,
+    first: Kept,
+    shares: Array,
+    alike: Sequence[Kept],
+    matched: Match | None,
+    nearest: Match | None,
+) -> Discovery:
+    values, errors = _values(found)
+    terms = tuple(
+        DiscoveredTerm(
+            equation=library.variables[term.equation].left,
+            term=term.text,
+            latex=term.latex or "1",
+            parameter=term.parameter.name,
+            coefficient=Estimate(
+                float(values[k]),
+                float(errors[k]),
+                term.parameter.unit,
+                ci95=(float(values[k] - NORMAL_975 * errors[k]), float(values[k] + NORMAL_975 * errors[k])),
+            ),
+            inclusion=float(shares[k]),
+            selected=k in found.kept,
+            effect=library.effect(k),
+        )
+        for k, term in enumerate(library.terms)
+    )
+    chosen = [library.names[k] for k in found.kept]
+    status: FitStatus = next((one.status for one in found.fits if one.status != "ok"), "ok")
+    return Discovery(
+        equations=tuple(_equation(library, k, terms) for k in range(len(library.variables))),
+        terms=terms,
+        proposed=tuple(library.names[k] for k in first),
+        model=model_of(library, chosen),
+        fits=found.fits,
+        matched=matched,
+        nearest=nearest,
+        alternatives=tuple(_exchange(library, found.kept, other) for other in alike),
+        status=status,
+        message=next((one.message for one in found.fits if one.status != "ok"), ""),
+    )
+
+
+def _equation(library: Library, equation: int, terms: Sequence[DiscoveredTerm]) -> DiscoveredEquation:
+    """The equation with its numbers."""
+    own = [terms[k] for k in library.of_equation(equation) if terms[k].selected]
+    variable = library.variables[equation]
+    text = " ".join(_signed(one.coefficient, one.term if one.term != "1" else "", " ") for one in own)
+    latex = " ".join(_signed(one.coefficient, one.latex if one.latex != "1" else "", r"\,") for one in own)
+    right = text.removeprefix("+ ") or "0"
+    return DiscoveredEquation(variable.left, right, f"{variable.left_latex} = {latex.removeprefix('+ ') or '0'}")
+
+
+def _signed(coefficient: Estimate, term: str, between: str) -> str:
+    digits = f"{abs(coefficient.value):.{_digits(coefficient)}g}"
+    return f"{'-' if coefficient.value < 0 else '+'} {digits}{between if term else ''}{term}"
+
+
+def _digits(coefficient: Estimate) -> int:
+    """Significant digits, to the second one of the standard error."""
+    if not coefficient.stderr > 0 or not np.isfinite(coefficient.stderr) or coefficient.value == 0:
+        return 6
+    return int(np.clip(2 + np.floor(np.log10(abs(coefficient.value) / coefficient.stderr)) + 1, 2, 9))
+
+
+def _exchange(library: Library, kept: Kept, other: Kept) -> str:
+    """Say which term could be which other, e.g. ``theta in place of sin(theta) in theta''``."""
+    gone = [library.terms[k] for k in kept if k not in other]
+    come = [library.terms[k] for k in other if k not in kept]
+    pairs = zip(gone, come, strict=True)
+    return ", ".join(
+        f"{new.text} in place of {old.text} in {library.variables[old.equation].left}" for old, new in pairs
+    )

@@ -1,0 +1,129 @@
+"""The model that any choice of terms makes: put together from functions, ready for the ODE engine."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+from numba.extending import register_jitable
+
+from fitters.sindy.library import DIFFERENCE, INPUT, OTHER_ROOT, Library, Term, bare_model, term_value
+from iris_sysid.types import Array, OdeModel
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def _in_kernels(function: Function) -> Function:
+    """Let numba compile the function into others; in Python it stays as it is."""
+    made: Function = register_jitable(function)
+    return made
+
+
+def model_of(library: Library, names: Sequence[str] | None = None) -> OdeModel:
+    """The model with all terms of the library, or with those whose parameters are named."""
+    variables = library.variables
+    terms = tuple(term for term in library.terms if names is None or term.parameter.name in names)
+    sizes = tuple(variable.kind == "size" for variable in variables)
+    return bare_model(
+        variables,
+        rhs=_rhs(len(variables), variables[0].order, _spec(library, terms), library.partner, library.turnover),
+        equation=r",\quad ".join(equation_latex(library, k, terms) for k in range(len(variables))),
+        parameters=tuple(term.parameter for term in terms),
+        inputs=library.inputs if any(term.code == INPUT for term in terms) else (),
+        observe=_reciprocal(sizes) if any(sizes) else None,
+    )
+
+
+def equation_latex(library: Library, equation: int, terms: Sequence[Term]) -> str:
+    """One equation with the symbols of its coefficients, as LaTeX."""
+    variable = library.variables[equation]
+    parts = [rf"{one.parameter.symbol}\,{one.latex}" for one in terms if one.equation == equation]
+    return f"{variable.left_latex} = {' + '.join(parts) or '0'}"
+
+
+def _spec(library: Library, terms: tuple[Term, ...]) -> tuple[tuple[int, int, int], ...]:
+    return tuple((term.equation, term.code, term.other) for term in terms)
+
+
+def _reciprocal(sizes: tuple[bool, ...]) -> Callable[[Array, Array, Array], Array]:
+    def observe(t_s: Array, states: Array, params: Array) -> Array:
+        seen = states[:, : len(sizes)]
+        return np.where(sizes, 1.0 / seen, seen)
+
+    return observe
+
+
+@functools.lru_cache(maxsize=256)
+def _rhs(
+    d: int, order: int, spec: tuple[tuple[int, int, int], ...], partner: tuple[int, ...], turnover: float
+) -> Callable[..., tuple[Any, ...]]:
+    """The right-hand side for a choice of terms, put together from functions; the same choice is the same function."""
+    slopes = _nothing
+    for k in range(d if order == 2 else 0):
+        slopes = _and(slopes, _state(d + k))
+    for k in range(d):
+        own = [(place, code, other) for place, (equation, code, other) in enumerate(spec) if equation == k]
+        slopes = _and(slopes, _equation(k, d if order == 2 else 0, partner[k], tuple(own), turnover))
+    if any(code == INPUT for _, code, _ in spec):
+        return slopes
+
+    def autonomous(t: Any, state: Any, params: Any) -> Any:
+        return slopes(t, state, params, ())
+
+    return autonomous
+
+
+@_in_kernels
+def _nothing(t: Any, state: Any, params: Any, inputs: Any) -> Any:
+    return ()
+
+
+def _state(k: int) -> Callable[..., Any]:
+    @_in_kernels
+    def state_k(t: Any, state: Any, params: Any, inputs: Any) -> Any:
+        return state[k]
+
+    return state_k
+
+
+def _and(before: Callable[..., Any], one: Callable[..., Any]) -> Callable[..., Any]:
+    """The derivatives so far, and one more."""
+
+    @_in_kernels
+    def slopes(t: Any, state: Any, params: Any, inputs: Any) -> Any:
+        return (*before(t, state, params, inputs), one(t, state, params, inputs))
+
+    return slopes
+
+
+_term_value = _in_kernels(term_value)
+
+
+def _equation(
+    k: int, shift: int, along: int, own: tuple[tuple[int, int, int], ...], turnover: float
+) -> Callable[..., Any]:
+    """The sum of one equation's terms: parameter ``place`` times what ``code`` makes of variable ``k``.
+
+    One loop over a table of whole numbers, so that numba has one function to compile, not one a term.
+    """
+    pushes = any(code == INPUT for _, code, _ in own)
+
+    @_in_kernels
+    def nothing(t: Any, state: Any, params: Any, inputs: Any) -> Any:
+        return 0.0 * state[k]
+
+    @_in_kernels
+    def total(t: Any, state: Any, params: Any, inputs: Any) -> Any:
+        slope, velocity = 0.0 * state[k], state[shift + k]
+        speed = np.abs(velocity) if along == k else np.sqrt(velocity**2 + state[shift + along] ** 2)
+        for place, code, second in own:
+            other = state[second] if code in (DIFFERENCE, OTHER_ROOT) else velocity
+            pushed = velocity
+            if pushes:
+                pushed = inputs[second] if code == INPUT else velocity
+            slope += params[place] * _term_value(code, state[k], other, velocity, speed, pushed, turnover)
+        return slope
+
+    return total if own else nothing

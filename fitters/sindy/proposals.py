@@ -1,0 +1,148 @@
+"""What a fit leaves over, as terms that no effect is named after; for any model, the user's own included.
+
+A candidate is a small force along the fitted motion, of which :mod:`fitters.effect_sensitivity` gives the answer to
+first order.
+Candidates compete for the residual as in discovery, what the fitted parameters can imitate being taken out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitters.effect_sensitivity import Motion, motion_of
+from fitters.sindy.library import unit_of
+from fitters.sindy.refinement import STABLE, blocks_of
+from fitters.sindy.residual import called_for, share_called_for
+from fitters.sindy.sparse_regression import Compressed, together
+from iris_sysid.types import NORMAL_975, Array, DiscoveredTerm, Estimate, FitResult, OdeModel, Trajectory
+
+# Powers of place and rate, up to the third order. Those left out are linear drag and cubic stiffness, named effects.
+POWERS = ((1, 0), (2, 0), (1, 1), (0, 2), (2, 1), (1, 2), (0, 3))
+LEVEL_POWERS = (0.5, 1.0, 2.0)  # of what drains
+HIDDEN = 1e-3  # of a candidate's answer: less is left of one that the fitted parameters imitate, by rounding alone
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    """A force on one highest derivative: ``power`` of the place times ``times`` of the rate, or what ``name`` says."""
+
+    equation: int
+    power: float
+    times: int
+    name: str = ""
+
+    def values(self, place: Array, rate: Array) -> Array:
+        """At points of the motion (m,)."""
+        if self.name:
+            return np.sin(place) if self.name == "sin" else np.cos(place)
+        return np.asarray(np.abs(place) ** self.power if self.power % 1 else place**self.power * rate**self.times)
+
+    def text(self, name: str, rate: str) -> str:
+        """How it is written, with the names or symbols of place and rate."""
+        if self.name:
+            return f"{self.name}({name})"
+        powers = ((name, self.power), (rate, self.times))
+        return " ".join(one if power == 1 else f"{one}^{power:g}" for one, power in powers if power)
+
+
+def proposals(
+    trajectories: Sequence[Trajectory], fits: Sequence[FitResult], *, resampled: int = 50, seed: int = 0
+) -> tuple[DiscoveredTerm, ...]:
+    """Terms that the residual of fits calls for, each chosen in at least half of the resampled data sets.
+
+    Parameters
+    ----------
+    trajectories
+        The clips.
+    fits
+        Of the same model, one a clip; their parameters stay free.
+    resampled
+        Number of resampled data sets.
+    seed
+        Of the resampling.
+
+    Returns
+    -------
+    tuple of DiscoveredTerm
+        Those proposed, with coefficients to first order; none when nothing is called for.
+    """
+    model = fits[0].model
+    candidates = _candidates(model)
+    rows = [
+        _rows(one, motion_of(one, clip), candidates, (k, len(fits)))
+        for k, (one, clip) in enumerate(zip(fits, trajectories, strict=True))
+    ]
+    rows, candidates = _not_imitated(rows, candidates)
+    chosen, price = called_for(rows, len(candidates))
+    if not chosen:
+        return ()
+    shares = share_called_for(rows, len(candidates), price, np.random.default_rng(seed), resampled)
+    kept = tuple(k for k in chosen if shares[k] >= STABLE)
+    values, covariance = together([part for clip in rows for part in clip]).without(len(candidates)).solved(kept)
+    found = zip(kept, values.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)
+    return tuple(_term(model, candidates[k], value, error, float(shares[k])) for k, value, error in found)
+
+
+def _not_imitated(
+    rows: list[list[Compressed]], candidates: list[_Candidate]
+) -> tuple[list[list[Compressed]], list[_Candidate]]:
+    """Only those candidates of which something is left when the fitted parameters have taken their part."""
+    total, first = together([part for clip in rows for part in clip]), len(candidates)
+    before = np.linalg.norm(total.rows[:, :first], axis=0)
+    after = np.linalg.norm(total.without(first).rows[:, :first], axis=0)
+    seen = np.flatnonzero(after > HIDDEN * before)
+    columns = [*seen, *range(first, total.size + 1)]
+    fewer = [[Compressed(part.rows[:, columns], part.count) for part in clip] for clip in rows]
+    return fewer, [candidates[k] for k in seen]
+
+
+def _count(model: OdeModel) -> int:
+    return len(model.states) // 2 if model.second_order else len(model.states)
+
+
+def _candidates(model: OdeModel) -> list[_Candidate]:
+    made = []
+    for k in range(_count(model)):
+        if not model.second_order:
+            made += [_Candidate(k, power, 0) for power in LEVEL_POWERS]
+            continue
+        made += [_Candidate(k, power, times) for power, times in POWERS]
+        if model.states[k].unit == "rad":
+            made += [_Candidate(k, 0, 0, name) for name in ("sin", "cos")]
+    return made
+
+
+def _rows(one: FitResult, motion: Motion, candidates: Sequence[_Candidate], where: tuple[int, int]) -> list[Compressed]:
+    """Compressed rows of one clip: a column a candidate, then those of the fitted parameters."""
+    count, used = _count(one.model), one.used
+    scale = np.maximum(one.rms, 1e-300)
+    columns = []
+    for candidate in candidates:
+        place = motion.states[:, candidate.equation]
+        rate = motion.states[:, count + candidate.equation] if one.model.second_order else np.ones_like(place)
+        force = np.zeros((len(place), count))
+        force[:, candidate.equation] = candidate.values(place, rate)
+        columns.append(np.nan_to_num(motion.answer(force)))
+    target = one.residual[used] / scale
+    own = one.jacobian.reshape(*target.shape, -1)
+    wide = np.concatenate([np.stack(columns, axis=2), own], axis=2) / scale[:, None]
+    return blocks_of(wide, target, one, len(candidates), where)
+
+
+def _term(model: OdeModel, one: _Candidate, value: float, error: float, share: float) -> DiscoveredTerm:
+    state, order = model.states[one.equation], 2 if model.second_order else 1
+    symbol = state.symbol or state.name
+    base = "" if state.unit == "rad" else state.unit
+    unit = unit_of(base, (1 - one.power - one.times) if base else 0, order - one.times)
+    return DiscoveredTerm(
+        equation=state.name + "'" * order,
+        term=one.text(state.name, f"{state.name}'"),
+        latex=one.text(rf"{symbol}", rf"\dot {{{symbol}}}"),
+        parameter=f"{state.name}_{one.name or f'{one.power:g}_{one.times}'}",
+        coefficient=Estimate(value, error, unit, ci95=(value - NORMAL_975 * error, value + NORMAL_975 * error)),
+        inclusion=share,
+        selected=True,
+    )

@@ -1,0 +1,400 @@
+"""SINDy proposes, the fit disposes: trajectory fits of a choice of terms, and selection among all terms about the fit.
+
+About a fitted motion the samples are, to first order, a linear function of all coefficients of the library, those that
+are zero included: y = prediction + S dc + noise. The sensitivities S come from the ODE engine. So sparse regression on
+S weighs every term by what it does to the trajectory itself, with the noise where it arose, and no derivative at all.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitters.ode import fit, sensitivity
+from fitters.sindy.library import Library
+from fitters.sindy.model import model_of
+from fitters.sindy.sparse_regression import Compressed, Kept, predictive_price, significant, together
+from fitters.sindy.weak_form import grid_step, inputs_of
+from iris_sysid.types import Array, FitResult, OdeModel, Trajectory
+
+BLOCKS = 24  # of a clip, for resampling
+LEAST_IN_BLOCK = 4
+RESAMPLED = 100
+STABLE = 0.5  # inclusion of a term that stays
+SURE = 10.0  # of the information criterion: very strong evidence (Kass and Raftery 1995, JASA 90, 773)
+ROUNDS = 8
+MOST_CORRELATION = 0.98
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Refined:
+    """A choice of terms fitted to all clips.
+
+    ``kept`` are places in the library, with their ``coefficients`` and ``covariance``; one fit a clip; ``parts`` are
+    compressed rows about the fits, of every block of every clip, with a column for each of the ``terms`` of the
+    library and then for each initial state of each clip.
+    """
+
+    kept: Kept
+    coefficients: Array
+    covariance: Array
+    fits: tuple[FitResult, ...]
+    parts: tuple[tuple[Compressed, ...], ...]
+    terms: int
+
+    @property
+    def usable(self) -> bool:
+        """Whether every clip could be fitted."""
+        return bool(self.parts)
+
+    @property
+    def total(self) -> Compressed:
+        """All blocks of all clips, initial states fitted whatever the terms are."""
+        return together([part for clip in self.parts for part in clip]).without(self.terms)
+
+    @property
+    def count(self) -> float:
+        """How many independent samples the residuals are worth."""
+        return sum(part.count for clip in self.parts for part in clip)
+
+    @property
+    def least_seen(self) -> float:
+        """What a term explains that moves the samples by their rounding error, in squared standard errors.
+
+        Samples on a grid (whole pixels, whole millimetres) are off by up to half a step, which is a function of the
+        motion and does not average out. So terms that do less than it (step / sqrt 12) are not seen.
+        """
+        shares = [
+            sum(part.count for part in parts) * np.log1p(np.mean((_steps(one) / one.rms) ** 2 / 12))
+            for parts, one in zip(self.parts, self.fits, strict=True)
+        ]
+        return float(sum(shares) / len(self.fits[0].rms))
+
+    def criterion(self, count: float, least: float = 0.0) -> float:
+        """Information criterion of this choice, from its own residual.
+
+        For so many independent samples, when a term must explain at ``least`` so much.
+        """
+        if not self.usable:
+            return np.inf
+        spread = np.mean([np.log(np.mean((one.rms / _noise(one)) ** 2)) for one in self.fits])
+        price = max(np.log(max(count, 3.0)) + 2 * np.log(self.terms), least)
+        return float(count * spread + len(self.kept) * price)
+
+
+def _noise(one: FitResult) -> Array:
+    return np.where(np.isfinite(one.noise) & (one.noise > 0), one.noise, np.maximum(one.rms, 1e-300))
+
+
+def _steps(one: FitResult) -> Array:
+    """The step (d,) of the grid that the samples of each quantity lie on; 0 where they lie on none."""
+    return np.array([grid_step(column) for column in (one.predicted + one.residual)[one.used].T])
+
+
+# --------------------------------------------------------------------------- fitting a choice
+
+
+def refined(clips: Sequence[Trajectory], library: Library, kept: Kept, start: Mapping[str, float]) -> Refined:
+    """Fit the chosen terms to all clips together by trajectories.
+
+    Parameters
+    ----------
+    clips
+        Trajectories of the library's quantities.
+    library
+        All candidates.
+    kept
+        Places of those chosen.
+    start
+        Starting values by parameter name.
+    """
+    model = model_of(library)
+    names = library.names
+    chosen = [names[k] for k in kept]
+    fixed = {name: 0.0 for name in names if name not in chosen}
+    states = [f"{state.name}_0" for state in model.states]
+    first = {name: value for name, value in start.items() if name in chosen or name in states}
+    fits = [_fit(clip, model, fixed, first) for clip in clips]
+    if not all(one.usable and np.all(np.isfinite(one.rms)) for one in fits):
+        return Refined(kept, np.full(len(kept), np.nan), np.full((len(kept),) * 2, np.nan), tuple(fits), (), len(names))
+    if len(clips) == 1:
+        return _of_one(clips[0], library, kept, fits[0])
+    return _jointly(clips, library, kept, fits)
+
+
+def _fit(clip: Trajectory, model: OdeModel, fixed: Mapping[str, float], start: Mapping[str, float]) -> FitResult:
+    return fit(clip, model, fixed=fixed, start=start, multistart=0)
+
+
+def _of_one(clip: Trajectory, library: Library, kept: Kept, one: FitResult) -> Refined:
+    places = [one.free.index(library.names[k]) for k in kept]
+    values = np.array([one.estimates[library.names[k]].value for k in kept])
+    covariance = one.covariance[np.ix_(places, places)]
+    parts = (tuple(_linearised(clip, library, one, 0, 1)),)
+    return Refined(kept, values, covariance, (one,), parts, len(library.names))
+
+
+def _jointly(clips: Sequence[Trajectory], library: Library, kept: Kept, fits: list[FitResult]) -> Refined:
+    """Gauss-Newton steps for coefficients that all clips share, each clip with initial states of its own."""
+    names, model = library.names, model_of(library)
+    values, covariance = _averaged(library, kept, fits)
+    for _ in range(4):
+        fixed = dict.fromkeys(names, 0.0) | {names[k]: float(c) for k, c in zip(kept, values, strict=True)}
+        fits = [_fit(clip, model, fixed, {}) for clip in clips]
+        if not all(one.usable and np.all(np.isfinite(one.rms)) for one in fits):
+            return Refined(kept, values, covariance, tuple(fits), (), len(names))
+        parts = tuple(
+            tuple(_linearised(clip, library, one, place, len(clips)))
+            for place, (clip, one) in enumerate(zip(clips, fits, strict=True))
+        )
+        found = Refined(kept, values, covariance, tuple(fits), parts, len(names))
+        better, covariance = found.total.solved(kept)
+        moved = np.abs(better - values) / np.sqrt(np.diag(covariance))
+        values = better
+        if np.max(moved, initial=0.0) < 0.1:
+            break
+    return Refined(kept, values, covariance, tuple(fits), parts, len(names))
+
+
+def _averaged(library: Library, kept: Kept, fits: Sequence[FitResult]) -> tuple[Array, Array]:
+    """Mean of the clips' coefficients, weighted by the inverse of their covariance."""
+    weight, weighted = np.zeros((len(kept), len(kept))), np.zeros(len(kept))
+    for one in fits:
+        places = [one.free.index(library.names[k]) for k in kept]
+        inverse = np.linalg.pinv(np.nan_to_num(one.covariance[np.ix_(places, places)], nan=1e12))
+        weight += inverse
+        weighted += inverse @ np.array([one.estimates[library.names[k]].value for k in kept])
+    covariance = np.linalg.pinv(weight)
+    return covariance @ weighted, np.asarray(covariance, dtype=np.float64)
+
+
+# --------------------------------------------------------------------------- linear in all coefficients
+
+
+def _linearised(clip: Trajectory, library: Library, one: FitResult, place: int, clips: int) -> list[Compressed]:
+    """Compressed rows of each block of one clip about its fit."""
+    model, used = one.model, np.flatnonzero(one.used)
+    first = int(np.searchsorted(clip.t_s, one.t0_s))  # earlier than the first one used, when that is wild
+    span = slice(first, int(used[-1]) + 1)
+    states = [f"{state.name}_0" for state in model.states]
+    values = {name: estimate.value for name, estimate in one.estimates.items()}
+    slopes = sensitivity(
+        model, clip.t_s[span], values, [*library.names, *states], inputs=inputs_of(clip, library, span), tolerance=1e-7
+    )[used - first]
+    residual = one.residual[used]
+    slopes = np.where(np.isfinite(slopes), slopes, 0.0)
+    coefficients = np.array([values[name] for name in library.names])
+    target = residual + slopes[:, :, : coefficients.size] @ coefficients
+    scale = np.maximum(one.rms, 1e-300)
+    return blocks_of(slopes / scale[:, None], target / scale, one, coefficients.size, (place, clips))
+
+
+def blocks_of(columns: Array, target: Array, one: FitResult, shared: int, where: tuple[int, int]) -> list[Compressed]:
+    """Compressed rows of each block of time of one clip.
+
+    Parameters
+    ----------
+    columns, target
+        (n, d, k) and (n, d), in units of the noise.
+    one
+        The fit, which says how the residual hangs together.
+    shared
+        Number of columns that all clips share, the first ones; the others are this clip's own.
+    where
+        Place of this clip, and number of clips, each with as many columns of its own.
+    """
+    place, clips = where
+    own = columns.shape[2] - shared
+    wide = np.zeros((*target.shape, shared + clips * own))
+    wide[:, :, :shared] = columns[:, :, :shared]
+    wide[:, :, shared + place * own : shared + (place + 1) * own] = columns[:, :, shared:]
+    count = int(np.clip(len(target) // LEAST_IN_BLOCK, 1, BLOCKS))
+    share = 1.0 / _inflation(one)
+    return [
+        Compressed.of(wide[part].reshape(-1, wide.shape[2]), target[part].ravel(), share)
+        for part in np.array_split(np.arange(len(target)), count)
+    ]
+
+
+def _inflation(one: FitResult) -> float:
+    """How many neighbouring samples are worth one independent one, from their correlation."""
+    correlation = float(np.clip(np.nan_to_num(one.correlation), 0.0, MOST_CORRELATION))
+    return (1 + correlation) / (1 - correlation)
+
+
+# --------------------------------------------------------------------------- selection
+
+
+def disposed(
+    clips: Sequence[Trajectory], library: Library, starts: Sequence[tuple[Kept, Mapping[str, float]]]
+) -> Refined:
+    """From proposed structures to the one that the trajectories support: fit, select about the fit, until it stays.
+
+    Parameters
+    ----------
+    clips
+        Trajectories.
+    library
+        All candidates.
+    starts
+        Proposed choices with starting values, in the order of trust; the next one is tried when none can be fitted.
+    """
+    visited: dict[Kept, Refined] = {}
+    for place, (kept, start) in enumerate(starts):
+        if place > 1 and any(one.usable and all(fit.status == "ok" for fit in one.fits) for one in visited.values()):
+            break
+        for _ in range(ROUNDS):
+            if kept in visited:
+                break
+            visited[kept] = now = refined(clips, library, kept, start)
+            if not now.usable:
+                break
+            kept = chosen_about(now)
+            start = start_about(now, library, kept)
+    count = max(one.count for one in visited.values())
+    least = max((one.least_seen for one in visited.values() if one.usable), default=0.0)
+    return min(visited.values(), key=lambda one: one.criterion(count, least))
+
+
+def start_about(found: Refined, library: Library, kept: Kept) -> dict[str, float]:
+    """Where to start a fit of other terms: by the linear problem about a fit; of one clip, its initial states too.
+
+    Parameters
+    ----------
+    found
+        A fitted choice.
+    library
+        All candidates.
+    kept
+        Places of the other terms.
+    """
+    start = {library.names[k]: float(value) for k, value in zip(kept, found.total.solved(kept)[0], strict=True)}
+    if len(found.fits) == 1:
+        estimates = found.fits[0].estimates
+        start |= {name: one.value for name, one in estimates.items() if name.endswith("_0")}
+    return start
+
+
+def chosen_about(found: Refined) -> Kept:
+    """The terms that the linear problem about a fit supports, at the price that predicts best what is held out."""
+    total, price = found.total, price_about(found)
+    chosen = significant(total, price, ((), tuple(range(found.terms)), found.kept))
+    # from two terms that imitate another one no exchange of single terms leads away
+    pairs = [tuple(k for k in chosen if k not in gone) for gone in itertools.combinations(chosen, 2)]
+    return significant(total, price, (chosen, *pairs)) if pairs else chosen
+
+
+def price_about(found: Refined) -> float:
+    """What a term must explain: what predicts held-out parts of the clips best, and more than rounding does."""
+    return max(predictive_price([together(group) for group in folds_of(found.parts)], found.terms), found.least_seen)
+
+
+def folds_of(parts: Sequence[Sequence[Compressed]], folds: int = 5) -> list[list[Compressed]]:
+    """Contiguous blocks of every clip, in groups to hold out."""
+    groups: list[list[Compressed]] = [[] for _ in range(folds)]
+    for clip in parts:
+        for k, group in enumerate(np.array_split(np.arange(len(clip)), folds)):
+            groups[k] += [clip[j] for j in group]
+    return [group for group in groups if group]
+
+
+def inclusion(found: Refined, rng: np.random.Generator, count: int = RESAMPLED) -> Array:
+    """Share of resampled data sets in which each term is chosen (k,).
+
+    Blocks of time are drawn with replacement within each clip, and clips as well where there are at least three
+    (moving-block bootstrap, Kuensch 1989, Ann. Statist. 17, 1217; stability selection, Meinshausen and Buehlmann 2010,
+    J. R. Stat. Soc. B 72, 417; ensemble SINDy, Fasel et al. 2022, Proc. R. Soc. A 478, 20210904).
+
+    Parameters
+    ----------
+    found
+        A fitted choice.
+    rng
+        Source of chance.
+    count
+        Number of resampled data sets.
+    """
+    times, price = np.zeros(found.terms), price_about(found)
+    for _ in range(count):
+        clips = (
+            rng.integers(len(found.parts), size=len(found.parts)) if len(found.parts) > 2 else range(len(found.parts))
+        )
+        drawn = [found.parts[c][k] for c in clips for k in rng.integers(len(found.parts[c]), size=len(found.parts[c]))]
+        resampled = together(drawn).without(found.terms)
+        times[list(significant(resampled, price, ((), found.kept)))] += 1
+    return times / count
+
+
+def stable(
+    clips: Sequence[Trajectory], library: Library, found: Refined, rng: np.random.Generator, count: int
+) -> tuple[Refined, Array]:
+    """Take out terms that fewer than half of the resampled data sets include, the least included first.
+
+    One without which the fit is clearly worse stays: something like it is there, and ``alternatives`` say what.
+
+    Parameters
+    ----------
+    clips, library
+        What was fitted, with which candidates.
+    found
+        A fitted choice.
+    rng
+        Source of chance.
+    count
+        Number of resampled data sets.
+
+    Returns
+    -------
+    found, shares
+        The choice that is left, fitted, and the inclusion (k,) of every term about it.
+    """
+    shares, needed = inclusion(found, rng, count), set[int]()
+    while unsure := [k for k in found.kept if shares[k] < STABLE and k not in needed]:
+        least = min(unsure, key=lambda k: float(shares[k]))
+        kept = tuple(k for k in found.kept if k != least)
+        fewer = refined(clips, library, kept, start_about(found, library, kept))
+        worth = max(found.count, fewer.count)
+        if fewer.criterion(worth) > found.criterion(worth) + SURE:
+            needed.add(least)
+        else:
+            found, shares = fewer, inclusion(fewer, rng, count)
+    return found, shares
+
+
+def added_alone(found: Refined) -> tuple[Array, Array]:
+    """Each term's coefficient and standard error (k,): with the chosen ones, or added to them."""
+    total = found.total
+    values, errors = np.zeros(found.terms), np.zeros(found.terms)
+    for k in range(found.terms):
+        kept = found.kept if k in found.kept else (*found.kept, k)
+        solved, covariance = total.solved(kept)
+        place = kept.index(k)
+        values[k], errors[k] = solved[place], np.sqrt(max(covariance[place, place], 0.0))
+    return values, errors
+
+
+def as_good(found: Refined, library: Library, worse: float) -> list[Kept]:
+    """Choices of the same size, one term exchanged for another of its equation, that explain the data nearly as well.
+
+    Parameters
+    ----------
+    found
+        A fitted choice.
+    library
+        All candidates.
+    worse
+        By how much the sum of squares, in units of the noise, may be larger.
+    """
+    total = found.total
+    base, choices = total.residual(found.kept), []
+    for place, k in enumerate(found.kept):
+        for other in library.of_equation(library.terms[k].equation):
+            if other in found.kept:
+                continue
+            swapped = tuple(sorted((*found.kept[:place], *found.kept[place + 1 :], other)))
+            if base > 0 and total.residual(swapped) < base * np.exp(worse / total.count):
+                choices.append(swapped)
+    return choices

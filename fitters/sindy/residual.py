@@ -1,0 +1,110 @@
+"""What a model of the bank lacks, as terms: discovery on the residual of its fit.
+
+The model's own terms are kept whatever else is chosen; all other candidates of the library compete to explain what its
+fit leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fitters.sindy.library import Library
+from fitters.sindy.refinement import Refined, folds_of, refined
+from fitters.sindy.sparse_regression import Compressed, Kept, predictive_price, significant, together
+from iris_sysid.errors import FitError
+from iris_sysid.types import Array, Trajectory
+
+Blocks = Sequence[Sequence[Compressed]]  # of every clip, the blocks of time
+
+ROUNDS = 4
+
+
+def beyond(
+    clips: Sequence[Trajectory], library: Library, own: Kept, rng: np.random.Generator, resampled: int
+) -> tuple[Refined, Array]:
+    """Fit terms that are kept, and those beside them that the residual calls for, until the choice stays.
+
+    Parameters
+    ----------
+    clips, library
+        What is fitted, with which candidates.
+    own
+        Places of the terms that are kept.
+    rng
+        Source of chance.
+    resampled
+        Number of resampled data sets.
+
+    Returns
+    -------
+    found, shares
+        The terms kept and added, fitted, and the inclusion (k,) of every term: 1 for those kept.
+
+    Raises
+    ------
+    FitError
+        When the terms that are kept cannot be fitted.
+    """
+    extra: Kept = ()
+    for _ in range(ROUNDS):
+        found = refined(clips, library, tuple(sorted((*own, *extra))), {})
+        if not found.usable:
+            raise FitError(f"the model whose residual is asked for cannot be fitted to this: {found.fits[0].message}")
+        rows, candidates = _rearranged(found, own)
+        chosen, price = called_for(rows, len(candidates), found.least_seen)
+        called = tuple(candidates[k] for k in chosen)
+        if called == extra:
+            break
+        extra = called
+    shares = np.ones(found.terms)
+    shares[candidates] = share_called_for(rows, len(candidates), price, rng, resampled)
+    return found, shares
+
+
+def _rearranged(found: Refined, own: Kept) -> tuple[Blocks, list[int]]:
+    """Compressed rows of each clip with the candidates first, and which terms those are."""
+    size = found.parts[0][0].size
+    candidates = [k for k in range(found.terms) if k not in own]
+    order = [*candidates, *own, *range(found.terms, size), size]
+    return [[Compressed(part.rows[:, order], part.count) for part in clip] for clip in found.parts], candidates
+
+
+def called_for(clips: Blocks, first: int, least: float = 0.0) -> tuple[Kept, float]:
+    """Which of the first columns what is left calls for, and the price that held-out prediction sets.
+
+    Parameters
+    ----------
+    clips
+        Compressed rows of each block of each clip; the columns after the first ones are always fitted.
+    first
+        Number of columns to choose from.
+    least
+        What a term must explain at least, in squared standard errors.
+    """
+    folds = [together(group) for group in folds_of(clips)]
+    price = max(predictive_price(folds, first), least)
+    return significant(together(folds).without(first), price), price
+
+
+def share_called_for(clips: Blocks, first: int, price: float, rng: np.random.Generator, resampled: int) -> Array:
+    """Share (first,) of resampled data sets in which each column is called for at a price, see :func:`called_for`.
+
+    Parameters
+    ----------
+    clips, first
+        As there.
+    price
+        What a term must explain.
+    rng
+        Source of chance.
+    resampled
+        Number of resampled data sets.
+    """
+    blocks = [part for clip in clips for part in clip]
+    times = np.zeros(first)
+    for _ in range(resampled):
+        drawn = together([blocks[k] for k in rng.integers(len(blocks), size=len(blocks))]).without(first)
+        times[list(significant(drawn, price))] += 1
+    return times / max(resampled, 1)

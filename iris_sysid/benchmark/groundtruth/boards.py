@@ -1,0 +1,133 @@
+"""The calibration of each class of a data set: from the checkerboard that its camera filmed, or a stated scale."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from iris_sysid.calibration.calibration_json import read_calibration, write_calibration
+from iris_sysid.calibration.pixel_scale import scale_bar_from_text, scale_from_text
+from iris_sysid.cli._calibrate_request import Asked, make
+from iris_sysid.errors import CalibrationError, DataError, IrisError
+from iris_sysid.io.files import json_text, origin_of, sha256_of, write_atomic
+from iris_sysid.io.json_documents import plain_origin
+from iris_sysid.io.schemas.groundtruth import BoardEntry, MeasuredDocument, ScaleEntry
+
+NAME = "calibration.json"
+BESIDE = (".json", ".truth.json")  # where the squares of a board may be written down, beside its clip
+
+
+def board_of(clip: Path, class_name: str, measured: MeasuredDocument) -> BoardEntry:
+    """What board a clip shows: as measured by hand, else as ``checkerboard.json`` beside it says.
+
+    A clip of the twin has that in ``checkerboard.truth.json``; only its board is read.
+
+    Parameters
+    ----------
+    clip
+        ``checkerboard.mp4`` of a class.
+    class_name
+        The class.
+    measured
+        What was measured by hand.
+
+    Raises
+    ------
+    CalibrationError
+        When neither says.
+    """
+    stated = measured.board(class_name)
+    if stated is not None:
+        return stated
+    for path in (clip.with_name(clip.stem + suffix) for suffix in BESIDE):
+        if path.is_file():
+            return _read_board(path)
+    raise CalibrationError(
+        f"{clip.name} shows a board of unknown squares; give them under boards in the file for --measured, "
+        "or with --board and --square"
+    )
+
+
+def _read_board(path: Path) -> BoardEntry:
+    try:
+        told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["board"]
+        return BoardEntry.model_validate(
+            {"inner_corners": tuple(told["inner_corners"]), "square_m": told["square_m"]}
+            | ({"stderr_m": told["stderr_m"]} if "stderr_m" in told else {})
+        )
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise DataError(
+            f'{path.name} should say {{"board": {{"inner_corners": [9, 6], "square_m": 0.025}}}}: {error}'
+        ) from error
+
+
+def scale_class(scale: ScaleEntry, folder: Path) -> Path:
+    """Write the calibration of a class by a stated scale; the picture is taken to be seen straight on.
+
+    Parameters
+    ----------
+    scale
+        As stated.
+    folder
+        Where the file goes.
+
+    Raises
+    ------
+    CalibrationError
+        When it cannot be read.
+    """
+    bar = "," in scale.scale.partition("=")[0]
+    calibration = scale_bar_from_text(scale.scale) if bar else scale_from_text(scale.scale)
+    return write_calibration(calibration, folder / NAME, overwrite=True)
+
+
+def calibrate_class(
+    clip: Path, board: BoardEntry, folder: Path, progress: Callable[[int, int], None] | None = None
+) -> Path:
+    """Calibrate by the clip of a board into ``calibration.json``, unless that was done before.
+
+    The first view that shows the board is taken to be in the plane of motion.
+
+    Parameters
+    ----------
+    clip
+        Shows the board.
+    board
+        Its squares.
+    folder
+        Where the file goes.
+    progress
+        Called with (frames done, expected).
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    CalibrationError, VideoError
+        When the clip does not fix metres per pixel.
+    """
+    path, beside = folder / NAME, folder / "calibration.origin.json"
+    corners = f"{board.inner_corners[0]}x{board.inner_corners[1]}"
+    square = f"{board.square_m!r}+-{board.stderr_m!r}m"
+    origin = plain_origin(origin_of(clip, {"board": corners, "square": square}))
+    if _kept(path, beside, origin):
+        return path
+    made = make(Asked(sources=(clip,), board=corners, square=square), progress)
+    write_calibration(made.calibration, path, overwrite=True)
+    write_atomic(beside, json_text({**origin, "calibration_sha256": sha256_of(path)}), overwrite=True)
+    return path
+
+
+def _kept(path: Path, beside: Path, origin: dict[str, Any]) -> bool:
+    """Whether the calibration on file is of this clip, by these options."""
+    try:
+        read_calibration(path)
+        told = json.loads(beside.read_text(encoding="utf-8"))
+        return bool(told == {**origin, "calibration_sha256": sha256_of(path)})
+    except (IrisError, OSError, ValueError):
+        return False

@@ -1,0 +1,243 @@
+"""One clip of a data set, from the video to its document; what was done before is not done again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iris_sysid.benchmark.dataset import Clip
+from iris_sysid.calibration.calibration_json import read_calibration
+from iris_sysid.calibration.pixel_scale import uncalibrated
+from iris_sysid.calibration.plane import check_image_size
+from iris_sysid.errors import IrisError, OutputError
+from iris_sysid.io.csv_read import read_track
+from iris_sysid.io.csv_write import write_track, write_trajectory
+from iris_sysid.io.files import origin_of, sha256_of
+from iris_sysid.io.json_documents import checked, entries_of, plain_origin, read_document, write_document
+from iris_sysid.io.schemas import known_number, known_numbers
+from iris_sysid.io.schemas.groundtruth import ClipDocument
+from iris_sysid.pipeline import accepted_settings, from_source, observe_and_fit, track
+from iris_sysid.registry import MODELS, PHENOMENA
+from iris_sysid.types import Calibration, Estimate, FitResult, Phenomenon, Track, TrackOptions, Trajectory
+from iris_sysid.video.reader import open_video
+
+UNEXPECTED = "unexpected "  # begins the message of a failure that is not a stated one; it is tried again
+FOCAL = 9  # place of the focal lengths among the values of a calibration
+RADIUS, GRAVITY, PROJECTED = "ball_radius", "gravity", "r0_f"
+KNOWN = (GRAVITY, RADIUS, "h0")  # what fits may be told; the rest is what they are to find
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Job:
+    """One clip to measure, what is known of it beforehand, and where its files go.
+
+    ``calibration`` is a calibration.json, or None without a scale.
+    """
+
+    clip: Clip
+    folder: Path
+    calibration: Path | None
+    known: Mapping[str, Estimate]
+    fps: float | None
+    clock_stderr: float
+    keep_partial: bool
+
+    def path(self, suffix: str) -> Path:
+        """One of the clip's files."""
+        return self.folder / f"{self.clip.place}{suffix}"
+
+    def options(self) -> dict[str, Any]:
+        """What the track depends on."""
+        phenomenon = PHENOMENA[self.clip.phenomenon]
+        return {
+            "phenomenon": phenomenon.name,
+            "tracker": phenomenon.tracker,
+            "bodies": phenomenon.bodies,
+            "fps": self.fps,
+            "keep_partial": self.keep_partial,
+        }
+
+
+def measure_clip(job: Job) -> tuple[bool, str]:
+    """Measure one clip, unless that was done before, and write its files.
+
+    Parameters
+    ----------
+    job
+        The clip.
+
+    Returns
+    -------
+    now : bool
+        Whether it was measured now.
+    why : str
+        Why it failed; empty when it did not.
+
+    Raises
+    ------
+    OutputError
+        When a file cannot be written.
+    """
+    try:
+        origin = _origin(job)
+    except IrisError as error:
+        return True, _failed(job, {}, str(error))
+    earlier = _earlier(job, origin)
+    if earlier is not None:
+        return False, earlier.message if earlier.status == "failed" else ""
+    try:
+        return True, _measured(job, origin)
+    except OutputError:
+        raise
+    except IrisError as error:
+        return True, _failed(job, origin, str(error))
+    except Exception as error:  # one clip must not end the run of all
+        return True, _failed(job, origin, f"{UNEXPECTED}{type(error).__name__}: {error}")
+
+
+def _origin(job: Job) -> dict[str, Any]:
+    known = {name: {"value": one.value, "stderr": one.stderr, "unit": one.unit} for name, one in job.known.items()}
+    calibration = None if job.calibration is None else sha256_of(job.calibration)
+    more = {"known": known, "calibration_sha256": calibration, "clock_stderr": job.clock_stderr}
+    return plain_origin(origin_of(job.clip.path, {**job.options(), **more}))
+
+
+def _earlier(job: Job, origin: Mapping[str, Any]) -> ClipDocument | None:
+    """The document of an earlier run with the same input, whole."""
+    try:
+        found = read_document(job.path(".json"), ClipDocument)
+    except IrisError:
+        return None
+    whole = all((job.path(".json").parent / name).is_file() for name in (found.track, found.trajectory) if name)
+    return found if whole and found.origin == origin and not found.message.startswith(UNEXPECTED) else None
+
+
+def _measured(job: Job, origin: Mapping[str, Any]) -> str:
+    phenomenon = PHENOMENA[job.clip.phenomenon]
+    tracks = _tracks(job, origin)
+    calibration = _calibration(job)
+    settings, free = told(phenomenon, job.known, calibration)
+    try:
+        _, trajectory, fit = observe_and_fit(
+            tracks, calibration, phenomenon, settings, free, clock_stderr=job.clock_stderr
+        )
+    except IrisError as error:
+        return _failed(job, origin, str(error), tracks)
+    write_trajectory(trajectory.with_(origin=origin), job.path(".trajectory.csv"), overwrite=True)
+    write_document(_document(job, origin, tracks, trajectory, fit), job.path(".json"), overwrite=True)
+    return ""
+
+
+def _tracks(job: Job, origin: Mapping[str, Any]) -> list[Track]:
+    """The bodies of the clip: those of an earlier run of the same file by the same options, else tracked now."""
+    expected = {**origin, "options": plain_origin(origin_of(None, job.options()))["options"]}
+    path = job.path(".track.csv")
+    try:
+        earlier = read_track(path)
+        if all(one.origin.get(key) == value for one in earlier for key, value in expected.items()):
+            return earlier
+    except IrisError:
+        pass  # not there, or not whole
+    video = open_video(job.clip.path, fps=job.fps, keep_partial=job.keep_partial)
+    bodies = TrackOptions(bodies=PHENOMENA[job.clip.phenomenon].bodies)
+    tracks = track(video, PHENOMENA[job.clip.phenomenon].tracker, bodies)
+    write_track(from_source(tracks, job.clip.path, job.options()), path, overwrite=True)
+    return read_track(path)  # so that what is fitted is what is on file, whenever it was tracked
+
+
+def _calibration(job: Job) -> Calibration:
+    if job.calibration is None:
+        return uncalibrated()
+    calibration = read_calibration(job.calibration)
+    video = open_video(job.clip.path, keep_partial=job.keep_partial)
+    check_image_size(calibration.image_size, (video.width, video.height))
+    return calibration
+
+
+def told(
+    phenomenon: Phenomenon, known: Mapping[str, Estimate], calibration: Calibration
+) -> tuple[dict[str, Estimate], list[str]]:
+    """What the fit of a clip is told of what is known, and what it estimates beyond the usual.
+
+    A ball's radius times the focal length of a calibrated camera is the constant of its apparent size; with it the
+    fall itself gives gravity.
+
+    Parameters
+    ----------
+    phenomenon
+        Whose model it is.
+    known
+        By name; only gravity, the ball's radius, and its first distance are used.
+    calibration
+        Perhaps with a camera.
+    """
+    sought = {one.name for one in MODELS[phenomenon.model].parameters if not one.constant}
+    accepted = accepted_settings(phenomenon)
+    in_px = calibration.unit == "px" and any(one.unit == "m" for one in MODELS[phenomenon.model].observed)
+    usable = () if in_px else KNOWN  # metres say nothing of a motion in px
+    settings = {name: known[name] for name in usable if name in known and name in accepted and name not in sought}
+    if PROJECTED not in accepted or RADIUS not in known or "camera" not in calibration.budget:
+        return settings, []
+    constant = _projected(known[RADIUS], calibration)
+    return {name: one for name, one in settings.items() if name != GRAVITY} | {PROJECTED: constant}, [GRAVITY]
+
+
+def _projected(radius: Estimate, calibration: Calibration) -> Estimate:
+    """Radius times focal length, px m."""
+    focal = float(np.mean(calibration.values[FOCAL : FOCAL + 2]))
+    part = calibration.budget["camera"][FOCAL : FOCAL + 2, FOCAL : FOCAL + 2]
+    share = math.hypot(radius.stderr / radius.value, math.sqrt(float(np.mean(part))) / focal)
+    source = f"ball of {radius.value:g} m ({radius.source}) by a camera of {focal:.6g} px"
+    return Estimate(radius.value * focal, radius.value * focal * share, "px m", "direct", source)
+
+
+def _document(
+    job: Job, origin: Mapping[str, Any], tracks: Sequence[Track], trajectory: Trajectory, fit: FitResult
+) -> ClipDocument:
+    return checked(
+        ClipDocument,
+        **_head(job, tracks),
+        status=fit.status,
+        message=fit.message,
+        parameters=entries_of(fit.estimates, fit.status),
+        free=list(fit.free),
+        budget={name: {key: known_number(part) for key, part in row.items()} for name, row in fit.budget.items()},
+        geometry=entries_of(trajectory.geometry),
+        noise=known_numbers(fit.noise),
+        rms=known_numbers(fit.rms),
+        n=fit.n,
+        trajectory=job.path(".trajectory.csv").name,
+        origin=origin,
+    )
+
+
+def _head(job: Job, tracks: Sequence[Track]) -> dict[str, Any]:
+    model = MODELS[PHENOMENA[job.clip.phenomenon].model]
+    return {
+        "class_name": job.clip.class_name,
+        "setting": job.clip.setting,
+        "clip": job.clip.clip,
+        "phenomenon": job.clip.phenomenon,
+        "model": model.name,
+        "equation": model.equation,
+        "frames": len(tracks[0].t_s) if tracks else 0,
+        "track": job.path(".track.csv").name if tracks else None,
+    }
+
+
+def _failed(job: Job, origin: Mapping[str, Any], why: str, tracks: Sequence[Track] = ()) -> str:
+    """Write that the clip gave nothing, and why."""
+    said = why.replace(str(job.clip.path), job.clip.path.name)  # the same on every machine
+    document = checked(ClipDocument, **_head(job, tracks), status="failed", message=said, origin=origin)
+    write_document(document, job.path(".json"), overwrite=True)
+    return said
+
+
+def record_failure(job: Job, why: str) -> str:
+    """Write that a clip failed for a reason that may not hold another time; the reason is returned."""
+    return _failed(job, {}, f"{UNEXPECTED}end: {why}")

@@ -1,0 +1,96 @@
+"""What was measured by hand: the file for ``--measured``, and a template of it with what the benchmark published."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from iris_sysid.benchmark.sources.published import truths
+from iris_sysid.cli._parsing import size
+from iris_sysid.errors import DataError
+from iris_sysid.io.json_documents import read_document
+from iris_sysid.io.schemas.groundtruth import ANY, BoardEntry, MeasuredDocument, MeasuredValue
+from iris_sysid.units import LENGTHS, measured
+
+TEXT = "app:direct_measurement"  # where the publication says how it measured
+CALIPERS = 1e-5  # m: "resolution 0.01 mm"
+RADII_M = {"big": 0.11, "mid": 0.07, "small": 0.04}  # balls of the falling ball, in the list of phenomena
+GRAVITY = (9.81, 0.02)  # m/s^2; "standard local value": that of latitudes 0 to 60 degrees lies within these limits
+INSTRUMENTS = {"m": "tape measure, mean of three", "deg": "protractor or inclinometer"}
+
+
+def read_measured(path: str | Path) -> MeasuredDocument:
+    """Read and check the file of what was measured by hand.
+
+    Raises
+    ------
+    DataError
+        When it is not such a file, or says the same thing twice.
+    """
+    document = read_document(path, MeasuredDocument)
+    seen = set()
+    for one in document.values:
+        key = (one.class_name, one.setting, one.parameter)
+        if key in seen:
+            raise DataError(f"{path}: {' '.join(key)} is given twice; give it once")
+        seen.add(key)
+    return document
+
+
+def with_board(document: MeasuredDocument, board: str | None, square: str | None) -> MeasuredDocument:
+    """The document with the board of all classes that have none of their own.
+
+    Parameters
+    ----------
+    document
+        What was measured.
+    board
+        Inner corners, ``9x6``; None for none.
+    square
+        Side of a square, ``25mm`` or ``25.0+-0.1mm``.
+
+    Raises
+    ------
+    DataError
+        When one of the two is missing.
+    """
+    if board is None and square is None:
+        return document
+    if board is None or square is None:
+        raise DataError("a board needs both --board 9x6 and --square 25mm")
+    side, stderr = measured(square, LENGTHS, "25.0+-0.1mm")
+    values = {"class": ANY, "inner_corners": size(board), "square_m": side, "stderr_m": stderr}
+    return document.model_copy(update={"boards": [*document.boards, BoardEntry.model_validate(values)]})
+
+
+def template() -> MeasuredDocument:
+    """What the benchmark publishes as measured by hand, with its uncertainties: to be corrected and completed."""
+    published = truths()
+    direct = published[(published["dataset"] == "iris") & (published["measurement_type"] == "direct")]
+    values = [
+        _value(row["phenomenon"], row["setting"], _their_name(row["parameter"]), row["value"], row["uncertainty"],
+               row["unit"], instrument=INSTRUMENTS[row["unit"]], source=row["source"])
+        for row in direct.to_dict("records")
+    ]  # fmt: skip
+    radii = [
+        _value(
+            "Falling_ball", setting, "ball_radius", radius, CALIPERS, "m", instrument="digital calipers", source=TEXT
+        )
+        for setting, radius in RADII_M.items()
+    ]
+    gravity = _value(ANY, ANY, "gravity", *GRAVITY, "m/s^2", source=TEXT, measurement_type="assumed")
+    return MeasuredDocument(values=[gravity, *radii, *values])
+
+
+def _their_name(parameter: str) -> str:
+    return f"rope_{parameter}" if parameter.startswith("length") else parameter
+
+
+def _value(
+    class_name: str, setting: str, parameter: str, value: float, uncertainty: float, unit: str, **more: str
+) -> MeasuredValue:
+    wide = 0.0 if math.isnan(uncertainty) else uncertainty
+    return MeasuredValue.model_validate(
+        {"class": class_name, "setting": setting, "parameter": parameter, "value": value, "uncertainty": wide}
+        | {"unit": unit, **more}
+    )

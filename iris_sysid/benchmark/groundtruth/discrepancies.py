@@ -1,0 +1,69 @@
+"""What a difference between the clips and the direct measurement may come from: another length, another angle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from iris_sysid.io.schemas import number
+from iris_sysid.io.schemas.groundtruth import RegeneratedValue, ValueEntry
+from iris_sysid.types import NORMAL_975, Estimate
+
+ROPE = "rope_length"
+ROPE_SAID = (
+    "from clips it is the length of the equation, from the pivot to the ball's centre; a tape along the rope leaves "
+    "out the ball's radius"
+)
+MISFIT = "the equation fits no clip down to the noise: the value holds only as well as the equation; see --diagnose"
+MUCH_NEARER = 3.0  # times
+
+
+def notes_on(
+    name: str, regenerated: RegeneratedValue | None, difference: ValueEntry | None, by_hand: Mapping[str, Estimate]
+) -> list[str]:
+    """Say what is to be known of a parameter, and what explains that clips and direct measurement differ.
+
+    Parameters
+    ----------
+    name
+        As in parameters.json.
+    regenerated
+        From the clips.
+    difference
+        Regenerated less direct, where there are both.
+    by_hand
+        All that was measured of the setting.
+
+    Returns
+    -------
+    list of str
+        Empty where there is nothing to say.
+    """
+    notes = [ROPE_SAID] if name.startswith(ROPE) and regenerated is not None else []
+    if regenerated is not None and any(one.used and one.status == "misfit" for one in regenerated.clips.values()):
+        notes.append(MISFIT)
+    if regenerated is None or difference is None:
+        return notes
+    off, half = number(difference.value), number(difference.expanded_uncertainty)
+    if not abs(off) > half:
+        return notes
+    said = f"clips and direct value differ by {off:.3g} +- {half:.2g} {difference.unit} (95 %)"
+    return [*notes, f"{said}{_explained(name, regenerated, off, half, by_hand)}"]
+
+
+def _explained(
+    name: str, regenerated: RegeneratedValue, off: float, half: float, by_hand: Mapping[str, Estimate]
+) -> str:
+    """The rest of the sentence: what would make up for it; empty where nothing is known to."""
+    if name.startswith(ROPE) and "ball_radius" in by_hand:
+        radius = by_hand["ball_radius"]
+        left = math.hypot(half, NORMAL_975 * radius.stderr)
+        explains = "explains it" if abs(off - radius.value) <= left else "does not explain all of it"
+        return f"; the ball's radius, {radius.value:.3g} {radius.unit}, {explains}"
+    if name == "angle":
+        complement = 90.0 - (number(regenerated.value) - off)
+        if MUCH_NEARER * abs(number(regenerated.value) - complement) < abs(off):
+            return (
+                f"; 90 deg less the direct value, {complement:.3g} deg, is nearer: was it measured from the vertical?"
+            )
+    return ""

@@ -1,0 +1,53 @@
+"""Which effects the published equation lacks on the clips of one setting, asked of the loop."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
+from iris_sysid.diagnosis.diagnose import diagnose
+from iris_sysid.errors import IrisError
+from iris_sysid.registry import MODELS, PHENOMENA
+from iris_sysid.report.text import diagnosis_sentence
+from iris_sysid.types import Estimate, Trajectory
+
+MOST_CLIPS = 3  # of a setting; the loop refits each of them for every effect it tries
+
+
+def lacking_effects(clips: Sequence[ClipMeasurement]) -> list[str]:
+    """Ask the loop about the first clips of a setting together.
+
+    Parameters
+    ----------
+    clips
+        Of one setting.
+
+    Returns
+    -------
+    list of str
+        One sentence; why nothing could be asked, where that is so.
+    """
+    usable = [one for one in clips if one.document.usable][:MOST_CLIPS]
+    trajectories: list[Trajectory] = [one for clip in usable if (one := clip.trajectory()) is not None]
+    if not trajectories:
+        return ["not diagnosed: no clip was fitted"]
+    phenomenon = PHENOMENA[usable[0].clip.phenomenon]
+    model = MODELS[phenomenon.model]
+    fixed = _held(usable[0], {one.name for one in model.parameters})
+    free = [name for name in phenomenon.free if name not in fixed]
+    try:
+        found = diagnose(trajectories, model, fixed=fixed, free=free)
+    except IrisError as error:
+        return [f"not diagnosed: {error}"]
+    names = ", ".join(one.clip.clip for one in usable)
+    return [f"clips {names}: {diagnosis_sentence(found)}"]
+
+
+def _held(clip: ClipMeasurement, names: set[str]) -> dict[str, Estimate]:
+    """What the fits of the setting were told."""
+    estimates = clip.document.estimates()
+    return {
+        name: one
+        for name, one in estimates.items()
+        if name in names and one.measurement_type == "direct" and name not in clip.document.free
+    }

@@ -1,0 +1,176 @@
+"""Make ``parameters.json``: what was measured by hand beside what the clips give, never one in place of the other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from iris_sysid.benchmark.dataset import benchmark_classes
+from iris_sysid.benchmark.groundtruth.discrepancies import notes_on
+from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement, Measurements
+from iris_sysid.benchmark.groundtruth.pool import in_published_unit, regenerate
+from iris_sysid.benchmark.groundtruth.recipes import recipes_of
+from iris_sysid.errors import DataError
+from iris_sysid.io.files import origin_of
+from iris_sysid.io.json_documents import plain_origin
+from iris_sysid.io.schemas import Number, known_number, known_numbers, number
+from iris_sysid.io.schemas.groundtruth import (
+    MeasuredDocument,
+    ParameterEntry,
+    ParametersDocument,
+    RegeneratedValue,
+    ValueEntry,
+)
+from iris_sysid.registry import MODELS, PHENOMENA
+from iris_sysid.types import NORMAL_975, BenchmarkClass, Estimate
+
+Clips = Sequence[ClipMeasurement]
+Finder = Callable[[Clips], list[str]]
+
+
+def parameters_document(
+    measurements: Measurements, measured: MeasuredDocument | None = None, effects: Finder | None = None
+) -> ParametersDocument:
+    """Pool the clips of each setting, and put beside them what was measured by hand and the published recipes.
+
+    Parameters
+    ----------
+    measurements
+        Of the clips.
+    measured
+        By hand.
+    effects
+        Says in words which effects the published equation lacks on the clips of one setting.
+
+    Returns
+    -------
+    ParametersDocument
+        Checked, ready to be written; the same for the same input.
+
+    Raises
+    ------
+    DataError
+        When two classes would have one name, or a direct value is in another unit than the fitted one.
+    """
+    measured = measured or MeasuredDocument()
+    classes = dict.fromkeys(one.clip.class_name for one in measurements.clips)
+    lower = [name.lower() for name in classes]
+    if len(set(lower)) < len(lower):
+        raise DataError(
+            f"{', '.join(classes)}: two of these have one name in parameters.json; keep the data sets apart"
+        )
+    known = benchmark_classes()
+    found = {
+        name.lower(): {
+            setting.lower(): _setting(clips, known[name][1], measured, effects)
+            for setting, clips in _settings(measurements.clips, name).items()
+        }
+        for name in classes
+    }
+    origin = plain_origin(origin_of(None, {"clips": len(measurements.clips), "diagnosed": effects is not None}))
+    return ParametersDocument.model_validate({"gaps": dict(measurements.gaps), "origin": origin, **found})
+
+
+def _settings(clips: Clips, class_name: str) -> dict[str, list[ClipMeasurement]]:
+    found: dict[str, list[ClipMeasurement]] = {}
+    for one in clips:
+        if one.clip.class_name == class_name:
+            found.setdefault(one.clip.setting, []).append(one)
+    return found
+
+
+def _setting(
+    clips: Clips, described: BenchmarkClass, measured: MeasuredDocument, effects: Finder | None
+) -> dict[str, ParameterEntry]:
+    """Every parameter of one setting: those of the class, then others that were measured by hand."""
+    by_hand = measured.of(described.folder, clips[0].clip.setting)
+    direct = {name: in_published_unit(one)[0] for name, one in by_hand.items()}
+    told = effects(clips) if effects is not None else []
+    entries = {}
+    for ours, theirs in described.parameters.items():
+        regenerated = regenerate(clips, ours)
+        stated = direct.get(theirs, direct.get(ours))
+        if regenerated is None and stated is None:
+            continue
+        recipes = recipes_of(clips, ours, regenerated, by_hand)
+        entry = _entry(theirs, stated, regenerated, _equation(clips))
+        notes = notes_on(theirs, regenerated, entry.difference, by_hand)
+        entries[theirs] = entry.model_copy(update={"recipes": recipes, "effects": told, "notes": notes})
+    names = {*described.parameters, *described.parameters.values()}
+    others = {name: _entry(name, one, None, "") for name, one in direct.items() if name not in names}
+    return entries | others
+
+
+def _equation(clips: Clips) -> str:
+    return MODELS[PHENOMENA[clips[0].clip.phenomenon].model].equation
+
+
+def _entry(name: str, direct: Estimate | None, regenerated: RegeneratedValue | None, equation: str) -> ParameterEntry:
+    """The entry of one parameter; the direct value goes before the regenerated one."""
+    difference = _difference(name, direct, regenerated)
+    stated = None if direct is None else _stated(direct)
+    if stated is not None:
+        first, *last = stated.interval
+        summary = _summary(stated, stated.standard_uncertainty, first, last[0], 1, "measured by hand")
+    elif regenerated is not None:
+        one = regenerated
+        summary = _summary(one, one.std, one.min, one.max, one.n, one.method)
+    else:
+        raise DataError(f"{name} has neither a direct nor a regenerated value")
+    return ParameterEntry(**summary, equation=equation, direct=stated, regenerated=regenerated, difference=difference)
+
+
+def _summary(one: ValueEntry, std: Number, low: Number, high: Number, n: int, method: str) -> dict[str, Any]:
+    return {
+        "mean": one.value,
+        "std": std,
+        "min": low,
+        "max": high,
+        "n": n,
+        "unit": one.unit,
+        "measurement_type": one.measurement_type,
+        "standard_uncertainty": one.standard_uncertainty,
+        "expanded_uncertainty": one.expanded_uncertainty,
+        "method": method,
+    }
+
+
+def _stated(one: Estimate) -> ValueEntry:
+    low, high = one.interval
+    half = (high - low) / 2
+    return ValueEntry(
+        value=one.value,
+        standard_uncertainty=one.stderr,
+        expanded_uncertainty=half,
+        coverage_factor=known_number(half / one.stderr) if one.stderr > 0 else None,
+        interval=known_numbers(one.interval),
+        unit=one.unit,
+        measurement_type=one.measurement_type,  # type: ignore[arg-type]  # checked here
+        source=one.source,
+    )
+
+
+def _difference(name: str, direct: Estimate | None, regenerated: RegeneratedValue | None) -> ValueEntry | None:
+    """Regenerated less direct, where there are both."""
+    if direct is None or regenerated is None or regenerated.n == 0:
+        return None
+    if direct.unit != regenerated.unit:
+        raise DataError(
+            f"{name} was measured in {direct.unit}, but the clips give it in {regenerated.unit}; "
+            "give the direct value in that unit, or a scale (checkerboard) for the clips"
+        )
+    value = number(regenerated.value) - direct.value
+    stderr = math.hypot(number(regenerated.standard_uncertainty), direct.stderr)
+    low, high = direct.interval
+    half = math.hypot(number(regenerated.expanded_uncertainty), (high - low) / 2)
+    return ValueEntry(
+        value=value,
+        standard_uncertainty=stderr,
+        expanded_uncertainty=half,
+        coverage_factor=half / stderr if stderr > 0 else NORMAL_975,
+        interval=(value - half, value + half),
+        unit=direct.unit,
+        measurement_type="fitted",
+        source="regenerated less direct",
+    )

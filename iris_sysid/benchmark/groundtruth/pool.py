@@ -1,0 +1,243 @@
+"""One parameter from the clips of a setting: their mean, the scatter between them, and the errors they share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from fitters.noise.random_effects import LEAST_CLIPS, random_effects
+from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
+from iris_sysid.io.schemas import known_number, known_numbers
+from iris_sysid.io.schemas.groundtruth import ClipDocument, ClipValue, RegeneratedValue
+from iris_sysid.types import NORMAL_975, Estimate, Population
+
+# sources of error that all clips of a setting have in common, by the beginning of their names
+COMMON = (
+    "calibration",
+    "time base",
+    "edge of the ball",
+    "axis of the turn",
+    "angle",
+    "gravity",
+    "r0_f",
+    "ball_radius",
+    "h0",
+)
+GEOMETRY = "geometry"  # of a value that is measured on the way to the trajectory and has no budget: the board's angle
+# of the variance of a clip's own error that other clips of its setting share: the same light on the same body before
+# the same wall, coded alike. On 240 clips of the twin it is 0.5 to 0.6, over 60 settings and parameters.
+ALIKE = 0.5
+FILMED_ALIKE = "tracking errors of clips filmed alike"
+DEGREES_PER_RADIAN = 180 / math.pi
+METHOD = (
+    "each clip fitted alone; mean over clips by restricted maximum likelihood (random effects), Hartung-Knapp error; "
+    "errors common to all clips, and half the variance of tracking in clips filmed alike, added once"
+)
+ONE_CLIP = "one clip"
+
+
+@dataclass(frozen=True, slots=True)
+class _Value:
+    """A clip's estimate in the unit of parameters.json, with the part of its error that is its own."""
+
+    clip: str
+    estimate: Estimate
+    random: float
+    document: ClipDocument
+    why_not: str
+
+    @property
+    def used(self) -> bool:
+        return not self.why_not
+
+
+def in_published_unit(estimate: Estimate) -> tuple[Estimate, float]:
+    """The estimate with an angle in degrees, and the factor that was applied."""
+    if estimate.unit != "rad":
+        return estimate, 1.0
+    factor = DEGREES_PER_RADIAN
+    low, high = estimate.interval
+    turned = Estimate(
+        estimate.value * factor,
+        estimate.stderr * factor,
+        "deg",
+        estimate.measurement_type,
+        estimate.source,
+        (low * factor, high * factor),
+    )
+    return turned, factor
+
+
+def regenerate(clips: Sequence[ClipMeasurement], parameter: str) -> RegeneratedValue | None:
+    """Pool what the clips of one setting say of a parameter.
+
+    Parameters
+    ----------
+    clips
+        Of one setting.
+    parameter
+        Our name.
+
+    Returns
+    -------
+    RegeneratedValue or None
+        Of the clips that the equation fits down to the noise; where it fits none, of all that gave a value. None when
+        there is no clip. Of a value that is not fitted (assumed, or measured by hand) the type says so.
+    """
+    values = [_value_of(clip, parameter) for clip in clips]
+    known = [one for one in values if one is not None]
+    if not known:
+        return None
+    unit = next((one.estimate.unit for one in known if one.used), known[0].estimate.unit)
+    used = [one for one in known if one.used and one.estimate.unit == unit]
+    used = [one for one in used if one.document.status == "ok"] or used  # a misfit counts only where nothing fits
+    shown = {one.clip: _shown(one, one in used) for one in known}
+    if not used:
+        first = next((one for one in known if one.document.status != "failed"), known[0])
+        return _nothing(first, parameter, first.estimate.unit, shown)
+    return _pooled(used, parameter, unit, shown)
+
+
+def _value_of(clip: ClipMeasurement, parameter: str) -> _Value | None:
+    document = clip.document
+    if document.status == "failed":
+        nothing = Estimate(math.nan, math.nan, "")
+        return _Value(document.clip, nothing, math.nan, document, document.message)
+    if parameter not in document.parameters:
+        return None
+    estimate, factor = in_published_unit(document.parameters[parameter].estimate())
+    random = document.random(parameter, COMMON) * factor
+    if not math.isfinite(random) and not document.budget.get(parameter):
+        random = estimate.stderr  # e.g. the angle of a board, measured on the way to the trajectory
+    return _Value(document.clip, estimate, random, document, _why_not(document, estimate, random))
+
+
+def _why_not(document: ClipDocument, estimate: Estimate, random: float) -> str:
+    """Why a clip's value is not in the mean; empty when it is."""
+    if not document.usable:
+        return f"{document.status}: {document.message}"
+    if not math.isfinite(estimate.value):
+        return "no value was found"
+    if estimate.measurement_type == "assumed":
+        return "assumed, not measured"
+    return "" if math.isfinite(random) and random > 0 else "its standard error is not known"
+
+
+def _shown(one: _Value, used: bool) -> ClipValue:
+    origin = one.document.origin
+    sha256 = origin.get("sha256")
+    return ClipValue(
+        value=known_number(one.estimate.value),
+        standard_uncertainty=known_number(one.estimate.stderr),
+        random=known_number(one.random),
+        interval=known_numbers(one.estimate.interval),
+        status=one.document.status,
+        message=one.why_not or one.document.message,
+        used=used,
+        source=str(origin.get("source") or one.clip),
+        sha256=sha256 if isinstance(sha256, str) else None,
+    )
+
+
+def _pooled(used: Sequence[_Value], parameter: str, unit: str, shown: Mapping[str, ClipValue]) -> RegeneratedValue:
+    values = np.array([one.estimate.value for one in used])
+    population = _population(used, unit)
+    mean = used[0].estimate if population is None else population.mean
+    own = used[0].random if population is None else mean.stderr
+    common = _common(used, parameter)
+    stderr = math.hypot(own, *common.values())
+    factor = _coverage_factor(used, population, own, stderr)
+    return RegeneratedValue(
+        value=mean.value,
+        standard_uncertainty=stderr,
+        expanded_uncertainty=factor * stderr,
+        coverage_factor=factor,
+        interval=(mean.value - factor * stderr, mean.value + factor * stderr),
+        unit=unit,
+        measurement_type="direct" if used[0].estimate.measurement_type == "direct" else "fitted",
+        **_said(used[0], parameter),
+        method=ONE_CLIP if population is None else METHOD,
+        n=len(used),
+        std=float(np.std(values, ddof=1)) if len(used) > 1 else 0.0,
+        min=float(values.min()),
+        max=float(values.max()),
+        **_scatter(population),
+        budget={"scatter and random errors of the clips": own, **common},
+        clips=dict(shown),
+    )
+
+
+def _population(used: Sequence[_Value], unit: str) -> Population | None:
+    if len(used) < LEAST_CLIPS:
+        return None
+    return random_effects(np.array([one.estimate.value for one in used]), np.array([one.random for one in used]), unit)
+
+
+def _common(used: Sequence[_Value], parameter: str) -> dict[str, float]:
+    """Standard error of the mean from each source that the clips share: the mean of what it is in each.
+
+    Clips of one setting are filmed alike, so that part of what tracking leaves in one of them it leaves in all.
+    """
+    if not used[0].document.budget.get(parameter):
+        return {GEOMETRY: float(np.mean([one.estimate.stderr for one in used]))} if len(used) > 1 else {}
+    parts = [one.document.common(parameter, COMMON) for one in used]
+    factor = DEGREES_PER_RADIAN if used[0].estimate.unit == "deg" else 1.0
+    names = sorted({name for part in parts for name in part})
+    shared = {name: factor * float(np.mean([part.get(name, 0.0) for part in parts])) for name in names}
+    if len(used) < LEAST_CLIPS:
+        return shared
+    return shared | {FILMED_ALIKE: math.sqrt(ALIKE) * float(np.mean([one.random for one in used]))}
+
+
+def _coverage_factor(used: Sequence[_Value], population: Population | None, own: float, stderr: float) -> float:
+    """Half width of the 95 % interval over its standard uncertainty, degrees of freedom by Welch and Satterthwaite."""
+    if population is not None:
+        degrees = population.degrees * (stderr / own) ** 4
+        return float(student.ppf(0.975, degrees))
+    low, high = used[0].estimate.interval
+    half = (high - low) / 2 / used[0].estimate.stderr if used[0].estimate.stderr > 0 else math.nan
+    return half if math.isfinite(half) else NORMAL_975
+
+
+def _scatter(population: Population | None) -> dict[str, Any]:
+    if population is None:
+        return {"between": None, "between_interval": (None, None), "within": None, "p_value": None}
+    return {
+        "between": population.between.value,
+        "between_interval": population.between.interval,
+        "within": population.within,
+        "p_value": population.p_value,
+    }
+
+
+def _said(one: _Value, parameter: str) -> dict[str, Any]:
+    return {"parameter": parameter, "model": one.document.model, "equation": one.document.equation}
+
+
+def _nothing(one: _Value, parameter: str, unit: str, shown: Mapping[str, ClipValue]) -> RegeneratedValue:
+    """No clip says anything: the assumed value where there is one, else nothing."""
+    assumed = one.estimate.measurement_type == "assumed" and math.isfinite(one.estimate.value)
+    return RegeneratedValue(
+        value=one.estimate.value if assumed else None,
+        standard_uncertainty=None,
+        expanded_uncertainty=None,
+        coverage_factor=None,
+        interval=(None, None),
+        unit=unit,
+        measurement_type="assumed" if assumed else "fitted",
+        source=one.estimate.source,
+        **_said(one, parameter),
+        method="assumed" if assumed else "no clip gave a value",
+        n=0,
+        std=None,
+        min=None,
+        max=None,
+        **_scatter(None),
+        budget={},
+        clips=dict(shown),
+    )

@@ -1,0 +1,112 @@
+"""The published recipes on the clips of a setting, with their bias against the regenerated value."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.stats import t as student
+
+from fitters.published_estimators import ALL, INTERVAL, RECIPES, PublishedRecipe
+from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
+from iris_sysid.benchmark.groundtruth.pool import in_published_unit
+from iris_sysid.errors import IrisError
+from iris_sysid.io.schemas import known_number, number
+from iris_sysid.io.schemas.groundtruth import Recipe, RegeneratedValue
+from iris_sysid.types import Array, Estimate
+
+KNOWN = ("gravity", "angle")
+
+
+def recipes_of(
+    clips: Sequence[ClipMeasurement],
+    parameter: str,
+    regenerated: RegeneratedValue | None,
+    by_hand: Mapping[str, Estimate],
+) -> list[Recipe]:
+    """What the published recipes give for a parameter of one setting.
+
+    Parameters
+    ----------
+    clips
+        Of the setting.
+    parameter
+        Our name.
+    regenerated
+        To be compared with.
+    by_hand
+        What was measured: the angle of a board goes before that of the motion.
+
+    Returns
+    -------
+    list of Recipe
+        Empty where the paper has none; a clip on which a recipe fails has null.
+    """
+    model = clips[0].document.model
+    found = []
+    for recipe in (one for one in RECIPES.get(model, ()) if parameter in one.gives):
+        values, notes = _values(clips, recipe, parameter, by_hand)
+        if values:
+            found.append(_recipe(recipe, values, regenerated, notes))
+    return found
+
+
+def _values(
+    clips: Sequence[ClipMeasurement], recipe: PublishedRecipe, parameter: str, by_hand: Mapping[str, Estimate]
+) -> tuple[dict[str, float], str]:
+    """The recipe's value of each clip, NaN where it fails; nothing where it has no such parameter."""
+    values: dict[str, float] = {}
+    notes = []
+    for clip in clips:
+        trajectory = clip.trajectory()
+        if trajectory is None:
+            continue
+        known = {name: one for name, one in clip.document.estimates().items() if name in KNOWN}
+        if "angle" in by_hand:
+            known["angle"] = _in_radians(by_hand["angle"])
+        try:
+            estimates = recipe.estimator(trajectory, known)
+        except IrisError as error:
+            values[clip.document.clip] = math.nan
+            notes.append(f"{clip.document.clip}: {error}")
+            continue
+        if parameter in estimates:
+            values[clip.document.clip] = in_published_unit(estimates[parameter])[0].value
+    return values, "; ".join(notes)
+
+
+def _in_radians(angle: Estimate) -> Estimate:
+    factor = math.pi / 180 if angle.unit == "deg" else 1.0
+    return Estimate(angle.value * factor, angle.stderr * factor, "rad", angle.measurement_type, angle.source)
+
+
+def _recipe(
+    recipe: PublishedRecipe, values: Mapping[str, float], regenerated: RegeneratedValue | None, notes: str
+) -> Recipe:
+    good = np.array([value for value in values.values() if math.isfinite(value)])
+    every = recipe.of == ALL
+    value = math.nan if not good.size else float(np.mean(good) if every else good[0])
+    reference = math.nan if regenerated is None else number(regenerated.value)
+    own = math.nan if regenerated is None else number(regenerated.standard_uncertainty)
+    scatter = float(np.std(good, ddof=1)) if good.size > 1 else math.nan
+    error = scatter / math.sqrt(good.size) if every and good.size else scatter
+    return Recipe(
+        recipe=f"{recipe.name}, of {recipe.of}",
+        value=known_number(value),
+        uncertainty=known_number(_uncertainty(recipe, good)),
+        uncertainty_of=recipe.uncertainty,
+        clips={name: known_number(one) for name, one in values.items()},
+        bias=known_number(value - reference),
+        bias_uncertainty=known_number(math.hypot(own, error)),
+        note=notes,
+    )
+
+
+def _uncertainty(recipe: PublishedRecipe, values: Array) -> float:
+    if values.size < 2:
+        return math.nan
+    deviation = float(np.std(values, ddof=1))
+    if recipe.uncertainty != INTERVAL:
+        return deviation
+    return float(student.ppf(0.975, values.size - 1)) * deviation / math.sqrt(values.size)

@@ -1,0 +1,303 @@
+"""Render the whole benchmark in its folders, in parallel; a run takes up where an earlier one stopped."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import zlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from iris_sysid.benchmark.parallel import check_workers, side_by_side
+from iris_sysid.errors import DataError, IrisError, OutputError
+from iris_sysid.io.files import check_writable, json_text, origin_of, write_atomic
+from iris_sysid.synthetic.board import render_checkerboard
+from iris_sysid.synthetic.clip import Progress, render_clip
+from iris_sysid.synthetic.look import Look
+from iris_sysid.synthetic.plan import check_clip, scene_named
+from iris_sysid.synthetic.scene import SCENES, Scene
+from iris_sysid.synthetic.truth import truth_paths
+
+WORKSHOP = ".rendering"  # where clips are until they are whole
+MANIFEST = "manifest.json"
+BOARD = "checkerboard.mp4"
+MOST_TRIALS = 999
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One clip to render: ``place`` is where it goes in the data set; no ``setting`` means the checkerboard."""
+
+    place: str
+    phenomenon: str
+    setting: str | None
+    seed: int
+    overrides: tuple[tuple[str, float], ...]
+    size: tuple[int, int]
+    fps: float
+    duration_s: float | None
+    look: Look
+
+
+@dataclass(frozen=True, slots=True)
+class Dataset:
+    """What :func:`render_dataset` did: clips written now, and those that were there already."""
+
+    folder: Path
+    written: tuple[Path, ...]
+    kept: tuple[Path, ...]
+
+
+def render_dataset(
+    folder: str | Path,
+    *,
+    size: tuple[int, int] = (3840, 2160),
+    fps: float = 60.0,
+    trials: int = 10,
+    seed: int = 0,
+    workers: int = 1,
+    phenomena: Sequence[str] | None = None,
+    duration_s: float | None = None,
+    look: Look | None = None,
+    progress: Progress | None = None,
+) -> Dataset:
+    """Render the benchmark's clips as ``<Class>/<setting>/<clip>.mp4`` with ``parameters.json`` beside the classes.
+
+    Each clip has its truth beside it, each class a ``checkerboard.mp4`` filmed by its camera. Trials differ as repeated
+    experiments do (angle of release, friction, ...). A clip depends on the seed and its own name only, so that any
+    part can be rendered alone. Finished clips of an earlier run are kept.
+
+    Parameters
+    ----------
+    folder
+        The data set; made when missing. One run at a time.
+    size
+        Width and height, px.
+    fps
+        Frames per second.
+    trials
+        Clips a setting.
+    seed
+        Of the whole data set.
+    workers
+        Processes that render side by side.
+    phenomena
+        Names of scenes; None means the benchmark's eight phenomena, LED and Torricelli.
+    duration_s
+        Length of every clip; None: as long as the benchmark's.
+    look
+        What is drawn and how.
+    progress
+        Called with (clips done, clips in all).
+
+    Returns
+    -------
+    Dataset
+        What was written and what was there.
+
+    Raises
+    ------
+    UnknownNameError
+        For a phenomenon that does not exist.
+    DataError
+        For numbers that make no clip.
+    OutputError
+        When the folder holds another data set, or cannot be written.
+    IrisError
+        When some clips failed; all others are finished, and the text names those that are missing.
+    """
+    look, root = look or Look(), Path(folder)
+    scenes = [scene_named(name) for name in (phenomena if phenomena is not None else SCENES)]
+    _check(size, fps, trials, seed, workers, duration_s)
+    jobs = list(_jobs(scenes, size, fps, trials, seed, duration_s, look))
+    options = {"size": list(size), "fps": fps, "seed": seed, "duration_s": duration_s, "look": asdict(look)}
+    _claim(root, options)
+    missing = [job for job in jobs if not (root / job.place).exists()]
+    with _workshop(root):
+        _render(missing, root, workers, _counted(progress, len(jobs) - len(missing), len(jobs)))
+    _write_parameters(root)
+    written = {job.place for job in missing}
+    places = [job.place for job in jobs]
+    return Dataset(
+        root,
+        tuple(root / place for place in places if place in written),
+        tuple(root / place for place in places if place not in written),
+    )
+
+
+def _check(size: tuple[int, int], fps: float, trials: int, seed: int, workers: int, duration_s: float | None) -> None:
+    check_clip(size, fps, 1.0 if duration_s is None else duration_s, seed)
+    if not isinstance(trials, int) or not 1 <= trials <= MOST_TRIALS:
+        raise DataError(f"trials must be a whole number from 1 to {MOST_TRIALS}, not {trials!r}")
+    check_workers(workers)
+
+
+def _jobs(
+    scenes: Iterable[Scene],
+    size: tuple[int, int],
+    fps: float,
+    trials: int,
+    seed: int,
+    duration_s: float | None,
+    look: Look,
+) -> Iterator[Job]:
+    for scene in scenes:
+        common = (size, fps, duration_s, look)
+        place = f"{scene.folder}/{BOARD}"
+        yield Job(place, scene.name, None, _seed_of(seed, place), (), *common)
+        for setting in scene.settings:
+            for trial in range(1, trials + 1):
+                place = f"{scene.folder}/{setting}/{trial:02d}.mp4"
+                own = _seed_of(seed, place)
+                yield Job(place, scene.name, setting, own, _scattered(scene, setting, own), *common)
+
+
+def _seed_of(seed: int, place: str) -> int:
+    return int(np.random.SeedSequence([seed, zlib.crc32(place.encode())]).generate_state(1)[0])
+
+
+def _scattered(scene: Scene, setting: str, seed: int) -> tuple[tuple[str, float], ...]:
+    """The parameters of one trial that differ from the setting's, within the scene's bounds."""
+    rng, values = np.random.default_rng([seed, 7]), scene.settings[setting]
+    drawn = []
+    for one in scene.parameters:
+        if one.name in scene.scatter:
+            usual = values.get(one.name, float(one.default or 0.0))
+            value = usual + scene.scatter[one.name] * float(np.clip(rng.standard_normal(), -3, 3))
+            drawn.append((one.name, min(max(value, one.lower), one.upper)))
+    return tuple(drawn)
+
+
+def _claim(root: Path, options: Mapping[str, Any]) -> None:
+    """Write the manifest, or check that the one that is there says the same."""
+    manifest = root / MANIFEST
+    if not manifest.exists():
+        write_atomic(manifest, json_text({"schema": 1, "origin": origin_of(None, options)}))
+        return
+    check_writable(manifest, overwrite=True)
+    try:
+        earlier = json.loads(manifest.read_text(encoding="utf-8"))["origin"]["options"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise OutputError(f"{manifest} is not the manifest of a rendered data set; give another folder") from error
+    now = json.loads(json_text(options))
+    different = [name for name in now if earlier.get(name) != now[name]]
+    if different:
+        said = ", ".join(f"{name} = {earlier.get(name)}" for name in different)
+        raise OutputError(f"{root} holds a data set with {said}; give another folder, or the same options")
+
+
+@contextmanager
+def _workshop(root: Path) -> Iterator[None]:
+    """An empty folder for unfinished clips, removed afterwards: also what an interrupted run left in it."""
+    shutil.rmtree(root / WORKSHOP, ignore_errors=True)
+    try:
+        yield
+    finally:
+        shutil.rmtree(root / WORKSHOP, ignore_errors=True)
+
+
+def _counted(progress: Progress | None, done: int, total: int) -> Iterator[None]:
+    """Each step tells of one more clip."""
+    while True:
+        if progress is not None:
+            progress(done, total)
+        yield
+        done += 1
+
+
+def _render(jobs: Sequence[Job], root: Path, workers: int, steps: Iterator[None]) -> None:
+    next(steps)
+    failed: dict[str, str] = {}
+    for job, error in side_by_side(partial(_attempt, root), jobs, workers, _lost):
+        next(steps)
+        if error is not None:
+            failed[job.place] = str(error)
+    if failed:
+        lines = "; ".join(f"{place}: {reason}" for place, reason in failed.items())
+        raise IrisError(f"{len(failed)} of {len(jobs)} clips could not be rendered, the others are there: {lines}")
+
+
+def _attempt(root: Path, job: Job) -> IrisError | None:
+    try:
+        _render_one(job, root)
+    except IrisError as error:
+        return error
+    return None
+
+
+def _lost(job: Job) -> IrisError:
+    return IrisError("the process that rendered it ended; is memory short? Fewer workers need less")
+
+
+def _render_one(job: Job, root: Path) -> None:
+    """Render a clip in the workshop, then move its truth and last the clip itself to where they belong."""
+    target = root / job.place
+    made = root / WORKSHOP / job.place
+    if job.setting is None:
+        render_checkerboard(
+            job.phenomenon, made, size=job.size, fps=job.fps, seed=job.seed, look=job.look, overwrite=True
+        )
+    else:
+        render_clip(
+            job.phenomenon,
+            made,
+            size=job.size,
+            fps=job.fps,
+            duration_s=job.duration_s,
+            seed=job.seed,
+            setting=job.setting,
+            overrides=dict(job.overrides),
+            look=job.look,
+            overwrite=True,
+        )
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        for source, goal in zip((*truth_paths(made), made), (*truth_paths(target), target), strict=True):
+            if source.exists():
+                source.replace(goal)
+    except OSError as error:
+        raise OutputError(f"cannot write {target}: {error.strerror}") from error
+
+
+# --------------------------------------------------------------------------- parameters.json
+
+
+def _write_parameters(root: Path) -> None:
+    """Write what was put into the clips that are there, as the benchmark's scripts read it."""
+    document: dict[str, Any] = {}
+    for scene in SCENES.values():
+        settings = {
+            setting: _setting_parameters(scene, clips)
+            for setting in scene.settings
+            if (clips := sorted((root / scene.folder / setting).glob("*.truth.json")))
+        }
+        if settings:
+            document[scene.folder.lower()] = settings
+    write_atomic(root / "parameters.json", json_text(document), overwrite=True)
+
+
+def _setting_parameters(scene: Scene, clips: Sequence[Path]) -> dict[str, Any]:
+    told = [json.loads(clip.read_text(encoding="utf-8"))["parameters"] for clip in clips]
+    return {
+        theirs: _summary([one[ours]["value"] * factor for one in told], unit)
+        for ours, (theirs, factor, unit) in scene.published.items()
+    }
+
+
+def _summary(values: Sequence[float], unit: str) -> dict[str, Any]:
+    spread = float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
+    return {
+        "mean": float(np.mean(values)),
+        "std": spread,
+        "min": min(values),
+        "max": max(values),
+        "n": len(values),
+        "unit": unit,
+        "measurement_type": "direct",
+    }

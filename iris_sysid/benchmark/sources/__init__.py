@@ -1,0 +1,1 @@
+"""Rows of the benchmark from every source: published result files, latent runs, predictions, null baselines."""

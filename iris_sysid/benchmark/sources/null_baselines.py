@@ -1,0 +1,85 @@
+"""Null baselines: what a table shows for a method that looks at no video."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from iris_sysid.benchmark.sources.conversions import GRAVITY, READINGS, Reading, beta_itself
+from iris_sysid.benchmark.sources.rows import GROUP, OK, flat_rows
+
+SOURCE = "null baseline"
+INITIAL = "initial value only"
+METADATA = "metadata only"
+
+# where the latent pipeline starts: (what says so, alpha, beta); NaN where it does not say
+STARTS = (
+    ("10, code", 10.0, np.nan),  # main.py, init_phys
+    ("0.5, 0.05, stated", 0.5, 0.05),  # app:physics_block
+)
+
+# parameters that no released result reads off alpha and beta, with the reading that the publication states for them
+# (tab:calibration), so that a start value left untrained can stand beside an estimate
+UNREAD: Mapping[str, tuple[Reading, ...]] = {
+    "Pendulum": (Reading("damping", "1/s", "beta", beta_itself),),
+    "Sliding_cone": (Reading("friction", "1", "beta", beta_itself),),
+    **dict.fromkeys(
+        ("Two_Moving_Pendulums", "Two_Moving_Pendulum_One_Static"),
+        tuple(Reading(f"damping_{body}", "1/s", "beta", beta_itself) for body in (1, 2)),
+    ),
+}
+
+
+def null_rows(rows: pd.DataFrame) -> pd.DataFrame:
+    """The null baselines for every phenomenon, setting and parameter that the flat rows hold.
+
+    ``initial value only`` reads the latent pipeline's starting values as its results are read; ``metadata only``
+    takes the value from the setting's name (an angle, a Delfys75 rope length in cm) or from a table of constants
+    (gravity). Where a parameter has no such value there is no row. Unit and truth are those of the rows given: one row
+    a group, one a clip where the truth differs from clip to clip.
+    """
+    varies = rows.groupby(list(GROUP))["truth"].transform("nunique") > 1
+    clip = rows["clip"].where(varies, "none")
+    first = rows.assign(clip=clip).drop_duplicates([*GROUP, "clip"]).to_dict("records")
+    return flat_rows(
+        {name: row[name] for name in (*GROUP, "clip", "unit", "truth", "truth_source")}
+        | {"method": method, "value": value, "status": OK, "source": SOURCE}
+        for row in first
+        for method, value in _values(row)
+    )
+
+
+def _values(row: dict[Any, Any]) -> Iterator[tuple[str, float]]:
+    for reading in (*READINGS.get(row["phenomenon"], ()), *UNREAD.get(row["phenomenon"], ())):
+        if reading.parameter == row["parameter"] and reading.published:
+            for start, alpha, beta in STARTS:
+                value = float(reading.convert(alpha, beta))
+                if np.isfinite(value):
+                    yield f"{INITIAL} ({start})", value
+    known = metadata_value(row["phenomenon"], row["setting"], row["parameter"])
+    if known is not None:
+        yield METADATA, known
+
+
+def metadata_value(phenomenon: str, setting: str, parameter: str) -> float | None:
+    """What is known of a parameter without any video, in its SI unit (angles in degrees); None where nothing is.
+
+    Parameters
+    ----------
+    phenomenon, setting
+        As the result files name them.
+    parameter
+        ``gravity`` is a constant; ``angle`` and the Delfys75 pendulum's ``length`` are in the setting's name.
+    """
+    number = re.search(r"_(\d+)$", setting)
+    if parameter == "gravity":
+        return GRAVITY
+    if parameter == "angle" and number:
+        return float(number.group(1))
+    if (phenomenon, parameter) == ("pendulum", "length") and number:  # Delfys75 names its ropes by length in cm
+        return float(number.group(1)) / 100
+    return None

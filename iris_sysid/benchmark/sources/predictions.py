@@ -1,0 +1,67 @@
+"""Per-video predictions of a VLM or a classifier as flat rows: what was named, and whether that is right."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from iris_sysid.benchmark.sources.rows import FAILED, OK, SELECTION, flat_rows
+from iris_sysid.benchmark.sources.selection import NO_ANSWER, read_predictions
+
+EQUATION = "equation"  # what the rows of the study ``selection`` are of: the class that was named
+
+
+def prediction_rows(path: str | Path, method: str, *, source: str = "") -> pd.DataFrame:
+    """Read a prediction file as flat rows, re-scored: value 1 where the answer is the true class, else 0.
+
+    No answer is a failed row. The file's own ``correct`` flag is not used.
+
+    Parameters
+    ----------
+    path
+        CSV with a video's ``path``, its true class (``gt`` or ``gt_iris``) and the answer (``pred`` or ``pred_iris``).
+    method
+        Name of the method.
+    source
+        Name of the file, kept in each row.
+
+    Raises
+    ------
+    DataError
+        When the file cannot be read, or names a video twice.
+    """
+    frame = read_predictions(path)
+    return flat_rows(_record(one, method, source) for one in frame.to_dict("records"))
+
+
+def _record(one: dict[Any, Any], method: str, source: str) -> dict[str, Any]:
+    dataset, setting, clip = _place(one["path"], one["truth"])
+    answered = bool(one["predicted"])
+    return {
+        "study": SELECTION,
+        "dataset": dataset,
+        "phenomenon": one["truth"],
+        "setting": setting,
+        "clip": clip,
+        "method": method,
+        "parameter": EQUATION,
+        "value": float(one["predicted"] == one["truth"]) if answered else None,
+        "unit": "1",
+        "truth": 1.0,
+        "truth_source": "class folder",
+        "status": OK if answered else FAILED,
+        "answer": one["predicted"] or NO_ANSWER,
+        "source": source,
+    }
+
+
+def _place(path: str, truth: str) -> tuple[str, str, str]:
+    """Data set, setting and clip from a path as the prediction files write them, with either kind of slash."""
+    parts = [part for part in re.split(r"[\\/]+", path.rpartition(".")[0] or path) if part not in ("", ".", "..")]
+    at = next((k for k, part in enumerate(parts) if part.lower() == truth.lower()), -1)
+    if at < 0 or at + 2 >= len(parts):
+        return "", "", "/".join(parts)
+    return (parts[at - 1].lower() if at else ""), parts[at + 1], "/".join(parts[at + 2 :])

@@ -1,0 +1,157 @@
+"""The numbers that the publication prints, each with its place, and the ground truth it states (facts only)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Hashable, Iterator, Mapping
+from dataclasses import asdict, dataclass, fields
+from functools import cache
+from importlib.resources import as_file, files
+from typing import Any
+
+import pandas as pd
+
+from iris_sysid.benchmark.sources.reading import read_columns
+from iris_sysid.errors import DataError
+
+WORDS = {"three": 3.0, "four": 4.0, "five": 5.0}
+
+
+@dataclass(frozen=True, slots=True)
+class PublishedValue:
+    """One printed number: where it stands (label of the table or section, line of the source), and what it is of.
+
+    ``setting`` is empty where the number is of all settings. ``printed`` keeps the digits as they are printed;
+    ``bold`` says whether it is printed as the best of its row.
+    """
+
+    place: str
+    line: int
+    dataset: str
+    phenomenon: str
+    setting: str
+    parameter: str
+    column: str
+    printed: str
+    unit: str
+    bold: bool
+
+    @property
+    def number(self) -> float:
+        """The printed number."""
+        return WORDS.get(self.printed.lower()) or float(self.printed)
+
+    @property
+    def tolerance(self) -> float:
+        """Half a unit of the last printed digit: what rounding alone can explain."""
+        if self.printed.lower() in WORDS:
+            return 0.0
+        digits, _, exponent = self.printed.lower().partition("e")
+        decimals = len(digits.partition(".")[2])
+        return float(0.5 * 10.0 ** (int(exponent or 0) - decimals))
+
+    @property
+    def key(self) -> str:
+        """Name of this number, unique among all."""
+        parts = (self.place, self.dataset, self.phenomenon, self.setting, self.parameter, self.column)
+        return "/".join(part for part in parts if part)
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """The published ground truth of one parameter in one setting.
+
+    ``uncertainty`` is the half-width that the publication states, NaN where it states none. ``measurement_type``
+    is ``direct``, ``assumed`` or ``unstated``: what the publication's own description amounts to.
+    """
+
+    dataset: str
+    phenomenon: str
+    setting: str
+    parameter: str
+    value: float
+    uncertainty: float
+    unit: str
+    measurement_type: str
+    source: str
+
+
+def published_values() -> pd.DataFrame:
+    """Every transcribed number as a table: key, place, line, what it is of, as printed, as a number, its tolerance."""
+    return pd.DataFrame(
+        [
+            {"key": one.key, "place": one.place, "line": one.line, "dataset": one.dataset}
+            | {"phenomenon": one.phenomenon, "setting": one.setting, "parameter": one.parameter, "column": one.column}
+            | {"printed": one.printed, "number": one.number, "tolerance": one.tolerance, "unit": one.unit}
+            | {"bold": one.bold}
+            for one in all_values()
+        ]
+    )
+
+
+@cache
+def all_values() -> tuple[PublishedValue, ...]:
+    """Every transcribed number, in the order of the publication's tables, then of its text."""
+    frame = _package_table("values.csv", PublishedValue)
+    return tuple(
+        PublishedValue(**{**_texts(row), "line": int(row["line"]), "bold": row["bold"] == "yes"})
+        for row in frame.to_dict("records")
+    )
+
+
+def values_at(place: str, column: str | None = None) -> Iterator[PublishedValue]:
+    """The numbers of one table or section (and, when given, of one column of it), in printed order."""
+    return (one for one in all_values() if one.place == place and column in (None, one.column))
+
+
+def sibling(value: PublishedValue, column: str, place: str | None = None) -> PublishedValue:
+    """The number in another column of the same row (of another table, when place is given); DataError if absent."""
+    row = (value.dataset, value.phenomenon, value.setting, value.parameter)
+    for one in values_at(place or value.place, column):
+        if (one.dataset, one.phenomenon, one.setting, one.parameter) == row:
+            return one
+    raise DataError(f"{place or value.place} prints no {column} for {'/'.join(row)}")
+
+
+def truths() -> pd.DataFrame:
+    """The published ground truth as a table, one row a parameter and setting; see :class:`Truth` for the columns."""
+    return pd.DataFrame([asdict(one) for one in _all_truths().values()])
+
+
+def truth_of(dataset: str, phenomenon: str, setting: str, parameter: str) -> Truth | None:
+    """The published ground truth of one parameter in one setting, or None where the publication gives none.
+
+    Parameters
+    ----------
+    dataset
+        ``iris`` or ``delfys75``.
+    phenomenon, setting
+        As the result files name them, e.g. ``Pendulum`` and ``pendulum_45``.
+    parameter
+        E.g. ``length``; ``length_1`` and ``length_2`` for two bodies.
+
+    Returns
+    -------
+    Truth or None
+        The value with its unit, stated uncertainty and source.
+    """
+    return _all_truths().get((dataset, phenomenon, setting, parameter))
+
+
+@cache
+def _all_truths() -> dict[tuple[str, str, str, str], Truth]:
+    frame = _package_table("truth.csv", Truth)
+    rows = (
+        Truth(**{**_texts(row), "value": float(row["value"]), "uncertainty": float(row["uncertainty"] or math.nan)})
+        for row in frame.to_dict("records")
+    )
+    return {(one.dataset, one.phenomenon, one.setting, one.parameter): one for one in rows}
+
+
+def _texts(row: Mapping[Hashable, Any]) -> dict[str, Any]:
+    return {str(name): value for name, value in row.items()}
+
+
+def _package_table(name: str, kind: type) -> pd.DataFrame:
+    with as_file(files("iris_sysid.benchmark.sources") / "published" / name) as path:
+        return read_columns(path, [field.name for field in fields(kind)])

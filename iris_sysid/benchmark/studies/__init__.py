@@ -1,0 +1,1 @@
+"""Studies of measured clips, each a function from a clip to rows of the benchmark."""

@@ -1,0 +1,78 @@
+"""Several clips fitted at once against clip by clip: what a shared value gains."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from fitters.ode.several_clips import fit_clips
+from iris_sysid.benchmark.sources.rows import FAILED, OK, SHARING
+from iris_sysid.benchmark.studies.studies import why
+from iris_sysid.benchmark.studies.subjects import Subject
+from iris_sysid.types import Estimate
+
+PER_CLIP_METHOD, MEAN, SHARED = "clip by clip", "mean over clips", "one shared value"
+FEWEST = 2  # clips
+
+
+def sharing_rows(subjects: Sequence[Subject]) -> Iterator[dict[str, Any]]:
+    """For every setting with two clips or more: each clip's value, their mean, and one value shared by all.
+
+    Only parameters whose truth is the same in all clips of a setting can be shared; the others differ by design.
+
+    Parameters
+    ----------
+    subjects
+        Measured clips.
+    """
+    settings: dict[tuple[str, str], list[Subject]] = {}
+    for one in subjects:
+        if one.measured.document.usable:
+            settings.setdefault((one.clip.class_name, one.clip.setting), []).append(one)
+    for clips in settings.values():
+        common = _common(clips)
+        if len(clips) >= FEWEST and common:
+            yield from _of_setting(clips, common)
+
+
+def _common(clips: Sequence[Subject]) -> list[str]:
+    """Free parameters of the model, with one and the same known truth in all clips."""
+    names = [one.name for one in clips[0].model.parameters]
+    return [
+        name
+        for name in clips[0].wanted
+        if name in names
+        and all(name in one.measured.document.free and name in one.truth for one in clips)
+        and len({one.truth[name].value for one in clips}) == 1
+    ]
+
+
+def _of_setting(clips: Sequence[Subject], common: Sequence[str]) -> Iterator[dict[str, Any]]:
+    for one in clips:
+        yield from _rows(one, common, one.measured.document.estimates(), PER_CLIP_METHOD)
+    values = {name: [one.measured.document.estimates()[name] for one in clips] for name in common}
+    units = {name: found[0].unit for name, found in values.items()}
+    means = {
+        name: Estimate(math.fsum(v.value for v in found) / len(found), math.nan, units[name])
+        for name, found in values.items()
+    }
+    yield from (row | {"clip": "all"} for row in _rows(clips[0], common, means, MEAN))
+    known, free = clips[0].told()
+    rest = [name for name in free if name not in common]
+    try:
+        trajectories = [one.trajectory() for one in clips]
+        pooled = fit_clips(trajectories, clips[0].model, shared=common, fixed=known, free=rest)
+        found, said = dict(pooled.shared), {}
+    except Exception as error:  # one setting must not end the run of all
+        found, said = {}, {"answer": why(error)}
+    yield from (row | {"clip": "all"} | said for row in _rows(clips[0], common, found, SHARED))
+
+
+def _rows(
+    subject: Subject, common: Sequence[str], estimates: dict[str, Estimate], method: str
+) -> Iterator[dict[str, Any]]:
+    status = OK if estimates else FAILED
+    for row in subject.records(estimates, status, study=SHARING, method=method):
+        if row["parameter"] in common:
+            yield row

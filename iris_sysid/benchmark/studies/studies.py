@@ -1,0 +1,148 @@
+"""The studies of one measured clip: each a function from a subject to flat rows, failures as rows too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from fitters.ode.identifiability import identifiability
+from fitters.sindy import discover
+from iris_sysid.benchmark.sources.conversions import GRAVITY
+from iris_sysid.benchmark.sources.rows import COUPLING, EXTRAPOLATION, FAILED, IDENTIFIABILITY, LOSSES, OK
+from iris_sysid.benchmark.studies.coupling import coupling_rows
+from iris_sysid.benchmark.studies.losses import stiffnesses
+from iris_sysid.benchmark.studies.subjects import Records, Subject, simulated
+from iris_sysid.diagnosis.diagnose import diagnose
+from iris_sysid.errors import IrisError
+from iris_sysid.types import Estimate
+
+Study = Callable[[Subject], Records]
+
+ODE, EFFECTS, SINDY = "ode", "ode+effects", "sindy"
+TRAINED, AHEAD = 100, (10, 25, 50)  # frames: fitted, and predicted beyond (eq:extrapolation)
+TOO_SHORT = "too-short"
+NEAREST = "nearest in the bank"  # status of what an equation would be that is not quite one of the bank
+PENDULUM = "pendulum"
+
+
+def ode_rows(subject: Subject) -> Records:
+    """The parameters of the bank's model, as they were measured."""
+    document = subject.measured.document
+    return subject.records(document.estimates(), document.status, method=ODE)
+
+
+def effect_rows(subject: Subject) -> Records:
+    """The parameters of the bank's model with the effects added that the clip shows; ``answer`` names them."""
+    known, free = subject.told()
+    found = diagnose(subject.trajectory(), subject.model, fixed=known, free=free)
+    answer = ", ".join(one.name for one in found.added) or "none"
+    return subject.records(found.final.estimates, found.final.status, method=EFFECTS, answer=answer)
+
+
+def sindy_rows(subject: Subject) -> Records:
+    """The parameters of the equation that was discovered, as its model in the bank has them; ``answer`` names it.
+
+    Where the equation is not in the bank they are those of the nearest model, and the status says so.
+    """
+    known, _ = subject.told()
+    found = discover(subject.trajectory(), known=known, seed=0)
+    match = found.matched or found.nearest
+    if match is None:
+        return subject.records({}, FAILED, method=SINDY, answer="no model of the bank is near", seed=0)
+    status = found.status if found.matched else NEAREST
+    return subject.records(match.parameters, status, method=SINDY, answer=match.model, seed=0)
+
+
+def identifiability_rows(subject: Subject) -> Records:
+    """What the clip can tell of the parameters: condition numbers, gradients, one-step residual."""
+    trajectory = subject.trajectory()
+    result = subject.refit(trajectory)
+    found = identifiability(result, trajectory)
+    noise = np.maximum(found.ode_residual_noise, 1e-300)
+    numbers = {
+        "condition": found.condition,
+        "condition of the Hessian": found.hessian_condition,
+        "gradient, first": found.gradients[0] if found.gradients else np.nan,
+        "gradient, last": found.gradients[-1] if found.gradients else np.nan,
+        "one-step residual over noise": float(np.mean(found.ode_residual / noise)),
+    }
+    return [subject.plain_record(IDENTIFIABILITY, ODE, name, value, "1") for name, value in numbers.items()]
+
+
+def extrapolation_rows(subject: Subject) -> Records:
+    """E_k, the squared error k frames beyond the first 100 of the motion, after a fit to those."""
+    trajectory = subject.trajectory()
+    used = np.flatnonzero(trajectory.valid & trajectory.mask("motion"))
+    unit = f"{trajectory.quantities[0].unit}^2"
+    names = [f"E_{k}" for k in AHEAD]
+    if used.size < TRAINED + AHEAD[0]:
+        return [subject.plain_record(EXTRAPOLATION, ODE, name, np.nan, unit, TOO_SHORT) for name in names]
+    known = trajectory.t_s <= trajectory.t_s[used[TRAINED - 1]]
+    result = subject.refit(trajectory.with_(valid=trajectory.valid & known))
+    if not result.usable:
+        return [subject.plain_record(EXTRAPOLATION, ODE, name, np.nan, unit, result.status) for name in names]
+    predicted = simulated(subject.model, result, trajectory.t_s[used])
+    errors = np.sum((trajectory.position[used] - predicted) ** 2, axis=1)
+    places = [TRAINED + k - 1 for k in AHEAD]
+    values = [float(errors[at]) if at < errors.size else np.nan for at in places]
+    return [
+        subject.plain_record(EXTRAPOLATION, ODE, *pair, unit, TOO_SHORT) for pair in zip(names, values, strict=True)
+    ]
+
+
+def loss_rows(subject: Subject) -> Records:
+    """A pendulum's length by the publication's losses and integrators, minimised exactly on the tracked angle."""
+    if subject.clip.phenomenon != PENDULUM:
+        return []
+    trajectory = subject.trajectory()
+    used = np.flatnonzero(trajectory.valid & trajectory.mask("motion"))
+    whole = used[: int(np.argmax(np.diff(used) > 1)) + 1] if (np.diff(used) > 1).any() else used
+    dt = float(np.median(np.diff(trajectory.t_s[whole])))
+    found = stiffnesses(trajectory.position[whole, 0], dt)
+    lengths = {name: GRAVITY / stiffness if stiffness > 0 else np.nan for name, stiffness in found}
+    document = subject.measured.document
+    lengths["whole trajectory, order 8, sine"] = document.estimates()["length"].value
+    return [
+        record | {"study": LOSSES, "method": name}
+        for name, length in lengths.items()
+        for record in subject.records({"length": Estimate(length, np.nan, "m", "fitted")}, OK)
+        if record["parameter"] == "length"
+    ]
+
+
+# name of each study: what makes its rows, and the study, method and parameter of the row that says it failed
+STUDY_OF: Mapping[str, tuple[Study, str, str, str]] = {
+    EFFECTS: (effect_rows, "", EFFECTS, ""),
+    SINDY: (sindy_rows, "", SINDY, ""),
+    IDENTIFIABILITY: (identifiability_rows, IDENTIFIABILITY, ODE, "condition"),
+    EXTRAPOLATION: (extrapolation_rows, EXTRAPOLATION, ODE, f"E_{AHEAD[0]}"),
+    COUPLING: (coupling_rows, COUPLING, "impacts", "held-out rms"),
+    LOSSES: (loss_rows, LOSSES, "whole trajectory, order 8, sine", "length"),
+}
+
+
+def studied(subject: Subject, name: str) -> Records:
+    """The rows of one study (a key of ``STUDY_OF``) of one clip; a failure is rows as well, with its reason.
+
+    Parameters
+    ----------
+    subject
+        The clip.
+    name
+        E.g. ``ode+effects``.
+    """
+    make, study, method, parameter = STUDY_OF[name]
+    try:
+        return make(subject)
+    except Exception as error:  # one clip must not end the run of all
+        said = {"method": method, "answer": why(error)}
+        if not study:
+            return subject.records({}, FAILED, **said)
+        return [subject.plain_record(study, method, parameter, np.nan, "") | said]
+
+
+def why(error: Exception) -> str:
+    """What a row says of the error that left it without a value, on one line; named where it was not foreseen."""
+    text = " ".join(str(error).split())[:200]
+    return text if isinstance(error, IrisError) else f"unexpected {type(error).__name__}: {text}"

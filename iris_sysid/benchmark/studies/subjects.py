@@ -1,0 +1,250 @@
+"""What the studies are about: one measured clip with its model, what the fit was told, and the truth."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fitters.ode import fit, simulate
+from iris_sysid.benchmark.dataset import Clip, benchmark_classes
+from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
+from iris_sysid.benchmark.sources.conversions import READINGS
+from iris_sysid.benchmark.sources.latent import NOT_ESTIMATED
+from iris_sysid.benchmark.sources.published import truth_of
+from iris_sysid.benchmark.sources.rows import FAILED, OK
+from iris_sysid.errors import DataError
+from iris_sysid.registry import MODELS, PHENOMENA
+from iris_sysid.types import Array, Estimate, FitResult, OdeModel, Trajectory
+
+Records = list[dict[str, Any]]
+
+DEGREES = 180.0 / math.pi  # an angle is published in degrees
+ESTIMATED = ("fitted", "derived")  # types of a parameter that the clip itself gave; the others were told to the fit
+UNDETERMINED, NO_SCALE = "undetermined", "no scale"  # statuses of a parameter without a value
+
+
+@dataclass(frozen=True, slots=True)
+class TrueValue:
+    """A true value in the unit of the tables, and where it is from."""
+
+    value: float
+    source: str
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Subject:
+    """One clip of a data set as it was measured; ``truth`` by our names of the parameters.
+
+    ``wanted`` are the parameters that get a row, also where the clip failed, with their units in the tables.
+    """
+
+    dataset: str
+    measured: ClipMeasurement
+    truth: Mapping[str, TrueValue]
+    wanted: Mapping[str, str]
+
+    @property
+    def clip(self) -> Clip:
+        """Which clip it is."""
+        return self.measured.clip
+
+    @property
+    def model(self) -> OdeModel:
+        """The model that was fitted."""
+        return MODELS[self.measured.document.model]
+
+    def trajectory(self) -> Trajectory:
+        """The observable that was fitted; DataError for a clip that failed."""
+        found = self.measured.trajectory()
+        if found is None:
+            raise DataError(f"{self.clip.place} has no trajectory: {self.measured.document.message}")
+        return found
+
+    def told(self) -> tuple[dict[str, Estimate], list[str]]:
+        """What the fit was told by name, and which constants it estimated.
+
+        What was measured in the picture is in the trajectory, where a fit finds it by itself.
+        """
+        document = self.measured.document
+        known = {
+            one.name: document.parameters[one.name].estimate()
+            for one in self.model.parameters
+            if one.name in document.parameters and one.name not in document.free
+            if one.name not in document.geometry
+        }
+        constants = [one.name for one in self.model.parameters if one.constant]
+        finite = {name: one for name, one in known.items() if math.isfinite(one.value)}
+        return finite, [name for name in document.free if name in constants]
+
+    def refit(self, trajectory: Trajectory | None = None, **more: Any) -> FitResult:
+        """The same fit again, or of another trajectory, or with other arguments of :func:`fitters.ode.fit`."""
+        known, free = self.told()
+        chosen = self.trajectory() if trajectory is None else trajectory
+        return fit(chosen, self.model, **({"fixed": known, "free": free} | more))
+
+    def record(self, **more: Any) -> dict[str, Any]:
+        """A flat row's names of this clip, with what else it holds."""
+        own = {"dataset": self.dataset, "phenomenon": self.clip.class_name, "setting": self.clip.setting}
+        return own | {"clip": self.clip.clip, "source": self.clip.path.name} | more
+
+    def records(self, estimates: Mapping[str, Estimate], status: str, **more: Any) -> list[dict[str, Any]]:
+        """A flat row of each wanted parameter, from ``estimates`` by name (angles in rad), and the fit's ``status``.
+
+        One without a value is a failed row. Further keywords are other columns of each row, ``method`` for one.
+        """
+        return [self._record(name, unit, estimates.get(name), status) | more for name, unit in self.wanted.items()]
+
+    def plain_record(
+        self, study: str, method: str, parameter: str, value: float, unit: str, otherwise: str = FAILED
+    ) -> dict[str, Any]:
+        """A flat row without a truth.
+
+        Parameters
+        ----------
+        study, method, parameter, unit
+            What it is of.
+        value
+            NaN for none.
+        otherwise
+            The status of a row without a value.
+        """
+        finite = bool(math.isfinite(value))
+        status = OK if finite else otherwise if otherwise != OK else FAILED
+        return self.record(
+            study=study,
+            method=method,
+            parameter=parameter,
+            value=value if finite else math.nan,
+            unit=unit,
+            status=status,
+        )
+
+    def _lacks_scale(self, name: str) -> bool:
+        """Whether the measurement is in px and could not give this parameter for want of metres."""
+        entry = self.measured.document.parameters.get(name)
+        units = [one.unit for one in self.measured.document.parameters.values()]
+        return entry is not None and entry.value is None and any(unit.startswith("px") for unit in units)
+
+    def _record(self, name: str, unit: str, estimate: Estimate | None, status: str) -> dict[str, Any]:
+        factor = DEGREES if unit == "deg" else 1.0
+        told = estimate is not None and estimate.measurement_type not in ESTIMATED
+        scaled = estimate is None or (_unit(estimate.unit) == unit and not self._lacks_scale(name))
+        value = math.nan if estimate is None or told or not scaled else estimate.value * factor
+        true = self.truth.get(name)
+        otherwise = NO_SCALE if not scaled else NOT_ESTIMATED if told else UNDETERMINED if status == OK else status
+        return self.record(
+            parameter=name,
+            unit=unit,
+            value=value,
+            stderr=math.nan if estimate is None or math.isnan(value) else estimate.stderr * factor,
+            truth=math.nan if true is None else true.value,
+            truth_source="" if true is None else true.source,
+            status=status if math.isfinite(value) and status != FAILED else otherwise,
+        )
+
+
+def simulated(model: OdeModel, result: FitResult, t_s: Array) -> Array:
+    """The observables (n, d) that a fit predicts at times (n,) from the start of its samples on."""
+    values = {name: one.value for name, one in result.estimates.items() if math.isfinite(one.value)}
+    return simulate(model, t_s, values).observed
+
+
+def subjects_of(clips: Iterable[ClipMeasurement], folder: Path, dataset: str) -> list[Subject]:
+    """The measured clips of a data set with their truth and the parameters that each setting should give.
+
+    Parameters
+    ----------
+    clips
+        From :func:`iris_sysid.benchmark.groundtruth.measure.measure`.
+    folder
+        Of the data set; ``parameters.json`` in it is read where there is one.
+    dataset
+        Its name in the tables.
+    """
+    told = _parameters_json(folder / "parameters.json")
+    found = []
+    for one in clips:
+        true = _truth(one.clip, told)
+        found.append(Subject(dataset, one, true, _wanted(one.clip, true)))
+    return found
+
+
+def _unit(unit: str) -> str:
+    """A unit as the tables have it: angles in degrees, 1 for none."""
+    return "deg" if unit == "rad" else unit or "1"
+
+
+def _wanted(clip: Clip, truth: Mapping[str, TrueValue]) -> dict[str, str]:
+    """What the publication has for the class, and what else the model estimates of which the truth is known; units."""
+    phenomenon, described = benchmark_classes()[clip.class_name]
+    model = MODELS[PHENOMENA[phenomenon].model]
+    units = {one.name: one.unit for one in model.parameters} | {one.name: one.unit for one in model.derived}
+    units |= {reading.parameter: reading.unit for reading in READINGS.get(clip.class_name, ())}
+    estimated = [one.name for one in model.parameters if not one.constant] + [one.name for one in model.derived]
+    names = dict.fromkeys([*described.parameters, *(name for name in estimated if name in truth)])
+    return {name: "deg" if name == "angle" else _unit(units.get(name, "1")) for name in names}
+
+
+# --------------------------------------------------------------------------- truth
+
+
+def _truth(clip: Clip, told: Mapping[str, Any]) -> dict[str, TrueValue]:
+    """True values by our names: of the clip itself, else of parameters.json, else published."""
+    return _published(clip) | _of_setting(clip, told) | _of_clip(clip)
+
+
+def _of_clip(clip: Clip) -> dict[str, TrueValue]:
+    path = clip.path.with_name(f"{clip.path.stem}.truth.json")
+    entries = _json(path).get("parameters", {}) if path.is_file() else {}
+    return {
+        str(name): TrueValue(_in_degrees(_number(entry, "value"), str(entry.get("unit"))), path.name)
+        for name, entry in entries.items()
+        if isinstance(entry, dict) and math.isfinite(_number(entry, "value"))
+    }
+
+
+def _in_degrees(value: float, unit: str) -> float:
+    """An angle in degrees, without the last digits that the conversion leaves; any other value as it is."""
+    return float(f"{value * DEGREES:.12g}") if unit == "rad" else value
+
+
+def _of_setting(clip: Clip, told: Mapping[str, Any]) -> dict[str, TrueValue]:
+    _, described = benchmark_classes()[clip.class_name]
+    settings = told.get(clip.class_name) or told.get(clip.class_name.lower()) or {}
+    entries = settings.get(clip.setting, {}) if isinstance(settings, dict) else {}
+    found = {}
+    for ours, theirs in described.parameters.items():
+        entry = entries.get(theirs) if isinstance(entries, dict) else None
+        if isinstance(entry, dict) and math.isfinite(_number(entry, "mean")):
+            found[ours] = TrueValue(_number(entry, "mean"), "parameters.json")
+    return found
+
+
+def _published(clip: Clip) -> dict[str, TrueValue]:
+    _, described = benchmark_classes()[clip.class_name]
+    dataset = "delfys75" if clip.class_name[0].islower() else "iris"
+    known = {name: truth_of(dataset, clip.class_name, clip.setting, name) for name in described.parameters}
+    return {name: TrueValue(one.value, f"published: {one.source}") for name, one in known.items() if one is not None}
+
+
+def _parameters_json(path: Path) -> Mapping[str, Any]:
+    return _json(path) if path.is_file() else {}
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise DataError(f"cannot read {path.name}: {error}") from error
+    if not isinstance(found, dict):
+        raise DataError(f"{path.name} holds no names; it should hold values by name")
+    return found
+
+
+def _number(entry: Mapping[str, Any], name: str) -> float:
+    value = entry.get(name)
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan

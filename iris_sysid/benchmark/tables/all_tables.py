@@ -1,0 +1,55 @@
+"""All tables of the benchmark as a function of the flat rows and of nothing else."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from iris_sysid.benchmark.sources.rows import OK, PARAMETERS, SELECTION, check_rows
+from iris_sysid.benchmark.tables.headline import headline_table
+from iris_sysid.benchmark.tables.selection_tables import accuracy_table, confusion_tables
+from iris_sysid.benchmark.tables.study_tables import LAYOUTS, study_table
+from iris_sysid.benchmark.tables.table import Table, frame_table, parameter_table
+
+
+def tables_of(rows: pd.DataFrame, *, reference: str | None = None) -> dict[str, Table]:
+    """Make every table that the rows can fill, by name, in the order in which they are shown.
+
+    Parameters
+    ----------
+    rows
+        Flat rows, e.g. from :func:`read_rows`.
+    reference
+        Method that all differences of the long parameter table are against; without it there is no such column.
+
+    Returns
+    -------
+    dict
+        ``headline``, ``parameters``, ``selection`` and its confusion matrices, one table for each further study,
+        ``failures``. A study without rows has no table.
+
+    Raises
+    ------
+    DataError
+        When the rows are not flat rows, or no row is of the reference.
+    """
+    present = set(check_rows(rows)["study"])
+    found: dict[str, Table] = {}
+    if PARAMETERS in present:
+        found["headline"] = headline_table(rows)
+        found["parameters"] = parameter_table(rows, reference=reference, caption="Parameter errors, every reading")
+    if SELECTION in present:
+        found["selection"] = accuracy_table(rows)
+        found |= dict(confusion_tables(rows))
+    found |= {study: study_table(rows, study) for study in LAYOUTS if study in present}
+    if (rows["status"] != OK).any():
+        found["failures"] = failure_table(rows)
+    return found
+
+
+def failure_table(rows: pd.DataFrame) -> Table:
+    """How many rows have a status other than ok, by study, data set, phenomenon, method and status; flat ``rows``."""
+    by = ["study", "dataset", "phenomenon", "method", "status"]
+    bad = rows[rows["status"] != OK]
+    counts = bad.groupby(by, sort=False).agg(rows=("value", "size"), values=("value", "count")).reset_index()
+    note = "A row may have a value and still a reservation (misfit, at-bound, singular); failed rows have none."
+    return frame_table(counts.rename(columns={"values": "with a value"}), "Failures and reservations", notes=(note,))

@@ -1,0 +1,132 @@
+"""The benchmark written down: every table of the flat rows as CSV, Markdown, LaTeX and HTML, in one folder."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import pandas as pd
+
+from iris_sysid.benchmark.sources.rows import OK, rows_text
+from iris_sysid.benchmark.tables.all_tables import tables_of
+from iris_sysid.benchmark.tables.charts import charts_of
+from iris_sysid.benchmark.tables.table import Table, markdown_text, render
+from iris_sysid.io.files import check_writable, json_text, write_atomic
+from iris_sysid.report.page import png_of
+
+TITLE = "Benchmark"
+PAGES = ("rows.csv", "benchmark.md", "benchmark.tex", "benchmark.html", "manifest.json")
+FOLDED = ("parameters", "confusion", "failures")  # long tables, closed until they are asked for
+PICTURE_OF = {"headline": "errors", "selection": "confusion", "extrapolation": "extrapolation"}
+PICTURE_OF |= {"robustness": "robustness"}
+
+
+def check_pages(folder: str | Path, *, overwrite: bool = False) -> None:
+    """Raise OutputError when :func:`write_pages` could not write into the folder: to be asked before the work."""
+    for name in PAGES:
+        check_writable(Path(folder) / name, overwrite=overwrite)
+
+
+def write_pages(
+    rows: pd.DataFrame,
+    folder: str | Path,
+    *,
+    reference: str | None = None,
+    gaps: Sequence[str] = (),
+    manifest: Mapping[str, Any] | None = None,
+    overwrite: bool = False,
+) -> dict[str, Path]:
+    """Write the flat rows, all tables made of them, and the page; the same rows give the same bytes.
+
+    Parameters
+    ----------
+    rows
+        Flat rows.
+    folder
+        Gets ``rows.csv``, ``benchmark.md``, ``benchmark.tex``, ``benchmark.html``, ``manifest.json`` and
+        ``tables/<name>.csv``.
+    reference
+        Method that the differences of the long table are against.
+    gaps
+        What is missing, one line each.
+    manifest
+        What the rows were made from.
+    overwrite
+        Replace the files of an earlier run.
+
+    Returns
+    -------
+    dict
+        The path of each file by its name in the folder.
+
+    Raises
+    ------
+    OutputError
+        When a file exists or cannot be written.
+    DataError
+        When the rows are not flat rows, or no row is of the reference.
+    """
+    folder = Path(folder)
+    check_pages(folder, overwrite=overwrite)
+    tables = tables_of(rows, reference=reference)
+    texts = {
+        "rows.csv": rows_text(rows),
+        "benchmark.md": _markdown(rows, tables, gaps),
+        "benchmark.tex": _latex(tables),
+        "benchmark.html": _html(rows, tables, gaps, manifest or {}),
+        **{f"tables/{file_name(name)}.csv": render(table, "csv") for name, table in tables.items()},
+        "manifest.json": json_text(manifest or {}),
+    }
+    return {name: write_atomic(folder / name, text, overwrite=overwrite) for name, text in texts.items()}
+
+
+def file_name(table: str) -> str:
+    """The name of a table as a file: letters, digits and hyphens."""
+    return "".join(letter if letter.isalnum() else "-" for letter in table.lower()).strip("-")
+
+
+def summary_of(rows: pd.DataFrame) -> str:
+    """One sentence on what there is in flat ``rows``."""
+    failed = int(rows["value"].isna().sum())
+    kept = int(((rows["status"] != OK) & rows["value"].notna()).sum())
+    return (
+        f"{len(rows)} rows of {rows['method'].nunique()} methods on {rows['phenomenon'].nunique()} phenomena; "
+        f"{failed} have no value, {kept} have one with a reservation. Every table is made from rows.csv alone."
+    )
+
+
+def _markdown(rows: pd.DataFrame, tables: Mapping[str, Table], gaps: Sequence[str]) -> str:
+    parts = [f"# {TITLE}\n", f"{summary_of(rows)}\n"]
+    for name, table in tables.items():
+        parts += [f"## {markdown_text(name.capitalize())}\n", render(table, "markdown")]
+    if gaps:
+        parts += ["## Gaps\n", "\n".join(f"- {markdown_text(gap)}" for gap in gaps), ""]
+    return "\n".join(parts)
+
+
+def _latex(tables: Mapping[str, Table]) -> str:
+    head = "% needs \\usepackage{booktabs,longtable}; wide tables: \\usepackage{pdflscape}, or a smaller font\n"
+    return head + "\n".join(render(table, "latex") for table in tables.values())
+
+
+def _html(rows: pd.DataFrame, tables: Mapping[str, Table], gaps: Sequence[str], manifest: Mapping[str, Any]) -> str:
+    charts = charts_of(rows)
+    pictures = {
+        table: {"data": base64.b64encode(png_of(charts[chart][0])).decode("ascii"), "caption": charts[chart][1]}
+        for table, chart in PICTURE_OF.items()
+        if chart in charts and table in tables
+    }
+    page = jinja2.Environment(loader=jinja2.PackageLoader("iris_sysid.benchmark.tables", "templates"), autoescape=True)
+    shown = [(name, render(table, "html"), name.startswith(FOLDED)) for name, table in tables.items()]
+    return page.get_template("benchmark.html").render(
+        title=TITLE,
+        summary=summary_of(rows),
+        notes=(),
+        tables=shown,
+        pictures=pictures,
+        gaps=list(gaps),
+        manifest=json_text(manifest),
+    )

@@ -1,0 +1,184 @@
+"""The benchmark's further tables: each study's flat rows crossed, one line a place and one column a kind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from iris_sysid.benchmark.sources.rows import COUPLING, EXTRAPOLATION, IDENTIFIABILITY, LOSSES, ROBUSTNESS, SHARING
+from iris_sysid.benchmark.tables.summary import ABSENT, displayed
+from iris_sysid.benchmark.tables.table import Cell, Table
+
+Statistic = Callable[[pd.DataFrame], float]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Layout:
+    """How the rows of one study become a table: which columns name a line, which one is spread over the header.
+
+    ``centre`` makes the number of a cell; ``spread`` what follows after ±, where there is one. ``best`` marks the
+    smallest displayed number of a line. Lines and columns keep the order of the rows.
+    """
+
+    caption: str
+    down: tuple[str, ...]
+    across: str
+    centre: Statistic
+    spread: Statistic | None = None
+    best: bool = False
+    notes: tuple[str, ...] = ()
+
+
+def median_value(rows: pd.DataFrame) -> float:
+    """Median of the values that there are."""
+    return _or_nan(rows["value"], np.median)
+
+
+def mean_value(rows: pd.DataFrame) -> float:
+    """Mean of the values that there are."""
+    return _or_nan(rows["value"], np.mean)
+
+
+def sd_value(rows: pd.DataFrame) -> float:
+    """Sample standard deviation of the values; NaN for fewer than two."""
+    return float(rows["value"].std(ddof=1)) if rows["value"].notna().sum() > 1 else np.nan
+
+
+def mean_error(rows: pd.DataFrame) -> float:
+    """Mean absolute error."""
+    return _or_nan(rows["error"].abs(), np.mean)
+
+
+def sd_error(rows: pd.DataFrame) -> float:
+    """Sample standard deviation of the absolute errors; NaN for fewer than two."""
+    errors = rows["error"].abs()
+    return float(errors.std(ddof=1)) if errors.notna().sum() > 1 else np.nan
+
+
+def relative_error(rows: pd.DataFrame) -> float:
+    """Median of the absolute errors over their truths, in %."""
+    return _or_nan(100 * (rows["error"] / rows["truth"].replace(0.0, np.nan)).abs(), np.median)
+
+
+def _or_nan(values: pd.Series, of: Callable[[np.ndarray], float]) -> float:
+    known = values.dropna().to_numpy()
+    return float(of(known)) if known.size else np.nan
+
+
+_PLACE = ("dataset", "phenomenon", "setting")
+_N = "In brackets: the number of clips with a value, and of failed ones where there are any."
+
+LAYOUTS: Mapping[str, Layout] = {
+    IDENTIFIABILITY: Layout(
+        "Identifiability: medians over the clips of a setting",
+        (*_PLACE, "method"),
+        "parameter",
+        median_value,
+        notes=(
+            "Condition number of the Fisher information (and of the Hessian at the optimum), each scaled to a unit "
+            "diagonal. Gradient: norm at the first and the last iteration of the fit, relative to the values. One-step "
+            "residual: mean squared error of one step of the equation, over what the noise alone makes of it.",
+            _N,
+        ),
+    ),
+    EXTRAPOLATION: Layout(
+        "Extrapolation: error k frames beyond the 100 that were fitted",
+        (*_PLACE, "method", "unit"),
+        "parameter",
+        mean_value,
+        sd_value,
+        notes=("Mean ± standard deviation of the absolute error of the observable over the clips.", _N),
+    ),
+    ROBUSTNESS: Layout(
+        "Robustness: median relative error (%) after a change to the clip",
+        ("dataset", "phenomenon", "parameter", "method"),
+        "condition",
+        relative_error,
+        notes=("Each clip was changed from its pixels on, and measured and fitted again.", _N),
+    ),
+    SHARING: Layout(
+        "Several clips fitted at once against clip by clip: MAE",
+        (*_PLACE, "parameter", "unit"),
+        "method",
+        mean_error,
+        sd_error,
+        best=True,
+        notes=("The shared value is one number for a setting: its n is 1 whatever the number of clips.", _N),
+    ),
+    COUPLING: Layout(
+        "Coupling held at 0 against fitted: root mean square error",
+        (*_PLACE, "parameter", "unit"),
+        "method",
+        median_value,
+        best=True,
+        notes=("Held out is the last 30 % of each clip, predicted from the rest.", _N),
+    ),
+    LOSSES: Layout(
+        "One-step against K-step losses and integrators: median relative error (%)",
+        ("dataset", "phenomenon", "parameter", "method"),
+        "setting",
+        relative_error,
+        notes=(
+            "The latent pipeline's losses minimised exactly on the tracked observable: what of its error is the loss "
+            "and not the encoder.",
+            _N,
+        ),
+    ),
+}
+
+
+def study_table(rows: pd.DataFrame, study: str) -> Table:
+    """The table of one study (a key of ``LAYOUTS``) from its flat rows."""
+    return crossed(rows[rows["study"] == study], LAYOUTS[study])
+
+
+def crossed(rows: pd.DataFrame, layout: Layout) -> Table:
+    """Cross flat rows as a layout says; a combination that no row has is a dash.
+
+    Parameters
+    ----------
+    rows
+        Flat rows of one study.
+    layout
+        What goes down, across and into the cells.
+    """
+    columns = list(dict.fromkeys(rows[layout.across]))
+    down = [name for name in layout.down if name != "dataset" or rows["dataset"].nunique() > 1]
+    lines = []
+    for key, group in rows.groupby(down, sort=False):
+        cells = [group[group[layout.across] == name] for name in columns]
+        shown = [cell_text(one, layout.centre, layout.spread) for one in cells]
+        best = smallest([layout.centre(one) for one in cells]) if layout.best else ()
+        lines.append((*(Cell(str(one)) for one in key), *(Cell(text, k in best) for k, text in enumerate(shown))))
+    header = tuple("data" if name == "dataset" else name for name in down) + tuple(columns)
+    return Table(layout.caption, header, tuple(lines), frozenset(columns), layout.notes)
+
+
+def cell_text(rows: pd.DataFrame, centre: Statistic, spread: Statistic | None = None) -> str:
+    """A cell: centre, ± spread where there is one, and in brackets how many values, and how many failed.
+
+    Parameters
+    ----------
+    rows
+        Flat rows of the cell; none makes a dash.
+    centre, spread
+        What to compute from them.
+    """
+    if rows.empty:
+        return ABSENT
+    values = int(rows["value"].notna().sum())
+    failed = len(rows) - values
+    count = f"({values}, {failed} failed)" if failed else f"({values})"
+    width = np.nan if spread is None else spread(rows)
+    middle = displayed(centre(rows))
+    return f"{middle} ± {displayed(width, 2)} {count}" if np.isfinite(width) else f"{middle} {count}"
+
+
+def smallest(numbers: Sequence[float]) -> tuple[int, ...]:
+    """Places of the smallest numbers as displayed; equal displays share it, NaN never has it."""
+    shown = [float(displayed(one)) if np.isfinite(one) else np.inf for one in numbers]
+    least = min(shown, default=np.inf)
+    return tuple(k for k, one in enumerate(shown) if np.isfinite(one) and one == least)

@@ -1,0 +1,144 @@
+"""Flat rows summed up: error, spread, n and failures of each method on each parameter, and who is best."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from iris_sysid.benchmark.sources.null_baselines import INITIAL, SOURCE, null_rows
+from iris_sysid.benchmark.sources.rows import GROUP, PARAMETERS, check_rows
+from iris_sysid.errors import DataError
+
+ABSENT = "–"
+
+
+def displayed(value: float, digits: int = 3) -> str:
+    """A number as the tables show it: ``digits`` significant ones, a dash for NaN.
+
+    Whole digits are never rounded away (1234.6 is shown as 1235); below 0.0001 and from 10 million on the form is
+    5.55e-17.
+    """
+    if not math.isfinite(value):
+        return ABSENT
+    if value == 0:
+        return "0"
+    if not 1e-4 <= abs(value) < 1e7:
+        return f"{value:.{digits - 1}e}"
+    decimals = digits - 1 - math.floor(math.log10(abs(value)))
+    return f"{value:.{max(decimals, 0)}f}"
+
+
+def parameter_summary(rows: pd.DataFrame, *, reference: str | None = None) -> pd.DataFrame:
+    """Sum flat rows up to one line a data set, phenomenon, setting, parameter and method, null baselines added.
+
+    Only rows of the study ``parameters`` count.
+
+    Parameters
+    ----------
+    rows
+        Flat rows.
+    reference
+        The one method that all differences are against: its full name, or its name without the reading in
+        brackets (``baseline`` for ``baseline (g/alpha)``), when the first reading of a group is meant. Without it
+        there is no difference.
+
+    Returns
+    -------
+    DataFrame
+        ``dataset, phenomenon, setting, parameter, unit, truth`` (the mean, where it differs from clip to clip),
+        ``method``; ``n`` values and ``failed`` rows without one;
+        ``mean`` and ``sd`` (n - 1) of the values; ``mae`` and ``mae_sd``, mean and sd of the absolute errors;
+        ``relative_percent``, the mean of the absolute errors over their truths; ``difference``, mae minus the
+        reference's; ``best``, whether the *displayed* mae is the smallest of the group's methods (null baselines, and
+        methods that were scored on fewer clips, do not compete); ``beats_initial``, ``yes`` or ``no``, against the
+        best displayed null baseline of initial values, empty where there is none. Failed rows count in no mean. NaN
+        where a number cannot be had.
+
+    Raises
+    ------
+    DataError
+        When the rows are not flat rows, or no row is of the reference.
+    """
+    check_rows(rows)
+    if reference is not None and not _named(rows["method"], reference):
+        names = ", ".join(sorted(set(rows["method"])))
+        raise DataError(f"no row is of the reference {reference!r}; the methods are {names}")
+    known = rows[(rows["source"] != SOURCE) & (rows["study"] == PARAMETERS)]
+    every = pd.concat([known, null_rows(known)], ignore_index=True) if len(known) else known
+    lines: list[dict[str, Any]] = []
+    for _, group in every.groupby(list(GROUP), sort=False):
+        lines += _group_lines(group, reference)
+    return pd.DataFrame(lines, columns=SUMMARY_COLUMNS)
+
+
+SUMMARY_COLUMNS = (
+    *("dataset", "phenomenon", "setting", "parameter", "unit", "truth", "method", "n", "failed", "mean", "sd"),
+    *("mae", "mae_sd", "relative_percent", "difference", "best", "beats_initial"),
+)
+
+
+def _group_lines(group: pd.DataFrame, reference: str | None) -> list[dict[str, Any]]:
+    lines = [_line(one) for _, one in group.groupby("method", sort=False)]
+    errors = {line["method"]: line["mae"] for line in lines}
+    shown = {name: _shown(error) for name, error in errors.items()}
+    against = _named(errors, reference) if reference else ""
+    nulls = set(group.loc[group["source"] == SOURCE, "method"])
+    rivals = [line for line in lines if line["method"] not in nulls]
+    on_all = {line["method"] for line, competes in zip(rivals, competing(rivals), strict=True) if competes}
+    best = min((shown[name] for name in on_all), default=math.inf)
+    initial = min((shown[name] for name in shown if name.startswith(INITIAL)), default=math.inf)
+    for line in lines:
+        name = line["method"]
+        line["difference"] = line["mae"] - errors.get(against, math.nan)
+        line["best"] = name in on_all and math.isfinite(best) and shown[name] == best
+        judged = name not in nulls and math.isfinite(initial) and math.isfinite(shown[name])
+        line["beats_initial"] = ("yes" if shown[name] < initial else "no") if judged else ""
+    return lines
+
+
+def competing(lines: Sequence[Mapping[str, Any] | pd.Series | None]) -> list[bool]:
+    """Which of a group's lines may be the best: those with a value that were scored on all clips that any was."""
+    scored = [one["n"] + one["failed"] if one is not None and one["n"] else 0 for one in lines]
+    return [0 < count == max(scored) for count in scored]
+
+
+def _named(methods: Iterable[str], name: str) -> str:
+    """The first of the methods that has this name, with or without a reading in brackets; empty if none has."""
+    return next((one for one in methods if one == name or one.startswith(f"{name} (")), "")
+
+
+def _shown(error: float) -> float:
+    """The error as displayed, as a number; infinite where there is none, so that it is never the smallest."""
+    return float(displayed(error)) if math.isfinite(error) else math.inf
+
+
+def _line(one: pd.DataFrame) -> dict[str, Any]:
+    values = one.loc[np.isfinite(one["value"]), ["value", "error", "truth"]]
+    errors = values["error"].abs().dropna()
+    first = one.iloc[0]
+    return {
+        **{name: first[name] for name in ("dataset", "phenomenon", "setting", "parameter", "unit", "method")},
+        "truth": _mean(one["truth"]),
+        "n": len(values),
+        "failed": len(one) - len(values),
+        "mean": _mean(values["value"]),
+        "sd": _spread(values["value"]),
+        "mae": _mean(errors),
+        "mae_sd": _spread(errors),
+        "relative_percent": 100 * _mean(errors / values["truth"].abs().replace(0.0, math.nan)),
+    }
+
+
+def _mean(values: pd.Series) -> float:
+    """Mean of what there is; exactly the value where all are equal. NaN where there is none."""
+    known = values.dropna()
+    return float(known.iloc[0] if known.nunique() == 1 else known.mean()) if len(known) else math.nan
+
+
+def _spread(values: pd.Series) -> float:
+    """Sample standard deviation; exactly 0 for equal values, where rounding would leave 1e-17. NaN for fewer than 2."""
+    return 0.0 if len(values) > 1 and values.nunique() == 1 else float(values.std(ddof=1))

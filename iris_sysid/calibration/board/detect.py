@@ -1,0 +1,215 @@
+"""Find the inner corners of a checkerboard or ChArUco board in pictures, to a hundredth of a pixel or with a reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from iris_sysid.calibration.board.board import Board, BoardView, shortest_side
+from iris_sysid.calibration.board.corner_refinement import LARGEST_REACH_PX, Saddles, refine_by_model, refine_by_window
+from iris_sysid.calibration.board.corner_search import Found, check_ends, locate, why_not_found
+from iris_sysid.calibration.board.grid_topology import oriented_grid
+from iris_sysid.calibration.homography import apply_homography, fit_homography, homography_slopes
+from iris_sysid.errors import CalibrationError
+from iris_sysid.types import Array
+
+Picture = str | Path | NDArray[np.uint8]
+
+# Beyond this blur (standard deviation, squares) the edges of neighbouring corners run into one another.
+BLUR_LIMIT_SQUARES = 0.2
+SMALLEST_SQUARE_PX = 6.0
+NOT_SEEN = "no board is seen"
+FEWEST_KEPT = 0.8  # of the corners found
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class BoardSearch:
+    """What was found in several pictures: ``views``, and by name why a picture gave none (``missing``)."""
+
+    views: tuple[BoardView, ...]
+    missing: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "missing", MappingProxyType(dict(self.missing)))
+
+
+def find_board(
+    picture: Picture, board: Board, *, window_px: int | None = None, name: str = "", thorough: bool = True
+) -> BoardView:
+    """Find a board's inner corners in one picture and fit each to the grey levels around it.
+
+    Rough places come from OpenCV's detectors; then a model of a blurred corner is fitted in a window that follows the
+    board's squares, so that it never holds a second corner (see ``_board_corners``). Corners are numbered in the
+    board's own order, the same in every view, by the colour of the squares.
+
+    Parameters
+    ----------
+    picture
+        Path of an image file, or an array: grey (h, w) or BGR (h, w, 3), uint8.
+    board
+        What to look for.
+    window_px
+        Use the classical method instead, with windows of this half side in px, as OpenCV's calibration sample does with
+        11. A window larger than half a square jumps to other corners.
+    name
+        What to call the picture in messages; its file name when not given.
+    thorough
+        Look at every scale, by a slower method too, and say why a board was not found.
+
+    Returns
+    -------
+    BoardView
+        Places, standard errors and blur. A mirrored picture of a plain checkerboard cannot be told from a true one.
+
+    Raises
+    ------
+    CalibrationError
+        When there is no board, only part of one, another one than stated, or it is blurred, too small, or mirrored; the
+        message says what to do.
+    """
+    grey = grey_picture(picture)
+    name = name or (Path(picture).name if isinstance(picture, str | Path) else "the picture")
+    found = locate(grey, board, thorough)
+    if found is None:
+        raise CalibrationError(f"{name}: {why_not_found(grey, board) if thorough else NOT_SEEN}")
+    try:
+        return _refined(grey, found, board, name, window_px)
+    except CalibrationError as error:
+        raise CalibrationError(f"{name}: {error}") from error
+
+
+def find_boards(
+    pictures: Iterable[str | Path] | Mapping[str, NDArray[np.uint8]],
+    board: Board,
+    *,
+    window_px: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> BoardSearch:
+    """Find a board in several pictures; a picture that gives none is named with the reason.
+
+    Parameters
+    ----------
+    pictures
+        Paths of image files, or arrays by name.
+    board
+        What to look for.
+    window_px
+        As :func:`find_board`.
+    progress
+        Called with (pictures done, pictures).
+
+    Returns
+    -------
+    BoardSearch
+        Views in the order of the pictures.
+
+    Raises
+    ------
+    CalibrationError
+        When no picture shows the board; it gives the first picture's reason.
+    """
+    items: list[tuple[str, Picture]] = (
+        list(pictures.items()) if isinstance(pictures, Mapping) else [(Path(one).name, one) for one in pictures]
+    )
+    views, missing = [], {}
+    for done, (name, picture) in enumerate(items, start=1):
+        try:
+            views.append(find_board(picture, board, window_px=window_px, name=name))
+        except CalibrationError as error:
+            missing[name] = str(error)
+        if progress is not None:
+            progress(done, len(items))
+    if not views:
+        first = next(iter(missing.values()), "no picture was given")
+        raise CalibrationError(f"none of {len(items)} pictures shows the board; {first}")
+    return BoardSearch(tuple(views), missing)
+
+
+def grey_picture(picture: Picture) -> NDArray[np.uint8]:
+    """The ``picture`` in grey levels (h, w); CalibrationError for what is no picture."""
+    if isinstance(picture, str | Path):
+        return _read_grey(Path(picture))
+    array = np.asarray(picture)
+    if array.dtype != np.uint8 or array.ndim not in (2, 3) or (array.ndim == 3 and array.shape[2] != 3):
+        raise CalibrationError(
+            f"a picture must be uint8, grey (h, w) or BGR (h, w, 3), not {array.dtype} {array.shape}; convert it first"
+        )
+    grey = array if array.ndim == 2 else cv2.cvtColor(array, cv2.COLOR_BGR2GRAY)
+    if min(grey.shape) < 32:
+        raise CalibrationError(f"a picture of {grey.shape[1]}x{grey.shape[0]} px is too small for a board")
+    return np.ascontiguousarray(grey)
+
+
+def _read_grey(path: Path) -> NDArray[np.uint8]:
+    try:
+        data = np.fromfile(path, dtype=np.uint8)
+    except OSError as error:
+        raise CalibrationError(f"cannot read {path}: {error.strerror or error}") from error
+    picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    if picture is None:
+        raise CalibrationError(f"{path} is no image that can be read; give PNG, JPEG, TIFF or BMP files")
+    return np.asarray(picture, np.uint8)
+
+
+def _refined(grey: NDArray[np.uint8], found: Found, board: Board, name: str, window_px: int | None) -> BoardView:
+    ids, rough_px, oriented = found.ids, found.corners_px, True
+    if board.marker_m is None:
+        grid = rough_px.reshape(board.rows, board.columns, 2)
+        check_ends(grey, rough_px, board)
+        grid, oriented = oriented_grid(grey, grid)
+        rough_px = grid.reshape(-1, 2)
+    points = board.points_m / board.square_m
+    homography, _ = fit_homography(points[ids], rough_px)
+    square_px = shortest_side(apply_homography(homography, points), board)
+    if square_px < SMALLEST_SQUARE_PX:
+        raise CalibrationError(
+            f"the squares are only {square_px:.1f} px wide, {SMALLEST_SQUARE_PX:g} are needed; come closer or use a "
+            "larger board"
+        )
+    if window_px is not None:
+        saddles = _classical(grey, rough_px, window_px)
+    else:
+        sides_px = homography_slopes(homography, points[ids])
+        saddles = refine_by_model(grey, rough_px, sides_px, board.clear_squares)
+    kept = _checked(saddles, square_px)
+    return BoardView(
+        name=name,
+        image_size=(grey.shape[1], grey.shape[0]),
+        ids=ids[kept],
+        corners_px=saddles.xy_px[kept],
+        stderr_px=saddles.stderr_px[kept],
+        square_px=square_px,
+        blur_px=float(np.median(saddles.blur_px[kept])),
+        oriented=oriented,
+    )
+
+
+def _classical(grey: NDArray[np.uint8], rough_px: Array, window_px: int) -> Saddles:
+    if not 1 <= window_px <= min(grey.shape) // 2 - 4:
+        raise CalibrationError(f"a window of {window_px} px to each side does not fit the picture; take e.g. 5")
+    unknown = np.full(len(rough_px), np.nan)
+    return Saddles(refine_by_window(grey, rough_px, window_px), unknown, unknown, unknown)
+
+
+def _checked(saddles: Saddles, square_px: float) -> NDArray[np.bool_]:
+    """Which corners to keep; CalibrationError when the picture is blurred or too many corners are lost."""
+    kept = np.asarray(np.isfinite(saddles.xy_px).all(axis=1))
+    blurs = saddles.blur_px[np.isfinite(saddles.blur_px)]
+    limit_px = BLUR_LIMIT_SQUARES * min(square_px, LARGEST_REACH_PX / 0.42)
+    if blurs.size and np.median(blurs) > limit_px:
+        raise CalibrationError(
+            f"the picture is blurred: edges of the board are {2 * np.median(blurs):.1f} px wide, at most "
+            f"{2 * limit_px:.1f} px can be used with squares of {square_px:.0f} px; hold the board still and focus"
+        )
+    if kept.mean() < FEWEST_KEPT:
+        raise CalibrationError(
+            f"{int((~kept).sum())} of {kept.size} corners cannot be located: part of the board is covered, in glare or "
+            "blurred; show all of it, evenly lit"
+        )
+    return kept

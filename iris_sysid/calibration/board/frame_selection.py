@@ -1,0 +1,162 @@
+"""Choose the frames of a clip from which a camera is calibrated: sharp, all over the picture, none nearly twice."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from iris_sysid.calibration.board.board import Board, BoardView
+from iris_sysid.calibration.board.detect import NOT_SEEN, find_board
+from iris_sysid.errors import CalibrationError
+from iris_sysid.types import Array, Frame, FrameSource
+
+NEARLY_ALIKE = 0.02  # of the picture's diagonal
+SEARCHED_SLOWLY = 4  # frames
+BLURRED_TIMES = 2.0  # the median blur of the sharper half
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ChosenFrames:
+    """Views chosen from a clip, in order of time, and how many frames went which way."""
+
+    views: tuple[BoardView, ...]
+    n_examined: int
+    n_seen: int
+    n_alike: int
+    n_blurred: int
+
+    @property
+    def summary(self) -> str:
+        """One sentence for a user."""
+        return (
+            f"{len(self.views)} frames chosen of {self.n_examined} examined: the board was found in {self.n_seen}, "
+            f"{self.n_blurred} of them were blurred and {self.n_alike} nearly the same as a sharper one"
+        )
+
+
+def choose_frames(
+    video: FrameSource,
+    board: Board,
+    *,
+    count: int = 20,
+    examine: int = 200,
+    progress: Callable[[int, int], None] | None = None,
+) -> ChosenFrames:
+    """Find the board in frames spread over a clip and choose those that say most about the camera.
+
+    Frames whose edges are more than twice as wide as usual are dropped; of frames in which the board lies in nearly
+    the same place, the sharpest stays; of the rest, each next one is that whose outline differs most from all chosen.
+
+    Parameters
+    ----------
+    video
+        The clip.
+    board
+        The board shown in it.
+    count
+        How many frames to choose at most.
+    examine
+        How many frames to look at, spread evenly over the clip.
+    progress
+        Called with (frames decoded, frames expected).
+
+    Returns
+    -------
+    ChosenFrames
+        Views named ``frame 41 (1.367 s)``.
+
+    Raises
+    ------
+    CalibrationError
+        When no frame shows the board; it gives the reason, of a few that were searched more slowly.
+    """
+    if count < 1 or examine < count:
+        raise CalibrationError(f"cannot choose {count} of {examine} frames; examine at least as many as are chosen")
+    found: list[BoardView] = []
+    n_examined, rejected, some = 0, Counter[str](), []
+    for n_examined, frame in enumerate(_spread(video, examine, progress), start=1):
+        view = _view_of(frame, board, rejected)
+        if view is not None:
+            found.append(view)
+        elif not found and n_examined % max(1, examine // SEARCHED_SLOWLY) == 1:
+            some.append(frame)
+    if not found:
+        raise CalibrationError(_why_none(n_examined, rejected, some[:SEARCHED_SLOWLY], board))
+    sharp = _sharp(found)
+    outlines = np.array([view.outline_px(board) for view in sharp])
+    different = _different(sharp, outlines)
+    chosen = _spread_out(outlines[different], count)
+    views = sorted((sharp[different[k]] for k in chosen), key=lambda view: view.t_s or 0.0)
+    n_alike = len(sharp) - len(different)
+    return ChosenFrames(tuple(views), n_examined, len(found), n_alike, len(found) - len(sharp))
+
+
+def _spread(video: FrameSource, examine: int, progress: Callable[[int, int], None] | None) -> Iterator[Frame]:
+    """Every k-th frame, so that about so many come; where the length is unknown, ever fewer as the clip goes on."""
+    every = max(1, math.ceil(video.n_expected / examine))
+    taken = 0
+    for done, frame in enumerate(video.frames()):
+        if done % every == 0:
+            yield frame
+            taken += 1
+            if not video.n_expected and taken == 2 * examine:
+                every, taken = 2 * every, examine
+        if progress is not None:
+            progress(done + 1, video.n_expected)
+
+
+def _view_of(frame: Frame, board: Board, rejected: Counter[str]) -> BoardView | None:
+    name = f"frame {frame.index} ({frame.t_s:.3f} s)"
+    try:
+        return find_board(frame.luma, board, name=name, thorough=False).named(name, frame.t_s)
+    except CalibrationError as error:
+        rejected[str(error).removeprefix(f"{name}: ")] += 1
+        return None
+
+
+def _why_none(n_examined: int, rejected: Counter[str], some: Sequence[Frame], board: Board) -> str:
+    if not n_examined:
+        return "the clip has no frame to look for a board in"
+    reasons = [reason for reason, _ in rejected.most_common() if reason != NOT_SEEN]
+    for frame in some:  # that no board is seen says little: a slow search says what is there instead
+        try:
+            find_board(frame.luma, board, name=f"frame {frame.index}")
+        except CalibrationError as error:
+            reasons.append(str(error))
+    said = next((one for one in reasons if "no checkerboard is seen" not in one), reasons[0])
+    return f"none of {n_examined} frames can be used; {said}"
+
+
+def _sharp(views: list[BoardView]) -> list[BoardView]:
+    """Views that are not much more blurred than the sharper half, sharpest first."""
+    ordered = sorted(views, key=lambda view: view.blur_px)
+    usual = float(np.median([view.blur_px for view in ordered[: math.ceil(len(ordered) / 2)]]))
+    return [view for view in ordered if view.blur_px <= BLURRED_TIMES * usual]
+
+
+def _different(views: list[BoardView], outlines: Array) -> list[int]:
+    """Numbers of the views that are not nearly the same as a sharper one."""
+    limit_px = NEARLY_ALIKE * math.hypot(*views[0].image_size)
+    kept: list[int] = []
+    for k, outline in enumerate(outlines):
+        if all(np.abs(outline - outlines[one]).max() >= limit_px for one in kept):
+            kept.append(k)
+    return kept
+
+
+def _spread_out(outlines: Array, count: int) -> list[int]:
+    """Numbers of the outlines (n, 4, 2) that differ most, beginning with the first (Gonzalez 1985)."""
+    chosen = [0]
+    nearest = _differences(outlines, outlines[0])
+    while len(chosen) < min(count, len(outlines)):
+        chosen.append(int(np.argmax(nearest)))
+        nearest = np.minimum(nearest, _differences(outlines, outlines[chosen[-1]]))
+    return chosen
+
+
+def _differences(outlines: Array, outline: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(np.square(outlines - outline), axis=(1, 2))))

@@ -1,0 +1,304 @@
+"""Calibrate the plane of motion from one picture of a board held in it, or parallel to it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from iris_sysid.calibration.board.board import Board, BoardView
+from iris_sysid.calibration.bundle_adjustment import Points, matrix_of, pose_of, projected, rotation_of
+from iris_sysid.calibration.camera import USUAL_FOCAL, CameraCalibration
+from iris_sysid.calibration.distortion import distort
+from iris_sysid.calibration.homography import apply_homography, fit_homography, homography_sensitivity
+from iris_sysid.calibration.pixel_scale import NO_LENS, STRAIGHT_ON
+from iris_sysid.calibration.plane import UNKNOWN_SCALE, check_image_size, upright, with_scale
+from iris_sysid.errors import CalibrationError
+from iris_sysid.types import Array, Calibration
+
+Up = Literal["picture", "board"]
+
+LENS_CENTRED = "the lens is centred in the picture"
+PARALLEL = "the board is parallel to the plane of motion"
+BOW_DEVIATIONS = 5.0
+GAUSS_NEWTON_STEPS = 30
+
+
+def plane_from_board(
+    view: BoardView,
+    board: Board,
+    camera: CameraCalibration | None = None,
+    *,
+    offset_m: float = 0.0,
+    offset_stderr_m: float = 0.0,
+    distance_m: float | None = None,
+    distance_stderr_m: float = 0.0,
+    up: Up = "picture",
+) -> Calibration:
+    """Calibrate the plane of motion from one picture of a board held in it, or parallel to it.
+
+    With a camera, the board's pose R = [r1 r2 r3], t is fitted, the plane is moved along its normal by the offset, and
+    the map from undistorted px to the board's axes is ``(K [r1 r2 t - offset r3])^-1`` (Zhang 2000, eq. 2). Without
+    one, the homography is fitted to the corners, with k1 of a lens centred in the picture where they show it by five
+    standard errors, and an offset changes the scale about the middle of the picture by
+    ``(distance - offset) / distance``.
+
+    Parameters
+    ----------
+    view
+        The board in the picture.
+    board
+        Its squares, with their standard error.
+    camera
+        The camera that took the picture and the clip; without it, only what one picture shows is corrected.
+    offset_m
+        How far the board is behind the plane of motion, away from the camera; negative in front of it.
+    offset_stderr_m
+        Its standard error.
+    distance_m
+        From the camera to the board; needed with an offset where no camera is given, not used otherwise.
+    distance_stderr_m
+        Its standard error.
+    up
+        ``picture``: z runs up in the picture at the board's middle. ``board``: along the board's edge nearest to that.
+
+    Returns
+    -------
+    Calibration
+        Origin at the middle of the board's inner corners. Its budget has the parts ``corners``, ``camera``,
+        ``square``, ``offset`` and ``distance``.
+
+    Raises
+    ------
+    CalibrationError
+        When the view is of another resolution than the camera, shows too few corners, or an offset cannot be allowed
+        for.
+    """
+    _check_offset(offset_m, offset_stderr_m, distance_m, distance_stderr_m)
+    if camera is not None:
+        check_image_size(camera.image_size, view.image_size)
+        plane = _with_camera(view, board, camera, offset_m, offset_stderr_m)
+    elif (offset_m or offset_stderr_m) and distance_m is None:
+        raise CalibrationError(
+            f"a board {offset_m:g} m off the plane of motion needs the distance from the camera to the board too, or a "
+            "calibrated camera"
+        )
+    else:
+        far = math.inf if distance_m is None else distance_m
+        plane = _without_camera(view, board, (offset_m, offset_stderr_m), (far, distance_stderr_m))
+    return upright(plane, up)
+
+
+def _check_offset(offset_m: float, offset_stderr_m: float, distance_m: float | None, distance_stderr_m: float) -> None:
+    for name, stderr in (("offset", offset_stderr_m), ("distance", distance_stderr_m)):
+        if not 0 <= stderr < math.inf:
+            raise CalibrationError(f"the standard error of the {name} must be zero or above, not {stderr:g} m")
+    if not math.isfinite(offset_m):
+        raise CalibrationError(f"the board's offset from the plane of motion must be a length in m, not {offset_m:g}")
+    if distance_m is not None and not (math.isfinite(distance_m) and distance_m > max(offset_m, 0)):
+        raise CalibrationError(
+            f"with the board {distance_m:g} m from the camera and {offset_m:g} m behind the plane of motion, "
+            "that plane is not in front of the camera; the distance is from the camera to the board"
+        )
+
+
+# --------------------------------------------------------------------------- with a camera
+
+
+def _with_camera(
+    view: BoardView, board: Board, camera: CameraCalibration, offset_m: float, offset_stderr_m: float
+) -> Calibration:
+    points = Points(view.points_m(board), np.asarray(view.corners_px))
+    parameters = camera.parameters
+    pose = pose_of(parameters, points)
+    pixels, by_pose, by_camera = projected(parameters, pose, points.board_m)
+    residual = points.seen_px - pixels
+    inverse = np.linalg.inv(by_pose.T @ by_pose)
+
+    def numbers(change: Array) -> Array:
+        """The 18 numbers after a change of pose (6), camera (9), offset and relative size of the squares."""
+        changed = parameters + change[6:15]
+        behind_m, size = offset_m + change[15], 1 + change[16]
+        return np.append(_homography(pose + change[:6], changed, behind_m, size, board.centre_m), changed)
+
+    if not _in_front(pose, offset_m):
+        raise CalibrationError(
+            f"the board is {np.linalg.norm(pose[3:]):.3g} m away, so a plane {offset_m:g} m in front of it is "
+            "behind the camera; the offset is positive where the board is further away than the motion"
+        )
+    steps = np.concatenate([0.1 * np.sqrt(np.diag(inverse)), 1e-4 * np.abs(parameters[:4]), [1e-4] * 7])
+    slopes = _slopes(numbers, steps)
+    # a change of the camera also moves the fitted pose: implicit function of the normal equations
+    slopes[:, 6:15] -= slopes[:, :6] @ inverse @ by_pose.T @ by_camera
+    variance = _variance(residual, unknowns=6) * camera.clustering
+    distorts = bool(np.any(camera.distortion))
+    return with_scale(
+        Calibration(
+            scale=UNKNOWN_SCALE,
+            homography=numbers(np.zeros(17))[:9].reshape(3, 3),
+            camera_matrix=camera.camera_matrix,
+            distortion=camera.distortion,
+            budget={
+                "corners": variance * slopes[:, :6] @ inverse @ slopes[:, :6].T,
+                "camera": slopes[:, 6:15] @ camera.covariance @ slopes[:, 6:15].T,
+                "square": _squared(board.square_stderr_m / board.square_m * slopes[:, 16]),
+                "offset": _squared(offset_stderr_m * slopes[:, 15]),
+            },
+            image_size=view.image_size,
+            centre_px=_pair(projected(parameters, pose, board.centre_m[None])[0][0]),
+            fixed=("scale", "tilt", "distance", "distortion")[: 4 if distorts else 3],
+            assumed=(() if distorts else (NO_LENS,)) + ((PARALLEL,) if offset_m else ()),
+            rms_px=_rms(residual),
+            source=_source(view, board, offset_m),
+        )
+    )
+
+
+def _homography(pose: Array, parameters: Array, behind_m: float, size: float, centre_m: Array) -> Array:
+    """Undistorted px to metres, z up along the board, origin at its middle: nine entries, the last 1."""
+    axes = rotation_of(pose)
+    place = size * pose[3:] - behind_m * axes[:, 2]
+    to_board = np.array([[1, 0, size * centre_m[0]], [0, -1, size * centre_m[1]], [0, 0, 1]])
+    to_picture = matrix_of(parameters) @ np.column_stack([axes[:, :2], place]) @ to_board
+    homography = np.linalg.inv(to_picture)
+    return np.asarray(homography / homography[2, 2]).ravel()
+
+
+def _in_front(pose: Array, behind_m: float) -> bool:
+    """Whether the plane of motion's middle is in front of the camera."""
+    return bool(pose[5] - behind_m * rotation_of(pose)[2, 2] > 0)
+
+
+def _slopes(function: Callable[[Array], Array], steps: Array) -> Array:
+    """Derivatives (m, k) of a function of k numbers, at zero, by central differences."""
+    columns = [(function(step) - function(-step)) / (2 * step.max()) for step in np.diag(steps)]
+    return np.column_stack(columns)
+
+
+# --------------------------------------------------------------------------- without a camera
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _OneView:
+    """A map of the board to one picture: homography to undistorted px, camera matrix, k1, and what is left (n, 2).
+
+    ``unit`` (9, 9) is the covariance of the homography's first eight entries and of k1 for corners of variance 1.
+    """
+
+    to_picture: Array
+    camera_matrix: Array
+    k1: float
+    residual: Array
+    unit: Array
+
+    @property
+    def lens(self) -> bool:
+        return self.k1 != 0.0
+
+    @property
+    def variance(self) -> float:
+        return _variance(self.residual, unknowns=9 if self.lens else 8)
+
+
+def _without_camera(
+    view: BoardView, board: Board, offset: tuple[float, float], distance: tuple[float, float]
+) -> Calibration:
+    fit = _one_view((view.points_m(board) - board.centre_m) * [1, -1], np.asarray(view.corners_px), view.image_size)
+    middle = fit.camera_matrix[:2, 2]
+
+    def numbers(change: Array) -> Array:
+        """The 18 numbers after a change of nine fitted ones, relative size of the squares, offset and 1/distance."""
+        homography = np.linalg.inv(fit.to_picture + np.append(change[:8], 0.0).reshape(3, 3))
+        nearer = 1 - (offset[0] + change[10]) * (1 / distance[0] + change[11])
+        x, z = apply_homography(homography, middle[None])[0]
+        shrink = np.array([[nearer, 0, (1 - nearer) * x], [0, nearer, (1 - nearer) * z], [0, 0, 1]])
+        homography = np.diag([1 + change[9], 1 + change[9], 1]) @ shrink @ homography
+        camera = np.concatenate([np.diag(fit.camera_matrix)[:2], middle, [fit.k1 + change[8], 0, 0, 0, 0]])
+        return np.append((homography / homography[2, 2]).ravel(), camera)
+
+    steps = 1e-2 * np.sqrt(np.diag(fit.unit))
+    steps[8] = steps[8] or 1e-4
+    slopes = _slopes(numbers, np.append(steps, [1e-4] * 3))
+    inverse_stderr = 0.0 if math.isinf(distance[0]) else distance[1] / distance[0] ** 2
+    values = numbers(np.zeros(12))
+    return with_scale(
+        Calibration(
+            scale=UNKNOWN_SCALE,
+            homography=values[:9].reshape(3, 3),
+            camera_matrix=fit.camera_matrix,
+            distortion=values[13:],
+            budget={
+                "corners": fit.variance * slopes[:, :9] @ fit.unit @ slopes[:, :9].T,
+                "square": _squared(board.square_stderr_m / board.square_m * slopes[:, 9]),
+                "offset": _squared(offset[1] * slopes[:, 10]),
+                "distance": _squared(inverse_stderr * slopes[:, 11]),
+            },
+            image_size=view.image_size,
+            centre_px=_pair(np.mean(view.corners_px, axis=0)),
+            fixed=("scale", "tilt", "distortion (one coefficient)")[: 3 if fit.lens else 2],
+            assumed=(LENS_CENTRED if fit.lens else NO_LENS,) + ((PARALLEL, STRAIGHT_ON) if offset[0] else ()),
+            rms_px=_rms(fit.residual),
+            source=_source(view, board, offset[0]),
+        )
+    )
+
+
+def _one_view(world: Array, seen: Array, image_size: tuple[int, int]) -> _OneView:
+    """Fit a homography, and k1 of a lens centred in the picture where the corners show it beyond doubt."""
+    focal = USUAL_FOCAL * max(image_size)  # only gives k1 its unit
+    camera_matrix = matrix_of(np.array([focal, focal, (image_size[0] - 1) / 2, (image_size[1] - 1) / 2]))
+    to_picture, covariance = fit_homography(world, seen)
+    unit = np.zeros((9, 9))
+    unit[:8, :8] = covariance[:8, :8]
+    plain = _OneView(to_picture, camera_matrix, 0.0, seen - apply_homography(to_picture, world), unit)
+    bowed = _with_lens(world, seen, plain)
+    known = math.sqrt(bowed.variance * bowed.unit[8, 8])
+    return bowed if abs(bowed.k1) > BOW_DEVIATIONS * known else plain
+
+
+def _with_lens(world: Array, seen: Array, start: _OneView) -> _OneView:
+    focal, middle = start.camera_matrix[0, 0], start.camera_matrix[:2, 2]
+    params = np.append(start.to_picture.ravel()[:8], 0.0)
+    for _ in range(GAUSS_NEWTON_STEPS):
+        to_picture = np.append(params[:8], 1.0).reshape(3, 3)
+        flat = (apply_homography(to_picture, world) - middle) / focal
+        distorted, by_point, by_lens = distort(flat, np.array([params[8], 0, 0, 0, 0]))
+        residual = seen - distorted * focal - middle
+        by_entries = by_point @ homography_sensitivity(to_picture, world)[..., :8]
+        slopes = np.concatenate([by_entries, focal * by_lens[..., :1]], axis=2).reshape(-1, 9)
+        size = np.linalg.norm(slopes, axis=0)
+        step = np.linalg.lstsq(slopes / size, residual.ravel(), rcond=None)[0]
+        if np.abs(step).max() < 1e-9:
+            break
+        params = params + step / size
+    unit = np.linalg.inv((slopes / size).T @ (slopes / size)) / np.outer(size, size)
+    return _OneView(to_picture, start.camera_matrix, float(params[8]), residual, unit)
+
+
+def _variance(residual: Array, unknowns: int) -> float:
+    freedom = residual.size - unknowns
+    if freedom < 1:
+        raise CalibrationError(f"{len(residual)} corners are too few to say how well they fit; show more of the board")
+    return float(np.sum(np.square(residual)) / freedom)
+
+
+def _squared(column: Array) -> Array:
+    return np.outer(column, column)
+
+
+def _rms(residual: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(np.square(residual), axis=1))))
+
+
+def _pair(point: Array) -> tuple[float, float]:
+    return float(point[0]), float(point[1])
+
+
+def _source(view: BoardView, board: Board, offset_m: float) -> str:
+    where = "in the plane of motion"
+    if offset_m:
+        where = f"{abs(offset_m):g} m {'behind' if offset_m > 0 else 'in front of'} the plane of motion"
+    return f"{board.label} board of {board.square_m * 1000:g} mm squares {where}, in {view.name}"

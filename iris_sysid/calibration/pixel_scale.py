@@ -1,0 +1,364 @@
+"""How many pixels a metre has, and the one place where pixels become metres and y down becomes z up.
+
+A calibration is a homography from the picture to the plane of motion. A plain scale, a scale bar and the axes of an
+Open Source Physics Tracker file are homographies too, so :func:`to_world` knows one case only.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Protocol
+
+import numpy as np
+
+from iris_sysid.calibration.plane import common_errors, to_plane
+from iris_sysid.errors import CalibrationError
+from iris_sysid.types import N_VALUES, Array, Calibration, Estimate, Quantity, Track, Trajectory
+
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+
+UNSIGNED = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+SIGNED = rf"[-+]?{UNSIGNED}"
+# 640, 640(3), 398.7(5), 640+-3, 640+/-3, 640 ± 3; then a unit
+MEASURED = re.compile(
+    rf"(?P<value>{SIGNED})(?:\((?P<last_digits>[0-9]+\.?[0-9]*)\)|\s*(?:\+-|\+/-|±)\s*(?P<stderr>{UNSIGNED}))?"
+    r"\s*(?P<unit>[^\W\d_]+)"
+)
+BAR_ENDS = re.compile(",".join([rf"\s*({SIGNED})\s*"] * 4))
+
+STRAIGHT_ON = "the camera looks straight at the plane of motion"
+NO_LENS = "the lens does not distort"
+PICTURE_UP = "the vertical is the picture's"
+
+MARK_SIGMA_PX = 1.0  # how well a person points at something
+MEMORY_ERROR = 0.1  # by how much the memory of a place's errors differs from that of its outline's, on the twin
+
+SCALE_HELP = "write it as 640px=1m, 398.7(5)px=100cm or 640+-3px=1m (m, cm or mm)"
+BAR_HELP = "write it as x1,y1,x2,y2=length in px and m, cm or mm, e.g. 272.2,446.1,273.2,47.4=1m"
+
+
+class TrackerAxes(Protocol):
+    """What an Open Source Physics Tracker file says about its axes.
+
+    ``origin_px`` is in our pixels (y down, origin at the centre of pixel (0, 0)); ``angle_rad`` turns the x axis
+    anticlockwise as seen, from right.
+    """
+
+    @property
+    def scale_px_per_m(self) -> float:
+        """Pixels a metre."""
+
+    @property
+    def angle_rad(self) -> float:
+        """Angle of the x axis."""
+
+    @property
+    def origin_px(self) -> tuple[float, float]:
+        """Origin of the axes."""
+
+
+# --------------------------------------------------------------------------- making one
+
+
+def scale(
+    px: float, metres: float, *, px_stderr: float = 0.0, metres_stderr: float = 0.0, source: str = "stated scale"
+) -> Calibration:
+    """Calibrate by a plain scale: ``px`` pixels in the picture are ``metres`` in the plane of motion.
+
+    The relative standard error is ``sqrt((px_stderr/px)^2 + (metres_stderr/metres)^2)`` (GUM, 5.1.6).
+
+    Parameters
+    ----------
+    px
+        Length in the picture, px.
+    metres
+        The same length, m.
+    px_stderr, metres_stderr
+        Their standard errors; 0 where none is stated, and the scale is then ``assumed``.
+    source
+        Where the scale comes from, in words.
+
+    Returns
+    -------
+    Calibration
+        x right, z up, origin at the centre of pixel (0, 0).
+
+    Raises
+    ------
+    CalibrationError
+        When a length is not positive and finite, or not larger than its standard error.
+    """
+    for name, length, stderr, unit in (("px", px, px_stderr, "px"), ("metres", metres, metres_stderr, "m")):
+        _check_length(name, length, stderr, unit)
+    px_per_m = px / metres
+    relative = {"length in px": px_stderr / px, "length in m": metres_stderr / metres}
+    stderr = px_per_m * math.hypot(*relative.values())
+    _check_length("px per m", px_per_m, stderr, "px/m")
+    kind = "direct" if stderr > 0 else "assumed"
+    return Calibration(
+        homography=_turned_homography(px_per_m),
+        scale=Estimate(px_per_m, stderr, "px/m", kind, source),
+        source=source,
+        budget={name: scale_part(_turned_homography(px_per_m), part) for name, part in relative.items() if part},
+        fixed=("scale",),
+        assumed=(STRAIGHT_ON, NO_LENS, PICTURE_UP),
+    )
+
+
+def scale_part(homography: Array, relative_stderr: float) -> Array:
+    """The part (18, 18) of a calibration's covariance that is a ``relative_stderr`` of all lengths.
+
+    ``homography`` (3, 3) is what it maps with.
+    """
+    growth = np.zeros(N_VALUES)
+    growth[:6] = homography[:2].ravel()
+    return relative_stderr**2 * np.outer(growth, growth)
+
+
+def _check_length(name: str, length: float, stderr: float, unit: str) -> None:
+    if not (math.isfinite(length) and length > 0):
+        raise CalibrationError(f"a scale needs a length above zero: {name} = {length:g} {unit}; {SCALE_HELP}")
+    if not (math.isfinite(stderr) and 0 <= stderr < length):
+        raise CalibrationError(
+            f"the standard error of {name} must be at least zero and below the length: {length:g} +- {stderr:g} {unit}"
+        )
+
+
+def scale_bar(
+    point_1: tuple[float, float],
+    point_2: tuple[float, float],
+    length_m: float,
+    *,
+    point_stderr_px: float = 0.5,
+    length_stderr_m: float = 0.0,
+) -> Calibration:
+    """Calibrate by two marked points a known length apart in the plane of motion.
+
+    The distance in px has the standard error ``sqrt(2) point_stderr_px``: each point's error along the bar counts once.
+
+    Parameters
+    ----------
+    point_1, point_2
+        (x, y) of the ends, px.
+    length_m
+        True length between them, m.
+    point_stderr_px
+        Standard error of each marked coordinate, px.
+    length_stderr_m
+        Standard error of the true length, m.
+
+    Returns
+    -------
+    Calibration
+        As :func:`scale`.
+
+    Raises
+    ------
+    CalibrationError
+        When the points are too close together, or the length is not positive and finite.
+    """
+    distance_px = math.dist(point_1, point_2)
+    stderr_px = math.sqrt(2) * point_stderr_px
+    if not distance_px > stderr_px:
+        raise CalibrationError(
+            f"the two ends of the scale bar, {point_1} and {point_2}, are {distance_px:g} px apart, "
+            f"known to {stderr_px:.2g} px; mark two points far apart"
+        )
+    return scale(
+        distance_px,
+        length_m,
+        px_stderr=stderr_px,
+        metres_stderr=length_stderr_m,
+        source=f"scale bar of {length_m:g} m, {distance_px:.1f} px long",
+    )
+
+
+def scale_sides(text: str) -> tuple[float, float, float, float]:
+    """What ``640+-3px=1.00(1)m`` states: length in px, its standard error, length in m, its standard error."""
+    sides = text.split("=")
+    measured = [_measured(side, text, SCALE_HELP) for side in sides]
+    units = [unit for _, _, unit in measured]
+    if len(measured) != 2 or units.count("px") != 1:
+        raise CalibrationError(f"cannot read the scale {text!r}: one side must be in px; {SCALE_HELP}")
+    (px, px_stderr, _), (length, length_stderr, unit) = sorted(measured, key=lambda one: one[2] != "px")
+    return px, px_stderr, *_in_metres(length, length_stderr, unit, text, SCALE_HELP)
+
+
+def scale_from_text(text: str) -> Calibration:
+    """Read ``640px=1m``: pixels on one side, m, cm or mm on the other, each with its standard error when known.
+
+    ``398.7(5)px`` is 398.7 with 0.5 in its last digit; ``640+-3px`` and ``640±3px`` are the same in full. Raises
+    CalibrationError with an example of what is right.
+    """
+    px, px_stderr, metres, metres_stderr = scale_sides(text)
+    return scale(px, metres, px_stderr=px_stderr, metres_stderr=metres_stderr, source=f"stated: {text.strip()}")
+
+
+def scale_bar_from_text(text: str) -> Calibration:
+    """Read ``x1,y1,x2,y2=0.84m``: the ends of a scale bar in px, and its length in m, cm or mm, e.g. ``84.0(5)cm``.
+
+    Raises CalibrationError with an example of what is right.
+    """
+    ends, _, length_text = text.partition("=")
+    points = BAR_ENDS.fullmatch(ends)
+    if points is None:
+        raise CalibrationError(f"cannot read the scale bar {text!r}; {BAR_HELP}")
+    length_m, stderr_m = _in_metres(*_measured(length_text, text, BAR_HELP), text, BAR_HELP)
+    x1, y1, x2, y2 = (float(one) for one in points.groups())
+    return scale_bar((x1, y1), (x2, y2), length_m, length_stderr_m=stderr_m)
+
+
+def _measured(part: str, text: str, remedy: str) -> tuple[float, float, str]:
+    """Value, standard error (0 when not stated) and unit of one side of a scale."""
+    match = MEASURED.fullmatch(part.strip())
+    if match is None:
+        comma = "; decimals are written with a point" if re.search(r"[0-9],[0-9]", part) else ""
+        raise CalibrationError(f"cannot read {part.strip()!r} in the scale {text!r}{comma}; {remedy}")
+    if match["unit"] not in ("px", *METRES):
+        raise CalibrationError(f"the scale {text!r} has the unit {match['unit']!r}; {remedy}")
+    return float(match["value"]), _stated_stderr(match), match["unit"]
+
+
+def _stated_stderr(match: re.Match[str]) -> float:
+    digits = match["last_digits"]
+    if digits is None:
+        return float(match["stderr"] or 0.0)
+    if "." in digits:
+        return float(digits)
+    mantissa, _, exponent = match["value"].lower().partition("e")
+    decimals = len(mantissa.partition(".")[2])
+    return float(f"{digits}e{int(exponent or 0) - decimals}")
+
+
+def _in_metres(length: float, stderr: float, unit: str, text: str, remedy: str) -> tuple[float, float]:
+    if unit not in METRES:
+        raise CalibrationError(f"the scale {text!r} has no length in m, cm or mm; {remedy}")
+    return length * METRES[unit], stderr * METRES[unit]
+
+
+def from_osp(project: TrackerAxes) -> Calibration:
+    """Take scale, origin and direction of the axes from an Open Source Physics Tracker file (read by ``read_osp``).
+
+    The file does not say how well its scale is known: the standard error is 0 and the scale ``assumed``.
+    """
+    px_per_m, angle_rad = float(project.scale_px_per_m), float(project.angle_rad)
+    if not (math.isfinite(px_per_m) and px_per_m > 0):
+        raise CalibrationError(
+            f"the Tracker file fixes no length (its scale is {px_per_m:g} px/m): put a calibration stick or tape on it "
+            "in Tracker, or give --scale instead"
+        )
+    source = "axes of an Open Source Physics Tracker file"
+    if angle_rad:
+        source += f", turned by {math.degrees(angle_rad):.3g} degrees"
+    homography = _turned_homography(px_per_m, angle_rad, project.origin_px)
+    estimate = Estimate(px_per_m, 0.0, "px/m", "assumed", source)
+    assumed = (STRAIGHT_ON, NO_LENS, "the vertical is that of the file's axes")
+    return Calibration(homography, estimate, "m", source, fixed=("scale",), assumed=assumed)
+
+
+def uncalibrated() -> Calibration:
+    """No scale is known: the world is in px, z up. Angles and times are right all the same."""
+    source = "no scale was given: lengths are in px"
+    estimate = Estimate(1.0, 0.0, "px/px", "assumed", source)
+    return Calibration(_turned_homography(1.0), estimate, "px", source, assumed=(STRAIGHT_ON, NO_LENS, PICTURE_UP))
+
+
+def _turned_homography(
+    px_per_unit: float, angle_rad: float = 0.0, origin_px: tuple[float, float] = (0.0, 0.0)
+) -> Array:
+    """Similarity from px (y down) to the world (z up) whose x axis is turned anticlockwise as seen."""
+    cos, sin = math.cos(angle_rad) / px_per_unit, math.sin(angle_rad) / px_per_unit
+    linear = np.array([[cos, -sin], [-sin, -cos]])
+    homography = np.eye(3)
+    homography[:2, :2] = linear
+    homography[:2, 2] = 0.0 - linear @ np.asarray(origin_px, dtype=np.float64)  # 0.0 -: no negative zero
+    return homography
+
+
+# --------------------------------------------------------------------------- using one
+
+
+def to_world(track: Track, calibration: Calibration, *, body: int | None = None) -> Trajectory:
+    """Map a track from pixels, y down, to the plane of motion, z up.
+
+    Pixels are undistorted and then mapped: with ``(u, v, w) = H (x, y, 1)``, ``x = u/w`` and ``z = v/w`` (Hartley and
+    Zisserman 2004, eq. 2.5). Standard errors of the samples go through the Jacobian of this map (eq. 5.10); what x
+    and z then have in common is left out. The calibration's own errors (scale, tilt, lens, offset) are common to all
+    samples: they are not in ``sigma`` but, by source, in ``systematic``.
+
+    Parameters
+    ----------
+    track
+        One body, px and s.
+    calibration
+        Pixels to metres, or to px with z up where no scale is known.
+    body
+        Number to put behind the names, ``x1`` and ``z1``; ``x`` and ``z`` when not given.
+
+    Returns
+    -------
+    Trajectory
+        Quantities x and z in ``calibration.unit``; gaps are NaN and not valid; ``systematic`` holds the calibration's
+        errors as ``calibration: corners`` and so on; ``origin`` names the body, the
+        calibration and, where no frame was left out, the number of the first frame in the file.
+
+    Raises
+    ------
+    CalibrationError
+        When the homography has no inverse, or a sample lies beyond the lens model or the horizon of the plane.
+    """
+    check_homography(calibration.homography)
+    xy_px = np.where(track.valid[:, None], track.xy_px, np.nan)
+    position, by_px, by_calibration = to_plane(calibration, xy_px)
+    sigma_px = np.broadcast_to(track.sigma_px[:, None, :], by_px.shape)
+    # where= : a coordinate that does not matter adds nothing, even if its error is not known
+    parts = np.multiply(by_px, sigma_px, out=np.zeros_like(by_px), where=by_px != 0)
+    ending = "" if body is None else str(body)
+    quantities = tuple(
+        Quantity(f"{name}{ending}", calibration.unit, f"{name}_{{{ending}}}" if ending else name) for name in "xz"
+    )
+    changes = common_errors(calibration, xy_px) if track.n_valid else {}
+    return Trajectory(
+        t_s=track.t_s,
+        quantities=quantities,
+        position=position,
+        sigma=np.sqrt(np.square(parts).sum(axis=2)),
+        valid=track.valid,
+        geometry={**({"scale": calibration.scale} if calibration.unit == "m" else {}), **_error_memory(track)},
+        origin={**track.origin, **_first_frame(track), "body": track.body, "calibration": calibration.source},
+        systematic={
+            common_source(name): np.moveaxis(by_calibration @ change.T, 2, 0) for name, change in changes.items()
+        },
+    )
+
+
+def common_source(name: str) -> str:
+    """What the part ``name`` of a calibration's budget is called among the errors of a trajectory or a fit."""
+    return f"calibration: {name}"
+
+
+def check_homography(homography: Array) -> None:
+    """CalibrationError when a ``homography`` (3, 3) has no inverse."""
+    # 1e-12: a homography of rank 2 has a condition number of 1e16, one of a tilted camera below 1e9
+    if not np.all(np.isfinite(homography)) or 1 / np.linalg.cond(homography) < 1e-12:
+        raise CalibrationError("the calibration's homography has no inverse, so it maps the picture on a line; redo it")
+
+
+def _error_memory(track: Track) -> dict[str, Estimate]:
+    """How long the tracker says that errors of the place last, for fits too short to see it in their residual."""
+    stated = zip(("one frame", "two frames"), track.origin.get("error_memory", ()), strict=False)
+    return {
+        f"error_memory_{order}": Estimate(
+            value,
+            float(np.hypot(stderr, MEMORY_ERROR)),
+            "1",
+            "derived",
+            f"partial autocorrelation of the outline's errors, {apart} apart",
+        )
+        for order, (apart, (value, stderr)) in enumerate(stated, start=1)
+    }
+
+
+def _first_frame(track: Track) -> dict[str, int]:
+    return {"first_frame": int(track.frame[0])} if np.all(np.diff(track.frame) == 1) else {}

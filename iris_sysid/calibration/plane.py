@@ -1,0 +1,376 @@
+"""The plane of motion as a camera sees it: pixels to metres and back, with the errors that all samples share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from iris_sysid.calibration.distortion import distort, undistort_px
+from iris_sysid.calibration.homography import apply_homography, homography_sensitivity, homography_slopes
+from iris_sysid.errors import CalibrationError
+from iris_sysid.types import N_VALUES, Array, Calibration, Estimate
+
+STEP = 1e-2  # of a standard error: well within where the map is straight
+UNKNOWN_SCALE = Estimate(math.nan, math.nan, "px/m")
+NEGLIGIBLE = 1e-3  # of the largest pattern of a source: adds 1e-6 to its variance
+
+
+def with_scale(calibration: Calibration) -> Calibration:
+    """The ``calibration`` with the scale, and its standard error, that it has at its ``centre_px``."""
+    return replace(calibration, scale=local_scale(calibration, calibration.centre_px))
+
+
+def to_plane(calibration: Calibration, xy_px: Array) -> tuple[Array, Array, Array]:
+    """Map pixels to the plane of motion, with the derivatives through which errors go.
+
+    The random error of a sample is ``A diag(sigma_px^2) A'`` with A = ``by_px``; the error that samples i and j have in
+    common is ``B_i C B_j'`` with B = ``by_calibration`` and C = ``calibration.covariance`` (GUM, 5.2.2).
+
+    Parameters
+    ----------
+    calibration
+        Of the plane.
+    xy_px
+        Pixels (n, 2), y down, origin at the centre of pixel (0, 0); NaN stays NaN.
+
+    Returns
+    -------
+    position_m
+        (n, 2): x right, z up.
+    by_px
+        Derivatives (n, 2, 2).
+    by_calibration
+        Derivatives (n, 2, 18) by ``calibration.values``.
+
+    Raises
+    ------
+    CalibrationError
+        When a pixel lies beyond the lens model or beyond the plane's horizon.
+    """
+    undistorted, by_px, by_camera = undistort_px(xy_px, calibration.camera_matrix, calibration.distortion)
+    homography = calibration.homography
+    depth = (undistorted @ homography[2, :2] + homography[2, 2]) * _depth_sign(calibration)
+    if np.any(depth <= 0):
+        x, y = xy_px[np.argmax(depth <= 0)]
+        raise CalibrationError(
+            f"pixel ({x:.1f}, {y:.1f}) lies beyond the horizon of the calibrated plane; does the calibration belong to "
+            "this clip and this plane?"
+        )
+    slopes = homography_slopes(homography, undistorted)
+    by_calibration = np.concatenate([homography_sensitivity(homography, undistorted), slopes @ by_camera], axis=2)
+    return apply_homography(homography, undistorted), slopes @ by_px, by_calibration
+
+
+def _depth_sign(calibration: Calibration) -> float:
+    centre = undistort_px(np.array([calibration.centre_px]), calibration.camera_matrix, calibration.distortion)[0][0]
+    return float(np.sign(calibration.homography[2, :2] @ centre + calibration.homography[2, 2]))
+
+
+def to_pixels(calibration: Calibration, position_m: Array) -> Array:
+    """Pixels (n, 2) at which the camera sees points ``position_m`` (n, 2) of the plane, x right, z up."""
+    undistorted = apply_homography(np.asarray(np.linalg.inv(calibration.homography)), position_m)
+    matrix = calibration.camera_matrix
+    focal, centre = np.diag(matrix)[:2], matrix[:2, 2]
+    return distort((undistorted - centre) / focal, calibration.distortion)[0] * focal + centre
+
+
+def common_errors(calibration: Calibration, xy_px: Array) -> dict[str, Array]:
+    """What can be wrong with a calibration, as independent changes of its numbers, as far as it shows at some pixels.
+
+    Parameters
+    ----------
+    calibration
+        Of the plane.
+    xy_px
+        Pixels (n, 2); NaN is passed over.
+
+    Returns
+    -------
+    dict
+        By source of its budget: changes (r, 18) of ``calibration.values`` by one standard error each. To first order
+        the covariance of positions is the sum of the outer products of what they do to them (GUM, 5.2.2).
+    """
+    seen = xy_px[np.isfinite(xy_px).all(axis=1)]
+    sensitivity = to_plane(calibration, seen)[2].reshape(-1, N_VALUES)
+    normal = sensitivity.T @ sensitivity
+    found = {}
+    for source, part in calibration.budget.items():
+        root = _root(part)
+        squares, turns = np.linalg.eigh(root.T @ normal @ root)
+        shown = squares > max(NEGLIGIBLE**2 * squares.max(initial=0.0), np.finfo(np.float64).tiny)
+        if shown.any():
+            found[source] = (root @ turns[:, shown]).T[::-1]
+    return found
+
+
+def changed(calibration: Calibration, change: Array) -> Calibration:
+    """The ``calibration`` with its numbers changed by ``change`` (18,), without a budget."""
+    values = calibration.values + change
+    fx, fy, cx, cy = values[9:13]
+    return replace(
+        calibration,
+        homography=values[:9].reshape(3, 3),
+        camera_matrix=np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]),
+        distortion=values[13:],
+        budget={},
+    )
+
+
+# --------------------------------------------------------------------------- at one place
+
+
+def local_scale(calibration: Calibration, at_px: tuple[float, float]) -> Estimate:
+    """Pixels a metre at a place ``at_px`` of the picture, as the mean of all directions: ``|det A|^(-1/2)``.
+
+    Its standard error is common to all samples; it is ``assumed`` where nothing says how well it is known.
+    """
+    value, stderr = (float(part[0]) for part in _geometry(calibration, at_px))
+    return Estimate(value, stderr, "px/m", "direct" if stderr > 0 else "assumed", calibration.source)
+
+
+def local_geometry(calibration: Calibration, at_px: tuple[float, float]) -> dict[str, Estimate]:
+    """Scale and its departures at a place ``at_px`` of the picture, each with the error common to all samples.
+
+    ``stretch`` is the ratio of the scales along the picture's x and y, ``shear_rad`` how far the picture's right angle
+    is off a right angle in the plane, ``turn_rad`` how far the picture's up is turned clockwise from z.
+    """
+    values, stderrs = _geometry(calibration, at_px)
+    names = (("scale", "px/m"), ("stretch", "1"), ("shear_rad", "rad"), ("turn_rad", "rad"))
+    return {
+        name: Estimate(float(value), float(stderr), unit, "direct" if stderr > 0 else "assumed", calibration.source)
+        for (name, unit), value, stderr in zip(names, values, stderrs, strict=True)
+    }
+
+
+def _geometry(calibration: Calibration, at_px: tuple[float, float]) -> tuple[Array, Array]:
+    """Scale, stretch, shear and turn (4,) at a place, and their standard errors (4,).
+
+    The errors come from steps along each axis of the calibration's covariance.
+    """
+    values = calibration.values
+    variance = np.zeros(4)
+    for direction in _root(calibration.covariance).T:
+        step = STEP * direction
+        variance += np.square((_geometry_of(values + step, at_px) - _geometry_of(values - step, at_px)) / (2 * STEP))
+    return _geometry_of(values, at_px), np.sqrt(variance)
+
+
+def _root(covariance: Array) -> Array:
+    """R (18, r) with R R' = covariance, whose entries may be of very unequal size."""
+    size = np.sqrt(np.maximum(np.diag(covariance), 0))
+    known = size > 0
+    lengths, directions = np.linalg.eigh(covariance[np.ix_(known, known)] / np.outer(size[known], size[known]))
+    root = np.zeros((N_VALUES, int(known.sum())))
+    root[known] = size[known, None] * directions * np.sqrt(np.maximum(lengths, 0))
+    return root
+
+
+def _geometry_of(values: Array, at_px: tuple[float, float]) -> Array:
+    fx, fy, cx, cy = values[9:13]
+    matrix = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
+    undistorted, by_px, _ = undistort_px(np.array([at_px], dtype=np.float64), matrix, values[13:])
+    slopes = homography_slopes(values[:9].reshape(3, 3), undistorted)[0] @ by_px[0]
+    (xx, xy), (zx, zy) = slopes
+    along_x, along_y = math.atan2(zx, xx), math.atan2(-zy, -xy)
+    return np.array(
+        [
+            abs(xx * zy - xy * zx) ** -0.5,
+            math.hypot(xy, zy) / math.hypot(xx, zx),
+            math.remainder(along_y - along_x - math.pi / 2, 2 * math.pi),
+            math.remainder(math.pi / 2 - along_y, 2 * math.pi),
+        ]
+    )
+
+
+# --------------------------------------------------------------------------- which way is up
+
+
+def with_plumb_line(
+    calibration: Calibration,
+    top_px: tuple[float, float],
+    bottom_px: tuple[float, float],
+    *,
+    point_stderr_px: float = 0.5,
+) -> Calibration:
+    """Turn the world's axes so that z runs along a plumb line that hangs in the plane of motion.
+
+    Parameters
+    ----------
+    calibration
+        Of the plane.
+    top_px, bottom_px
+        Two points of the plumb line, px.
+    point_stderr_px
+        Standard error of each marked coordinate, px.
+
+    Returns
+    -------
+    Calibration
+        Its budget has the part ``vertical``, the angle's error.
+
+    Raises
+    ------
+    CalibrationError
+        When the two points are too close together to give a direction.
+    """
+    distance_px = math.dist(top_px, bottom_px)
+    angle_stderr = math.sqrt(2) * point_stderr_px / distance_px if distance_px else math.inf
+    if not angle_stderr < 0.1:
+        raise CalibrationError(
+            f"the ends of the plumb line, {top_px} and {bottom_px}, are {distance_px:.1f} px apart, which gives its "
+            "direction to no better than 6 degrees; mark them further apart"
+        )
+
+    def angle_of(values: Array) -> float:
+        top, bottom = places(values, np.array([top_px, bottom_px], dtype=np.float64))
+        return math.atan2(*(top - bottom))
+
+    return with_vertical(calibration, angle_of, angle_stderr, "the vertical, by a plumb line")
+
+
+def with_vertical(
+    calibration: Calibration, angle_of: Callable[[Array], float], angle_stderr: float, said: str
+) -> Calibration:
+    """Turn the world's axes by a measured angle.
+
+    Parameters
+    ----------
+    calibration
+        Of the plane.
+    angle_of
+        By how much to turn the world anticlockwise, rad, from the 18 numbers of a calibration: the errors of these
+        follow it.
+    angle_stderr
+        Standard error of the angle by its own measurement, rad.
+    said
+        What fixed the vertical, in words.
+
+    Returns
+    -------
+    Calibration
+        Its budget has the part ``vertical``.
+    """
+    turned = _turned_by(calibration, angle_of)
+    spin = _spin(turned.homography)
+    return replace(
+        turned,
+        budget={**turned.budget, "vertical": angle_stderr**2 * np.outer(spin, spin)},
+        fixed=(*(one for one in calibration.fixed if not one.startswith("the vertical")), said),
+        assumed=tuple(one for one in calibration.assumed if not one.startswith("the vertical")),
+    )
+
+
+def with_assumed_vertical(calibration: Calibration, angle_stderr: float) -> Calibration:
+    """Add to a calibration's budget how far its assumed vertical may be off.
+
+    Parameters
+    ----------
+    calibration
+        Of the plane.
+    angle_stderr
+        Standard uncertainty of the direction, rad.
+
+    Returns
+    -------
+    Calibration
+        Its budget has the part ``assumed vertical``; as it was where the vertical was measured.
+    """
+    if "vertical" in calibration.budget:
+        return calibration
+    spin = _spin(calibration.homography)
+    part = angle_stderr**2 * np.outer(spin, spin)
+    return replace(calibration, budget={**calibration.budget, "assumed vertical": part})
+
+
+def vertical_stderr(calibration: Calibration, source: str) -> float:
+    """Standard error, rad, of the vertical: that part of its budget, ``vertical`` or ``assumed vertical``."""
+    spin = _spin(calibration.homography)
+    return math.sqrt(float(np.trace(calibration.budget[source])) / float(spin @ spin))
+
+
+def turned(calibration: Calibration, angle: float) -> Calibration:
+    """The ``calibration`` with its world turned anticlockwise by an ``angle``, rad."""
+    return _turned_by(calibration, lambda _: angle)
+
+
+def upright(calibration: Calibration, up: Literal["picture", "board"]) -> Calibration:
+    """Turn the world so that z is up at ``centre_px``, where the ``calibration`` was made.
+
+    ``up``: ``picture`` takes what is up in the picture there, ``board`` the axis of the world nearest to that.
+    """
+    quarter = math.pi / 2
+
+    def by_picture(values: Array) -> float:
+        return float(_geometry_of(values, calibration.centre_px)[3])
+
+    nearest = round(by_picture(calibration.values) / quarter) * quarter
+    said = "the vertical is the picture's" if up == "picture" else "the vertical is the board's edge"
+    turned = _turned_by(calibration, by_picture if up == "picture" else lambda _: nearest)
+    return replace(turned, assumed=(*calibration.assumed, said))
+
+
+def _turned_by(calibration: Calibration, angle_of: Callable[[Array], float]) -> Calibration:
+    """Turn the world anticlockwise by an angle that follows from the calibration's own numbers, errors included."""
+    values = calibration.values
+    angle = angle_of(values)
+    cos, sin = math.cos(angle), math.sin(angle)
+    homography = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]]) @ calibration.homography
+    change = np.eye(N_VALUES)
+    change[:9, :9] = np.kron([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]], np.eye(3))
+    steps = STEP * np.sqrt(np.maximum(np.diag(calibration.covariance), 0))
+    slopes = [
+        math.remainder(angle_of(values + step) - angle_of(values - step), 2 * math.pi) / (2 * step.sum())
+        if step.any()
+        else 0.0
+        for step in np.diag(steps)
+    ]
+    change += np.outer(_spin(homography), slopes)
+    return replace(
+        calibration,
+        homography=homography,
+        budget={name: change @ part @ change.T for name, part in calibration.budget.items()},
+    )
+
+
+def _spin(homography: Array) -> Array:
+    """Change (18,) of a calibration's numbers for each radian that its world turns anticlockwise."""
+    out = np.zeros(N_VALUES)
+    out[:3], out[3:6] = -homography[1], homography[0]
+    return out
+
+
+def places(values: Array, xy_px: Array) -> Array:
+    """Places (n, 2) in the world of pixels, by the 18 numbers of a calibration."""
+    fx, fy, cx, cy = values[9:13]
+    undistorted = undistort_px(xy_px, np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]), values[13:])[0]
+    return apply_homography(values[:9].reshape(3, 3), undistorted)
+
+
+# --------------------------------------------------------------------------- does it belong to the clip
+
+
+def check_image_size(calibrated: tuple[int, int] | None, clip: tuple[int, int]) -> None:
+    """Refuse a calibration made at another resolution or crop than the clip's; sizes are (width, height) px.
+
+    ``calibrated`` None stands for a calibration that was not made from pictures. Raises CalibrationError.
+    """
+    if calibrated is None or tuple(calibrated) == tuple(clip):
+        return
+    (width, height), (clip_width, clip_height) = calibrated, clip
+    sizes = f"the calibration was made from pictures of {width}x{height} px, the clip is {clip_width}x{clip_height} px"
+    if (clip_height, clip_width) == (width, height):
+        raise CalibrationError(f"{sizes}: one of them is turned by 90 degrees; calibrate with the camera held alike")
+    if abs(clip_width * height - clip_height * width) <= max(width, height, clip_width, clip_height):
+        raise CalibrationError(
+            f"{sizes}, of the same shape: a camera often uses another part of its sensor at another resolution; "
+            f"calibrate at {clip_width}x{clip_height} px, or, if the pictures were only resized, calibrate with "
+            f"--camera and --resized {clip_width}x{clip_height}"
+        )
+    raise CalibrationError(
+        f"{sizes}, of another shape: the pictures were cropped; calibrate at {clip_width}x{clip_height} px, or, where "
+        "the place of the crop is known, with --camera and --cropped x,y,w,h"
+    )

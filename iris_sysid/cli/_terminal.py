@@ -1,0 +1,108 @@
+"""What the commands say to a terminal: results to stdout, progress and complaints to stderr."""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from iris_sysid.errors import IrisError, OutputError
+
+if TYPE_CHECKING:
+    from iris_sysid.types import FitResult, Trajectory
+
+
+def check_outputs(source: Path, paths: Sequence[Path | None], *, overwrite: bool) -> None:
+    """Raise OutputError before any work when a result could not be written, or would replace its own source.
+
+    Parameters
+    ----------
+    source
+        What the command reads.
+    paths
+        What it will write; None is passed over.
+    overwrite
+        Whether files that exist may be replaced, the source excepted.
+    """
+    from iris_sysid.io.files import check_writable
+
+    taken = {source.resolve(): "it is what is read"}
+    for path in filter(None, paths):
+        target = check_writable(path, overwrite=overwrite)
+        if target in taken:
+            raise OutputError(f"cannot write {path}: {taken[target]}; give another name")
+        taken[target] = "two results would go there"
+
+
+def check_suffix(path: Path | None, suffix: str) -> None:
+    """Raise OutputError when a result is asked for under a name that hides its format; None is passed over."""
+    if path is not None and path.suffix.lower() != suffix:
+        raise OutputError(f"cannot write {path}: it will be a {suffix} file; end its name with {suffix}")
+
+
+def show_fit(fit: FitResult, trajectory: Trajectory, json: bool) -> None:
+    """Print a fit to stdout: as fit.json, or as a small table.
+
+    Parameters
+    ----------
+    fit
+        The result.
+    trajectory
+        What was fitted.
+    json
+        Print what fit.json holds.
+    """
+    from iris_sysid.io import json_documents
+    from iris_sysid.report import text as wording
+
+    typer.echo(json_documents.fit_json(fit, trajectory).rstrip("\n") if json else wording.estimates_text(fit))
+
+
+def exit_unless_ok(fit: FitResult) -> None:
+    """Raise IrisError when a fit has no estimates; warn on stderr when they come with a reservation."""
+    if not fit.usable:
+        raise IrisError(f"the fit failed ({fit.status}): {fit.message}")
+    if not fit.ok:
+        typer.echo(f"warning: {fit.status}: {fit.message}", err=True)
+
+
+def print_rows(rows: list[dict[str, Any]], json: bool) -> None:
+    """Print rows of the same keys to stdout, in columns or as JSON."""
+    if json:
+        from iris_sysid.io.files import json_text
+
+        typer.echo(json_text(rows).rstrip("\n"))
+        return
+    widths = {key: max(len(str(row[key])) for row in rows) for key in rows[0]} if rows else {}
+    for row in rows:
+        typer.echo("  ".join(f"{value!s:<{widths[key]}}" for key, value in row.items()).rstrip())
+
+
+@contextmanager
+def progress(what: str) -> Iterator[Callable[[int, int], None]]:
+    """Show a bar on stderr while work goes on, when stderr is a terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, expected: bar.update(task, completed=done, total=expected or None)
+
+
+def one_line(text: str) -> str:
+    """The text on one line, control characters (a file may be named with them) shown as escapes."""
+    return "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
+
+
+def replace_unprintable() -> None:
+    """Write ``?`` for what the terminal's encoding lacks (± in ASCII) rather than stop."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")

@@ -1,0 +1,337 @@
+"""Read tracks and trajectories from CSV files, typed by hand or written by :mod:`iris_sysid.io.csv_write`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, cast, get_args
+
+import numpy as np
+
+from iris_sysid.errors import DataError
+from iris_sysid.io.csv_cells import Sheet, read_sheet
+from iris_sysid.io.csv_columns import Column, Key, covariance_columns, parse_column, rate_of
+from iris_sysid.io.dataframes import OPTIONAL_TRACK_COLUMNS, segment_labels
+from iris_sysid.io.files import origin_of, sha256_of
+from iris_sysid.io.json_documents import read_document
+from iris_sysid.io.schemas import OriginDocument, number
+from iris_sysid.types import TRACK_SIGMAS, Array, Mask, Quantity, Segment, SegmentLabel, Smoothed, Track, Trajectory
+
+TRACK_COLUMNS = (
+    "frame",
+    "t_s",
+    "body",
+    "x_px",
+    "y_px",
+    "sigma_x_px",
+    "sigma_y_px",
+    "radius_px",
+    "angle_rad",
+    "intensity",
+    "valid",
+    "area_px",
+    "hand",
+    *TRACK_SIGMAS,
+)
+SPECIAL_COLUMNS = ("t_s", "valid", "segment")
+
+
+def side_car_of(path: str | Path) -> Path:
+    """The file beside the table ``path`` that holds what a CSV cannot say."""
+    return Path(f"{path}.origin.json")
+
+
+def _read_beside(path: str | Path) -> tuple[OriginDocument | None, dict[str, Any]]:
+    """What stands beside the table, if anything, and the origin of the table."""
+    if not side_car_of(path).exists():
+        return None, origin_of(path, {})
+    try:
+        document = read_document(side_car_of(path), OriginDocument)
+    except DataError as error:
+        raise DataError(f"{error}; delete that file to read the table without it") from error
+    edited = {} if document.table_sha256 == sha256_of(path) else {"edited": True}
+    return document, {**document.origin, **edited}
+
+
+def _times(sheet: Sheet, rows: Sequence[int] | None = None) -> Array:
+    """Times (n,), increasing; of the given rows only, where only these belong together."""
+    times = sheet.numbers("t_s", gaps=False)
+    rows = range(times.size) if rows is None else rows
+    late = np.flatnonzero(np.diff(times[list(rows)]) <= 0)
+    if late.size:
+        before, row = rows[late[0]], rows[late[0] + 1]
+        problem = f"is not later than {float(times[before])!r} in line {sheet.lines[before]}"
+        sheet.refuse("t_s", row, f"{problem}; sort the rows by time, without duplicates")
+    return times[list(rows)]
+
+
+def _require(sheet: Sheet, columns: Sequence[str], example: str) -> None:
+    missing = [name for name in columns if name not in sheet]
+    if missing:
+        have = ", ".join(list(sheet.columns)[:12])
+        raise DataError(f"{sheet.label:.200} has no column {missing[0]}; it has {have:.300}; {example}")
+
+
+# --------------------------------------------------------------------------- tracks
+
+
+def read_track(path: str | Path) -> list[Track]:
+    """Read ``track.csv``, or any CSV with at least ``t_s,x_px,y_px``, into one Track a body, in order of appearance.
+
+    ``body`` is ``1`` and ``frame`` counts the times when these columns are absent; a sample without a position is a
+    gap, and so is one whose ``valid`` is 0. Raises DataError that names line, column and cell.
+    """
+    sheet = read_sheet(path)
+    _require(sheet, ("t_s", "x_px", "y_px"), "a track has t_s in s, and x_px and y_px, y down")
+    unknown = [name for name in sheet.columns if name not in TRACK_COLUMNS]
+    if unknown:
+        raise DataError(
+            f"{sheet.label}: a track has no column {unknown[0]!r:.60}; it may have {', '.join(TRACK_COLUMNS)}"
+        )
+    document, origin = _read_beside(path)
+    columns = _track_columns(sheet)
+    bodies: dict[str, list[int]] = {}
+    for row, body in enumerate(sheet.columns.get("body", ["1"] * len(sheet.lines))):
+        if not body.strip():
+            sheet.refuse("body", row, "is blank; give the name of the body")
+        bodies.setdefault(body, []).append(row)
+    origins = {body: {**origin, **(document.bodies.get(body, {}) if document else {})} for body in bodies}
+    return [_track(sheet, columns, body, rows, origins[body]) for body, rows in bodies.items()]
+
+
+def _track_columns(sheet: Sheet) -> dict[str, Any]:
+    """Every column that holds numbers, as an array over all rows."""
+    times = sheet.numbers("t_s", gaps=False)
+    columns: dict[str, Any] = {name: sheet.numbers(name) for name in ("x_px", "y_px")}
+    columns |= {name: sheet.numbers(name) for name in ("angle_rad", "intensity") if name in sheet}
+    for name in ("sigma_x_px", "sigma_y_px", "radius_px", "area_px", *TRACK_SIGMAS):
+        if name in sheet:
+            columns[name] = sheet.amounts(name)
+    columns["frame"] = (
+        sheet.whole_numbers("frame") if "frame" in sheet else np.unique(times, return_inverse=True)[1].astype(np.int64)
+    )
+    columns["valid"] = _valid(sheet, {name: columns[name] for name in ("x_px", "y_px")})
+    if "hand" in sheet:
+        columns["hand"] = sheet.flags("hand")
+    return columns
+
+
+def _track(sheet: Sheet, columns: Mapping[str, Any], body: str, rows: list[int], origin: Mapping[str, Any]) -> Track:
+    own = {name: values[rows] for name, values in columns.items()}
+    unknown = np.full(len(rows), np.nan)
+    optional = {name: own[name] for name in OPTIONAL_TRACK_COLUMNS if name in own and not np.isnan(own[name]).all()}
+    if "hand" in own and not np.isnan(own["hand"]).all():
+        optional["hand"] = own["hand"] == 1
+    return Track(
+        t_s=_times(sheet, rows),
+        xy_px=np.column_stack([own["x_px"], own["y_px"]]),
+        sigma_px=np.column_stack([own.get("sigma_x_px", unknown), own.get("sigma_y_px", unknown)]),
+        valid=own["valid"],
+        frame=own["frame"],
+        body=body,
+        origin=origin,
+        **optional,
+    )
+
+
+def _valid(sheet: Sheet, positions: Mapping[str, Array]) -> Mask:
+    """Where every position is known, and not said to be wrong by a ``valid`` column."""
+    known = np.all([np.isfinite(values) for values in positions.values()], axis=0)
+    if "valid" not in sheet:
+        return known
+    stated = sheet.flags("valid")
+    for header, values in positions.items():
+        contradiction = (stated == 1) & np.isnan(values)
+        if contradiction.any():
+            sheet.refuse(header, int(np.argmax(contradiction)), "is blank although valid is 1; set valid to 0")
+    return known & (stated != 0)
+
+
+# --------------------------------------------------------------------------- trajectories
+
+
+def read_trajectory(path: str | Path) -> Trajectory:
+    """Read ``trajectory.csv``, or any CSV with ``t_s`` and columns ``<name>_<unit>``, e.g. ``t_s,theta_rad``.
+
+    A blank cell is a gap. Columns in another unit of the same kind (deg, cm, mm, ms, mV, ...) are converted to rad, m,
+    s, V, ..., which ``origin["converted"]`` says. Raises DataError that names line, column and cell.
+    """
+    sheet = read_sheet(path)
+    if "x_px" in sheet and ("body" in sheet or "frame" in sheet):
+        raise DataError(f"{sheet.label} is a track, in pixels; it needs read_track and to_world, or iris-sysid run")
+    _require(sheet, ("t_s",), "a trajectory has t_s in s and columns such as theta_rad, x_m")
+    columns = _columns(sheet)
+    measured = [one for one in columns.values() if one.part == "measured" and not one.is_sigma and not one.is_input]
+    inputs = [one for one in columns.values() if one.part == "measured" and not one.is_sigma and one.is_input]
+    if not measured:
+        raise DataError(f"{sheet.label} has no quantity beside t_s; add a column such as theta_rad or x_m")
+    document, origin = _read_beside(path)
+    converted = {one.header: one.unit for one in columns.values() if one.factor != 1}
+    t_s = _times(sheet)
+    positions = {one.header: _values(sheet, one) for one in measured}
+    return Trajectory(
+        t_s=t_s,
+        quantities=_restored(measured, document),
+        position=np.column_stack(list(positions.values())),
+        sigma=_side_by_side(sheet, columns, [("measured", True, one.name) for one in measured]),
+        valid=_some_valid(sheet, positions),
+        input_quantities=_restored(inputs, document),
+        inputs=np.column_stack([_values(sheet, one) for one in inputs]) if inputs else None,
+        segments=_segments(sheet, document),
+        geometry={name: entry.estimate() for name, entry in document.geometry.items()} if document else {},
+        smoothed=_smoothed(sheet, columns, measured, document),
+        origin={**origin, "converted": converted} if converted else origin,
+        systematic=_systematic(sheet, document, (t_s.size, len(measured))),
+    )
+
+
+def _systematic(sheet: Sheet, document: OriginDocument | None, shape: tuple[int, int]) -> dict[str, Array]:
+    """What errors have in common, by source (r, n, d); DataError when it is not of the table's shape (n, d)."""
+    found = {}
+    for source, patterns in document.systematic.items() if document else ():
+        if any(len(rows) != shape[0] or any(len(row) != shape[1] for row in rows) for rows in patterns):
+            raise DataError(
+                f"{sheet.label}: systematic[{source!r}] in the file beside it does not have {shape[1]} numbers for "
+                f"each of {shape[0]} samples; delete that file, or write the table again"
+            )
+        found[source] = np.array(patterns, dtype=np.float64).reshape(len(patterns), *shape)
+    return found
+
+
+def _columns(sheet: Sheet) -> dict[Key, Column]:
+    """The columns with their meaning, checked against one another."""
+    columns: dict[Key, Column] = {}
+    for header in sheet.columns:
+        if header in SPECIAL_COLUMNS or header.startswith("cov_"):
+            continue
+        try:
+            column = parse_column(header)
+        except DataError as error:
+            raise DataError(f"{sheet.label}: {error}") from error
+        if column.key in columns:
+            raise DataError(f"{sheet.label}: {columns[column.key].header} and {header} hold the same; delete one")
+        columns[column.key] = column
+    for column in columns.values():
+        _check_companion(sheet, columns, column)
+    return columns
+
+
+def _check_companion(sheet: Sheet, columns: Mapping[Key, Column], column: Column) -> None:
+    """A standard error or a smoothed state belongs to a measured quantity, and has a unit that fits it."""
+    quantity = columns.get(("measured", False, column.name))
+    if quantity is None:
+        raise DataError(f"{sheet.label}: {column.header} belongs to a quantity {column.name!r}, which has no column")
+    if column.is_input and column is not quantity:
+        raise DataError(f"{sheet.label}: {column.header} belongs to an input; inputs are known, delete the column")
+    unit = rate_of(quantity.unit) if column.part == "rate" else quantity.unit
+    if column.unit != unit:
+        raise DataError(f"{sheet.label}: {column.header} does not have the unit {unit}, as {quantity.header} requires")
+
+
+def _values(sheet: Sheet, column: Column) -> Array:
+    """A column in its own unit's SI unit; standard errors must not be below zero."""
+    stated = sheet.amounts(column.header) if column.is_sigma else sheet.numbers(column.header)
+    with np.errstate(over="ignore"):
+        values: Array = stated * column.factor
+    if np.isinf(values).any():
+        sheet.refuse(column.header, int(np.argmax(np.isinf(values))), f"is too large for a number in {column.unit}")
+    return values
+
+
+def _side_by_side(sheet: Sheet, columns: Mapping[Key, Column], keys: Sequence[Key]) -> Array:
+    """The columns of these keys (n, len(keys)), NaN where there is none."""
+    unknown = np.full(len(sheet.lines), np.nan)
+    return np.column_stack([_values(sheet, columns[key]) if key in columns else unknown for key in keys])
+
+
+def _some_valid(sheet: Sheet, positions: Mapping[str, Array]) -> Mask:
+    valid = _valid(sheet, positions)
+    if valid.size < 2:
+        raise DataError(f"{sheet.label} holds one sample; a trajectory needs at least 2")
+    if not valid.any():
+        raise DataError(f"{sheet.label}: no line has a value for {' and '.join(positions)}; there is nothing to use")
+    return valid
+
+
+def _restored(columns: Sequence[Column], document: OriginDocument | None) -> tuple[Quantity, ...]:
+    """The quantities of the columns, with the symbols that the file beside the table gives them."""
+    entries = [*document.quantities, *document.inputs] if document else []
+    known = {entry.quantity().column: entry.quantity() for entry in entries}
+    return tuple(known.get(column.quantity.column, column.quantity) for column in columns)
+
+
+def _segments(sheet: Sheet, document: OriginDocument | None) -> tuple[Segment, ...]:
+    """The segments of the table; with their reasons where the file beside the table has the same segments."""
+    if "segment" not in sheet:
+        return ()
+    labels = [cell.strip() or None for cell in sheet.columns["segment"]]
+    known: tuple[str, ...] = get_args(SegmentLabel)
+    for row, label in enumerate(labels):
+        if label is not None and label not in known:
+            sheet.refuse("segment", row, f"is no segment; there are {', '.join(known)}, or blank")
+    stated = tuple(entry.segment() for entry in document.segments) if document else ()
+    if all(one.start < one.stop <= len(labels) for one in stated) and segment_labels(stated, len(labels)) == labels:
+        return stated
+    edges = [0, *(row for row in range(1, len(labels)) if labels[row] != labels[row - 1]), len(labels)]
+    runs = ((labels[start], start, stop) for start, stop in pairwise(edges))
+    return tuple(Segment(cast("SegmentLabel", label), start, stop) for label, start, stop in runs if label is not None)
+
+
+def _smoothed(
+    sheet: Sheet,
+    columns: Mapping[Key, Column],
+    measured: Sequence[Column],
+    document: OriginDocument | None,
+) -> Smoothed | None:
+    names = [one.name for one in measured]
+    values, rates = ([(part, False, name) for name in names] for part in ("smooth", "rate"))
+    missing = [key for key in (*values, *rates) if key not in columns]
+    covariances = [header for header in sheet.columns if header.startswith("cov_")]
+    if len(missing) == 2 * len(names) and not covariances:
+        return None
+    if missing:
+        start = {"smooth": "smooth_", "rate": "d_"}[missing[0][0]]
+        raise DataError(f"{sheet.label} has part of a smoothed state; {start}{missing[0][2]}_<unit> is missing")
+    psd, nis = _smoothing(sheet, len(names), document)
+    return Smoothed(
+        position=_side_by_side(sheet, columns, values),
+        velocity=_side_by_side(sheet, columns, rates),
+        covariance=_covariance(sheet, columns, measured, covariances),
+        psd=psd,
+        nis=nis,
+    )
+
+
+def _covariance(
+    sheet: Sheet,
+    columns: Mapping[Key, Column],
+    measured: Sequence[Column],
+    headers: Sequence[str],
+) -> Array:
+    """Covariance (n, 2d, 2d) of the smoothed state: squares of its ``sigma_`` columns, and the ``cov_`` columns."""
+    keys = [(part, True, one.name) for part in ("smooth", "rate") for one in measured]
+    variance = np.square(_side_by_side(sheet, columns, keys))
+    covariance = np.zeros((variance.shape[0], len(keys), len(keys)))
+    covariance[:, range(len(keys)), range(len(keys))] = variance
+    places = covariance_columns([one.quantity for one in measured])
+    for header in headers:
+        if header not in places:
+            raise DataError(
+                f"{sheet.label}: {header} is no covariance of this table; there could be {', '.join(places)}"
+            )
+        one, other = places[header]
+        covariance[:, one, other] = covariance[:, other, one] = sheet.numbers(header)
+    return covariance
+
+
+def _smoothing(sheet: Sheet, d: int, document: OriginDocument | None) -> tuple[Array, Array]:
+    """Process noise and NIS of each quantity, NaN where nothing beside the table states them."""
+    smoothing = document.smoothing if document else None
+    if smoothing is None:
+        return np.full(d, np.nan), np.full(d, np.nan)
+    if not len(smoothing.psd) == len(smoothing.nis) == d:
+        raise DataError(
+            f"{side_car_of(sheet.label)} is of another table: smoothing of {d} quantities is wanted; delete it"
+        )
+    return np.array([number(one) for one in smoothing.psd]), np.array([number(one) for one in smoothing.nis])

@@ -1,0 +1,132 @@
+"""Tracks and trajectories as CSV files, read back exactly; what a CSV cannot say goes into ``<file>.origin.json``.
+
+``track.csv`` is long, one row per frame and body; ``trajectory.csv`` is wide, ``t_s`` and a column a quantity, whose
+names :mod:`iris_sysid.io.csv_columns` explains. A blank cell is a gap. The file beside it (where the data come from,
+geometry, why each segment was cut) is optional: a table typed by hand reads as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from iris_sysid.calibration.pixel_scale import to_world
+from iris_sysid.io.csv_read import read_track, read_trajectory, side_car_of
+from iris_sysid.io.dataframes import estimates_frame, to_frame
+from iris_sysid.io.files import check_writable, sha256_of, write_atomic
+from iris_sysid.io.json_documents import checked, entries_of, plain_origin, write_document
+from iris_sysid.io.schemas import OriginDocument, known_numbers
+from iris_sysid.types import Calibration, Track, Trajectory
+
+__all__ = ["estimates_frame", "read_track", "read_trajectory", "to_frame", "write_track", "write_trajectory"]
+
+
+def write_track(tracks: Sequence[Track] | Track, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write tracks to a CSV file, one row per frame and body, in the order of time.
+
+    Parameters
+    ----------
+    tracks
+        One a body, each of another name.
+    path
+        File to write; ``<path>.origin.json`` is written beside it.
+    overwrite
+        Replace both where they exist.
+
+    Returns
+    -------
+    Path
+        The path as given.
+
+    Raises
+    ------
+    DataError
+        When there is no track, or two are of the same body.
+    OutputError
+        When it exists or cannot be written.
+    """
+    every = [tracks] if isinstance(tracks, Track) else list(tracks)
+    frame = to_frame(every)
+    origins = {track.body: plain_origin(track.origin) for track in every}
+    same = all(origin == origins[every[0].body] for origin in origins.values())
+    beside = {"origin": origins[every[0].body]} if same else {"bodies": origins}
+    return _write(frame, path, beside, overwrite=overwrite)
+
+
+def write_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write a trajectory to a CSV file, one row a sample: what was measured, and the smoothed state where there is one.
+
+    Parameters
+    ----------
+    trajectory
+        Its quantities and inputs need names and units that a column name can carry; inputs are named u, u1, u2, ...
+    path
+        File to write; ``<path>.origin.json`` is written beside it, with origin, geometry and segments.
+    overwrite
+        Replace both where they exist.
+
+    Returns
+    -------
+    Path
+        The path as given.
+
+    Raises
+    ------
+    DataError
+        When a name or unit could not be read back.
+    OutputError
+        When it exists or cannot be written.
+    """
+    smoothed = trajectory.smoothed
+    beside = {
+        "quantities": [asdict(one) for one in trajectory.quantities],
+        "inputs": [asdict(one) for one in trajectory.input_quantities],
+        "segments": [asdict(one) for one in trajectory.segments],
+        "geometry": entries_of(trajectory.geometry),
+        "systematic": {source: np.nan_to_num(one).tolist() for source, one in trajectory.systematic.items()},
+        "smoothing": None if smoothed is None else {k: known_numbers(getattr(smoothed, k)) for k in ("psd", "nis")},
+        "origin": plain_origin(trajectory.origin),
+    }
+    return _write(to_frame(trajectory), path, beside, overwrite=overwrite)
+
+
+def write_worlds(
+    tracks: Sequence[Track], calibration: Calibration, path: str | Path, *, overwrite: bool = False
+) -> list[Path]:
+    """Write x and z of each body in the plane of motion, a CSV file each.
+
+    Parameters
+    ----------
+    tracks
+        One a body, in px.
+    calibration
+        Pixels to metres.
+    path
+        File to write; with several bodies their names are put behind it: ``world-1.csv``.
+    overwrite
+        Replace files that exist.
+
+    Returns
+    -------
+    list of Path
+        The files.
+    """
+    path = Path(path)
+    paths = [path] if len(tracks) == 1 else [path.with_name(f"{path.stem}-{one.body}{path.suffix}") for one in tracks]
+    for one, place in zip(tracks, paths, strict=True):
+        write_trajectory(to_world(one, calibration), place, overwrite=overwrite)
+    return paths
+
+
+def _write(frame: pd.DataFrame, path: str | Path, beside: Mapping[str, Any], *, overwrite: bool) -> Path:
+    side_car = check_writable(side_car_of(path), overwrite=True)  # it belongs to the table, whose presence decides
+    flags = {name: frame[name].astype("Int8") for name in ("valid", "hand") if name in frame}
+    write_atomic(path, frame.assign(**flags).to_csv(index=False, lineterminator="\n"), overwrite=overwrite)
+    document = checked(OriginDocument, table=Path(path).name, table_sha256=sha256_of(path), **beside)
+    write_document(document, side_car, overwrite=True)
+    return Path(path)

@@ -1,0 +1,163 @@
+"""Every box as a pandas table, with units in the column names; the CSV files are these tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from iris_sysid.errors import DataError
+from iris_sysid.io.csv_columns import column_of, covariance_columns, state_columns
+from iris_sysid.types import TRACK_SIGMAS, Array, FitResult, Segment, Smoothed, Track, Trajectory
+
+OPTIONAL_TRACK_COLUMNS = ("radius_px", "angle_rad", "intensity", "area_px", *TRACK_SIGMAS)
+
+
+def to_frame(box: Track | Sequence[Track] | Trajectory | FitResult) -> pd.DataFrame:
+    """Turn a track, several tracks, a trajectory or a fit into a table with one row a sample.
+
+    Parameters
+    ----------
+    box
+        Tracks give ``frame, t_s, body, x_px, ...``, one row per frame and body; a trajectory ``t_s``, then
+        ``<quantity>_<unit>``, its ``sigma_`` where known, inputs, the smoothed state and the segment; a fit ``t_s``,
+        ``used``, and ``observed_``, ``predicted_`` and ``residual_`` of each quantity.
+
+    Returns
+    -------
+    pandas.DataFrame
+        NaN stands for a gap, or for what is not known.
+
+    Raises
+    ------
+    DataError
+        When two tracks are of the same body, or a quantity's name or unit cannot be told from its column's name.
+    """
+    if isinstance(box, Trajectory):
+        return _trajectory_frame(box)
+    if isinstance(box, FitResult):
+        return _fit_frame(box)
+    return _track_frame([box] if isinstance(box, Track) else list(box))
+
+
+def estimates_frame(result: FitResult) -> pd.DataFrame:
+    """The estimates of a fit: one row a name, with value, stderr, 95 % interval, unit, type and whether it was free."""
+    rows = {
+        name: {
+            "value": estimate.value,
+            "stderr": estimate.stderr,
+            "ci95_low": estimate.interval[0],
+            "ci95_high": estimate.interval[1],
+            "unit": estimate.unit,
+            "measurement_type": estimate.measurement_type,
+            "free": name in result.free,
+        }
+        for name, estimate in result.estimates.items()
+    }
+    return pd.DataFrame.from_dict(rows, orient="index").rename_axis("name")
+
+
+# --------------------------------------------------------------------------- tracks
+
+
+def _track_frame(tracks: Sequence[Track]) -> pd.DataFrame:
+    names = [track.body for track in tracks]
+    if len(set(names)) < len(names):
+        raise DataError(f"two tracks are of the same body: {', '.join(map(repr, names))}; name each differently")
+    if not tracks:
+        raise DataError("there is no track to make a table of")
+    hand = _joined(tracks, "hand")
+    columns = {
+        "frame": np.concatenate([track.frame for track in tracks]),
+        "t_s": np.concatenate([track.t_s for track in tracks]),
+        "body": np.repeat(np.array(names, dtype=object), [track.t_s.size for track in tracks]),
+        **{name: np.concatenate([part[name] for part in map(_positions, tracks)]) for name in _positions(tracks[0])},
+        **{name: _joined(tracks, name) for name in OPTIONAL_TRACK_COLUMNS[:3]},
+        "valid": np.concatenate([track.valid for track in tracks]),
+        "area_px": _joined(tracks, "area_px"),
+        "hand": pd.arrays.BooleanArray(hand == 1, np.isnan(hand)),
+        **{
+            name: _joined(tracks, name)
+            for name in TRACK_SIGMAS
+            if any(getattr(one, name) is not None for one in tracks)
+        },
+    }
+    return pd.DataFrame(columns).sort_values("t_s", kind="stable", ignore_index=True)
+
+
+def _positions(track: Track) -> dict[str, Array]:
+    x_px, y_px = track.xy_px.T
+    sigma_x_px, sigma_y_px = track.sigma_px.T
+    return {"x_px": x_px, "y_px": y_px, "sigma_x_px": sigma_x_px, "sigma_y_px": sigma_y_px}
+
+
+def _joined(tracks: Sequence[Track], name: str) -> Array:
+    """An optional column of every track (n,), NaN where a track does not have it."""
+    parts = [
+        np.full(track.t_s.size, np.nan) if getattr(track, name) is None else getattr(track, name) for track in tracks
+    ]
+    return np.concatenate(parts).astype(np.float64)
+
+
+# --------------------------------------------------------------------------- trajectories
+
+
+def _trajectory_frame(trajectory: Trajectory) -> pd.DataFrame:
+    headers = [column_of(quantity) for quantity in trajectory.quantities]
+    columns: dict[str, Any] = {"t_s": trajectory.t_s, **dict(zip(headers, trajectory.position.T, strict=True))}
+    for header, sigma in zip(headers, trajectory.sigma.T, strict=True):
+        if not np.isnan(sigma).all():
+            columns[f"sigma_{header}"] = sigma
+    for k, quantity in enumerate(trajectory.input_quantities):
+        columns[column_of(quantity, is_input=True)] = trajectory.inputs[:, k]  # type: ignore[index]  # there are inputs
+    if trajectory.smoothed is not None:
+        columns |= _smoothed_columns(trajectory, trajectory.smoothed)
+    if not np.array_equal(trajectory.valid, np.isfinite(trajectory.position).all(axis=1)):
+        columns["valid"] = trajectory.valid
+    if trajectory.segments:
+        columns["segment"] = pd.array(segment_labels(trajectory.segments, trajectory.n), dtype="str")
+    _check_distinct(trajectory)
+    return pd.DataFrame(columns)
+
+
+def _smoothed_columns(trajectory: Trajectory, smoothed: Smoothed) -> dict[str, Array]:
+    headers = state_columns(trajectory.quantities)
+    states = np.concatenate([smoothed.position, smoothed.velocity], axis=1)
+    sigmas = np.sqrt(np.diagonal(smoothed.covariance, axis1=1, axis2=2))
+    columns = dict(zip(headers, states.T, strict=True))
+    columns |= {f"sigma_{header}": sigma for header, sigma in zip(headers, sigmas.T, strict=True)}
+    for header, (one, other) in covariance_columns(trajectory.quantities).items():
+        if smoothed.covariance[:, one, other].any():
+            columns[header] = smoothed.covariance[:, one, other]
+    return columns
+
+
+def _check_distinct(trajectory: Trajectory) -> None:
+    names = [quantity.name for quantity in (*trajectory.quantities, *trajectory.input_quantities)]
+    if len(set(names)) < len(names):
+        raise DataError(f"a table cannot hold two quantities of the same name: {', '.join(names)}")
+
+
+def segment_labels(segments: Sequence[Segment], n: int) -> list[str | None]:
+    """The label of each of the ``n`` samples, None where no segment is; of overlapping ``segments`` the last counts."""
+    labels: list[str | None] = [None] * n
+    for segment in segments:
+        labels[segment.start : segment.stop] = [segment.label] * (segment.stop - segment.start)
+    return labels
+
+
+# --------------------------------------------------------------------------- fits
+
+
+def _fit_frame(result: FitResult) -> pd.DataFrame:
+    columns: dict[str, Any] = {"t_s": result.t_s, "used": result.used}
+    parts = {
+        "observed": result.predicted + result.residual,
+        "predicted": result.predicted,
+        "residual": result.residual,
+    }
+    for k, quantity in enumerate(result.model.observed):
+        columns |= {f"{part}_{quantity.column}": values[:, k] for part, values in parts.items()}
+    return pd.DataFrame(columns)

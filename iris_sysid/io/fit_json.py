@@ -1,0 +1,160 @@
+"""fit.json of several clips, and of a model chosen from the bank."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from iris_sysid.io.json_documents import checked, entries_of, entry_of, fit_document, plain_origin
+from iris_sysid.io.schemas import (
+    CandidateEntry,
+    ClipEntry,
+    ClipsEntry,
+    FitDocument,
+    FittedQuantity,
+    PopulationEntry,
+    SelectionEntry,
+    UsedSamples,
+    known_number,
+    known_numbers,
+)
+from iris_sysid.types import Array, FitResult, PooledFit, Population, Trajectory
+
+if TYPE_CHECKING:
+    from fitters.selection.select import Choice
+
+
+def pooled_document(pooled: PooledFit, tables: Sequence[str], trajectory: Trajectory) -> FitDocument:
+    """The content of fit.json for several clips: shared values and means over clips are its parameters.
+
+    Parameters
+    ----------
+    pooled
+        The fit.
+    tables
+        Name of each clip's file.
+    trajectory
+        The first clip: its origin says what was asked.
+    """
+    free = list(pooled.estimates)
+    means = [one.mean.stderr**2 for one in pooled.population.values()]
+    covariance = np.zeros((len(free), len(free)))
+    covariance[: len(pooled.shared), : len(pooled.shared)] = pooled.covariance
+    covariance[len(pooled.shared) :, len(pooled.shared) :] = np.diag(means)
+    usable = [one for one in pooled.clips if one.usable]
+    return checked(
+        FitDocument,
+        model=pooled.model.name,
+        equation=pooled.model.equation,
+        status=pooled.status,
+        message=pooled.message,
+        parameters=entries_of(pooled.estimates, pooled.status),
+        free=free,
+        covariance=[known_numbers(row) for row in covariance],
+        budget={name: {key: known_number(part) for key, part in row.items()} for name, row in pooled.budget.items()},
+        noise=_together(usable, "noise"),
+        rms=_together(usable, "rms"),
+        n=sum(one.n for one in usable),
+        aic=known_number(pooled.aic),
+        bic=known_number(pooled.bic),
+        condition=None,
+        correlation=None,
+        t0_s=None,
+        quantities=[
+            FittedQuantity(
+                name=quantity.name,
+                unit=quantity.unit,
+                symbol=quantity.symbol,
+                noise=_mean_square(usable, "noise", k),
+                rms=_mean_square(usable, "rms", k),
+            )
+            for k, quantity in enumerate(pooled.model.observed)
+        ],
+        samples=UsedSamples(total=sum(one.used.size for one in pooled.clips)),
+        segments=[],
+        geometry={},
+        clips=_clips(pooled, tables),
+        origin=plain_origin(trajectory.origin),
+    )
+
+
+def _clips(pooled: PooledFit, tables: Sequence[str]) -> ClipsEntry:
+    return ClipsEntry(
+        shared=list(pooled.shared),
+        scatter={name: _population(one) for name, one in pooled.scatter.items()},
+        population={name: _population(one) for name, one in pooled.population.items()},
+        clips=[
+            ClipEntry(
+                table=table,
+                status=one.status,
+                message=one.message,
+                parameters=entries_of(one.estimates, one.status),
+                noise=_together([one], "noise"),
+                rms=_together([one], "rms"),
+                n=one.n,
+            )
+            for table, one in zip(tables, pooled.clips, strict=True)
+        ],
+    )
+
+
+def _population(one: Population) -> PopulationEntry:
+    return PopulationEntry(
+        mean=entry_of(one.mean),
+        between=entry_of(one.between),
+        within=known_number(one.within),
+        q=known_number(one.q),
+        degrees=one.degrees,
+        p_value=known_number(one.p_value),
+    )
+
+
+def _parts(fits: Sequence[FitResult], name: str) -> Array:
+    return np.array([getattr(one, name) for one in fits])
+
+
+def _mean_square(fits: Sequence[FitResult], name: str, column: int) -> float | None:
+    return known_number(np.sqrt(np.mean(_parts(fits, name)[:, column] ** 2))) if fits else None
+
+
+def _together(fits: Sequence[FitResult], name: str) -> float | None:
+    one_unit = bool(fits) and len({quantity.unit for quantity in fits[0].model.observed}) == 1
+    return known_number(np.sqrt(np.mean(_parts(fits, name) ** 2))) if one_unit else None
+
+
+def selection_document(choice: Choice, origin: Trajectory) -> FitDocument:
+    """The content of fit.json for a model chosen from the bank: the first of the ranking, and how it was chosen.
+
+    Parameters
+    ----------
+    choice
+        The ranking; its first fit must not have failed.
+    origin
+        What was read: its origin says what was asked.
+    """
+    first = choice.nearest
+    if first.fit is None:
+        raise ValueError("a choice without any fit has no document")
+    ranking = [
+        CandidateEntry(
+            model=one.model,
+            reading=one.reading,
+            heldout=known_number(one.heldout),
+            residual=known_number(one.residual),
+            bic=known_number(one.bic),
+            adequate=one.adequate,
+            note=one.note,
+        )
+        for one in choice.ranking
+    ]
+    entry = SelectionEntry(
+        message=choice.message,
+        chosen=None if choice.chosen is None else choice.chosen.model,
+        heldout_margin=known_number(choice.heldout_margin),
+        bic_margin=known_number(choice.bic_margin),
+        ranking=ranking,
+    )
+    changes = {"selection": entry, "origin": plain_origin({**origin.origin, **first.fit.origin})}
+    return fit_document(first.fit).model_copy(update=changes)

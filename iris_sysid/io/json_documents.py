@@ -1,0 +1,373 @@
+"""Read and write the JSON files of ``schemas``, and turn a fit into one."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from pydantic import ValidationError
+
+from iris_sysid.errors import DataError, UnknownNameError
+from iris_sysid.io.files import json_text, write_atomic
+from iris_sysid.io.schemas import (
+    DOCUMENTS,
+    DiscoveryDocument,
+    Document,
+    EquationEntry,
+    EstimateEntry,
+    FitDocument,
+    FittedQuantity,
+    FittedSegment,
+    IdentifiabilityEntry,
+    MatchEntry,
+    NearestEntry,
+    Number,
+    TermEntry,
+    UsedSamples,
+    known_number,
+    known_numbers,
+)
+from iris_sysid.types import (
+    Array,
+    DiscoveredTerm,
+    Discovery,
+    Estimate,
+    FitResult,
+    FitStatus,
+    Match,
+    Segment,
+    Trajectory,
+)
+
+Kind = TypeVar("Kind", bound=Document)
+
+
+def schema(name: str) -> dict[str, Any]:
+    """The JSON Schema (2020-12) of the file of that name; UnknownNameError lists the names there are."""
+    from iris_sysid.io.schemas.groundtruth import GROUND_TRUTH  # here: it takes longer to load than all the others
+
+    kinds = {**DOCUMENTS, **GROUND_TRUTH}
+    if name not in kinds:
+        raise UnknownNameError(f"no file is named {name!r}; there are: {', '.join(kinds)}")
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **kinds[name].model_json_schema()}
+
+
+# --------------------------------------------------------------------------- files
+
+
+def document_text(document: Document) -> str:
+    """The document as JSON text: the same bytes for the same content."""
+    return json_text(document.model_dump(by_alias=True))
+
+
+def write_document(document: Document, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write a document as JSON, whole or not at all.
+
+    Parameters
+    ----------
+    document
+        Any of the documents of ``schemas``.
+    path
+        File to write; missing folders are made.
+    overwrite
+        Replace a file that exists.
+
+    Returns
+    -------
+    Path
+        The path as given.
+
+    Raises
+    ------
+    OutputError
+        As :func:`iris_sysid.io.files.write_atomic`.
+    """
+    return write_atomic(path, document_text(document), overwrite=overwrite)
+
+
+def read_document(path: str | Path, kind: type[Kind]) -> Kind:
+    """Read and check the JSON file at ``path`` as a document of class ``kind``; DataError names the first bad key."""
+    try:
+        data = Path(path).read_bytes()
+    except (OSError, ValueError) as error:
+        raise DataError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
+    try:
+        return kind.model_validate_json(data.removeprefix(b"\xef\xbb\xbf"))
+    except ValidationError as error:
+        raise DataError(f"{path}: {_first_problem(error, kind)}") from error
+
+
+def checked(kind: type[Kind], **values: Any) -> Kind:
+    """Make a document of class ``kind`` from its ``values``; DataError names the first one that does not fit."""
+    try:
+        return kind(**values)
+    except ValidationError as error:
+        raise DataError(_first_problem(error, kind)) from error
+
+
+def _first_problem(error: ValidationError, kind: type[Document]) -> str:
+    problem = error.errors(include_url=False, include_context=False)[0]
+    where = ".".join(str(step) for step in problem["loc"])
+    text = f"{where}: {problem['msg']}" if where else problem["msg"]
+    if problem["type"] not in ("missing", "json_invalid"):
+        text += f", not {problem['input']!r:.60}"
+    if where == "version":
+        text += "; it was written by another version of iris-sysid, use that one or make the file again"
+    elif where == "document":
+        text += f"; this is not the file that is wanted here ({kind.__name__.removesuffix('Document').lower()})"
+    return text + (f" (and {error.error_count() - 1} more)" if error.error_count() > 1 else "")
+
+
+# --------------------------------------------------------------------------- fit.json
+
+
+def entry_of(estimate: Estimate, note: str = "") -> EstimateEntry:
+    """The Estimate as an entry of a document; NaN and infinity become null, and ``note`` says why."""
+    return EstimateEntry(
+        value=known_number(estimate.value),
+        stderr=known_number(estimate.stderr),
+        ci95=known_numbers(estimate.interval),
+        unit=estimate.unit,
+        measurement_type=estimate.measurement_type,  # type: ignore[arg-type]  # checked here
+        source=estimate.source,
+        note=note,
+    )
+
+
+def entries_of(estimates: Mapping[str, Estimate], status: FitStatus | None = None) -> dict[str, EstimateEntry]:
+    """Estimates by name as entries; the ``status`` of the fit says why a number is null. DataError names a bad one."""
+    entries = {}
+    for name, estimate in estimates.items():
+        try:
+            entries[name] = entry_of(estimate, _why_null(estimate, status))
+        except ValidationError as error:
+            raise DataError(f"{name}: {_first_problem(error, Document)}") from error
+    return entries
+
+
+def _why_null(estimate: Estimate, status: FitStatus | None) -> str:
+    because = "" if status is None else f" (fit status {status}; see message)"
+    if not math.isfinite(estimate.value):
+        return f"no value was found{because}"
+    if not math.isfinite(estimate.stderr):
+        return f"the data do not determine its standard error{because}"
+    return ""
+
+
+def fit_document(result: FitResult, trajectory: Trajectory | None = None) -> FitDocument:
+    """The content of fit.json.
+
+    Parameters
+    ----------
+    result
+        The fit; NaN becomes null with a note.
+    trajectory
+        What was fitted: its segments and geometry are recorded. Without it these are empty.
+
+    Returns
+    -------
+    FitDocument
+        Checked, ready to be written.
+
+    Raises
+    ------
+    DataError
+        When the trajectory is not the one that was fitted, or a value does not fit the schema.
+    """
+    if trajectory is not None and trajectory.n != result.used.size:
+        raise DataError(f"the fit has {result.used.size} samples but the trajectory {trajectory.n}: not the one fitted")
+    return checked(
+        FitDocument,
+        model=result.model.name,
+        equation=result.model.equation,
+        status=result.status,
+        message=result.message,
+        parameters=entries_of(result.estimates, result.status),
+        free=list(result.free),
+        covariance=[known_numbers(row) for row in np.asarray(result.covariance)],
+        budget={name: {key: known_number(part) for key, part in row.items()} for name, row in result.budget.items()},
+        **_goodness(result),
+        samples=_samples(result, trajectory),
+        segments=[] if trajectory is None else [_segment(one, result) for one in trajectory.segments],
+        geometry={} if trajectory is None else entries_of(trajectory.geometry),
+        intervals={
+            method: {name: known_numbers(ends) for name, ends in found.items()}
+            for method, found in result.intervals.items()
+        },
+        identifiability=_identifiability(result),
+        origin=plain_origin(result.origin or (trajectory.origin if trajectory else {})),
+    )
+
+
+def fit_json(result: FitResult, trajectory: Trajectory | None = None) -> str:
+    """The text of fit.json for a ``result``, with the segments and geometry of the ``trajectory`` when given."""
+    return document_text(fit_document(result, trajectory))
+
+
+def write_fit(result: FitResult, trajectory: Trajectory, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write fit.json.
+
+    Parameters
+    ----------
+    result
+        The fit, failed or not.
+    trajectory
+        What was fitted.
+    path
+        File to write; missing folders are made.
+    overwrite
+        Replace a file that exists.
+
+    Returns
+    -------
+    Path
+        The path as given.
+
+    Raises
+    ------
+    DataError
+        As :func:`fit_document`.
+    OutputError
+        As :func:`iris_sysid.io.files.write_atomic`.
+    """
+    return write_document(fit_document(result, trajectory), path, overwrite=overwrite)
+
+
+def read_fit(path: str | Path) -> FitDocument:
+    """Read and check a fit.json file; DataError names the first key that is wrong."""
+    return read_document(path, FitDocument)
+
+
+def plain_origin(origin: Mapping[str, Any]) -> dict[str, Any]:
+    """The origin in the types that JSON knows; DataError when it holds anything else."""
+    plain: dict[str, Any] = json.loads(json_text(origin))
+    return plain
+
+
+def _identifiability(result: FitResult) -> IdentifiabilityEntry | None:
+    found = result.identifiability
+    if found is None:
+        return None
+    return IdentifiabilityEntry(
+        names=list(found.names),
+        fisher=[known_numbers(row) for row in result.fisher],
+        condition=known_number(found.condition),
+        undetermined=list(found.undetermined),
+        weakest=found.weakest,
+        hessian=None if found.hessian is None else [known_numbers(row) for row in found.hessian],
+        hessian_condition=known_number(found.hessian_condition),
+        gradients=known_numbers(list(found.gradients)),
+        ode_residual=known_numbers(found.ode_residual),
+        ode_residual_noise=known_numbers(found.ode_residual_noise),
+    )
+
+
+def _goodness(result: FitResult) -> dict[str, Any]:
+    observed = result.model.observed
+    one_unit = len({quantity.unit for quantity in observed}) == 1
+    return {
+        "noise": _together(result.noise) if one_unit else None,
+        "rms": _together(result.rms) if one_unit else None,
+        "n": result.n,
+        "quantities": [
+            FittedQuantity(
+                name=quantity.name,
+                unit=quantity.unit,
+                symbol=quantity.symbol,
+                noise=known_number(noise),
+                rms=known_number(rms),
+            )
+            for quantity, noise, rms in zip(observed, result.noise, result.rms, strict=True)
+        ],
+    } | {name: known_number(getattr(result, name)) for name in ("aic", "bic", "condition", "correlation", "t0_s")}
+
+
+def _together(parts: Array) -> Number:
+    return known_number(np.sqrt(np.mean(np.square(parts))))
+
+
+def _samples(result: FitResult, trajectory: Trajectory | None) -> UsedSamples:
+    used = np.flatnonzero(result.used)
+    total = int(result.used.size)
+    if used.size == 0:
+        return UsedSamples(total=total)
+    first, last = int(used[0]), int(used[-1])
+    offset = None if trajectory is None else trajectory.origin.get("first_frame")
+    return UsedSamples(
+        total=total,
+        first_sample=first,
+        last_sample=last,
+        first_frame=offset + first if isinstance(offset, int) else None,
+        last_frame=offset + last if isinstance(offset, int) else None,
+        first_s=float(result.t_s[first]),
+        last_s=float(result.t_s[last]),
+    )
+
+
+def _segment(segment: Segment, result: FitResult) -> FittedSegment:
+    return FittedSegment(
+        label=segment.label,
+        start=segment.start,
+        stop=segment.stop,
+        reason=segment.reason,
+        start_s=float(result.t_s[segment.start]),
+        stop_s=float(result.t_s[segment.stop - 1]),
+        n_used=int(result.used[segment.start : segment.stop].sum()),
+    )
+
+
+# --------------------------------------------------------------------------- discovery.json
+
+
+def discovery_document(found: Discovery, sentence: str) -> DiscoveryDocument:
+    """The content of discovery.json for a discovery, with the ``sentence`` that says what it is."""
+    matched, nearest = found.matched, found.nearest
+    return checked(
+        DiscoveryDocument,
+        sentence=sentence,
+        status=found.status,
+        message=found.message,
+        equations=[EquationEntry(lhs=one.lhs, rhs=one.rhs, latex=one.latex) for one in found.equations],
+        terms=[term_entry(one) for one in found.terms],
+        matched=None if matched is None else _match(matched),
+        nearest=None
+        if nearest is None
+        else NearestEntry(
+            model=nearest.model,
+            missing=list(nearest.missing),
+            extra=list(nearest.extra),
+            parameters=entries_of(nearest.parameters),
+            note=nearest.note,
+        ),
+        alternatives=list(found.alternatives),
+        proposed=list(found.proposed),
+        noise=[known_number(value) for one in found.fits for value in one.noise],
+        rms=[known_number(value) for one in found.fits for value in one.rms],
+        n=[one.n for one in found.fits],
+        origin=plain_origin(found.origin),
+    )
+
+
+def term_entry(one: DiscoveredTerm) -> TermEntry:
+    """A term as it is written to a file."""
+    return TermEntry(
+        equation=one.equation,
+        term=one.term,
+        coefficient=known_number(one.coefficient.value),
+        ci95=known_numbers(one.coefficient.interval),
+        inclusion=one.inclusion,
+        selected=one.selected,
+        stderr=known_number(one.coefficient.stderr),
+        unit=one.coefficient.unit,
+        latex=one.latex,
+        parameter=one.parameter,
+        effect=one.effect,
+    )
+
+
+def _match(one: Match) -> MatchEntry:
+    return MatchEntry(model=one.model, parameters=entries_of(one.parameters), same=list(one.same), note=one.note)

@@ -1,0 +1,49 @@
+"""What the JSON files hold: one class each, from which the published JSON Schemas are made.
+
+A new kind of file is one class with its own ``document`` and ``version``, entered in ``DOCUMENTS``. In every
+file ``null`` stands for a number that is not known or not finite.
+"""
+
+from iris_sysid.io.schemas._beside import CalibrationDocument as CalibrationDocument
+from iris_sysid.io.schemas._beside import OriginDocument as OriginDocument
+from iris_sysid.io.schemas._beside import Smoothing as Smoothing
+from iris_sysid.io.schemas._beside import TensorDocument as TensorDocument
+from iris_sysid.io.schemas._diagnosis import AddedEffect as AddedEffect
+from iris_sysid.io.schemas._diagnosis import DiagnosisDocument as DiagnosisDocument
+from iris_sysid.io.schemas._diagnosis import ErrorTable as ErrorTable
+from iris_sysid.io.schemas._diagnosis import Excluded as Excluded
+from iris_sysid.io.schemas._diagnosis import FitError as FitError
+from iris_sysid.io.schemas._diagnosis import FurtherClip as FurtherClip
+from iris_sysid.io.schemas._discovery import DiscoveryDocument as DiscoveryDocument
+from iris_sysid.io.schemas._discovery import EquationEntry as EquationEntry
+from iris_sysid.io.schemas._discovery import MatchEntry as MatchEntry
+from iris_sysid.io.schemas._discovery import NearestEntry as NearestEntry
+from iris_sysid.io.schemas._discovery import TermEntry as TermEntry
+from iris_sysid.io.schemas._fit import CandidateEntry as CandidateEntry
+from iris_sysid.io.schemas._fit import ClipEntry as ClipEntry
+from iris_sysid.io.schemas._fit import ClipsEntry as ClipsEntry
+from iris_sysid.io.schemas._fit import FitDocument as FitDocument
+from iris_sysid.io.schemas._fit import FittedQuantity as FittedQuantity
+from iris_sysid.io.schemas._fit import FittedSegment as FittedSegment
+from iris_sysid.io.schemas._fit import IdentifiabilityEntry as IdentifiabilityEntry
+from iris_sysid.io.schemas._fit import PopulationEntry as PopulationEntry
+from iris_sysid.io.schemas._fit import SelectionEntry as SelectionEntry
+from iris_sysid.io.schemas._fit import UsedSamples as UsedSamples
+from iris_sysid.io.schemas._parts import Document as Document
+from iris_sysid.io.schemas._parts import EstimateEntry as EstimateEntry
+from iris_sysid.io.schemas._parts import Number as Number
+from iris_sysid.io.schemas._parts import Part as Part
+from iris_sysid.io.schemas._parts import QuantityEntry as QuantityEntry
+from iris_sysid.io.schemas._parts import SegmentEntry as SegmentEntry
+from iris_sysid.io.schemas._parts import known_number as known_number
+from iris_sysid.io.schemas._parts import known_numbers as known_numbers
+from iris_sysid.io.schemas._parts import number as number
+
+DOCUMENTS: dict[str, type[Document]] = {
+    "fit": FitDocument,
+    "diagnosis": DiagnosisDocument,
+    "discovery": DiscoveryDocument,
+    "calibration": CalibrationDocument,
+    "origin": OriginDocument,
+    "tensor": TensorDocument,
+}

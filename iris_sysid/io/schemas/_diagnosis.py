@@ -1,0 +1,75 @@
+"""What a model lacks."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import JsonValue
+
+from iris_sysid.io.schemas._discovery import TermEntry
+from iris_sysid.io.schemas._fit import FitDocument
+from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part
+
+
+class AddedEffect(Part):
+    """An effect that was added to the model."""
+
+    effect: str
+    parameters: dict[str, EstimateEntry]
+
+
+class Excluded(Part):
+    """The largest size of an effect that the data allow; null where they say nothing about it."""
+
+    effect: str
+    parameter: str
+    upper_95: Number
+    unit: str
+
+
+class FitError(Part):
+    """Root mean square of the residual over the samples fitted, and over later ones that were held out."""
+
+    fitted: Number
+    heldout: Number
+
+
+class ErrorTable(Part):
+    """The error before and after, against the noise of the measurement."""
+
+    before: FitError
+    after: FitError
+    noise_floor: Number
+    unit: str
+
+
+class FurtherClip(Part):
+    """A clip after the first: its fits without and with the effects, and where it comes from."""
+
+    base: FitDocument
+    final: FitDocument
+    origin: dict[str, JsonValue]
+
+
+class DiagnosisDocument(Document):
+    """What a model lacks, if anything (diagnosis.json)."""
+
+    document: Literal["diagnosis"] = "diagnosis"
+    version: Literal[1] = 1
+    sentence: str
+    """The result as a person would write it."""
+    base: FitDocument
+    """Of the first clip, as ``final``."""
+    final: FitDocument
+    added: list[AddedEffect]
+    """In the order in which they were found; of several clips, their size over all."""
+    indistinguishable: dict[str, list[str]]
+    """For each effect added, those that explain the data as well."""
+    ruled_out: list[Excluded]
+    error: ErrorTable
+    proposed: list[TermEntry] = []
+    """Terms without a named effect, for what is left above the noise floor; coefficients to first order."""
+    notes: list[str] = []
+    """What could not be asked or answered, and why."""
+    further_clips: list[FurtherClip] = []
+    origin: dict[str, JsonValue]

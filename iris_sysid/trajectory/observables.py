@@ -1,0 +1,87 @@
+"""What a phenomenon takes from a track, as a trajectory with segments: a place, a height, a size, an angle, a light."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iris_sysid.calibration.pixel_scale import to_world
+from iris_sysid.errors import DataError
+from iris_sysid.trajectory.segmentation import segment
+from iris_sysid.types import Array, Calibration, Phenomenon, Quantity, Track, Trajectory
+
+# what a track may measure beside places -> the quantity, its column, and that of its standard error
+OF_TRACK = {
+    "radius": (Quantity("r", "px", "r"), "radius_px", "sigma_radius_px"),
+    "angle": (Quantity("phi", "rad", r"\varphi"), "angle_rad", "sigma_angle_rad"),
+    "intensity": (Quantity("intensity", "1", "I"), "intensity", "sigma_intensity"),
+}
+
+
+def measured(track: Track, calibration: Calibration, phenomenon: Phenomenon) -> Trajectory:
+    """What the phenomenon measures of one body: x and z, z alone, or the radius, angle or intensity of the track.
+
+    Parameters
+    ----------
+    track
+        One body, px and s.
+    calibration
+        Pixels to metres; it does not act on radius, angle and intensity.
+    phenomenon
+        Says what is measured.
+
+    Returns
+    -------
+    Trajectory
+        Without segments.
+
+    Raises
+    ------
+    DataError
+        When the track does not hold what is asked of it: it was made by another kind of tracker.
+    """
+    world = to_world(track, calibration)
+    if phenomenon.measures == "position":
+        return world
+    if phenomenon.measures == "height":
+        return world.with_(
+            quantities=world.quantities[1:2],
+            position=world.position[:, 1:2],
+            sigma=world.sigma[:, 1:2],
+            systematic={source: change[..., 1:2] for source, change in world.systematic.items()},
+        )
+    quantity, column, sigma_column = OF_TRACK[phenomenon.measures]
+    values, sigma = getattr(track, column), getattr(track, sigma_column)
+    if values is None:
+        raise DataError(
+            f"{phenomenon.name} needs the {phenomenon.measures} of the body, which this track does not hold; "
+            f"use the tracker {phenomenon.tracker}"
+        )
+    valid = track.valid & np.isfinite(values)
+    return world.with_(
+        quantities=(quantity,),
+        position=np.where(valid, values, np.nan)[:, None],
+        sigma=(np.full(values.size, np.nan) if sigma is None else sigma)[:, None],
+        valid=valid,
+        geometry={},
+        systematic={},
+    )
+
+
+def segmented(track: Track, calibration: Calibration, phenomenon: Phenomenon) -> Trajectory:
+    """What the phenomenon measures, labelled by what happens when.
+
+    A body that falls away from the camera moves evenly accelerated in -1/r, by which its radius r is segmented.
+    """
+    world = measured(track, calibration, phenomenon)
+    if phenomenon.measures != "radius":
+        return segment(world, hand=track.hand, kind=phenomenon.motion)
+    radius, sigma = world.position, world.sigma
+    away = segment(
+        world.with_(position=_inverse(radius), sigma=sigma / radius**2), hand=track.hand, kind=phenomenon.motion
+    )
+    return world.with_(segments=away.segments, valid=away.valid)
+
+
+def _inverse(radius: Array) -> Array:
+    """-1/r (n, 1) of radii in px."""
+    return np.asarray(-1.0 / radius)

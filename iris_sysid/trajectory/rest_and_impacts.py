@@ -1,0 +1,225 @@
+"""Where a motion is broken: at rest, and at impacts; decided against the noise of the track itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iris_sysid.trajectory import local_polynomials as local
+from iris_sysid.trajectory.dropped_frames import lost_time
+from iris_sysid.types import Array, Mask, Trajectory
+
+# A normal deviate beyond 6 comes once in 5e8 samples. Errors of tracking have longer tails than the normal, so the
+# usual 4 or 5 would cut long clips in pieces; an impact at 30 frames a second or more reaches 10 to 80.
+SIGNIFICANT = 6.0
+SLOW = 3.0  # a speed below 3 standard errors is indistinguishable from zero (99.7 %)
+SLOWEST = 0.01  # of the fastest speed: creeping at that speed moves a clip's fit by less than its noise
+BRIEFEST_REST_S = 0.2  # at a turning point a pendulum is slow too, but not for a fifth of a second
+STILL = 1.5  # noises: a motion has a spread of its own beside that of the noise
+TELLING = 0.1  # of the fastest speed: a swing is slower than that for 3 % of its period only
+SMALLEST_JUMP = 0.2  # of the fastest speed; what hits or is hit changes its velocity by more
+LASTING = 0.5  # share of a jump that the wider windows must see; a slip of the track fades with their width
+JUMP_WIDTHS = (4, 8)  # samples on each side: 4 is the fewest with a parabola and a residual, 8 sees half the jump
+FEWEST = 5  # samples that a stretch of motion needs: a parabola and two to spare
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """Samples ``start`` to ``stop - 1``, and why it begins and ends there."""
+
+    start: int
+    stop: int
+    begin: str = "from first sight"
+    end: str = "to the last sample"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Body:
+    """The samples that can be judged: found, and not in a hand.
+
+    ``t_s`` are the video's times with those of frames that it lost given back, of which there are ``missing_s`` so far.
+    """
+
+    t_s: Array
+    missing_s: Array
+    position: Array
+    scale: Array
+    index: NDArray[np.int64]
+    unit: str
+
+    @property
+    def stamp_s(self) -> Array:
+        """Times as the video has them."""
+        return self.t_s - self.missing_s
+
+    def part(self, start: int, stop: int) -> Body:
+        """The samples numbered ``start`` to ``stop - 1`` in the trajectory."""
+        return self.only((self.index >= start) & (self.index < stop))
+
+    def only(self, chosen: Mask) -> Body:
+        """The samples that are chosen by a mask over its own."""
+        names = ("t_s", "missing_s", "position", "index")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
+
+
+def body_of(world: Trajectory, usable: Mask) -> Body:
+    """The usable samples (n,) of a trajectory; their scale is the stated sigma or the scatter, whichever is larger."""
+    position = world.position[:, :2]
+    index = np.flatnonzero(usable)
+    scatter = local.noise(world.t_s[index], position[index])
+    stated = world.sigma[usable, :2]
+    known = np.array([np.median(one[np.isfinite(one)]) if np.isfinite(one).any() else 0.0 for one in stated.T])
+    smallest = 1e-9 * (np.ptp(position[index], axis=0).max() if index.size else 1.0) + np.finfo(float).tiny
+    scale = np.maximum(np.maximum(scatter, known), smallest)
+    missing_s = lost_time(world.t_s[index], position[index], scale)
+    return Body(world.t_s[index] + missing_s, missing_s, position[index], scale, index, world.quantities[0].unit)
+
+
+def runs(mask: Mask) -> list[tuple[int, int]]:
+    """(start, stop) of each run of true samples."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+
+
+# --------------------------------------------------------------------------- rest
+
+
+def rests(body: Body, part: Stretch) -> list[Stretch]:
+    """Where the speed cannot be told from zero for at least 0.2 s and five samples."""
+    inside = body.part(part.start, part.stop)
+    if inside.index.size < FEWEST:
+        return []
+    if np.all(np.std(inside.position, axis=0) < STILL * inside.scale):
+        return [replace(part, begin=f"it stays within {STILL:g} times the noise of the track")]
+    width, speed, error = _speed(inside)
+    limit = np.maximum(SLOW * error, SLOWEST * _fastest(speed))
+    if np.median(limit) > TELLING * _fastest(speed):
+        return []
+    return [
+        _rest(inside, start, stop, float(np.median(limit)))
+        for start, stop in runs(speed < limit)
+        if stop - start >= width
+    ]
+
+
+def _speed(inside: Body) -> tuple[int, Array, Array]:
+    """Width of the windows, speed (n,) and its standard error (n,).
+
+    The narrowest windows of at least 0.2 s that can tell a tenth of the fastest speed from rest.
+    """
+    size = inside.index.size
+    width = min(max(FEWEST, int(np.ceil(BRIEFEST_REST_S / np.median(np.diff(inside.t_s))))), size)
+    while True:
+        rate, gain = local.velocity(inside.t_s, inside.position, width)
+        speed, error = np.hypot.reduce(rate, axis=1), gain * np.hypot.reduce(inside.scale)
+        if SLOW * np.median(error) < TELLING * _fastest(speed) or 2 * width > size // 2:
+            return width, speed, error
+        width *= 2
+
+
+def _rest(inside: Body, start: int, stop: int, limit: float) -> Stretch:
+    first, last = _while_in_place(inside, start, stop)
+    begin, end = inside.stamp_s[first], inside.stamp_s[last]
+    text = f"speed below {limit:.2g} {inside.unit}/s from {begin:.3g} to {end:.3g} s"
+    return Stretch(int(inside.index[first]), int(inside.index[last]) + 1, text)
+
+
+def _fastest(speed: Array) -> float:
+    return float(np.percentile(speed, 95))  # one wild sample must not set the scale
+
+
+def _while_in_place(body: Body, start: int, stop: int) -> tuple[int, int]:
+    """First and last sample of a rest: as far as neighbours stay within the noise of where it rests."""
+    place = np.median(body.position[start:stop], axis=0)
+    near = np.all(np.abs(body.position - place) < SLOW * body.scale, axis=1)
+    first, last = start, stop - 1
+    while first > 0 and near[first - 1]:
+        first -= 1
+    while last + 1 < near.size and near[last + 1]:
+        last += 1
+    return first, last
+
+
+def between(part: Stretch, resting: list[Stretch]) -> list[Stretch]:
+    """What is left of a stretch when the rests in it are taken out."""
+    left, start, begin = [], part.start, part.begin
+    for rest in (one for one in resting if part.start <= one.start < part.stop):
+        if rest.start > start:
+            left.append(Stretch(start, rest.start, begin, "until it rests"))
+        start, begin = rest.stop, "it starts from rest"
+    return [*left, Stretch(start, part.stop, begin, part.end)] if start < part.stop else left
+
+
+# --------------------------------------------------------------------------- contact
+
+
+@dataclass(frozen=True, slots=True)
+class Impact:
+    """The first sample after an impact, and what was seen."""
+
+    sample: int
+    reason: str
+
+
+def split_at_impacts(body: Body, moving: list[Stretch]) -> tuple[list[Stretch], list[Impact]]:
+    """Cut stretches of the body's motion at every impact; returns the parts, and the impacts in time order."""
+    stretches, impacts = [], []
+    for part in moving:
+        found = _impacts(body, part)
+        impacts += found
+        edges = [part.start, *[one.sample for one in found], part.stop]
+        texts = [part.begin, *[one.reason for one in found], part.end]
+        for (start, stop), (begin, end) in zip(pairwise(edges), pairwise(texts), strict=True):
+            ending = end if stop == part.stop else f"until {end}"
+            stretches.append(Stretch(start, stop, begin if start == part.start else f"after the {begin}", ending))
+    return stretches, impacts
+
+
+def _impacts(body: Body, part: Stretch) -> list[Impact]:
+    """Every jump of the velocity, in time order."""
+    inside = body.part(part.start, part.stop)
+    if inside.index.size < FEWEST:
+        return []
+    rate, _ = local.velocity(inside.t_s, inside.position, FEWEST)
+    smallest = SMALLEST_JUMP * _fastest(np.hypot.reduce(rate, axis=1))
+    found: dict[int, float] = {}
+    seen = [local.jumps(inside.t_s, inside.position, inside.scale, width) for width in JUMP_WIDTHS]
+    widest = seen[-1][0]
+    for width, (jump, score, misfit) in zip(JUMP_WIDTHS, seen, strict=True):
+        size = np.hypot.reduce(jump, axis=1)
+        for step in _peaks(score, misfit, width):
+            far = all(abs(step - other) >= width for other in found)
+            if far and size[step] > smallest and _lasts(jump[step], widest[step]):
+                found[step] = float(size[step])
+    return [
+        Impact(
+            int(inside.index[step + 1]),
+            f"velocity jumps by {size:.3g} {body.unit}/s at {inside.stamp_s[step : step + 2].mean():.3g} s",
+        )
+        for step, size in sorted(found.items())
+    ]
+
+
+def _lasts(jump: Array, wider: Array) -> bool:
+    """Whether wider windows, where there are any, see the same jump."""
+    return not np.all(np.isfinite(wider)) or float(jump @ wider) >= LASTING * float(jump @ jump)
+
+
+def _peaks(score: Array, misfit: Array, width: int) -> list[int]:
+    """Steps at which the velocity jumps: highest first, each moved to where both sides fit best within half a width.
+
+    Where only the acceleration starts, that place has no jump, though its neighbours seem to have one.
+    """
+    open_score = np.nan_to_num(score)
+    peaks = []
+    while open_score.size and open_score.max() > SIGNIFICANT:
+        top = int(np.argmax(open_score))
+        low, high = max(top - width // 2, 0), top + width // 2 + 1
+        best = low + int(np.nanargmin(misfit[low:high]))
+        if score[best] > SIGNIFICANT:
+            peaks.append(best)
+        open_score[max(top - width, 0) : top + width + 1] = 0.0
+    return peaks

@@ -1,0 +1,271 @@
+"""Find what happens when: held, let go, in motion, hit, at rest. The fit uses the motion.
+
+Everything is decided against the noise of the track itself (:func:`iris_sysid.trajectory.local_polynomials.noise`),
+so the same constants serve a webcam and a 4K clip. They are quantiles, not settings.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from iris_sysid.errors import DataError
+from iris_sysid.trajectory import local_polynomials as local
+from iris_sysid.trajectory.rest_and_impacts import (
+    FEWEST,
+    SIGNIFICANT,
+    SLOW,
+    Body,
+    Impact,
+    Stretch,
+    between,
+    body_of,
+    rests,
+    runs,
+    split_at_impacts,
+)
+from iris_sysid.trajectory.straight_line import straight_part
+from iris_sysid.types import Array, Mask, MotionKind, Segment, SegmentLabel, Trajectory, frozen_mask
+
+PARABOLA = 0.05  # of its extent: what a flight leaves of a parabola is less, two flights with a bounce between more
+EDGE = 6  # samples at either end that have too few neighbours for a jump, and are compared with an extrapolation
+
+
+def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "any") -> Trajectory:
+    """Label the samples hand, release, motion, contact or rest, and say why in ``Segment.reason``.
+
+    Rest is a speed that cannot be told from zero for a while. Contact is a jump of the velocity that parabolas fitted
+    to either side agree on; it is placed where these fit best, so that the mere start of an acceleration is none.
+    Motion is one stretch between those:
+
+    - ``oscillation`` and ``any``: the longest.
+    - ``flight``: the first that falls and is at least half as long as the longest that is a parabola, which a bounce
+      ends.
+    - ``slide``: along a straight line, monotone, from where it is slowest to where it leaves the line; the first that
+      falls and is at least half as long as the longest, which the foot of the board ends.
+
+    What comes before it is ``release`` and what follows ``contact``. A single sample that disagrees with neighbours
+    which agree with one another is marked not valid, and the reason of the motion says so. Where frames were lost the
+    same motion goes on, ahead by their way: it is no release, and the reason says so.
+
+    Parameters
+    ----------
+    world
+        Trajectory of x and z, in m or px; gaps are not valid.
+    hand
+        (n,) true where something that reaches in from the edge of the picture touches the body.
+    kind
+        What motion to look for.
+
+    Returns
+    -------
+    Trajectory
+        With ``segments`` in time order. Samples before the body is first found, and after it is last found, have none.
+
+    Raises
+    ------
+    DataError
+        When no sample is valid, the body is in a hand or at rest throughout, or ``hand`` has the wrong length.
+    """
+    if kind not in ("oscillation", "slide", "flight", "any"):
+        raise DataError(f"kind = {kind!r}: there are oscillation, slide, flight and any")
+    if not world.valid.any():
+        raise DataError(f"none of the {world.n} samples is valid: the body was not found in any frame")
+    held = _held(frozen_mask(np.zeros(world.n) if hand is None else hand, world.n, "hand"))
+    body = body_of(world, world.valid & ~held)
+    outliers = _outliers(body, held)
+    body = body.only(~outliers)
+    free = _between_hands(world, held)
+    resting = [rest for part in free for rest in rests(body, part)]
+    moving = [gap for part in free for gap in between(part, resting)]
+    stretches, impacts = split_at_impacts(body, moving)
+    motion = _choose(body, stretches, kind)
+    if motion is None:
+        raise DataError(_nothing_moves(world, held, resting))
+    segments = _labelled(world, held, resting, impacts, motion, body)
+    valid = world.valid.copy()
+    valid[_left_out(world, body) & ~held] = False
+    return world.with_(segments=tuple(segments), valid=valid)
+
+
+# --------------------------------------------------------------------------- hand and noise
+
+
+def _held(hand: Mask) -> Mask:
+    """The hand without gaps of one sample, and without a single sample by itself: a cord or a shadow at the edge."""
+    held = hand.copy()
+    held[1:-1] |= hand[:-2] & hand[2:]
+    alone = held.copy()
+    alone[1:] &= ~held[:-1]
+    alone[:-1] &= ~held[1:]
+    alone[[0, -1]] = False
+    return held & ~alone
+
+
+def _outliers(body: Body, held: Mask) -> Mask:
+    found = np.zeros(body.index.size, dtype=np.bool_)
+    for start, stop in runs(~held):
+        inside = (body.index >= start) & (body.index < stop)
+        found[inside] = local.outliers(body.t_s[inside], body.position[inside], body.scale, SIGNIFICANT)
+    return found
+
+
+def _between_hands(world: Trajectory, held: Mask) -> list[Stretch]:
+    """Stretches free of a hand, from the first to the last sample in which the body is found."""
+    parts = []
+    for start, stop in runs(~held):
+        found = np.flatnonzero(world.valid[start:stop])
+        if found.size:
+            begin = f"the hand lets go at {world.t_s[start]:.3g} s" if start else "from first sight"
+            end = f"until a hand touches it at {world.t_s[stop]:.3g} s" if stop < world.n else "to the last sample"
+            parts.append(Stretch(start + int(found[0]), start + int(found[-1]) + 1, begin, end))
+    return parts
+
+
+# --------------------------------------------------------------------------- motion
+
+
+def _choose(body: Body, stretches: list[Stretch], kind: MotionKind) -> Stretch | None:
+    goes_down = kind in ("flight", "slide")
+    candidates = [one for one in stretches if body.part(one.start, one.stop).index.size]
+    if kind == "slide":
+        candidates = [_straight(body, one) for one in candidates]
+    if goes_down:
+        candidates = [one for one in candidates if _falls(body.part(one.start, one.stop))] or candidates
+    if not candidates:
+        return None
+    if kind == "flight":
+        candidates = [one for one in candidates if _is_parabola(body.part(one.start, one.stop))] or candidates
+    sizes = np.array([body.part(one.start, one.stop).index.size for one in candidates])
+    first = int(np.argmax(sizes >= (0.5 if goes_down else 1.0) * sizes.max()))
+    return _without_strange_ends(body, candidates[first])
+
+
+def _falls(inside: Body) -> bool:
+    """Whether its last coordinate, z, accelerates downwards significantly."""
+    if inside.index.size < FEWEST:
+        return False
+    fitted, gain, _ = _parabola(inside)
+    return bool(fitted[2, -1] < -SLOW * gain[2] * inside.scale[-1])
+
+
+def _is_parabola(inside: Body) -> bool:
+    """Whether its coordinates follow parabolas in time, to a small part of its extent."""
+    if inside.index.size < FEWEST:
+        return False
+    _, _, residual = _parabola(inside)
+    return bool(np.sqrt((residual**2).sum(axis=-1).mean()) < PARABOLA * np.linalg.norm(np.ptp(inside.position, axis=0)))
+
+
+def _parabola(inside: Body) -> tuple[Array, Array, Array]:
+    """Coefficients (3, d) of the parabolas through all samples, their errors (3,) per unit noise, residuals (n, d)."""
+    every = np.arange(inside.index.size)[None]
+    fitted, gain, residual = local.fit_windows(inside.t_s, inside.position, every, inside.t_s[:1], 2)
+    return fitted[0], gain[0], residual[0]
+
+
+def _straight(body: Body, one: Stretch) -> Stretch:
+    inside = body.part(one.start, one.stop)
+    if inside.index.size < FEWEST or inside.position.shape[1] < 2:
+        return one
+    part = straight_part(inside.t_s, inside.position, inside.scale)
+    start, stop = int(inside.index[part.start]), int(inside.index[part.stop - 1]) + 1
+    begin = one.begin if start == inside.index[0] else f"{part.begin} at {inside.stamp_s[part.start]:.3g} s"
+    end = one.end if stop == inside.index[-1] + 1 else f"until {part.end} at {inside.stamp_s[part.stop - 1]:.3g} s"
+    return Stretch(start, stop, begin, end)
+
+
+def _without_strange_ends(body: Body, one: Stretch) -> Stretch:
+    """Cut the last (and first) few samples from where they leave the course of those before (after) them."""
+    inside = body.part(one.start, one.stop)
+    if inside.index.size < 2 * EDGE + FEWEST:
+        return one
+    ahead = local.surprises(inside.t_s, inside.position, inside.scale, EDGE)[-EDGE:]
+    back = local.surprises(-inside.t_s[::-1], inside.position[::-1], inside.scale, EDGE)[-EDGE:]
+    cut_end = int(EDGE - np.argmax(ahead > SIGNIFICANT)) if np.any(ahead > SIGNIFICANT) else 0
+    cut_start = int(EDGE - np.argmax(back > SIGNIFICANT)) if np.any(back > SIGNIFICANT) else 0
+    kept = inside.index[cut_start : inside.index.size - cut_end]
+    begin, end = one.begin, one.end
+    if cut_start:
+        begin = f"from {inside.stamp_s[cut_start]:.3g} s, where it comes onto its course"
+    if cut_end:
+        end = f"until it leaves its course at {inside.stamp_s[-cut_end]:.3g} s"
+    return Stretch(int(kept[0]), int(kept[-1]) + 1, begin, end)
+
+
+def _nothing_moves(world: Trajectory, held: Mask, resting: list[Stretch]) -> str:
+    if resting:
+        return f"the body does not move: {resting[0].begin}; choose another part of the clip or another body"
+    return (
+        f"the body is in a hand in all of the {int((world.valid & held).sum())} samples in which it was found; "
+        "does something else touch the edge of the picture? give --roi or --start and --stop"
+    )
+
+
+# --------------------------------------------------------------------------- labels
+
+
+def _labelled(
+    world: Trajectory,
+    held: Mask,
+    resting: list[Stretch],
+    impacts: list[Impact],
+    motion: Stretch,
+    body: Body,
+) -> list[Segment]:
+    """Segments in time order: hand, rest and motion as found, what is left before motion release, after it contact."""
+    found = [_hand_segment(world, start, stop) for start, stop in runs(held)]
+    found += [Segment("rest", one.start, one.stop, one.begin) for one in resting]
+    found.append(Segment("motion", motion.start, motion.stop, _motion_reason(world, motion, body)))
+    found.sort(key=lambda one: one.start)
+    seen = np.flatnonzero(world.valid)
+    first, last = int(seen[0]), int(seen[-1]) + 1
+    starts = [min(first, found[0].start), *[one.stop for one in found]]
+    stops = [*[one.start for one in found], max(last, found[-1].stop)]
+    left: list[Segment] = []
+    for start, stop in zip(starts, stops, strict=True):
+        left += _left_over(start, min(stop, last), motion, impacts)
+    return sorted(found + left, key=lambda one: one.start)
+
+
+def _hand_segment(world: Trajectory, start: int, stop: int) -> Segment:
+    until = f"from {world.t_s[start]:.3g} to {world.t_s[stop - 1]:.3g} s"
+    return Segment("hand", start, stop, f"something that reaches in from the edge of the picture touches it {until}")
+
+
+def _left_out(world: Trajectory, body: Body) -> Mask:
+    """Valid samples (n,) that are not among those of the body."""
+    left_out = world.valid.copy()
+    left_out[body.index] = False
+    return left_out
+
+
+def _motion_reason(world: Trajectory, motion: Stretch, body: Body) -> str:
+    inside = body.part(motion.start, motion.stop)
+    gone = np.flatnonzero(_left_out(world, body)[motion.start : motion.stop]) + motion.start
+    lost = 1 + np.flatnonzero(np.diff(inside.missing_s))
+    reason = f"{motion.begin}; {motion.end}"
+    if gone.size:
+        reason += f"; {gone.size} left out that disagree with their neighbours, at {_times(world.t_s[gone])}"
+    if lost.size:
+        reason += f"; ahead by the way of a lost frame or more at {_times(inside.stamp_s[lost])}"
+    return reason
+
+
+def _times(t_s: Array) -> str:
+    return ", ".join(f"{one:.3g}" for one in t_s[:5]) + (", ..." if t_s.size > 5 else "") + " s"
+
+
+def _left_over(start: int, stop: int, motion: Stretch, impacts: list[Impact]) -> list[Segment]:
+    """Cut what is left at its impacts: before the motion it is release, unless an impact begins it."""
+    if start >= stop:
+        return []
+    inside = {one.sample: one.reason for one in impacts if start <= one.sample < stop}
+    edges = sorted({start, stop, *inside})
+    label: SegmentLabel = "release" if stop <= motion.start else "contact"
+    default = motion.begin if label == "release" else motion.end.removeprefix("until ")
+    return [
+        Segment("contact", a, b, inside[a]) if a in inside else Segment(label, a, b, default)
+        for a, b in pairwise(edges)
+    ]

@@ -1,0 +1,153 @@
+"""What errors of an observed quantity have in common: the errors of calibration and clock, sent all the way through."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from iris_sysid.calibration.pixel_scale import common_source
+from iris_sysid.calibration.plane import changed, common_errors, turned, vertical_stderr
+from iris_sysid.errors import IrisError
+from iris_sysid.types import Array, Calibration, Phenomenon, Trajectory
+
+TIME_BASE = "time base"
+EDGE, AXIS, PIVOTS = "edge of the ball", "axis of the turn", "pivots"
+EDGE_PX = 0.1  # what blur, shading and compression do to a radius in all frames alike; on the twin 0.02 to 0.16
+AXIS_SHARE = 1e-3  # how far the axis is off, over the arm it turns; on the twin 0.08 px of 101, by uneven light
+# of the range of the positions: below it a pattern is rounding, as that of a scale's error in an angle
+ROUNDING = 1e-9
+VERTICALS = ("vertical", "assumed vertical")
+
+
+def from_calibration(
+    trajectory: Trajectory, observe: Callable[[Calibration], Array], calibration: Calibration, seen_px: Array
+) -> dict[str, Array]:
+    """Patterns that the calibration's errors leave in what is observed, by differences of the whole way.
+
+    Parameters
+    ----------
+    trajectory
+        What is observed with the calibration as it is.
+    observe
+        Positions (n, d) observed with another calibration.
+    calibration
+        With its budget.
+    seen_px
+        Pixels (m, 2) that matter: of all bodies and marks.
+
+    Returns
+    -------
+    dict
+        By source, ``calibration: corners`` and so on, patterns (r, n, d) of one standard error each; zero in gaps.
+        That of the vertical has one of second order too, ``f'' u^2 / sqrt(2)`` (GUM, 5.1.2, note): a vertical that
+        is off shortens a fall whichever way it leans.
+    """
+    found = {}
+    for name, changes in common_errors(calibration, seen_px).items():
+        patterns = [(_tried(observe, calibration, one) - _tried(observe, calibration, -one)) / 2 for one in changes]
+        if name in VERTICALS:
+            angle = vertical_stderr(calibration, name)
+            more, less = (observe(turned(calibration, turn)) for turn in (angle, -angle))
+            patterns.append((more + less - 2 * observe(calibration)) / np.sqrt(2))
+        stacked = np.nan_to_num(np.array(patterns))
+        if np.abs(stacked).max() > ROUNDING * np.ptp(trajectory.position[trajectory.valid]):
+            found[common_source(name)] = stacked
+    return found
+
+
+def _tried(observe: Callable[[Calibration], Array], calibration: Calibration, change: Array) -> Array:
+    try:
+        return observe(changed(calibration, change))
+    except IrisError as error:
+        raise type(error)(
+            f"within the calibration's own error the motion cannot be observed: {error}; calibrate better"
+        ) from error
+
+
+def from_clock(trajectory: Trajectory, relative_stderr: float) -> dict[str, Array]:
+    """The pattern of a clock that runs fast: velocity times the time since the first sample.
+
+    Parameters
+    ----------
+    trajectory
+        Smoothed.
+    relative_stderr
+        Relative standard error of the frame rate.
+
+    Returns
+    -------
+    dict
+        One pattern (1, n, d) under ``time base``; nothing for an exact clock.
+    """
+    if relative_stderr == 0 or trajectory.smoothed is None:
+        return {}
+    late_s = relative_stderr * (trajectory.t_s - trajectory.t_s[0])
+    return {TIME_BASE: np.nan_to_num(trajectory.smoothed.velocity * late_s[:, None])[None]}
+
+
+def from_edge(trajectory: Trajectory, phenomenon: Phenomenon) -> dict[str, Array]:
+    """The pattern of an edge that is seen too far out in all frames: a radius in px that is too large by the same.
+
+    Parameters
+    ----------
+    trajectory
+        What is observed.
+    phenomenon
+        Says whether that is a radius.
+
+    Returns
+    -------
+    dict
+        One pattern (1, n, d) under ``edge of the ball``; nothing for anything but a radius.
+    """
+    if phenomenon.measures != "radius":
+        return {}
+    return {EDGE: np.where(trajectory.valid[:, None], EDGE_PX, 0.0)[None]}
+
+
+def from_axis(trajectory: Trajectory, phenomenon: Phenomenon) -> dict[str, Array]:
+    """The patterns of an axis that is taken beside where it is: errors of an angle that come back with every turn.
+
+    Parameters
+    ----------
+    trajectory
+        What is observed.
+    phenomenon
+        Says whether that is the angle of something that turns.
+
+    Returns
+    -------
+    dict
+        Two patterns (2, n, d) under ``axis of the turn``; nothing for anything but an angle.
+    """
+    if phenomenon.measures != "angle":
+        return {}
+    angle = np.where(trajectory.valid[:, None], trajectory.position, np.nan)
+    return {AXIS: AXIS_SHARE * np.nan_to_num(np.stack([np.cos(angle), np.sin(angle)]))}
+
+
+def from_pivots(trajectory: Trajectory) -> dict[str, Array]:
+    """The patterns of pivots that are taken beside where they are, for two bodies whose angles are about their own.
+
+    Parameters
+    ----------
+    trajectory
+        What is observed; its geometry holds ``pivot_across_1`` and so on, errors over the radius of each arc.
+
+    Returns
+    -------
+    dict
+        Patterns (r, n, d) under ``pivots``, one sideways and one upwards for each body; nothing without that geometry.
+    """
+    angle = np.where(trajectory.valid[:, None], trajectory.position, np.nan)
+    ways = (("across", np.cos), ("along", np.sin))
+    patterns = []
+    for body in range(angle.shape[1]):
+        for name, shape in ways:
+            error = trajectory.geometry.get(f"pivot_{name}_{body + 1}")
+            if error is not None:
+                pattern = np.zeros(angle.shape)
+                pattern[:, body] = error.stderr * np.nan_to_num(shape(angle[:, body]))
+                patterns.append(pattern)
+    return {PIVOTS: np.stack(patterns)} if patterns else {}

@@ -1,0 +1,1 @@
+"""Frames with their exact times, from video containers, image sequences and tensors."""

@@ -1,0 +1,90 @@
+"""What a track may be wrong by is not taken for an effect, and samples count as much as they are said to be worth."""
+
+import numpy as np
+import pytest
+
+from fitters.compose_effects import with_effects
+from fitters.ode import fit, simulate
+from iris_sysid.diagnosis.diagnose import diagnose
+from iris_sysid.diagnosis.measurement_errors import stands_out_from, unit_noise
+from iris_sysid.registry import EFFECTS, MODELS
+from iris_sysid.report.text import diagnosis_sentence
+from iris_sysid.types import Trajectory
+
+PENDULUM = MODELS["pendulum"]
+TRUTH = {"length": 0.5, "damping": 0.03, "theta_0": 0.7, "omega_0": 0.0}
+STATED_RAD = 4e-4
+
+
+def swing(hidden: dict[str, float], seed: int = 1) -> Trajectory:
+    """Five seconds with white noise of a quarter of the stated error."""
+    model = with_effects(PENDULUM, [EFFECTS[name] for name in hidden])
+    sizes = {EFFECTS[name].parameters[0].name: size for name, size in hidden.items()}
+    t_s = np.arange(300) / 60
+    theta = simulate(model, t_s, {**TRUTH, **sizes}).observed
+    theta = theta + 0.25 * STATED_RAD * np.random.default_rng(seed).standard_normal(theta.shape)
+    return Trajectory(t_s, PENDULUM.observed, theta, np.full_like(theta, STATED_RAD), np.ones(t_s.size, dtype=bool))
+
+
+def unstated(clip: Trajectory) -> Trajectory:
+    return clip.with_(sigma=np.full_like(clip.sigma, np.nan))
+
+
+@pytest.fixture(scope="module")
+def shaded():
+    """A track that is drawn to one side wherever the body is off the middle, by no more than it says it may be."""
+    clip = swing({})
+    return clip.with_(position=clip.position + STATED_RAD * np.cos(9.0 * clip.position))
+
+
+def test_error_of_the_track_below_what_it_states_is_not_named(shaded):
+    found = diagnose(shaded, PENDULUM)
+    assert found.added == ()
+    assert "of their stated errors, so it is not named" in diagnosis_sentence(found)
+
+
+def test_the_same_error_unstated_is_taken_for_an_effect(shaded):
+    assert diagnose(unstated(shaded), PENDULUM).added != ()
+
+
+def test_effect_above_the_stated_errors_is_named_and_one_below_has_a_limit_above_it():
+    large, small = (diagnose(swing({"quadratic-drag": size}), PENDULUM) for size in (0.08, 0.003))
+    assert [one.name for one in large.added] == ["quadratic-drag"]
+    assert small.added == ()
+    limits = {one.effect: one.upper_95 for one in small.ruled_out}
+    assert 0.003 < limits["quadratic-drag"] < 0.08
+    assert diagnose(unstated(swing({"quadratic-drag": 0.003})), PENDULUM).added != ()
+
+
+def test_sample_that_is_said_to_be_far_off_is_no_blow():
+    clip, near = swing({}), slice(150, 154)
+    position, sigma = clip.position.copy(), clip.sigma.copy()
+    position[near] += 0.004
+    sigma[near] = 0.004
+    found = diagnose(clip.with_(position=position, sigma=sigma), PENDULUM)
+    assert found.added == ()
+
+
+def test_unit_of_a_residual_is_the_noise_by_sample_as_stated():
+    clip = swing({})
+    sigma = clip.sigma.copy()
+    sigma[::10] *= 5.0
+    fitted = fit(clip, PENDULUM)
+    unit = unit_noise(fitted, clip.with_(sigma=sigma))
+    np.testing.assert_allclose(unit[1::10], fitted.noise[0])
+    np.testing.assert_allclose(unit[::10], 5.0 * fitted.noise[0])
+    np.testing.assert_allclose(unit_noise(fitted, unstated(clip)), fitted.noise[0])
+
+
+def test_change_stands_out_from_the_size_at_which_three_samples_are_three_errors_off():
+    change = np.array([[8.0], [4.0], [-2.0], [1.0]])
+    assert stands_out_from(change, np.full((4, 1), 0.5)) == pytest.approx(3.0 * 0.5 / 2.0)
+    assert stands_out_from(change, np.zeros((4, 1))) == 0.0
+    assert stands_out_from(0.0 * change, np.ones((4, 1))) == np.inf
+
+
+def test_change_that_an_error_common_to_all_samples_may_make_does_not_stand_out():
+    clip = swing({"zero-offset": 0.004})
+    tilted = clip.with_(systematic={"vertical": np.full((1, 300, 1), 0.004)})
+    assert [one.name for one in diagnose(clip, PENDULUM, effects=[EFFECTS["zero-offset"]]).added] == ["zero-offset"]
+    assert diagnose(tilted, PENDULUM, effects=[EFFECTS["zero-offset"]]).added == ()

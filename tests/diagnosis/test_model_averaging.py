@@ -1,0 +1,96 @@
+"""The interval of an effect's size allows for one more effect that the data do not show."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fitters.compose_effects import with_effects
+from fitters.ode import fit, simulate
+from iris_sysid.diagnosis.diagnose import diagnose
+from iris_sysid.diagnosis.model_averaging import Companion, among, beside, companion
+from iris_sysid.diagnosis.score_test import Score, screen
+from iris_sysid.registry import EFFECTS, MODELS
+from iris_sysid.types import Estimate, OdeModel, Trajectory
+from validation.blind import case
+
+SIZE = Estimate(2.0, 0.1, "1", ci95=(1.8, 2.2))
+
+
+def throw(model: OdeModel, values: dict[str, float], noise: float, seed: int) -> Trajectory:
+    t_s = np.arange(120) / 60
+    seen = simulate(model, t_s, values).observed
+    seen = seen + noise * np.random.default_rng(seed).standard_normal(seen.shape)
+    return Trajectory(t_s, model.observed, seen, np.full_like(seen, np.nan), np.ones(t_s.size, dtype=bool))
+
+
+def test_size_without_companions_is_left_as_it_is():
+    assert beside(SIZE, []) == SIZE
+    assert among(SIZE, []) == SIZE
+
+
+def test_companion_that_is_unlikely_changes_nothing():
+    assert beside(SIZE, [Companion(-50.0, 3.0, 1.0)]).interval == pytest.approx(SIZE.interval)
+
+
+def test_interval_is_that_of_the_mixture():
+    found = beside(SIZE, [Companion(np.log(0.5), -0.5, 0.2), Companion(np.log(0.25), 0.8, 0.0)])
+    rng = np.random.default_rng(1)
+    which = rng.choice(3, size=2_000_000, p=np.array([1.0, 0.5, 0.25]) / 1.75)
+    drawn = rng.normal(np.array([2.0, 1.5, 2.8])[which], np.array([0.1, np.hypot(0.1, 0.2), 0.1])[which])
+    np.testing.assert_allclose(found.interval, np.quantile(drawn, [0.025, 0.975]), atol=3e-3)
+    assert found.value == SIZE.value
+    assert found.stderr / SIZE.stderr == pytest.approx((found.interval[1] - found.interval[0]) / 0.4)
+
+
+def test_interval_is_never_narrower_than_if_nothing_else_were_lacking():
+    low, high = beside(replace(SIZE, ci95=(1.0, 3.0)), [Companion(0.0, 0.0, 0.0)]).interval
+    assert (low, high) == (1.0, 3.0)
+
+
+def test_companion_that_the_data_cannot_show_is_none():
+    hidden = Score("linear-drag", np.nan, np.nan, "1/s", 0.0, 1.0, 0.0)
+    assert companion([hidden], "impact", 100.0) is None
+    assert companion([replace(hidden, size=1.0, stderr=0.1)], "impact", 100.0) is None  # it moves no such value
+
+
+def test_shifts_are_what_a_refit_with_the_effect_gives():
+    plane, drag = MODELS["incline"], EFFECTS["linear-drag"]
+    clip = throw(plane, {"acceleration": 1.2, "s_0": 0.05, "v_0": 0.3}, 2e-4, 3)
+    bare = fit(clip, plane)
+    shifts = screen([drag], bare, clip).scores["linear-drag"].shifts
+    size = 1e-3
+    moved = fit(clip, with_effects(plane, [drag]), fixed={"linear_drag": size})
+    for name in ("acceleration", "v_0"):
+        assert (moved.estimates[name].value - bare.estimates[name].value) / size == pytest.approx(
+            shifts[name], rel=0.01
+        )
+
+
+def test_drag_too_small_to_be_seen_beside_a_friction_is_in_the_interval_of_that():
+    plane, names = MODELS["incline"], ("velocity-weakening-friction", "linear-drag")
+    effects = [EFFECTS[name] for name in names]
+    truth = {"acceleration": 1.8, "s_0": 0.05, "v_0": 0.3, "weakening_friction": 0.14, "linear_drag": 9e-4}
+    alone, beside_others = [], []
+    for seed in range(4):
+        found = diagnose(throw(with_effects(plane, effects), truth, 2e-4, seed), plane)
+        assert [one.name for one in found.added] == [names[0]]
+        alone.append(found.final.estimates["weakening_friction"].interval)
+        beside_others.append(found.sizes["weakening_friction"].interval)
+    assert sum(low < truth["weakening_friction"] < high for low, high in alone) == 2
+    assert all(low < truth["weakening_friction"] < high for low, high in beside_others)
+
+
+@pytest.mark.slow
+def test_intervals_of_sizes_cover_where_one_or_two_effects_are_hidden():
+    seeds = range(50_000, 50_080)
+    every = [case(seed, 1 + seed % 2) for seed in seeds]
+    off = [
+        one.off[k]
+        for one in every
+        if one is not None
+        for k, factor in enumerate(one.factors)
+        if factor > 2.0 and np.isfinite(one.off[k])
+    ]
+    assert len(off) > 50
+    assert np.mean(np.abs(off) < 1.0) > 0.87  # binomial: 95 % - 3 standard deviations of 60

@@ -1,0 +1,89 @@
+"""Friction only brakes, a leak only empties: what asks for the opposite is said to, and not named after them."""
+
+import re
+
+import numpy as np
+import pytest
+
+from fitters.compose_effects import with_effects
+from fitters.ode import simulate
+from iris_sysid.diagnosis.diagnose import diagnose
+from iris_sysid.diagnosis.stepwise_search import two_sided
+from iris_sysid.registry import EFFECTS, MODELS
+from iris_sysid.report.diagnosis_page import write_diagnosis
+from iris_sysid.report.text import diagnosis_sentence
+from iris_sysid.types import Trajectory
+
+ONE_SIDED = {name for name, one in EFFECTS.items() if one.parameters[0].lower == 0.0}
+THROW = {"x_0": 0.02, "z_0": 0.78, "vx_0": 2.09, "vz_0": 2.46}
+DRAIN = {"outflow": 0.03, "h_0": 0.25}
+SWING = {"length": 0.5, "damping": 0.03, "theta_0": 0.7, "omega_0": 0.0}
+
+
+def clip(name: str, values: dict[str, float], hidden: dict[str, float], seconds: float, noise: float) -> Trajectory:
+    model = with_effects(MODELS[name], [EFFECTS[one] for one in hidden])
+    sizes = {EFFECTS[one].parameters[0].name: size for one, size in hidden.items()}
+    t_s = np.arange(round(60 * seconds)) / 60
+    seen = simulate(model, t_s, {**values, **sizes}).observed
+    seen = seen + noise * np.random.default_rng(1).standard_normal(seen.shape)
+    return Trajectory(t_s, MODELS[name].observed, seen, np.full_like(seen, np.nan), np.ones(t_s.size, dtype=bool))
+
+
+def test_what_only_takes_energy_or_water_away_has_no_size_below_zero():
+    frictions = ["coulomb-friction", "linear-drag", "quadratic-drag", "velocity-weakening-friction"]
+    assert sorted(ONE_SIDED) == sorted([*frictions, "leak", "overflow"])
+
+
+@pytest.mark.parametrize("hidden", [{"linear-drag": -0.1}, {"coulomb-friction": -0.3}])
+def test_throw_that_gains_energy_is_said_to_and_not_called_friction(hidden):
+    found = diagnose(clip("projectile", THROW, hidden, 0.8, 2e-4), MODELS["projectile"])
+    ((name, size),) = hidden.items()
+    assert not ONE_SIDED & {one.name for one in found.added}
+    assert not ONE_SIDED & {one for names in found.indistinguishable.values() for one in names}
+    (note,) = [one for one in found.notes if "gain of energy" in one]
+    assert name in note
+    assert float(note.partition(" of ")[2].split()[0]) == pytest.approx(size, rel=0.25)  # to first order
+    assert "it is not named" in diagnosis_sentence(found)
+
+
+def test_swing_whose_drag_falls_with_speed_gets_no_drag_below_zero():
+    found = diagnose(clip("pendulum", SWING, {"quadratic-drag": -0.05}, 4.0, 2e-3), MODELS["pendulum"])
+    assert all(found.sizes[one.parameters[0].name].value > 0 for one in found.added if one.name in ONE_SIDED)
+
+
+def test_damping_below_zero_is_called_a_gain_of_energy():
+    found = diagnose(clip("pendulum", {**SWING, "damping": -0.1}, {}, 4.0, 2e-3), MODELS["pendulum"])
+    assert found.added == ()
+    (note,) = found.notes
+    assert note.startswith("damping is -0.1")
+    assert "a gain of energy" in note
+
+
+def test_tank_that_fills_from_below_gets_no_leak_below_zero():
+    found = diagnose(clip("torricelli", DRAIN, {"leak": -0.01}, 8.0, 2e-4), MODELS["torricelli"])
+    assert not {"leak", "overflow"} & {one.name for one in found.added}
+
+
+def test_braking_effects_are_still_named_with_their_size_and_shown_before_and_after(tmp_path):
+    measured = clip("projectile", THROW, {"linear-drag": 0.1}, 0.8, 2e-4)
+    found = diagnose(measured, MODELS["projectile"])
+    first = found.added[0].name
+    assert "linear-drag" in (first, *found.indistinguishable[first])
+    assert not [one for one in found.notes if "not named" in one]
+    page = write_diagnosis(found, measured, tmp_path).read_text(encoding="utf-8")
+    assert ">After, if nothing else is lacking<" in page
+    assert ">Before<" in page
+
+
+def test_page_of_a_diagnosis_that_adds_nothing_shows_one_fit_and_no_unit_of_one(tmp_path):
+    measured = clip("projectile", THROW, {}, 0.8, 2e-4)
+    page = write_diagnosis(diagnose(measured, MODELS["projectile"]), measured, tmp_path).read_text(encoding="utf-8")
+    assert "The fit" in page
+    assert ">Before<" not in page
+    assert not re.search(r"\d 1</td>", page)
+
+
+def test_size_is_fitted_on_both_sides_of_zero_so_that_none_has_no_bias():
+    open_below = two_sided(EFFECTS["quadratic-drag"])
+    assert open_below.parameters[0].lower == -np.inf
+    assert two_sided(EFFECTS["slack-tether"]) is EFFECTS["slack-tether"]

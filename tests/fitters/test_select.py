@@ -1,0 +1,190 @@
+"""The governing equation chosen from the bank, by what it predicts of the samples held out."""
+
+import numpy as np
+import pytest
+
+from fitters.ode import simulate
+from fitters.selection.candidates import Candidate
+from fitters.selection.observables import circle_of, raw_of, readings
+from fitters.selection.select import _chosen, select_model
+from iris_sysid.errors import FitError
+from iris_sysid.registry import MODELS
+from iris_sysid.types import Quantity, Trajectory
+
+NOISE = 2e-4  # m
+SWING = {"length": 0.5, "damping": 0.06, "theta_0": 0.6, "omega_0": 0.0}
+
+
+def track(t_s, columns, units, noise=NOISE, seed=0):
+    place = np.column_stack(list(columns.values()))
+    place = place + np.asarray(noise) * np.random.default_rng(seed).standard_normal(place.shape)
+    quantities = tuple(Quantity(name, unit) for name, unit in zip(columns, units, strict=True))
+    return Trajectory(t_s, quantities, place, np.full_like(place, np.nan), np.ones(t_s.size, bool))
+
+
+def on_arc(t_s, model="pendulum", values=SWING):
+    theta = simulate(MODELS[model], t_s, values).observed[:, 0]
+    return {"x": 0.2 + 0.5 * np.sin(theta), "z": 1.1 - 0.5 * np.cos(theta)}
+
+
+def test_place_of_a_bob_is_read_as_the_angle_of_a_pendulum_about_a_pivot_that_nobody_gave():
+    choice = select_model(track(np.arange(240) / 60, on_arc(np.arange(240) / 60), ["m", "m"]))
+    assert (choice.chosen.model, choice.chosen.reading) == ("pendulum", "angle")
+    assert choice.chosen.fit.estimates["length"].value == pytest.approx(0.5, rel=0.01)
+    linear = next(one for one in choice.ranking if one.model == "linear-pendulum")
+    assert linear.heldout > 5 * choice.chosen.heldout
+
+
+def test_fall_and_slide_are_told_apart_by_their_direction():
+    t_s = np.arange(30) / 60
+    fall = track(t_s, {"x": np.full(30, 0.3), "z": 1.5 - 9.8 * t_s**2 / 2}, ["m", "m"])
+    way = 5.0 * t_s**2 / 2
+    slide = track(t_s, {"x": way * np.cos(1.2), "z": 1.0 - way * np.sin(1.2)}, ["m", "m"])
+    assert select_model(fall).chosen.model == "free-fall"
+    chosen = select_model(slide).chosen
+    assert chosen.model == "incline"
+    assert chosen.fit.estimates["angle"].value == pytest.approx(1.2, abs=0.01)
+    assert chosen.fit.estimates["acceleration"].value == pytest.approx(5.0, rel=0.01)
+
+
+def test_columns_are_taken_by_their_unit_whatever_their_name():
+    """A height that drains away under a name that suggests a way along a board."""
+    t_s = np.arange(200) / 20
+    level = simulate(MODELS["torricelli"], t_s, {"outflow": 0.03, "h_0": 0.25}).observed[:, 0]
+    assert select_model(track(t_s, {"s": level}, ["m"], 2e-5)).chosen.model == "torricelli"
+
+
+def test_nothing_is_chosen_when_no_model_of_the_bank_fits():
+    t_s = np.arange(240) / 60
+    wander = np.cumsum(np.random.default_rng(3).standard_normal((240, 2)), axis=0)
+    smooth = np.stack([np.convolve(one, np.hanning(25) / 12, mode="same") for one in wander.T])
+    choice = select_model(track(t_s, {"x": smooth[0], "z": smooth[1]}, ["m", "m"], 1e-4))
+    assert choice.chosen is None
+    assert choice.message.startswith("none of these: the nearest, ")
+    assert choice.nearest.residual > 3
+
+
+def test_ranking_holds_every_model_that_suits_with_its_errors():
+    t_s = np.arange(120) / 60
+    bank = {name: MODELS[name] for name in ("pendulum", "linear-pendulum", "free-fall")}
+    choice = select_model(track(t_s, on_arc(t_s), ["m", "m"]), bank)
+    assert {one.model for one in choice.ranking} == set(bank)
+    assert choice.heldout_margin > 1
+    assert choice.bic_margin > 0
+
+
+def test_short_clip_and_unknown_observable_are_refused():
+    t_s = np.arange(8) / 60
+    with pytest.raises(FitError, match="only 8 usable samples, 12 are needed"):
+        select_model(track(t_s, on_arc(t_s), ["m", "m"]))
+    with pytest.raises(FitError, match="no model of the bank observes"):
+        select_model(track(np.arange(30) / 60, {"q": np.arange(30.0)}, ["kg"]))
+
+
+def test_circle_of_least_squares_finds_centre_and_radius_of_a_short_arc():
+    angle = np.linspace(-0.3, 0.3, 200)
+    noise = 1e-4 * np.random.default_rng(1).standard_normal((200, 2))
+    found = circle_of(np.column_stack([2 + 0.5 * np.sin(angle), 1 - 0.5 * np.cos(angle)]) + noise)
+    assert found == pytest.approx((2, 1, 0.5), abs=2e-3)
+    assert circle_of(np.column_stack([angle, 2 * angle])) is None
+
+
+def test_every_reading_of_a_track_counts_the_same_channels():
+    t_s = np.arange(60) / 60
+    clip = track(t_s, {**on_arc(t_s), "r": 40 + t_s}, ["m", "m", "px"], [NOISE, NOISE, 0.05])
+    found = readings(raw_of(clip, np.ones(60, bool)), np.arange(60) < 40)
+    assert {one.name for one in found} == {"place", "height", "way", "angle", "size"}
+    assert all(one.quantities.shape[1] + one.rest.shape[1] == 3 for one in found)
+
+
+# --------------------------------------------------------------------------- events, and several bodies
+
+
+def few(*names):
+    return {name: MODELS[name] for name in names}
+
+
+def test_cord_that_never_goes_slack_is_no_evidence_for_one_that_may():
+    t_s = np.arange(200) / 60
+    choice = select_model(track(t_s, on_arc(t_s), ["m", "m"]), few("pendulum", "slack-cord"))
+    assert choice.chosen.model == "pendulum"
+    idle = {one.model: one.idle for one in choice.ranking}
+    assert idle == {"pendulum": False, "slack-cord": True}
+
+
+def test_fall_seen_by_a_camera_that_leans_is_still_a_fall():
+    t_s, lean = np.arange(30) / 60, 0.02
+    drop = 9.8 * t_s**2 / 2
+    fall = track(t_s, {"x": 0.3 + drop * np.sin(lean), "z": 1.5 - drop * np.cos(lean)}, ["m", "m"])
+    chosen = select_model(fall, few("free-fall", "incline", "projectile")).chosen
+    assert (chosen.model, chosen.reading) == ("free-fall", "height, tilted")
+
+
+def test_two_pendulums_that_strike_one_another_are_chosen_by_the_motion_of_both():
+    t_s = np.arange(150) / 60
+    values = {"length_1": 0.5, "length_2": 0.5, "damping_1": 0.05, "damping_2": 0.05, "restitution": 0.9}
+    values |= {"pivot_ratio": 0.08, "theta1_0": -0.5, "theta2_0": 0.0, "omega1_0": 0.0, "omega2_0": 0.0}
+    model = MODELS["pendulum-impact"]
+    known = {p.name: p.default for p in model.parameters if p.default is not None}
+    theta = simulate(model, t_s, {**known, **values}).observed
+    bodies = [
+        track(t_s, {"x": pivot + 0.5 * np.sin(one), "z": 1 - 0.5 * np.cos(one)}, ["m", "m"], seed=seed)
+        for seed, (one, pivot) in enumerate(zip(theta.T, (0.0, 0.04), strict=True))
+    ]
+    choice = select_model(bodies, few("pendulum", "pendulum-impact", "linear-pendulum"))
+    assert (choice.chosen.model, choice.chosen.reading) == ("pendulum-impact", "angles")
+    assert choice.heldout_margin > 10
+
+
+def rolling_at_cups():
+    """A ball that rolls at two cups, which tumble off when it reaches them, and a third that it never reaches."""
+    t_s = np.arange(120) / 60
+    way = 3.0 * (1 - np.exp(-0.8 * t_s)) / 0.8
+    hit = int(np.argmax(way > 2.0))
+    rng, after = np.random.default_rng(5), np.arange(120) >= hit
+    tumbling = [np.cumsum(after * (0.02 + 0.02 * rng.standard_normal(120))) for _ in range(4)]
+    places = [
+        {"x": np.where(after, way[hit] + 0.4 * tumbling[3], way), "z": np.zeros(120)},
+        {"x": 2.2 + tumbling[0], "z": 0.1 + 0.3 * tumbling[1]},
+        {"x": 2.4 + tumbling[2], "z": np.full(120, 0.1)},
+        {"x": np.full(120, 3.5), "z": np.full(120, 0.1)},
+    ]
+    return [track(t_s, place, ["m", "m"], seed=seed) for seed, place in enumerate(places)]
+
+
+def test_where_no_equation_fits_all_bodies_one_is_chosen_for_the_first_until_the_others_move():
+    choice = select_model(rolling_at_cups(), few("coasting-ball", "incline", "stopping-block", "projectile"))
+    assert (choice.chosen.model, choice.chosen.reading) == ("coasting-ball", "way, until others move")
+    assert choice.chosen.fit.estimates["damping"].value == pytest.approx(0.8, rel=0.02)
+
+
+def test_body_that_stays_in_its_place_has_no_say():
+    bodies = rolling_at_cups()
+    alone = bodies[0].with_(valid=np.arange(120) < 50)
+    choice = select_model([alone, bodies[3]], few("coasting-ball", "incline"))
+    assert (choice.chosen.model, choice.chosen.reading) == ("coasting-ball", "way")
+
+
+def test_level_line_is_no_incline():
+    t_s = np.arange(40) / 60
+    way = 2.0 * t_s - 0.4 * t_s**2
+    level = track(t_s, {"x": way, "z": np.zeros(40)}, ["m", "m"])
+    assert "incline" not in {one.model for one in select_model(level).ranking}
+    sloping = track(t_s, {"x": way * np.cos(0.2), "z": -way * np.sin(0.2)}, ["m", "m"])
+    assert "incline" in {one.model for one in select_model(sloping).ranking}
+
+
+def candidate(model, heldout, bic):
+    return Candidate(model, "way", heldout, 1.0, bic, bool(np.isfinite(bic)), None, "", 5)
+
+
+def test_model_whose_fit_to_all_samples_failed_comes_after_those_that_were_fitted():
+    choice = _chosen([candidate("failed", 1.0, np.inf), candidate("fitted", 4.0, 30.0)], 5)
+    assert [one.model for one in choice.ranking] == ["fitted", "failed"]
+    assert choice.chosen.model == "fitted"
+
+
+def test_where_every_fit_failed_none_is_chosen():
+    choice = _chosen([candidate("worse", 2.0, np.inf), candidate("better", 1.0, np.inf)], 5)
+    assert choice.chosen is None
+    assert choice.nearest.model == "better"

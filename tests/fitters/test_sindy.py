@@ -1,0 +1,356 @@
+"""Discovery: the right terms and no others on exact motions with noise, its name in the bank, refusal of bad input."""
+
+import numpy as np
+import pysindy
+import pytest
+from scipy.optimize import curve_fit
+
+from fitters.ode import simulate
+from fitters.sindy import discover
+from fitters.sindy.library import library_of
+from fitters.sindy.model import model_of
+from fitters.sindy.model_matching import structures
+from fitters.sindy.sparse_regression import Compressed, proposed, significant, term_price
+from fitters.sindy.weak_form import Rows, grid_step, pieces_of, rows_of
+from iris_sysid.errors import DataError, FitError
+from iris_sysid.registry import MODELS
+from iris_sysid.report.figures import fitted_curve
+from iris_sysid.report.text import discovery_sentence
+from iris_sysid.types import Estimate, Quantity, Segment, Trajectory
+from tests import _real_data as real
+from validation.discovery import MOTIONS, drawn
+
+THETA, Z = Quantity("theta", "rad", r"\theta"), Quantity("z", "m", "z")
+PENDULUM = {"length": 0.5, "damping": 0.05, "theta_0": 1.0, "omega_0": 0.0}
+
+
+def seen(t_s, values, *quantities, noise=1e-3, seed=0, valid=None, **more):
+    """A trajectory with white noise."""
+    values = np.asarray(values, float).reshape(len(t_s), -1)
+    values = values + noise * np.random.default_rng(seed).standard_normal(values.shape)
+    valid = np.ones(len(t_s), bool) if valid is None else valid
+    return Trajectory(
+        t_s, quantities, np.where(valid[:, None], values, np.nan), np.full_like(values, np.nan), valid, **more
+    )
+
+
+def motion(name, values, duration_s, fps=60.0, **more):
+    """A motion of a model of the bank."""
+    model, t_s = MODELS[name], np.arange(int(duration_s * fps)) / fps
+    return seen(t_s, simulate(model, t_s, values).observed, *model.observed, **more)
+
+
+def selected(found):
+    return {term.parameter for term in found.selected}
+
+
+# --------------------------------------------------------------------------- structure and name
+
+
+def test_pendulum_is_found_named_and_measured():
+    found = discover(motion("pendulum", PENDULUM, 8.0))
+    assert selected(found) == {"theta_sin", "theta_rate"}
+    assert found.matched.model == "pendulum"
+    length, damping = found.matched.parameters["length"], found.matched.parameters["damping"]
+    assert abs(length.value - 0.5) < min(4 * length.stderr, 0.005)
+    assert abs(damping.value - 0.05) < 4 * damping.stderr
+    assert discovery_sentence(found).startswith("This is the pendulum with length = 0.")
+    assert found.equations[0].latex.startswith(r"\ddot {\theta} = - 19.6")
+    assert all(term.inclusion > 0.9 for term in found.selected)
+
+
+def test_gravity_that_is_given_scales_the_length_and_its_error():
+    given = {"gravity": Estimate(9.0, 0.09, "m/s^2", "direct")}
+    matched = discover(motion("pendulum", PENDULUM, 8.0), known=given, resampled=5).matched
+    assert matched.parameters["length"].value == pytest.approx(0.5 * 9.0 / 9.80665, rel=2e-3)
+    assert matched.parameters["length"].stderr == pytest.approx(0.01 * matched.parameters["length"].value, rel=0.05)
+
+
+def test_free_fall_needs_a_constant_and_nothing_else():
+    found = discover(motion("free-fall", {"gravity": 9.8, "z_0": 2.0, "vz_0": 0.2}, 0.6))
+    assert selected(found) == {"z_constant"}
+    assert found.matched.parameters["gravity"].value == pytest.approx(9.8, abs=0.1)
+
+
+def test_level_that_drains_follows_its_square_root():
+    found = discover(motion("torricelli", {"outflow": 0.02, "h_0": 0.3}, 20.0, fps=30))
+    assert selected(found) == {"h_root"}
+    assert found.matched.parameters["outflow"].value == pytest.approx(0.02, rel=0.01)
+
+
+def test_rest_position_off_the_origin_is_no_other_model():
+    t_s = np.arange(480) / 60
+    model = MODELS["linear-oscillator"]
+    z = simulate(model, t_s, {"stiffness": 20.0, "damping": 0.2, "z_0": 0.2, "vz_0": 0.0}).observed + 0.05
+    matched = discover(seen(t_s, z, Z, noise=3e-4)).matched
+    assert matched.model == "linear-oscillator"
+    assert matched.parameters["origin_z"].value == pytest.approx(0.05, abs=2e-3)
+    assert matched.parameters["stiffness"].value == pytest.approx(20.0, rel=2e-3)
+
+
+def test_equation_that_the_bank_lacks_is_said_to_differ_from_the_nearest():
+    library = library_of((Z,))
+    t_s = np.arange(600) / 60
+    values = dict.fromkeys(library.names, 0.0) | {"z_linear": -20.0, "z_drag": -0.8, "z_0": 0.4, "d_z_0": 0.0}
+    found = discover(seen(t_s, simulate(model_of(library), t_s, values).observed, Z, noise=4e-4))
+    assert selected(found) == {"z_linear", "z_drag"}
+    assert found.matched is None
+    assert found.nearest.model == "linear-oscillator"
+    assert found.nearest.extra == ("|z'| z' in z''",)
+    assert "Not in the bank: the nearest is linear-oscillator" in discovery_sentence(found)
+
+
+def test_known_input_enters_the_equation():
+    push = Quantity("u", "V")
+    library = library_of((Z,), (push,))
+    t_s = np.arange(600) / 60
+    u = np.sign(np.sin(1.3 * t_s))[:, None]
+    values = dict.fromkeys(library.names, 0.0)
+    values |= {"z_linear": -15.0, "z_rate": -0.6, "z_input_u": 2.0, "z_0": 0.1, "d_z_0": 0.0}
+    z = simulate(model_of(library), t_s, values, inputs=u).observed
+    found = discover(seen(t_s, z, Z, noise=3e-4, input_quantities=(push,), inputs=u))
+    assert selected(found) == {"z_linear", "z_rate", "z_input_u"}
+    push_found = next(term for term in found.selected if term.term == "u")
+    assert push_found.coefficient.value == pytest.approx(2.0, rel=0.01)
+    assert push_found.coefficient.unit == "m/s^2/V"
+
+
+def test_oscillator_is_found_in_the_recording_of_an_air_track():
+    clip = real.schmidt_lipson_linear()
+    matched = discover(clip, resampled=20).matched
+    assert matched.model == "linear-oscillator"
+
+    def damped_cosine(t_s, amplitude, phase, omega, damping):
+        return amplitude * np.exp(-damping * t_s / 2) * np.cos(omega * t_s + phase)
+
+    (*_, omega, damping), _ = curve_fit(damped_cosine, clip.t_s, clip.position[:, 0], [0.1, 3.0, 2.5, 0.01])
+    assert matched.parameters["stiffness"].value == pytest.approx(omega**2 + damping**2 / 4, rel=1e-4)
+    assert matched.parameters["damping"].value == pytest.approx(damping, rel=0.01)
+
+
+def test_two_terms_that_imitate_one_with_a_third_are_exchanged_for_it():
+    # without that, 1, z1, z1' and z1 - z3 stand for z1' and both differences in this motion
+    chain = next(one for one in MOTIONS if one.model == "contact-chain")
+    found = discover(drawn(chain, 15)[0], resampled=20)
+    assert selected(found) == set(chain.terms)
+    assert found.matched.model == "contact-chain"
+
+
+# --------------------------------------------------------------------------- several clips, gaps, events
+
+
+def test_clips_of_unequal_length_share_one_equation():
+    clips = [
+        motion("pendulum", PENDULUM, 6.0, seed=1),
+        motion("pendulum", PENDULUM | {"theta_0": 0.5, "omega_0": 1.0}, 3.0, fps=30, seed=2),
+    ]
+    together, alone = (discover(one, resampled=10) for one in (clips, clips[1]))
+    assert selected(together) == {"theta_sin", "theta_rate"}
+    assert len(together.fits) == 2
+    length, less = together.matched.parameters["length"], alone.matched.parameters["length"]
+    assert abs(length.value - 0.5) < 4 * length.stderr
+    assert length.stderr < less.stderr
+
+
+def test_gap_is_not_bridged_by_any_window():
+    clip = motion("pendulum", PENDULUM, 8.0, valid=~((np.arange(480) > 200) & (np.arange(480) < 260)))
+    pieces = pieces_of(clip, library_of(clip.quantities))
+    assert [(one.t_s[0], one.t_s[-1]) for one in pieces] == [(0.0, 200 / 60), (260 / 60, 479 / 60)]
+    assert selected(discover(clip, resampled=5)) == {"theta_sin", "theta_rate"}
+
+
+def test_first_samples_that_are_wild_move_nothing_in_time():
+    clip = motion("pendulum", PENDULUM, 8.0)
+    wild = clip.position.copy()
+    wild[:2] += [[0.05], [-0.05]]
+    found = discover(clip.with_(position=wild), resampled=5)
+    assert not found.fits[0].used[0]
+    assert found.fits[0].used.sum() > 470
+    assert selected(found) == {"theta_sin", "theta_rate"}
+    t_s, curve = fitted_curve(found.fits[0])
+    assert np.interp(1.0, t_s, curve[:, 0]) == pytest.approx(float(clip.position[60, 0]), abs=5e-3)
+
+
+def test_impact_between_two_motions_is_never_inside_a_window():
+    clip = motion("pendulum", PENDULUM, 4.0)
+    turned = clip.position.copy()
+    turned[120:] = turned[120:] * -0.5
+    parts = (Segment("motion", 0, 120), Segment("contact", 120, 124), Segment("motion", 124, 240))
+    cut = clip.with_(position=turned, segments=parts)
+    pieces = pieces_of(cut, library_of(clip.quantities))
+    assert [(round(one.t_s[0] * 60), round(one.t_s[-1] * 60)) for one in pieces] == [(0, 119), (124, 239)]
+
+
+# --------------------------------------------------------------------------- parts
+
+
+def test_whitened_rows_of_the_true_equation_leave_unit_variance():
+    clip = motion("pendulum", PENDULUM, 60.0, noise=2e-3)
+    library = library_of(clip.quantities)
+    (rows,) = rows_of(pieces_of(clip, library), library)
+    truth = np.zeros(len(library.terms))
+    truth[library.names.index("theta_sin")], truth[library.names.index("theta_rate")] = -9.80665 / 0.5, -0.05
+    left = rows.left - rows.right @ truth
+    assert np.mean(left**2) == pytest.approx(1.0, abs=5 * np.sqrt(2 / left.size))
+
+
+def test_choice_agrees_with_pysindy_where_terms_are_unlike():
+    rng = np.random.default_rng(3)
+    columns = rng.standard_normal((200, 6))
+    target = columns[:, [1, 4]] @ [2.0, -3.0] + rng.standard_normal(200)
+    problem = Compressed.of(columns, target)
+    assert significant(problem, term_price(problem)) == (1, 4)
+    assert list(proposed(Rows(target, columns))[2]) == [1, 4]
+    theirs = pysindy.STLSQ(threshold=1.0, alpha=0.0).fit(columns, target[:, None]).coef_[0]
+    assert problem.solved((1, 4))[0] == pytest.approx(theirs[[1, 4]], rel=1e-9)
+
+
+def test_compressed_rows_leave_the_same_sums_of_squares():
+    rng = np.random.default_rng(5)
+    columns, target = rng.standard_normal((50, 5)), rng.standard_normal(50)
+    problem = Compressed.of(columns, target)
+
+    def left(kept):
+        solved = np.linalg.lstsq(columns[:, kept], target, rcond=None)[0]
+        return np.sum((target - columns[:, kept] @ solved) ** 2)
+
+    residual, gains = problem.gains((0, 3))
+    assert residual == pytest.approx(left([0, 3]))
+    assert residual - gains[2] == pytest.approx(left([0, 3, 2]))
+    assert problem.without(3).residual((1,)) == pytest.approx(left([1, 3, 4]))
+
+
+def test_grid_that_samples_lie_on_is_seen_and_noise_lies_on_none():
+    values = 0.1 * np.cos(np.arange(300) / 20)
+    assert grid_step(np.round(values, 3)) == pytest.approx(1e-3)
+    assert grid_step(values) == 0.0
+    assert grid_step(np.full(20, 0.3)) == 0.0
+
+
+def test_term_that_does_less_than_the_rounding_of_the_samples_is_not_seen():
+    t_s, model = np.arange(900) / 30, MODELS["linear-oscillator"]
+    z = simulate(model, t_s, {"stiffness": 6.2, "damping": 0.014, "z_0": 0.1, "vz_0": 0.0}).observed
+    bent = z / (1 - 0.04 * z) - 4e-4 * z / 0.1 * (z / 0.1) ** 2  # a camera that looks askance through a lens
+    fine, whole_mm = seen(t_s, bent, Z, noise=3e-4), seen(t_s, np.round(bent, 3), Z, noise=0.0)
+    assert selected(discover(fine, resampled=5)) != {"z_linear", "z_rate"}
+    assert selected(discover(whole_mm, resampled=5)) == {"z_linear", "z_rate"}
+
+
+@pytest.mark.parametrize(
+    ("name", "always", "sometimes"),
+    [
+        ("pendulum", {"sin(theta)"}, {"theta'"}),
+        ("linear-oscillator", {"z"}, {"z'"}),
+        ("torricelli", {"sqrt(h)"}, set()),
+        ("apparent-radius", {"1"}, set()),
+        ("exponential-decay", {"intensity"}, set()),
+    ],
+)
+def test_structure_of_a_bank_model_comes_from_its_right_hand_side(name, always, sometimes):
+    library = library_of(MODELS[name].observed)
+    found = next(one for one in structures(library) if one.model.name == name)
+    texts = {(one.equation, one.code, one.other): one.text for one in library.terms}
+    assert {texts[key] for key in found.always} == always
+    assert {texts[key] for key in found.sometimes - found.always} == sometimes
+
+
+def test_programmed_equation_moves_like_the_bank_s():
+    library, t_s = library_of((THETA,)), np.arange(100) / 30
+    coefficients = dict.fromkeys(library.names, 0.0) | {"theta_sin": -9.80665 / 0.5, "theta_rate": -0.05}
+    ours = simulate(model_of(library), t_s, coefficients | {"theta_0": 1.0, "d_theta_0": 0.0}).observed
+    assert ours == pytest.approx(simulate(MODELS["pendulum"], t_s, PENDULUM).observed, abs=1e-8)
+
+
+def test_same_seed_gives_the_same_inclusion():
+    clip = motion("pendulum", PENDULUM, 4.0, noise=5e-3)
+    one, two = (discover(clip, resampled=20, seed=4) for _ in range(2))
+    assert [term.inclusion for term in one.terms] == [term.inclusion for term in two.terms]
+
+
+# --------------------------------------------------------------------------- what a model lacks
+
+
+def with_drag():
+    library, t_s = library_of((THETA,)), np.arange(900) / 60
+    values = dict.fromkeys(library.names, 0.0)
+    values |= {"theta_sin": -20.0, "theta_rate": -0.05, "theta_drag": -0.05, "theta_0": 1.2, "d_theta_0": 0.0}
+    return seen(t_s, simulate(model_of(library), t_s, values).observed, THETA)
+
+
+def test_residual_of_a_pendulum_with_quadratic_drag_calls_for_that_term():
+    found = discover(with_drag(), residual_of="pendulum", resampled=20)
+    assert (found.nearest.model, found.nearest.extra) == ("pendulum", ("|theta'| theta' in theta''",))
+    drag = next(term for term in found.selected if term.parameter == "theta_drag")
+    assert drag.coefficient.value == pytest.approx(-0.05, rel=0.1)
+    assert drag.effect == "quadratic-drag"
+    assert drag.inclusion > 0.9
+
+
+def test_nearest_model_alone_has_all_its_terms():
+    found = discover(with_drag(), resampled=5)
+    assert found.matched is None
+    assert found.nearest.parameters["damping"].value > 0.05  # it takes the place of the drag that is left out
+    assert found.nearest.note.startswith("its residual is ")
+
+
+def test_nothing_is_proposed_beyond_the_true_model():
+    found = discover(motion("pendulum", PENDULUM, 8.0), residual_of="pendulum", resampled=5)
+    assert selected(found) == {"theta_sin", "theta_rate"}
+    assert found.matched.model == "pendulum"
+
+
+def test_residual_of_a_model_of_another_quantity_is_refused():
+    with pytest.raises(FitError, match="'free-fall' is no model of theta that the library can express; there are"):
+        discover(motion("pendulum", PENDULUM, 4.0), residual_of="free-fall")
+
+
+# --------------------------------------------------------------------------- bad input
+
+
+def plain(n, values=None, *quantities):
+    t_s = np.arange(n) / 30
+    return seen(t_s, np.sin(t_s) if values is None else values, *(quantities or (THETA,)), noise=0.0)
+
+
+def test_too_few_samples_are_counted():
+    with pytest.raises(DataError, match="9 of 9 samples are valid and in motion, at least 16 are needed"):
+        discover(plain(9))
+
+
+def test_all_gaps_are_refused():
+    clip = plain(50)
+    empty = clip.with_(valid=np.zeros(50, bool))
+    with pytest.raises(DataError, match="0 of 50 samples are valid and in motion"):
+        discover(empty)
+
+
+def test_constant_series_has_no_equation():
+    with pytest.raises(DataError, match=r"theta is 0\.3 in all 60 samples: what does not move has no equation to find"):
+        discover(plain(60, np.full(60, 0.3)))
+
+
+def test_unknown_quantity_lists_those_there_are():
+    with pytest.raises(DataError, match=r"the trajectory has no quantity 'phi'; it has theta"):
+        discover(plain(60), quantities=("phi",))
+
+
+def test_clips_of_different_quantities_are_refused():
+    with pytest.raises(DataError, match="clip 2 has z_m but clip 1 theta_rad"):
+        discover([plain(60), plain(60, None, Z)])
+
+
+def test_no_clip_is_refused():
+    with pytest.raises(DataError, match="there is no trajectory"):
+        discover([])
+
+
+def test_level_beside_a_place_is_refused():
+    both = np.column_stack([np.linspace(1, 2, 60), np.linspace(0, 1, 60)])
+    with pytest.raises(DataError, match=r"h \(m\), z \(m\): places and angles have equations of second order"):
+        discover(plain(60, both, Quantity("h", "m"), Z))
+
+
+def test_input_without_any_value_is_refused():
+    clip = plain(60).with_(input_quantities=(Quantity("u", "V"),), inputs=np.full((60, 1), np.nan))
+    with pytest.raises(DataError, match="the input u has no known value"):
+        discover(clip)

@@ -1,0 +1,185 @@
+"""One direction of flow: who may import whom, and what costs nothing to import."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests._project import ROOT, python_files
+
+# Lowest first: a module imports from its own package and from those named before it.
+ORDER = (
+    "iris_sysid.errors",
+    "iris_sysid.units",
+    "iris_sysid.types",
+    "iris_sysid.registry",
+    "iris_sysid.io",
+    "iris_sysid.phenomena",
+    "trackers",
+    "iris_sysid.video",
+    "iris_sysid.synthetic",
+    "iris_sysid.calibration",
+    "iris_sysid.trajectory",
+    "fitters",
+    "iris_sysid.diagnosis",
+    "iris_sysid.report",
+    "iris_sysid.pipeline",
+    "iris_sysid.benchmark",
+    "iris_sysid.cli",
+)
+MOST_ENTRIES = 16
+PLUGIN_FOLDERS = ("trackers", "fitters/models", "fitters/effects", "iris_sysid/phenomena")
+PLUGINS_MAY_IMPORT = ("iris_sysid.types", "iris_sysid.errors", "iris_sysid.registry")
+PIXEL_FILES = (
+    "trackers/",
+    "iris_sysid/video/",
+    "iris_sysid/calibration/board/",
+    "iris_sysid/calibration/bundle_adjustment.py",
+    "iris_sysid/synthetic/",
+    "iris_sysid/report/overlay.py",
+    "iris_sysid/benchmark/studies/degraded_clips.py",
+)
+OURS = ("iris_sysid", "trackers", "fitters")
+
+
+def imports_of(path: Path) -> set[str]:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module} | {f"{node.module}.{alias.name}" for alias in node.names}
+    return found
+
+
+def relative(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def is_ours(name: str) -> bool:
+    return name.partition(".")[0] in OURS
+
+
+def module_of(path: Path) -> str:
+    return relative(path).removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+
+
+FILES = {relative(path): imports_of(path) for path in python_files()}
+
+
+def package_of(module: str) -> str:
+    """The package of ORDER that a module belongs to; the root package itself belongs to none."""
+    return next((name for name in ORDER if module == name or module.startswith(f"{name}.")), "")
+
+
+def modules_imported(path: str) -> set[str]:
+    """The modules of ours that a file imports, by their full names; names within a module are left out."""
+    return {name for name in FILES[path] if is_ours(name) and is_module(name)}
+
+
+def is_module(name: str) -> bool:
+    place = ROOT / name.replace(".", "/")
+    return place.is_dir() or place.with_suffix(".py").is_file()
+
+
+def private_part(module: str) -> str:
+    """The package that a private module is private to; empty for a public one."""
+    parts = module.split(".")
+    hidden = next((k for k, part in enumerate(parts) if part.startswith("_")), None)
+    return "" if hidden is None else ".".join(parts[:hidden])
+
+
+def test_every_file_belongs_to_a_package_of_the_order():
+    assert [path for path in FILES if not package_of(module_of(ROOT / path))] == ["iris_sysid/__init__.py"]
+
+
+@pytest.mark.parametrize("path", FILES)
+def test_imports_go_down_the_order(path):
+    package = package_of(module_of(ROOT / path))
+    above = ORDER[ORDER.index(package) + 1 :] if package else ()
+    assert {name for name in modules_imported(path) if package_of(name) in above} == set()
+
+
+@pytest.mark.parametrize("path", FILES)
+def test_private_modules_are_imported_by_their_own_package_only(path):
+    module = module_of(ROOT / path)
+    owners = {name: private_part(name) for name in modules_imported(path)}
+    assert {name for name, owner in owners.items() if owner and not f"{module}.".startswith(f"{owner}.")} == set()
+
+
+def test_no_modules_import_one_another_in_a_circle():
+    """Circles are looked for among modules, imports within functions included."""
+    edges = {module_of(ROOT / path): modules_imported(path) - {module_of(ROOT / path)} for path in FILES}
+    packages = {name for name in edges if (ROOT / name.replace(".", "/")).is_dir()}
+    edges = {name: {target for target in targets - packages if target in edges} for name, targets in edges.items()}
+    while leaves := {name for name, targets in edges.items() if not targets & edges.keys()}:
+        edges = {name: targets for name, targets in edges.items() if name not in leaves}
+    assert sorted(edges) == []
+
+
+def test_the_root_package_has_few_entries():
+    entries = {path.split("/")[1] for path in FILES if path.startswith("iris_sysid/")}
+    assert len(entries) <= MOST_ENTRIES, sorted(entries)
+
+
+@pytest.mark.parametrize("path", [p for p in FILES if p.startswith(PLUGIN_FOLDERS) and not p.endswith("__init__.py")])
+def test_plugin_imports_only_the_core_and_its_own_helpers(path):
+    folder = path.split("/_")[0].rpartition("/")[0] if "/_" not in path else path.split("/_")[0]
+    allowed = (*PLUGINS_MAY_IMPORT, f"{folder.replace('/', '.')}._")
+    ours = {name for name in FILES[path] if is_ours(name) and name not in ("iris_sysid", folder.replace("/", "."))}
+    assert {name for name in ours if not name.startswith(allowed)} == set()
+
+
+def test_trackers_and_fitters_never_import_one_another():
+    for path, imported in FILES.items():
+        if path.startswith("trackers/"):
+            assert not any(one.startswith("fitters") for one in imported), path
+        if path.startswith("fitters/"):
+            assert not any(one.startswith("trackers") for one in imported), path
+
+
+def test_nothing_imports_the_command_line():
+    outside = {path: imported for path, imported in FILES.items() if not path.startswith("iris_sysid/cli/")}
+    assert [path for path, imported in outside.items() if any(i.startswith("iris_sysid.cli") for i in imported)] == []
+
+
+def test_pixels_are_handled_only_where_pixels_are_handled():
+    handlers = {path for path, imported in FILES.items() if imported & {"cv2", "av"}}
+    assert {path for path in handlers if not path.startswith(PIXEL_FILES)} == set()
+
+
+def test_pysindy_is_imported_only_by_the_sindy_fitter():
+    assert {p for p, imported in FILES.items() if "pysindy" in imported} <= {
+        p for p in FILES if p.startswith("fitters/sindy/")
+    }
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys; sys.argv = ['iris-sysid', '--help']\n"
+        "import contextlib, io, iris_sysid.cli\n"
+        "with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.suppress(SystemExit):\n"
+        "    iris_sysid.cli.main()\n"
+        "assert 'Commands' in out.getvalue(), out.getvalue()\n"
+        "heavy = {'numpy', 'scipy', 'numba', 'cv2', 'av', 'pandas', 'lmfit', 'matplotlib', 'pydantic', 'jinja2'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.strip() == "[]"
+
+
+def test_every_public_name_is_importable():
+    import iris_sysid
+
+    for name in iris_sysid.__all__:
+        assert getattr(iris_sysid, name) is not None
+
+
+def test_unknown_public_name_is_an_attribute_error():
+    import iris_sysid
+
+    with pytest.raises(AttributeError, match="no_such_name"):
+        _ = iris_sysid.no_such_name

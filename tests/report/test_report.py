@@ -1,0 +1,312 @@
+"""The pages: complete, safe to open, in need of nothing else, the same bytes again."""
+
+import base64
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import av
+import cv2
+import numpy as np
+import pytest
+
+from iris_sysid import MODELS, diagnose, fit, run, write_report
+from iris_sysid.diagnosis.diagnose import Diagnosis
+from iris_sysid.errors import IrisError, OutputError
+from iris_sysid.io.csv_read import read_trajectory
+from iris_sysid.registry import EFFECTS
+from iris_sysid.report import clip_page, figures
+from iris_sysid.report.diagnosis_page import FILES, write_diagnosis
+from iris_sysid.report.overlay import draw_body, write_overlay
+from iris_sysid.report.page import Page, Picture, Section, estimates_section, html_of, png_of
+from iris_sysid.types import Estimate, Quantity, Segment, Track, Trajectory
+from tests._drawn import DrawnClip, moving_disc
+from tests.conftest import listing
+
+HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(1)>\"'&{{ 7 * 7 }}"
+LOADING = ("src", "href", "srcset", "action", "background", "poster", "data", "style")
+
+
+class Tags(HTMLParser):
+    """Every tag with its attributes, and the text outside of styles."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict]] = []
+        self.text = ""
+        self.styles = ""
+        self.feed(html)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+
+    def handle_data(self, data):
+        if self.tags and self.tags[-1][0] == "style":
+            self.styles += data
+        else:
+            self.text += f"{data} "
+
+
+def assert_safe_and_alone(html: str) -> Tags:
+    """Nothing is executed, nothing is fetched."""
+    page = Tags(html)
+    assert not {tag for tag, _ in page.tags} & {"script", "link", "iframe", "object", "embed", "base", "form", "svg"}
+    for tag, attributes in page.tags:
+        assert not [name for name in attributes if name.startswith("on")], (tag, attributes)
+        for name in LOADING:
+            assert attributes.get(name, "data:").startswith("data:image/png;base64,") or name not in attributes
+        assert attributes.get("http-equiv") is None
+    assert "url(" not in page.styles
+    assert "@import" not in page.styles
+    return page
+
+
+def pictures_in(html: str) -> list[bytes]:
+    sources = [attributes["src"] for tag, attributes in Tags(html).tags if tag == "img"]
+    return [base64.b64decode(source.partition(",")[2]) for source in sources]
+
+
+# --------------------------------------------------------------------------- the page itself
+
+
+def test_page_escapes_every_text():
+    section = Section(HOSTILE, ("#" + HOSTILE, HOSTILE), [(HOSTILE, HOSTILE)], [HOSTILE])
+    page = Page(HOSTILE, HOSTILE, HOSTILE, [Picture("a", b"png", HOSTILE)], [section], {HOSTILE: HOSTILE}, [HOSTILE])
+    found = assert_safe_and_alone(html_of(page))
+    assert found.text.count("<script>alert(1)</script>") >= 10
+    assert "{{ 7 * 7 }}" in found.text
+    assert "49" not in found.text
+
+
+def test_page_says_what_it_was_given():
+    estimates = {"length": Estimate(1.70342, 0.0042, "m", "fitted", "here")}
+    page = Page("clip", "length = 1.7", "a bob", [], [estimates_section("Parameters", estimates, r"\ddot x = -g")], {})
+    html = html_of(page)
+    text = " ".join(Tags(html).text.split())
+    assert "Parameters quantity value ± standard error 95 % interval kind from" in text
+    assert "length 1.7034 ± 0.0042 m 1.6952 to 1.7117 fitted here" in text
+    assert len(pictures_in(html)) == 1
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_equation_of_every_model_can_be_drawn(name):
+    assert png_of(figures.equation_figure(MODELS[name].equation)).startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_equation_of_every_effect_can_be_drawn(name):
+    assert png_of(figures.equation_figure(EFFECTS[name].equation)).startswith(b"\x89PNG")
+
+
+def a_page(text="clip"):
+    pictures = [Picture(name, png_of(figures.equation_figure("x = 1")), name) for name in ("one", "two")]
+    return Page(text, text, text, pictures, [], {})
+
+
+def test_page_is_written_with_its_pictures_the_same_again(tmp_path):
+    for name in ("a", "b"):
+        assert clip_page.write_page(a_page(), tmp_path / name) == tmp_path / name / "report.html"
+    assert set(listing(tmp_path / "a")) == {"one.png", "two.png", "report.html"}
+    assert listing(tmp_path / "a") == listing(tmp_path / "b")
+
+
+@pytest.mark.parametrize("name", ["one.png", "two.png", "report.html"])
+def test_page_is_refused_whole_when_one_file_exists(name, tmp_path):
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(OutputError, match=f"{name} exists already"):
+        clip_page.write_page(a_page(), tmp_path)
+    assert listing(tmp_path) == {name: b"mine"}
+    clip_page.write_page(a_page(), tmp_path, overwrite=True)
+    assert len(listing(tmp_path)) == 3
+
+
+# --------------------------------------------------------------------------- of a clip
+
+
+@pytest.fixture(scope="module")
+def hostile_run(pendulum_clip, tmp_path_factory):
+    """A run of a clip whose name and folder would be HTML."""
+    clip = tmp_path_factory.mktemp("hostile") / "<script>alert(1)<" / "script><img src=x onerror=alert(1)>.mp4"
+    clip.parent.mkdir()
+    clip.write_bytes(pendulum_clip.read_bytes())
+    return run(clip, "pendulum", settings={"ball_radius": Estimate(0.03, 0.001, "m", "direct", HOSTILE)})
+
+
+def test_report_of_a_clip_with_a_hostile_name_is_safe(hostile_run, tmp_path):
+    html = write_report(hostile_run, tmp_path).read_text("utf-8")
+    page = assert_safe_and_alone(html)
+    assert page.text.count("script><img src=x onerror=alert(1)>.mp4") >= 3  # title, heading, origin
+    assert HOSTILE in page.text
+
+
+def test_report_of_a_clip_is_complete(hostile_run, tmp_path):
+    html = write_report(hostile_run, tmp_path).read_text("utf-8")
+    assert set(listing(tmp_path)) == {"track.png", "fit.png", "report.html"}
+    assert pictures_in(html)[:2] == [(tmp_path / name).read_bytes() for name in ("track.png", "fit.png")]
+    text = Tags(html).text
+    for part in (
+        "Parameters",
+        "Where the uncertainty comes from",
+        "What happens when",
+        "Measured on the way",
+        "Checks",
+        "Where this comes from",
+        "length",
+        "rope_length",
+        "hand",
+        "motion",
+        "arc_radius",
+        "times the noise of",
+        "Mean normalised innovation squared",
+        "sha256",
+    ):
+        assert part in text, part
+    assert "nan" not in text.split()
+
+
+def test_report_of_a_failed_fit_says_so(hostile_run, tmp_path):
+    few = hostile_run.trajectory.valid & (np.cumsum(hostile_run.trajectory.valid) <= 3)
+    short = fit(hostile_run.trajectory.with_(valid=few, segments=()), MODELS["pendulum"])
+    failed = replace(hostile_run, fit=replace(short, origin=hostile_run.fit.origin))
+    text = Tags(write_report(failed, tmp_path).read_text("utf-8")).text
+    assert "too-short" in text
+    assert "undetermined" in text
+
+
+def test_track_is_drawn_over_the_clip(hostile_run):
+    figure = figures.track_figure(
+        hostile_run.video, hostile_run.tracks, hostile_run.trajectory, hostile_run.calibration
+    )
+    (axes,) = figure.axes
+    assert axes.images[0].get_array().shape == (90, 160, 3)
+    assert {"motion", "pivot and arc"} <= {text.get_text() for text in axes.get_legend().get_texts()}
+    assert axes.get_ylim() == (89.5, -0.5)
+
+
+def test_multiple_exposure_shows_the_body_at_several_times():
+    places = np.column_stack([np.linspace(10, 117, 30), np.full(30, 48.0)])
+    picture = figures.multiple_exposure(moving_disc(places, 5.0, noise=0.0))
+    bright = picture[48, :, 0] > 130
+    assert 3 <= np.count_nonzero(np.diff(bright.astype(int)) == 1) <= figures.PHASES
+
+
+def test_fit_is_drawn_with_a_residual_under_each_quantity():
+    t_s = np.linspace(0.0, 1.0, 40)
+    rng = np.random.default_rng(2)
+    position = np.column_stack([2.0 * t_s, 3.0 * t_s - 4.9 * t_s**2]) + rng.normal(0, 1e-3, (40, 2))
+    quantities = (Quantity("x", "m"), Quantity("z", "m"))
+    flight = Trajectory(t_s, quantities, position, np.full((40, 2), np.nan), np.ones(40, bool))
+    figure = figures.fit_figure(flight, fit(flight, MODELS["projectile"]))
+    assert [axes.get_ylabel() for axes in figure.axes] == ["x (m)", "residual (m)", "z (m)", "residual (m)"]
+
+
+def test_samples_are_labelled_by_their_segment():
+    trajectory = Trajectory(
+        np.arange(4.0),
+        (Quantity("z", "m"),),
+        np.zeros((4, 1)),
+        np.zeros((4, 1)),
+        np.ones(4, bool),
+        segments=(Segment("hand", 0, 1, ""), Segment("motion", 2, 4, "")),
+    )
+    assert figures.sample_labels(trajectory) == ["hand", "", "motion", "motion"]
+
+
+# --------------------------------------------------------------------------- of a diagnosis
+
+
+@pytest.fixture(scope="module")
+def diagnosed(angles) -> tuple[Diagnosis, Trajectory]:
+    trajectory = read_trajectory(angles)
+    trajectory = trajectory.with_(origin={**trajectory.origin, "source": HOSTILE})
+    effects = [EFFECTS["quadratic-drag"], EFFECTS["zero-offset"]]
+    return diagnose(trajectory, MODELS["pendulum"], effects=effects), trajectory
+
+
+def test_diagnosis_page_is_safe_and_complete(diagnosed, tmp_path):
+    page = write_diagnosis(*diagnosed, tmp_path)
+    assert set(listing(tmp_path)) == set(FILES)
+    found = assert_safe_and_alone(page.read_text("utf-8"))
+    assert HOSTILE in found.text
+    for part in ("Error before and after", "The fit", "Screen, round 1", "Ruled out", "quadratic-drag"):
+        assert part in found.text, part
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_diagnosis_is_refused_whole_when_one_file_exists(name, diagnosed, tmp_path):
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(OutputError, match=f"{name} exists already"):
+        write_diagnosis(*diagnosed, tmp_path)
+    assert listing(tmp_path) == {name: b"mine"}
+
+
+# --------------------------------------------------------------------------- the overlay
+
+
+def track_at(places: np.ndarray, fps: float = 60.0) -> Track:
+    n = len(places)
+    valid = np.isfinite(places[:, 0])
+    return Track(np.arange(n) / fps, places, np.full((n, 2), 0.1), valid, np.arange(n), radius_px=np.full(n, 4.0))
+
+
+def test_overlay_keeps_frames_and_times_and_crops_odd_sides(tmp_path):
+    places = np.column_stack([np.linspace(20, 100, 12), np.full(12, 40.0)])
+    places[5] = np.nan
+    clip = moving_disc(places[[0, 1, 2, 3, 4, 4, 6, 7, 8, 9, 10, 11]], 4.0, shape=(95, 127))
+    seen = []
+    write_overlay(clip, [track_at(places)], tmp_path / "o.mp4", progress=lambda *now: seen.append(now))
+    assert seen[-1] == (12, 12)
+    with av.open(str(tmp_path / "o.mp4")) as container:
+        frames = list(container.decode(video=0))
+    assert (frames[0].width, frames[0].height) == (126, 94)
+    assert [float(frame.pts * frame.time_base) for frame in frames] == pytest.approx(
+        (np.arange(12) / 60).tolist(), abs=2e-5
+    )
+    blue = frames[8].to_ndarray(format="bgr24").astype(int)
+    assert (blue[..., 0] - blue[..., 2]).max() > 60
+
+
+def test_body_is_drawn_as_a_ring_where_it_is_and_not_in_a_gap():
+    places = np.column_stack([np.full(3, 50.0), np.full(3, 40.0)])
+    places[1] = np.nan
+    for k, drawn in ((0, True), (1, False), (2, True)):
+        picture = np.zeros((90, 100, 3), np.uint8)
+        draw_body(picture, track_at(places), k / 60, (255, 255, 255))
+        ring = np.argwhere(picture[..., 0] > 128)
+        assert bool(len(ring)) == drawn
+        if drawn:
+            assert ring.mean(axis=0) == pytest.approx([40, 50], abs=0.5)
+            assert np.hypot(*(ring - [40, 50]).T).max() == pytest.approx(1.3 * 4 + 2, abs=1.5)
+
+
+def test_overlay_that_exists_is_refused(tmp_path):
+    (tmp_path / "o.mp4").write_text("mine")
+    places = np.full((3, 2), 40.0)
+    with pytest.raises(OutputError, match="exists already"):
+        write_overlay(moving_disc(places, 4.0), [track_at(places)], tmp_path / "o.mp4")
+    assert listing(tmp_path) == {"o.mp4": b"mine"}
+
+
+def test_overlay_of_a_clip_that_breaks_off_leaves_nothing(tmp_path):
+    class Broken(DrawnClip):
+        def frames(self):
+            yield from list(super().frames())[:2]
+            raise IrisError("the file ends here")
+
+    clip = Broken(moving_disc(np.full((5, 2), 40.0), 4.0).pictures)
+    with pytest.raises(IrisError, match="ends here"):
+        write_overlay(clip, [track_at(np.full((5, 2), 40.0))], tmp_path / "o.mp4")
+    assert listing(tmp_path) == {}
+
+
+def test_picture_files_can_be_read(hostile_run, tmp_path):
+    write_report(hostile_run, tmp_path)
+    for name in ("track.png", "fit.png"):
+        picture = cv2.imread(str(tmp_path / name))
+        assert picture.shape[1] > 900
+        assert picture.std() > 5
+
+
+def test_long_equation_is_drawn_whole():
+    short, long = (figures.equation_figure(r"\ddot x = -k\,x" * count).get_size_inches()[0] for count in (1, 12))
+    assert short == 6.0
+    assert long > 10.0

@@ -1,0 +1,225 @@
+"""Numbers and results as people read them."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from iris_sysid import MODELS, Estimate, fit
+from iris_sysid.registry import EFFECTS
+from iris_sysid.report import text as wording
+from iris_sysid.types import Quantity, Segment, Trajectory
+from tests._motions import pendulum_angle
+
+NAN = float("nan")
+INF = float("inf")
+
+
+@pytest.mark.parametrize(
+    ("value", "stderr", "expected"),
+    [
+        (1.70342, 0.0042, ("1.7034", "0.0042")),
+        (9.79, 0.01, ("9.790", "0.010")),
+        (1.7, 0.00999, ("1.700", "0.010")),
+        (1.0, 9.96, ("1", "10")),
+        (123456.0, 150.0, ("123460", "150")),
+        (16.42, 130.0, ("20", "130")),
+        (0.0, 250.0, ("0", "250")),
+        (-0.00001, 0.1, ("0.00", "0.10")),
+        (1e9, 3e5, ("1.00000e+09", "3.0e+05")),
+        (1e-12, 1e-13, ("1.00e-12", "1.0e-13")),
+        (0.0, 1e-12, ("0.0e+00", "1.0e-12")),
+        (5.0, 1e8, ("5.0e+00", "1.0e+08")),
+        (9.80665, 0.0, ("9.80665", "")),
+        (0.5, NAN, ("0.5", "")),
+        (NAN, 0.1, ("undetermined", "")),
+        (INF, 0.1, ("undetermined", "")),
+    ],
+)
+def test_value_is_rounded_to_the_second_digit_of_its_error(value, stderr, expected):
+    assert wording.rounded(value, stderr) == expected
+
+
+def test_rounding_loses_less_than_a_twentieth_of_the_error():
+    rng = np.random.default_rng(5)
+    values = rng.choice([-1, 1], 500) * 10 ** rng.uniform(-12, 12, 500)
+    for value, stderr in zip(values, 10 ** rng.uniform(-12, 12, 500), strict=True):
+        shown, error = wording.rounded(value, stderr)
+        assert abs(float(shown) - value) <= 0.0501 * stderr + 1e-15 * abs(value)
+        assert float(error) == pytest.approx(stderr, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("estimate", "expected"),
+    [
+        (Estimate(1.70342, 0.0042, "m"), "1.7034 ± 0.0042 m"),
+        (Estimate(0.3, 0.01, "1"), "0.300 ± 0.010"),
+        (Estimate(9.80665, 0.0, "m/s^2", "assumed"), "9.80665 m/s^2"),
+        (Estimate(1.7, NAN, "m"), "undetermined"),
+        (Estimate(1.7, INF, "m"), "undetermined"),
+        (Estimate(1.7, NAN, "m", "derived"), "undetermined"),
+        (Estimate(1.7, NAN, "m", "direct"), "1.7 m"),
+        (Estimate(NAN, NAN, "m", "assumed"), "undetermined"),
+    ],
+)
+def test_estimate_is_spelled_with_error_and_unit(estimate, expected):
+    assert wording.with_error(estimate) == expected
+
+
+@pytest.mark.parametrize(
+    ("estimate", "expected"),
+    [
+        (Estimate(1.7, 0.01, "m", ci95=(1.6811, 1.7209)), "1.681 to 1.721"),
+        (Estimate(1.7, 0.0, "m", "assumed"), ""),
+        (Estimate(1.7, NAN, "m"), ""),
+        (Estimate(1.7, INF, "m"), ""),
+    ],
+)
+def test_interval_is_spelled_where_there_is_one(estimate, expected):
+    assert wording.interval(estimate) == expected
+
+
+def test_segment_is_spelled_with_its_samples_and_times():
+    t_s = np.arange(5) / 10
+    trajectory = Trajectory(t_s, (Quantity("z", "m"),), np.zeros((5, 1)), np.zeros((5, 1)), np.ones(5, bool))
+    assert wording.frames_text(Segment("hand", 0, 3, ""), trajectory) == "0-2 (0.000-0.200 s)"
+
+
+def angles_trajectory(n=200):
+    t_s = np.arange(n) / 25
+    theta = pendulum_angle(t_s, 0.5) + np.random.default_rng(0).normal(0, 0.002, n)
+    shape = (n, 1)
+    return Trajectory(t_s, (Quantity("theta", "rad"),), theta[:, None], np.full(shape, NAN), np.ones(n, bool))
+
+
+@pytest.fixture(scope="module")
+def good_fit():
+    return fit(angles_trajectory(), MODELS["pendulum"])
+
+
+@pytest.fixture(scope="module")
+def failed_fit():
+    return fit(angles_trajectory(4), MODELS["pendulum"])
+
+
+def test_headline_of_a_good_fit_names_results_but_no_initial_state(good_fit):
+    text = wording.headline(good_fit)
+    assert text.startswith("length = ")
+    assert "damping = " in text
+    assert "theta_0" not in text
+    assert "gravity" not in text
+
+
+def test_headline_of_a_failed_fit_says_why(failed_fit):
+    assert wording.headline(failed_fit).startswith("too-short: ")
+
+
+def test_table_of_a_good_fit_is_aligned_and_ends_with_the_residual(good_fit):
+    *rows, last = wording.estimates_text(good_fit).splitlines()
+    assert len({row.index(row.split()[1]) for row in rows}) == 1
+    assert last.startswith("theta: residual 0.00")
+    assert "times the noise of" in last
+
+
+def test_table_of_a_failed_fit_shows_no_nan(failed_fit):
+    text = wording.estimates_text(failed_fit)
+    assert "nan" not in text
+    assert "undetermined" in text
+    assert text.endswith("theta: residual not known")
+
+
+def a_diagnosis(
+    unit="rad",
+    before=(0.01, 0.02),
+    after=(0.005, 0.006),
+    added=True,
+    name="length",
+    base_unit="m",
+    notes=(),
+    stderr=0.001,
+):
+    drag = EFFECTS["quadratic-drag"]
+    size = {"quadratic_drag": Estimate(0.12, stderr, "1/rad")}
+    after_it = {name: Estimate(1.1, 0.01, base_unit), "quadratic_drag": Estimate(0.12, 0.001, "1/rad")}
+    final = SimpleNamespace(free=(name,), estimates=after_it)
+    return SimpleNamespace(
+        unit=unit,
+        before=SimpleNamespace(fitted=before[0], heldout=before[1]),
+        after=SimpleNamespace(fitted=after[0], heldout=after[1]),
+        noise_floor=0.001,
+        proposed=(),
+        notes=notes,
+        added=(drag,) if added else (),
+        sizes=size,
+        indistinguishable={"quadratic-drag": ("cubic-stiffness",)} if added else {},
+        base=SimpleNamespace(model=MODELS["pendulum"], free=(name,), estimates={name: Estimate(1.0, 0.01, base_unit)}),
+        final=final,
+        finals=(final,),
+    )
+
+
+def test_sentence_names_the_effect_its_doubles_the_errors_and_what_moved():
+    assert wording.diagnosis_sentence(a_diagnosis()) == (
+        "Adding quadratic drag (0.1200 ± 0.0010 1/rad, or as well cubic stiffness) takes the held-out error from "
+        "1.15° to 0.344°; the noise floor is 0.0573°. Length moves from 1.000 to 1.100 m. "
+        "More is lacking: what is left is 5 times the noise."
+    )
+
+
+def test_sentence_gives_both_errors_where_what_else_may_be_there_makes_the_size_much_less_sure():
+    assert "quadratic drag (0.120 ± 0.010 1/rad, ± 0.0010 if nothing else is lacking, or as well" in (
+        wording.diagnosis_sentence(a_diagnosis(stderr=0.01))
+    )
+    assert "if nothing else" not in wording.diagnosis_sentence(a_diagnosis(stderr=0.0012))
+
+
+def test_sentence_counts_what_is_too_much_to_name():
+    found = a_diagnosis()
+    found.indistinguishable["quadratic-drag"] = tuple("abcdefg")
+    assert "or as well a or b or c or d or e or 2 more)" in wording.diagnosis_sentence(found)
+
+
+def test_sentence_when_nothing_is_lacking():
+    at_the_noise = (0.001, 0.0011)
+    assert wording.diagnosis_sentence(a_diagnosis("m", at_the_noise, at_the_noise, added=False)) == (
+        "Nothing to add: the held-out error is 0.0011 m, the noise floor 0.001 m."
+    )
+
+
+def test_sentence_when_something_is_lacking_that_no_effect_is_shown_to_be():
+    unexplained = (0.01, 0.02)
+    assert wording.diagnosis_sentence(a_diagnosis("m", unexplained, unexplained, added=False)) == (
+        "Something is lacking, but no effect here is shown to be it: the held-out error is 0.02 m, "
+        "the noise floor 0.001 m."
+    )
+
+
+def test_sentence_ends_with_what_could_not_be_asked():
+    text = wording.diagnosis_sentence(a_diagnosis("m", added=False, notes=("the refit with impact is diverged: why",)))
+    assert text.endswith(" Note: the refit with impact is diverged: why.")
+
+
+def test_sentence_leaves_out_offsets_of_the_geometry():
+    assert "Pivot" not in wording.diagnosis_sentence(a_diagnosis(name="pivot_across", base_unit="1"))
+
+
+@pytest.mark.parametrize(("before", "after"), [((0.01, NAN), (0.005, NAN)), ((0.01, 0.02), (0.005, NAN))])
+def test_sentence_without_held_out_error_speaks_of_the_residual(before, after):
+    text = wording.diagnosis_sentence(a_diagnosis("m", before, after))
+    assert "takes the residual from 0.01 m to 0.005 m" in text
+    assert "nan" not in text
+
+
+def test_sentence_keeps_digits_of_numbers_without_unit():
+    text = wording.diagnosis_sentence(a_diagnosis("1", (0.3, 11.0), (0.1, 0.1)))
+    assert "from 11 to 0.1; the noise floor is 0.001." in text
+
+
+def test_sentence_keeps_capitals_of_units():
+    assert " Gain moves from 1.000 to 1.100 V." in wording.diagnosis_sentence(
+        a_diagnosis("V", name="gain", base_unit="V")
+    )
+
+
+def test_sentence_leaves_out_initial_states_that_moved():
+    assert "moves" not in wording.diagnosis_sentence(a_diagnosis(name="theta_0"))

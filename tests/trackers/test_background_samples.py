@@ -1,0 +1,53 @@
+"""Samples that show what is behind a body that rests for most of a clip."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from trackers._background.background_samples import usable_samples
+from trackers._background.median import still_of
+
+SHAPE = (80, 60)
+WALL, STRIP, BALL = (190.0, 125.0, 130.0), (110.0, 110.0, 130.0), (120.0, 90.0, 180.0)  # luma and two of colour
+REST = (30, 58)  # where the ball comes to rest: it covers the edge between wall and strip
+
+
+def picture(centre, rng):
+    """A wall above a strip, with a ball of 8 px and its shadow before them, and noise of one grey level."""
+    image = np.full((*SHAPE, 3), WALL, dtype=np.float32)
+    image[60:] = STRIP
+    if centre is not None:
+        shadow = np.zeros(SHAPE, dtype=np.float32)
+        cv2.circle(shadow, (centre[0] + 8, centre[1] + 12), 8, 1.0, -1)
+        image[..., 0] *= 1 - 0.12 * cv2.GaussianBlur(shadow, (0, 0), 3)
+        cv2.circle(image, centre, 8, BALL, -1, cv2.LINE_AA)
+    return np.clip(np.rint(image + rng.normal(0, 1, image.shape)), 0, 255).astype(np.uint8)
+
+
+def samples(places, seed=3):
+    rng = np.random.default_rng(seed)
+    return np.stack([picture(place, rng) for place in places])
+
+
+def test_samples_before_a_ball_comes_to_rest_show_what_is_behind_it():
+    stack = samples([(30, 5 + 2 * k) for k in range(12)] + [REST] * 20)
+    usable = usable_samples(stack, still_of(stack))
+    assert usable is not None
+    assert usable[:12, REST[1], REST[0]].all()
+    assert not usable[12:, REST[1], REST[0]].any()
+    assert usable[:, 10, 10].all()
+
+
+def test_ball_that_passes_beside_its_resting_place_is_no_background_there():
+    passing = [(30, 44), (30, 42), (31, 43)]
+    stack = samples([(30, 5 + 2 * k) for k in range(12)] + passing + [REST] * 20)
+    usable = usable_samples(stack, still_of(stack))
+    assert usable is not None
+    above = usable[:, 43, 30]
+    assert above[15:].all(), "the samples in which the ball has come to rest show the wall above it"
+
+
+def test_ball_that_never_rests_leaves_every_sample_usable():
+    stack = samples([(30, 5 + 2 * k) for k in range(30)])
+    assert usable_samples(stack, still_of(stack)) is None

@@ -1,0 +1,34 @@
+"""The blind test through video: what is hidden is chosen as the twin can film it, and what was found is read back."""
+
+import math
+
+import pytest
+
+from iris_sysid.synthetic import SCENES
+from validation import blind_video
+from validation.blind import Outcome
+from validation.blind_video import LOST, case, secret
+
+
+@pytest.mark.parametrize("seed", [0, 4, 8])
+def test_secret_of_a_clip_is_the_same_each_time_and_can_be_filmed(seed):
+    one, again = secret(seed), secret(seed)
+    assert one.effects == again.effects
+    assert one.factors == again.factors
+    assert set(one.effects) <= {LOST, *SCENES[one.scene].effects}
+    assert len(one.sizes) == len(one.factors) == len(one.effects) > 0
+    assert all(factor > 0 for factor in one.factors)
+
+
+def test_clip_that_was_diagnosed_is_not_diagnosed_again(monkeypatch, tmp_path):
+    found = Outcome("pendulum", ("quadratic-drag",), (3.0,), (True,), (math.nan,), ("finite-bob",), (), 1.1)
+    asked = []
+    monkeypatch.setattr(blind_video, "_case", lambda seed, folder: asked.append(seed) or (found if seed else None))
+    first = [case(seed, tmp_path) for seed in (0, 1)]
+    again = [case(seed, tmp_path) for seed in (0, 1)]
+    assert asked == [0, 1]
+    assert first[0] is None
+    assert again[0] is None
+    assert again[1].factors == found.factors
+    assert again[1].added == found.added
+    assert math.isnan(again[1].off[0])

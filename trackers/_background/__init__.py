@@ -1,0 +1,1 @@
+"""The background without its moving bodies, and its noise."""

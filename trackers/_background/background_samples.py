@@ -1,0 +1,116 @@
+"""Where a body rests for most of a clip the median shows the body: find the samples that show what is behind it."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from trackers._background.median import Bytes, Flags, Image, Still
+from trackers._detection.foreground import SQUARE, Scene, any_channel, most_of_channels, scene_of
+
+SMALLEST_HOLE = 12  # px
+EDGE_RATIO = 2.0  # how much stronger an edge is in the background than in the frame
+LEAST_EDGE = 1.0  # grey levels a px beyond that
+OUTLINE_SHARE = 0.3  # of a hole's outline: the rest is the outline of what hides the hole's other part
+SHADE = 0.4  # of a component's peak: what is fainter is the shadow of something near
+FEWEST_SAMPLES = 3  # that must show what is behind
+AS_HOLE = 0.6  # of the samples in which a pixel differs: where fewer are holes, something passes before the background
+MARGIN = 4  # px round what differs, in which its edges lie
+SURROUNDED = 0.5  # of what lies round a hole: if more of it is a hand or arm, the hole is something that these hide
+RIM = np.ones((5, 5), np.uint8)  # the outline of a resting body is blurred
+
+
+def usable_samples(stack: Bytes, still: Still) -> Flags | None:
+    """Which of the sampled frames (k, h, w[, 3]) show the background at each pixel; None when all do.
+
+    ``still`` is background and noise as all samples give them.
+
+    Where a body rests in most samples it becomes background, and the other samples differ from it in
+    the body's shape: a hole. A hole is told from a body by its outline, much of which is an edge in
+    the background but not in the frame. A mark that a hand hides looks like a hole as well, but round it is
+    what reaches in from the edge of the picture.
+    """
+    edges = _edges(still.background)
+    scene = scene_of(still)
+    holes = np.zeros(stack.shape[:3], dtype=np.bool_)
+    differs = np.zeros(stack.shape[1:3], dtype=np.int64)
+    for k, picture in enumerate(stack):
+        differs += any_channel(scene.excess(picture) > scene.strong)
+        for excess in (cv2.subtract(picture, scene.highest), cv2.subtract(scene.lowest, picture)):
+            excess = np.where(excess > scene.strong, excess, 0).astype(np.uint8)
+            level = most_of_channels(excess)
+            left, top, width, height = cv2.boundingRect(level)
+            if np.count_nonzero(level) >= SMALLEST_HOLE:
+                window = (
+                    slice(max(0, top - MARGIN), top + height + MARGIN),
+                    slice(max(0, left - MARGIN), left + width + MARGIN),
+                )
+                part = np.ascontiguousarray(picture[window]).astype(np.float32)
+                found = _holes(np.ascontiguousarray(level[window]), edges[window], _edges(part))
+                if found.any():
+                    holes[k][window] |= _without_hidden(found, _reaching_in(scene, picture)[window])
+    holes &= holes.sum(axis=0) > AS_HOLE * differs
+    if holes.sum(axis=0).max() < FEWEST_SAMPLES:
+        return None
+    wide = np.stack([cv2.dilate(hole.astype(np.uint8), RIM) > 0 for hole in holes])
+    return wide | (wide.sum(axis=0) < FEWEST_SAMPLES)
+
+
+def _reaching_in(scene: Scene, picture: Bytes) -> Flags:
+    """What differs from the background and hangs together with the edge of the picture (h, w)."""
+    differs = any_channel(scene.excess(picture) > scene.weak).astype(np.uint8)
+    count, labels = cv2.connectedComponents(cv2.morphologyEx(differs, cv2.MORPH_CLOSE, SQUARE), connectivity=8)
+    reaches = np.zeros(count, dtype=np.bool_)
+    for side in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        reaches[side] = True
+    reaches[0] = False
+    return np.asarray(reaches[labels])
+
+
+def _without_hidden(holes: Flags, reaching: Flags) -> Flags:
+    """The holes (h, w) but those that lie in the midst of what reaches in from the edge."""
+    if not reaching.any():
+        return holes
+    count, labels = cv2.connectedComponents(holes.astype(np.uint8), connectivity=8)
+    kept = holes.copy()
+    for label in range(1, count):
+        one = labels == label
+        ring = (cv2.dilate(one.astype(np.uint8), RIM) > 0) & ~one
+        if reaching[ring].mean() > SURROUNDED:
+            kept[one] = False
+    return kept
+
+
+def _edges(image: Image) -> Image:
+    """Strength of the edges of an image (h, w[, 3]): length of the gradient, grey levels a px; the largest of channels.
+
+    A body may differ from what is behind it in colour alone, as an orange ball on a brown floor.
+    """
+    slopes = (cv2.Sobel(image, cv2.CV_32F, *along, scale=1 / 8) for along in ((1, 0), (0, 1)))
+    strength = np.hypot(*slopes)
+    return np.asarray(strength if strength.ndim == 2 else strength.max(axis=-1), dtype=np.float32)
+
+
+def _holes(level: Bytes, edges: Image, edges_now: Image) -> Flags:
+    """Those parts of what differs whose outline is an edge of the background rather than of the frame."""
+    found = np.zeros(level.shape, dtype=np.bool_)
+    closed = cv2.morphologyEx((level > 0).astype(np.uint8), cv2.MORPH_CLOSE, SQUARE)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
+    for label in range(1, count):
+        left, top, width, height, area = (int(value) for value in stats[label])
+        if area < SMALLEST_HOLE:
+            continue
+        y0, x0 = max(0, top - 2), max(0, left - 2)
+        window = (slice(y0, top + height + 2), slice(x0, left + width + 2))
+        one = _without_shade(level[window], labels[window] == label)
+        outline = cv2.morphologyEx(one, cv2.MORPH_GRADIENT, SQUARE) > 0
+        only_behind = edges[window][outline] > EDGE_RATIO * edges_now[window][outline] + LEAST_EDGE
+        if np.count_nonzero(only_behind) > OUTLINE_SHARE * np.count_nonzero(outline):
+            found[window] |= one > 0
+    return found
+
+
+def _without_shade(level: Bytes, one: Flags) -> Bytes:
+    """A component without what is faint beside its strongest contrast."""
+    faint = SHADE * float(cv2.blur(level, (3, 3))[one].max())
+    return (one & (level >= faint)).astype(np.uint8)

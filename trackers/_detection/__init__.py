@@ -1,0 +1,1 @@
+"""Candidate bodies of one frame, with their sub-pixel centroids."""

@@ -1,0 +1,312 @@
+"""What one frame shows: candidate bodies with their sub-pixel centres, and what reaches in from the edge."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from iris_sysid.types import Frame
+from trackers._background.median import Background, Bytes, Image
+from trackers._detection.foreground import CONTRAST_SHARES, SMALLEST_AREA, SQUARE, WEAK_SIGMAS, Core, padded
+from trackers._detection.motion_blur import streak_centre
+from trackers._detection.subpixel_centroid import Centre, Window, coverage_centre, filled_round, largest
+from trackers._frames.working_image import View
+
+THINNEST_BODY = 1.3  # px, inscribed radius
+HAND_SHARE = 0.35  # of the body's inscribed radius: a hand or arm is at least as thick
+HAND_GAP = 0.5  # of the body's inscribed radius: a hand so near is taken to touch it
+MARGIN = 10  # px round a body that its outline and the ring about it need
+RING = 4  # px from the body to the ring in which the background's level is compared
+DARKEST_SHADE = 0.6  # of the light is left in a shadow
+GREY = 128.0  # grey level of a colour plane where there is no colour
+COLOUR_SIGMAS, COLOUR_FLOOR = 3.0, 3.0  # floor in grey levels: by so much a shadow's colour may be off
+MOSTLY_BODY = 0.5  # of the inscribed radius: deeper than that lies the body
+ROUNDER = 1.15  # times as round must a body be without what may be its shadow
+STILL = 0.4  # of the radius: what moved less since the frame before is no streak
+LARGE_RADIUS = 24.0  # px, inscribed: what is larger is measured in larger pixels, which tell its centre as well
+
+Box = tuple[float, float, float, float]  # left, top, right, bottom, px
+
+
+@dataclass(frozen=True, slots=True)
+class Intruder:
+    """Something that reaches in from the edge of the picture: its box (px), area (px) and inscribed radius (px)."""
+
+    box: Box
+    area: float
+    inscribed: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """One candidate body in one frame.
+
+    ``centre`` is that in the window whose corner is (left, top), px of the frame; ``brightening`` is
+    the mean signed difference in luma, grey levels; ``sharpness`` that of the outline in grey levels a
+    px; ``compactness`` is 1 for a disc, less for what is long; ``hand`` says that something that reaches
+    in from the edge touches it.
+    """
+
+    frame: int
+    t_s: float
+    centre: Centre
+    left: int
+    top: int
+    brightening: float
+    sharpness: float
+    compactness: float
+    hand: bool
+
+    @property
+    def x(self) -> float:
+        """Position to the right, px of the frame."""
+        return self.left + self.centre.x
+
+    @property
+    def y(self) -> float:
+        """Position downwards, px of the frame."""
+        return self.top + self.centre.y
+
+    @property
+    def area(self) -> float:
+        """Area, px."""
+        return self.centre.area
+
+    @property
+    def contrast(self) -> float:
+        """Mean difference from the background, grey levels."""
+        return self.centre.contrast
+
+    @property
+    def radius(self) -> float:
+        """Radius of the disc of the same area, px."""
+        return float(np.sqrt(self.area / np.pi))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Glimpse:
+    """One frame: its candidates, and what reaches in from the edge."""
+
+    frame: int
+    t_s: float
+    sightings: tuple[Sighting, ...]
+    intruders: tuple[Intruder, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Lens:
+    """What turns a core into a sighting: the background, the region and its reduction for the search, the noise.
+
+    ``streaks`` says that a body that moves far during an exposure is fitted as a swept disc.
+    """
+
+    background: Background
+    view: View
+    inflation: float
+    streaks: bool = True
+
+    def glimpse(self, frame: Frame, bodies: list[Core], things: list[Core], before: Sequence[Sighting] = ()) -> Glimpse:
+        """Look at each body closely.
+
+        ``things`` are the cores of whatever moves, bodies and hands; ``before`` is what the frame before showed.
+        """
+        reaching = [core for core in things if core.held and core.inscribed > THINNEST_BODY]
+        inside = [core for core in bodies if not core.at_edge and core.inscribed > THINNEST_BODY]
+        sightings = [self.sighting(frame, core, bodies, reaching, before) for core in inside]
+        intruders = tuple(self.intruder(core) for core in reaching)
+        return Glimpse(frame.index, frame.t_s, tuple(one for one in sightings if one is not None), intruders)
+
+    def intruder(self, core: Core) -> Intruder:
+        """What reaches in, in px of the frame."""
+        step, view = self.view.step, self.view
+        left, top, right, bottom = (side * step for side in core.box)
+        box = (left + view.left, top + view.top, right + view.left, bottom + view.top)
+        return Intruder(box, float(core.area * step**2), core.inscribed * step)
+
+    def sighting(
+        self,
+        frame: Frame,
+        core: Core,
+        bodies: list[Core],
+        reaching: list[Core],
+        before: Sequence[Sighting] = (),
+    ) -> Sighting | None:
+        """Look at one body closely; None when it is too small, or cut off.
+
+        Parameters
+        ----------
+        frame
+            The frame.
+        core
+            The body, at the size that is searched.
+        bodies
+            All bodies of the frame: pixels of the others do not count.
+        reaching
+            What reaches in from the edge and may be a hand.
+        before
+            What the frame before showed: a body that has hardly moved since is no streak.
+        """
+        size = self._pixel(core)
+        window, left, top = self._window(frame, core, bodies, size)
+        if np.count_nonzero(window.core) < SMALLEST_AREA:
+            return None
+        centre = coverage_centre(window)
+        left, top = left * size + self.view.left, top * size + self.view.top
+        if self.streaks and not _hardly_moved(_in_pixels(centre, size), left, top, before):
+            centre = streak_centre(window, centre)
+        if centre.cut:
+            return None
+        inside = window.core > 0
+        luma = (window.image - window.background)[..., 0]
+        return Sighting(
+            frame.index,
+            frame.t_s,
+            _in_pixels(centre, size),
+            left,
+            top,
+            brightening=float(luma[inside].mean()),
+            sharpness=_sharpness(window) / size,
+            compactness=min(1.0, np.pi * core.inscribed**2 / core.area),
+            hand=core.held or any(touches(core, thing) for thing in reaching),
+        )
+
+    def _pixel(self, core: Core) -> int:
+        """The side, px, of the squares whose means are measured: 1, or more for a large body."""
+        step = self.view.step
+        largest = max(1, int(core.inscribed * step / LARGE_RADIUS))
+        return max(size for size in range(1, step + 1) if step % size == 0 and size <= largest)
+
+    def _window(self, frame: Frame, core: Core, bodies: list[Core], size: int) -> tuple[Window, int, int]:
+        """The pixels round a core, each the mean of ``size`` x ``size``, and where they begin."""
+        finer = self.view.step // size
+        margin = MARGIN + 2 * finer
+        x0, y0, x1, y1 = (side * finer for side in core.box)
+        left, top = max(0, x0 - margin), max(0, y0 - margin)
+        right, bottom = min(self.view.width // size, x1 + margin), min(self.view.height // size, y1 + margin)
+        image = self.view.part(frame, (left, top, right, bottom), size).astype(np.float32)
+        still = self.background.reduced(size).patch(top, bottom, left, right)
+        within = (top, bottom, left, right)
+        mask = _pasted([core], within, finer)
+        other = _pasted([one for one in bodies if one is not core], within, finer)
+        image, background, noise = (np.atleast_3d(part) for part in (image, still.background, still.noise))
+        background = background + _level(image - background, mask, other)
+        if finer > 1:
+            mask = _sharpened(mask, image - background, noise, finer)
+        shaded = _shaded(image, background, noise)
+        mask, other = _without(mask, shaded), other & ~shaded
+        return Window(image, background, noise, mask, other & ~mask, self.inflation), left, top
+
+
+def _hardly_moved(centre: Centre, left: int, top: int, before: Sequence[Sighting]) -> bool:
+    """Whether one of the sightings of the frame before is at about the place of a centre in the window at (left, top).
+
+    An exposure is no longer than the time between two frames, and so is the way in it.
+    """
+    least = STILL * np.sqrt(centre.area / np.pi)
+    return any(np.hypot(left + centre.x - one.x, top + centre.y - one.y) < least for one in before)
+
+
+def _in_pixels(centre: Centre, size: int) -> Centre:
+    """What was measured in pixels of ``size`` px a side, in px."""
+    if size == 1:
+        return centre
+    return replace(
+        centre,
+        x=centre.x * size + (size - 1) / 2,
+        y=centre.y * size + (size - 1) / 2,
+        sigma_x=centre.sigma_x * size,
+        sigma_y=centre.sigma_y * size,
+        area=centre.area * size**2,
+        sigma_area=centre.sigma_area * size**2,
+        bends=tuple(bend * size for bend in centre.bends),
+    )
+
+
+def _pasted(cores: list[Core], within: tuple[int, int, int, int], finer: int) -> Bytes:
+    """The masks of cores in a window (top, bottom, left, right) whose pixels are so many times finer."""
+    top, bottom, left, right = within
+    rows, columns = np.arange(top, bottom) // finer, np.arange(left, right) // finer
+    pasted = np.zeros((rows.size, columns.size), dtype=np.uint8)
+    for core in cores:
+        x0, y0, x1, y1 = core.box
+        in_rows = np.flatnonzero((rows >= y0) & (rows < y1))
+        in_columns = np.flatnonzero((columns >= x0) & (columns < x1))
+        if in_rows.size and in_columns.size:
+            part = core.mask[(rows[in_rows] - y0)[:, np.newaxis], columns[in_columns] - x0]
+            pasted[in_rows[0] : in_rows[-1] + 1, in_columns[0] : in_columns[-1] + 1] |= part
+    return pasted
+
+
+def _level(difference: Image, mask: Bytes, other: Bytes) -> Image:
+    """By how much the background round a body is brighter now than in the mean: flicker, soft shade."""
+    near = cv2.dilate(mask | other, np.ones((2 * RING + 1, 2 * RING + 1), np.uint8))
+    ring = difference[near == 0]
+    return np.median(ring, axis=0) if len(ring) else np.zeros(difference.shape[-1], dtype=np.float32)
+
+
+def _sharpened(mask: Bytes, difference: Image, noise: Image, step: int) -> Bytes:
+    """A mask found at reduced size, made right to the pixel."""
+    near = cv2.dilate(mask, np.ones((2 * step + 1, 2 * step + 1), np.uint8))
+    level = largest(np.abs(difference))
+    faint = CONTRAST_SHARES[0] * float(np.percentile(level[mask > 0], 90))
+    body = (near > 0) & (level > np.maximum(faint, WEAK_SIGMAS * largest(noise)))
+    return filled_round(body.astype(np.uint8), mask)
+
+
+def _shaded(image: Image, background: Image, noise: Image) -> Bytes:
+    """1 where a picture (h, w, channels) shows the background with less light: all its colours scaled by one factor.
+
+    Without colour a shadow cannot be told from a dark body: 0.
+    """
+    if image.shape[-1] < 3:
+        return np.zeros(image.shape[:2], dtype=np.uint8)
+    luma, *colours = cv2.split(cv2.blur(image, (3, 3)))
+    light = luma / np.maximum(background[..., 0], 1.0)
+    shaded = (light > DARKEST_SHADE) & (light < 1)
+    for channel, colour in enumerate(colours, start=1):
+        expected = GREY + (background[..., channel] - GREY) * light
+        shaded &= np.abs(colour - expected) <= np.maximum(COLOUR_SIGMAS * noise[..., channel], COLOUR_FLOOR)
+    return shaded.astype(np.uint8)
+
+
+def _without(mask: Bytes, shaded: Bytes) -> Bytes:
+    """A mask without the shadow that hangs on the body; as it is where that makes it no rounder: a grey body."""
+    body = cv2.morphologyEx(mask & ~shaded, cv2.MORPH_OPEN, SQUARE)
+    depth = cv2.distanceTransform(padded(body), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
+    body = filled_round(body, (depth > MOSTLY_BODY * depth.max()).astype(np.uint8))
+    return body if _roundness(body) > ROUNDER * _roundness(mask) else mask
+
+
+def _roundness(mask: Bytes) -> float:
+    """Share of a mask that its largest inscribed disc covers; 0 when it is empty."""
+    depth = cv2.distanceTransform(padded(mask), cv2.DIST_L2, cv2.DIST_MASK_5)
+    return float(np.pi * depth.max() ** 2 / max(1, np.count_nonzero(mask)))
+
+
+def _sharpness(window: Window) -> float:
+    """Steepness of the outline: 90th percentile of the gradient of the difference, grey levels a px."""
+    level = largest(np.abs(window.image - window.background))
+    across = cv2.Sobel(level, cv2.CV_32F, 1, 0, scale=1 / 8)
+    down = cv2.Sobel(level, cv2.CV_32F, 0, 1, scale=1 / 8)
+    near = cv2.dilate(window.core, np.ones((3, 3), np.uint8)) > 0
+    return float(np.percentile(np.hypot(across, down)[near], 90))
+
+
+def touches(core: Core, thing: Core) -> bool:
+    """Whether something reaching in from the edge, thick enough for a hand or an arm, is at the body."""
+    if thing is core or thing.inscribed < HAND_SHARE * core.inscribed:
+        return False
+    reach = max(2.0, HAND_GAP * core.inscribed)
+    x0, y0, x1, y1 = core.box
+    a0, b0, a1, b1 = thing.box
+    if a0 > x1 + reach or a1 < x0 - reach or b0 > y1 + reach or b1 < y0 - reach:
+        return False
+    left, top = min(x0, a0), min(y0, b0)
+    canvas = np.ones((max(y1, b1) - top, max(x1, a1) - left), dtype=np.uint8)
+    canvas[b0 - top : b1 - top, a0 - left : a1 - left] -= thing.mask
+    away = cv2.distanceTransform(canvas, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    there = away[y0 - top : y1 - top, x0 - left : x1 - left]
+    return bool(there[core.mask > 0].min() <= reach)

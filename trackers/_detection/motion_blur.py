@@ -1,0 +1,219 @@
+"""Centre of a round body that moves far during an exposure: a disc swept along a line, fitted to the pixels.
+
+The outline of such a body is as wide as its way, so that nothing tells its own brightness from that of what is behind
+it there but the shape: the swept disc. Each frame is fitted by itself; the tracker ``disc`` knows the way from the
+frames before and after, and gains by that where every body is a disc.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TypeAlias, cast
+
+import cv2
+import numpy as np
+from scipy.optimize import OptimizeResult, least_squares
+
+from iris_sysid.types import Array
+from trackers._background.median import MAD_TO_SD, Flags
+from trackers._detection.subpixel_centroid import Centre, Window, largest
+
+SHORTEST = 0.5  # of the radius: after a shorter way the outline still shows the body
+SMALLEST = 15.0  # px, radius: of a smaller disc too few pixels tell shading, shadow and course apart
+FRINGE = 5  # px round the body that are compared
+THINNED = 4  # of the pixels one tells the course well enough to see which are outliers
+OUTLIER = 4.0  # standard deviations: a cord, a mark, another body
+UNEXPLAINED = (
+    0.02  # of the sum of squares, by a body that is no disc, or that turned back meanwhile; a disc leaves 0.01
+)
+HOPELESS, DOUBTFUL = 0.15, 0.03  # the same of a fourth of the pixels, by the guess and by the first fit
+EVALUATIONS = 100
+FIRST, SOON = 3, 0.35  # evaluations, after which what is no streak has a shorter way than that; of the radius
+ROUGH, PRECISE = 1e-3, 1e-5  # relative change of the sum of squares at which a fit ends
+STEP = 1e-4  # relative, of numeric derivatives
+BLOCK = 16  # px: a coder moves and rounds squares of this size as one
+
+Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """A disc whose centre moves evenly along a way (across, down) about (x, y) during the exposure, all px."""
+
+    x: float
+    y: float
+    across: float
+    down: float
+    radius: float
+
+    @property
+    def values(self) -> Array:
+        """The five numbers."""
+        return np.array([self.x, self.y, self.across, self.down, self.radius])
+
+    @property
+    def length(self) -> float:
+        """Of the way, px."""
+        return float(np.hypot(self.across, self.down))
+
+    @property
+    def is_streak(self) -> bool:
+        """Whether the outline is too wide to be seen as such, of a disc large enough to show its shading beside it."""
+        return self.radius > SMALLEST and self.length > SHORTEST * self.radius
+
+    def terms(self, columns: Array, rows: Array) -> Array:
+        """What pixels (n,) see of the disc, (4, n).
+
+        The share of the exposure for which each is covered, and, summed over that time, u, v and u^2 + v^2: the place
+        on the disc that it sees, along the way and across it, in radii.
+        """
+        length = max(self.length, 1e-6)
+        ahead = np.array([self.across, self.down]) / length
+        along = (columns - self.x) * ahead[0] + (rows - self.y) * ahead[1]
+        v = (rows - self.y) * ahead[0] - (columns - self.x) * ahead[1]
+        half = _area(v + 0.5, self.radius) - _area(v - 0.5, self.radius)  # of the chord, mean over a pixel
+        first, last = (np.clip(along + side * half, -length / 2, length / 2) for side in (-1.0, 1.0))
+        u, w, share = (along - first) / self.radius, (along - last) / self.radius, (last - first) / length
+        v = v / self.radius
+        return np.stack([share, share * (u + w) / 2, share * v, share * ((u * u + u * w + w * w) / 3 + v * v)])
+
+
+def _area(v: Array, radius: float) -> Array:
+    """Area between a half circle, its diameter, and the lines at 0 and v."""
+    inside = np.clip(v, -radius, radius)
+    return 0.5 * (inside * np.sqrt(np.maximum(radius**2 - inside**2, 0.0)) + radius**2 * np.arcsin(inside / radius))
+
+
+def streak_centre(window: Window, centre: Centre) -> Centre:
+    """The centre of a swept disc where the window shows one; the centre that is known otherwise.
+
+    A pixel shows I = B (1 - a) + sum_k c_k t_k + (1 - a) (d_0 + d_1 x + d_2 y), where a is the share of the exposure
+    for which the disc covers it, t_k are its :meth:`Sweep.terms`, c_k the disc's brightness and shading, and d a soft
+    shadow on the background B. For each course of the disc c and d follow by linear least squares, each colour for
+    itself; the course by non-linear ones (variable projection, Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, 413).
+
+    Parameters
+    ----------
+    window
+        The pixels round the body.
+    centre
+        From the body's outline.
+    """
+    guess = _guess(window)
+    if not guess.is_streak:
+        return centre
+    pixels = _pixels(window, guess)
+    few = pixels.only((pixels.columns + pixels.rows) % THINNED == 0)
+    if few.unexplained(guess) > HOPELESS:
+        return centre
+    sweep = _sweep(_swept(few, guess, ROUGH, FIRST).x)
+    if sweep.length < SOON * sweep.radius:
+        return centre
+    sweep = _sweep(_swept(few, sweep, ROUGH).x)
+    if not sweep.is_streak or few.unexplained(sweep) > DOUBTFUL:
+        return centre
+    kept = pixels.only(_plain(pixels.left_over(sweep)))
+    found = _swept(kept, sweep, PRECISE)
+    sweep = _sweep(found.x)
+    if not sweep.is_streak or pixels.unexplained(sweep) > UNEXPLAINED:
+        return centre
+    errors = np.sqrt(np.diag(_covariance(kept, found)))
+    return replace(
+        centre,
+        x=sweep.x,
+        y=sweep.y,
+        sigma_x=float(errors[0]),
+        sigma_y=float(errors[1]),
+        area=float(np.pi * sweep.radius**2),
+        sigma_area=float(2 * np.pi * sweep.radius * errors[4]),
+    )
+
+
+def _guess(window: Window) -> Sweep:
+    """The sweep with the moments of what differs from the background."""
+    near = cv2.dilate(window.core, np.ones((2 * FRINGE + 1, 2 * FRINGE + 1), np.uint8)) > window.other
+    level = largest(np.abs((window.image - window.background) / window.noise))
+    usual = max(float(np.median(level[window.core > 0])), 1e-6)
+    rows, columns = (one.astype(np.float64) for one in np.nonzero(near))
+    weight = np.minimum(level[near] / usual, 1.0)
+    x, y = (float(np.average(one, weights=weight)) for one in (columns, rows))
+    moments = np.cov(np.stack([columns, rows]), aweights=weight)
+    (narrow, wide), axes = np.linalg.eigh(moments)
+    way = np.sqrt(12.0 * max(wide - narrow, 0.0)) * axes[:, 1]
+    return Sweep(x, y, float(way[0]), float(way[1]), float(2.0 * np.sqrt(max(narrow, 0.25))))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Pixels:
+    """The pixels that are compared: their places (n,), px, and what they show, (n, channels), in units of the noise."""
+
+    columns: Array
+    rows: Array
+    difference: Array
+    background: Array
+
+    def only(self, which: Flags) -> _Pixels:
+        return _Pixels(self.columns[which], self.rows[which], self.difference[which], self.background[which])
+
+    def left_over(self, sweep: Sweep) -> Array:
+        """What the best brightness and shadow leave over (n, channels)."""
+        disc = sweep.terms(self.columns, self.rows)
+        free = 1.0 - disc[0]
+        x, y = (self.columns - sweep.x) / sweep.radius, (self.rows - sweep.y) / sweep.radius
+        terms = np.vstack([disc, free, free * x, free * y])
+        shown = self.difference + self.background * disc[0][:, np.newaxis]
+        gram = terms @ terms.T + 1e-9 * len(x) * np.eye(len(terms))
+        return shown - terms.T @ np.linalg.solve(gram, terms @ shown)
+
+    def unexplained(self, sweep: Sweep) -> float:
+        """Share of the sum of squares of the difference that is left over."""
+        return float((self.left_over(sweep) ** 2).sum() / (self.difference**2).sum())
+
+
+def _pixels(window: Window, sweep: Sweep) -> _Pixels:
+    """Those near a sweep on which there is nothing else."""
+    columns, rows = (np.arange(size, dtype=np.float64) for size in window.core.shape[::-1])
+    covered = sweep.terms(columns, rows[:, np.newaxis])[0] > 0
+    near = cv2.dilate(covered.astype(np.uint8), np.ones((2 * FRINGE + 1, 2 * FRINGE + 1), np.uint8))
+    use = np.nonzero((near > 0) & (cv2.dilate(window.other, np.ones((3, 3), np.uint8)) == 0))
+    noise = window.noise[use].mean(axis=0, dtype=np.float64)
+    image, background = (one[use].astype(np.float64) / noise for one in (window.image, window.background))
+    return _Pixels(columns[use[1]], rows[use[0]], image - background, background)
+
+
+def _plain(left_over: Array) -> Flags:
+    """Which pixels (n,) are no outliers in any channel."""
+    spread = MAD_TO_SD * np.median(np.abs(left_over), axis=0)
+    return np.asarray((np.abs(left_over) < OUTLIER * spread).all(axis=1))
+
+
+def _swept(pixels: _Pixels, start: Sweep, enough: float, evaluations: int = EVALUATIONS) -> OptimizeResult:
+    """The numbers of the sweep that leaves least over."""
+
+    def left_over(values: Vector) -> Vector:
+        return pixels.left_over(_sweep(values)).ravel()
+
+    first = cast("Vector", start.values)
+    steps = [STEP] * first.size
+    return least_squares(left_over, first, method="lm", diff_step=steps, ftol=enough, max_nfev=evaluations)
+
+
+def _covariance(pixels: _Pixels, found: OptimizeResult) -> Array:
+    """Of the five numbers of a sweep that was found, (5, 5).
+
+    What is left over is alike within the blocks of a coder: the covariance is the one that is robust to clusters (Liang
+    and Zeger 1986, Biometrika 73, 13), H^-1 (sum over blocks of s s') H^-1 with H = J'J and s = J'r of a block.
+    """
+    jacobian = np.asarray(found.jac)
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    across, down = ((places // BLOCK).astype(np.int64) for places in (pixels.columns, pixels.rows))
+    _, block = np.unique(across * (int(down.max()) + 1) + down, return_inverse=True)
+    moved = (found.fun[:, np.newaxis] * jacobian).reshape(block.size, -1, found.x.size).sum(axis=1) @ inverse
+    of_blocks = np.zeros((int(block.max()) + 1, found.x.size))
+    np.add.at(of_blocks, block, moved)
+    return of_blocks.T @ of_blocks
+
+
+def _sweep(values: Array) -> Sweep:
+    x, y, across, down, radius = (float(value) for value in values)
+    return Sweep(x, y, across, down, max(abs(radius), 1.0))

@@ -1,0 +1,157 @@
+"""Where in a frame to look closely: where something was a moment ago, where a coarse watch sees a change, or all over.
+
+A picture that is searched at full size is searched all over. In a larger one every frame is watched at a sparse grid
+of pixels, which costs little; the pictures round what that shows, and round what was there in the frame before, are
+searched, and every few frames the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from iris_sysid.types import Frame
+from trackers._background.median import Box, Bytes, Flags, still_of
+from trackers._detection.detection import THINNEST_BODY
+from trackers._detection.foreground import Component, Core, Scene, any_channel, components, cores_of, rounded, stout
+from trackers._frames.sampled_frames import Samples
+from trackers._frames.working_image import View
+
+WHOLE_EVERY, WATCH_EVERY = 12, 3  # frames
+SPACING = 4  # pixels of the search between those that are watched
+WATCH_SIGMAS, WATCH_FLOOR = 5.0, 8.0  # floor in grey levels: surely something
+PAIR = np.ones((2, 2), np.uint8)  # watched pixels: what shows in fewer is left to the search of the whole
+GROWN_SHARE, GROWN_PX = 0.2, 6  # of its size, and px of the search: how far a thing may go in a frame
+MOST_CHANGES = 16  # a frame: more are flicker, or a camera that was pushed
+GROWTHS = 3  # times a part of the picture is made larger until it holds what is in it
+
+
+@dataclass(eq=False, slots=True)
+class Attention:
+    """Looks for bodies frame by frame, in order.
+
+    ``scene`` is what the background shows at the size that is searched, ``watch`` what it shows at the pixels that are
+    watched; None to search every frame all over.
+    """
+
+    view: View
+    scene: Scene
+    watch: Scene | None
+    _boxes: list[Box] = field(default_factory=list)
+    _count: int = 0
+    _until_whole: int = 0
+
+    def cores(self, frame: Frame) -> tuple[list[Core], list[Core]]:
+        """The cores of the bodies in a frame, and those of whatever moves: more where a colour is wanted."""
+        parts, things = self._found(frame, self._where(frame))
+        if len(_followed(things)) < self._count and self._whole not in parts:
+            parts, things = self._found(frame, [self._whole])
+        followed = _followed(things)
+        self._count = len(followed)
+        found = [one.box for ones in parts.values() for one in ones]
+        self._boxes = [box for box in found if any(_overlap(box, one) for one in followed)]
+        self._until_whole = WHOLE_EVERY if self._whole in parts else self._until_whole - 1
+        if self.view.colour is None:
+            return things, things
+        chosen = [one for box in parts for one in self._components(frame, box, self.view.wanted(frame, box))]
+        return cores_of(chosen, self._shape), things
+
+    def _found(self, frame: Frame, boxes: list[Box]) -> tuple[dict[Box, list[Component]], list[Core]]:
+        """The components in some boxes, which grow until none cuts one, and their cores."""
+        parts = {box: self._components(frame, box) for box in boxes}
+        for _ in range(GROWTHS):
+            cut = {box for box, ones in parts.items() if any(self._leaves(one.box, box) for one in ones)}
+            if not cut:
+                break
+            boxes = merged([self._grown(box) if box in cut else box for box in parts])
+            parts = {box: parts[box] if box in parts else self._components(frame, box) for box in boxes}
+        else:
+            parts = {self._whole: self._components(frame, self._whole)}
+        return parts, cores_of((one for ones in parts.values() for one in ones), self._shape)
+
+    def _components(self, frame: Frame, box: Box, wanted: Flags | None = None) -> list[Component]:
+        picture = self.view.part(frame, box, self.view.step)
+        found = (one.moved(box[0], box[1]) for one in components(self.scene.part(box), picture, wanted))
+        return list(found if self.watch is None else map(stout, found))
+
+    @property
+    def _shape(self) -> tuple[int, ...]:
+        return self.scene.lowest.shape[:2]
+
+    @property
+    def _whole(self) -> Box:
+        return (0, 0, self._shape[1], self._shape[0])
+
+    def _where(self, frame: Frame) -> list[Box]:
+        """The boxes to search, which do not overlap."""
+        if self.watch is None or self._until_whole <= 0:
+            return [self._whole]
+        known = [self._grown(box) for box in self._boxes]
+        if self._until_whole % WATCH_EVERY:
+            return merged(known)
+        changes = self._changes(self.watch, self.view.watched(frame, SPACING), known)
+        return merged(known + changes) if len(changes) <= MOST_CHANGES else [self._whole]
+
+    def _changes(self, watch: Scene, picture: Bytes, known: list[Box]) -> list[Box]:
+        """Boxes round the watched pixels that show something compact which is not in the known boxes."""
+        shown = any_channel(watch.excess(picture) > watch.strong).astype(np.uint8)
+        for left, top, right, bottom in known:
+            shown[top // SPACING : -(-bottom // SPACING), left // SPACING : -(-right // SPACING)] = 0
+        shown = cv2.erode(shown, PAIR, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+        if not shown.any():
+            return []
+        contours, _ = cv2.findContours(shown, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
+        boxes = [cv2.boundingRect(contour) for contour in contours]
+        boxes = [(x * SPACING, y * SPACING, (x + w) * SPACING, (y + h) * SPACING) for x, y, w, h in boxes]
+        return [self._grown(box) for box in boxes]
+
+    def _grown(self, box: Box) -> Box:
+        """A box made larger on every side, within the picture."""
+        across, down = (GROWN_PX + int(GROWN_SHARE * size) for size in (box[2] - box[0], box[3] - box[1]))
+        _, _, width, height = self._whole
+        return (max(0, box[0] - across), max(0, box[1] - down), min(width, box[2] + across), min(height, box[3] + down))
+
+    def _leaves(self, one: Box, box: Box) -> bool:
+        """Whether something reaches a side of its box that is no side of the picture."""
+        return any(end == limit != edge for end, limit, edge in zip(one, box, self._whole, strict=True))
+
+
+def _followed(things: list[Core]) -> list[Box]:
+    """The boxes of those things that are thick enough for a body."""
+    return [one.box for one in things if one.inscribed > THINNEST_BODY]
+
+
+def merged(boxes: Iterable[Box]) -> list[Box]:
+    """Boxes that hold all of those given and do not overlap one another."""
+    apart: list[Box] = []
+    for box in boxes:
+        while near := [other for other in apart if _overlap(box, other)]:
+            apart = [other for other in apart if other not in near]
+            low, high = np.min([box, *near], axis=0), np.max([box, *near], axis=0)
+            box = (int(low[0]), int(low[1]), int(high[2]), int(high[3]))
+        apart.append(box)
+    return apart
+
+
+def _overlap(one: Box, other: Box) -> bool:
+    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+
+
+def watch_of(samples: Samples, scene: Scene, usable: Flags | None) -> Scene | None:
+    """What the background shows at the pixels that are watched; None where pictures are searched at full size.
+
+    ``usable`` (k, h', w') says at the size that is searched which samples show the background.
+    """
+    view = samples.view
+    if view.step == 1 or (view.chroma and samples.frames[0].chroma() is None):
+        return None
+    stack = np.stack([view.watched(frame, SPACING) for frame in samples.frames])
+    rows, columns = (slice(SPACING // 2, None, SPACING),) * 2
+    still = still_of(stack, None if usable is None else usable[:, rows, columns][:, : stack.shape[1], : stack.shape[2]])
+    lowest, highest = (one[rows, columns][: stack.shape[1], : stack.shape[2]] for one in (scene.lowest, scene.highest))
+    noticed = rounded(np.maximum(WATCH_SIGMAS * still.noise, WATCH_FLOOR))
+    background = rounded(still.background)
+    return Scene(cv2.min(lowest, background), cv2.max(highest, background), noticed, noticed)

@@ -1,0 +1,1 @@
+"""Discs fitted to pixels: area coverage, shading, motion blur."""

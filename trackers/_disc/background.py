@@ -1,0 +1,50 @@
+"""The background as it shows where no disc is: also behind a ball that never leaves the middle of the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackers._background.median import Background, Flags, Image
+from trackers._disc.expected_position import Course
+from trackers._frames.working_image import View
+
+ROUND_DISC = 3.0  # px about an expected disc that its outline may take
+FEWEST_SAMPLES = 3  # that must show what is behind
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Behind:
+    """Background and noise, and where (h', w'), at a reduced size, the background was ever seen."""
+
+    background: Background
+    known: Flags
+
+    def patch(self, top: int, bottom: int, left: int, right: int) -> tuple[Image, Image, Flags]:
+        """Background, noise and whether the background is known, of some rows and columns."""
+        height, width = self.background.stack.shape[1:3]
+        rows = np.arange(top, bottom) * self.known.shape[0] // height
+        columns = np.arange(left, right) * self.known.shape[1] // width
+        return *self.background.patch(top, bottom, left, right), self.known[rows[:, np.newaxis], columns]
+
+
+def behind(background: Background, view: View, numbers: Iterable[int], courses: Sequence[Course]) -> Behind:
+    """The background from those samples (the frames of these numbers) in which no disc is in front of it."""
+    height, width = background.stack.shape[1:3]
+    columns, rows = (np.arange(size) for size in view.small_size)
+    x, y = columns * width / columns.size + view.left, rows * height / rows.size + view.top
+    free = [np.all([_away(course, number, x, y, view.step) for course in courses], axis=0) for number in numbers]
+    usable = np.stack(free) if background.usable is None else np.stack(free) & background.usable
+    count = usable.sum(axis=0)
+    return Behind(Background(background.stack, usable | (count == 0)), np.asarray(count >= FEWEST_SAMPLES))
+
+
+def _away(course: Course, number: int, x: np.ndarray, y: np.ndarray, step: int) -> Flags:
+    """Where (h', w') the disc expected in a frame is not."""
+    disc = course.discs.get(number)
+    if disc is None:
+        return np.ones((y.size, x.size), dtype=np.bool_)
+    reach = disc.radius + ROUND_DISC + step
+    return np.asarray((x - disc.x) ** 2 + (y[:, np.newaxis] - disc.y) ** 2 > reach**2)

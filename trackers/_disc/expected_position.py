@@ -1,0 +1,89 @@
+"""Where a disc is expected in each frame: along the path of a body, or from circle to circle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from iris_sysid.types import Array
+from trackers._detection.detection import Glimpse
+from trackers._disc.model import Disc, Motion
+from trackers._linking.frame_to_frame import Path
+
+NEIGHBOURS = 2  # sightings on either side that tell the radius
+LONGEST_BREAK_S = 0.3  # no velocity is told across a longer gap
+LESS_BENT = 0.5  # of the bend of the discs on both sides: from here on those of one side tell the motion
+
+
+@dataclass(eq=False, slots=True)
+class Course:
+    """Discs by the number of the frame, with the time of each frame in s."""
+
+    times: dict[int, float]
+    discs: dict[int, Disc] = field(default_factory=dict)
+
+    def motion(self, frame: int, exposure_share: float) -> Motion:
+        """What moves within an exposure that takes that share of the time between frames.
+
+        Velocity and acceleration are those of the parabola through three discs: that before and that after it if
+        there are both. Before and after an impact they are those of one side, where these bend much less (Harten,
+        Engquist, Osher and Chakravarthy 1987, J. Comput. Phys. 71, 231).
+        """
+        near = self._near(frame)
+        elapsed = self.times[near[-1]] - self.times[near[0]] if near else 0.0
+        if exposure_share == 0 or not 0 < elapsed <= LONGEST_BREAK_S or not near[0] <= frame <= near[-1]:
+            return Motion()
+        t_s = (np.array([self.times[one] for one in near]) - self.times[frame]) / elapsed
+        places = np.array([(self.discs[one].x, self.discs[one].y, self.discs[one].radius) for one in near])
+        slope = np.polyfit(t_s, places, len(near) - 1)[::-1]
+        share = exposure_share * self.frame_time() / elapsed
+        bend = 2 * share**2 * slope[2, :2] if len(near) == 3 else np.zeros(2)
+        return Motion(*(share * slope[1]), *bend)
+
+    def _near(self, frame: int) -> list[int]:
+        """The frames of the three discs that tell the motion at a frame."""
+        frames = sorted(self.discs)
+        last = max(0, len(frames) - 3)
+        middle = int(np.clip(np.searchsorted(frames, frame) - 1, 0, last))
+        beside = [first for first in (middle - 1, middle + 1) if 0 <= first <= last]
+        threes = [frames[first : first + 3] for first in (middle, *beside)]
+        bends = [self._bend(three) for three in threes]
+        best = int(np.argmin(bends))
+        return threes[best if bends[best] < LESS_BENT * bends[0] else 0]
+
+    def _bend(self, frames: Sequence[int]) -> float:
+        """How far the middle one of three discs lies off the line through the others, px; infinite if far apart."""
+        if len(frames) < 3 or self.times[frames[-1]] - self.times[frames[0]] > LONGEST_BREAK_S:
+            return np.inf
+        (first, one, last), (a, b, c) = (self.discs[k] for k in frames), (self.times[k] for k in frames)
+        share = (b - a) / (c - a)
+        return float(
+            np.hypot(one.x - first.x - share * (last.x - first.x), one.y - first.y - share * (last.y - first.y))
+        )
+
+    def frame_time(self) -> float:
+        """Time between two frames, s, by the median."""
+        return float(np.median(np.diff(list(self.times.values())))) if len(self.times) > 1 else 0.0
+
+    def extrapolated(self, frame: int, frames: Sequence[int]) -> Disc:
+        """The disc at a frame from those at some others, by a straight line through them."""
+        known = [self.discs[one] for one in frames]
+        if len(known) == 1:
+            return known[0]
+        t_s = np.array([self.times[one] for one in frames])
+        values = np.array([(disc.x, disc.y, disc.radius) for disc in known])
+        slope, level = np.polyfit(t_s - self.times[frame], values, 1)
+        del slope
+        return Disc(float(level[0]), float(level[1]), max(1.0, float(level[2])), blur=known[-1].blur)
+
+
+def course_of(path: Path, glimpses: Sequence[Glimpse]) -> Course:
+    """The course along a path; the radius is that of the area, by the median of a few sightings."""
+    radii = np.array([one.radius for one in path.sightings])
+    course = Course({glimpse.frame: glimpse.t_s for glimpse in glimpses})
+    for k, one in enumerate(path.sightings):
+        near: Array = radii[max(0, k - NEIGHBOURS) : k + NEIGHBOURS + 1]
+        course.discs[one.frame] = Disc(one.x, one.y, float(np.median(near)))
+    return course

@@ -1,0 +1,195 @@
+"""A disc fitted to the pixels round it, with a standard error that allows for noise alike in neighbouring pixels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from iris_sysid.types import Array
+from trackers._background.median import Bytes, Flags, Image
+from trackers._disc.edge_coverage import edge_reach
+from trackers._disc.model import BLUR, OVAL_ALONG, RADIUS, Disc, DiscModel, Form, Motion, X, Y
+from trackers._disc.robust_least_squares import TUKEY, Labels, Pixels, Solution, robust_fit
+from trackers._uncertainty.error_correlation import lobes_of
+from trackers._uncertainty.pixel_correlation import variance_of_sum
+
+INWARDS = (4.0, 0.25, 12.0)  # px, of the radius, px: how far inside of the outline the body's shading must hold
+OUTWARDS = 6.0  # px outside of the outline in which the background must hold
+FEWEST_PIXELS = 20
+MOST_FLAT = 4000  # pixels away from the edge that count: more do not help
+FARTHEST = (2.0, 0.6)  # px, of the radius: how far a fit may go from where the disc was expected
+RADIUS_RATIO = 1.7  # of the radius expected and fitted
+SOFTEST = 0.5  # of the radius: standard deviation of the blur
+MOST_OVAL = 0.3  # of the radius
+LEAST_OUTLINE = 0.5  # of the pixels on the outline must show it
+LAST_STEP = 0.5  # of the standard errors of centre and radius
+LARGEST_ERROR = 0.15  # of the radius
+LEAST_CONTRAST = 3.0  # grey levels
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Cutout:
+    """Grey levels (h, w) of a part of the picture whose corner is (left, top): frame, background, noise.
+
+    ``usable`` (h, w) is false where another body is. ``travel`` is how far, px, the outline may move within the
+    exposure: the pixels that count reach as far.
+    """
+
+    image: Image
+    background: Image
+    noise: Image
+    usable: Flags
+    left: int
+    top: int
+    travel: float = 0.0
+
+    def distance(self, disc: Disc) -> Array:
+        """Distance (h, w) of each pixel to the outline of a disc, px, positive inside."""
+        rows, columns = np.ogrid[: self.image.shape[0], : self.image.shape[1]]
+        return disc.radius - np.hypot(columns + self.left - disc.x, rows + self.top - disc.y)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class DiscFit:
+    """A disc as fitted, and what it was fitted to: rows and columns in the cutout of the pixels that count.
+
+    ``bends`` are the lobes of the outline that the disc does not have, px.
+    """
+
+    disc: Disc
+    solution: Solution
+    rows: Labels
+    columns: Labels
+    bends: tuple[float, ...] = ()
+
+    @property
+    def outline_share(self) -> float:
+        """Share of the outline that looks as it should: by weight, of what tells the radius."""
+        tells = self.solution.jacobian[:, RADIUS] ** 2
+        return float((self.solution.weight * tells).sum() / max(float(tells.sum()), 1e-9))
+
+    @property
+    def aic(self) -> float:
+        """Akaike's information criterion a pixel, up to a constant: -2 log likelihood + 2 p, over n.
+
+        The likelihood is that of which Tukey's biweight is the weight.
+        """
+        solution = self.solution
+        cost = TUKEY**2 / 3 * (1 - solution.weight**1.5) + 2 * np.log(solution.sigma)
+        return float(cost.mean()) + 2 * solution.parameters.size / cost.size
+
+
+def whole(picture: Bytes) -> Cutout:
+    """A whole picture of unknown background and noise as a cutout."""
+    image = picture.astype(np.float32)
+    return Cutout(image, np.zeros_like(image), np.ones_like(image), np.ones(image.shape, dtype=np.bool_), 0, 0)
+
+
+def shows_disc(fitted: DiscFit, expected: Disc) -> bool:
+    """Whether a fit is of a disc that is there: near what was expected, along most of its outline, well determined."""
+    disc = fitted.disc
+    away = float(np.hypot(disc.x - expected.x, disc.y - expected.y))
+    near = away <= max(FARTHEST[0], FARTHEST[1] * expected.radius)
+    alike = 1 / RADIUS_RATIO < disc.radius / expected.radius < RADIUS_RATIO
+    round_ = np.sqrt(disc.blur) < SOFTEST * disc.radius and np.hypot(*disc.oval) < MOST_OVAL
+    shown = fitted.outline_share > LEAST_OUTLINE and abs(disc.contrast) > LEAST_CONTRAST
+    return bool(near and alike and round_ and shown and _is_sure(fitted))
+
+
+def _is_sure(fitted: DiscFit) -> bool:
+    """Whether centre and radius are well determined, and the fit came to rest."""
+    errors = np.array([fitted.disc.sigma_x, fitted.disc.sigma_y, fitted.disc.sigma_radius])
+    settled = np.abs(fitted.solution.last_step[: RADIUS + 1]) < LAST_STEP * errors
+    return bool(np.isfinite(errors).all() and (errors < LARGEST_ERROR * fitted.disc.radius).all() and settled.all())
+
+
+def band(disc: Disc, travel: float) -> tuple[float, float, float]:
+    """How far about an outline its edge shows, and how far inside and outside of it the pixels count, px.
+
+    ``travel`` is how far the outline of the ``disc`` moves within the exposure, px.
+    """
+    reach = edge_reach(disc.blur) + travel / 2
+    least, share, most = INWARDS
+    return reach, reach + min(least + share * disc.radius, most), reach + OUTWARDS
+
+
+def fit_disc(
+    cutout: Cutout, start: Disc, form: Form, motion: Motion, correlation: Array | None = None
+) -> DiscFit | None:
+    """Fit a disc to a cutout; None when the pixels do not show one there.
+
+    A pixel covered by the share a shows a F + (1 - a) B. The coverage is that of a straight edge (:mod:`_edge`),
+    its distance corrected for the curvature of the circle over the pixel and the blur,
+
+        d = r - rho - (v + 1/12) / (2 rho),
+
+    averaged over the positions within the exposure. F and B are polynomials in the distance from the start over
+    its radius. Standard errors: S = H^-1 J'W, H = J'WJ and var = S C S', where C holds the noise measured by the
+    residuals and its correlation between neighbouring pixels.
+
+    Parameters
+    ----------
+    cutout
+        Pixels round the disc.
+    start
+        Where it is, to about a third of its radius.
+    form
+        Which shading is free.
+    motion
+        Of the disc within the exposure.
+    correlation
+        (2m + 1, 2m + 1) correlation of the noise of two pixels by their distance in rows and columns; None
+        when it is white.
+    """
+    rows, columns, zone = _chosen(cutout, start)
+    if rows.size < FEWEST_PIXELS + form.count:
+        return None
+    values, background, noise = (
+        image[rows, columns].astype(np.float64) for image in (cutout.image, cutout.background, cutout.noise)
+    )
+    if not form.known_background:
+        background = np.zeros_like(background)
+    x, y = (columns + cutout.left).astype(np.float64), (rows + cutout.top).astype(np.float64)
+    model = DiscModel(x, y, background, start, form, motion)
+    try:
+        solution = robust_fit(model.predict, model.start(values), Pixels(values, noise, zone))
+    except np.linalg.LinAlgError:
+        return None
+    disc = _disc_of(solution, model)
+    edge = zone == 1
+    beyond = (solution.weight * solution.residual)[edge] / (disc.contrast or 1.0)
+    bends = lobes_of(beyond, (x[edge] - disc.x) + 1j * (y[edge] - disc.y), disc.radius)
+    fitted = DiscFit(disc, solution, rows, columns, bends)
+    return replace(fitted, disc=_with_errors(fitted, cutout.image.shape, correlation))
+
+
+def _chosen(cutout: Cutout, start: Disc) -> tuple[Labels, Labels, Labels]:
+    """Rows, columns and zone (0 outside, 1 edge, 2 inside) of the pixels that count."""
+    distance = cutout.distance(start)
+    edge, inwards, outwards = band(start, cutout.travel)
+    near_edge = np.abs(distance) < edge
+    chosen = (distance < inwards) & (distance > -outwards) & cutout.usable
+    flat = np.flatnonzero(chosen & ~near_edge)
+    spare = np.delete(flat, np.s_[:: max(1, flat.size // MOST_FLAT)])
+    chosen.ravel()[spare] = False
+    zone = np.where(near_edge, 1, np.where(distance > 0, 2, 0))
+    rows, columns = np.nonzero(chosen)
+    return rows, columns, zone[chosen]
+
+
+def _disc_of(solution: Solution, model: DiscModel) -> Disc:
+    x, y, radius, blur = (float(value) for value in solution.parameters[: BLUR + 1])
+    along, across = solution.parameters[OVAL_ALONG : model.form.outline] if model.form.oval else (0.0, 0.0)
+    contrast, intensity = model.contrast(solution.parameters)
+    return Disc(x, y, radius, blur=blur, oval=(float(along), float(across)), contrast=contrast, intensity=intensity)
+
+
+def _with_errors(fitted: DiscFit, shape: tuple[int, ...], correlation: Array | None) -> Disc:
+    """The disc with the standard errors of its centre and radius."""
+    errors = []
+    for score in fitted.solution.scores()[:, : RADIUS + 1].T:
+        image = np.zeros(shape)
+        image[fitted.rows, fitted.columns] = score
+        errors.append(float(np.sqrt(variance_of_sum(image, correlation))))
+    return replace(fitted.disc, sigma_x=errors[X], sigma_y=errors[Y], sigma_radius=errors[RADIUS])

@@ -1,0 +1,296 @@
+"""What a few frames teach about a disc before every frame is fitted: its shading, the shutter, the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from iris_sysid.types import Array, Frame
+from trackers._background.median import Bytes
+from trackers._disc.background import Behind
+from trackers._disc.expected_position import Course
+from trackers._disc.fit import Cutout, DiscFit, band, fit_disc, shows_disc
+from trackers._disc.model import Disc, Form
+from trackers._frames.working_image import View
+from trackers._uncertainty.pixel_correlation import noise_correlation
+
+SURROUNDINGS = tuple(
+    Form(4, exterior, known, oval=True) for known, exterior in ((True, 1), (True, 3), (True, 4), (False, 3), (False, 4))
+)
+PLAIN = Form(3, 1)  # with which the shutter is found: an oval would take up a streak
+INTERIORS = (1, 3, 4, 6)
+ROOM = 2.0  # px of radius for each further term of the shading
+SMALLEST_OVAL = 5.0  # px, radius
+STUDIED = 8  # frames
+FAST = 1.5  # px moved between two frames from which on the shutter shows
+TOO_FAST = 4.0  # radii moved between two frames: the way from one to the other is no longer known
+FEWEST_FAST = 3  # frames
+SHUTTERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # exposure over the time between frames
+FINER = (-0.12, -0.06, 0.0, 0.06, 0.12)  # about the best of them
+FINEST = (-0.04, -0.02, 0.0, 0.02, 0.04)  # about the best of these, once the shading is known
+CLEARER_AT_REST, CLEARER_MOVING = 1.0, 3.0  # times as sure must colour be as luma: it lags behind where bodies move
+NOT_SEEN = -1e6  # worth of a fit that fails
+WORST = 0.25  # of the frames: in these something else may be wrong
+COUNTS = 0.5  # weight from which on a pixel is of the disc or its surroundings
+SOFT = 0.12  # of the radius: standard deviation of an outline that is far off, at the start
+MOVED = 1.0  # px from the start from which a fit is repeated about its result
+REPEATS = 3
+GAP = 2.0  # px kept from another body
+MOSTLY = 0.8  # of the pixels outside of the outline: if fewer are known, the background is not
+MARGIN = 2.0  # px round the pixels that count
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Lesson:
+    """How to fit a disc in this clip: its form, exposure over frame time, correlation of the noise, plane of colour.
+
+    ``longest_shutter`` decides which pixels count, so that trials of the shutter are about the same pixels.
+    """
+
+    form: Form = SURROUNDINGS[0]
+    shutter: float = 0.0
+    longest_shutter: float = 0.0
+    correlation: Array | None = None
+    channel: int = 0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Workshop:
+    """What turns a frame into fitted discs: the region, its background, and where each body is expected."""
+
+    view: View
+    behind: Behind
+    courses: Sequence[Course]
+    lessons: Mapping[int, Lesson] = field(default_factory=dict)
+
+    def fit(self, body: int, number: int, picture: Bytes) -> DiscFit | None:
+        """The disc of a body in the picture of a frame; None where it is not expected or not seen."""
+        expected = self.courses[body].discs.get(number)
+        if expected is None:
+            return None
+        fitted = self._fit_from(body, number, picture, expected)
+        if fitted is None:
+            rough = self.rough(self._lesson(body), body, number, picture)
+            fitted = None if rough is None else self._fit_from(body, number, picture, rough)
+        return fitted if fitted is not None and shows_disc(fitted, expected) else None
+
+    def rough(self, lesson: Lesson, body: int, number: int, picture: Bytes) -> Disc | None:
+        """The disc of a plain fit with a soft outline at first, which finds an edge that is farther off; None if none.
+
+        A course may be off by what a shadow adds to the body.
+        """
+        expected = self.courses[body].discs.get(number)
+        if expected is None:
+            return None
+        soft = replace(expected, blur=max(1.0, (SOFT * expected.radius) ** 2))
+        fitted = self.fit_as(replace(lesson, form=PLAIN), body, number, picture, soft)
+        return fitted.disc if fitted is not None and shows_disc(fitted, expected) else None
+
+    def _lesson(self, body: int) -> Lesson:
+        return self.lessons.get(body, Lesson())
+
+    def _fit_from(self, body: int, number: int, picture: Bytes, start: Disc) -> DiscFit | None:
+        """The disc fitted from a start, and again from what is found until it stays; None where it is not seen."""
+        fitted = None
+        for _ in range(REPEATS):
+            fitted = self.fit_as(self._lesson(body), body, number, picture, start)
+            if fitted is None or not shows_disc(fitted, start):
+                return None
+            last, start = start, fitted.disc
+            if max(abs(start.x - last.x), abs(start.y - last.y), abs(start.radius - last.radius)) < MOVED:
+                break
+        return fitted
+
+    def fit_as(
+        self, lesson: Lesson, body: int, number: int, picture: Bytes, start: Disc | None = None
+    ) -> DiscFit | None:
+        """One fit with a lesson of one's own, from ``start`` or from where the disc is expected, shown or not."""
+        start = start or self.courses[body].discs.get(number)
+        if start is None:
+            return None
+        cutout, form = self._cutout(body, number, picture, lesson, start)
+        if cutout is None:
+            return None
+        motion = self.courses[body].motion(number, lesson.shutter)
+        return fit_disc(cutout, start, form, motion, lesson.correlation)
+
+    def _cutout(
+        self, body: int, number: int, picture: Bytes, lesson: Lesson, start: Disc
+    ) -> tuple[Cutout | None, Form]:
+        """The pixels round a disc, and its form; None when it lies outside of the picture.
+
+        Where much of the background was never seen, it counts as unknown.
+        """
+        travel = self.courses[body].motion(number, max(lesson.shutter, lesson.longest_shutter)).length
+        edge, _, outwards = band(start, travel)
+        reach = start.radius + outwards + MARGIN
+        x, y = start.x - self.view.left, start.y - self.view.top
+        left, right = max(0, int(x - reach)), min(picture.shape[1], int(x + reach) + 2)
+        top, bottom = max(0, int(y - reach)), min(picture.shape[0], int(y + reach) + 2)
+        if right - left < 3 or bottom - top < 3:
+            return None, lesson.form
+        background, noise, known = self.behind.patch(top, bottom, left, right)
+        image = picture[top:bottom, left:right].astype(np.float32)
+        planes = [np.atleast_3d(part)[..., lesson.channel] for part in (image, background, noise)]
+        cutout = Cutout(planes[0], planes[1], planes[2], known, left + self.view.left, top + self.view.top, travel)
+        outside = cutout.distance(start) < edge
+        form = lesson.form
+        if form.known_background and known[outside].mean() < MOSTLY:
+            form = replace(form, exterior=max(form.exterior, 3), known_background=False)
+        usable = known | ~outside if form.known_background else np.ones_like(known)
+        for other in self._others(body, number):
+            usable &= cutout.distance(other) < -GAP
+        return replace(cutout, usable=usable), form
+
+    def _others(self, body: int, number: int) -> list[Disc]:
+        courses = [course for k, course in enumerate(self.courses) if k != body]
+        return [course.discs[number] for course in courses if number in course.discs]
+
+
+def taught(workshop: Workshop, frames: Iterable[Frame]) -> Workshop:
+    """The workshop with what some frames, spread over the clip, teach about each body."""
+    pictures = {frame.index: workshop.view.picture(frame) for frame in frames}
+    lessons = {body: _lesson(workshop, body, pictures) for body in range(len(workshop.courses))}
+    return replace(workshop, lessons=lessons)
+
+
+def _lesson(workshop: Workshop, body: int, pictures: Mapping[int, Bytes]) -> Lesson:
+    """The plane of colour first, then the shutter, which shows before any shading does, the shading, the noise."""
+    course = workshop.courses[body]
+    seen = sorted(number for number in pictures if number in course.discs)
+    if not seen:
+        return Lesson()
+    spread = [seen[k] for k in np.unique(np.linspace(0, len(seen) - 1, STUDIED).astype(int))]
+    radius = float(np.median([course.discs[number].radius for number in seen]))
+    study = _Study(workshop, body, pictures, radius)
+    speed = {number: course.motion(number, 1.0).length for number in seen}
+    moves = float(np.median(list(speed.values()))) > FAST
+    lesson = _plane(study, spread, CLEARER_MOVING if moves else CLEARER_AT_REST)
+    fast = sorted((one for one in seen if FAST < speed[one] < TOO_FAST * radius), key=lambda one: -speed[one])[:STUDIED]
+    if len(fast) >= FEWEST_FAST:
+        lesson = replace(lesson, form=PLAIN, longest_shutter=max(SHUTTERS))
+        for shutters in (SHUTTERS, FINER):
+            lesson = study.best(_with_shutters(lesson, shutters), fast, evidence, shown=False)
+    lesson = _shaded(study, replace(lesson, longest_shutter=lesson.shutter), spread)
+    if len(fast) >= FEWEST_FAST:
+        longest = min(max(SHUTTERS), lesson.shutter + max(FINEST))
+        lesson = study.best(_with_shutters(replace(lesson, longest_shutter=longest), FINEST), fast, evidence)
+    lesson = replace(lesson, longest_shutter=0.0)
+    return replace(lesson, correlation=study.correlation(lesson, seen))
+
+
+def _plane(study: _Study, numbers: Sequence[int], clearer: float) -> Lesson:
+    """The plane that tells the centre best, its noise alike in neighbouring pixels as it may be.
+
+    One of colour must do so ``clearer`` times as well as luma: it is coded at half the size, and where a body moves
+    the coder leaves it behind by more than the noise shows.
+    """
+    lessons = [Lesson(channel=channel) for channel in range(study.channels)]
+    if len(lessons) == 1:
+        return lessons[0]
+    alike = [replace(one, correlation=study.correlation(one, numbers)) for one in lessons]
+    worth = study.worth(alike, numbers, precision) - 2 * np.log(clearer) * (np.arange(len(lessons)) > 0)
+    return lessons[int(np.argmax(worth))]
+
+
+def _with_shutters(lesson: Lesson, steps: Sequence[float]) -> list[Lesson]:
+    """The lesson with its shutter longer by each of some steps, as far as a shutter can be."""
+    shutters = [lesson.shutter + step for step in steps]
+    return [replace(lesson, shutter=one) for one in shutters if 0 <= one <= max(SHUTTERS)]
+
+
+def _shaded(study: _Study, lesson: Lesson, numbers: Sequence[int]) -> Lesson:
+    """The lesson with the surroundings, then the shading of the body, for which the frames speak."""
+    lesson = study.best([replace(lesson, form=form) for form in SURROUNDINGS], numbers, evidence)
+    room = 1 + study.radius / ROOM
+    forms = [replace(lesson.form, interior=interior) for interior in INTERIORS if interior <= room]
+    lesson = study.best([replace(lesson, form=form) for form in forms], numbers, evidence)
+    forms = [replace(lesson.form, oval=oval) for oval in (False, True) if not oval or study.radius >= SMALLEST_OVAL]
+    return study.best([replace(lesson, form=form) for form in forms], numbers, evidence)
+
+
+def precision(fitted: DiscFit | None) -> float:
+    """How sure a fit is of the centre: log of its inverse variance; what is not seen counts as nearly nothing."""
+    if fitted is None:
+        return NOT_SEEN
+    return -float(np.log(fitted.disc.sigma_x**2 + fitted.disc.sigma_y**2))
+
+
+def evidence(fitted: DiscFit | None) -> float:
+    """How well a fit explains its pixels, less what its parameters cost; what is not seen counts as nearly nothing."""
+    return NOT_SEEN if fitted is None else -fitted.aic
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Study:
+    """One body, of about that radius (px), in the pictures of some frames."""
+
+    workshop: Workshop
+    body: int
+    pictures: Mapping[int, Bytes]
+    radius: float
+    starts: dict[tuple[int, int], Disc | None] = field(default_factory=dict)
+
+    @property
+    def channels(self) -> int:
+        """How many planes of colour the pictures have."""
+        return int(np.atleast_3d(next(iter(self.pictures.values()))).shape[2])
+
+    def fits(self, lesson: Lesson, numbers: Sequence[int], *, shown: bool = True) -> list[DiscFit | None]:
+        """The fits that a lesson gives in some frames; with ``shown`` those that are surely of a disc."""
+        discs = self.workshop.courses[self.body].discs
+        fits = [
+            self.workshop.fit_as(lesson, self.body, number, self.pictures[number], self._start(lesson, number))
+            for number in numbers
+        ]
+        pairs = zip(numbers, fits, strict=True)
+        return [one if one and (not shown or shows_disc(one, discs[number])) else None for number, one in pairs]
+
+    def _start(self, lesson: Lesson, number: int) -> Disc | None:
+        """Where a fit begins: at the disc that a plain one finds in that plane, where it finds one."""
+        key = (lesson.channel, number)
+        if key not in self.starts:
+            plain = Lesson(channel=lesson.channel)
+            self.starts[key] = self.workshop.rough(plain, self.body, number, self.pictures[number])
+        return self.starts[key]
+
+    def correlation(self, lesson: Lesson, numbers: Sequence[int]) -> Array | None:
+        """Correlation of the noise of neighbouring pixels that the fits of some frames leave."""
+        return noise_correlation(_standardised(one) for one in self.fits(lesson, numbers) if one)
+
+    def worth(
+        self,
+        lessons: Sequence[Lesson],
+        numbers: Sequence[int],
+        worth: Callable[[DiscFit | None], float],
+        *,
+        shown: bool = True,
+    ) -> Array:
+        """What each lesson is worth, by the mean over the frames but the worst."""
+        values = np.array([[worth(one) for one in self.fits(lesson, numbers, shown=shown)] for lesson in lessons])
+        return np.asarray(np.sort(values, axis=1)[:, int(WORST * len(numbers)) :].mean(axis=1))
+
+    def best(
+        self,
+        lessons: Sequence[Lesson],
+        numbers: Sequence[int],
+        worth: Callable[[DiscFit | None], float],
+        *,
+        shown: bool = True,
+    ) -> Lesson:
+        """The lesson that is worth most; the first of equals."""
+        if len(lessons) == 1:
+            return lessons[0]
+        return lessons[int(np.argmax(self.worth(lessons, numbers, worth, shown=shown)))]
+
+
+def _standardised(fitted: DiscFit) -> tuple[Array, Array]:
+    """Residuals over their sigma, and which are known, as images about the disc; foreign pixels are left out."""
+    rows, columns = fitted.rows - fitted.rows.min(), fitted.columns - fitted.columns.min()
+    residual, known = np.zeros((2, int(rows.max()) + 1, int(columns.max()) + 1))
+    counts = fitted.solution.weight > COUNTS
+    residual[rows[counts], columns[counts]] = (fitted.solution.residual / fitted.solution.sigma)[counts]
+    known[rows[counts], columns[counts]] = 1.0
+    return residual, known

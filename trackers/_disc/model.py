@@ -1,0 +1,152 @@
+"""What a disc before a background looks like: area coverage, blurred edge, shading, motion within the exposure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from iris_sysid.types import Array
+from trackers._disc.coverage import disc_coverage
+from trackers._disc.robust_least_squares import Start
+
+X, Y, RADIUS, BLUR, OVAL_ALONG, OVAL_ACROSS = range(6)  # the first parameters; the grey levels follow
+SHARPEST = 0.004  # px^2, variance of the sharpest edge
+FIRST_BLUR = 0.1  # px^2, variance of the edge at the start
+SMALLEST = 0.8  # px, radius
+SUBSTEP = 1.5  # px of motion between two positions within the exposure
+MOST_SUBSTEPS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """Where a disc is: centre and radius, px, and their standard errors (NaN where not fitted).
+
+    ``blur`` is the variance of its edge, px^2; ``oval`` the parts of the radius by which it varies as cos 2 phi and
+    sin 2 phi (lens, rolling shutter); ``contrast`` against the surroundings and ``intensity``, in grey levels, are
+    means along the outline.
+    """
+
+    x: float
+    y: float
+    radius: float
+    sigma_x: float = float("nan")
+    sigma_y: float = float("nan")
+    sigma_radius: float = float("nan")
+    blur: float = FIRST_BLUR
+    oval: tuple[float, float] = (0.0, 0.0)
+    contrast: float = 0.0
+    intensity: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """By how much centre and radius change within one exposure, px.
+
+    ``bend_x``, ``bend_y`` are the acceleration, px per exposure squared: by a 24th of it the mean place over the
+    exposure is off the one at its middle.
+    """
+
+    x: float = 0.0
+    y: float = 0.0
+    radius: float = 0.0
+    bend_x: float = 0.0
+    bend_y: float = 0.0
+
+    @property
+    def length(self) -> float:
+        """Farthest that a part of the outline moves, px."""
+        return float(np.hypot(self.x, self.y) + abs(self.radius))
+
+    @property
+    def way(self) -> Array:
+        """All of it (5,): x, y, radius, bend_x, bend_y."""
+        return np.array([self.x, self.y, self.radius, self.bend_x, self.bend_y])
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What is free beside centre, radius and blur.
+
+    ``interior`` of the terms 1, u, v, u^2 + v^2 - 1, u^2 - v^2, u v shade the body, ``exterior`` of them its
+    surroundings; with ``known_background`` these come on top of the background image. ``oval`` lets the radius vary.
+    """
+
+    interior: int = 1
+    exterior: int = 1
+    known_background: bool = True
+    oval: bool = False
+
+    @property
+    def outline(self) -> int:
+        """Number of parameters of the outline: they come first."""
+        return OVAL_ACROSS + 1 if self.oval else BLUR + 1
+
+    @property
+    def count(self) -> int:
+        """Number of parameters."""
+        return self.outline + self.interior + self.exterior
+
+
+@dataclass(eq=False, slots=True)
+class DiscModel:
+    """Grey levels of some pixels (n,) at ``x``, ``y`` px of the frame, before a ``background`` (n,)."""
+
+    x: Array
+    y: Array
+    background: Array
+    origin: Disc
+    form: Form
+    motion: Motion
+    terms: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Work out the terms of the shading (n, 6) in u, v = distance from the origin over its radius."""
+        u = (self.x - self.origin.x) / self.origin.radius
+        v = (self.y - self.origin.y) / self.origin.radius
+        self.terms = np.column_stack([np.ones_like(u), u, v, u**2 + v**2 - 1, u**2 - v**2, u * v])
+
+    def start(self, values: Array) -> Start:
+        """Parameters to start from: the levels inside and outside by the median of the ``values`` (n,)."""
+        origin, outline = self.origin, self.form.outline
+        parameters = np.zeros(self.form.count)
+        parameters[:outline] = (origin.x, origin.y, origin.radius, origin.blur, *origin.oval)[:outline]
+        share, _ = self._coverage(parameters[:outline])
+        inside, outside = share > 0.5, share < 0.5
+        parameters[outline] = np.median(values[inside]) if inside.any() else values.mean()
+        level = np.median((values - self.background)[outside]) if outside.any() else 0.0
+        parameters[outline + self.form.interior] = level
+        longest, lowest = np.full(parameters.size, np.inf), np.full(parameters.size, -np.inf)
+        longest[:outline] = np.array([0.3 * origin.radius] * 3 + [0.5 + origin.blur, 0.1, 0.1])[:outline]
+        lowest[[RADIUS, BLUR]] = (SMALLEST, SHARPEST)
+        return Start(parameters, longest, lowest)
+
+    def predict(self, parameters: Array) -> tuple[Array, Array]:
+        """Grey levels (n,) and their derivatives (n, p) by the ``parameters`` (p,)."""
+        share, slopes = self._coverage(parameters[: self.form.outline])
+        body, behind = self._levels(parameters)
+        part = share[:, np.newaxis]
+        inside, outside = self.terms[:, : self.form.interior], self.terms[:, : self.form.exterior]
+        jacobian = np.hstack([(body - behind)[:, np.newaxis] * slopes, part * inside, (1 - part) * outside])
+        return behind + share * (body - behind), jacobian
+
+    def contrast(self, parameters: Array) -> tuple[float, float]:
+        """Mean of body minus surroundings, and of the body, along the outline; ``parameters`` (p,)."""
+        share, _ = self._coverage(parameters[: self.form.outline])
+        edge = share * (1 - share) + 1e-9
+        body, behind = self._levels(parameters)
+        return float(np.average(body - behind, weights=edge)), float(np.average(body, weights=edge))
+
+    def _levels(self, parameters: Array) -> tuple[Array, Array]:
+        """Grey levels (n,) of the body and of what is behind it."""
+        levels = parameters[self.form.outline :]
+        body = self.terms[:, : self.form.interior] @ levels[: self.form.interior]
+        return body, self.background + self.terms[:, : self.form.exterior] @ levels[self.form.interior :]
+
+    def _coverage(self, outline: Array) -> tuple[Array, Array]:
+        """Share (n,) of each pixel that the moving disc covers in the mean, and its derivatives by the outline."""
+        count = int(np.clip(np.ceil(self.motion.length / SUBSTEP), 1, MOST_SUBSTEPS))
+        every = np.zeros(OVAL_ACROSS + 1)
+        every[: outline.size] = outline
+        share, slopes = disc_coverage(self.x, self.y, every, self.motion.way, count)
+        return share, slopes[:, : outline.size]

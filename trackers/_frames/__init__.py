@@ -1,0 +1,1 @@
+"""Images that trackers work on: cut, reduced, with or without colour."""

@@ -1,0 +1,39 @@
+"""Frames sampled over a clip, held as they were decoded: only the windows that are asked for become pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from iris_sysid.types import Frame
+from trackers._background.median import Box, Bytes
+from trackers._frames.working_image import View
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Samples:
+    """Some frames as a view shows them, each pixel the mean of ``step`` x ``step``."""
+
+    frames: Sequence[Frame]
+    view: View
+    step: int = 1
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of frames, height and width in px, 3 where colour counts."""
+        size = (len(self.frames), self.view.height // self.step, self.view.width // self.step)
+        return (*size, 3) if self.view.chroma else size
+
+    def __iter__(self) -> Iterator[Bytes]:
+        for frame in self.frames:
+            yield self.view.part(frame, (0, 0, self.shape[2], self.shape[1]), self.step)
+
+    def window(self, box: Box) -> Bytes:
+        """A window (k, h, w) or (k, h, w, 3) of all frames."""
+        return np.stack([self.view.part(frame, box, self.step) for frame in self.frames])
+
+    def reduced(self, step: int) -> Samples:
+        """The same frames with each pixel the mean of ``step`` x ``step`` of these."""
+        return Samples(self.frames, self.view, self.step * step)

@@ -1,0 +1,121 @@
+"""How a frame becomes the pictures that are worked on: cut to the region, with or without colour, and made smaller."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from iris_sysid.errors import DataError
+from iris_sysid.types import Frame, FrameSource, TrackOptions
+from trackers._background.median import Box, Bytes, Flags
+from trackers._frames.colour_selection import Colour, colour_planes, read_colour, reduced
+
+WIDEST_DETECTION = 960  # px: wider pictures are searched at reduced size
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Region of the frame (px), whether colour counts, the colour wanted, and the reduction for detection.
+
+    ``coarser`` is how many times smaller than usual a large picture is searched.
+    """
+
+    left: int
+    top: int
+    width: int
+    height: int
+    chroma: bool = False
+    colour: Colour | None = None
+    coarser: int = 1
+
+    @property
+    def step(self) -> int:
+        """How many pixels a side make one pixel of the search for bodies."""
+        usual = -(-self.width // WIDEST_DETECTION)
+        return min(usual if usual == 1 else self.coarser * usual, self.height)
+
+    @property
+    def small_size(self) -> tuple[int, int]:
+        """Width and height of the picture that is searched; pixels beyond a whole number of them are left out."""
+        return (self.width // self.step, self.height // self.step)
+
+    def picture(self, frame: Frame) -> Bytes:
+        """The frame's region, (h, w) luma or (h, w, 3) luma and chroma."""
+        return self.part(frame, (0, 0, self.width, self.height))
+
+    def part(self, frame: Frame, box: Box, step: int = 1) -> Bytes:
+        """A part of the region, (h, w) or (h, w, 3), each pixel the mean of ``step`` x ``step``.
+
+        ``box`` is left, top, right, bottom (exclusive) in such pixels, from the region's corner.
+        """
+        left, top, right, bottom = (side * step for side in box)
+        x, y = left + self.left, top + self.top
+        luma = reduced(frame.luma[y : bottom + self.top, x : right + self.left], step)
+        if not self.chroma:
+            return luma
+        red, blue = colour_planes(frame, (x, y, right + self.left, bottom + self.top), step)
+        return np.asarray(cv2.merge((luma, red, blue)), dtype=np.uint8)
+
+    def searched(self, frame: Frame) -> Bytes:
+        """The frame's region at the size that is searched."""
+        return self.part(frame, (0, 0, *self.small_size), self.step)
+
+    def watched(self, frame: Frame, spacing: int) -> Bytes:
+        """Single pixels of the region, one for every ``spacing`` pixels a side of the picture that is searched."""
+        pace = self.step * spacing
+        height, width = (size // spacing for size in self.small_size[::-1])
+        start = (self.top + pace // 2, self.left + pace // 2)
+        planes = [frame.luma, *(frame.chroma() or ())[::-1]] if self.chroma else [frame.luma]
+        chosen = []
+        for plane in planes:
+            down, across = (-(-frame.luma.shape[k] // plane.shape[k]) for k in (0, 1))
+            rows, columns = start[0] // down, start[1] // across
+            chosen.append(plane[rows :: pace // down, columns :: pace // across][:height, :width])
+        return np.ascontiguousarray(chosen[0]) if len(chosen) == 1 else np.dstack(chosen)
+
+    def small(self, picture: Bytes) -> Bytes:
+        """A picture of the region at the size that is searched, each pixel the mean of those it stands for."""
+        width, height = (size * self.step for size in self.small_size)
+        return reduced(picture[:height, :width], self.step)
+
+    def smalls(self, pictures: Iterable[Bytes]) -> Bytes:
+        """Pictures (k, h, w[, 3]) at the size that is searched."""
+        return np.stack([self.small(picture) for picture in pictures])
+
+    def wanted(self, frame: Frame, box: Box | None = None) -> Flags | None:
+        """True for pixels of the colour asked for, in a box of the picture that is searched; None when none was."""
+        if self.colour is None:
+            return None
+        left, top, right, bottom = (side * self.step for side in box or (0, 0, *self.small_size))
+        bgr = frame.bgr()[top + self.top : bottom + self.top, left + self.left : right + self.left]
+        return self.colour.mask(reduced(bgr, self.step))
+
+    def fitted(self, frames: Sequence[Frame], moving: Sequence[Flags]) -> View:
+        """The same view with the colour fitted to the pixels that move in some frames."""
+        if self.colour is None:
+            return self
+        region = slice(self.top, self.top + self.height), slice(self.left, self.left + self.width)
+        pixels = [self.small(one.bgr()[region])[where] for one, where in zip(frames, moving, strict=True)]
+        return replace(self, colour=self.colour.fitted(np.concatenate(pixels)))
+
+    def with_chroma(self) -> View:
+        """The same view with colour counted."""
+        return replace(self, chroma=True)
+
+
+def view_of(video: FrameSource, options: TrackOptions) -> View:
+    """The view that the options ask for; DataError when they cannot be met."""
+    if options.bodies < 1:
+        raise DataError(f"bodies = {options.bodies}: there must be at least one body to follow")
+    left, top, width, height = options.roi or (0, 0, video.width, video.height)
+    inside = left >= 0 and top >= 0 and left + width <= video.width and top + height <= video.height
+    if width < 1 or height < 1 or not inside:
+        raise DataError(
+            f"the region x={left}, y={top}, width={width}, height={height} does not lie in the picture, "
+            f"which is {video.width} px wide and {video.height} px high"
+        )
+    colour = read_colour(options.colour) if options.colour else None
+    return View(left, top, width, height, chroma=colour is not None, colour=colour)

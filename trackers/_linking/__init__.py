@@ -1,0 +1,1 @@
+"""Detections joined over frames into tracks."""

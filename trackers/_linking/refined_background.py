@@ -1,0 +1,57 @@
+"""A second look where a body itself was part of the background: leave out the samples in which it is there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trackers._background.median import Flags
+from trackers._detection.detect_frames import Stage
+from trackers._detection.foreground import WEAK_FLOOR, WEAK_SIGMAS
+from trackers._linking.frame_to_frame import Path
+
+OFTEN = 0.4  # of the samples: where a body is more often, it may have become background
+ROUND_BODY = 1.1  # times the radius of the disc of the same area, for a disc; more for what is long
+FEWEST_SAMPLES = 3  # that must show what is behind
+
+
+def second_stage(stage: Stage, paths: Sequence[Path]) -> Stage | None:
+    """The stage with the background seen when the bodies are elsewhere; None when it shows nothing else.
+
+    ``paths`` are the bodies as the first look gave them.
+    """
+    free = _free(stage, paths)
+    if free.mean(axis=0).min() > 1 - OFTEN:
+        return None
+    known = stage.lens.background.usable
+    usable = free if known is None else free & known
+    too_few = usable.sum(axis=0) < FEWEST_SAMPLES
+    again = stage.behind(usable | (too_few if known is None else too_few & known))
+    return again if _shows_another(stage, again) else None
+
+
+def _shows_another(stage: Stage, again: Stage) -> bool:
+    """Whether the background is another one by so much that the first one would take it for part of a body."""
+    before, after = (one.lens.background.reduced(one.view.step).whole for one in (stage, again))
+    if before is None or after is None:
+        return True
+    off = np.abs(after.background - before.background)
+    return bool((off > np.maximum(WEAK_SIGMAS * before.noise, WEAK_FLOOR)).any())
+
+
+def _free(stage: Stage, paths: Sequence[Path]) -> Flags:
+    """Where (k, h', w') no body is in each of the samples, at the size that is searched."""
+    view = stage.view
+    width, height = view.small_size
+    x = (np.arange(width) + 0.5) * view.width / width - 0.5 + view.left
+    y = (np.arange(height) + 0.5) * view.height / height - 0.5 + view.top
+    free = np.ones((len(stage.numbers), height, width), dtype=np.bool_)
+    for path in paths:
+        seen = {one.frame: one for one in path.sightings}
+        for k, number in enumerate(stage.numbers):
+            if number in seen:
+                one = seen[number]
+                reach = ROUND_BODY * one.radius / np.sqrt(one.compactness) + view.step + 1
+                free[k] &= (x - one.x) ** 2 + (y[:, np.newaxis] - one.y) ** 2 > reach**2
+    return free

@@ -1,0 +1,1 @@
+"""Several bodies followed at once, also where they touch."""

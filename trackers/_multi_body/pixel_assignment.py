@@ -1,0 +1,174 @@
+"""The pixels that bodies cover shared out among them: touching bodies of one kind come apart at the middle."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.cluster.vq import kmeans2
+from scipy.spatial.distance import cdist
+
+from iris_sysid.types import Array
+from trackers._background.median import Bytes, Image
+from trackers._detection.foreground import Scene, any_channel
+from trackers._multi_body.appearance_classes import HALF_COVERED, Kind, shares
+
+FAINTEST_SHARE = 0.25  # of a pixel: less is noise, shade or the blurred outline
+REACH = 1.6  # radii: a pixel farther from every body is of none
+THIN = 0.35  # of a body's radius: what is thinner on both sides is a cord
+ROUNDS = 12
+SETTLED = 0.02  # px that the centres move in a round
+TRIES = 12  # starts of the search without a prediction
+FULL, EMPTY = 1.45, 0.55  # of a body's area: two bodies in one portion, one body in two
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Shown:
+    """What bodies cover in one frame: pixels ``xy`` (n, 2), the share of each (n,), and the number of its kind (n,).
+
+    ``size`` is width and height of the picture that is searched, px.
+    """
+
+    frame: int
+    t_s: float
+    xy: NDArray[np.int16]
+    share: NDArray[np.float16]
+    kind: NDArray[np.int8]
+    size: tuple[int, int]
+
+    def pool(self, number: int, radius: float) -> Pool:
+        """The pixels of one kind, whose bodies have that radius, px."""
+        chosen = self.kind == number
+        return Pool(self.xy[chosen].astype(np.float64), self.share[chosen].astype(np.float64), radius, self.size)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Portions:
+    """Pixels shared out among bodies: ``labels`` (n,) with -1 for none, ``centres`` (k, 2) px, ``areas`` (k,) px.
+
+    ``areas`` are seen, ``beyond`` (k,) px lie beyond the edge of the picture. ``energy`` is the spread of the pixels
+    about their centres, 1 for each body that is a whole disc.
+    """
+
+    labels: NDArray[np.int64]
+    centres: Array
+    areas: Array
+    beyond: Array
+    energy: float
+
+    def taken(self, order: NDArray[np.int64]) -> Portions:
+        """The same portions renumbered: body k gets what ``order[k]`` had."""
+        back = np.full(len(order) + 1, -1)
+        back[order] = np.arange(len(order))
+        return Portions(back[self.labels], self.centres[order], self.areas[order], self.beyond[order], self.energy)
+
+
+def shown(scene: Scene, kinds: Sequence[Kind], background: Image, picture: Bytes, frame: int, t_s: float) -> Shown:
+    """What bodies of some kinds cover in a picture (h, w, channels) before a background of that shape."""
+    where = any_channel(scene.excess(picture) > scene.weak)
+    size = (picture.shape[1], picture.shape[0])
+    if not where.any():
+        return Shown(frame, t_s, np.zeros((0, 2), np.int16), np.zeros(0, np.float16), np.zeros(0, np.int8), size)
+    x, y, width, height = cv2.boundingRect(where.astype(np.uint8))
+    part = (slice(y, y + height), slice(x, x + width))
+    of_kinds = np.zeros((len(kinds), height, width), dtype=np.float32)
+    of_kinds[:, where[part]] = shares(kinds, picture[where].astype(np.float32), background[where])
+    for number, kind in enumerate(kinds):
+        of_kinds[number] *= _thick(of_kinds[number], kind.radius)
+    kind_of, share = of_kinds.argmax(axis=0), of_kinds.max(axis=0)
+    rows, columns = np.nonzero(share > FAINTEST_SHARE)
+    xy = np.stack([columns + x, rows + y], axis=-1).astype(np.int16)
+    return Shown(frame, t_s, xy, share[rows, columns].astype(np.float16), kind_of[rows, columns].astype(np.int8), size)
+
+
+def _thick(share: Image, radius: float) -> Image:
+    """1 where what is covered is as thick as a body, or next to that; cords and specks come off."""
+    side = 2 * max(1, int(THIN * radius)) + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
+    covered = cv2.copyMakeBorder((share > HALF_COVERED).astype(np.uint8), side, side, side, side, cv2.BORDER_REPLICATE)
+    opened = cv2.dilate(cv2.morphologyEx(covered, cv2.MORPH_OPEN, disc), np.ones((5, 5), np.uint8))
+    return opened[side:-side, side:-side].astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Pool:
+    """Pixels (n, 2) that equal bodies of some radius (px) cover, the share of each (n,), and the picture's size, px."""
+
+    xy: Array
+    share: Array
+    radius: float
+    size: tuple[int, int]
+
+    def divided(self, start: Array) -> Portions:
+        """Share the pixels out by Lloyd's iteration, begun at ``start`` (k, 2) px, and mend what is uneven.
+
+        Each pixel goes to the nearest centre within reach, each centre to the mean of its pixels. Of a body that the
+        edge of the picture cuts, what lies beyond counts as if it were a disc: the step of the EM algorithm for
+        data that are missing.
+        """
+        found = self._lloyd(start)
+        for _ in range(len(start)):
+            areas = found.areas + found.beyond
+            full, empty = int(areas.argmax()), int(areas.argmin())
+            if areas[full] < FULL * self.area or areas[empty] > EMPTY * self.area:
+                break
+            other = self._lloyd(self._parted(found, full, empty))
+            if other.energy >= found.energy:
+                break
+            found = other
+        return found
+
+    def searched(self, count: int, rng: np.random.Generator) -> Portions:
+        """Share the pixels out among ``count`` bodies without knowing where they are: the best of many starts."""
+        starts = [kmeans2(self.xy, count, iter=3, minit="++", rng=rng)[0] for _ in range(TRIES)]
+        return min((self.divided(start) for start in starts), key=lambda one: one.energy)
+
+    @property
+    def area(self) -> float:
+        """Area of one body, px."""
+        return float(np.pi * self.radius**2)
+
+    def _lloyd(self, start: Array) -> Portions:
+        centres, reach = start.astype(np.float64), (REACH * self.radius) ** 2
+        for _ in range(ROUNDS):
+            apart = cdist(self.xy, centres, "sqeuclidean")
+            labels = apart.argmin(axis=1)
+            distance = apart[np.arange(len(labels)), labels]
+            labels = np.where(distance < reach, labels, -1)
+            beyond, sums = self._beyond(centres)
+            areas = _summed(labels, self.share, len(start))
+            sums = sums + np.stack([_summed(labels, self.share * x, len(start)) for x in self.xy.T], axis=-1)
+            whole = (areas + beyond)[:, np.newaxis]
+            before, centres = centres, np.where(whole > 0, sums / np.maximum(whole, 1e-9), centres)
+            if np.abs(centres - before).max() < SETTLED:
+                break
+        spread = float((self.share * np.minimum(distance, reach)).sum()) / (self.area * self.radius**2 / 2)
+        return Portions(labels, centres, areas, beyond, spread)
+
+    def _beyond(self, centres: Array) -> tuple[Array, Array]:
+        """Area (k,) of discs at some centres that lies beyond the edges, and the sum (k, 2) of its coordinates."""
+        inner = (centres > self.radius) & (centres < np.array(self.size) - 1 - self.radius)
+        if inner.all():
+            return np.zeros(len(centres)), np.zeros_like(centres)
+        side = np.arange(-int(self.radius) - 1, int(self.radius) + 2)
+        disc = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+        disc = disc[(disc**2).sum(axis=1) < self.radius**2]
+        points = centres[:, np.newaxis] + disc
+        outside = ((points < -0.5) | (points > np.array(self.size) - 0.5)).any(axis=-1)
+        return outside.sum(axis=1).astype(np.float64), (points * outside[..., np.newaxis]).sum(axis=1)
+
+    def _parted(self, found: Portions, full: int, empty: int) -> Array:
+        """The centres with the emptiest moved into the fullest portion, which is cut across."""
+        pixels = self.xy[found.labels == full] - found.centres[full]
+        axis = np.linalg.eigh(pixels.T @ pixels)[1][:, -1] if len(pixels) else np.zeros(2)
+        centres = found.centres.copy()
+        centres[empty], centres[full] = (found.centres[full] + side * self.radius * axis for side in (-0.7, 0.7))
+        return centres
+
+
+def _summed(labels: NDArray[np.int64], values: Array, count: int) -> Array:
+    """Sum of values by label, those of label -1 left out."""
+    return np.asarray(np.bincount(labels + 1, weights=values, minlength=count + 1)[1:], dtype=np.float64)

@@ -1,0 +1,210 @@
+"""Many bodies, or bodies that touch: what each covers in every frame by the crowd, then its centre at full size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from iris_sysid.errors import TrackingError
+from iris_sysid.types import Array, Frame, FrameSource, TrackOptions
+from trackers._background.median import Bytes
+from trackers._detection.detect_frames import REPORT_EVERY, Stage, stage_of
+from trackers._detection.detection import THINNEST_BODY, Glimpse, Sighting, touches
+from trackers._detection.foreground import SMALLEST_AREA, SQUARE, Core, padded
+from trackers._detection.subpixel_centroid import Centre
+from trackers._frames.working_image import View
+from trackers._linking.frame_to_frame import Path
+from trackers._multi_body.appearance_classes import HALF_COVERED, behind, studied
+from trackers._multi_body.pixel_assignment import Shown, shown
+from trackers._multi_body.predict_and_assign import Placed, followed
+
+SEAM = 0.08  # radii: how well the line is known along which two touching bodies part, standard deviation
+ROUNDING = 0.5  # px, of the outline of a body, standard deviation
+SEEN = 0.6  # of its area: of a body that is hidden more, the centre is not known
+
+
+def together(video: FrameSource, view: View, options: TrackOptions) -> tuple[list[Glimpse], list[Path], View]:
+    """All bodies followed at once, told apart by colour where they differ in it; also how the clip was viewed.
+
+    Parameters
+    ----------
+    video, options
+        As for :func:`many`.
+    view
+        How to look at it; colour is added.
+    """
+    stage = stage_of(video, view.with_chroma())
+    return *many(video, stage, options), stage.view
+
+
+def many(video: FrameSource, stage: Stage, options: TrackOptions) -> tuple[list[Glimpse], list[Path]]:
+    """What each frame shows, and the path of each of ``options.bodies`` bodies; the clip is read twice.
+
+    Parameters
+    ----------
+    video
+        The clip.
+    stage
+        What its samples show, with colour.
+    options
+        How many bodies; progress.
+
+    Raises
+    ------
+    TrackingError
+        When in no frame so many bodies are seen.
+    """
+    stage, kinds = studied(stage, options.bodies)
+    background, view = behind(stage.scene), stage.view
+    frames = [
+        shown(stage.scene, kinds, background, np.atleast_3d(view.searched(frame)), frame.index, frame.t_s)
+        for frame in video.frames()
+    ]
+    if len(frames) < 2:
+        raise TrackingError(f"{len(frames)} frame(s) cannot tell bodies from one another; there must be at least 2")
+    return measured(video, stage, frames, followed(frames, kinds), options)
+
+
+def measured(
+    video: FrameSource, stage: Stage, frames: Sequence[Shown], placed: Sequence[Placed], options: TrackOptions
+) -> tuple[list[Glimpse], list[Path]]:
+    """What each frame shows, and the path of each body, once it is known which pixels each covers.
+
+    Parameters
+    ----------
+    video
+        The clip.
+    stage
+        What its samples show.
+    frames, placed
+        What is covered in each frame, and by which body.
+    options
+        Progress.
+    """
+    glimpses: list[Glimpse] = []
+    paths = [Path() for _ in placed[0].filled]
+    attention = stage.attention()
+    for frame, one, there in zip(video.frames(), frames, placed, strict=True):
+        _, things = attention.cores(frame)
+        glimpse, sightings = _measured(stage, frame, one, there, things)
+        glimpses.append(glimpse)
+        for path, sighting in zip(paths, sightings, strict=True):
+            if sighting is not None:
+                path.sightings.append(sighting)
+        if options.progress is not None and len(glimpses) % REPORT_EVERY == 0:
+            options.progress(len(glimpses), video.n_expected)
+    if options.progress is not None:
+        options.progress(len(glimpses), video.n_expected)
+    return glimpses, paths
+
+
+def _measured(
+    stage: Stage, frame: Frame, one: Shown, there: Placed, things: Sequence[Core]
+) -> tuple[Glimpse, list[Sighting | None]]:
+    """The centre of each body of a frame; None for one that is hidden, cut off, or not there.
+
+    A body that stands alone is measured at full size. Where bodies touch, the line that parts them decides, and a
+    closer look at the rest of the outline would not help.
+    """
+    bodies = [core_of(one, there, body) for body in range(len(there.filled))]
+    known = [core for core in bodies if core is not None]
+    reaching = [thing for thing in things if thing.held and not _is_of(thing, known)]
+    labels = np.full((one.size[1], one.size[0]), -1)
+    labels[one.xy[:, 1], one.xy[:, 0]] = there.labels
+    sightings: list[Sighting | None] = []
+    for body, (core, filled) in enumerate(zip(bodies, there.filled, strict=True)):
+        if core is None or filled < SEEN or core.at_edge:
+            sightings.append(None)
+        elif (seams := seams_of(labels, body, core)).any():
+            hand = any(touches(core, thing) for thing in reaching)
+            sightings.append(_parted(stage, frame, core, there.centres[body], seams, hand))
+        else:
+            sightings.append(stage.lens.sighting(frame, core, known, reaching))
+    seen = tuple(sighting for sighting in sightings if sighting is not None)
+    return Glimpse(frame.index, frame.t_s, seen, tuple(stage.lens.intruder(thing) for thing in reaching)), sightings
+
+
+def seams_of(labels: NDArray[np.int64], body: int, core: Core) -> Array:
+    """Moments (j, 2) px^2 of the lines along which the bodies of a frame (h, w) part from one: one row a neighbour.
+
+    Each row is the sum over the line's pixels of their place about the body's middle: what the sum of the body's
+    coordinates changes by when the line moves by a pixel.
+    """
+    left, top, right, bottom = core.box
+    y0, x0 = max(0, top - 1), max(0, left - 1)
+    window = labels[y0 : bottom + 1, x0 : right + 1]
+    mine = (window == body).astype(np.uint8)
+    rim = (cv2.dilate(mine, SQUARE) > 0) & (window != body) & (window >= 0)
+    rows, columns = np.nonzero(rim)
+    middle = np.array([(left + right) / 2 - x0, (top + bottom) / 2 - y0])
+    arms = np.stack([columns, rows], axis=-1) - middle
+    whose = window[rows, columns]
+    return np.array([arms[whose == other].sum(axis=0) for other in np.unique(whose)]).reshape(-1, 2)
+
+
+def _parted(stage: Stage, frame: Frame, core: Core, middle: Array, seams: Array, hand: bool) -> Sighting:
+    """A body that touches others: its middle at the size that is searched, as sure as the lines are that part them."""
+    view, step = stage.view, stage.view.step
+    inside = core.mask > 0
+    image = np.atleast_3d(view.part(frame, core.box, step)).astype(np.float32)
+    difference = image - behind(stage.scene.part(core.box))
+    radius = float(np.sqrt(core.area / np.pi))
+    line = SEAM * radius
+    variance = (line * seams / core.area) ** 2
+    sigma_x, sigma_y = np.sqrt(variance.sum(axis=0) + ROUNDING**2 / core.area) * step
+    x, y = middle * step + (step - 1) / 2
+    centre = Centre(
+        x=float(x),
+        y=float(y),
+        sigma_x=float(sigma_x),
+        sigma_y=float(sigma_y),
+        area=float(core.area * step**2),
+        sigma_area=float(line * np.abs(seams).sum() / radius * step**2),
+        contrast=float(np.abs(difference)[inside].max(axis=-1).mean()),
+        intensity=float(image[..., 0][inside].mean()),
+        sigma_intensity=float(image[..., 0][inside].std() / np.sqrt(core.area)),
+        cut=False,
+    )
+    brightening = float(difference[..., 0][inside].mean())
+    compactness = min(1.0, np.pi * core.inscribed**2 / core.area)
+    return Sighting(frame.index, frame.t_s, centre, view.left, view.top, brightening, 1.0, compactness, hand)
+
+
+def core_of(one: Shown, there: Placed, body: int) -> Core | None:
+    """The part of a frame that a body covers, the largest piece of it; None when it is too small."""
+    chosen = (there.labels == body) & (one.share > HALF_COVERED)
+    if np.count_nonzero(chosen) < SMALLEST_AREA:
+        return None
+    xy = one.xy[chosen].astype(np.int64)
+    left, top = xy.min(axis=0)
+    width, height = xy.max(axis=0) - (left, top) + 1
+    mask = np.zeros((height, width), dtype=np.uint8)
+    mask[xy[:, 1] - top, xy[:, 0] - left] = 1
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
+    largest = 1 + int(stats[1:count, cv2.CC_STAT_AREA].argmax())
+    x, y, columns, rows, area = (int(value) for value in stats[largest])
+    piece = (labels[y : y + rows, x : x + columns] == largest).astype(np.uint8)
+    depth = cv2.distanceTransform(padded(piece), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    inscribed = float(depth.max())
+    if area < SMALLEST_AREA or inscribed < THINNEST_BODY:
+        return None
+    box = (int(left) + x, int(top) + y, int(left) + x + columns, int(top) + y + rows)
+    edge = box[0] <= 1 or box[1] <= 1 or box[2] >= one.size[0] - 1 or box[3] >= one.size[1] - 1
+    return Core(np.ascontiguousarray(piece), box[0], box[1], inscribed, edge, edge)
+
+
+def _is_of(thing: Core, bodies: Sequence[Core]) -> bool:
+    """Whether most of what reaches in is bodies: a pile at the edge is no hand."""
+    covered: Bytes = thing.mask.copy()
+    left, top, right, bottom = thing.box
+    for body in bodies:
+        x0, y0, x1, y1 = body.box
+        inner = (max(left, x0), max(top, y0), min(right, x1), min(bottom, y1))
+        if inner[0] < inner[2] and inner[1] < inner[3]:
+            rows, columns = slice(inner[1] - top, inner[3] - top), slice(inner[0] - left, inner[2] - left)
+            there = body.mask[inner[1] - y0 : inner[3] - y0, inner[0] - x0 : inner[2] - x0]
+            covered[rows, columns] &= 1 - there
+    return bool(np.count_nonzero(covered) < 0.5 * thing.area)

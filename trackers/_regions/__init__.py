@@ -1,0 +1,1 @@
+"""Regions that change brightness, level or orientation."""

@@ -1,0 +1,88 @@
+"""Pixels that change together over a clip: one temporal course, another strength in each pixel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from trackers._background.median import Bytes, Flags, Image
+
+SHARES = (0.5, 0.3, 0.15)  # of the greatest change: a pixel that changes less is left out
+CLIPPED = (2, 250)  # grey levels up to, or from, which a pixel may be cut off
+FEWEST_PIXELS = 9
+SMOOTHING = 1.0  # px: the seed is not a single noisy pixel
+ROUNDS = 3
+LEAST_CHANGE = 4.0  # times the noise of a pixel
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Region:
+    """Pixels (h, w) that change together, and how far that explains what changes.
+
+    ``together`` is the share of the change, beyond the noise, that follows the common course, in these pixels or in
+    the whole picture, whichever is less sure; ``clipped`` the share of these pixels that are cut off in some sample.
+    """
+
+    mask: Flags
+    together: float
+    clipped: float
+
+
+def noise_of(stack: Bytes) -> float:
+    """Noise of a pixel, grey levels, from what most pixels change between successive samples (k, h, w)."""
+    steps = np.diff(stack.astype(np.float32), axis=0).std(axis=0) / np.sqrt(2)
+    return max(float(np.median(steps)), float(1 / np.sqrt(12)))
+
+
+def region_that_changes(stack: Bytes, free: Flags) -> Region | None:
+    """The connected region of samples (k, h, w) that changes most, of the pixels that are ``free``; None if none does.
+
+    The course is the first principal component in time of the region's pixels, the change of a pixel its projection
+    on it. Pixels that are cut off at black or white in some sample are left out as long as others remain.
+    """
+    series = stack.astype(np.float32)
+    deviation = series - series.mean(axis=0)
+    cut_off = np.asarray(np.any((stack <= CLIPPED[0]) | (stack >= CLIPPED[1]), axis=0))
+    noise = noise_of(stack)
+    course, mask = _course(deviation, free), free
+    for _ in range(ROUNDS):
+        change = cv2.GaussianBlur(np.tensordot(course, deviation, axes=1), (0, 0), SMOOTHING)
+        strength = np.where(free, np.abs(change), 0.0)
+        top = np.unravel_index(int(np.argmax(strength)), strength.shape)
+        if strength[top] < LEAST_CHANGE * noise:
+            return None
+        mask = _connected((strength > SHARES[0] * strength[top]) & (np.sign(change) == np.sign(change[top])), top)
+        course = _course(deviation, mask)
+    for share in SHARES:
+        wide = _connected((strength > share * strength[top]) & (np.sign(change) == np.sign(change[top])), top)
+        if np.count_nonzero(wide & ~cut_off) >= FEWEST_PIXELS:
+            mask = wide & ~cut_off
+            break
+    if np.count_nonzero(mask) < FEWEST_PIXELS:
+        return None
+    anywhere = free & (deviation.std(axis=0) > LEAST_CHANGE / 2 * noise)
+    together = min(_together(deviation, course, mask, noise), _together(deviation, course, anywhere, noise))
+    return Region(mask, together, float(cut_off[mask].mean()))
+
+
+def _course(deviation: Image, mask: Flags) -> Image:
+    """First principal component in time (k,) of some pixels, of length one."""
+    values = deviation[:, mask]
+    _, vectors = np.linalg.eigh(values @ values.T)
+    return np.asarray(vectors[:, -1], dtype=np.float32)
+
+
+def _connected(mask: Flags, seed: tuple[np.intp, ...]) -> Flags:
+    """The part of a mask that hangs together with a pixel, its holes filled."""
+    _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
+    return np.asarray(labels == labels[seed])
+
+
+def _together(deviation: Image, course: Image, mask: Flags, noise: float) -> float:
+    """Share of the variance of some pixels, beyond the noise, that the common course explains."""
+    values = deviation[:, mask]
+    whole = float((values**2).sum()) - noise**2 * values.size
+    common = float(((course @ values) ** 2).sum())
+    return common / whole if whole > 0 else 1.0

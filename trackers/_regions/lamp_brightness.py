@@ -1,0 +1,130 @@
+"""A region that changes its brightness as a whole: its mean in a frame, and how sure that is by its pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from iris_sysid.types import Array, Frame
+from trackers._background.median import MAD_TO_SD, Bytes, Flags
+from trackers._frames.working_image import View
+from trackers._regions.covarying_region import Region
+from trackers._uncertainty.pixel_correlation import noise_correlation, variance_of_sum
+
+MOST_TERMS = 3  # level, slope and bend of each pixel against the mean of the region
+MOST_PIXELS = 20_000  # by which the noise of a frame is measured
+ROUNDING = float(1.0 / np.sqrt(12.0))  # grey levels
+OUTLIER = 4.0  # standard deviations
+PRIOR_PIXELS = 30  # as many of the noise in all samples count beside those of a frame: small regions have few
+
+
+def luma_of(view: View, frame: Frame) -> Bytes:
+    """The luma of the region of a frame that is looked at."""
+    return frame.luma[view.top : view.top + view.height, view.left : view.left + view.width]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Lamp:
+    """A region at full size in a box of rows and columns, and how its pixels follow its mean.
+
+    ``curves`` (terms, m) are the coefficients of every ``stride``-th pixel in powers of the mean, scaled by
+    ``range_`` (lowest, highest) to 0 to 1. ``share`` is the variance of the mean over that of a pixel, ``learnt``
+    that of a residual over that of a pixel, ``noise`` the typical noise of a pixel, grey levels. ``centre`` and
+    ``sigma_centre`` (2,) are the middle of the change, px.
+    """
+
+    rows: slice
+    columns: slice
+    mask: Flags
+    range_: tuple[float, float]
+    curves: Array
+    stride: int
+    share: float
+    learnt: float
+    noise: float
+    centre: Array
+    sigma_centre: Array
+    clipped: float
+
+    def reading(self, luma: Bytes) -> tuple[float, float]:
+        """Mean grey level of the region in a picture, and its standard error by how its pixels scatter."""
+        values = luma[self.rows, self.columns][self.mask].astype(np.float64)
+        mean = float(values.mean())
+        expected = _powers(np.array([mean]), self.range_, len(self.curves))[0] @ self.curves
+        residual = (values[:: self.stride] - expected) / np.sqrt(self.learnt)
+        scatter = max(MAD_TO_SD * float(np.median(np.abs(residual))), self.noise)
+        inside = residual[np.abs(residual) <= OUTLIER * scatter]
+        variance = ((inside**2).sum() + PRIOR_PIXELS * self.noise**2) / (inside.size + PRIOR_PIXELS)
+        return mean, float(np.sqrt(self.share * variance))
+
+
+def lamp_of(region: Region, view: View, samples: Sequence[Frame]) -> Lamp:
+    """Learn from sampled frames how the pixels of a region, found at reduced size, follow its mean."""
+    mask = _enlarged(region.mask, view)
+    rows, columns = (_extent(np.any(mask, axis=axis)) for axis in (1, 0))
+    mask = mask[rows, columns]
+    values = np.stack([luma_of(view, one)[rows, columns][mask] for one in samples]).astype(np.float64)
+    mean = values.mean(axis=1)
+    range_ = (float(mean.min()), float(mean.max()))
+    terms = _powers(mean, range_, min(MOST_TERMS, len(samples) - 1))
+    curves = np.asarray(np.linalg.lstsq(terms, values, rcond=None)[0], dtype=np.float64)
+    residual = values - terms @ curves
+    variance = (residual**2).sum(axis=0) / (len(samples) - terms.shape[1])
+    stride = max(1, values.shape[1] // MOST_PIXELS)
+    centre, sigma_centre = _middle(mask, curves[1], variance / ((terms[:, 1] - terms[:, 1].mean()) ** 2).sum())
+    return Lamp(
+        rows=rows,
+        columns=columns,
+        mask=mask,
+        range_=range_,
+        curves=curves[:, ::stride],
+        stride=stride,
+        share=variance_of_sum(mask / mask.sum(), noise_correlation(_images(residual, mask))),
+        learnt=1 + terms.shape[1] / len(samples),
+        noise=max(float(np.sqrt(variance.mean())), ROUNDING),
+        centre=centre + np.array([columns.start + view.left, rows.start + view.top]),
+        sigma_centre=sigma_centre,
+        clipped=region.clipped,
+    )
+
+
+def _powers(mean: Array, range_: tuple[float, float], count: int) -> Array:
+    """Powers 0 to count - 1 of means scaled by their range (n, count)."""
+    return np.vander((mean - range_[0]) / max(range_[1] - range_[0], 1e-9), count, increasing=True)
+
+
+def _enlarged(mask: Flags, view: View) -> Flags:
+    """A mask found at reduced size, at full size."""
+    rows = np.arange(view.height) * mask.shape[0] // view.height
+    columns = np.arange(view.width) * mask.shape[1] // view.width
+    return mask[rows[:, np.newaxis], columns]
+
+
+def _extent(flags: ArrayLike) -> slice:
+    """From the first to the last that is set."""
+    found = np.flatnonzero(flags)
+    return slice(int(found[0]), int(found[-1]) + 1)
+
+
+def _middle(mask: Flags, strength: Array, variance: Array) -> tuple[Array, Array]:
+    """Centre of a change of some strength (m,) in the pixels of a mask, and its standard error; px in the mask."""
+    rows, columns = np.nonzero(mask)
+    place = np.column_stack([columns, rows]).astype(np.float64)
+    whole = strength.sum()
+    centre = (strength[:, np.newaxis] * place).sum(axis=0) / whole
+    spread = ((place - centre) ** 2 * variance[:, np.newaxis]).sum(axis=0)
+    return centre, np.sqrt(spread) / abs(whole)
+
+
+def _images(residual: Array, mask: Flags) -> list[tuple[Array, Array]]:
+    """Residuals (k, m) of the pixels of a mask as images over their standard deviation, and which are known."""
+    known = mask.astype(np.float64)
+    images = []
+    for one in residual / max(float(residual.std()), 1e-9):
+        image = np.zeros(mask.shape)
+        image[mask] = one
+        images.append((image, known))
+    return images

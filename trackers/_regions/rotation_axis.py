@@ -1,0 +1,166 @@
+"""Where something turns, and roughly how far in each frame: by what differs from a background that stands still."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from iris_sysid.errors import TrackingError
+from iris_sysid.types import Array
+from trackers._background.median import Bytes, Image
+from trackers._detection.foreground import Scene, any_channel, most_of_channels
+
+STRONGEST = 60  # grey levels: what differs more counts no more than this
+SPOKES, RINGS = 360, 24  # of the polar picture
+QUARTER = SPOKES // 4  # a body may turn by less than this between two frames
+LEARNING = 0.1  # share of each new frame in the polar picture that the next is compared with
+REACH = 0.98  # of what differs lies within this radius of the axis
+FEWEST_PIXELS = 12  # that must differ
+TRIPLES = 400  # of frames that are tried for the circle of the middles
+OWN_AXIS = 0.05  # of the reach: a middle that stays so near one place is taken to turn about it
+ROUND = 0.15  # of the circle's radius: middles may scatter about it by so much
+FEWEST_FRAMES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """The axis of a turning body and how far the body reaches from it, px of the picture that is searched."""
+
+    x: float
+    y: float
+    reach: float
+
+
+def activity(scene: Scene, small: Bytes) -> Image:
+    """By how much each pixel (h, w) lies outside of what the background shows, grey levels, at most 60."""
+    excess = scene.excess(small)
+    level = np.where(any_channel(excess > scene.weak), most_of_channels(excess), 0)
+    opened = cv2.morphologyEx(np.minimum(level, STRONGEST).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    return np.asarray(opened, dtype=np.float32)
+
+
+def axis_of(pictures: Sequence[Image]) -> Axis:
+    """The axis about which the middle of what differs goes round in some pictures (h, w).
+
+    The middle of a turning body lies on a circle about the axis, or on the axis itself. Pictures in which something
+    else shows, such as a hand, are outvoted. TrackingError when nothing differs, or its middle keeps to no circle.
+    """
+    shown = [one for one in pictures if np.count_nonzero(one) >= FEWEST_PIXELS]
+    if len(shown) < FEWEST_FRAMES:
+        raise TrackingError(
+            "nothing in the clip moves, so nothing turns; check --start and --stop, and --roi and --colour if given"
+        )
+    middles = np.array([_middle(one) for one in shown])
+    size = float(np.median([_reach(one, middle) for one, middle in zip(shown, middles, strict=True)]))
+    centre = np.median(middles, axis=0)
+    if np.median(np.hypot(*(middles - centre).T)) > OWN_AXIS * size:
+        centre = _circle(middles, pictures[0].shape)
+    reach = float(np.median([_reach(one, centre) for one in shown]))
+    return Axis(float(centre[0]), float(centre[1]), reach)
+
+
+def _middle(picture: Image) -> Array:
+    rows, columns = np.nonzero(picture)
+    return np.average(np.column_stack([columns, rows]).astype(np.float64), axis=0, weights=picture[rows, columns])
+
+
+def _reach(picture: Image, centre: Array) -> float:
+    """Radius about a centre within which most of what differs lies."""
+    rows, columns = np.nonzero(picture)
+    away = np.hypot(columns - centre[0], rows - centre[1])
+    order = np.argsort(away)
+    share = np.cumsum(picture[rows, columns][order])
+    return float(away[order][np.searchsorted(share, REACH * share[-1])])
+
+
+def _circle(middles: Array, shape: tuple[int, ...]) -> Array:
+    """Centre (2,) of the circle that most middles (k, 2) keep to: the best of many through three, then of its own."""
+    rng, best, least = np.random.default_rng(0), np.zeros(3), np.inf
+    for _ in range(TRIPLES):
+        circle = _through(middles[rng.choice(len(middles), 3, replace=False)])
+        off = float(np.median(_off(middles, circle)))
+        if off < least:
+            best, least = circle, off
+    inside = _off(middles, best) <= 3 * 1.4826 * least + 1e-9  # 1.4826: median to standard deviation of a normal
+    if np.count_nonzero(inside) >= FEWEST_FRAMES:
+        best = _through(middles[inside])
+    scatter = float(np.median(_off(middles, best)))
+    in_picture = -0.5 <= best[0] < shape[1] and -0.5 <= best[1] < shape[0]
+    if not in_picture or scatter > ROUND * best[2]:
+        raise TrackingError(
+            "what moves does not turn about a point in the picture: its middle keeps to no circle there "
+            f"(scatter {scatter:.2g} px, radius {best[2]:.3g} px); limit the picture with --roi, or use the tracker "
+            "median-background"
+        )
+    return best[:2]
+
+
+def _through(points: Array) -> Array:
+    """Centre and radius (3,) of the circle nearest to points (k, 2), by Kasa's algebraic fit; infinite for a line."""
+    origin = points.mean(axis=0)
+    x, y = (points - origin).T
+    terms = np.column_stack([x, y, np.ones_like(x)])
+    (a, b, c), _, rank, _ = np.linalg.lstsq(terms, x**2 + y**2, rcond=1e-9)
+    if rank < 3:
+        return np.array([np.inf, np.inf, np.inf])
+    return np.array([origin[0] + a / 2, origin[1] + b / 2, np.sqrt(max(c + (a**2 + b**2) / 4, 0.0))])
+
+
+def _off(middles: Array, circle: Array) -> Array:
+    if not np.isfinite(circle).all():
+        return np.full(len(middles), np.inf)
+    return np.asarray(np.abs(np.hypot(middles[:, 0] - circle[0], middles[:, 1] - circle[1]) - circle[2]))
+
+
+@dataclass(frozen=True, slots=True)
+class Middle:
+    """The middle of what turns: how far from the axis, px, with its standard error, and in which direction, rad."""
+
+    radius: float
+    direction: float
+    sigma: float
+
+
+def middle_of(pictures: Sequence[Image], axis: Axis, angles: Array) -> Middle:
+    """The middle of what differs in pictures turned by some angles (k,) rad, at angle zero."""
+    shown = [k for k, one in enumerate(pictures) if np.count_nonzero(one) >= FEWEST_PIXELS]
+    x, y = (np.array([_middle(pictures[k]) for k in shown]) - np.array([axis.x, axis.y])).T
+    cosine, sine = np.cos(angles[shown]), np.sin(angles[shown])
+    back = np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
+    right, down = np.median(back, axis=0)
+    sigma = float(np.sqrt(back.var(axis=0).sum() / 2 / len(shown)))
+    return Middle(float(np.hypot(right, down)), float(np.arctan2(-down, right)), sigma)
+
+
+class Turns:
+    """Follows the angle from frame to frame by the polar picture of what differs, to about a degree."""
+
+    def __init__(self, axis: Axis) -> None:
+        angle = 2 * np.pi * np.arange(SPOKES) / SPOKES
+        radius = axis.reach * (np.arange(RINGS) + 0.5) / RINGS
+        self.columns = (axis.x + radius[:, np.newaxis] * np.cos(angle)).astype(np.float32)
+        self.rows = (axis.y - radius[:, np.newaxis] * np.sin(angle)).astype(np.float32)
+        self.weight = np.sqrt(radius)[:, np.newaxis]
+        self.known = np.zeros((RINGS, SPOKES))
+        self.angle = self.rate = 0.0
+
+    def follow(self, picture: Image) -> float:
+        """Angle in spokes, counted on through full turns, anticlockwise, of the next frame (h, w)."""
+        polar = cv2.remap(picture, self.columns, self.rows, cv2.INTER_LINEAR) * self.weight
+        if not self.known.any():
+            self.known = polar
+            return self.angle
+        likeness = np.fft.irfft((np.fft.rfft(polar) * np.conj(np.fft.rfft(self.known))).sum(axis=0), SPOKES)
+        expected = round(self.angle + self.rate)
+        steps = np.arange(expected - QUARTER + 1, expected + QUARTER)
+        best = int(np.argmax(likeness[steps % SPOKES]))
+        before, now, after = (float(likeness[(steps[best] + side) % SPOKES]) for side in (-1, 0, 1))
+        bend = before - 2 * now + after
+        found = float(steps[best]) + (float(np.clip((before - after) / (2 * bend), -0.5, 0.5)) if bend < 0 else 0.0)
+        self.rate, self.angle = found - self.angle, found
+        turned = np.roll(polar, -round(found), axis=1)
+        self.known = (1 - LEARNING) * self.known + LEARNING * turned
+        return found

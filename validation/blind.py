@@ -1,0 +1,321 @@
+"""Blind test of the diagnosis: 0, 1 or 2 hidden effects, random in kind, sign and size, in motions of many models."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+import pandas as pd
+
+from fitters.compose_effects import with_effects
+from fitters.ode import fit, simulate
+from iris_sysid.diagnosis.diagnose import Diagnosis, diagnose
+from iris_sysid.diagnosis.score_test import Screen, screen, shaped, significant_from
+from iris_sysid.diagnosis.stepwise_search import SINGLE_LEVEL
+from iris_sysid.errors import FitError
+from iris_sysid.registry import EFFECTS, MODELS
+from iris_sysid.types import Array, Effect, Estimate, OdeModel, Trajectory
+
+Found = TypeVar("Found")
+
+FRAME_RATE_HZ = 60.0
+# by model: length of the clip, s; noise, in the observed unit (0.1 px of a 720-line picture); ranges of the truth
+SETTINGS: Mapping[str, tuple[float, float, Mapping[str, tuple[float, float]]]] = {
+    "pendulum": (
+        10.0, 5e-4, {"length": (0.3, 1.0), "damping": (0.01, 0.1), "theta_0": (0.3, 1.2), "omega_0": (-0.5, 0.5)},
+    ),
+    "linear-oscillator": (
+        10.0, 2e-4, {"stiffness": (9.0, 60.0), "damping": (0.02, 0.2), "z_0": (0.1, 0.3), "vz_0": (-0.2, 0.2)},
+    ),
+    "incline": (2.0, 2e-4, {"acceleration": (0.5, 2.0), "s_0": (0.0, 0.1), "v_0": (0.1, 0.5)}),
+    "free-fall": (0.6, 2e-4, {"gravity": (9.8, 9.8), "z_0": (1.5, 2.0), "vz_0": (-0.2, 0.2)}),
+    "projectile": (
+        0.8, 2e-4, {"x_0": (0.0, 0.1), "z_0": (0.5, 0.8), "vx_0": (1.5, 2.5), "vz_0": (2.0, 3.5)},
+    ),
+    "torricelli": (20.0, 2e-4, {"outflow": (0.02, 0.035), "h_0": (0.2, 0.3)}),
+    "exponential-decay": (5.0, 0.3, {"decay_rate": (0.4, 1.0), "intensity_0": (150.0, 220.0)}),
+}  # fmt: skip
+FACTORS = (0.5, 20.0)  # hidden sizes, in units of the smallest detectable one
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What was hidden in a case and what was found.
+
+    ``factors`` are the hidden sizes over the smallest detectable ones (beside the other effect, where two are hidden),
+    ``found`` whether each is the effect added or in its stated class, ``off`` how far each size is off, in half-widths
+    of its 95 % interval, NaN where another name was given;
+    ``wrong`` are the effects added in whose class nothing hidden is, ``excess`` is the error after over the noise.
+    """
+
+    model: str
+    hidden: tuple[str, ...]
+    factors: tuple[float, ...]
+    found: tuple[bool, ...]
+    off: tuple[float, ...]
+    added: tuple[str, ...]
+    wrong: tuple[str, ...]
+    excess: float
+
+
+def measured(model: OdeModel, values: Mapping[str, float], rng: np.random.Generator) -> Trajectory:
+    """A motion of a model with white noise of the setting.
+
+    Parameters
+    ----------
+    model
+        With or without hidden effects.
+    values
+        By parameter.
+    rng
+        For the noise.
+    """
+    seconds, noise, _ = SETTINGS[model.name.partition(" + ")[0]]
+    t_s = np.arange(round(seconds * FRAME_RATE_HZ)) / FRAME_RATE_HZ
+    seen: Array = simulate(model, t_s, values).observed
+    if not np.all(np.isfinite(seen)):
+        raise FitError("the motion runs away")
+    seen = seen + noise * rng.standard_normal(seen.shape)
+    return Trajectory(t_s, model.observed, seen, np.full_like(seen, np.nan), np.ones(t_s.size, dtype=bool))
+
+
+def drawn(model: OdeModel, rng: np.random.Generator) -> dict[str, float]:
+    """Random values of the model."""
+    return {name: float(rng.uniform(*ends)) for name, ends in SETTINGS[model.name][2].items()}
+
+
+def hide(
+    model: OdeModel, values: Mapping[str, float], count: int, rng: np.random.Generator
+) -> tuple[list[Effect], dict[str, float], list[float]]:
+    """Choose effects that the data can show, and their sizes, which are also given over what is detectable.
+
+    Parameters
+    ----------
+    model, values
+        The motion without them.
+    count
+        How many.
+    rng
+        Of the case.
+    """
+    clean = measured(model, values, rng)
+    fitted = fit(clean, model)
+    library = [one for one in EFFECTS.values() if one.applies(model)]
+    visible = [one for one in screen(library, fitted, clean).scores.values() if one.stderr > 0]
+    chosen = [visible[index] for index in rng.permutation(len(visible))[:count]]
+    effects = [_in_some_shape(EFFECTS[one.effect], clean, rng) for one in chosen]
+    alone = screen([replace(one, trials=None) for one in effects], fitted, clean)
+    sizes, factors = {}, []
+    for effect, tried in zip(effects, (one.tried for one in chosen), strict=True):
+        first, factor = effect.parameters[0], float(np.exp(rng.uniform(*np.log(FACTORS))))
+        detectable = significant_from(SINGLE_LEVEL / len(library), tried) * alone.scores[effect.name].stderr
+        sign = float(rng.choice([-1.0, 1.0])) if first.lower < 0.0 else 1.0  # friction only brakes
+        size = float(np.clip(sign * factor * detectable, first.lower, first.upper))
+        sizes[first.name] = size
+        factors.append(abs(size) / detectable * share_apart(effect.name, alone))
+    return effects, sizes, factors
+
+
+def _in_some_shape(effect: Effect, clip: Trajectory, rng: np.random.Generator) -> Effect:
+    shapes = list(effect.trials(clip.t_s, clip.position)) if effect.trials else [()]
+    return shaped(effect, shapes[int(rng.integers(len(shapes)))])
+
+
+def share_apart(name: str, alone: Screen) -> float:
+    """Of an effect's sensitivity, what the other effect hidden with it cannot imitate either.
+
+    Parameters
+    ----------
+    name
+        Which effect.
+    alone
+        The screen of all that are hidden, and no other.
+    """
+    if name not in alone.visible:
+        return 0.0
+    others = [alone.cosine(name, other) for other in alone.scores if other != name]
+    return float(np.sqrt(1.0 - sum(others) ** 2))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Hidden:
+    """A motion with effects hidden in it: their ``sizes`` by parameter, and over the smallest detectable ones."""
+
+    model: OdeModel
+    trajectory: Trajectory
+    effects: tuple[Effect, ...]
+    sizes: Mapping[str, float]
+    factors: tuple[float, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of what is hidden."""
+        return tuple(one.name for one in self.effects)
+
+
+def hidden_case(seed: int, count: int) -> Hidden | None:
+    """Make one case; None when the motion with what is hidden in it runs away.
+
+    Parameters
+    ----------
+    seed
+        Of everything random.
+    count
+        How many effects to hide.
+    """
+    rng = np.random.default_rng(seed)
+    model = MODELS[list(SETTINGS)[seed % len(SETTINGS)]]
+    values = drawn(model, rng)
+    effects, sizes, factors = hide(model, values, count, rng)
+    try:
+        trajectory = measured(with_effects(model, effects), {**values, **sizes}, rng)
+    except FitError:
+        return None
+    return Hidden(model, trajectory, tuple(effects), sizes, tuple(factors))
+
+
+def outcome(made: Hidden) -> Outcome | None:
+    """What the diagnosis makes of a case; None when its model cannot be fitted."""
+    try:
+        found = diagnose(made.trajectory, made.model)
+    except FitError:
+        return None
+    return outcome_of(found, made.names, made.sizes, made.factors, SETTINGS[made.model.name][1])
+
+
+def outcome_of(
+    found: Diagnosis, hidden: tuple[str, ...], sizes: Mapping[str, float], factors: tuple[float, ...], noise: float
+) -> Outcome:
+    """What was found, beside what was hidden.
+
+    Parameters
+    ----------
+    found
+        The diagnosis.
+    hidden, sizes, factors
+        Names of the effects, their sizes by parameter and over what is detectable.
+    noise
+        Of the measurement.
+    """
+    classes = [{one.name, *found.indistinguishable[one.name]} for one in found.added]
+    return Outcome(
+        model=found.base.model.name,
+        hidden=hidden,
+        factors=factors,
+        found=tuple(any(name in one for one in classes) for name in hidden),
+        off=tuple(_off(found.sizes.get(name), size) for name, size in sizes.items()),
+        added=tuple(one.name for one in found.added),
+        wrong=tuple(one.name for one, names in zip(found.added, classes, strict=True) if not names & set(hidden)),
+        excess=found.after.fitted / noise,
+    )
+
+
+def case(seed: int, count: int) -> Outcome | None:
+    """One case, made and diagnosed; None when it runs away or cannot be fitted.
+
+    Parameters
+    ----------
+    seed, count
+        As for :func:`hidden_case`.
+    """
+    made = hidden_case(seed, count)
+    return None if made is None else outcome(made)
+
+
+def _off(found: Estimate | None, size: float) -> float:
+    """How far a size is from the middle of its 95 % interval, in half-widths; NaN without one."""
+    if found is None:
+        return float("nan")
+    low, high = found.interval
+    return ((low + high) / 2 - size) / ((high - low) / 2)
+
+
+def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
+    """Rates by how large a hidden effect is."""
+    rows = []
+    for label, low, high in (("below detectable", 0, 1), ("1 to 2 times", 1, 2), ("above 2 times", 2, np.inf)):
+        part = [(one, k) for one in outcomes for k, factor in enumerate(one.factors) if low <= factor < high]
+        off = np.array([one.off[k] for one, k in part])
+        alone = np.array([one.off[k] for one, k in part if all(one.found)])
+        rows.append(
+            {
+                "hidden size": label,
+                "effects": len(part),
+                "named or in the class": percent([one.found[k] for one, k in part]),
+                "interval covers": percent(np.abs(off[np.isfinite(off)]) < 1.0),
+                "where all was named": percent(np.abs(alone[np.isfinite(alone)]) < 1.0),
+                "wrong name in the case": percent([bool(one.wrong) for one, _ in part]),
+                "error after / noise": f"{np.median([one.excess for one, _ in part]):.3f}" if part else "",
+            }
+        )
+    faint = [one for one in outcomes if one.hidden and max(one.factors) < 1.0]
+    clean = [one for one in outcomes if not one.hidden]
+    rows += [_cases("all below detectable", faint), _cases("nothing hidden", clean)]
+    return pd.DataFrame(rows).fillna("")
+
+
+def _cases(label: str, cases: Sequence[Outcome]) -> dict[str, object]:
+    """A row about whole cases in place of effects."""
+    return {
+        "hidden size": label,
+        "effects": f"{len(cases)} cases",
+        "wrong name in the case": percent([bool(one.wrong) for one in cases]),
+        "error after / noise": f"{np.median([one.excess for one in cases]):.3f}" if cases else "",
+    }
+
+
+def percent(flags: Sequence[bool] | Array) -> str:
+    """The share that is true; nothing where there are none."""
+    return f"{100 * np.mean(flags):.1f} %" if len(flags) else ""
+
+
+def in_all_cases(one: Callable[[int, int], Found | None], about: str, cases: int) -> tuple[list[Found], int]:
+    """Run every case in processes, as the command line asks; what was found, and how many gave nothing.
+
+    Parameters
+    ----------
+    one
+        From a seed and a count of hidden effects.
+    about
+        What the command does.
+    cases
+        How many, unless asked otherwise.
+    """
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument("--cases", type=int, default=cases)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args()
+    seeds = np.arange(asked.cases) + 10_000 * asked.seed
+    counts = np.random.default_rng(asked.seed).integers(0, 3, asked.cases)
+    with ProcessPoolExecutor(asked.workers) as pool:
+        every = list(pool.map(one, seeds.tolist(), counts.tolist()))
+    found = [each for each in every if each is not None]
+    return found, len(every) - len(found)
+
+
+def main() -> None:
+    """Print the table, and the cases that went wrong."""
+    outcomes, gone = in_all_cases(case, str(__doc__), 300)
+    print(f"{len(outcomes)} cases; {gone} ran away or could not be fitted")
+    print(table(outcomes).to_string(index=False))
+    print("\n".join(wrong_cases(outcomes)))
+
+
+def wrong_cases(outcomes: Sequence[Outcome]) -> list[str]:
+    """A line for each case with a wrong name, or without that of an effect above twice the detectable size."""
+    lines = []
+    for one in outcomes:
+        sizes = list(zip(one.hidden, one.factors, one.found, strict=True))
+        if one.wrong or any(factor > 2 and not found for _, factor, found in sizes):
+            hidden = ", ".join(f"{name} x {factor:.1f}" for name, factor, _ in sizes) or "nothing"
+            lines.append(f"  {one.model}: hidden {hidden}; added {', '.join(one.added) or 'nothing'}")
+    return lines
+
+
+if __name__ == "__main__":
+    main()

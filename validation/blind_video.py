@@ -1,0 +1,244 @@
+"""Blind test through video: effects hidden in rendered clips, looked for in what the tracker measures of them.
+
+``python -m validation.blind_video --clips 40 --folder WORK`` renders clips of three phenomena with 0, 1 or 2 effects
+in them, random in kind, sign and size, tracks them, and asks of each trajectory what its equation lacks. What is hidden
+is in the clip's ``.hidden.json``, which nothing reads. Clips, trajectories and what was found stay in the folder, where
+another run takes up; without the ``.outcome.json`` files a clip is diagnosed again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from fitters.effect_sensitivity import sensitivity
+from fitters.ode import fit
+from iris_sysid.benchmark.parallel import side_by_side
+from iris_sysid.calibration.pixel_scale import scale_from_text
+from iris_sysid.diagnosis.diagnose import diagnose
+from iris_sysid.diagnosis.score_test import Score, screen, shaped, significant_from
+from iris_sysid.diagnosis.stepwise_search import SINGLE_LEVEL
+from iris_sysid.errors import IrisError
+from iris_sysid.io.csv_read import read_trajectory
+from iris_sysid.io.csv_write import write_trajectory
+from iris_sysid.io.files import json_text, write_atomic
+from iris_sysid.pipeline import run
+from iris_sysid.registry import EFFECTS, MODELS, PHENOMENA
+from iris_sysid.synthetic import SCENES, render_clip
+from iris_sysid.synthetic.effects import FORCING_HZ
+from iris_sysid.synthetic.plan import Plan, plan_clip
+from iris_sysid.types import Effect, FitResult, OdeModel, Trajectory
+from validation.blind import FACTORS, Outcome, outcome_of, share_apart, table, wrong_cases
+
+SIZE, FPS, DURATION_S = (960, 540), 60.0, 5.0
+STATED_PX = 0.06  # what the tracker states of a ball of 27 px in such a clip
+# by scene: what its trajectory is called in the clip's truth, and the lever in m that turns px into it (1 for lengths)
+TRUTHS: Mapping[str, tuple[str, float]] = {
+    "pendulum": ("theta_rad", 0.5),
+    "rotating-cone": ("phi_rad", 0.24),
+    "sliding-cone": ("s_m", 1.0),
+}
+MOST_CHANGE = 0.2  # of the motion's range, by a hidden effect: a swing that friction stops at once is none
+ROOM = 5.0  # times the smallest detectable size that an effect must be able to have, to be hidden at all
+LOST = "dropped-frame"  # the twin leaves out one frame; all other effects have the same size there and here
+OTHERWISE = ("slack-tether", "finite-bob", "velocity-weakening-friction")  # but these, which are other numbers there
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Secret:
+    """What one clip shows, what is hidden in it (``effects`` by the twin's names) and how well that could be seen.
+
+    ``sizes`` by parameter of the library's effects, ``factors`` those sizes over the smallest detectable.
+    """
+
+    scene: str
+    setting: str
+    seed: int
+    effects: Mapping[str, float]
+    sizes: Mapping[str, float]
+    factors: tuple[float, ...]
+
+
+def true_trajectory(plan: Plan, model: OdeModel, lever_m: float) -> Trajectory:
+    """The motion of a planned clip, from the release on, with errors of the size that the tracker states.
+
+    Parameters
+    ----------
+    plan
+        Of a clip without effects.
+    model
+        What observes it.
+    lever_m
+        Px over the scale and this are its unit.
+    """
+    seen = plan.truth.table
+    moving = seen[seen["phase"] == "motion"]
+    column = TRUTHS[plan.truth.phenomenon][0]
+    error = STATED_PX / plan.truth.pixels_per_metre / lever_m
+    noise = error * np.random.default_rng(plan.seed).standard_normal(len(moving))
+    position = (moving[column].to_numpy() + noise)[:, None]
+    ones = np.ones(len(moving), dtype=bool)
+    return Trajectory(moving["t_s"].to_numpy(), model.observed, position, np.full_like(position, error), ones)
+
+
+def secret(seed: int) -> Secret:
+    """Choose what a clip shows, and effects for it that its motion can show.
+
+    Parameters
+    ----------
+    seed
+        Of everything random.
+    """
+    rng = np.random.default_rng([seed, 11])
+    scene = list(TRUTHS)[seed % len(TRUTHS)]
+    setting = str(rng.choice(list(SCENES[scene].settings)))
+    plan = plan_clip(scene, size=SIZE, fps=FPS, duration_s=DURATION_S, seed=seed, setting=setting)
+    model = MODELS[PHENOMENA[scene].model]
+    clean = true_trajectory(plan, model, TRUTHS[scene][1])
+    fitted = fit(clean, model, free=PHENOMENA[scene].free)
+    ranges = _ranges(SCENES[scene].effects, fitted, clean, rng)
+    possible = [one for one in ranges if one.name == LOST or ROOM * ranges[one][0] < ranges[one][1]]
+    chosen = [possible[k] for k in rng.permutation(len(possible))[: int(rng.integers(0, 3))]]
+    together = screen(chosen, fitted, clean)
+    effects, sizes, factors = {}, {}, []
+    for effect in chosen:
+        size = _size(effect, *ranges[effect], rng)
+        sizes[effect.parameters[0].name] = size
+        effects[effect.name] = (
+            float(round((effect.parameters[1].default or 0.0) * FPS)) if effect.name == LOST else size
+        )
+        factors.append(abs(size) / ranges[effect][0] * share_apart(effect.name, together))
+    return Secret(scene, setting, seed, effects, sizes, tuple(factors))
+
+
+def _ranges(
+    filmed: Collection[str], fitted: FitResult, clean: Trajectory, rng: np.random.Generator
+) -> dict[Effect, tuple[float, float]]:
+    """The effects that the scene and the library both know, with the smallest detectable size and the largest."""
+    library = [one for one in EFFECTS.values() if one.applies(fitted.model)]
+    known = {LOST, *filmed} - set(OTHERWISE)
+    possible = [_in_the_twins_shape(one, clean, rng) for one in library if one.name in known]
+    scores = screen(possible, fitted, clean).scores
+    return {
+        one: (_detectable(one, scores[one.name], clean, len(library)), _largest(one, fitted, clean)) for one in possible
+    }
+
+
+def _in_the_twins_shape(effect: Effect, clip: Trajectory, rng: np.random.Generator) -> Effect:
+    """An effect of the library in the one shape in which it can be hidden."""
+    fixed = {"periodic-forcing": (2 * np.pi * FORCING_HZ, 0.0)}
+    if effect.name == LOST:
+        fixed[LOST] = (float(rng.uniform(*np.quantile(clip.t_s, (0.2, 0.8)))), 1.0 / FPS)
+    return replace(shaped(effect, fixed.get(effect.name, ())), trials=None)
+
+
+def _detectable(effect: Effect, score: Score, clip: Trajectory, library: int) -> float:
+    """The smallest size that is significant among all that are tried, and more than the stated errors may be."""
+    own = EFFECTS[effect.name].trials
+    tried = len(list(own(clip.t_s, clip.position))) if own is not None else 1
+    smallest = max(significant_from(SINGLE_LEVEL / library, tried) * score.stderr, score.stands_out)
+    return smallest if np.isfinite(smallest) else np.inf
+
+
+def _largest(effect: Effect, fitted: FitResult, clip: Trajectory) -> float:
+    """The size beyond which an effect is no small addition to the motion any more."""
+    change = float(np.max(np.abs(sensitivity(effect, fitted, clip))))
+    return MOST_CHANGE * float(np.ptp(clip.position)) / change if change > 0 else 0.0
+
+
+def _size(effect: Effect, detectable: float, largest: float, rng: np.random.Generator) -> float:
+    if effect.name == LOST:
+        return 1.0 / FPS
+    sign = float(rng.choice([-1.0, 1.0])) if effect.parameters[0].lower < 0.0 else 1.0  # friction only brakes
+    ends = np.log([FACTORS[0] * detectable, min(FACTORS[1] * detectable, largest)])
+    return sign * float(np.exp(rng.uniform(*ends)))
+
+
+def trajectory_of(hidden: Secret, folder: Path) -> Trajectory:
+    """What the tracker measures of a clip, which is rendered first; kept, and read back where it is there.
+
+    Parameters
+    ----------
+    hidden
+        What to render.
+    folder
+        Where clips and trajectories are.
+    """
+    clip = folder / f"{hidden.seed:03d}.mp4"
+    kept = clip.with_suffix(".trajectory.csv")
+    if kept.is_file():
+        return read_trajectory(kept)
+    truth = render_clip(
+        hidden.scene,
+        clip,
+        effects=hidden.effects,
+        size=SIZE,
+        fps=FPS,
+        duration_s=DURATION_S,
+        seed=hidden.seed,
+        setting=hidden.setting,
+        overwrite=True,
+    )
+    calibration = scale_from_text(f"{truth.pixels_per_metre!r}px=1m")
+    measured = run(clip, hidden.scene, calibration=calibration).trajectory
+    write_trajectory(measured, kept, overwrite=True)
+    return read_trajectory(kept)
+
+
+def case(seed: int, folder: Path) -> Outcome | None:
+    """One clip rendered, tracked and diagnosed; None when it cannot be. What came of it is kept, and read back.
+
+    Parameters
+    ----------
+    seed
+        Of the clip.
+    folder
+        As for :func:`trajectory_of`.
+    """
+    kept = folder / f"{seed:03d}.outcome.json"
+    if not kept.is_file():
+        came = _case(seed, folder)
+        write_atomic(kept, json_text(None if came is None else asdict(came)))
+    fields = json.loads(kept.read_text(encoding="utf-8"))
+    if fields is None:
+        return None
+    lists = {name: tuple(value) for name, value in fields.items() if isinstance(value, list)}
+    off = tuple(float("nan") if one is None else one for one in lists["off"])
+    return Outcome(**{**fields, **lists, "off": off})
+
+
+def _case(seed: int, folder: Path) -> Outcome | None:
+    hidden = secret(seed)
+    try:
+        measured = trajectory_of(hidden, folder)
+        phenomenon = PHENOMENA[hidden.scene]
+        found = diagnose(measured, MODELS[phenomenon.model], free=phenomenon.free)
+    except IrisError:
+        return None
+    return outcome_of(found, tuple(hidden.effects), hidden.sizes, hidden.factors, found.noise_floor)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Print the table, and the clips that went wrong."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--clips", type=int, default=40)
+    parser.add_argument("--folder", type=Path, required=True, help="where clips and tracks stay")
+    parser.add_argument("--workers", type=int, default=2)
+    asked = parser.parse_args(arguments)
+    asked.folder.mkdir(parents=True, exist_ok=True)
+    done = side_by_side(partial(case, folder=asked.folder), range(asked.clips), asked.workers, lambda seed: None)
+    every = dict(done)
+    outcomes = [one for _, one in sorted(every.items()) if one is not None]
+    print(f"{len(outcomes)} clips; {len(every) - len(outcomes)} could not be measured or fitted")
+    print(table(outcomes).to_string(index=False))
+    print("\n".join(wrong_cases(outcomes)))
+
+
+if __name__ == "__main__":
+    main()

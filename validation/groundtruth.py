@@ -1,0 +1,179 @@
+"""Ground truth regenerated from the twin: how often its 95 % intervals hold the truth, and how long it takes.
+
+``python -m validation.groundtruth DATASET`` measures the clips (those of an earlier run are kept) and compares the
+value of each clip, and the pooled value of each setting, with the truth beside the clips. The only thing taken from the
+truth is the radius of the falling balls, which stands for the calipers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from iris_sysid.benchmark.dataset import benchmark_classes, list_clips
+from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement, Conditions, Measurements, measure
+from iris_sysid.benchmark.groundtruth.parameters import parameters_document
+from iris_sysid.benchmark.groundtruth.pool import in_published_unit
+from iris_sysid.io.json_documents import write_document
+from iris_sysid.io.schemas import number
+from iris_sysid.io.schemas.groundtruth import MeasuredDocument, ParametersDocument
+from iris_sysid.types import Estimate
+
+CALIPERS = 1e-5  # m, resolution of the calipers
+FULL_FRAMES, FULL_PIXELS = 372_600, 3840 * 2160  # of the published data set
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One value against its truth; ``clip`` is empty for the pooled value of a setting."""
+
+    class_name: str
+    setting: str
+    clip: str
+    parameter: str
+    value: float
+    stderr: float
+    interval: tuple[float, float]
+    truth: float
+
+    @property
+    def covered(self) -> bool:
+        """Whether the 95 % interval holds the truth."""
+        return self.interval[0] <= self.truth <= self.interval[1]
+
+    @property
+    def pull(self) -> float:
+        """Error in standard errors."""
+        return (self.value - self.truth) / self.stderr
+
+
+def truth_of(path: Path) -> dict[str, Estimate]:
+    """What was put into a clip, by our names, in the units of parameters.json."""
+    told = json.loads(path.with_suffix(".truth.json").read_text(encoding="utf-8"))["parameters"]
+    return {name: in_published_unit(Estimate(one["value"], 0.0, one["unit"]))[0] for name, one in told.items()}
+
+
+def by_calipers(dataset: Path) -> MeasuredDocument:
+    """The radius of the falling balls, as calipers give it."""
+    first = {(one.class_name, one.setting): one for one in reversed(list_clips(dataset).clips)}
+    values = [
+        {
+            "class": name,
+            "setting": setting,
+            "parameter": "ball_radius",
+            "value": truth_of(clip.path)["ball_radius"].value,
+        }
+        | {"uncertainty": CALIPERS, "unit": "m", "instrument": "calipers"}
+        for (name, setting), clip in sorted(first.items())
+        if clip.phenomenon == "falling-ball"
+    ]
+    return MeasuredDocument.model_validate({"values": values})
+
+
+def clip_rows(clips: Sequence[ClipMeasurement], status: str) -> Iterator[Row]:
+    """Every fitted value of every clip whose fit has that status, where there is a truth."""
+    for one in clips:
+        truth = truth_of(one.clip.path)
+        for ours in benchmark_classes()[one.clip.class_name][1].parameters:
+            if one.document.status != status or ours not in truth or ours not in one.document.parameters:
+                continue
+            found = in_published_unit(one.document.parameters[ours].estimate())[0]
+            if found.measurement_type == "assumed" or not math.isfinite(found.stderr):
+                continue
+            place = (one.clip.class_name, one.clip.setting, one.clip.clip)
+            yield Row(*place, ours, found.value, found.stderr, found.interval, truth[ours].value)
+
+
+def pooled_rows(document: ParametersDocument, clips: Sequence[ClipMeasurement]) -> Iterator[Row]:
+    """Every regenerated value of every setting, against the mean truth of its clips."""
+    settings = dict.fromkeys((one.clip.class_name, one.clip.setting) for one in clips)
+    for name, setting in settings:
+        for entry in document.classes[name.lower()][setting.lower()].values():
+            found = entry.regenerated
+            if found is None or found.n == 0 or found.value is None:
+                continue
+            used = [one for one in clips if (one.clip.class_name, one.clip.setting) == (name, setting)]
+            used = [one for one in used if found.clips[one.clip.clip].used]
+            truths = [truth_of(one.clip.path).get(found.parameter) for one in used]
+            if None in truths:
+                continue
+            mean = float(np.mean([one.value for one in truths if one is not None]))
+            interval = (number(found.interval[0]), number(found.interval[1]))
+            stderr = number(found.standard_uncertainty)
+            yield Row(name, setting, "", found.parameter, found.value, stderr, interval, mean)
+
+
+def report(title: str, rows: Sequence[Row]) -> None:
+    """Print coverage by class and parameter, and each value whose interval misses."""
+    print(
+        f"\n{title}\n\n| class | parameter | rows | in the interval | rms pull | median error / % |\n"
+        "|---|---|---|---|---|---|"
+    )
+    for key in dict.fromkeys((row.class_name, row.parameter) for row in rows):
+        some = [row for row in rows if (row.class_name, row.parameter) == key]
+        pulls = np.array([row.pull for row in some])
+        errors = [100 * abs(row.value / row.truth - 1) if row.truth else math.nan for row in some]
+        print(
+            f"| {key[0]} | {key[1]} | {len(some)} | {sum(row.covered for row in some)} | "
+            f"{math.sqrt(float(np.mean(pulls**2))):.2f} | {np.median(errors):.3g} |"
+        )
+    covered = sum(row.covered for row in rows)
+    print(f"\nin all {covered} of {len(rows)} = {100 * covered / max(len(rows), 1):.1f} %")
+    for row in rows:
+        if not row.covered:
+            print(
+                f"missed: {row.class_name}/{row.setting}/{row.clip or 'all'} {row.parameter} = {row.value:.6g} +- "
+                f"{row.stderr:.2g}, truth {row.truth:.6g}, {row.pull:+.1f} standard errors"
+            )
+
+
+def report_time(found: Measurements, seconds: float, pixels: int) -> None:
+    """Print processor time per clip and frame, and between what bounds the published data set would take at 4K."""
+    if not found.now:
+        print("\nno clip was measured now: no time to tell")
+        return
+    frames = np.mean([one.document.frames for one in found.clips if one.document.frames])
+    per_clip = seconds / found.now
+    least = per_clip / float(frames) * FULL_FRAMES / 3600
+    most = least * FULL_PIXELS / pixels
+    print(
+        f"\n{found.now} clips measured now: {per_clip:.1f} s of one processor a clip of {frames:.0f} frames, "
+        f"{1000 * per_clip / float(frames):.0f} ms a frame. The published data set, {FULL_FRAMES} frames at 4K, would "
+        f"take from {least:.0f} hours, if a frame of any size costs the same, to {most:.0f} in proportion to pixels"
+    )
+
+
+def main() -> None:
+    """Measure, pool, compare, print."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("dataset", type=Path)
+    parser.add_argument("--work", type=Path, default=Path("groundtruth.work"), help="folder of the measurements")
+    parser.add_argument("--trials", type=int, default=None, help="only so many clips of each setting")
+    parser.add_argument("-o", "--output", type=Path, default=None, help="parameters.json, to be kept")
+    options = parser.parse_args()
+    by_hand, began = by_calipers(options.dataset), time.process_time()
+    found = measure(
+        options.dataset, options.work, measured=by_hand, conditions=Conditions(trials=options.trials), tell=print
+    )
+    seconds = time.process_time() - began
+    document = parameters_document(found, by_hand)
+    if options.output is not None:
+        write_document(document, options.output, overwrite=True)
+    failed = [one.clip.place for one in found.clips if one.document.status == "failed"]
+    print(f"{len(found.clips)} clips, {len(failed)} failed")
+    report("Each clip that its equation fits", list(clip_rows(found.clips, "ok")))
+    report("Each clip with a residual above the noise", list(clip_rows(found.clips, "misfit")))
+    report("Each setting, pooled", list(pooled_rows(document, found.clips)))
+    width, height = json.loads((options.dataset / "manifest.json").read_text("utf-8"))["origin"]["options"]["size"]
+    report_time(found, seconds, width * height)
+
+
+if __name__ == "__main__":
+    main()

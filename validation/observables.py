@@ -1,0 +1,128 @@
+"""Angle, orientation, intensity, level and apparent radius on the twin: errors against the truth, and their pulls.
+
+``python -m validation.observables`` renders short clips of several settings and seeds and prints one row a clip.
+Of orientation and intensity the zero, and of intensity the scale, is taken from the truth: a clip does not show them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from iris_sysid import PHENOMENA, TRACKERS, open_video
+from iris_sysid.calibration.pixel_scale import uncalibrated
+from iris_sysid.pipeline import observe
+from iris_sysid.synthetic import Truth, render_clip
+from iris_sysid.types import Array, Track, TrackOptions
+
+
+@dataclass(frozen=True)
+class Observable:
+    """What is measured of a scene: error and standard error (n,) of the samples that count, unit and target RMSE."""
+
+    name: str
+    scene: str
+    tracker: str
+    settings: tuple[str, ...]
+    duration_s: float
+    fps: float
+    error: Callable[[Track, Truth], tuple[Array, Array]]
+    unit: str
+    target: float | None
+
+
+def column(truth: Truth, name: str) -> Array:
+    """One column (n,) of the truth."""
+    return truth.table[name].to_numpy(float)
+
+
+def of_pendulum(track: Track, truth: Truth) -> tuple[Array, Array]:
+    """Angle about the pivot that the arc shows, in the motion."""
+    _, found = observe([track], uncalibrated(), "pendulum")
+    used = found.valid & found.mask("motion")
+    error = found.position[:, 0] - column(truth, "theta_rad")
+    return np.degrees(error[used]), np.degrees(found.sigma[used, 0])
+
+
+def of_orientation(track: Track, truth: Truth) -> tuple[Array, Array]:
+    """Angle of the arm, in all frames that show it."""
+    assert track.angle_rad is not None
+    assert track.sigma_angle_rad is not None
+    error = track.angle_rad - column(truth, "phi_rad")
+    error -= np.median(error[track.valid])
+    return np.degrees(error[track.valid]), np.degrees(track.sigma_angle_rad[track.valid])
+
+
+def of_intensity(track: Track, truth: Truth) -> tuple[Array, Array]:
+    """Light over its full brightness, in percent."""
+    assert track.intensity is not None
+    assert track.sigma_intensity is not None
+    light = column(truth, "intensity_1")
+    slope, start = np.polyfit(light, track.intensity, 1)
+    return 100 * (track.intensity - start - slope * light) / slope, 100 * track.sigma_intensity / slope
+
+
+def of_level(track: Track, truth: Truth) -> tuple[Array, Array]:
+    """Row of the surface."""
+    error = track.xy_px[:, 1] - column(truth, "y_px")
+    return error[track.valid], track.sigma_px[track.valid, 1]
+
+
+def of_radius(track: Track, truth: Truth) -> tuple[Array, Array]:
+    """Apparent radius, in the motion."""
+    assert track.radius_px is not None
+    assert track.sigma_radius_px is not None
+    used = track.valid & (truth.table.phase == "motion").to_numpy()
+    return (track.radius_px - column(truth, "radius_px"))[used], track.sigma_radius_px[used]
+
+
+OBSERVABLES = (
+    Observable("orientation", "rotating-cone", "orientation", ("slow", "mid", "fast"), 5, 20, of_orientation,
+               "deg", 0.1),
+    Observable("intensity", "led", "intensity", ("led_2s", "led_5s", "led_10s"), 4, 60, of_intensity, "%", 0.5),
+    Observable("level", "torricelli", "level", ("small", "medium", "large"), 8, 30, of_level, "px", 0.1),
+    Observable("angle", "pendulum", PHENOMENA["pendulum"].tracker, ("pendulum_45", "pendulum_90"), 3, 60, of_pendulum,
+               "deg", 0.05),
+    Observable("radius", "falling-ball", "disc", ("big",), 1.0, 60, of_radius, "px", None),
+)  # fmt: skip
+
+
+def rows(one: Observable, size: tuple[int, int], seeds: int) -> Iterator[str]:
+    """One row a clip."""
+    for number, setting in enumerate(one.settings * seeds):
+        seed = 1 + number
+        with tempfile.TemporaryDirectory() as folder:
+            clip = Path(folder) / "clip.mp4"
+            truth = render_clip(
+                one.scene, clip, setting=setting, seed=seed, size=size, duration_s=one.duration_s, fps=one.fps
+            )
+            (track,) = TRACKERS[one.tracker].track(open_video(clip), TrackOptions())
+        error, sigma = one.error(track, truth)
+        rmse, pull = float(np.sqrt(np.mean(error**2))), float(np.std(error / sigma))
+        target = "" if one.target is None else f"{one.target:g}"
+        yield f"| {one.name} | {setting} | {seed} | {error.size} | {rmse:.4f} {one.unit} | {target} | {pull:.2f} |"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--size", type=int, nargs=2, default=(640, 360), help="width and height, px")
+    parser.add_argument("--seeds", type=int, default=1, help="clips of each setting")
+    parser.add_argument("--only", choices=[one.name for one in OBSERVABLES], help="one observable alone")
+    options = parser.parse_args()
+    print(
+        "| observable | setting | seed | samples | RMSE | target | sd of error / sigma |\n|---|---|---|---|---|---|---|"
+    )
+    for one in OBSERVABLES:
+        if options.only in (None, one.name):
+            for row in rows(one, tuple(options.size), options.seeds):
+                print(row, flush=True)
+
+
+if __name__ == "__main__":
+    main()

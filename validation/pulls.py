@@ -1,0 +1,97 @@
+"""Whether the standard errors of tracks are true, on clips of the twin: error over standard error, frame by frame.
+
+``python -m validation.pulls --dataset DATASET [--number 2 5]`` tracks some clips of each setting of a data set that
+``iris-sysid render`` wrote, each with its phenomenon's tracker, and prints a row a body: the standard deviation of the
+errors, the standard error told, that of error over standard error, of which 1 is true, and the share of the frames
+beyond 1.96 standard errors of their mean, of which 5 % is true. Frames in which a hand holds the body do not count.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from iris_sysid import open_video
+from iris_sysid.benchmark.dataset import Clip, list_clips
+from iris_sysid.errors import IrisError
+from iris_sysid.registry import PHENOMENA, TRACKERS
+from iris_sysid.synthetic import Truth, read_truth
+from iris_sysid.types import Array, Track, TrackOptions
+
+FAR = 1.0  # of the radius: a track that is farther off in the median is not that body's
+
+
+def clips_of(dataset: Path, numbers: Sequence[int]) -> Iterator[Clip]:
+    """Those clips, by number from 1, of each class and setting."""
+    for _, same in groupby(list_clips(dataset).clips, key=lambda clip: (clip.class_name, clip.setting)):
+        yield from (clip for number, clip in enumerate(same, start=1) if number in numbers)
+
+
+def tracked(truth: Truth, clip: Clip) -> list[Track]:
+    """The tracks of a clip by its phenomenon's tracker."""
+    options = TrackOptions(bodies=truth.table["body"].nunique())
+    return TRACKERS[PHENOMENA[clip.phenomenon].tracker].track(open_video(clip.path), options)
+
+
+def matched(truth: Truth, tracks: Sequence[Track]) -> Iterator[tuple[Track, Array, float]]:
+    """Each track with the true places (n, 2) of its body, px, NaN where a hand holds it, and the body's radius."""
+    bodies = [truth.body(name) for name in truth.table["body"].unique()]
+    places = []
+    for body in bodies:
+        xy = body[["x_px", "y_px"]].to_numpy(copy=True)
+        xy[body["phase"].to_numpy() == "hand"] = np.nan
+        places.append(xy)
+    away = np.array([[np.nanmedian(np.hypot(*(one.xy_px - xy).T)) for xy in places] for one in tracks])
+    for track, own in zip(*linear_sum_assignment(np.nan_to_num(away, nan=1e9)), strict=True):
+        yield tracks[int(track)], places[int(own)], float(bodies[int(own)]["radius_px"].median())
+
+
+def row(track: Track, true_px: Array, radius_px: float) -> str | None:
+    """One row of the table; None where the track is not that of the body."""
+    free = track.valid & np.isfinite(true_px[:, 0])
+    if track.hand is not None:
+        free &= ~track.hand
+    error, told = (track.xy_px - true_px)[free], track.sigma_px[free]
+    if not free.any() or np.median(np.hypot(*error.T)) > FAR * radius_px:
+        return None
+    pull = (error - error.mean(axis=0)) / told
+    numbers = (
+        error.std(axis=0),
+        np.median(told, axis=0),
+        (error / told).std(axis=0),
+        (np.abs(pull) > 1.96).mean(axis=0),
+    )
+    return " | ".join([str(np.count_nonzero(free)), *(f"{across:.3f}, {down:.3f}" for across, down in numbers)])
+
+
+def main() -> None:
+    """Print a row a body."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--dataset", type=Path, required=True, help="data set of the twin")
+    parser.add_argument("--number", type=int, nargs="+", default=[1], help="clips of each setting, from 1")
+    parser.add_argument("--classes", nargs="+", help="only these folders of the data set")
+    options = parser.parse_args()
+    print(
+        "| clip | body | frames | sd of errors, px | told, px | pull sd | beyond 1.96 |\n|---|---|---|---|---|---|---|"
+    )
+    for clip in clips_of(options.dataset, options.number):
+        if options.classes and clip.class_name not in options.classes:
+            continue
+        truth = read_truth(clip.path)
+        try:
+            tracks = tracked(truth, clip)
+        except IrisError as error:
+            print(f"{clip.place}: {error}", flush=True)
+            continue
+        for track, true_px, radius in matched(truth, tracks):
+            line = row(track, true_px, radius)
+            print(f"| {clip.place} | {track.body} | {line or 'not that body'} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,201 @@
+"""Choice of the governing equation on 240 twin trajectories, beside the published classifiers.
+
+``python -m validation.selection`` takes every setting of the benchmark's eight phenomena, ten trials each with the
+scatter of real ones. Nothing is rendered: the true path of each body, in metres, gets white noise of the size that the
+tracker has, 0.05 px. What is chosen from is the whole bank; what is given is x and z of each body and, where a ball is
+seen from above, its apparent radius: no name of a phenomenon, a setting or a quantity.
+
+With ``--dataset DATASET --tracks WORK`` the same is asked of clips that were rendered, tracked and segmented: what
+``python -m validation.groundtruth DATASET --work WORK`` kept.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from fitters.selection.select import Choice, select_model
+from iris_sysid.benchmark.dataset import list_clips
+from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
+from iris_sysid.benchmark.sources.published import values_at
+from iris_sysid.benchmark.studies.model_selection import choice_for
+from iris_sysid.errors import IrisError
+from iris_sysid.io.json_documents import read_document
+from iris_sysid.io.schemas.groundtruth import ClipDocument
+from iris_sysid.synthetic import SCENES
+from iris_sysid.synthetic.plan import Plan, plan_clip
+from iris_sysid.trajectory.segmentation import segment
+from iris_sysid.types import Quantity, Trajectory
+
+NOISE_PX = 0.05  # of a tracked centre and radius: what the twin's tests find for the trackers
+SIZE = (1920, 1080)
+LONGEST_S = 30.0
+ACCEPTED = {
+    "dropping-ball": ("free-fall", "bouncing-ball"),
+    "falling-ball": ("apparent-radius",),
+    "sliding-cone": ("incline",),
+    "pendulum": ("pendulum",),
+    "rotating-cone": ("angular-oscillator",),
+    "hitting-cones": ("coasting-ball", "contact-chain", "impact-chain"),  # the first is the ball's before it strikes
+    "two-moving-pendulums": ("coupled-pendulums", "pendulum-impact"),
+    "one-static-pendulum": ("coupled-pendulums", "pendulum-impact"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A clip of the twin, and what chooses its equation."""
+
+    phenomenon: str
+    setting: str
+    clip: str
+    choose: Callable[[], Choice]
+
+
+def trial(name: str, setting: str, number: int) -> Plan:
+    """One trial of a setting: its parameters scatter as the scene says."""
+    scene = SCENES[name]
+    rng = np.random.default_rng([number, zlib.crc32(f"{name}/{setting}".encode())])
+    values = {one.name: float(one.default or 0.0) for one in scene.parameters} | dict(scene.settings[setting])
+    scattered = {
+        one.name: float(
+            np.clip(values[one.name] + scene.scatter[one.name] * rng.standard_normal(), one.lower, one.upper)
+        )
+        for one in scene.parameters
+        if one.name in scene.scatter
+    }
+    duration_s = min(scene.duration_s, LONGEST_S)
+    return plan_clip(name, setting=setting, size=SIZE, duration_s=duration_s, seed=number, overrides=scattered)
+
+
+def tracked(plan: Plan, seed: int) -> list[Trajectory]:
+    """Noisy trajectories of the bodies: x and z in m, and the radius in px where it changes."""
+    rng, scale = np.random.default_rng([seed, 5]), plan.camera.pixels_per_metre
+    bodies = []
+    for _, table in plan.truth.table.groupby("body", sort=False):
+        columns = [table["x_m"], table["z_m"]]
+        quantities = [Quantity("x", "m"), Quantity("z", "m")]
+        sigma = [NOISE_PX / scale] * 2
+        if np.ptp(table["radius_px"]) > 1.0:
+            columns.append(table["radius_px"])
+            quantities.append(Quantity("r", "px"))
+            sigma.append(NOISE_PX)
+        place = np.column_stack(columns) + np.array(sigma) * rng.standard_normal((len(table), len(columns)))
+        noise = np.broadcast_to(sigma, place.shape)
+        inside = table["inside"].to_numpy(copy=True)
+        place = np.where(inside[:, None], place, np.nan)
+        held = (table["phase"] == "hand").to_numpy()
+        world = Trajectory(table["t_s"].to_numpy(copy=True), tuple(quantities), place, noise, inside)
+        bodies.append((world, held))
+    if len(bodies) == 1:
+        return [cut(*bodies[0])]
+    return [world.with_(valid=world.valid & ~held) for world, held in bodies]
+
+
+def cut(world: Trajectory, held: np.ndarray) -> Trajectory:
+    """The first long stretch between let go and the first impact, found in the two channels that move most."""
+    moves = np.nanstd(world.position, axis=0) / np.nanmean(world.sigma, axis=0)
+    which = sorted(np.argsort(moves)[-2:].tolist())
+    seen = world.with_(
+        quantities=(Quantity("x", "m"), Quantity("z", "m")),
+        position=world.position[:, which],
+        sigma=world.sigma[:, which],
+    )
+    found = segment(seen, hand=held, kind="flight")
+    return world.with_(segments=found.segments, valid=found.valid)
+
+
+def chosen_for(name: str, setting: str, number: int) -> Choice:
+    """The choice for one trial."""
+    return select_model(tracked(trial(name, setting, number), number))
+
+
+def drawn(trials: int, phenomena: list[str]) -> Iterator[Asked]:
+    """Every trial of every setting."""
+    for name in phenomena:
+        for setting in SCENES[name].settings:
+            for number in range(1, trials + 1):
+                yield Asked(name, setting, str(number), partial(chosen_for, name, setting, number))
+
+
+def kept(dataset: Path, tracks: Path, trials: int, phenomena: list[str]) -> Iterator[Asked]:
+    """Every clip of a data set of the twin that was measured."""
+    names = {scene.folder: name for name, scene in SCENES.items()}
+    for clip in list_clips(dataset).clips:
+        path = tracks / f"{clip.place}.json"
+        if int(clip.clip) <= trials and names[clip.class_name] in phenomena and path.exists():
+            measured = ClipMeasurement(clip, read_document(path, ClipDocument), path.parent)
+            yield Asked(names[clip.class_name], clip.setting, clip.clip, partial(choice_for, measured))
+
+
+def rows(asked: Iterable[Asked]) -> pd.DataFrame:
+    """One row a clip: phenomenon, the nearest model, whether it is adequate, margins, seconds."""
+    found = []
+    for one in asked:
+        began = time.process_time()
+        try:
+            choice = one.choose()
+            nearest, adequate = choice.nearest.model, choice.chosen is not None
+            margins = (choice.heldout_margin, choice.bic_margin)
+        except IrisError as error:
+            nearest, adequate, margins = f"no answer: {error}"[:60], False, (np.nan, np.nan)
+        seconds = time.process_time() - began
+        found.append((one.phenomenon, one.setting, one.clip, nearest, adequate, *margins, seconds))
+        right = nearest in ACCEPTED[one.phenomenon]
+        print(f"  {one.phenomenon}/{one.setting}/{one.clip}: {nearest}{'' if right else ', WRONG'}", flush=True)
+    columns = ["phenomenon", "setting", "trial", "model", "adequate", "heldout_margin", "bic_margin", "seconds"]
+    return pd.DataFrame(found, columns=columns)
+
+
+def print_result(table: pd.DataFrame) -> None:
+    """Print the confusion matrix and the accuracies."""
+    right = np.array([model in ACCEPTED[name] for name, model in zip(table["phenomenon"], table["model"], strict=True)])
+    print("\nConfusion: phenomena down, equations across (first of the ranking)")
+    print(pd.crosstab(table["phenomenon"], table["model"]).to_string())
+    both = right & table["adequate"].to_numpy()
+    none = ~table["adequate"].to_numpy()
+    print(f"\nright equation first: {right.sum()} of {len(right)} ({100 * right.mean():.1f} %)")
+    print(f"right equation, and it fits: {both.sum()} ({100 * both.mean():.1f} %); 'none of these': {none.sum()}")
+    print("by phenomenon: right, and fits")
+    for name in dict.fromkeys(table["phenomenon"]):
+        here = (table["phenomenon"] == name).to_numpy()
+        print(f"  {name:22} {right[here].sum():3d} {both[here].sum():3d} of {here.sum()}")
+    print(f"median processor time a clip: {table['seconds'].median():.2f} s")
+
+
+def print_published() -> None:
+    """Print what the benchmark published for its classifiers, which saw the pixels."""
+    print("\nPublished on 240 IRIS clips (%):")
+    for value in values_at("tab:summary_vlm_methods"):
+        if value.dataset == "iris":
+            print(f"  {value.column:14} {value.printed}")
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--trials", type=int, default=10, help="trials a setting")
+    parser.add_argument("--phenomenon", action="append", choices=list(ACCEPTED), help="only these")
+    parser.add_argument("--dataset", type=Path, help="data set of the twin that was measured")
+    parser.add_argument("--tracks", type=Path, help="folder of what was measured")
+    options = parser.parse_args()
+    if (options.dataset is None) != (options.tracks is None):
+        parser.error("--dataset and --tracks go together")
+    phenomena = options.phenomenon or list(ACCEPTED)
+    if options.dataset is None:
+        print_result(rows(drawn(options.trials, phenomena)))
+    else:
+        print_result(rows(kept(options.dataset, options.tracks, options.trials, phenomena)))
+    print_published()
+
+
+if __name__ == "__main__":
+    main()
