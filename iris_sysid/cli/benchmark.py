@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,29 +10,30 @@ import typer
 
 from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Fps, Output
+from iris_sysid.errors import DataError
 
 if TYPE_CHECKING:
     from iris_sysid.benchmark.dataset_rows import DatasetRows, Plan
 
 Dataset = Annotated[Path | None, typer.Argument(help="Folder of <Class>/<setting>/<clip>.mp4.")]
-Latent = Annotated[list[str] | None, typer.Option("--latent", help="Runs of a latent pipeline: NAME=CSV.")]
+Latent = Annotated[list[str] | None, typer.Option("--latent", help="Results of a latent pipeline: NAME=CSV.")]
 Predictions = Annotated[
-    list[str] | None, typer.Option("--predictions", help="What a VLM or classifier named: NAME=CSV, one line a video.")
+    list[str] | None, typer.Option("--predictions", help="Classes predicted by a VLM or classifier: NAME=CSV.")
 ]
-Rows = Annotated[Path | None, typer.Option("--rows", help="Earlier rows.csv: its tables again.")]
-Reference = Annotated[str | None, typer.Option(help="Method that the differences of the long table are against.")]
-Published = Annotated[Path | None, typer.Option("--audit", help="Derive the published numbers again from this folder.")]
-Name = Annotated[str | None, typer.Option(help="Name of the data set in the tables; that of its folder if not given.")]
-Measured = Annotated[Path | None, typer.Option(help="What was measured by hand; see iris-sysid gt --template.")]
-Work = Annotated[Path | None, typer.Option(help="Where measurements are kept: OUTPUT/work; shared with gt --work.")]
+Rows = Annotated[Path | None, typer.Option("--rows", help="Add the rows of an earlier rows.csv.")]
+Reference = Annotated[str | None, typer.Option(help="Method that the long table subtracts from every error.")]
+Name = Annotated[str | None, typer.Option(help="Name of the data set in the tables; default: its folder's name.")]
+Measured = Annotated[Path | None, typer.Option(help="Direct measurements; see iris-sysid gt --template.")]
+Work = Annotated[Path | None, typer.Option(help="Folder of the measurements, as in gt --work; default OUTPUT/work.")]
 Studies = Annotated[
-    list[str] | None, typer.Option("--study", help="Only this beside the bank's fit, e.g. sindy; none for nothing.")
+    list[str] | None, typer.Option("--study", help="Run only this study, e.g. sindy; repeatable; 'none' for no study.")
 ]
-Studied = Annotated[int | None, typer.Option(help="Only so many clips of each setting in the studies.", min=1)]
-Trials = Annotated[int | None, typer.Option(help="Only so many clips of each setting at all.", min=1)]
-Robustness = Annotated[int, typer.Option(help="So many clips are made worse and measured again.", min=0)]
-Workers = Annotated[int, typer.Option(help="Processes side by side.", min=1)]
-Seed = Annotated[int, typer.Option(help="Of added noise and dropped frames.", min=0)]
+Studied = Annotated[int | None, typer.Option(help="Study only this many clips of each setting.", min=1)]
+Trials = Annotated[int | None, typer.Option(help="Measure only this many clips of each setting.", min=1)]
+Robustness = Annotated[int, typer.Option(help="Number of clips to degrade and measure again.", min=0)]
+Workers = Annotated[int, typer.Option(help="Number of parallel processes.", min=1)]
+Seed = Annotated[int, typer.Option(help="Seed of the added noise and the dropped frames.", min=0)]
+NO_STUDY = "none"
 
 
 def benchmark(
@@ -40,7 +42,6 @@ def benchmark(
     latent: Latent = None,
     predictions: Predictions = None,
     rows: Rows = None,
-    audit: Published = None,
     name: Name = None,
     measured: Measured = None,
     work: Work = None,
@@ -54,51 +55,65 @@ def benchmark(
     seed: Seed = 0,
     force: Force = False,
 ) -> None:
-    """Build the benchmark's tables from a data set and latent runs, or audit the published ones.
+    """Compare methods on a data set: one table of rows, all benchmark tables from it.
 
-    One flat row a value; CSV, Markdown, LaTeX, HTML. A second run does only what is missing.
+    Writes CSV, Markdown, LaTeX and HTML. A second run repeats only what is missing or has changed.
 
     \b
     Example:
       iris-sysid benchmark DATASET/ --latent baseline=iris_baseline.csv --robustness 8 -o out/
     """
-    from iris_sysid.benchmark import write_audit
     from iris_sysid.benchmark.build import Inputs, build, can_write
     from iris_sysid.benchmark.dataset_rows import ALL_STUDIES, Plan
     from iris_sysid.benchmark.groundtruth.measure import Conditions
-    from iris_sysid.benchmark.sources.inputs import named_files
     from iris_sysid.io.json_documents import read_document
     from iris_sysid.io.schemas.groundtruth import MeasuredDocument
 
-    written: dict[str, Path] = {}
-    if audit is not None:
-        written |= write_audit(audit, output, overwrite=force)
-    files = named_files(latent or (), "--latent"), named_files(predictions or (), "--predictions")
-    if audit is None or any(files) or rows is not None or dataset is not None:
-        can_write(output, overwrite=force)
-        by_hand = MeasuredDocument() if measured is None else read_document(measured, MeasuredDocument)
-        plan = Plan(
-            name=name or (dataset.resolve().name if dataset else ""),
-            measured=by_hand,
-            conditions=Conditions(fps=fps, trials=trials),
-            studies=tuple(one for one in study if one != "none") if study else ALL_STUDIES,
-            studied=studied,
-            robustness=robustness,
-            workers=workers,
-            seed=seed,
-        )
-        found = _rows_of(dataset, work or output / "work", plan) if dataset else None
-        asked: dict[str, object] = {
-            "name": plan.name,
-            "studies": plan.studies,
-            "studied": studied,
-            "trials": trials,
-            "seed": seed,
-        }
-        asked |= {"robustness": robustness, "fps": fps, "measured": by_hand.model_dump(mode="json")}
-        written |= build(Inputs(*files, rows, found), output, reference=reference, options=asked, overwrite=force)
+    latent_files = named_files(latent or (), "--latent")
+    prediction_files = named_files(predictions or (), "--predictions")
+    can_write(output, overwrite=force)
+    plan = Plan(
+        name=name or (dataset.resolve().name if dataset else ""),
+        measured=MeasuredDocument() if measured is None else read_document(measured, MeasuredDocument),
+        conditions=Conditions(fps=fps, trials=trials),
+        studies=tuple(choice for choice in study if choice != NO_STUDY) if study else ALL_STUDIES,
+        studied=studied,
+        robustness=robustness,
+        workers=workers,
+        seed=seed,
+    )
+    measurements = _rows_of(dataset, work or output / "work", plan) if dataset else None
+    inputs = Inputs(latent_files, prediction_files, rows, measurements)
+    written = build(inputs, output, reference=reference, options=_options(plan), overwrite=force)
     for path in written.values():
         typer.echo(str(path), err=True)
+
+
+def named_files(arguments: Sequence[str], option: str) -> dict[str, Path]:
+    """Parse arguments ``NAME=FILE`` of an ``option``; DataError when one has another form or repeats a name."""
+    files: dict[str, Path] = {}
+    for argument in arguments:
+        name, equals, path = (part.strip() for part in argument.partition("="))
+        if not (equals and name and path):
+            raise DataError(f"cannot read {argument!r}: write {option} as NAME=FILE, e.g. baseline=iris_baseline.csv")
+        if name in files:
+            raise DataError(f"{option} gives the name {name!r} twice; give each file its own name")
+        files[name] = Path(path)
+    return files
+
+
+def _options(plan: Plan) -> dict[str, object]:
+    """What the rows depend on, for the manifest."""
+    return {
+        "name": plan.name,
+        "studies": plan.studies,
+        "studied": plan.studied,
+        "trials": plan.conditions.trials,
+        "seed": plan.seed,
+        "robustness": plan.robustness,
+        "fps": plan.conditions.fps,
+        "measured": plan.measured.model_dump(mode="json"),
+    }
 
 
 def _rows_of(dataset: Path, work: Path, plan: Plan) -> DatasetRows:

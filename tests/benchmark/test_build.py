@@ -6,11 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from iris_sysid.benchmark import Inputs, build, flat_rows, prediction_rows, read_rows, rows_text, tables_of, write_pages
-from iris_sysid.benchmark.build import splits_of
-from iris_sysid.benchmark.sources.inputs import named_files
-from iris_sysid.benchmark.sources.rows import STUDIES
+from iris_sysid.benchmark.build import Inputs, build, splits_of
+from iris_sysid.benchmark.sources.predictions import prediction_rows
+from iris_sysid.benchmark.sources.rows import STUDIES, flat_rows, read_rows, rows_text
+from iris_sysid.benchmark.tables.all_tables import tables_of
 from iris_sysid.benchmark.tables.charts import charts_of
+from iris_sysid.benchmark.tables.pages import write_pages
 from iris_sysid.benchmark.tables.study_tables import LAYOUTS, smallest
 from iris_sysid.errors import DataError, OutputError
 from tests._project import recording
@@ -164,17 +165,6 @@ def test_prediction_rows_are_rescored_and_say_which_clip(tmp_path):
     assert (two["dataset"], two["clip"], two["status"], two["answer"]) == ("delfys75", "01/01", "failed", "no answer")
 
 
-@pytest.mark.parametrize("text", ["baseline.csv", "=a.csv", "a="])
-def test_a_file_without_a_name_is_refused(text):
-    with pytest.raises(DataError, match="write --latent as NAME=FILE"):
-        named_files([text], "--latent")
-
-
-def test_a_name_given_twice_is_refused():
-    with pytest.raises(DataError, match="given twice"):
-        named_files(["a=b.csv", "a=c.csv"], "--latent")
-
-
 # --------------------------------------------------------------------------- the published files
 
 
@@ -222,12 +212,10 @@ def test_manifest_names_inputs_splits_and_versions(published):
     assert "numpy" in told["origin"]["versions"]
 
 
-def test_the_command_builds_audits_and_says_what_is_missing(cli, tmp_path):
+def test_command_builds_the_tables_and_says_what_is_missing(cli, tmp_path):
     folder = recording("iris_published")
     outcome = cli("benchmark", "--latent", f"a={folder / 'iris_baseline/iris_baseline.csv'}", "-o", tmp_path / "out")
     assert (outcome.status, outcome.out) == (0, "")
     assert (tmp_path / "out/benchmark.html").is_file()
-    assert cli("benchmark", "--audit", folder, "-o", tmp_path / "out").status == 0
-    assert (tmp_path / "out/audit.md").is_file()
     nothing = cli("benchmark", "-o", tmp_path / "none")
     assert (nothing.status, "nothing to make a table from" in nothing.err) == (1, True)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from iris_sysid.benchmark import latent_rows, read_latent_runs
+from iris_sysid.benchmark.sources.latent import latent_rows, read_latent_runs
 from iris_sysid.errors import DataError
 from tests._project import recording
 

@@ -4,8 +4,7 @@ import re
 
 import pytest
 
-from iris_sysid.benchmark import published_values, truth_of, truths
-from iris_sysid.benchmark.sources.published import PublishedValue
+from iris_sysid.benchmark.sources.published import PublishedValue, published_values, truth_of, truths
 from tests._project import ROOT
 
 SOURCE = ROOT.parent / "shared" / "paper" / "iris_benchmark.tex"

@@ -4,7 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from iris_sysid.benchmark import COLUMNS, check_rows, flat_rows, null_rows
+from iris_sysid.benchmark.sources.null_baselines import null_rows
+from iris_sysid.benchmark.sources.rows import COLUMNS, check_rows, flat_rows
 from iris_sysid.errors import DataError
 
 ROW = {"phenomenon": "Pendulum", "setting": "pendulum_45", "clip": "01", "method": "classical", "parameter": "length"}

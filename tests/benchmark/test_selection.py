@@ -2,7 +2,7 @@
 
 import pytest
 
-from iris_sysid.benchmark import read_predictions, rescored_selection, score_selection
+from iris_sysid.benchmark.sources.selection import read_predictions, rescored_selection, score_selection
 from iris_sysid.errors import DataError
 from tests._project import recording
 

@@ -6,9 +6,9 @@ from html.parser import HTMLParser
 
 import pytest
 
-from iris_sysid.benchmark import flat_rows, parameter_summary, parameter_table, render, render_rows
-from iris_sysid.benchmark.tables.summary import displayed
-from iris_sysid.benchmark.tables.table import Cell, Table
+from iris_sysid.benchmark.sources.rows import flat_rows
+from iris_sysid.benchmark.tables.summary import displayed, parameter_summary
+from iris_sysid.benchmark.tables.table import Cell, Table, parameter_table, render, render_rows
 from iris_sysid.errors import DataError, UnknownNameError
 
 FORMS = ("csv", "markdown", "latex", "html")

@@ -6,18 +6,16 @@ import shutil
 import numpy as np
 import pytest
 
-from iris_sysid.benchmark import verdicts
 from iris_sysid.benchmark.sources.conversions import READINGS
 from iris_sysid.benchmark.sources.folder import ERRORS, PublishedFolder, estimates, reading_of, select
 from iris_sysid.errors import DataError
 from tests._project import recording
-from validation.audit import reproduce
-from validation.audit.reproduce import status_of
+from validation.audit.reproduce import audit, status_of, verdicts
 
 
 @pytest.fixture(scope="module")
 def rows():
-    return reproduce(recording("iris_published"))
+    return audit(recording("iris_published"))
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +128,7 @@ def test_absent_file_leaves_gaps_and_nothing_else_changes(tmp_path, rows):
     folder = tmp_path / "part" / "iris_baseline"
     folder.chmod(0o755)
     (folder / "iris_baseline.csv").unlink()
-    part = reproduce(tmp_path / "part")
+    part = audit(tmp_path / "part")
     gaps = part[part["note"].str.contains("iris_baseline/iris_baseline.csv does not exist")]
     assert len(gaps) > 20
     assert set(gaps["status"]) == {"cannot be derived"}
@@ -140,4 +138,4 @@ def test_absent_file_leaves_gaps_and_nothing_else_changes(tmp_path, rows):
 
 def test_folder_that_is_none_is_refused(tmp_path):
     with pytest.raises(DataError, match="is not a folder"):
-        reproduce(tmp_path / "absent")
+        audit(tmp_path / "absent")

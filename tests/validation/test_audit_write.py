@@ -2,13 +2,15 @@
 
 import csv
 import shutil
+import sys
 from html.parser import HTMLParser
 
 import pytest
 
-from iris_sysid.benchmark import write_audit
 from iris_sysid.errors import DataError, OutputError
 from tests._project import recording
+from validation.audit.__main__ import main
+from validation.audit.write import write_audit
 
 NAMES = ["audit.csv", "audit.md", "audit.html", "audit.tex"]
 
@@ -31,6 +33,23 @@ def text_of(paths, name):
 def test_four_files_are_written(written):
     assert list(written) == NAMES
     assert all(path.is_file() for path in written.values())
+
+
+def test_command_writes_the_audit(tmp_path, monkeypatch, capsys, written):
+    monkeypatch.setattr(sys, "argv", ["audit", str(recording("iris_published")), "-o", str(tmp_path / "out")])
+    main()
+    assert capsys.readouterr().out.split() == [str(tmp_path / "out" / name) for name in NAMES]
+    assert (tmp_path / "out" / "audit.csv").read_bytes() == written["audit.csv"].read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("folder", "message"),
+    [("absent", "absent is not a folder; give the folder that holds"), (".", "holds none of the released files")],
+)
+def test_command_says_what_is_wrong_with_a_folder(tmp_path, monkeypatch, folder, message):
+    monkeypatch.setattr(sys, "argv", ["audit", str(tmp_path / folder), "-o", str(tmp_path / "out")])
+    with pytest.raises(SystemExit, match=message):
+        main()
 
 
 def test_second_run_gives_the_same_bytes(written, tmp_path):

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from tests._project import recording
-from validation.audit import findings
+from validation.audit.findings import findings
 from validation.audit.findings_tables import attainable
 
 

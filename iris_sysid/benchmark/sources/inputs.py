@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,24 +11,7 @@ import pandas as pd
 from iris_sysid.benchmark.sources.latent import DAMAGED, latent_rows, read_latent_runs, unread_rows
 from iris_sysid.benchmark.sources.predictions import prediction_rows
 from iris_sysid.benchmark.sources.rows import joined
-from iris_sysid.errors import DataError
 from iris_sysid.io.files import sha256_of
-
-
-def named_files(texts: Sequence[str], what: str) -> dict[str, Path]:
-    """Read ``NAME=FILE`` into files by name; ``what`` says what they are.
-
-    Raises DataError when one is written otherwise, or a name comes twice.
-    """
-    found: dict[str, Path] = {}
-    for text in texts:
-        name, equals, path = text.partition("=")
-        if not (equals and name.strip() and path.strip()):
-            raise DataError(f"cannot read {text!r}: write {what} as NAME=FILE, e.g. baseline=iris_baseline.csv")
-        if name.strip() in found:
-            raise DataError(f"{what} {name.strip()!r} is given twice; give each a name of its own")
-        found[name.strip()] = Path(path.strip())
-    return found
 
 
 def given_rows(latent: Mapping[str, Path], predictions: Mapping[str, Path]) -> tuple[pd.DataFrame, list[str]]:
