@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from iris_sysid.errors import TrackingError
-from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackOptions
+from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackOptions, with_progress
 from trackers._background.median import MAD_TO_SD, QUANTISATION_SD, Background, Bytes, Image, Still
 from trackers._detection.detect_frames import REPORT_EVERY
 from trackers._detection.detection import Glimpse, Lens
@@ -58,12 +58,8 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     if view.colour is None:
         raise TrackingError("this tracker follows a colour: name it with --colour, e.g. --colour red or '#c8e61e'")
     glimpses = []
-    for frame in video.frames():
+    for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
         glimpses.append(_glimpse(view, frame))
-        if options.progress is not None and len(glimpses) % REPORT_EVERY == 0:
-            options.progress(len(glimpses), video.n_expected)
-    if options.progress is not None:
-        options.progress(len(glimpses), video.n_expected)
     diagonal = float(np.hypot(video.width, video.height))
     paths = _largest(link(glimpses, FIRST_REACH * diagonal, LEAST_REACH * diagonal), options)
     origin = {"tracker": TRACKER.name, "bodies": options.bodies, "roi": options.roi, "colour": options.colour}

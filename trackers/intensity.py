@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from iris_sysid.errors import TrackingError
-from iris_sysid.types import Array, Frame, FrameSource, Track, Tracker, TrackOptions
+from iris_sysid.types import Array, Frame, FrameSource, Track, Tracker, TrackOptions, with_progress
 from trackers._frames.working_image import View, view_of
 from trackers._regions.covarying_region import Region, region_that_changes
 from trackers._regions.lamp_brightness import Lamp, lamp_of, luma_of
@@ -61,12 +61,10 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     lamps = [lamp_of(region, view, samples) for region in _regions(view, samples, options)]
     times: list[tuple[int, float]] = []
     readings: list[list[tuple[float, float]]] = [[] for _ in lamps]
-    for frame in video.frames():
+    for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
         times.append((frame.index, frame.t_s))
         for lamp, values in zip(lamps, readings, strict=True):
             values.append(lamp.reading(luma_of(view, frame)))
-        if options.progress is not None and (len(times) % REPORT_EVERY == 0 or len(times) == video.n_expected):
-            options.progress(len(times), video.n_expected)
     return [
         _track_of(str(number), times, np.array(values), lamp, options)
         for number, (lamp, values) in enumerate(zip(lamps, readings, strict=True), start=1)

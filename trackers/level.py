@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from iris_sysid.errors import DataError, TrackingError
-from iris_sysid.types import Array, Frame, FrameSource, Track, Tracker, TrackOptions
+from iris_sysid.types import Array, Frame, FrameSource, Track, Tracker, TrackOptions, with_progress
 from trackers._frames.working_image import View, view_of
 from trackers._regions.liquid_surface import STRIPS, WALL, WINDOW, Vessel, rough_levels, surface_of, vessel_of
 from trackers._uncertainty.local_polynomial import excess_scatter, pooled
@@ -61,11 +61,9 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         found = np.array([surface.level(one)[0] for one in stack])
         levels = np.where(np.isfinite(found), found, levels)
     times, rows = list[tuple[int, float]](), list[tuple[float, float]]()
-    for frame in video.frames():
+    for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
         times.append((frame.index, frame.t_s))
         rows.append(surface.level(strips.means(frame)))
-        if options.progress is not None and (len(times) % REPORT_EVERY == 0 or len(times) == video.n_expected):
-            options.progress(len(times), video.n_expected)
     return [_track_of(times, np.array(rows), strips, options)]
 
 

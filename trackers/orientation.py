@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.errors import DataError, TrackingError
-from iris_sysid.types import Array, FrameSource, Track, Tracker, TrackOptions
+from iris_sysid.types import Array, FrameSource, Track, Tracker, TrackOptions, part_of_progress, with_progress
 from trackers._background.median import Image
 from trackers._detection.detect_frames import Stage, stage_of
 from trackers._frames.working_image import view_of
@@ -97,18 +97,12 @@ class _Lesson:
 
 def _roughly(video: FrameSource, stage: Stage, axis: Axis, options: TrackOptions) -> _Clip:
     turns, numbers, times, spokes = Turns(axis), list[int](), list[float](), list[float]()
-    for frame in video.frames():
+    first_half = part_of_progress(options.progress, 0, 2)
+    for frame in with_progress(video.frames(), first_half, video.n_expected, every=REPORT_EVERY):
         numbers.append(frame.index)
         times.append(frame.t_s)
         spokes.append(turns.follow(activity(stage.scene, stage.view.searched(frame))))
-        _report(options, len(times), 2 * video.n_expected)
     return _Clip(np.array(numbers), np.array(times), np.radians(spokes))
-
-
-def _report(options: TrackOptions, done: int, expected: int) -> None:
-    """Tell how far the work is; each frame is looked at twice."""
-    if options.progress is not None and (done % REPORT_EVERY == 0 or done == expected):
-        options.progress(done // 2, expected // 2)
 
 
 def _lesson(stage: Stage, axis: Axis, angles: Array) -> _Lesson:
@@ -146,11 +140,11 @@ def _check_turns(pattern: Pattern, pictures: Sequence[Image]) -> None:
 def _finely(video: FrameSource, stage: Stage, pattern: Pattern, start: Array, options: TrackOptions) -> Array:
     """Angle and standard error (n, 2), rad, in every frame; NaN where the body does not show."""
     rows: list[tuple[float, float]] = []
-    for frame, angle in zip(video.frames(), start, strict=True):
+    frames = with_progress(video.frames(), part_of_progress(options.progress, 1, 2), len(start), every=REPORT_EVERY)
+    for frame, angle in zip(frames, start, strict=True):
         found = turned(pattern, _blurred(luma_of(stage.view.searched(frame)), BLURS[-1]), float(angle))
         seen = found.share > SHOWN and found.sigma < LARGEST_ERROR
         rows.append((found.angle, found.sigma) if seen else (np.nan, np.nan))
-        _report(options, len(start) + len(rows), 2 * len(start))
     return np.array(rows)
 
 

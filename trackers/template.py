@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from iris_sysid.errors import DataError, TrackingError
-from iris_sysid.types import Array, FrameSource, Track, Tracker, TrackOptions
+from iris_sysid.types import Array, FrameSource, Track, Tracker, TrackOptions, with_progress
 from trackers._background.median import Bytes, Image
 from trackers._detection.detect_frames import REPORT_EVERY
 from trackers._frames.working_image import view_of
@@ -123,12 +123,10 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     patch: Patch | None = None
     rows: list[tuple[float, ...]] = []
     times: list[tuple[int, float]] = []
-    for frame in video.frames():
+    for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
         patch = patch or _patch(view.part(frame, (0, 0, view.width, view.height)))
         times.append((frame.index, frame.t_s))
         rows.append(patch.seen_in(frame.luma, _expected(rows)))
-        if options.progress is not None and (len(rows) % REPORT_EVERY == 0 or len(rows) == video.n_expected):
-            options.progress(len(rows), video.n_expected)
     return [_track_of(np.array(rows), times, options)]
 
 

@@ -10,7 +10,7 @@ from iris_sysid.benchmark.groundtruth.measure import Conditions, measure
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_read import read_trajectory
 from iris_sysid.io.schemas.groundtruth import MeasuredDocument
-from iris_sysid.types import Trajectory
+from iris_sysid.types import Progress, Trajectory
 
 TRAJECTORY = "trajectory.csv"  # in a folder of ``run``
 TRACK = "track.csv"  # beside it, and no trajectory
@@ -58,7 +58,7 @@ def clips_of_dataset(
     board: MeasuredDocument,
     trials: int | None = None,
     tell: Callable[[str], None],
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[Trajectory]:
     """Measure the clips of one phenomenon, those not measured before, and read what was fitted of each.
 

@@ -30,6 +30,7 @@ from iris_sysid.benchmark.studies.subjects import Subject, subjects_of
 from iris_sysid.errors import DataError, IrisError
 from iris_sysid.io.files import json_text, write_atomic
 from iris_sysid.io.schemas.groundtruth import MeasuredDocument
+from iris_sysid.types import Progress, with_progress
 
 PER_CLIP = (*STUDY_OF, SELECTION)  # studies of one clip; robustness is of a few clips, sharing of a setting
 ALL_STUDIES = (*PER_CLIP, ROBUSTNESS, SHARING)
@@ -79,7 +80,7 @@ def dataset_rows(
     work: str | Path,
     plan: Plan,
     *,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     tell: Say | None = None,
 ) -> DatasetRows:
     """Measure a data set, study its clips, and give their flat rows.
@@ -175,21 +176,18 @@ def _unit(subject: Subject, study: str, work: Path, plan: Plan) -> Unit:
 # --------------------------------------------------------------------------- doing
 
 
-def _all_done(
-    units: Sequence[Unit], workers: int, progress: Callable[[int, int], None] | None
-) -> tuple[list[pd.DataFrame], list[str]]:
+def _all_done(units: Sequence[Unit], workers: int, progress: Progress | None) -> tuple[list[pd.DataFrame], list[str]]:
     """The rows of every unit, in the order of the units, and a line on each that ended its process.
 
     What an earlier run left is read.
     """
     found = {one.path: _kept(one) for one in units}
     missing, lost = [one for one in units if found[one.path] is None], []
-    for count, (unit, whole) in enumerate(side_by_side(work_on, missing, workers, _lost), start=1):
+    outcomes = side_by_side(work_on, missing, workers, _lost)
+    for unit, whole in with_progress(outcomes, progress, len(units), done=len(units) - len(missing)):
         found[unit.path] = _kept(unit)
         if not whole:
             lost.append(f"{unit.subject.clip.place}: the process of the study {unit.study} ended; is memory short?")
-        if progress is not None:
-            progress(len(units) - len(missing) + count, len(units))
     return [rows for rows in found.values() if rows is not None], sorted(lost)
 
 

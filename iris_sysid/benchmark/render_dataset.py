@@ -18,11 +18,12 @@ from iris_sysid.benchmark.parallel import check_workers, side_by_side
 from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.io.files import check_writable, json_text, origin_of, write_atomic
 from iris_sysid.synthetic.board import render_checkerboard
-from iris_sysid.synthetic.clip import Progress, render_clip
+from iris_sysid.synthetic.clip import render_clip
 from iris_sysid.synthetic.look import Look
 from iris_sysid.synthetic.plan import check_clip, scene_named
 from iris_sysid.synthetic.scene import SCENES, Scene
 from iris_sysid.synthetic.truth import truth_paths
+from iris_sysid.types import Progress, with_progress
 
 WORKSHOP = ".rendering"  # where clips are until they are whole
 MANIFEST = "manifest.json"
@@ -120,7 +121,8 @@ def render_dataset(
     _claim(root, options)
     missing = [job for job in jobs if not (root / job.place).exists()]
     with _workshop(root):
-        _render(missing, root, workers, _counted(progress, len(jobs) - len(missing), len(jobs)))
+        outcomes = side_by_side(partial(_attempt, root), missing, workers, _lost)
+        _check_all(with_progress(outcomes, progress, len(jobs), done=len(jobs) - len(missing)))
     _write_parameters(root)
     written = {job.place for job in missing}
     places = [job.place for job in jobs]
@@ -202,25 +204,14 @@ def _workshop(root: Path) -> Iterator[None]:
         shutil.rmtree(root / WORKSHOP, ignore_errors=True)
 
 
-def _counted(progress: Progress | None, done: int, total: int) -> Iterator[None]:
-    """Each step tells of one more clip."""
-    while True:
-        if progress is not None:
-            progress(done, total)
-        yield
-        done += 1
-
-
-def _render(jobs: Sequence[Job], root: Path, workers: int, steps: Iterator[None]) -> None:
-    next(steps)
-    failed: dict[str, str] = {}
-    for job, error in side_by_side(partial(_attempt, root), jobs, workers, _lost):
-        next(steps)
-        if error is not None:
-            failed[job.place] = str(error)
+def _check_all(outcomes: Iterable[tuple[Job, IrisError | None]]) -> None:
+    """Raise IrisError, after all jobs are done, when some of them failed."""
+    errors = [(job.place, error) for job, error in outcomes]
+    failed = [f"{place}: {error}" for place, error in errors if error is not None]
     if failed:
-        lines = "; ".join(f"{place}: {reason}" for place, reason in failed.items())
-        raise IrisError(f"{len(failed)} of {len(jobs)} clips could not be rendered, the others are there: {lines}")
+        raise IrisError(
+            f"{len(failed)} of {len(errors)} clips could not be rendered; all others are: {'; '.join(failed)}"
+        )
 
 
 def _attempt(root: Path, job: Job) -> IrisError | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.io.files import atomic_path
-from iris_sysid.types import FrameSource, Track
+from iris_sysid.types import FrameSource, Progress, Track, with_progress
 
 # BGR of the same colour-vision-safe set that the figures use
 BODY_COLOURS = ((178, 114, 0), (0, 94, 213), (115, 158, 0), (167, 121, 204), (0, 159, 230))
@@ -26,7 +26,7 @@ def write_overlay(
     path: Path,
     *,
     overwrite: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> None:
     """Write the clip with a ring around each body and the last half second of its path, at the clip's own times.
 
@@ -55,15 +55,13 @@ def write_overlay(
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.codec_context.time_base = TIME_BASE
         stream.codec_context.thread_count = 1
-        for count, frame in enumerate(video.frames(), start=1):
+        for frame in with_progress(video.frames(), progress, video.n_expected):
             picture = np.ascontiguousarray(frame.bgr()[:height, :width])
             for k, body in enumerate(tracks):
                 draw_body(picture, body, frame.t_s, BODY_COLOURS[k % len(BODY_COLOURS)])
             encoded = av.VideoFrame.from_ndarray(picture, format="bgr24")
             encoded.pts, encoded.time_base = round(frame.t_s / TIME_BASE), TIME_BASE
             container.mux(stream.encode(encoded))
-            if progress is not None:
-                progress(count, video.n_expected)
         container.mux(stream.encode())
 
 

@@ -14,13 +14,13 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from iris_sysid.io.files import json_text, write_atomic
 from iris_sysid.synthetic.camera import Camera, View
-from iris_sysid.synthetic.clip import Progress, check_paths, film
+from iris_sysid.synthetic.clip import check_paths, film
 from iris_sysid.synthetic.look import Look
 from iris_sysid.synthetic.plan import Plan, Timing, plan_clip
 from iris_sysid.synthetic.scene import Stage, Wall
 from iris_sysid.synthetic.shapes import Layer, Outline, box
 from iris_sysid.synthetic.truth import truth_paths
-from iris_sysid.types import Array
+from iris_sysid.types import Array, Progress
 
 SQUARES = (10, 7)  # across, down: 9 by 6 inner corners
 FIELD_SHARE = 0.34  # of the field's width that the board takes up

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,8 +16,7 @@ from iris_sysid.synthetic.picture import Picture
 from iris_sysid.synthetic.plan import NOTHING, Plan, plan_clip
 from iris_sysid.synthetic.sensor import Sensor
 from iris_sysid.synthetic.truth import Truth, truth_paths, write_truth
-
-Progress = Callable[[int, int], None]
+from iris_sysid.types import Progress, with_progress
 
 
 def render_clip(
@@ -137,9 +136,7 @@ def _expose(temporary: Path, plan: Plan, progress: Progress | None) -> None:
     sensor = Sensor(plan.camera.size, plan.look, sensor_rng)
     count = len(plan.timing.ticks)
     with Encoder(temporary, plan.camera.size, plan.timing.rate, plan.look) as encoder:
-        for k in range(count):
+        for k in with_progress(range(count), progress, count):
             frame, arrays = encoder.blank()
             sensor.read(picture.at(float(plan.timing.true_s[k]), plan.shift_px[k]), arrays)
             encoder.write(frame, int(plan.timing.ticks[k]))
-            if progress is not None:
-                progress(k + 1, count)

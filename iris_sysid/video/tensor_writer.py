@@ -8,7 +8,7 @@ out the last ``step``; its tensor is the beginning of this one. :func:`iris_sysi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -20,7 +20,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.io.files import atomic_path, check_writable, origin_of
 from iris_sysid.io.json_documents import write_document
 from iris_sysid.io.schemas import TensorDocument
-from iris_sysid.types import Array
+from iris_sysid.types import Array, Progress, with_progress
 from iris_sysid.video.container import check_size
 from iris_sysid.video.reader import Video
 from iris_sysid.video.tensor_reader import GREY, grey_levels, places_of, sidecar
@@ -37,7 +37,7 @@ def write_tensor(
     stride: int = 1,
     size: tuple[int, int] = SIZE,
     overwrite: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> TensorDocument:
     """Write a clip as a tensor of windows, and the times of its frames to ``<path>.json``.
 
@@ -103,16 +103,12 @@ def _check(path: Path, frames: int, step: int, stride: int, size: tuple[int, int
     check_size(*size, "the tensor")
 
 
-def _pictures(
-    clip: Video, size: tuple[int, int], progress: Callable[[int, int], None] | None
-) -> tuple[list[NDArray[np.uint8]], Array]:
+def _pictures(clip: Video, size: tuple[int, int], progress: Progress | None) -> tuple[list[NDArray[np.uint8]], Array]:
     """Grey pictures (h, w) of all frames, and their times (n,) in s."""
     pictures, times = [], []
-    for frame in clip.frames():
+    for frame in with_progress(clip.frames(), progress, clip.n_expected):
         pictures.append(grey_levels(frame, size))
         times.append(frame.t_s)
-        if progress is not None:
-            progress(len(pictures), max(clip.n_expected, len(pictures)))
     return pictures, np.array(times)
 
 

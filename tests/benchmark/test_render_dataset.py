@@ -83,7 +83,7 @@ def test_parameters_are_read_as_the_benchmark_reads_them(rendered):
 
 
 def test_progress_counts_clips(rendered):
-    assert rendered[2] == [(k, 70) for k in range(71)]
+    assert rendered[2] == [(k, 70) for k in range(1, 71)]
 
 
 def test_nothing_unfinished_is_left(rendered):

@@ -17,7 +17,7 @@ from iris_sysid.io.csv_read import read_track, read_trajectory
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas.groundtruth import ClipDocument, MeasuredDocument
 from iris_sysid.registry import PHENOMENA
-from iris_sysid.types import Calibration, Track, Trajectory
+from iris_sysid.types import Calibration, Progress, Track, Trajectory, with_progress
 
 NOT_BY_BOARD = ("angle", "intensity")  # what a phenomenon measures without any scale
 
@@ -82,7 +82,7 @@ def measure(
     measured: MeasuredDocument | None = None,
     conditions: Conditions | None = None,
     workers: int = 1,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> Measurements:
     """Track, calibrate and fit every clip of a data set, and keep what each gave in a folder of the same shape.
@@ -132,12 +132,11 @@ def measure(
     calibrations = _calibrations(listing, root, measured, chosen, gaps)
     jobs = [_job(clip, root, measured, conditions, calibrations.get(clip.class_name)) for clip in chosen]
     now = 0
-    for done, (job, (fresh, why)) in enumerate(side_by_side(measure_clip, _in_turn(jobs), workers, _lost), start=1):
+    outcomes = side_by_side(measure_clip, _in_turn(jobs), workers, _lost)
+    for job, (fresh, why) in with_progress(outcomes, progress, len(jobs)):
         now += fresh
         if why and fresh:
             tell(f"{job.clip.place}: {why}")
-        if progress is not None:
-            progress(done, len(jobs))
     return Measurements(tuple(_read(job, gaps) for job in jobs), tuple(sorted(gaps.items())), now)
 
 
