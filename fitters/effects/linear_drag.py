@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from fitters.effects._domain import moves
-from iris_sysid.types import Effect, OdeModel, Parameter
+from iris_sysid.types import Effect, EffectExample, OdeModel, Parameter
 
 
 def applies(model: OdeModel) -> bool:
     """Where the model moves and has no such term of its own."""
-    return moves(model) and not any(parameter.name.startswith("damping") for parameter in model.parameters)
+    return moves(model) and not model.with_role("damping")
 
 
 def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:
@@ -26,4 +26,5 @@ EFFECT = Effect(
     applies=applies,
     acceleration=acceleration,
     alike="quadratic drag, when the speed hardly varies",
+    example=EffectExample("projectile", size=0.05),
 )

@@ -15,6 +15,7 @@ GRAVITY = Parameter(
     default=STANDARD_GRAVITY,
     constant=True,
     source="standard acceleration of gravity, 3rd CGPM (1901)",
+    role="gravity",
 )
 
 MAGNIFICATION = Parameter(
@@ -26,4 +27,5 @@ MAGNIFICATION = Parameter(
     default=1.0,
     constant=True,
     source="observed length / true length: 1 by definition of the scale, whose error it carries",
+    role="magnification",
 )

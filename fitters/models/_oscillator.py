@@ -57,7 +57,7 @@ def linear_oscillator(name: str, summary: str, position: Quantity, velocity: Qua
         # Neither may end at zero: estimates of none scatter about it, and so must their intervals.
         parameters=(
             Parameter("stiffness", "1/s^2", r"\alpha", lower=-1e6, upper=1e9),
-            Parameter("damping", "1/s", r"\beta", lower=-1e2, upper=1e4),
+            Parameter("damping", "1/s", r"\beta", lower=-1e2, upper=1e4, role="damping"),
         ),
         observed=(position,),
         rhs=rhs,

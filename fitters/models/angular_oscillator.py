@@ -9,7 +9,7 @@ import numpy as np
 
 from fitters.models._guess import samples, weak_regression
 from fitters.models._oscillator import linear_oscillator
-from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 
 def about_rest() -> OdeModel:
@@ -50,8 +50,10 @@ MODEL = replace(
             default=0.0,
             constant=True,
             source="angle at rest: 0 where angles are measured from there",
+            role="offset",
         ),
     ),
     observe=observe,
     guess=guess,
+    example=ModelExample({"stiffness": 0.1, "damping": 0.05, "phi_0": 6.3, "omega_0": 0.0}, samples=900, rate_hz=60.0),
 )

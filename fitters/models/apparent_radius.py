@@ -8,7 +8,7 @@ import numpy as np
 
 from fitters.models._gravity import GRAVITY, STANDARD_GRAVITY
 from fitters.models._guess import parabola, samples
-from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 
 def rhs(t: float, state: tuple[float, float], params: tuple[float, float]) -> tuple[float, float]:
@@ -56,4 +56,5 @@ MODEL = OdeModel(
     derived=(Quantity("h0", "m", "h_0"),),
     derive=at_release,
     first_integral=energy,
+    example=ModelExample({"r0_f": 60.0, "h_0": 0.8, "v_0": 0.3}, samples=400, rate_hz=600.0),
 )

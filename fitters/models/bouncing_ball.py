@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
 from fitters.models._guess import samples
 from fitters.models._impacts import bounces
-from iris_sysid.types import Array, Event, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 SETTLING = 1e-3  # m/s; a slower rebound leaves the ball on the floor: it would rise by 50 nm
 
@@ -57,7 +57,7 @@ MODEL = OdeModel(
         Parameter("floor", "m", "z_f", default=0.0),
         Parameter(
             "damping", "1/s", r"\beta", lower=-10.0, upper=100.0, default=0.0, constant=True,
-            source="no drag unless it is freed",
+            source="no drag unless it is freed", role="damping",
         ),
         GRAVITY,
         MAGNIFICATION,
@@ -67,4 +67,5 @@ MODEL = OdeModel(
     guess=guess,
     observe=observe,
     events=(Event("impact", height, bounce),),
+    example=ModelExample({"restitution": 0.8, "floor": 0.03, "z_0": 1.0, "vz_0": -0.2}, samples=400, rate_hz=100.0),
 )  # fmt: skip

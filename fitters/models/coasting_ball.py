@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitters.models._guess import parabola, samples
-from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 
 def rhs(t: float, state: tuple[float, float], params: tuple[float]) -> tuple[float, float]:
@@ -44,10 +44,11 @@ MODEL = OdeModel(
     source="IRIS benchmark, table of equations (hitting cones), a body that touches no other",
     states=(Quantity("s", "m", "s"), Quantity("v", "m/s", "v")),
     # A damping of zero must not be a bound: estimates scatter about it, and so must their intervals.
-    parameters=(Parameter("damping", "1/s", r"\zeta", lower=-2.0, upper=50.0, default=0.0),),
+    parameters=(Parameter("damping", "1/s", r"\zeta", lower=-2.0, upper=50.0, default=0.0, role="damping"),),
     observed=(Quantity("s", "m", "s"),),
     rhs=rhs,
     guess=guess,
     observe=observe,
     first_integral=reach,
+    example=ModelExample({"damping": 0.4, "s_0": 0.1, "v_0": 1.7}, samples=300, rate_hz=240.0),
 )

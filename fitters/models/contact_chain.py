@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from fitters.models._guess import samples, start_of, weak_regression
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 # One line a body, so that the right-hand side holds numbers and tuples only, as numba needs.
 _SOURCE = """
@@ -36,7 +37,7 @@ def contact_chain(bodies: int) -> OdeModel:
         states=(*positions, *velocities),
         parameters=(
             Parameter("coupling", "1/s^2", r"\kappa", lower=-1e4, upper=1e6, default=0.0),
-            Parameter("damping", "1/s", r"\zeta", lower=-1e2, upper=1e4, default=0.0),
+            Parameter("damping", "1/s", r"\zeta", lower=-1e2, upper=1e4, default=0.0, role="damping"),
         ),
         observed=positions,
         rhs=_rhs(bodies),
@@ -87,4 +88,20 @@ def _energy(states: Array, params: Array) -> Array:
     return np.asarray(np.sum(states[:, bodies:] ** 2, axis=1) / 2 + params[0] * pairs / 2)
 
 
-MODEL = contact_chain(3)
+MODEL = replace(
+    contact_chain(3),
+    example=ModelExample(
+        {
+            "coupling": 3.0,
+            "damping": 0.4,
+            "z1_0": -0.3,
+            "z2_0": 0.0,
+            "z3_0": 0.1,
+            "v1_0": 1.5,
+            "v2_0": 0.0,
+            "v3_0": 0.1,
+        },
+        samples=600,
+        rate_hz=60.0,
+    ),
+)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitters.models._guess import samples, start_of, weak_regression
-from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 
 def rhs(
@@ -62,8 +62,8 @@ MODEL = OdeModel(
     parameters=(
         Parameter("stiffness_1", "1/s^2", r"\alpha_1", lower=-1e6, upper=1e9),
         Parameter("stiffness_2", "1/s^2", r"\alpha_2", lower=-1e6, upper=1e9),
-        Parameter("damping_1", "1/s", r"\zeta_1", lower=-1e2, upper=1e4),
-        Parameter("damping_2", "1/s", r"\zeta_2", lower=-1e2, upper=1e4),
+        Parameter("damping_1", "1/s", r"\zeta_1", lower=-1e2, upper=1e4, role="damping"),
+        Parameter("damping_2", "1/s", r"\zeta_2", lower=-1e2, upper=1e4, role="damping"),
         Parameter("coupling_1", "1/s^2", r"\kappa_1", lower=-1e6, upper=1e9),
         Parameter("coupling_2", "1/s^2", r"\kappa_2", lower=-1e6, upper=1e9),
     ),
@@ -72,4 +72,20 @@ MODEL = OdeModel(
     guess=guess,
     first_integral=energy,
     dissipative=("damping_1", "damping_2"),
+    example=ModelExample(
+        {
+            "stiffness_1": 7.8,
+            "stiffness_2": 3.1,
+            "damping_1": 0.04,
+            "damping_2": 0.05,
+            "coupling_1": 78.0,
+            "coupling_2": 32.0,
+            "z1_0": 0.0,
+            "z2_0": -0.14,
+            "v1_0": -0.1,
+            "v2_0": 0.0,
+        },
+        samples=500,
+        rate_hz=60.0,
+    ),
 )

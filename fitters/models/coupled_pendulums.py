@@ -8,7 +8,7 @@ import numpy as np
 
 from fitters.models._gravity import GRAVITY, STANDARD_GRAVITY
 from fitters.models._guess import samples, start_of, weak_regression
-from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 
 def rhs(
@@ -66,8 +66,8 @@ MODEL = OdeModel(
     parameters=(
         Parameter("length_1", "m", "L_1", lower=1e-3, upper=200.0),
         Parameter("length_2", "m", "L_2", lower=1e-3, upper=200.0),
-        Parameter("damping_1", "1/s", r"\zeta_1", lower=-2.0, upper=50.0, default=0.0),
-        Parameter("damping_2", "1/s", r"\zeta_2", lower=-2.0, upper=50.0, default=0.0),
+        Parameter("damping_1", "1/s", r"\zeta_1", lower=-2.0, upper=50.0, default=0.0, role="damping"),
+        Parameter("damping_2", "1/s", r"\zeta_2", lower=-2.0, upper=50.0, default=0.0, role="damping"),
         Parameter("coupling", "1/s^2", r"\kappa", lower=-1e4, upper=1e6, default=0.0),
         GRAVITY,
     ),
@@ -76,4 +76,19 @@ MODEL = OdeModel(
     guess=guess,
     first_integral=energy,
     dissipative=("damping_1", "damping_2"),
+    example=ModelExample(
+        {
+            "length_1": 0.5,
+            "length_2": 0.45,
+            "damping_1": 0.1,
+            "damping_2": 0.15,
+            "coupling": 2.0,
+            "theta1_0": 1.0,
+            "theta2_0": -0.3,
+            "omega1_0": 0.0,
+            "omega2_0": 0.2,
+        },
+        samples=600,
+        rate_hz=60.0,
+    ),
 )

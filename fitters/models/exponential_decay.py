@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitters.models._guess import samples, start_of, weak_regression
-from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 
 def rhs(t: float, state: tuple[float], params: tuple[float, float]) -> tuple[float]:
@@ -39,10 +39,19 @@ MODEL = OdeModel(
     states=(Quantity("intensity", "1", "I"),),
     parameters=(
         Parameter("decay_rate", "1/s", r"\gamma", lower=-1e4, upper=1e6),
-        Parameter("background", "1", "I_b", default=0.0, constant=True, source="no background unless it is freed"),
+        Parameter(
+            "background",
+            "1",
+            "I_b",
+            default=0.0,
+            constant=True,
+            source="no background unless it is freed",
+            role="offset",
+        ),
     ),
     observed=(Quantity("intensity", "1", "I"),),
     rhs=rhs,
     guess=guess,
     observe=observe,
+    example=ModelExample({"decay_rate": 0.9, "intensity_0": 1.0}, samples=600, rate_hz=200.0),
 )

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
 from fitters.models._guess import parabola, samples
-from iris_sysid.types import Array, OdeModel, Quantity, Trajectory
+from iris_sysid.types import Array, ModelExample, OdeModel, Quantity, Trajectory
 
 
 def rhs(t: float, state: tuple[float, float], params: tuple[float, float]) -> tuple[float, float]:
@@ -50,4 +50,5 @@ MODEL = OdeModel(
     guess=guess,
     observe=observe,
     first_integral=energy,
+    example=ModelExample({"gravity": 9.79, "z_0": 1.5, "vz_0": -0.3}, samples=300, rate_hz=500.0),
 )

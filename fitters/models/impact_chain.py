@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitters.models._guess import samples, start_of
-from iris_sysid.types import Event, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 SETTLING = 1e-4  # m/s; a slower rebound is none: the two go on together for this moment
 
@@ -75,8 +75,8 @@ MODEL = OdeModel(
         *(Quantity(f"v{k}", "m/s", f"v_{{{k}}}") for k in (1, 2, 3)),
     ),
     parameters=(
-        Parameter("damping_1", "1/s", r"\zeta_1", lower=-1e2, upper=1e4, default=0.0),
-        Parameter("damping", "1/s", r"\zeta", lower=-1e2, upper=1e4, default=0.0),
+        Parameter("damping_1", "1/s", r"\zeta_1", lower=-1e2, upper=1e4, default=0.0, role="damping"),
+        Parameter("damping", "1/s", r"\zeta", lower=-1e2, upper=1e4, default=0.0, role="damping"),
         Parameter("restitution", "1", "e", lower=0.0, upper=1.5, default=0.6),
         Parameter("mass_ratio", "1", "m_2/m_1", lower=1e-4, upper=1e4, default=0.3),
         Parameter("contact_12", "m", "d_{12}", default=0.0),
@@ -86,4 +86,22 @@ MODEL = OdeModel(
     rhs=rhs,
     guess=guess,
     events=(Event("impact of 1 on 2", first_gap, first_impact), Event("impact of 2 on 3", second_gap, second_impact)),
+    example=ModelExample(
+        {
+            "damping_1": 0.4,
+            "damping": 0.9,
+            "restitution": 0.6,
+            "mass_ratio": 0.3,
+            "contact_12": 0.12,
+            "contact_23": 0.1,
+            "z1_0": -0.6,
+            "z2_0": 0.0,
+            "z3_0": 0.25,
+            "v1_0": 1.5,
+            "v2_0": 0.0,
+            "v3_0": 0.02,
+        },
+        samples=300,
+        rate_hz=150.0,
+    ),
 )

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
 from fitters.models._guess import parabola, samples
-from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 
 def rhs(t: float, state: tuple[float, float], params: tuple[float, float, float, float]) -> tuple[float, float]:
@@ -52,7 +52,7 @@ MODEL = OdeModel(
     parameters=(
         Parameter("acceleration", "m/s^2", "a"),
         GRAVITY,
-        Parameter("angle", "rad", r"\alpha", constant=True, source="not known: friction needs it"),
+        Parameter("angle", "rad", r"\alpha", constant=True, source="not known: friction needs it", role="inclination"),
         MAGNIFICATION,
     ),
     observed=(Quantity("s", "m", "s"),),
@@ -62,4 +62,5 @@ MODEL = OdeModel(
     derived=(Quantity("friction", "1", r"\mu"),),
     derive=friction,
     first_integral=energy,
+    example=ModelExample({"acceleration": 2.1, "s_0": 0.05, "v_0": 0.2}, samples=300, rate_hz=300.0),
 )

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from fitters.models._oscillator import linear_oscillator
-from iris_sysid.types import Quantity
+from dataclasses import replace
 
-MODEL = linear_oscillator(
-    "linear-oscillator",
-    "a body on a linear spring, damped in proportion to its speed; small oscillations of anything",
-    Quantity("z", "m", "z"),
-    Quantity("vz", "m/s", "v_z"),
+from fitters.models._oscillator import linear_oscillator
+from iris_sysid.types import ModelExample, Quantity
+
+MODEL = replace(
+    linear_oscillator(
+        "linear-oscillator",
+        "a body on a linear spring, damped in proportion to its speed; small oscillations of anything",
+        Quantity("z", "m", "z"),
+        Quantity("vz", "m/s", "v_z"),
+    ),
+    example=ModelExample({"stiffness": 20.0, "damping": 0.3, "z_0": 0.2, "vz_0": -0.5}, samples=600, rate_hz=60.0),
 )

@@ -8,7 +8,7 @@ import numpy as np
 
 from fitters.models._gravity import GRAVITY, STANDARD_GRAVITY
 from fitters.models._guess import samples, start_of, weak_regression
-from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 
 def rhs(t: float, state: tuple[float, float], params: tuple[float, float, float]) -> tuple[float, float]:
@@ -47,7 +47,7 @@ MODEL = OdeModel(
     states=(Quantity("theta", "rad", r"\theta"), Quantity("omega", "rad/s", r"\omega")),
     parameters=(
         Parameter("length", "m", "L", lower=1e-3, upper=200.0),
-        Parameter("damping", "1/s", r"\zeta", lower=-2.0, upper=50.0, default=0.0),
+        Parameter("damping", "1/s", r"\zeta", lower=-2.0, upper=50.0, default=0.0, role="damping"),
         GRAVITY,
     ),
     observed=(Quantity("theta", "rad", r"\theta"),),
@@ -55,4 +55,5 @@ MODEL = OdeModel(
     guess=guess,
     first_integral=energy,
     dissipative=("damping",),
+    example=ModelExample({"length": 0.6, "damping": 0.08, "theta_0": 0.2, "omega_0": 0.3}, samples=600, rate_hz=60.0),
 )

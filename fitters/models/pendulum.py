@@ -9,7 +9,7 @@ import numpy as np
 
 from fitters.models._gravity import GRAVITY, STANDARD_GRAVITY
 from fitters.models._guess import samples, start_of, weak_regression
-from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 # A ball's moment of inertia about its centre over m r^2: 2/5 solid to 2/3 hollow; the middle is right to 0.13.
 ROUNDNESS = 8 / 15
@@ -78,7 +78,7 @@ MODEL = OdeModel(
     parameters=(
         Parameter("length", "m", "L", lower=1e-3, upper=200.0),
         # A damping of zero must not be a bound: estimates scatter about it, and so must their intervals.
-        Parameter("damping", "1/s", r"\zeta", lower=-2.0, upper=50.0, default=0.0),
+        Parameter("damping", "1/s", r"\zeta", lower=-2.0, upper=50.0, default=0.0, role="damping"),
         GRAVITY,
         Parameter("ball_radius", "m", "r", constant=True, source="not known: the cord's length needs it"),
         # What a camera leaves open: an angle from a table is measured from the true vertical about the true pivot.
@@ -91,6 +91,7 @@ MODEL = OdeModel(
             default=0.0,
             constant=True,
             source="angle at rest: 0 where angles are measured from the true vertical",
+            role="vertical",
         ),
         _off_pivot("pivot_across", "p_x", "sideways"),
         _off_pivot("pivot_along", "p_z", "upwards"),
@@ -103,4 +104,5 @@ MODEL = OdeModel(
     derive=rope,
     first_integral=energy,
     dissipative=("damping",),
+    example=ModelExample({"length": 0.6, "damping": 0.08, "theta_0": 1.2, "omega_0": 0.3}, samples=600, rate_hz=60.0),
 )

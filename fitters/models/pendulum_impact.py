@@ -12,7 +12,7 @@ from numba.extending import register_jitable
 from fitters.models._gravity import GRAVITY, STANDARD_GRAVITY
 from fitters.models._guess import samples, start_of
 from fitters.models._impacts import between_contacts, pieces_regression
-from iris_sysid.types import Array, Event, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 SETTLING = 1e-3  # m/s; a slower rebound does not part them: they stay together until they are pulled apart
 
@@ -147,7 +147,7 @@ def distance(values: Mapping[str, float]) -> Mapping[str, float]:
 def _vertical(body: int) -> Parameter:
     return Parameter(
         f"vertical_{body}", "rad", rf"\theta_{{v,{body}}}", lower=-0.7, upper=0.7, default=0.0, constant=True,
-        source="angle at rest: 0 where angles are measured from the true vertical",
+        source="angle at rest: 0 where angles are measured from the true vertical", role="vertical",
     )  # fmt: skip
 
 
@@ -168,8 +168,8 @@ MODEL = OdeModel(
     parameters=(
         Parameter("length_1", "m", "L_1", lower=1e-3, upper=200.0),
         Parameter("length_2", "m", "L_2", lower=1e-3, upper=200.0),
-        Parameter("damping_1", "1/s", r"\zeta_1", lower=-2.0, upper=50.0, default=0.0),
-        Parameter("damping_2", "1/s", r"\zeta_2", lower=-2.0, upper=50.0, default=0.0),
+        Parameter("damping_1", "1/s", r"\zeta_1", lower=-2.0, upper=50.0, default=0.0, role="damping"),
+        Parameter("damping_2", "1/s", r"\zeta_2", lower=-2.0, upper=50.0, default=0.0, role="damping"),
         Parameter("restitution", "1", "e", lower=0.0, upper=1.5, default=0.8),
         Parameter("mass_ratio", "1", "m_2/m_1", lower=1e-3, upper=1e3, default=1.0),
         Parameter("contact_ratio", "1", "(r_1 + r_2)/L_1", lower=0.0, upper=2.0, default=0.1),
@@ -188,4 +188,13 @@ MODEL = OdeModel(
     derived=(Quantity("contact_distance", "m", "r_1 + r_2"),),
     derive=distance,
     events=(Event("impact", gap, bounce), Event("parting", hold, part)),
+    example=ModelExample(
+        {
+            "length_1": 0.5, "length_2": 0.45, "damping_1": 0.1, "damping_2": 0.15, "restitution": 0.8,
+            "mass_ratio": 0.7, "contact_ratio": 0.12, "theta1_0": -1.0, "theta2_0": 0.6, "omega1_0": 0.1,
+            "omega2_0": 0.2,
+        },
+        samples=400,
+        rate_hz=80.0,
+    ),
 )  # fmt: skip

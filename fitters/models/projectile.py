@@ -9,7 +9,7 @@ import numpy as np
 
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
 from fitters.models._guess import line, parabola, samples
-from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 
 def rhs(
@@ -77,4 +77,5 @@ MODEL = OdeModel(
     derived=(Quantity("launch_speed", "m/s", "v_0"), Quantity("launch_angle", "rad", r"\varphi_0")),
     derive=launch,
     first_integral=energy,
+    example=ModelExample({"x_0": 0.1, "z_0": 0.2, "vx_0": 1.8, "vz_0": 2.5}, samples=300, rate_hz=400.0),
 )

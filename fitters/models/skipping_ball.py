@@ -10,7 +10,7 @@ import numpy as np
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
 from fitters.models._guess import line, samples
 from fitters.models._impacts import bounces
-from iris_sysid.types import Array, Event, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 SETTLING = 1e-3  # m/s; a slower rebound leaves the ball on the floor: it would rise by 50 nm
 
@@ -100,4 +100,12 @@ MODEL = OdeModel(
     guess=guess,
     observe=observe,
     events=(Event("impact", height, bounce),),
+    example=ModelExample(
+        {
+            "restitution": 0.8, "friction": 0.08, "floor": 0.03, "x_0": 0.1, "z_0": 1.0, "vx_0": 3.0,
+            "vz_0": -0.2, "rim_0": 0.0,
+        },
+        samples=300,
+        rate_hz=100.0,
+    ),
 )  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 
 from fitters.models._gravity import GRAVITY
 from fitters.models._guess import samples, start_of
-from iris_sysid.types import Event, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 TAUT = 1.0  # mode; 0 is slack
 ALMOST = 0.97  # of the length from the pivot: nearer, the cord is surely slack
@@ -102,13 +102,21 @@ MODEL = OdeModel(
             "restitution", "1", "e", lower=0.0, upper=1.5, default=0.0, constant=True,
             source="a cord that does not spring back unless it is freed",
         ),
-        Parameter("pivot_x", "m", "x_p"),
-        Parameter("pivot_z", "m", "z_p"),
-        Parameter("damping", "1/s", r"\zeta", lower=-2.0, upper=50.0, default=0.0),
+        Parameter("pivot_x", "m", "x_p", role="pivot"),
+        Parameter("pivot_z", "m", "z_p", role="pivot"),
+        Parameter("damping", "1/s", r"\zeta", lower=-2.0, upper=50.0, default=0.0, role="damping"),
         GRAVITY,
     ),
     observed=(Quantity("x", "m", "x"), Quantity("z", "m", "z")),
     rhs=rhs,
     guess=guess,
     events=(Event("taut", slackness, jerk), Event("slack", tension, slacken)),
+    example=ModelExample(
+        {
+            "length": 0.5, "pivot_x": 0.1, "pivot_z": 0.7, "damping": 0.1, "x_0": 0.52, "z_0": 0.72,
+            "vx_0": -0.1, "vz_0": 0.0,
+        },
+        samples=400,
+        rate_hz=80.0,
+    ),
 )  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
 from fitters.models._guess import samples, start_of
-from iris_sysid.types import Array, Event, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 # Modes: what the friction does.
 AGAINST, ALONG, STUCK = 0.0, 1.0, 2.0  # brakes a motion along s, brakes one against s, holds
@@ -80,4 +80,5 @@ MODEL = OdeModel(
     derived=(Quantity("friction_coefficient", "1", r"\mu"),),
     derive=coefficient,
     events=(Event("stop", speed, stop),),
+    example=ModelExample({"friction": 2.5, "s_0": 0.1, "v_0": 1.7}, samples=300, rate_hz=240.0),
 )

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitters.models._guess import samples, start_of, weak_regression
-from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 
 def rhs(t: float, state: tuple[float], params: tuple[float, float]) -> tuple[float]:
@@ -55,4 +55,5 @@ MODEL = OdeModel(
     rhs=rhs,
     guess=guess,
     observe=observe,
+    example=ModelExample({"outflow": 0.02, "h_0": 0.25}, samples=600, rate_hz=20.0),
 )

@@ -19,7 +19,6 @@ from iris_sysid.types import Array, Estimate, Mask, OdeModel, Parameter, Segment
 
 METRE = re.compile(r"\bm\b")
 NO_PRIORS: Mapping[str, Estimate] = MappingProxyType({})
-MAGNIFICATION = "magnification"  # observed length / true length: carries the relative error of the scale
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -192,7 +191,7 @@ def _constant(parameter: Parameter, trajectory: Trajectory, model: OdeModel) -> 
         return Estimate(np.nan, np.nan, parameter.unit, "assumed", "not known")
     stderr, source = parameter.stderr, parameter.source
     scale = None if trajectory.systematic else trajectory.geometry.get("scale")  # its error counts once
-    if parameter.name == MAGNIFICATION and scale is not None and scale.value > 0 and scale.stderr > 0:
+    if parameter.role == "magnification" and scale is not None and scale.value > 0 and scale.stderr > 0:
         stderr, source = scale.stderr / scale.value, f"scale: {scale.source}"
     return Estimate(parameter.default, stderr, parameter.unit, "assumed", source)
 

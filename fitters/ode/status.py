@@ -86,7 +86,7 @@ def singular_text(task: Task, values: Array, found: Determination) -> str:
     """Name the null directions of a singular fit and say what to give."""
     texts = [null_direction_text(task.free, values[task.unknowns.which], row) for row in found.null]
     names = [name for name, out in zip(task.free, found.undetermined, strict=True) if out]
-    example = next((name for name in names if not name.endswith("_0")), names[0])
+    example = next((name for name in names if name not in task.model.initial_names), names[0])
     return f"{'; '.join(texts)}. Give one of {_and(names)} a known value, e.g. fixed={{{example!r}: value}}"
 
 

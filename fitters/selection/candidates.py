@@ -18,7 +18,6 @@ from iris_sysid.types import Array, Estimate, FitResult, Mask, OdeModel
 
 ENOUGH = 400  # samples for a first fit: of more than twice that every second is taken, and so on
 ADEQUATE_NOISE, ADEQUATE_MOTION = 3.0, 0.02  # residual below 3 times the noise, or 2 % of the motion
-OPEN_ZERO = {"background", "rest"}  # parameters that say where a model counts from
 FAR = 1e6  # in units of the noise: a prediction that has run away
 NEAR = 10.0  # times the best held-out error: what predicts worse is not fitted to all samples
 SHOWN = 4  # samples on either side of an event: a place, a velocity, and two that agree with them
@@ -153,27 +152,30 @@ def _adapted(model: OdeModel, reading: Reading, free: Sequence[str]) -> tuple[Od
     """The model with its zero left open, and what else the reading leaves open or knows."""
     names = {parameter.name for parameter in model.parameters}
     fixed: dict[str, float | Estimate] = {name: one for name, one in reading.known.items() if name in names}
-    if "pivot_x" in names or "angle" in names:  # what the model estimates itself, or needs for derived numbers only
-        fixed = {name: one for name, one in fixed.items() if name not in ("pivot_x", "pivot_z")}
+    pivot = {parameter.name for parameter in model.with_role("pivot")}  # the model estimates it itself
+    fixed = {name: value for name, value in fixed.items() if name not in pivot}
     opened = [name for name in free if name in names and name not in fixed]
-    opened += ["gravity"] if reading.name in ("height", TILTED, "place") and _holds_gravity(model) else []
-    upright = [name for name in names if name == "vertical" or name.startswith("vertical_")]
+    if reading.name in ("height", TILTED, "place"):
+        opened += _held_gravity(model)
+    upright = sorted(parameter.name for parameter in model.with_role("vertical"))
     fixed |= {name: Estimate(0.0, UPRIGHT, "rad", source="a camera held upright") for name in upright}
-    opened += sorted(upright)
-    if names & OPEN_ZERO:
-        opened += sorted(names & OPEN_ZERO)
+    opened += upright
+    zero = sorted(parameter.name for parameter in model.with_role("offset"))
+    if zero:
+        opened += zero
     elif not upright and model.observe is None and not model.events and not moves_with_its_zero(model):
         offset = EFFECTS["zero-offset"]
         model = with_effect(model, offset) if offset.applies(model) else model
-        if "gravity" in names and model.observed[0].unit == "rad":  # an angle from the vertical
-            fixed["zero_offset"] = Estimate(0.0, UPRIGHT, "rad", source="a camera held upright")
-            opened.append("zero_offset")
+        if model.with_role("gravity") and model.observed[0].unit == "rad":  # an angle from the vertical
+            size = offset.parameters[0].name
+            fixed[size] = Estimate(0.0, UPRIGHT, "rad", source="a camera held upright")
+            opened.append(size)
     return model, {"fixed": fixed, "free": opened}
 
 
-def _holds_gravity(model: OdeModel) -> bool:
-    """Whether a model takes gravity for known: then one that estimates it would have the harder task."""
-    return any(parameter.name == "gravity" and parameter.constant for parameter in model.parameters)
+def _held_gravity(model: OdeModel) -> list[str]:
+    """Gravity of a model that takes it for known: held, it would put models that estimate it at a disadvantage."""
+    return [parameter.name for parameter in model.with_role("gravity") if parameter.constant]
 
 
 def _pulls(full: FitResult, options: Mapping[str, Any]) -> float:

@@ -18,6 +18,7 @@ from iris_sysid.types import Array, Mask, OdeModel, Quantity, Trajectory
 
 LARGEST_RADIUS = 30.0  # times the extent of a track: a circle that large is a line
 TILTED = "height, tilted"
+INCLINATION = "angle"  # the constant of models that move along a line: its angle from the horizontal
 UPRIGHT = 0.05  # rad: how far a camera's vertical may be off, and its horizontal with it
 
 
@@ -125,7 +126,7 @@ def _line(raw: Raw, known: Mask) -> Reading:
     if np.pi / 2 - angle < UPRIGHT:
         return Reading(TILTED, (middle[1] + np.sign(along[0, 1]) * way)[:, None], (raw.unit,), lever, rest, 2)
     ahead = 1.0 if way[known][-1] >= way[known][0] else -1.0
-    return Reading("way", ahead * way[:, None], (raw.unit,), lever, rest, 2, {"angle": angle})
+    return Reading("way", ahead * way[:, None], (raw.unit,), lever, rest, 2, {INCLINATION: angle})
 
 
 def _circle(raw: Raw, known: Mask) -> Reading | None:
@@ -220,8 +221,8 @@ def suits(model: OdeModel, reading: Reading) -> bool:
         for quantity, unit in zip(model.observed, reading.units, strict=True)
     )
     only = ONLY.get(reading.name)
-    slopes = reading.known.get("angle", np.pi / 2) > UPRIGHT  # a level line is no incline
-    return same and (only is None or only(model)) and (slopes or all(one.name != "angle" for one in model.parameters))
+    slopes = reading.known.get(INCLINATION, np.pi / 2) > UPRIGHT  # a level line is no incline
+    return same and (only is None or only(model)) and (slopes or not model.with_role("inclination"))
 
 
 def _upright(model: OdeModel) -> bool:
@@ -231,7 +232,7 @@ def _upright(model: OdeModel) -> bool:
 
 def _sloping(model: OdeModel) -> bool:
     """Along any line: not what falls or drains."""
-    falls = any(parameter.name == "gravity" for parameter in model.parameters)
+    falls = bool(model.with_role("gravity"))
     return model.observed[0].name == "s" or (model.observed[0].name == "z" and not falls)
 
 

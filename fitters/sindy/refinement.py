@@ -274,7 +274,7 @@ def start_about(found: Refined, library: Library, kept: Kept) -> dict[str, float
     start = {library.names[k]: float(value) for k, value in zip(kept, found.total.solved(kept)[0], strict=True)}
     if len(found.fits) == 1:
         estimates = found.fits[0].estimates
-        start |= {name: one.value for name, one in estimates.items() if name.endswith("_0")}
+        start |= {name: one.value for name, one in estimates.items() if name in found.fits[0].model.initial_names}
     return start
 
 

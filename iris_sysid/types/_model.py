@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -12,6 +13,8 @@ from iris_sysid.types._arrays import Array
 from iris_sysid.types._motion import Trajectory
 from iris_sysid.types._numbers import Quantity
 
+ParameterRole = Literal["physical", "gravity", "damping", "magnification", "offset", "vertical", "pivot", "inclination"]
+
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
@@ -19,7 +22,11 @@ class Parameter:
 
     ``default`` is used where a model's guess gives no value. ``constant`` parameters are held at
     their default unless freed (``--free``); ``source`` says where the default comes from and
-    ``stderr`` how well it is known.
+    ``stderr`` how well it is known. ``role`` says what the fitters need to know of it beyond its value:
+    ``gravity`` (the acceleration of gravity), ``damping`` (a loss in proportion to the speed; below zero it adds
+    energy), ``magnification`` (observed length over true length; carries the error of the scale), ``offset`` (the
+    value of the observed quantity at rest), ``vertical`` (direction of the true vertical), ``pivot`` (position of a
+    pivot), ``inclination`` (angle of a line from the horizontal); ``physical`` for everything else.
     """
 
     name: str
@@ -31,6 +38,7 @@ class Parameter:
     constant: bool = False
     stderr: float = 0.0
     source: str = ""
+    role: ParameterRole = "physical"
 
 
 # dstate/dt as a tuple, from (t, state, params): scalars and tuples only, so that numba can compile it.
@@ -53,6 +61,24 @@ class Event:
     reset: Callable[..., tuple[float, ...]]
 
 
+@dataclass(frozen=True, slots=True)
+class ModelExample:
+    """A motion that a model describes well: what the tests and the guide simulate.
+
+    ``values`` holds parameters and initial states by name; constants may be left out. The motion is sampled
+    ``samples`` times, ``rate_hz`` times a second, from 0 s on.
+    """
+
+    values: Mapping[str, float]
+    samples: int
+    rate_hz: float
+
+    @property
+    def t_s(self) -> Array:
+        """Sample times (samples,) s."""
+        return np.arange(self.samples) / self.rate_hz
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class OdeModel:
     """A governing equation with its parameters: what the ODE engine fits.
@@ -66,6 +92,7 @@ class OdeModel:
     ``first_integral(states (n, s), params (p,)) -> (n,)`` is conserved when the parameters named in
     ``dissipative`` are zero. ``warp(t_s, params (p,))``, where given, returns the times of the motion
     that the samples at ``t_s`` show. With ``events``, ``state`` ends with the mode; see :class:`Event`.
+    ``example``, which every registered model has, is a motion for the contract tests.
     """
 
     name: str
@@ -85,6 +112,7 @@ class OdeModel:
     dissipative: tuple[str, ...] = ()
     warp: Callable[[Array, Array], Array] | None = None
     events: tuple[Event, ...] = ()
+    example: ModelExample | None = None
 
     @property
     def second_order(self) -> bool:
@@ -93,6 +121,20 @@ class OdeModel:
         pairs = zip(self.states[:half], self.states[half : 2 * half], strict=True)
         return not odd and half > 0 and all(rate.unit == f"{place.unit}/s" for place, rate in pairs)
 
+    @property
+    def initial_names(self) -> tuple[str, ...]:
+        """Names of the initial values, ``<state>_0``, in the order of the states."""
+        return tuple(f"{state.name}_0" for state in self.states)
+
+    def with_role(self, role: ParameterRole) -> tuple[Parameter, ...]:
+        """The parameters of that role; none where the model has none."""
+        return tuple(parameter for parameter in self.parameters if parameter.role == role)
+
+    def units(self) -> dict[str, str]:
+        """The unit of each parameter and initial value by name, for values that are stated without one."""
+        initial = {name: state.unit for name, state in zip(self.initial_names, self.states, strict=True)}
+        return {parameter.name: parameter.unit for parameter in self.parameters} | initial
+
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; DataError lists the names there are."""
         for parameter in self.parameters:
@@ -100,6 +142,19 @@ class OdeModel:
                 return parameter
         names = ", ".join(parameter.name for parameter in self.parameters)
         raise DataError(f"model {self.name!r} has no parameter {name!r}; it has {names}")
+
+
+@dataclass(frozen=True, slots=True)
+class EffectExample:
+    """A model that may lack an effect, and a size at which the effect is seen in the example of that model.
+
+    ``unit``, where given, takes the place of the unit of the model's states and observed quantities, for effects of a
+    sensor that does not read metres.
+    """
+
+    model: str
+    size: float
+    unit: str = ""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -120,6 +175,7 @@ class Effect:
     ``trials(t_s (n,), observed (n, d))``, where given, returns the values of the parameters after the first to
     try, e.g. times at which something may have happened: at size zero nothing tells one from another.
     ``nearby(t_s (n,), shape)``, where given, returns others around such values, which are then chosen, not fitted.
+    ``example``, which every registered effect has, is a case for the contract tests.
     """
 
     name: str
@@ -134,3 +190,4 @@ class Effect:
     alike: str = ""
     trials: Callable[[Array, Array], Sequence[tuple[float, ...]]] | None = None
     nearby: Callable[[Array, tuple[float, ...]], Sequence[tuple[float, ...]]] | None = None
+    example: EffectExample | None = None
