@@ -1,21 +1,32 @@
-# make demo   set up, render a clip with a hidden effect, find its parameters, show what is left
-# make test   set up, run the tests
+# Everything is set up by the first target that is made; it needs Python 3.11 with venv, and make.
+#
+# make demo        render a clip with a hidden effect, find its parameters, find the effect
+# make test        the fast tests: minutes
+# make test-slow   real recordings, coverage of intervals, false alarms, Cramer-Rao bound, identity, demo: half an hour
+# make lint        style, types, and whether the installed packages agree
+# make docs        the pages and the reference of the API, into docs-output/
+# make validation  the measurements that the validation pages quote
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 CONSTRAINED := PIP_CONSTRAINT=constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1
+WORKERS ?= 2
+# One thread for each worker: two workers that share two cores with BLAS threads wait for each other.
+ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
+PYTEST := $(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS)
 
-.PHONY: demo test test-slow lint format validation wheel clean
+.PHONY: demo test test-slow lint format validation docs wheel clean
 
 demo: .venv/ready
 	$(BIN)/iris-sysid demo -o demo-output --force
 
 test: .venv/ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
+	$(PYTEST) --dist loadfile -m "not slow"
 
 test-slow: .venv/ready
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m slow
+	$(PYTEST) --dist worksteal -m slow --durations=20
 
 lint: .venv/ready
+	$(BIN)/python -m pip check
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -27,6 +38,9 @@ format: .venv/ready
 validation: .venv/ready
 	$(BIN)/python -m validation
 
+docs: .venv/ready-for-docs
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going docs docs-output
+
 wheel: .venv/ready
 	$(BIN)/python -m build --wheel --no-isolation --outdir dist .
 
@@ -35,5 +49,9 @@ wheel: .venv/ready
 	$(CONSTRAINED) $(BIN)/python -m pip install --quiet --editable ".[dev]"
 	touch $@
 
+.venv/ready-for-docs: .venv/ready
+	$(CONSTRAINED) $(BIN)/python -m pip install --quiet --editable ".[dev,docs]"
+	touch $@
+
 clean:
-	rm -rf .venv build dist demo-output *.egg-info
+	rm -rf .venv build dist demo-output docs-output *.egg-info

@@ -5,17 +5,14 @@ import re
 import pytest
 
 from iris_sysid.benchmark.sources.published import PublishedValue, published_values, truth_of, truths
-from tests._project import ROOT
+from tests._project import publication
 
-SOURCE = ROOT.parent / "shared" / "paper" / "iris_benchmark.tex"
 VALUES = published_values()
 
 
 @pytest.fixture(scope="module")
 def lines():
-    if not SOURCE.is_file():
-        pytest.skip("the publication's source (../shared/paper) is not on this machine")
-    text = SOURCE.read_text(encoding="utf-8").split("\n")
+    text = publication("iris_benchmark.tex").read_text(encoding="utf-8").split("\n")
     return [re.sub(r"\{\\times\}10\^\{(-?\d+)\}", r"e\1", line) for line in text]
 
 
