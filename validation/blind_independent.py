@@ -1,0 +1,172 @@
+"""Blind test of the diagnosis on cases of an independent generator: names, classes, sizes, false alarms.
+
+Seeds below 1,000,000 may be looked at while code is written; those from there on are sealed: scored once for a table.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from iris_sysid import MODELS, FitError, Quantity, Trajectory, diagnose
+from validation.independent.cases import SEALED, Case, draw_case
+from validation.independent.effects import HIDDEN
+
+HALF_CLASS_WIDTHS = (0.5, 0.9)
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """What the diagnosis made of one case.
+
+    ``added`` are the names it gives, ``classes`` each with those it calls indistinguishable; ``covered`` is whether
+    the 95 % interval of the size holds the truth, None where sizes cannot be compared; ``heldout`` is the error of
+    samples never looked at over the noise.
+    """
+
+    seed: int
+    model: str
+    hidden: str
+    kind: str
+    own_form: bool
+    noise: str
+    factor: float
+    right: frozenset[str]
+    added: tuple[str, ...]
+    classes: tuple[frozenset[str], ...]
+    covered: bool | None
+    heldout: float
+    failed: str = ""
+
+    @property
+    def exact(self) -> bool:
+        """Whether a name given is a right one."""
+        return bool(self.right & set(self.added))
+
+    @property
+    def in_class(self) -> bool:
+        """Whether a right name is in the class of one given."""
+        return any(self.right & names for names in self.classes)
+
+    @property
+    def extra(self) -> tuple[str, ...]:
+        """Names given in whose class no right one is."""
+        return tuple(name for name, names in zip(self.added, self.classes, strict=True) if not (names & self.right))
+
+    @property
+    def class_size(self) -> int:
+        """Names in the class that holds a right one; 0 where none does."""
+        return next((len(names) for names in self.classes if names & self.right), 0)
+
+
+def trajectory_of(case: Case) -> Trajectory:
+    """The table of a case, without stated errors."""
+    quantities = tuple(Quantity(name, unit, name) for name, unit in case.motion.observed)
+    unknown = np.full_like(case.observed, np.nan)
+    return Trajectory(case.t_s, quantities, case.observed, unknown, np.ones(case.t_s.size, dtype=bool))
+
+
+def score_case(seed: int, clean: bool) -> Score:
+    """Draw one case, diagnose it, and compare."""
+    case = draw_case(seed, clean=clean)
+    effect = case.hidden
+    about = (
+        seed,
+        case.motion.model,
+        effect.name if effect else "",
+        effect.kind if effect else "",
+        effect.own_form if effect else False,
+        case.noise,
+        case.factor,
+        effect.right if effect else frozenset(),
+    )
+    try:
+        found = diagnose(trajectory_of(case), MODELS[case.motion.model])
+    except FitError as error:
+        return Score(*about, (), (), None, np.nan, str(error))
+    added = tuple(effect.name for effect in found.added)
+    classes = tuple(frozenset({name, *found.indistinguishable[name]}) for name in added)
+    estimate = found.sizes.get(effect.size) if effect else None
+    covered = None
+    if estimate is not None and effect is not None and not effect.own_form and case.motion.size == 1:
+        low, high = estimate.interval
+        covered = bool(low <= case.size <= high)
+    return Score(*about, added, classes, covered, found.after.heldout / case.motion.noise)
+
+
+def share(flags: Sequence[bool]) -> str:
+    """The share that is true, with the counts."""
+    return f"{100 * np.mean(flags):.0f} % ({int(np.sum(flags))} of {len(flags)})" if flags else ""
+
+
+def row(label: str, scores: Sequence[Score]) -> dict[str, object]:
+    """One line of the table."""
+    sizes = [score.class_size for score in scores if score.class_size]
+    heldout = np.array([score.heldout for score in scores if score.added and np.isfinite(score.heldout)])
+    return {
+        "hidden": label,
+        "cases": len(scores),
+        "exact name": share([score.exact for score in scores]),
+        "in class": share([score.in_class for score in scores]),
+        "class size: median, largest": f"{np.median(sizes):.0f}, {max(sizes)}" if sizes else "",
+        "wrong extra name": share([bool(score.extra) for score in scores]),
+        "size covered": share([score.covered for score in scores if score.covered is not None]),
+        "held-out error / noise: median, 90 %": (
+            "{:.2f}, {:.2f}".format(*np.quantile(heldout, HALF_CLASS_WIDTHS)) if heldout.size else ""
+        ),
+        "failed": sum(bool(score.failed) for score in scores),
+    }
+
+
+def table(scores: Sequence[Score]) -> pd.DataFrame:
+    """A line for all, for each kind of form, for each hidden effect, and for the clean cases."""
+    hidden = [score for score in scores if score.hidden]
+    library = [score for score in hidden if not score.own_form]
+    rows = [row("all, the library's forms", library)]
+    rows.append(row("all, other forms", [score for score in hidden if score.own_form]))
+    rows += [
+        row(effect.name, [score for score in hidden if score.hidden == effect.name])
+        for effect in HIDDEN
+        if any(score.hidden == effect.name for score in hidden)
+    ]
+    clean = [score for score in scores if not score.hidden]
+    alarms = {"hidden": "nothing", "cases": len(clean), "wrong extra name": share([bool(s.added) for s in clean])}
+    return pd.DataFrame([*rows, alarms]).fillna("")
+
+
+def mistakes(scores: Sequence[Score]) -> list[str]:
+    """A line for each case that is not named exactly, or with more than that."""
+    return [
+        f"  {score.seed} {score.model}, {score.noise}: hidden {score.hidden or 'nothing'} x {score.factor:.1f}; added "
+        f"{', '.join(score.added) or 'nothing'}{f'; failed: {score.failed}' if score.failed else ''}"
+        for score in scores
+        if (score.hidden and not score.exact) or score.extra or score.failed
+    ]
+
+
+def main() -> None:
+    """Print the table, and unless the seeds are sealed the cases that went wrong."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cases", type=int, default=300)
+    parser.add_argument("--clean", type=int, default=100)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--first", type=int, default=0, help="first seed; with --sealed counted from the sealed ones")
+    parser.add_argument("--sealed", action="store_true", help="score seeds that nobody looks at; prints no case")
+    options = parser.parse_args()
+    first = options.first + (SEALED if options.sealed else 0)
+    with ProcessPoolExecutor(options.workers) as pool:
+        hidden = list(pool.map(partial(score_case, clean=False), range(first, first + options.cases)))
+        clean = list(pool.map(partial(score_case, clean=True), range(first, first + options.clean)))
+    print(table([*hidden, *clean]).to_string(index=False))
+    if not options.sealed:
+        print("\n".join(mistakes([*hidden, *clean])))
+
+
+if __name__ == "__main__":
+    main()
