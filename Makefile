@@ -9,6 +9,7 @@
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 CONSTRAINED := PIP_CONSTRAINT=constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1
+DEMO ?= demo-output
 WORKERS ?= 2
 # One thread for each worker: two workers that share two cores with BLAS threads wait for each other.
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
@@ -17,7 +18,7 @@ PYTEST := $(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS)
 .PHONY: demo test test-slow lint format validation docs wheel clean
 
 demo: .venv/ready
-	$(BIN)/iris-sysid demo -o demo-output --force
+	$(BIN)/iris-sysid demo -o $(DEMO) --force
 
 test: .venv/ready
 	$(PYTEST) --dist loadfile -m "not slow"

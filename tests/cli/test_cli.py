@@ -5,7 +5,6 @@ import os
 import shlex
 import subprocess
 import sys
-from pathlib import Path
 
 import av
 import cv2
@@ -367,15 +366,6 @@ def test_render_writes_a_clip_with_its_truth_the_same_again(tmp_path, cli):
     truth = read_truth(tmp_path / "one" / "clip.mp4")
     assert truth.effects == {"quadratic-drag": 0.1}
     assert truth.parameters["theta_0"].value == pytest.approx(-0.5235988)
-
-
-@pytest.mark.slow
-def test_demo_finds_what_was_hidden(tmp_path, cli):
-    outcome = cli("demo", "-o", tmp_path / "demo")
-    assert outcome.status == 0, outcome.err
-    assert "Adding quadratic drag" in outcome.out
-    pages = [Path(line.removeprefix("open ")) for line in outcome.out.splitlines() if line.startswith("open ")]
-    assert [page.is_file() for page in pages] == [True, True]
 
 
 # --------------------------------------------------------------------------- failures
