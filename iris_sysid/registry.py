@@ -1,4 +1,4 @@
-"""Find every tracker, model, effect and phenomenon: one file each, looked up by name.
+"""Find every tracker, model, effect and phenomenon by name: one file each, or an entry point, or a user's own file.
 
 A plugin file defines one module-level instance of the type that its folder holds. Files whose name
 starts with ``_`` are helpers. Nothing else has to be edited to add one.
@@ -6,21 +6,25 @@ starts with ``_`` are helpers. Nothing else has to be edited to add one.
 
 from __future__ import annotations
 
+import ast
 import importlib
 import importlib.util
 import pkgutil
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from importlib.metadata import packages_distributions
+from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from iris_sysid.errors import DataError, PluginError, UnknownNameError
 from iris_sysid.types import Effect, OdeModel, Phenomenon, Tracker
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 Item = TypeVar("Item", Tracker, OdeModel, Effect, Phenomenon)
 
@@ -29,82 +33,169 @@ DISTRIBUTION = "iris-sysid"
 
 @dataclass(eq=False)
 class Registry(Mapping[str, Item], Generic[Item]):
-    """The items of one type that the modules of one package define, by name; found on first look-up.
+    """The items of one type by name: those of the plugin files in ``package``, then those of entry points.
 
-    Of one item that is asked for by its name only the file is loaded that is called so.
+    A look-up by name loads the one file that has the name; iterating loads every file. ``group`` names the entry
+    points in which other distributions declare items. ``unusable`` says of each entry point that was passed over
+    which distribution declares it and why it was passed over.
     """
 
     kind: str
     package: str
     item_type: type[Item]
+    group: str = ""
+    unusable: dict[str, str] = field(default_factory=dict)
     _items: dict[str, Item] | None = None
-    _asked: dict[str, Item] = field(default_factory=dict)
+    _loaded: dict[str, Item] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Item:
-        if self._items is None and (alone := self._alone(name)) is not None:
-            return alone
-        items = self._found()
-        if name not in items:
-            close = get_close_matches(name, items, n=1)
-            hint = f"did you mean {close[0]!r}? " if close else ""
-            raise UnknownNameError(f"no {self.kind} is named {name!r}; {hint}there are: {', '.join(items)}")
-        return items[name]
+        if self._items is None and (item := self._item_of_file(name)) is not None:
+            return item
+        items = self._all_items()
+        if name in items:
+            return items[name]
+        if name in self.unusable:
+            raise PluginError(self.unusable[name])
+        close = get_close_matches(name, items, n=1)
+        hint = f"did you mean {close[0]!r}? " if close else ""
+        raise UnknownNameError(f"no {self.kind} is named {name!r}; {hint}there are: {', '.join(items)}")
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._found())
+        return iter(self._all_items())
 
     def __len__(self) -> int:
-        return len(self._found())
+        return len(self._all_items())
 
     def __contains__(self, name: object) -> bool:
-        return name in self._found()
+        return name in self._all_items()
 
-    def forget(self) -> None:
-        """Look again at the next look-up, e.g. after a plugin file was added."""
-        self._items = None
-        self._asked.clear()
+    def named(self, text: str) -> Item:
+        """The item that a user names: a registered name, or ``FILE.py:NAME``, which runs the file as Python would.
 
-    def _alone(self, name: str) -> Item | None:
+        Pass only text that the user typed or a plugin states; names out of data files are looked up with ``[]``,
+        which runs no file but those of the installation.
+
+        Raises
+        ------
+        DataError
+            When the file is not there, fails, or holds no such item.
+        UnknownNameError
+            When no item is registered under the name.
+        """
+        path, separator, name = text.rpartition(":")
+        if not separator or not path.endswith(".py"):
+            return self[text]
+        file = Path(path)
+        if not file.is_file():
+            raise DataError(f"there is no file {file}; give FILE.py:NAME")
+        namespace = _run(file.resolve(), file.stat().st_mtime_ns)
+        item = namespace.get(name)
+        if isinstance(item, self.item_type):
+            return item
+        names = sorted(key for key, value in namespace.items() if isinstance(value, self.item_type))
+        wanted = self.item_type.__name__
+        reason = "is not there" if name not in namespace else f"is of type {type(namespace[name]).__name__}"
+        raise DataError(f"{name!r} {reason} in {file}; items of type {wanted} in it: {', '.join(names) or 'none'}")
+
+    def summaries(self) -> dict[str, str]:
+        """The one-line summary of every item by name, read from the source where it stands there literally.
+
+        Running every plugin takes a second or more, since many import numba or OpenCV. A file whose source does not
+        show name and summary as literals is imported instead.
+        """
+        if self._items is not None:
+            return {name: item.summary for name, item in self._items.items()}
+        package = importlib.import_module(self.package)
+        check_ours(package)
+        lines: dict[str, str] = {}
+        for module in plugin_modules(package):
+            stated = _literal_summary(module, self.item_type.__name__) or self._imported_summary(module)
+            lines.update(stated)
+        others = self._entry_items(set(lines))
+        return dict(sorted((lines | {name: item.summary for name, item in others.items()}).items()))
+
+    def _imported_summary(self, module: str) -> dict[str, str]:
+        item = self._item_in(importlib.import_module(module))
+        return {} if item is None else {item.name: item.summary}
+
+    def _item_of_file(self, name: str) -> Item | None:
         """The item that the file of that name defines; None where there is no such file, or it defines another."""
-        if name not in self._asked and re.fullmatch(r"[a-z][a-z0-9-]*", name):
+        if name not in self._loaded and re.fullmatch(r"[a-z][a-z0-9-]*", name):
             check_ours(importlib.import_module(self.package))
-            file = f"{self.package}.{name.replace('-', '_')}"
-            item = self._item_of(importlib.import_module(file)) if importlib.util.find_spec(file) else None
+            module = f"{self.package}.{name.replace('-', '_')}"
+            item = self._item_in(importlib.import_module(module)) if importlib.util.find_spec(module) else None
             if item is not None and item.name == name:
-                self._asked[name] = item
-        return self._asked.get(name)
+                self._loaded[name] = item
+        return self._loaded.get(name)
 
-    def _found(self) -> dict[str, Item]:
+    def _all_items(self) -> dict[str, Item]:
         if self._items is None:
             package = importlib.import_module(self.package)
             check_ours(package)
-            self._items = dict(sorted(self._read(package).items()))
+            items = self._package_items(package)
+            self._items = dict(sorted((items | self._entry_items(items)).items()))
         return self._items
 
-    def _read(self, package: ModuleType) -> dict[str, Item]:
+    def _package_items(self, package: ModuleType) -> dict[str, Item]:
         items: dict[str, Item] = {}
-        for info in pkgutil.iter_modules(package.__path__):
-            if info.name.startswith("_") or info.ispkg:
-                continue
-            item = self._item_of(importlib.import_module(f"{self.package}.{info.name}"))
+        for module in plugin_modules(package):
+            item = self._item_in(importlib.import_module(module))
             if item is None:
                 continue
             if item.name in items:
                 raise PluginError(f"two files of {self.package} define the {self.kind} {item.name!r}; rename one")
-            if item.name != info.name.replace("_", "-"):
+            file = module.rpartition(".")[2]
+            if item.name != file.replace("_", "-"):
                 raise PluginError(
-                    f"{self.package}/{info.name}.py defines {item.name!r}; "
-                    f"the name must be {info.name.replace('_', '-')!r}, as the file is called"
+                    f"{self.package}/{file}.py defines {item.name!r}; "
+                    f"the name must be {file.replace('_', '-')!r}, as the file is called"
                 )
             items[item.name] = item
         return items
 
-    def _item_of(self, module: ModuleType) -> Item | None:
+    def _item_in(self, module: ModuleType) -> Item | None:
         """The one item the module defines; None for a module of the package that is no plugin."""
-        found = [value for value in vars(module).values() if isinstance(value, self.item_type)]
-        if len(found) > 1:
-            raise PluginError(f"{module.__name__} defines {len(found)} items of {self.kind}; one file holds one")
-        return found[0] if found else None
+        items = [value for value in vars(module).values() if isinstance(value, self.item_type)]
+        if len(items) > 1:
+            raise PluginError(f"{module.__name__} defines {len(items)} items of {self.kind}; one file holds one")
+        return items[0] if items else None
+
+    def _entry_items(self, taken: Iterable[str]) -> dict[str, Item]:
+        """The items that entry points of other distributions declare; what cannot be used goes to ``unusable``."""
+        from importlib import metadata
+
+        items: dict[str, Item] = {}
+        for point in metadata.entry_points(group=self.group) if self.group else ():
+            reason = f"another {self.kind} has that name" if point.name in {*taken, *items} else ""
+            if not reason:
+                item, reason = self._load(point)
+            if reason:
+                owner = point.dist.name if point.dist else "an unknown distribution"
+                self.unusable[point.name] = (
+                    f"{owner} declares the {self.kind} {point.name!r} ({point.value}), which cannot be used: {reason}; "
+                    f"update {owner} or uninstall it"
+                )
+            elif item is not None:
+                items[point.name] = item
+        return items
+
+    def _load(self, point: EntryPoint) -> tuple[Item | None, str]:
+        """The item of an entry point, or the reason why there is none."""
+        try:
+            item = point.load()
+        except SystemExit:
+            return None, "it calls sys.exit while it is imported"
+        except Exception as error:
+            return None, f"{type(error).__name__}: {error}"
+        if not isinstance(item, self.item_type):
+            return None, f"it is of type {type(item).__name__}, not {self.item_type.__name__}"
+        return item, "" if item.name == point.name else f"its name is {item.name!r}"
+
+
+def plugin_modules(package: ModuleType) -> list[str]:
+    """The full names of the plugin files of a package: every module that is neither private nor a package."""
+    modules = pkgutil.iter_modules(package.__path__)
+    return [f"{package.__name__}.{info.name}" for info in modules if not (info.name.startswith("_") or info.ispkg)]
 
 
 def check_ours(package: ModuleType) -> None:
@@ -113,7 +204,7 @@ def check_ours(package: ModuleType) -> None:
     ``trackers`` is also the import name of a package on PyPI, and pip lays both over one another.
     """
     top = importlib.import_module(package.__name__.partition(".")[0])
-    owners = set(packages_distributions().get(top.__name__, ())) - {DISTRIBUTION}
+    owners = {owner for folder in list(top.__path__) for owner in _owners(folder, top.__name__)} - {DISTRIBUTION}
     if getattr(top, "DISTRIBUTION", None) == DISTRIBUTION and not owners:
         return
     other = ", ".join(sorted(owners)) or f"the package at {list(top.__path__)}"
@@ -124,47 +215,52 @@ def check_ours(package: ModuleType) -> None:
     )
 
 
-TRACKERS: Registry[Tracker] = Registry("tracker", "trackers", Tracker)
-MODELS: Registry[OdeModel] = Registry("model", "fitters.models", OdeModel)
-EFFECTS: Registry[Effect] = Registry("effect", "fitters.effects", Effect)
-PHENOMENA: Registry[Phenomenon] = Registry("phenomenon", "iris_sysid.phenomena", Phenomenon)
+@cache
+def _owners(folder: str, package: str) -> frozenset[str]:
+    """The distributions that installed files into a package, from the lists of files beside it.
 
-
-def model_named(text: str) -> OdeModel:
-    """The model of that name.
-
-    ``FILE.py:NAME`` runs the file, as Python would, and takes the :class:`iris_sysid.types.OdeModel` that it calls
-    NAME; anything else is looked up among the registered models.
-
-    Raises
-    ------
-    DataError
-        When the file is not there, fails, or holds no such model.
-    UnknownNameError
-        When no model of the bank has that name.
+    ``importlib.metadata.packages_distributions`` parses every list of every distribution, ten times as long.
     """
-    path, separator, name = text.rpartition(":")
-    if not separator or not path.endswith(".py"):
-        return MODELS[text]
-    namespace = _run(Path(path))
-    found = namespace.get(name)
-    if isinstance(found, OdeModel):
-        return found
-    models = sorted(key for key, value in namespace.items() if isinstance(value, OdeModel))
-    what = "is not there" if name not in namespace else f"is {type(namespace[name]).__name__}, not an OdeModel"
-    raise DataError(f"{name!r} {what} in {path}; models in it: {', '.join(models) or 'none'}")
+    prefix = f"\n{package}/".encode()
+    records = Path(folder).parent.glob("*.dist-info/RECORD")
+    listing = [record for record in records if prefix in b"\n" + record.read_bytes()]
+    return frozenset(re.sub(r"[-_.]+", "-", record.parent.name.split("-")[0]).lower() for record in listing)
 
 
-def _run(path: Path) -> dict[str, object]:
-    if not path.is_file():
-        raise DataError(f"there is no file {path}; give FILE.py:NAME")
-    spec = importlib.util.spec_from_file_location(f"_user_models_{path.stem}", path)
+TRACKERS: Registry[Tracker] = Registry("tracker", "trackers", Tracker, "iris_sysid.trackers")
+MODELS: Registry[OdeModel] = Registry("model", "fitters.models", OdeModel, "iris_sysid.models")
+EFFECTS: Registry[Effect] = Registry("effect", "fitters.effects", Effect, "iris_sysid.effects")
+PHENOMENA: Registry[Phenomenon] = Registry("phenomenon", "iris_sysid.phenomena", Phenomenon, "iris_sysid.phenomena")
+
+
+def _literal_summary(module: str, item_type: str) -> dict[str, str]:
+    """Name and summary of the item that a plugin file builds, from its source; empty where they are no literals."""
+    spec = importlib.util.find_spec(module)
+    if spec is None or spec.origin is None:
+        return {}
+    for node in ast.parse(Path(spec.origin).read_bytes()).body:
+        call = node.value if isinstance(node, ast.Assign | ast.AnnAssign) else None
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id == item_type:
+            stated = {word.arg: word.value.value for word in call.keywords if isinstance(word.value, ast.Constant)}
+            name, summary = stated.get("name"), stated.get("summary")
+            if isinstance(name, str) and isinstance(summary, str):
+                return {name: summary}
+    return {}
+
+
+@cache
+def _run(path: Path, changed_ns: int) -> dict[str, object]:
+    """The names that a user's file defines; run once, and again after the file has changed."""
+    del changed_ns
+    spec = importlib.util.spec_from_file_location(f"_user_plugins_{path.stem}", path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module  # dataclasses look their module up
     try:
         spec.loader.exec_module(module)
+    except SystemExit as error:
+        raise DataError(f"{path} calls sys.exit when it is run; put that under if __name__ == '__main__'") from error
     except Exception as error:
         raise DataError(f"{path} fails with {type(error).__name__}: {error}") from error
     return vars(module)

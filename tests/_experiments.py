@@ -8,57 +8,7 @@ from iris_sysid.registry import MODELS
 from iris_sysid.types import Trajectory
 
 NOISE = 2e-3
-EXPERIMENTS = {
-    "pendulum": ({"length": 0.6, "damping": 0.08, "theta_0": 1.2, "omega_0": 0.3}, np.arange(600) / 60),
-    "incline": ({"acceleration": 2.1, "s_0": 0.05, "v_0": 0.2}, np.arange(300) / 300),
-    "free-fall": ({"gravity": 9.79, "z_0": 1.5, "vz_0": -0.3}, np.arange(300) / 500),
-    "projectile": ({"x_0": 0.1, "z_0": 0.2, "vx_0": 1.8, "vz_0": 2.5}, np.arange(300) / 400),
-    "exponential-decay": ({"decay_rate": 0.9, "intensity_0": 1.0}, np.arange(600) / 200),
-    "linear-oscillator": ({"stiffness": 20.0, "damping": 0.3, "z_0": 0.2, "vz_0": -0.5}, np.arange(600) / 60),
-    "angular-oscillator": ({"stiffness": 0.1, "damping": 0.05, "phi_0": 6.3, "omega_0": 0.0}, np.arange(900) / 60),
-    "torricelli": ({"outflow": 0.02, "h_0": 0.25}, np.arange(600) / 20),
-    "apparent-radius": ({"r0_f": 60.0, "h_0": 0.8, "v_0": 0.3}, np.arange(400) / 600),
-    "coupled-pendulums": (
-        {"length_1": 0.5, "length_2": 0.45, "damping_1": 0.1, "damping_2": 0.15, "coupling": 2.0}
-        | {"theta1_0": 1.0, "theta2_0": -0.3, "omega1_0": 0.0, "omega2_0": 0.2},
-        np.arange(600) / 60,
-    ),
-    "contact-chain": (
-        {"coupling": 3.0, "damping": 0.4, "z1_0": -0.3, "z2_0": 0.0, "z3_0": 0.1}
-        | {"v1_0": 1.5, "v2_0": 0.0, "v3_0": 0.1},
-        np.arange(600) / 60,
-    ),
-    "linear-pendulum": ({"length": 0.6, "damping": 0.08, "theta_0": 0.2, "omega_0": 0.3}, np.arange(600) / 60),
-    "pendulum-impact": (
-        {"length_1": 0.5, "length_2": 0.45, "damping_1": 0.1, "damping_2": 0.15, "restitution": 0.8}
-        | {"mass_ratio": 0.7, "contact_ratio": 0.12, "theta1_0": -1.0, "theta2_0": 0.6}
-        | {"omega1_0": 0.1, "omega2_0": 0.2},
-        np.arange(400) / 80,
-    ),
-    "bouncing-ball": ({"restitution": 0.8, "floor": 0.03, "z_0": 1.0, "vz_0": -0.2}, np.arange(400) / 100),
-    "skipping-ball": (
-        {"restitution": 0.8, "friction": 0.08, "floor": 0.03, "x_0": 0.1, "z_0": 1.0, "vx_0": 3.0, "vz_0": -0.2}
-        | {"rim_0": 0.0},
-        np.arange(300) / 100,
-    ),
-    "stopping-block": ({"friction": 2.5, "s_0": 0.1, "v_0": 1.7}, np.arange(300) / 240),
-    "coasting-ball": ({"damping": 0.4, "s_0": 0.1, "v_0": 1.7}, np.arange(300) / 240),
-    "coupled-oscillators": (
-        {"stiffness_1": 7.8, "stiffness_2": 3.1, "damping_1": 0.04, "damping_2": 0.05, "coupling_1": 78.0}
-        | {"coupling_2": 32.0, "z1_0": 0.0, "z2_0": -0.14, "v1_0": -0.1, "v2_0": 0.0},
-        np.arange(500) / 60,
-    ),
-    "slack-cord": (
-        {"length": 0.5, "pivot_x": 0.1, "pivot_z": 0.7, "damping": 0.1}
-        | {"x_0": 0.52, "z_0": 0.72, "vx_0": -0.1, "vz_0": 0.0},
-        np.arange(400) / 80,
-    ),
-    "impact-chain": (
-        {"damping_1": 0.4, "damping": 0.9, "restitution": 0.6, "mass_ratio": 0.3, "contact_12": 0.12}
-        | {"contact_23": 0.1, "z1_0": -0.6, "z2_0": 0.0, "z3_0": 0.25, "v1_0": 1.5, "v2_0": 0.0, "v3_0": 0.02},
-        np.arange(300) / 150,
-    ),
-}
+EXPERIMENTS = {name: (dict(model.example.values), model.example.t_s) for name, model in MODELS.items()}
 
 
 def correlated(rng, shape, rho, warm_up=300):

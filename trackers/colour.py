@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from iris_sysid.errors import TrackingError
-from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackOptions, with_progress
+from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackerExample, TrackOptions, with_progress
 from trackers._background.median import MAD_TO_SD, QUANTISATION_SD, Background, Bytes, Image, Still
 from trackers._detection.detect_frames import REPORT_EVERY
 from trackers._detection.detection import Glimpse, Lens
@@ -139,4 +139,5 @@ TRACKER = Tracker(
     name="colour",
     summary="bodies of one colour, also before a camera that moves, or at rest",
     track=track,
+    example=TrackerExample(options=TrackOptions(colour="#b4b4b4")),
 )

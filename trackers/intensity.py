@@ -13,7 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from iris_sysid.errors import TrackingError
-from iris_sysid.types import Array, Frame, FrameSource, Track, Tracker, TrackOptions, with_progress
+from iris_sysid.types import Array, Frame, FrameSource, Track, Tracker, TrackerExample, TrackOptions, with_progress
 from trackers._frames.working_image import View, view_of
 from trackers._regions.covarying_region import Region, region_that_changes
 from trackers._regions.lamp_brightness import Lamp, lamp_of, luma_of
@@ -145,4 +145,5 @@ TRACKER = Tracker(
     name="intensity",
     summary="brightness of the region that changes most, such as an LED",
     track=track,
+    example=TrackerExample("fading-lamp"),
 )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from iris_sysid.errors import DataError, TrackingError
-from iris_sysid.types import Array, Frame, FrameSource, Track, Tracker, TrackOptions, with_progress
+from iris_sysid.types import Array, Frame, FrameSource, Track, Tracker, TrackerExample, TrackOptions, with_progress
 from trackers._frames.working_image import View, view_of
 from trackers._regions.liquid_surface import STRIPS, WALL, WINDOW, Vessel, rough_levels, surface_of, vessel_of
 from trackers._uncertainty.local_polynomial import excess_scatter, pooled
@@ -136,4 +136,5 @@ TRACKER = Tracker(
     name="level",
     summary="height of a liquid's surface in a vessel that drains or fills",
     track=track,
+    example=TrackerExample("draining-vessel", tolerance_px=2.0),
 )

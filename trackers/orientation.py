@@ -15,7 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.errors import DataError, TrackingError
-from iris_sysid.types import Array, FrameSource, Track, Tracker, TrackOptions, part_of_progress, with_progress
+from iris_sysid.types import (
+    Array,
+    FrameSource,
+    Track,
+    Tracker,
+    TrackerExample,
+    TrackOptions,
+    part_of_progress,
+    with_progress,
+)
 from trackers._background.median import Image
 from trackers._detection.detect_frames import Stage, stage_of
 from trackers._frames.working_image import view_of
@@ -182,4 +191,5 @@ TRACKER = Tracker(
     name="orientation",
     summary="orientation of a body that turns about a fixed axis, such as an arm or a marked disc",
     track=track,
+    example=TrackerExample("turning-arm", tolerance_px=4.0),
 )

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from iris_sysid.errors import DataError, TrackingError
-from iris_sysid.types import Array, FrameSource, Track, Tracker, TrackOptions, with_progress
+from iris_sysid.types import Array, FrameSource, Track, Tracker, TrackerExample, TrackOptions, with_progress
 from trackers._background.median import Bytes, Image
 from trackers._detection.detect_frames import REPORT_EVERY
 from trackers._frames.working_image import view_of
@@ -170,4 +170,5 @@ TRACKER = Tracker(
     name="template",
     summary="a patch as it looks in the first frame, by normalised cross-correlation; give it with --roi",
     track=track,
+    example=TrackerExample(options=TrackOptions(roi=(112, 35, 27, 27))),
 )

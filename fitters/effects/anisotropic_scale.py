@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitters.effects._domain import swings
-from iris_sysid.types import Array, Effect, OdeModel, Parameter
+from iris_sysid.types import Array, Effect, EffectExample, OdeModel, Parameter
 
 
 def applies(model: OdeModel) -> bool:
@@ -32,4 +32,5 @@ EFFECT = Effect(
     applies=applies,
     observe=observe,
     alike="radial-distortion and cubic-stiffness, for swings; horizontal speed, for throws",
+    example=EffectExample("projectile", size=0.05),
 )

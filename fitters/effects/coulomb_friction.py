@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitters.effects._domain import moves
-from iris_sysid.types import Effect, Parameter
+from iris_sysid.types import Effect, EffectExample, Parameter
 
 # Within this speed, relative to 1 unit/s, the sign turns over smoothly, so that the solution is differentiable.
 TURNOVER = 3e-2
@@ -26,4 +26,5 @@ EFFECT = Effect(
     applies=moves,
     acceleration=acceleration,
     alike="constant-force, while the motion keeps its direction",
+    example=EffectExample("pendulum", size=0.05),
 )

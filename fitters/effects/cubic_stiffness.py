@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fitters.effects._domain import moves_on_a_line
-from iris_sysid.types import Effect, Parameter
+from iris_sysid.types import Effect, EffectExample, Parameter
 
 
 def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:
@@ -21,4 +21,5 @@ EFFECT = Effect(
     applies=moves_on_a_line,
     acceleration=acceleration,
     alike="radial-distortion and a wrong scale, which also change the period with the amplitude",
+    example=EffectExample("pendulum", size=0.05),
 )

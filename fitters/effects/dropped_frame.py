@@ -6,7 +6,7 @@ import numpy as np
 
 from fitters.effects._domain import any_model
 from fitters.effects._times import frame_interval, moments
-from iris_sysid.types import Array, Effect, Parameter
+from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 FARTHEST = 8  # powers of two of frames by which a moment is moved
 
@@ -41,7 +41,15 @@ EFFECT = Effect(
     source="one lost frame is a delay of one over the frame rate",
     parameters=(
         Parameter("dropped_frame", "s", r"\delta", default=0.0),
-        Parameter("drop_time", "s", "t_d", default=0.0, constant=True, source="the frame interval that fits best"),
+        Parameter(
+            "drop_time",
+            "s",
+            "t_d",
+            default=0.0,
+            constant=True,
+            source="the frame interval that fits best",
+            role="location",
+        ),
         Parameter("drop_width", "s", "w_d", lower=1e-9, default=1.0, constant=True, source="frame interval"),
     ),
     applies=any_model,
@@ -49,4 +57,5 @@ EFFECT = Effect(
     alike="impact",
     trials=trials,
     nearby=nearby,
+    example=EffectExample("pendulum", size=0.05),
 )

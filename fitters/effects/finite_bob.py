@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fitters.effects._domain import swings
 from fitters.effects._inertia import slowed
-from iris_sysid.types import Effect, Parameter
+from iris_sysid.types import Effect, EffectExample, Parameter
 
 EFFECT = Effect(
     name="finite-bob",
@@ -15,4 +15,5 @@ EFFECT = Effect(
     applies=swings,
     acceleration=slowed,
     alike="the length itself, unless it is known; time-scale",
+    example=EffectExample("pendulum", size=0.05),
 )

@@ -6,7 +6,7 @@ import numpy as np
 
 from fitters.effects._domain import slides
 from fitters.effects._times import frame_interval
-from iris_sysid.types import Array, Effect, Parameter
+from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 TURNOVER = 3e-2  # unit/s, as for coulomb-friction
 PLACES = 16  # tried, spread evenly over the way
@@ -35,11 +35,12 @@ EFFECT = Effect(
     source="Coulomb's law with a coefficient for each of two surfaces",
     parameters=(
         Parameter("friction_change", "{x}/s^2", "c", default=0.0),
-        Parameter("change_place", "{x}", "x_c", default=0.0),
+        Parameter("change_place", "{x}", "x_c", default=0.0, role="location"),
         Parameter("change_width", "s", "w_c", lower=1e-9, default=1.0, constant=True, source="frame interval"),
     ),
     applies=slides,
     acceleration=acceleration,
     alike="impact, where the rest of the way is short",
     trials=trials,
+    example=EffectExample("incline", size=0.05),
 )

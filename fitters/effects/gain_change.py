@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitters.effects._domain import is_read_in_volts
-from iris_sysid.types import Array, Effect, Parameter
+from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 QUANTILES = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)  # of what was seen, tried as the level at which the gain changes
 
@@ -28,10 +28,11 @@ EFFECT = Effect(
     source="first-order expansion of a calibration curve with two ranges",
     parameters=(
         Parameter("gain_change", "1", "g", lower=-0.95, default=0.0),
-        Parameter("gain_level", "{x}", "x_g", default=0.0),
+        Parameter("gain_level", "{x}", "x_g", default=0.0, role="location"),
     ),
     applies=is_read_in_volts,
     observe=observe,
     alike="a level from which the way out is another",
     trials=trials,
+    example=EffectExample("torricelli", size=0.05, unit="V"),
 )

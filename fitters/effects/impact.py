@@ -6,7 +6,7 @@ import numpy as np
 
 from fitters.effects._domain import moves_on_a_line
 from fitters.effects._times import moments
-from iris_sysid.types import Effect, Parameter
+from iris_sysid.types import Effect, EffectExample, Parameter
 
 
 def acceleration(
@@ -25,11 +25,12 @@ EFFECT = Effect(
     source="Newton's second law, integrated over a time that is short against the motion",
     parameters=(
         Parameter("impact", "{x}/s", "J", default=0.0),
-        Parameter("impact_time", "s", "t_i", default=0.0),
+        Parameter("impact_time", "s", "t_i", default=0.0, role="location"),
         Parameter("impact_width", "s", "w_i", lower=1e-9, default=1.0, constant=True, source="frame interval"),
     ),
     applies=moves_on_a_line,
     acceleration=acceleration,
     alike="dropped-frame",
     trials=moments,
+    example=EffectExample("pendulum", size=0.05),
 )

@@ -6,7 +6,7 @@ import numpy as np
 
 from fitters.effects._domain import moves
 from fitters.effects._times import sudden
-from iris_sysid.types import Array, Effect, Parameter
+from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 SHARES = (0.03, 0.06, 0.1, 0.15, 0.2)  # of the clip, tried as the time at which the hand lets go
 
@@ -32,11 +32,12 @@ EFFECT = Effect(
     source="a force in proportion to what it holds back; the velocity at the start is a parameter of every model",
     parameters=(
         Parameter("late_release", "1", "s", default=0.0),
-        Parameter("release_time", "s", "t_r", default=0.0),
+        Parameter("release_time", "s", "t_r", default=0.0, role="location"),
         Parameter("release_width", "s", "w_r", lower=1e-9, default=1.0, constant=True, source="frame interval"),
     ),
     applies=moves,
     acceleration=acceleration,
     alike="the initial velocity, in part",
     trials=trials,
+    example=EffectExample("pendulum", size=0.05),
 )

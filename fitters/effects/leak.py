@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fitters.effects._domain import drains
-from iris_sysid.types import Effect, Parameter
+from iris_sysid.types import Effect, EffectExample, Parameter
 
 
 def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:
@@ -21,4 +21,5 @@ EFFECT = Effect(
     applies=drains,
     acceleration=acceleration,
     alike="the decay rate itself, where the decay is exponential",
+    example=EffectExample("torricelli", size=0.05),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fitters.effects._domain import any_model
-from iris_sysid.types import Effect, Parameter
+from iris_sysid.types import Effect, EffectExample, Parameter
 
 
 def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:
@@ -21,4 +21,5 @@ EFFECT = Effect(
     applies=any_model,
     acceleration=acceleration,
     alike="time-scale errors that grow; frequency that depends on amplitude, in a damped swing",
+    example=EffectExample("pendulum", size=0.05),
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitters.effects._domain import moves_on_a_line
-from iris_sysid.types import Array, Effect, Parameter
+from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 MOST_CYCLES = 12.0  # in the clip, of the slowest forcings; half a cycle is what the clip resolves
 QUARTER_TURNS = (0.0, 0.5 * np.pi)
@@ -40,4 +40,5 @@ EFFECT = Effect(
     acceleration=acceleration,
     alike="the motion itself, near its own frequency",
     trials=trials,
+    example=EffectExample("pendulum", size=0.05),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fitters.effects._domain import moves
-from iris_sysid.types import Effect, Parameter
+from iris_sysid.types import Effect, EffectExample, Parameter
 
 
 def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:
@@ -21,4 +21,5 @@ EFFECT = Effect(
     applies=moves,
     acceleration=acceleration,
     alike="linear drag, when the speed hardly varies",
+    example=EffectExample("pendulum", size=0.05),
 )

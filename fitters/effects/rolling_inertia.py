@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fitters.effects._domain import moves
 from fitters.effects._inertia import slowed
-from iris_sysid.types import Effect, OdeModel, Parameter
+from iris_sysid.types import Effect, EffectExample, OdeModel, Parameter
 
 
 def applies(model: OdeModel) -> bool:
@@ -21,4 +21,5 @@ EFFECT = Effect(
     applies=applies,
     acceleration=slowed,
     alike="the acceleration itself, unless it is known; time-scale",
+    example=EffectExample("incline", size=0.05),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fitters.effects._domain import is_filmed
-from iris_sysid.types import Array, Effect, Parameter
+from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 
 def observe(t_s: Array, observed: Array, velocity: Array, params: Array) -> Array:
@@ -20,4 +20,5 @@ EFFECT = Effect(
     applies=is_filmed,
     observe=observe,
     alike="quadratic forces, weakly",
+    example=EffectExample("pendulum", size=0.05),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fitters.effects._domain import moves_on_a_line, swings
-from iris_sysid.types import Effect, OdeModel, Parameter
+from iris_sysid.types import Effect, EffectExample, OdeModel, Parameter
 
 
 def applies(model: OdeModel) -> bool:
@@ -27,4 +27,5 @@ EFFECT = Effect(
     applies=applies,
     acceleration=acceleration,
     alike="zero-offset and constant-force, for swings of one size",
+    example=EffectExample("pendulum", size=0.05),
 )

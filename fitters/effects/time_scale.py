@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fitters.effects._domain import any_model
-from iris_sysid.types import Array, Effect, Parameter
+from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 
 def warp(t_s: Array, params: Array) -> Array:
@@ -20,4 +20,5 @@ EFFECT = Effect(
     applies=any_model,
     warp=warp,
     alike="length, gravity, damping and all rates, unless one of them is known",
+    example=EffectExample("pendulum", size=0.05),
 )

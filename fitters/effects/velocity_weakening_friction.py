@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitters.effects._domain import moves
-from iris_sysid.types import Effect, Parameter
+from iris_sysid.types import Effect, EffectExample, Parameter
 
 TURNOVER = 3e-2  # unit/s, as for coulomb-friction
 
@@ -32,4 +32,5 @@ EFFECT = Effect(
     applies=moves,
     acceleration=acceleration,
     alike="coulomb-friction, at speeds below v_s",
+    example=EffectExample("pendulum", size=0.05),
 )

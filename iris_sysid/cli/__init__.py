@@ -1,34 +1,99 @@
 """The command line: each command is one arrow of the flow, thin over the library.
 
 Results go to files and, with ``--json``, to stdout; progress goes to stderr. Exit status: 0 done,
-1 a stated failure, 2 wrong usage. Imports that take time are made by the command that needs them.
+1 a stated failure, 2 wrong usage. A command's module is imported when the command is called, and
+imports that take time are made by the command that needs them.
 """
 
+from __future__ import annotations
+
+import importlib
 import sys
+from collections.abc import Iterator, MutableMapping
+from typing import TYPE_CHECKING, Any
 
 import typer
+from typer.core import TyperGroup
 
-from iris_sysid.cli import (
-    _terminal,
-    benchmark,
-    calibrate,
-    demo,
-    diagnose,
-    discover,
-    fit,
-    gt,
-    import_marks,
-    list_names,
-    render,
-    run,
-    schema,
-    smooth,
-    tensors,
-    track,
-)
-from iris_sysid.errors import IrisError
+if TYPE_CHECKING:
+    from typer._click import Context, HelpFormatter
+    from typer._click.core import Command
+
+# Every command in the order in which help shows them: the module and function of its own name, and what help says.
+# A test holds the sentences to the functions' own.
+COMMANDS = {
+    "run": ("run", "Run the whole chain on one clip."),
+    "calibrate": ("calibrate", "Calibrate camera and plane of motion."),
+    "track": ("track", "Follow bodies through a clip."),
+    "import": ("import_marks", "Import the marks of an OSP Tracker project."),
+    "smooth": ("smooth", "Smooth a trajectory and add its velocities."),
+    "fit": ("fit", "Fit a governing equation to a trajectory."),
+    "diagnose": ("diagnose", "Find what a governing equation lacks, and add it."),
+    "discover": ("discover", "Find the governing equation itself, with error bars on its terms, and its name."),
+    "render": ("render", "Render a clip whose every number is known, or the whole benchmark."),
+    "demo": ("demo", "Render a clip, find what is hidden in it, compare."),
+    "tensors": ("tensors", "Write a clip as the benchmark's tensor."),
+    "gt": ("gt", "Regenerate the ground truth of a data set."),
+    "benchmark": ("benchmark", "Compare methods on a data set: one table of rows, all benchmark tables from it."),
+    "list": ("list_names", "List phenomena, models, effects, trackers and scenes."),
+    "schema": ("schema", "Print the JSON Schema of a result file."),
+}
+
+
+class _Loaded(MutableMapping[str, "Command"]):
+    """The commands by name; each is imported when it is looked up."""
+
+    def __init__(self) -> None:
+        self._commands: dict[str, Command] = {}
+
+    def __getitem__(self, name: str) -> Command:
+        if name not in self._commands:
+            self._commands[name] = _command(name)
+        return self._commands[name]
+
+    def __setitem__(self, name: str, command: Command) -> None:
+        self._commands[name] = command
+
+    def __delitem__(self, name: str) -> None:
+        del self._commands[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(COMMANDS)
+
+    def __len__(self) -> int:
+        return len(COMMANDS)
+
+
+def _command(name: str) -> Command:
+    module, _ = COMMANDS[name]
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+    alone.command(name)(getattr(importlib.import_module(f"iris_sysid.cli.{module}"), module))
+    return typer.main.get_command(alone)
+
+
+class _Group(TyperGroup):
+    """A group that imports only the command that is called, and none to show its help."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = _Loaded()
+
+    def list_commands(self, ctx: Context) -> list[str]:
+        """The names in the order of help."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
+        """The command of that name; None where there is none."""
+        return self.commands[cmd_name] if cmd_name in COMMANDS else None
+
+    def format_commands(self, ctx: Context, formatter: HelpFormatter) -> None:
+        """Write one line a command."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, sentence) for name, (_, sentence) in COMMANDS.items()])
+
 
 app = typer.Typer(
+    cls=_Group,
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -37,26 +102,17 @@ app = typer.Typer(
     epilog="Add --debug to any command to see where a failure comes from.",
 )
 
-# in the order in which help shows them: one file a command
-app.command("run")(run.run)
-app.command("calibrate")(calibrate.calibrate)
-app.command("track")(track.track)
-app.command("import")(import_marks.import_marks)
-app.command("smooth")(smooth.smooth)
-app.command("fit")(fit.fit)
-app.command("diagnose")(diagnose.diagnose)
-app.command("discover")(discover.discover)
-app.command("render")(render.render)
-app.command("demo")(demo.demo)
-app.command("tensors")(tensors.tensors)
-app.command("gt")(gt.gt)
-app.command("benchmark")(benchmark.benchmark)
-app.command("list")(list_names.list_names)
-app.command("schema")(schema.schema)
+
+@app.callback()
+def _every_command() -> None:
+    """Take no options: a group without registered commands needs a callback."""
 
 
 def main() -> None:
     """Run the command line; a stated failure is one line on stderr and exit status 1."""
+    from iris_sysid.cli import _terminal
+    from iris_sysid.errors import IrisError
+
     _terminal.replace_unprintable()
     debug = "--debug" in sys.argv
     arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]

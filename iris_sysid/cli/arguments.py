@@ -1,33 +1,95 @@
 """Arguments and options that commands share, spelt and explained alike everywhere."""
 
+from __future__ import annotations
+
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+if TYPE_CHECKING:
+    from iris_sysid.types import ClipOptions
+
 Video = Annotated[Path, typer.Argument(help="Video, folder of images, GIF, or .zip/.trz that holds one.")]
 Table = Annotated[Path, typer.Argument(help="CSV with t_s and <quantity>_<unit> columns.")]
-Output = Annotated[Path, typer.Option("-o", "--output", help="Where the result goes.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace results that are already there.")]
-Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON on stdout.")]
+Output = Annotated[Path, typer.Option("-o", "--output", help="File or folder for the result.")]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite existing results.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON to stdout.")]
 Fps = Annotated[float | None, typer.Option(help="True frame rate in 1/s, for slow motion.")]
-Start = Annotated[float | None, typer.Option(help="Leave out what comes before, in s.")]
-Stop = Annotated[float | None, typer.Option(help="Leave out what comes after, in s.")]
-Roi = Annotated[str | None, typer.Option(help="Look only here: x,y,width,height in px.")]
+Start = Annotated[float | None, typer.Option(help="Start time in s; earlier frames are skipped.")]
+Stop = Annotated[float | None, typer.Option(help="Stop time in s; later frames are skipped.")]
+Roi = Annotated[str | None, typer.Option(help="Region of interest: x,y,width,height in px.")]
 Colour = Annotated[str | None, typer.Option("--colour", "--color", help="Colour of the body: a name or #rrggbb.")]
-Bodies = Annotated[int | None, typer.Option(help="Number of bodies to follow.", min=1, max=64)]
-TrackerName = Annotated[str | None, typer.Option("--tracker", help="Tracker; see iris-sysid list.")]
-PhenomenonName = Annotated[str, typer.Option("--phenomenon", help="What is filmed; see iris-sysid list.")]
-KeepPartial = Annotated[bool, typer.Option("--keep-partial", help="Use what can be read of a damaged file.")]
+Bodies = Annotated[int | None, typer.Option(help="Number of bodies to track.", min=1, max=64)]
+TrackerName = Annotated[
+    str | None, typer.Option("--tracker", help="Tracker name; see iris-sysid list. Or FILE.py:NAME.")
+]
+PhenomenonName = Annotated[
+    str, typer.Option("--phenomenon", help="Phenomenon in the clip; see iris-sysid list. Or FILE.py:NAME.")
+]
+KeepPartial = Annotated[bool, typer.Option("--keep-partial", help="Use the readable part of a damaged file.")]
 Settings = Annotated[list[str] | None, typer.Option("--set", help="A known value: gravity=9.79+-0.01, length=50cm.")]
-Free = Annotated[list[str] | None, typer.Option("--free", help="Estimate this constant as well, e.g. gravity.")]
-Scale = Annotated[str | None, typer.Option(help="640px=1m; or gravity=9.79 to take it from the fall itself.")]
-ScaleBar = Annotated[str | None, typer.Option(help="Two points a known length apart: x1,y1,x2,y2=0.84m.")]
+Free = Annotated[list[str] | None, typer.Option("--free", help="Estimate this constant too, e.g. gravity.")]
+Scale = Annotated[str | None, typer.Option(help="Scale: 640px=1m; or gravity=9.79, which computes it from the fall.")]
+ScaleBar = Annotated[str | None, typer.Option(help="Two points at a known distance: x1,y1,x2,y2=0.84m.")]
 CalibrationFile = Annotated[Path | None, typer.Option("--calibration", help="calibration.json, or a .trk/.trz file.")]
 Marks = Annotated[
-    list[str] | None, typer.Option("--mark", help="A point in px: pivot=437,42, launch=5,103; plumb=x1,y1,x2,y2.")
+    list[str] | None,
+    typer.Option("--mark", help="Mark a point in px: pivot=437,42, launch=5,103; or a line: plumb=x1,y1,x2,y2."),
 ]
-Vertical = Annotated[str, typer.Option(help="Gravity's direction: assumed, or motion (by the flight itself).")]
+Vertical = Annotated[str, typer.Option(help="Direction of gravity: assumed, or motion (estimated from the flight).")]
 TimeBase = Annotated[str, typer.Option(help="Standard error of the frame rate: 0.01% or 50ppm.")]
 Starts = Annotated[list[str] | None, typer.Option("--start-at", help="A starting value, e.g. length=0.5.")]
 ModelName = Annotated[str, typer.Option("--model", help="Governing equation; see iris-sysid list. Or FILE.py:NAME.")]
+
+
+@dataclass(frozen=True)
+class ClipArguments:
+    """Which part of a clip is read, and its frame rate."""
+
+    fps: Fps = None
+    start: Start = None
+    stop: Stop = None
+    keep_partial: KeepPartial = False
+
+    def options(self, fps_stderr: float = 0.0) -> ClipOptions:
+        """As the library takes them; ``fps_stderr`` is the relative standard error of the frame rate."""
+        from iris_sysid.types import ClipOptions
+
+        return ClipOptions(self.fps, fps_stderr, self.start, self.stop, self.keep_partial)
+
+
+@dataclass(frozen=True)
+class ScaleArguments:
+    """How pixels become metres."""
+
+    scale: Scale = None
+    scale_bar: ScaleBar = None
+    calibration: CalibrationFile = None
+
+
+@dataclass(frozen=True)
+class TrackerArguments:
+    """How bodies are found."""
+
+    roi: Roi = None
+    colour: Colour = None
+    tracker: TrackerName = None
+
+
+@dataclass(frozen=True)
+class SceneArguments:
+    """What is known about the scene and the clock."""
+
+    mark: Marks = None
+    vertical: Vertical = "assumed"
+    time_base: TimeBase = "0%"
+
+
+@dataclass(frozen=True)
+class ModelArguments:
+    """What is known about the model, and what is estimated."""
+
+    known: Settings = None
+    free: Free = None

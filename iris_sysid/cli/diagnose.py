@@ -16,7 +16,10 @@ Clips = Annotated[
     typer.Argument(help="CSV with t_s and <quantity>_<unit> columns; folders of them, of run, or a data set."),
 ]
 Model = Annotated[str | None, typer.Option("--model", help="Governing equation; see list. Or FILE.py:NAME.")]
-Phenomenon = Annotated[str | None, typer.Option("--phenomenon", help="What is filmed, for its model; see list.")]
+Effects = Annotated[list[str] | None, typer.Option("--effect", help="Try an effect of your own as well: FILE.py:NAME.")]
+Phenomenon = Annotated[
+    str | None, typer.Option("--phenomenon", help="What is filmed, for its model; see list. Or FILE.py:NAME.")
+]
 
 
 def diagnose(
@@ -24,6 +27,7 @@ def diagnose(
     output: Output,
     model: Model = None,
     phenomenon: Phenomenon = None,
+    effect: Effects = None,
     known: Settings = None,
     free: Free = None,
     holdout: Annotated[float, typer.Option(help="Share to predict without fitting it.", min=0.0, max=0.9)] = 0.3,
@@ -45,28 +49,29 @@ def diagnose(
     from iris_sysid.cli import _parsing
     from iris_sysid.diagnosis import diagnose as diagnosis
     from iris_sysid.io.json_documents import document_text
-    from iris_sysid.registry import MODELS, PHENOMENA, model_named
+    from iris_sysid.registry import EFFECTS, MODELS, PHENOMENA
     from iris_sysid.report.diagnosis_page import check_folder, diagnosis_document, write_diagnosis
     from iris_sysid.report.text import diagnosis_sentence
 
-    shown = None if phenomenon is None else PHENOMENA[phenomenon]
+    shown = None if phenomenon is None else PHENOMENA.named(phenomenon)
     if model is not None:
-        chosen = model_named(model)
+        chosen = MODELS.named(model)
     elif shown is not None:
-        chosen = MODELS[shown.model]
+        chosen = MODELS.named(shown.model)
     else:
         raise typer.BadParameter("Missing option '--model' or '--phenomenon'")
     check_folder(output, overwrite=force)
-    fixed = _parsing.settings(known or (), _parsing.units_of(chosen))
+    fixed = _parsing.settings(known or (), chosen.units())
     asked = {"model": chosen.name if model is None else model, "set": known, "free": free, "holdout": holdout}
     measured = _measured(clips, phenomenon, output, trials, board, square)
-    questioned = [_parsing.asked(clip, **asked) for clip in measured]
+    questioned = [_parsing.with_options(clip, **asked) for clip in measured]
     usual = shown.free if shown is not None and model is None else ()
     found = diagnosis.diagnose(
         questioned,
         chosen,
         fixed=fixed,
         free=[name for name in dict.fromkeys((*usual, *(free or ()))) if name not in fixed or name in (free or ())],
+        effects=[*EFFECTS.values(), *map(EFFECTS.named, effect or ())],
         holdout=holdout,
         progress=lambda text: typer.echo(text, err=True),
     )
@@ -82,9 +87,13 @@ def _measured(
     """The trajectories of tables and folders; clips of a data set are measured, and kept beside the output."""
     from iris_sysid.benchmark.clip_folders import clips_of, clips_of_dataset, is_dataset
     from iris_sysid.benchmark.groundtruth.direct import with_board
+    from iris_sysid.cli import _parsing
     from iris_sysid.errors import DataError
     from iris_sysid.io.schemas.groundtruth import MeasuredDocument
 
+    shown = MeasuredDocument()
+    if board is not None or square is not None:
+        shown = with_board(shown, _parsing.board(board, square))
     found: list[Trajectory] = []
     for path in clips:
         if not is_dataset(path):
@@ -97,7 +106,7 @@ def _measured(
                 path,
                 phenomenon,
                 Path(f"{output}".rstrip("/") + ".work"),
-                board=with_board(MeasuredDocument(), board, square),
+                board=shown,
                 trials=trials,
                 tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
                 progress=report_progress,

@@ -41,7 +41,7 @@ def fit(
     from iris_sysid.cli import _parsing
     from iris_sysid.errors import DataError
     from iris_sysid.io.csv_read import read_trajectory
-    from iris_sysid.registry import model_named
+    from iris_sysid.registry import MODELS
 
     for table in tables:
         _terminal.check_outputs(table, [output, plot], overwrite=force)
@@ -54,8 +54,8 @@ def fit(
         raise DataError(
             "--plot, --uncertainty, --set and --start-at need the name of a model; --model auto has none yet"
         )
-    chosen = None if model == AUTO else model_named(model)
-    units = {} if chosen is None else _parsing.units_of(chosen)
+    chosen = None if model == AUTO else MODELS.named(model)
+    units = {} if chosen is None else chosen.units()
     fixed, first = (_parsing.settings(texts or (), units) for texts in (known, start))
     asked = {
         "model": model,
@@ -65,7 +65,7 @@ def fit(
         "shared": shared,
         "uncertainty": uncertainty,
     }
-    clips = [_parsing.asked(read_trajectory(table), **asked) for table in tables]
+    clips = [_parsing.with_options(read_trajectory(table), **asked) for table in tables]
     if chosen is None:
         _choose(clips[0], free or [], output, force, json)
         return
@@ -119,13 +119,13 @@ def _pool(
     from iris_sysid.errors import IrisError
     from iris_sysid.io import json_documents
     from iris_sysid.io.fit_json import pooled_document
-    from iris_sysid.report import text as wording
+    from iris_sysid.report.text import pooled_table
 
     shared, per_clip, free = names
     pooled = fit_clips(clips, model, shared=shared, per_clip=per_clip, fixed=fixed, free=free, start=starts)
     document = pooled_document(pooled, [table.name for table in tables], clips[0])
     json_documents.write_document(document, output, overwrite=force)
-    typer.echo(json_documents.document_text(document).rstrip("\n") if json else wording.pooled_text(pooled))
+    typer.echo(json_documents.document_text(document).rstrip("\n") if json else pooled_table(pooled))
     if not pooled.usable:
         raise IrisError(f"the fit failed ({pooled.status}): {pooled.message}")
     if pooled.message:
@@ -137,7 +137,7 @@ def _choose(trajectory: Trajectory, free: list[str], output: Path, force: bool, 
     from iris_sysid.errors import IrisError
     from iris_sysid.io import json_documents
     from iris_sysid.io.fit_json import selection_document
-    from iris_sysid.report import text as wording
+    from iris_sysid.report.text import fit_table
 
     choice = select_model(trajectory, free=free)
     if choice.nearest.fit is None:
@@ -148,7 +148,7 @@ def _choose(trajectory: Trajectory, free: list[str], output: Path, force: bool, 
     if choice.chosen is None:
         raise IrisError(choice.message)
     if not json:
-        typer.echo(wording.estimates_text(choice.nearest.fit))
+        typer.echo(fit_table(choice.nearest.fit))
 
 
 def _draw(trajectory: Trajectory, result: FitResult, plot: Path | None, force: bool) -> None:

@@ -1,5 +1,7 @@
 """The command ``iris-sysid list``."""
 
+import typer
+
 from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Json
 
@@ -14,9 +16,12 @@ def list_names(json: Json = False) -> None:
     from iris_sysid.registry import EFFECTS, MODELS, PHENOMENA, TRACKERS
     from iris_sysid.synthetic.scene import SCENES
 
+    registries = (PHENOMENA, MODELS, EFFECTS, TRACKERS, SCENES)
     rows = [
-        {"kind": registry.kind, "name": item.name, "summary": item.summary}
-        for registry in (PHENOMENA, MODELS, EFFECTS, TRACKERS, SCENES)
-        for item in registry.values()
+        {"kind": registry.kind, "name": name, "summary": summary}
+        for registry in registries
+        for name, summary in registry.summaries().items()
     ]
     _terminal.print_rows(rows, json)
+    for reason in (reason for registry in registries for reason in registry.unusable.values()):
+        typer.echo(f"warning: {_terminal.one_line(reason)}", err=True)

@@ -3,49 +3,31 @@
 import typer
 
 from iris_sysid.cli import _terminal
+from iris_sysid.cli._groups import with_groups
 from iris_sysid.cli.arguments import (
-    CalibrationFile,
-    Colour,
+    ClipArguments,
     Force,
-    Fps,
-    Free,
     Json,
-    KeepPartial,
-    Marks,
+    ModelArguments,
     Output,
     PhenomenonName,
-    Roi,
-    Scale,
-    ScaleBar,
-    Settings,
-    Start,
-    Stop,
-    TimeBase,
-    TrackerName,
-    Vertical,
+    ScaleArguments,
+    SceneArguments,
+    TrackerArguments,
     Video,
 )
 
 
+@with_groups
 def run(
     video: Video,
     phenomenon: PhenomenonName,
     output: Output,
-    scale: Scale = None,
-    scale_bar: ScaleBar = None,
-    calibration: CalibrationFile = None,
-    fps: Fps = None,
-    start: Start = None,
-    stop: Stop = None,
-    roi: Roi = None,
-    colour: Colour = None,
-    tracker: TrackerName = None,
-    mark: Marks = None,
-    vertical: Vertical = "assumed",
-    time_base: TimeBase = "0%",
-    known: Settings = None,
-    free: Free = None,
-    keep_partial: KeepPartial = False,
+    scale: ScaleArguments,
+    clip: ClipArguments,
+    tracking: TrackerArguments,
+    scene: SceneArguments,
+    model: ModelArguments,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -55,33 +37,36 @@ def run(
     Example:
       iris-sysid run pendulum.mp4 --phenomenon pendulum --scale 640px=1m -o out/
     """
+    from dataclasses import replace
+
     from iris_sysid import pipeline
     from iris_sysid.cli import _parsing
-    from iris_sysid.registry import PHENOMENA
-    from iris_sysid.units import SHARES, measured
+    from iris_sysid.registry import PHENOMENA, TRACKERS
+    from iris_sysid.types import GeometryOptions
 
-    known_names = pipeline.accepted_settings(PHENOMENA[phenomenon])
     pipeline.check_folder(output, overwrite=force)
-    from_gravity, metres = _parsing.calibration_of(scale, scale_bar, calibration)
+    chosen = PHENOMENA.named(phenomenon)
+    if tracking.tracker is not None:
+        TRACKERS.named(tracking.tracker)  # an unknown one is refused before the clip is opened
+        chosen = replace(chosen, tracker=tracking.tracker)
+    gravity, calibration = _parsing.calibration_of(scale.scale, scale.scale_bar, scale.calibration)
+    marks = scene.mark or ()
+    geometry = GeometryOptions(
+        marks_px=_parsing.marks(marks),
+        plumb_px=_parsing.plumb_line(marks),
+        vertical=_parsing.vertical(scene.vertical),
+        scale_from_gravity=gravity,
+    )
     with _terminal.progress("tracking") as report_progress:
         result = pipeline.run(
             video,
-            phenomenon,
-            calibration=metres,
-            scale_from_gravity=from_gravity,
-            fps=fps,
-            start_s=start,
-            stop_s=stop,
-            keep_partial=keep_partial,
-            tracker=tracker,
-            options=_parsing.track_options(PHENOMENA[phenomenon].bodies, roi, colour),
-            settings=_parsing.settings(known or (), known_names),
-            free=free or (),
-            marks_px=_parsing.marks(mark or ()),
-            plumb_px=_parsing.plumb_line(mark or ()),
-            vertical=_parsing.vertical(vertical),
-            clock_stderr=measured(time_base, SHARES, "50ppm")[0],
-            progress=report_progress,
+            chosen,
+            calibration=calibration,
+            settings=_parsing.settings(model.known or (), pipeline.accepted_settings(chosen)),
+            free=model.free or (),
+            options=_parsing.track_options(chosen.bodies, tracking.roi, tracking.colour, report_progress),
+            clip=clip.options(_parsing.fraction(scene.time_base)),
+            geometry=geometry,
         )
     page = pipeline.save(result, output, overwrite=force)
     _terminal.show_fit(result.fit, result.trajectory, json)

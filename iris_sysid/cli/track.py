@@ -7,45 +7,35 @@ from typing import Annotated
 import typer
 
 from iris_sysid.cli import _terminal
+from iris_sysid.cli._groups import with_groups
 from iris_sysid.cli.arguments import (
     Bodies,
-    CalibrationFile,
-    Colour,
+    ClipArguments,
     Force,
-    Fps,
     Json,
-    KeepPartial,
     Output,
-    Roi,
-    Scale,
-    ScaleBar,
-    Start,
-    Stop,
-    TrackerName,
+    ScaleArguments,
+    TrackerArguments,
     Video,
 )
 
 
+@with_groups
 def track(
     video: Video,
     output: Output,
-    phenomenon: Annotated[str | None, typer.Option(help="Take the tracker from this phenomenon.")] = None,
-    tracker: TrackerName = None,
+    clip: ClipArguments,
+    tracking: TrackerArguments,
+    scale: ScaleArguments,
+    phenomenon: Annotated[str | None, typer.Option(help="Use the tracker of this phenomenon.")] = None,
     bodies: Bodies = None,
-    fps: Fps = None,
-    start: Start = None,
-    stop: Stop = None,
-    roi: Roi = None,
-    colour: Colour = None,
     mask: Annotated[
-        Path | None, typer.Option(help="Which pixels are bodies: a folder, zip or video of pictures, one a frame.")
+        Path | None, typer.Option(help="Masks of the bodies: a folder, zip or video of images, one per frame.")
     ] = None,
     overlay: Annotated[Path | None, typer.Option(help="Also write the clip with the track drawn over it.")] = None,
-    scale: Scale = None,
-    scale_bar: ScaleBar = None,
-    calibration: CalibrationFile = None,
-    world: Annotated[Path | None, typer.Option(help="With a scale: also write x and z in m, a file a body.")] = None,
-    keep_partial: KeepPartial = False,
+    world: Annotated[
+        Path | None, typer.Option(help="Also write x and z in m, one file per body; needs a scale.")
+    ] = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -56,45 +46,49 @@ def track(
       iris-sysid track toss.mp4 --roi 0,0,640,400 -o track.csv --overlay overlay.mp4
     """
     from iris_sysid import pipeline
+    from iris_sysid.calibration.pixel_scale import to_world
     from iris_sysid.calibration.plane import check_image_size
     from iris_sysid.cli import _parsing
     from iris_sysid.errors import DataError
-    from iris_sysid.io import csv_write
     from iris_sysid.registry import PHENOMENA
     from iris_sysid.video.reader import open_video
 
-    chosen = PHENOMENA[phenomenon] if phenomenon else None
-    name = tracker or (chosen.tracker if chosen else "median-background")
-    metres = _parsing.metres_of(scale, scale_bar, calibration, needed=world is not None)
+    chosen = PHENOMENA.named(phenomenon) if phenomenon else None
+    name = tracking.tracker or (chosen.tracker if chosen else "median-background")
+    calibration = _parsing.metres_of(scale.scale, scale.scale_bar, scale.calibration, needed=world is not None)
     _terminal.check_outputs(video, [output, overlay, world], overwrite=force)
     _terminal.check_suffix(overlay, ".mp4")
-    clip = open_video(video, fps=fps, start_s=start, stop_s=stop, keep_partial=keep_partial)
-    if metres is not None:
-        check_image_size(metres.image_size, (clip.width, clip.height))
+    if mask is not None and name != "median-background":
+        raise DataError(f"--mask replaces the detector of median-background, not that of {name}")
+    opened = open_video(video, fps=clip.fps, start_s=clip.start, stop_s=clip.stop, keep_partial=clip.keep_partial)
+    if calibration is not None:
+        check_image_size(calibration.image_size, (opened.width, opened.height))
     with _terminal.progress("tracking") as report_progress:
-        wanted = _parsing.track_options(bodies or (chosen.bodies if chosen else 1), roi, colour, report_progress)
+        count = bodies or (chosen.bodies if chosen else 1)
+        options = _parsing.track_options(count, tracking.roi, tracking.colour, report_progress)
         if mask is not None:
-            if name != "median-background":
-                raise DataError(f"--mask takes the place of the detector of median-background, not of {name}")
-            wanted = replace(wanted, mask=open_video(mask, fps=fps or clip.rate or 60.0))
-        tracks = pipeline.track(clip, name, wanted)
-    asked = {
+            options = replace(options, mask=open_video(mask, fps=clip.fps or opened.rate or 60.0))
+        tracks = pipeline.track(opened, name, options)
+    from iris_sysid.io import csv_write
+
+    recorded = {
         "tracker": name,
-        "fps": fps,
+        "fps": clip.fps,
         "mask": str(mask) if mask else None,
-        "start_s": start,
-        "stop_s": stop,
-        "keep_partial": keep_partial,
+        "start_s": clip.start,
+        "stop_s": clip.stop,
+        "keep_partial": clip.keep_partial,
     }
-    csv_write.write_track(pipeline.from_source(tracks, video, asked), output, overwrite=force)
-    if world is not None and metres is not None:
-        csv_write.write_worlds(tracks, metres, world, overwrite=force)
+    csv_write.write_track(pipeline.from_source(tracks, video, recorded), output, overwrite=force)
+    if world is not None and calibration is not None:
+        bodies_in_m = {body.body: to_world(body, calibration) for body in tracks}
+        csv_write.write_worlds(bodies_in_m, world, overwrite=force)
     if overlay is not None:
         from iris_sysid.report.overlay import write_overlay
 
         with _terminal.progress("drawing") as report_progress:
-            write_overlay(clip, tracks, overlay, overwrite=force, progress=report_progress)
-    if clip.warning:
-        typer.echo(f"warning: {clip.warning}", err=True)
-    found = [{"body": body.body, "frames": len(body.t_s), "tracked": body.n_valid} for body in tracks]
-    _terminal.print_rows(found, json)
+            write_overlay(opened, tracks, overlay, overwrite=force, progress=report_progress)
+    if opened.warning:
+        typer.echo(f"warning: {opened.warning}", err=True)
+    rows = [{"body": body.body, "frames": len(body.t_s), "tracked": body.n_valid} for body in tracks]
+    _terminal.print_rows(rows, json)

@@ -52,9 +52,12 @@ from iris_sysid.types._numbers import unit_suffix as unit_suffix
 from iris_sysid.types._plugins import BenchmarkClass as BenchmarkClass
 from iris_sysid.types._plugins import Phenomenon as Phenomenon
 from iris_sysid.types._plugins import Tracker as Tracker
+from iris_sysid.types._plugins import TrackerExample as TrackerExample
 from iris_sysid.types._progress import Progress as Progress
 from iris_sysid.types._progress import part_of_progress as part_of_progress
 from iris_sysid.types._progress import with_progress as with_progress
+from iris_sysid.types._result import FitProblem as FitProblem
+from iris_sysid.types._result import FitReason as FitReason
 from iris_sysid.types._result import FitResult as FitResult
 from iris_sysid.types._result import FitStatus as FitStatus
 from iris_sysid.types._result import Identifiability as Identifiability

@@ -13,7 +13,9 @@ from iris_sysid.types._arrays import Array
 from iris_sysid.types._motion import Trajectory
 from iris_sysid.types._numbers import Quantity
 
-ParameterRole = Literal["physical", "gravity", "damping", "magnification", "offset", "vertical", "pivot", "inclination"]
+ParameterRole = Literal[
+    "physical", "gravity", "damping", "magnification", "offset", "vertical", "pivot", "inclination", "location"
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +28,8 @@ class Parameter:
     ``gravity`` (the acceleration of gravity), ``damping`` (a loss in proportion to the speed; below zero it adds
     energy), ``magnification`` (observed length over true length; carries the error of the scale), ``offset`` (the
     value of the observed quantity at rest), ``vertical`` (direction of the true vertical), ``pivot`` (position of a
-    pivot), ``inclination`` (angle of a line from the horizontal); ``physical`` for everything else.
+    pivot), ``inclination`` (angle of a line from the horizontal), ``location`` (of an effect: the time or the position at
+    which it acts); ``physical`` for everything else.
     """
 
     name: str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from iris_sysid.types._clip import FrameSource, Track, TrackOptions
@@ -13,12 +13,25 @@ from iris_sysid.types._result import FitResult
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class TrackerExample:
+    """What a tracker follows in the contract tests: a drawn scene, the options that it needs there, and how well.
+
+    ``tolerance_px`` is the largest RMS error in px of the position in that scene.
+    """
+
+    scene: Literal["moving-disc", "fading-lamp", "turning-arm", "draining-vessel"] = "moving-disc"
+    options: TrackOptions = field(default_factory=TrackOptions)
+    tolerance_px: float = 0.5
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Tracker:
     """A tracking algorithm: frames in, one Track a body out. One file in ``trackers`` holds one."""
 
     name: str
     summary: str
     track: Callable[[FrameSource, TrackOptions], list[Track]]
+    example: TrackerExample = field(default_factory=TrackerExample)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -26,13 +39,15 @@ class BenchmarkClass:
     """A class of a published data set: the folder of its clips, ``<folder>/<setting>/<clip>``.
 
     ``settings`` and the number of ``trials`` of each are what was published. ``parameters`` gives the name that an
-    estimate of ours has in ``parameters.json``, where angles are in degrees.
+    estimate of ours has in ``parameters.json``, where angles are in degrees. ``dataset`` is the name of the published
+    data set, ``iris`` or ``delfys75``; empty for a class of no published one.
     """
 
     folder: str
     settings: tuple[str, ...]
     trials: int
     parameters: Mapping[str, str]
+    dataset: str = ""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -9,85 +9,19 @@ from fitters.ode import fit, sensitivity, simulate
 from iris_sysid.registry import MODELS
 from iris_sysid.types import OdeModel, Trajectory
 
-# One setting for each model: values, sampling, and noise as a share of the motion's size.
-SETTINGS = {
-    "pendulum": ({"length": 0.6, "damping": 0.08, "theta_0": 1.2, "omega_0": 0.3}, np.arange(600) / 60),
-    "incline": ({"acceleration": 2.1, "s_0": 0.05, "v_0": 0.2}, np.arange(40) / 60),
-    "free-fall": ({"gravity": 9.79, "z_0": 1.5, "vz_0": -0.3}, np.arange(30) / 60),
-    "projectile": ({"x_0": 0.1, "z_0": 0.2, "vx_0": 1.8, "vz_0": 2.5}, np.arange(60) / 120),
-    "exponential-decay": ({"decay_rate": 0.9, "intensity_0": 1.0}, np.arange(180) / 60),
-    "linear-oscillator": ({"stiffness": 20.0, "damping": 0.3, "z_0": 0.2, "vz_0": -0.5}, np.arange(300) / 60),
-    "angular-oscillator": ({"stiffness": 0.1, "damping": 0.05, "phi_0": 6.3, "omega_0": 0.0}, np.arange(1200) / 60),
-    "torricelli": ({"outflow": 0.02, "h_0": 0.25}, np.arange(300) / 10),
-    "apparent-radius": ({"r0_f": 60.0, "h_0": 0.8, "v_0": 0.3}, np.arange(40) / 60),
-    "coupled-pendulums": (
-        {
-            "length_1": 0.5, "length_2": 0.45, "damping_1": 0.1, "damping_2": 0.15, "coupling": 2.0,
-            "theta1_0": 1.0, "theta2_0": -0.3, "omega1_0": 0.0, "omega2_0": 0.2,
-        },
-        np.arange(600) / 60,
-    ),
-    "coupled-oscillators": (
-        {
-            "stiffness_1": 7.8, "stiffness_2": 3.1, "damping_1": 0.04, "damping_2": 0.05, "coupling_1": 78.0,
-            "coupling_2": 32.0, "z1_0": 0.0, "z2_0": -0.14, "v1_0": -0.1, "v2_0": 0.0,
-        },
-        np.arange(500) / 60,
-    ),
-    "contact-chain": (
-        {
-            "coupling": 3.0, "damping": 0.4, "z1_0": -0.3, "z2_0": 0.0, "z3_0": 0.1,
-            "v1_0": 1.5, "v2_0": 0.0, "v3_0": 0.1,
-        },
-        np.arange(300) / 60,
-    ),
-    "linear-pendulum": ({"length": 0.6, "damping": 0.08, "theta_0": 0.2, "omega_0": 0.3}, np.arange(600) / 60),
-    "pendulum-impact": (
-        {
-            "length_1": 0.5, "length_2": 0.45, "damping_1": 0.1, "damping_2": 0.15, "restitution": 0.8,
-            "mass_ratio": 0.7, "contact_ratio": 0.12, "theta1_0": -1.0, "theta2_0": 0.6, "omega1_0": 0.1,
-            "omega2_0": 0.2,
-        },
-        np.arange(300) / 60,
-    ),
-    "bouncing-ball": ({"restitution": 0.8, "floor": 0.03, "z_0": 1.0, "vz_0": -0.2}, np.arange(240) / 60),
-    "skipping-ball": (
-        {
-            "restitution": 0.8, "friction": 0.08, "floor": 0.03, "x_0": 0.1, "z_0": 1.0, "vx_0": 3.0, "vz_0": -0.2,
-            "rim_0": 0.0,
-        },
-        np.arange(200) / 60,
-    ),
-    "stopping-block": ({"friction": 2.5, "s_0": 0.1, "v_0": 1.7}, np.arange(80) / 60),
-    "coasting-ball": ({"damping": 0.4, "s_0": 0.1, "v_0": 1.7}, np.arange(80) / 60),
-    "slack-cord": (
-        {
-            "length": 0.5, "pivot_x": 0.1, "pivot_z": 0.7, "damping": 0.1, "x_0": 0.52, "z_0": 0.72, "vx_0": -0.1,
-            "vz_0": 0.0,
-        },
-        np.arange(300) / 60,
-    ),
-    "impact-chain": (
-        {
-            "damping_1": 0.4, "damping": 0.9, "restitution": 0.6, "mass_ratio": 0.3, "contact_12": 0.12,
-            "contact_23": 0.1, "z1_0": -0.6, "z2_0": 0.0, "z3_0": 0.25, "v1_0": 1.5, "v2_0": 0.0, "v3_0": 0.02,
-        },
-        np.arange(120) / 60,
-    ),
-}  # fmt: skip
-NOISE = 2e-3
+NOISE = 2e-3  # as a share of the size of the motion
 
 every_model = pytest.mark.parametrize("model", MODELS.values(), ids=list(MODELS))
 
 
-def setting(model: OdeModel):
-    if model.name not in SETTINGS:
-        pytest.fail(f"add a setting for the model {model.name!r} to SETTINGS")
-    return SETTINGS[model.name]
+def example(model: OdeModel):
+    """Values by name and sample times of the motion that the model gives as its example."""
+    assert model.example is not None, f"{model.name} has no example; give OdeModel(example=ModelExample(...))"
+    return dict(model.example.values), model.example.t_s
 
 
 def clip(model: OdeModel, noise: float = 0.0, seed: int = 0) -> Trajectory:
-    values, t_s = setting(model)
+    values, t_s = example(model)
     observed = simulate(model, t_s, values).observed
     size = np.std(observed, axis=0)
     observed = observed + noise * size * np.random.default_rng(seed).standard_normal(observed.shape)
@@ -137,7 +71,7 @@ def test_guess_lies_inside_the_bounds_and_names_what_there_is(model, noise):
 
 @every_model
 def test_fit_recovers_the_truth_of_exact_data(model):
-    values, _ = setting(model)
+    values, _ = example(model)
     result = fit(clip(model), model)
     assert result.status == "ok", result.message
     for name, value in values.items():
@@ -146,7 +80,7 @@ def test_fit_recovers_the_truth_of_exact_data(model):
 
 @every_model
 def test_fit_recovers_the_truth_of_noisy_data_within_its_errors(model):
-    values, _ = setting(model)
+    values, _ = example(model)
     result = fit(clip(model, NOISE, seed=3), model)
     assert result.status == "ok", result.message
     for name, value in values.items():
@@ -156,7 +90,7 @@ def test_fit_recovers_the_truth_of_noisy_data_within_its_errors(model):
 
 @every_model
 def test_right_hand_side_is_the_derivative_of_the_solution(model):
-    values, t_s = setting(model)
+    values, t_s = example(model)
     fine = t_s[len(t_s) // 2] + 1e-3 * np.arange(-1, 2)
     states = simulate(model, np.concatenate([t_s[:1], fine]), values).states[1:]
     given = {p.name: p.default for p in model.parameters} | values
@@ -172,7 +106,7 @@ def test_right_hand_side_is_the_derivative_of_the_solution(model):
 def test_first_integral_is_conserved_without_dissipation(model):
     if model.first_integral is None:
         pytest.skip("the model states no first integral")
-    values, t_s = setting(model)
+    values, t_s = example(model)
     values = {**values, **dict.fromkeys(model.dissipative, 0.0)}
     states = simulate(model, t_s, values, tolerance=1e-11).states
     given = {p.name: p.default for p in model.parameters} | values
@@ -190,7 +124,7 @@ def test_dissipative_parameters_exist(model):
 
 @every_model
 def test_every_free_parameter_moves_the_prediction(model):
-    values, t_s = setting(model)
+    values, t_s = example(model)
     names = [parameter.name for parameter in model.parameters if not parameter.constant]
     slopes = sensitivity(model, t_s, values, names)
     assert np.all(np.max(np.abs(slopes), axis=(0, 1)) > 0)

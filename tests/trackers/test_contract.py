@@ -1,13 +1,12 @@
 """What every registered tracker keeps to, whatever it measures: iterates over the registry."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from iris_sysid.errors import DataError, IrisError
 from iris_sysid.registry import TRACKERS
-from iris_sysid.types import TrackOptions
 from tests._changing import LAMP, WALLS, draining, fading, turning, weight_at
 from tests._drawn import DrawnClip, moving_disc, noisy, swing
 
@@ -41,20 +40,20 @@ def a_vessel_that_drains():
     return Followed(draining(level), np.column_stack([np.full(N, (sum(WALLS) - 1) / 2), level]))
 
 
-# what a tracker follows that is no body which moves along
-OTHERS = {"intensity": a_lamp_that_fades, "orientation": an_arm_that_turns, "level": a_vessel_that_drains}
-# of the middle of an arm with a weight, or of the place between two walls, no more is promised
-ROUGHLY = {"orientation": 4.0, "level": 2.0}
-# what a tracker has to be told about the disc
-TOLD = {"colour": {"colour": "#b4b4b4"}, "template": {"roi": (112, 35, 27, 27)}}
+SCENES = {
+    "moving-disc": a_disc_that_moves,
+    "fading-lamp": a_lamp_that_fades,
+    "turning-arm": an_arm_that_turns,
+    "draining-vessel": a_vessel_that_drains,
+}
 
 
-def options_for(name, **more):
-    return TrackOptions(**{**TOLD.get(name, {}), **more})
+def options_for(tracker, **more):
+    return replace(tracker.example.options, **more)
 
 
-def clip_for(name):
-    followed = OTHERS.get(name, a_disc_that_moves)()
+def clip_for(tracker):
+    followed = SCENES[tracker.example.scene]()
     for picture in followed.clip.pictures:
         picture.flags.writeable = False  # a tracker leaves the frames as they are
     return followed
@@ -67,7 +66,7 @@ def tracker(request):
 
 @pytest.fixture
 def tracks(tracker):
-    return tracker.track(clip_for(tracker.name).clip, options_for(tracker.name))
+    return tracker.track(clip_for(tracker).clip, options_for(tracker))
 
 
 def test_tracker_has_a_name_and_a_one_line_summary(tracker):
@@ -80,7 +79,7 @@ def test_tracker_has_a_name_and_a_one_line_summary(tracker):
 def test_track_has_one_row_a_frame_with_the_frames_own_times(tracker, tracks):
     (found,) = tracks
     np.testing.assert_array_equal(found.frame, np.arange(N))
-    np.testing.assert_array_equal(found.t_s, [frame.t_s for frame in clip_for(tracker.name).clip.frames()])
+    np.testing.assert_array_equal(found.t_s, [frame.t_s for frame in clip_for(tracker).clip.frames()])
 
 
 def test_valid_samples_have_position_and_standard_error_and_gaps_have_neither(tracks):
@@ -93,8 +92,8 @@ def test_valid_samples_have_position_and_standard_error_and_gaps_have_neither(tr
 def test_what_a_tracker_is_for_is_found_where_it_is_drawn(tracker, tracks):
     (found,) = tracks
     assert found.n_valid >= N - 2
-    off = found.xy_px - clip_for(tracker.name).path
-    assert np.sqrt(np.nanmean(off**2)) < ROUGHLY.get(tracker.name, 0.5)
+    off = found.xy_px - clip_for(tracker).path
+    assert np.sqrt(np.nanmean(off**2)) < tracker.example.tolerance_px
 
 
 def test_origin_names_the_tracker(tracker, tracks):
@@ -102,20 +101,20 @@ def test_origin_names_the_tracker(tracker, tracks):
 
 
 def test_same_frames_give_the_same_tracks(tracker, tracks):
-    (again,) = tracker.track(clip_for(tracker.name).clip, options_for(tracker.name))
+    (again,) = tracker.track(clip_for(tracker).clip, options_for(tracker))
     np.testing.assert_array_equal(again.xy_px, tracks[0].xy_px)
     np.testing.assert_array_equal(again.sigma_px, tracks[0].sigma_px)
 
 
 def test_region_that_is_not_in_the_picture_is_refused(tracker):
     with pytest.raises(DataError, match="160"):
-        tracker.track(clip_for(tracker.name).clip, options_for(tracker.name, roi=(100, 50, 200, 100)))
+        tracker.track(clip_for(tracker).clip, options_for(tracker, roi=(100, 50, 200, 100)))
 
 
 def test_progress_is_reported_up_to_the_last_frame(tracker):
     calls = []
-    options = options_for(tracker.name, progress=lambda done, expected: calls.append((done, expected)))
-    tracker.track(clip_for(tracker.name).clip, options)
+    options = options_for(tracker, progress=lambda done, expected: calls.append((done, expected)))
+    tracker.track(clip_for(tracker).clip, options)
     assert calls
     assert calls[-1] == (N, N)
 
@@ -123,7 +122,7 @@ def test_progress_is_reported_up_to_the_last_frame(tracker):
 def refusal(tracker, clip):
     """What a tracker says against a clip; None when it takes it."""
     try:
-        tracker.track(clip, options_for(tracker.name))
+        tracker.track(clip, options_for(tracker))
     except IrisError as error:
         return str(error)
     return None

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from iris_sysid.errors import DataError, UnknownNameError
-from iris_sysid.registry import MODELS, model_named
+from iris_sysid.registry import MODELS
 
 MINE = '''
 """A body that coasts, slowed by its bearing."""
@@ -53,7 +53,7 @@ def way(seed: int) -> pd.DataFrame:
 
 
 def test_model_of_the_bank_is_found_by_its_name():
-    assert model_named("pendulum") is MODELS["pendulum"]
+    assert MODELS.named("pendulum") is MODELS["pendulum"]
 
 
 def test_own_model_is_fitted_and_diagnosed_over_two_clips_even_if_its_equation_is_no_latex(mine, tmp_path, cli):
@@ -82,17 +82,19 @@ def test_own_model_is_fitted_by_the_name_that_help_promises(mine, tmp_path, cli)
     ("name", "message"),
     [
         ("none.py:coasting", "there is no file .*none.py"),
-        ("my_models.py:swing", "'swing' is not there in .*; models in it: coasting"),
-        ("my_models.py:number", "'number' is int, not an OdeModel"),
+        ("my_models.py:swing", "'swing' is not there in .*; items of type OdeModel in it: coasting"),
+        ("my_models.py:number", "'number' is of type int in .*; items of type OdeModel in it: coasting"),
         ("broken.py:coasting", "broken.py fails with ZeroDivisionError"),
+        ("leaves.py:coasting", "leaves.py calls sys.exit"),
     ],
 )
 def test_own_model_that_cannot_be_used_is_refused_with_the_reason(mine, tmp_path, name, message):
     (tmp_path / "broken.py").write_text("1 / 0\n")
+    (tmp_path / "leaves.py").write_text("import sys\nsys.exit(0)\n")
     with pytest.raises(DataError, match=message):
-        model_named(str(tmp_path / name))
+        MODELS.named(str(tmp_path / name))
 
 
 def test_unknown_name_lists_the_bank():
     with pytest.raises(UnknownNameError, match="pendulum"):
-        model_named("swing")
+        MODELS.named("swing")
