@@ -1,0 +1,45 @@
+"""Error bars over repeated experiments of every model: coverage of the intervals, and the Cramer-Rao bound.
+
+Seeds are 0, 1, ... so that every run sees the same noise. Some 550 shares and ratios are tested, each at the level
+LEVEL: where the claims are true, all hold in 95 of 100 such sets of seeds.
+"""
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from tests._experiments import EXPERIMENTS, repeated
+
+LEVEL = 1e-4
+# Of white noise, 400: a true coverage of 88 % is found in 95 of 100 such tests, a scatter 20 % above the bound in 98.
+# Of correlated noise, 200: a true coverage of 85 % is found in 92 of 100.
+EXPERIMENTS_OF = {0.0: 400, 0.9: 200}
+
+
+def ratio_limits(n):
+    """Sample standard deviation of n normal values over the true one: the limits at LEVEL, from chi squared."""
+    return np.sqrt(scipy.stats.chi2.ppf([LEVEL / 2, 1 - LEVEL / 2], n - 1) / (n - 1))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rho", EXPERIMENTS_OF)
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_intervals_cover_and_standard_errors_are_the_scatter_of_the_estimates(name, rho):
+    n = EXPERIMENTS_OF[rho]
+    errors, stderrs, hits, bound = repeated(name, rho, range(n))
+    for parameter, covered in zip(EXPERIMENTS[name][0], hits.sum(axis=0), strict=True):
+        assert scipy.stats.binomtest(int(covered), n, 0.95).pvalue > LEVEL, (parameter, covered / n)
+    low, high = ratio_limits(n)
+    scatter = errors.std(axis=0, ddof=1)
+    ratio = scatter / np.sqrt(np.mean(stderrs**2, axis=0))
+    assert np.all((low < ratio) & (ratio < high)), ratio
+    if rho == 0.0:  # the bound is that of white noise
+        assert np.all(scatter < high * bound), scatter / bound
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rho", EXPERIMENTS_OF)
+def test_intervals_of_all_models_together_cover_in_93_to_97_percent(rho):
+    # 60 experiments of each of 20 models: 95 +- 0.6 % even if all values of an experiment are covered together
+    shares = [repeated(name, rho, range(10_000, 10_060))[2].mean() for name in EXPERIMENTS]
+    assert 0.93 <= np.mean(shares) <= 0.97
