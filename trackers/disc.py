@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from iris_sysid.errors import TrackingError
-from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackOptions
+from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackOptions, part_of_progress, with_progress
 from trackers._background.median import Background
 from trackers._detection.detect_frames import Stage, observe, stage_of
 from trackers._detection.detection import Glimpse
@@ -28,12 +28,14 @@ from trackers._disc.learn_appearance import Lesson, Workshop, taught
 from trackers._frames.working_image import view_of
 from trackers._linking.frame_to_frame import Path
 from trackers._linking.select_bodies import follow, held_frames
-from trackers._linking.to_track import errors_last
+from trackers._linking.to_track import error_model
 from trackers._multi_body.track_together import together
 from trackers._uncertainty.excess_scatter import with_scatter
 
 WELL_SEEN = 0.8  # of the frames: where a body is found less often, it is looked for in another way as well
-FORGOTTEN = 0.25  # of the memory of its lobes a disc's place has not, on the twin: shading and blur take it up
+# by how much the autocorrelation of position errors at lag 1 is below that of the lobes, on synthetic clips: the fitted
+# shading and blur absorb it
+CORRELATION_ABSORBED = 0.25
 REPORT_EVERY = 10  # frames between two calls of the progress function
 EMPTY = (np.nan,) * 8
 _Followed = tuple[list[Glimpse], list[Path], TrackingError | None]  # what frames show, paths, why there are none
@@ -67,19 +69,19 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     """
     stage = stage_of(video, view_of(video, options))
     rough = replace(stage, lens=replace(stage.lens, streaks=False))  # the second pass fits every disc
-    glimpses = observe(video, rough, _half(options, 0))
+    glimpses = observe(video, rough, _first_half(options))
     if not glimpses:
         raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
     glimpses, paths, refusal = _followed(video, stage, glimpses, options)
     workshop, paths = _workshop(video, stage, (glimpses, paths, refusal), options)
     fits: list[dict[int, DiscFit]] = [{} for _ in workshop.courses]
-    for place, frame in enumerate(video.frames()):
+    second_half = part_of_progress(options.progress, 1, 2)
+    for frame in with_progress(video.frames(), second_half, len(glimpses), every=REPORT_EVERY):
         picture = workshop.view.picture(frame)
         for body, found in enumerate(fits):
             fitted = workshop.fit(body, frame.index, picture)
             if fitted is not None:
                 found[frame.index] = fitted
-        _report(_half(options, 1), place + 1, len(glimpses))
     if not all(fits):
         raise TrackingError(
             "what moves is not round: no disc could be fitted to it; use the tracker median-background, "
@@ -92,17 +94,9 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     ]
 
 
-def _half(options: TrackOptions, which: int) -> TrackOptions:
-    """The options with progress told as the first or second half of the work."""
-    progress = options.progress
-    if progress is None:
-        return options
-    return replace(options, progress=lambda done, expected: progress((done + which * expected) // 2, expected))
-
-
-def _report(options: TrackOptions, done: int, expected: int) -> None:
-    if options.progress is not None and (done % REPORT_EVERY == 0 or done == expected):
-        options.progress(done, expected)
+def _first_half(options: TrackOptions) -> TrackOptions:
+    """The options with progress reported as the first half of the work."""
+    return replace(options, progress=part_of_progress(options.progress, 0, 2))
 
 
 def _followed(video: FrameSource, stage: Stage, glimpses: list[Glimpse], options: TrackOptions) -> _Followed:
@@ -115,7 +109,7 @@ def _followed(video: FrameSource, stage: Stage, glimpses: list[Glimpse], options
         refusal = found
     if options.bodies > 1 and options.colour is None and _least_seen(paths) < WELL_SEEN * len(glimpses):
         with suppress(TrackingError):
-            others, joint, _ = together(video, stage.view, _half(options, 0))
+            others, joint, _ = together(video, stage.view, _first_half(options))
             if _least_seen(joint) > _least_seen(paths):
                 return others, joint, None
     return glimpses, paths, refusal
@@ -193,9 +187,9 @@ def _track_of(
     hand[list(held)] = True
     t_s = np.array([glimpse.t_s for glimpse in glimpses])
     free = np.array([k for k, one in enumerate(glimpses) if one.frame in fits and not hand[k]], dtype=np.int64)
-    bends = np.array([fits[glimpses[k].frame].bends for k in free])
-    lasting, known = errors_last(free, columns[:, :2], columns[:, 4], bends, FORGOTTEN)
-    sigma = np.column_stack([with_scatter(t_s, columns[:, axis], columns[:, axis + 2], known) for axis in (0, 1)])
+    lobes = np.array([fits[glimpses[k].frame].lobes for k in free])
+    errors = error_model(free, columns[:, :2], columns[:, 4], lobes, CORRELATION_ABSORBED)
+    sigma = np.column_stack([with_scatter(t_s, columns[:, axis], columns[:, axis + 2], errors) for axis in (0, 1)])
     return Track(
         t_s=t_s,
         xy_px=columns[:, 0:2],
@@ -204,11 +198,12 @@ def _track_of(
         frame=np.array([glimpse.frame for glimpse in glimpses]),
         body=str(body + 1),
         radius_px=columns[:, 4],
-        sigma_radius_px=with_scatter(t_s, columns[:, 4], columns[:, 5], known),
+        sigma_radius_px=with_scatter(t_s, columns[:, 4], columns[:, 5], errors),
         intensity=columns[:, 6],
         area_px=columns[:, 7],
         hand=hand,
-        origin={**_origin(lesson, options), **lasting},
+        origin=_origin(lesson, options),
+        error_autocorrelation=errors.autocorrelation,
     )
 
 

@@ -6,26 +6,21 @@ long its errors last, that is where the autoregression starts from, and the resi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import cast
 
 import numpy as np
 from scipy.optimize import minimize
 
 from fitters.noise.autoregression import EDGE, Autoregression, Vector, minus_restricted
-from iris_sysid.types import Array, Estimate
+from iris_sysid.types import Array, ErrorAutocorrelation
 
-NAMES = ("error_memory_1", "error_memory_2")  # in the geometry of a trajectory
 SHORT = 100  # samples; more tell each partial autocorrelation to 0.1 by themselves, better than the tracker does
-MOST = 0.95  # of the unit circle, for a memory that is stated
+MOST = 0.95  # of the unit circle, for a partial autocorrelation that was measured
 
 
-def stated_memory(geometry: Mapping[str, Estimate]) -> tuple[Estimate, ...]:
-    """Partial autocorrelations of the noise at one and two samples as measured on the way; none where it was not."""
-    return tuple(geometry[name] for name in NAMES if name in geometry)
-
-
-def remembered(residual: Array, basis: Array, memory: tuple[Estimate, ...], alone: Autoregression) -> Autoregression:
+def with_measured_correlation(
+    residual: Array, basis: Array, measured: ErrorAutocorrelation | None, alone: Autoregression
+) -> Autoregression:
     """Autoregression of the largest restricted likelihood times the density of what is known of it beforehand.
 
     Known are the inverse hyperbolic tangents of the partial autocorrelations, with normal errors. That is for short
@@ -35,15 +30,15 @@ def remembered(residual: Array, basis: Array, memory: tuple[Estimate, ...], alon
     ----------
     residual, basis
         As for :func:`fitters.noise.autoregression.fit_autoregression`.
-    memory
-        One a partial autocorrelation; may be empty.
+    measured
+        What the tracker measured of the noise; None where it did not.
     alone
-        What the residual tells without them.
+        What the residual tells without it.
     """
-    if not memory or alone.n > SHORT or alone.partial.size > len(memory):
+    if measured is None or alone.n > SHORT or alone.partial.size > len(measured.partial):
         return alone
-    known = np.arctanh(np.clip([one.value for one in memory], -MOST, MOST))
-    spread = np.array([one.stderr for one in memory]) / (1 - np.tanh(known) ** 2)
+    known = np.arctanh(np.clip(measured.partial, -MOST, MOST))
+    spread = np.array(measured.stderr) / (1 - np.tanh(known) ** 2)
 
     def objective(unbounded: Vector) -> float:
         off = (unbounded - known) / spread

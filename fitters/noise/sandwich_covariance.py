@@ -14,8 +14,8 @@ from scipy.signal import lfilter
 from scipy.stats import t as student
 
 from fitters.noise.autoregression import Autoregression, coefficients_of, fit_autoregression, grid_positions, on_grid
-from fitters.noise.known_correlation import remembered
-from iris_sysid.types import Array, Estimate
+from fitters.noise.known_correlation import with_measured_correlation
+from iris_sysid.types import Array, ErrorAutocorrelation
 
 MEMORY = 20_000  # samples before the first one that its noise may remember
 MOST_DEGREES = 1e6
@@ -53,7 +53,11 @@ def inverse_normal(jacobian: Array, smallest: float = 0.0) -> Array:
 
 
 def random_uncertainty(
-    t_s: Array, residual: Array, sensitivity: Array, bread: Array, memory: tuple[Estimate, ...] = ()
+    t_s: Array,
+    residual: Array,
+    sensitivity: Array,
+    bread: Array,
+    measured: ErrorAutocorrelation | None = None,
 ) -> Uncertainty:
     """Covariance of the free values from the residual, autocorrelation allowed for.
 
@@ -67,8 +71,8 @@ def random_uncertainty(
         (n, d, k) d predicted / d value, in units of sigma.
     bread
         (k, k) :func:`inverse_normal` of the sensitivities.
-    memory
-        Partial autocorrelations of the noise where they were measured elsewhere: short residuals need them.
+    measured
+        Autocorrelation of the noise where the tracker measured it: short residuals need it.
 
     Notes
     -----
@@ -82,7 +86,7 @@ def random_uncertainty(
         columns = on_grid(positions, sensitivity[:, channel], 0.0)
         errors = on_grid(positions, residual[:, channel], np.nan)
         basis = orthonormal_basis(columns)
-        process = remembered(errors, basis, memory, fit_autoregression(errors, basis))
+        process = with_measured_correlation(errors, basis, measured, fit_autoregression(errors, basis))
         part = bread @ middle(columns, process.coefficients) @ bread * process.innovation_sd**2
         total += part
         spread += _variance_of_variance(columns, bread, process, np.diag(part))

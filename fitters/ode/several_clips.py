@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from scipy.stats import t as student
 
 from fitters.noise.random_effects import LEAST_CLIPS, random_effects
 from fitters.noise.sandwich_covariance import MOST_DEGREES, random_uncertainty
-from fitters.ode import fit
 from fitters.ode.fit_problem import check_names
+from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.result import Linearised, information_loss, linearise
-from fitters.ode.single_clip import NOTHING, solve
+from fitters.ode.single_clip import NoMinimumError, find_minimum, solve
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array, Estimate, FitResult, FitStatus, OdeModel, PooledFit, Population, Trajectory
 
-NO_OPTIONS: Mapping[str, Any] = MappingProxyType({})
 ROUNDS = 12  # Gauss-Newton steps of the shared values; three are enough where the fit is nearly linear
 DONE = 1e-3  # of a standard error: a step that small ends the search
 UNLIKELY = 0.01  # chance below which shared values are said to differ
@@ -50,7 +47,7 @@ def fit_clips(
     fixed: Mapping[str, float | Estimate] = NOTHING,
     free: Sequence[str] = (),
     start: Mapping[str, float] = NOTHING,
-    options: Mapping[str, Any] = NO_OPTIONS,
+    options: FitOptions = DEFAULT_OPTIONS,
 ) -> PooledFit:
     """Fit one model to several clips: shared values from all of them, the others clip by clip.
 
@@ -73,7 +70,7 @@ def fit_clips(
         As for :func:`fitters.ode.fit`, the same for all clips. A value in ``fixed`` is one and the same in all clips,
         and so is its error.
     options
-        Further arguments of :func:`fitters.ode.fit` by name, e.g. ``{"loss": "soft_l1"}``.
+        As for :func:`fitters.ode.fit`.
 
     Returns
     -------
@@ -86,21 +83,24 @@ def fit_clips(
         With fewer than two clips, for an unknown name, or one that is both shared and not.
     """
     _check(trajectories, model, shared, per_clip, fixed)
-    both = {"fixed": fixed, "start": start, **options}
-    alone = [fit(one, model, free=_free(free, shared, model), **both) for one in trajectories]
-    if not any(one.usable for one in alone):
+    freed = _free(free, shared, model)
+    requests = [
+        FitRequest(trajectory, model, fixed=fixed, free=freed, start=start, options=options)
+        for trajectory in trajectories
+    ]
+    alone = [solve(request) for request in requests]
+    if not any(clip.usable for clip in alone):
         return _pooled(model, alone, {}, {}, {}, np.full((len(shared), len(shared)), np.nan), {})
     scatter = _populations(alone, shared)
     if not shared:
         others = _others(alone, (), per_clip)
         return _pooled(model, alone, {}, {}, _populations(alone, others), np.zeros((0, 0)), {})
-    usable = [(one, clip) for one, clip in zip(trajectories, alone, strict=True) if clip.usable]
-    values, views = _joint(usable, model, shared, {**both, "free": [name for name in free if name not in shared]})
+    own = [request.with_(free=[name for name in free if name not in shared]) for request in requests]
+    usable = [(request, clip) for request, clip in zip(own, alone, strict=True) if clip.usable]
+    values, views = _joint(usable, shared)
     covariance, estimates, budget = _shared_estimates(values, views, shared, alone)
     held = {**fixed, **estimates}
-    rest = [name for name in free if name not in shared]
-    pairs = zip(trajectories, alone, strict=True)
-    clips = [_held_fit(one, clip, model, rest, {**both, "fixed": held}) for one, clip in pairs]
+    clips = [_held_fit(request.with_(fixed=held), clip) for request, clip in zip(own, alone, strict=True)]
     others = _others(alone, shared, per_clip)
     return _pooled(model, clips, estimates, scatter, _populations(clips, others), covariance, budget)
 
@@ -129,7 +129,7 @@ def _free(free: Sequence[str], shared: Sequence[str], model: OdeModel) -> list[s
 
 def _others(clips: Sequence[FitResult], shared: Sequence[str], per_clip: Sequence[str]) -> list[str]:
     """Fitted parameters that are draws from clip to clip."""
-    left_out = {*shared, *per_clip, *(f"{state.name}_0" for state in clips[0].model.states)}
+    left_out = {*shared, *per_clip, *clips[0].model.initial_names}
     return [name for name in clips[0].free if name not in left_out]
 
 
@@ -164,16 +164,14 @@ def _with_common_errors(one: Population, clips: Sequence[FitResult], name: str) 
 # --------------------------------------------------------------------------- shared values
 
 
-def _joint(
-    usable: Sequence[tuple[Trajectory, FitResult]], model: OdeModel, shared: Sequence[str], options: Mapping[str, Any]
-) -> tuple[Array, list[_View]]:
+def _joint(usable: Sequence[tuple[FitRequest, FitResult]], shared: Sequence[str]) -> tuple[Array, list[_View]]:
     """The shared values (s,) of the smallest weighted sum of squares, and what each clip says there."""
     values = _first_values([clip for _, clip in usable], shared)
     weights: list[float] = []
     best, step = np.inf, np.asarray(np.zeros(values.size))
     views: list[_View] = []
     for _ in range(ROUNDS):
-        now = [_view(one, clip, model, shared, values, options) for one, clip in usable]
+        now = [_view(request, clip, shared, values) for request, clip in usable]
         weights = weights or [view.weight for view in now]
         total = sum(weight * view.sum_of_squares for weight, view in zip(weights, now, strict=True))
         if not total <= best * (1 + 1e-9) and views:  # too far: half the way back
@@ -201,29 +199,26 @@ def _first_values(clips: Sequence[FitResult], shared: Sequence[str]) -> Array:
     return np.array(values)
 
 
-def _view(
-    one: Trajectory, clip: FitResult, model: OdeModel, shared: Sequence[str], values: Array, options: Mapping[str, Any]
-) -> _View:
+def _view(request: FitRequest, clip: FitResult, shared: Sequence[str], values: Array) -> _View:
     """Fit a clip's own values with the shared ones held, and take their part out of the shared sensitivities."""
     units = {name: clip.estimates[name].unit for name in shared}
     # An error of any size makes the engine compute the response to a known value; it is divided out again.
     tried = dict(zip(shared, values.tolist(), strict=True))
     trial = {name: max(abs(value), 1e-3) for name, value in tried.items()}
     held = {name: Estimate(value, trial[name], units[name]) for name, value in tried.items()}
-    own = {name: clip.estimates[name].value for name in clip.free if name not in shared}
-    start = {name: value for name, value in own.items() if np.isfinite(value)}
-    arguments = {**options, "fixed": {**options["fixed"], **held}, "start": start, "nearby": True}
-    found = solve(one, model, **arguments)
-    if isinstance(found, FitResult):
-        raise FitError(f"a clip cannot be fitted with the shared values held: {found.message}")
-    near = linearise(*found)
+    request = request.with_(fixed={**request.fixed, **held}).from_near(_own_values(clip, shared))
+    try:
+        minimum = find_minimum(request)
+    except NoMinimumError as error:
+        raise FitError(f"a clip cannot be fitted with the shared values held: {error}") from error
+    near = linearise(minimum.task, minimum.target, minimum.solution)
     n, d, _ = near.sensitivity.shape
     columns = np.stack([near.known[name].ravel() / trial[name] for name in shared], axis=1)
     known = {name: response.reshape(len(response), -1) for name, response in near.known.items() if name not in shared}
     size = np.sqrt(np.sum(near.flat**2, axis=0))
     basis = np.linalg.qr(near.flat / np.where(size > 0, size, 1.0))[0]
     across = columns - basis @ (basis.T @ columns)
-    seen = Linearised(near.t_s, near.residual, across.reshape(n, d, -1), {}, np.zeros((0, len(shared))), near.memory)
+    seen = Linearised(near.t_s, near.residual, across.reshape(n, d, -1), {}, np.zeros((0, len(shared))), near.measured)
     square = float(np.sum(near.residual**2))
     loss = information_loss(seen)
     return _View(seen, 1.0 / loss if np.isfinite(loss) and loss > 0 else 0.0, known, square)
@@ -279,20 +274,19 @@ def _shift(views: Sequence[_View], name: str, bread: Array) -> Array:
 def _one_clip(view: _View, bread: Array) -> tuple[Array, Array]:
     """What one clip's noise adds to the covariance (s, s), and the degrees of freedom (s,) of its variances."""
     near = view.near
-    found = random_uncertainty(near.t_s, near.residual, near.sensitivity, view.weight * bread, near.memory)
+    found = random_uncertainty(near.t_s, near.residual, near.sensitivity, view.weight * bread, near.measured)
     return found.covariance, found.degrees
 
 
-def _held_fit(
-    one: Trajectory, clip: FitResult, model: OdeModel, free: Sequence[str], options: Mapping[str, Any]
-) -> FitResult:
+def _held_fit(request: FitRequest, clip: FitResult) -> FitResult:
     """The clip's own values with the shared ones held; what failed alone stays as it is."""
-    if not clip.usable:
-        return clip
-    held = options["fixed"]
-    own = {name: clip.estimates[name].value for name in clip.free if name not in held}
-    start = {name: value for name, value in own.items() if np.isfinite(value)}
-    return fit(one, model, free=free, **{**options, "start": start, "nearby": True})
+    return solve(request.from_near(_own_values(clip, request.fixed))) if clip.usable else clip
+
+
+def _own_values(clip: FitResult, others: Container[str]) -> dict[str, float]:
+    """The values that a clip determines itself, as a start."""
+    own = {name: clip.estimates[name].value for name in clip.free if name not in others}
+    return {name: value for name, value in own.items() if np.isfinite(value)}
 
 
 # --------------------------------------------------------------------------- result

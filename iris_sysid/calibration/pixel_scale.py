@@ -7,35 +7,21 @@ Open Source Physics Tracker file are homographies too, so :func:`to_world` knows
 from __future__ import annotations
 
 import math
-import re
 from typing import Protocol
 
 import numpy as np
 
 from iris_sysid.calibration.plane import common_errors, to_plane
-from iris_sysid.errors import CalibrationError
+from iris_sysid.errors import CalibrationError, DataError
 from iris_sysid.types import N_VALUES, Array, Calibration, Estimate, Quantity, Track, Trajectory
-
-METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-
-UNSIGNED = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-SIGNED = rf"[-+]?{UNSIGNED}"
-# 640, 640(3), 398.7(5), 640+-3, 640+/-3, 640 ± 3; then a unit
-MEASURED = re.compile(
-    rf"(?P<value>{SIGNED})(?:\((?P<last_digits>[0-9]+\.?[0-9]*)\)|\s*(?:\+-|\+/-|±)\s*(?P<stderr>{UNSIGNED}))?"
-    r"\s*(?P<unit>[^\W\d_]+)"
-)
-BAR_ENDS = re.compile(",".join([rf"\s*({SIGNED})\s*"] * 4))
+from iris_sysid.units import SCALE_EXAMPLE, parse_scale, parse_scale_bar
 
 STRAIGHT_ON = "the camera looks straight at the plane of motion"
 NO_LENS = "the lens does not distort"
-PICTURE_UP = "the vertical is the picture's"
 
 MARK_SIGMA_PX = 1.0  # how well a person points at something
-MEMORY_ERROR = 0.1  # by how much the memory of a place's errors differs from that of its outline's, on the twin
-
-SCALE_HELP = "write it as 640px=1m, 398.7(5)px=100cm or 640+-3px=1m (m, cm or mm)"
-BAR_HELP = "write it as x1,y1,x2,y2=length in px and m, cm or mm, e.g. 272.2,446.1,273.2,47.4=1m"
+# standard deviation, on synthetic clips, of the autocorrelation of position errors about that of the outline's errors
+AUTOCORRELATION_ERROR = 0.1
 
 
 class TrackerAxes(Protocol):
@@ -102,7 +88,8 @@ def scale(
         source=source,
         budget={name: scale_part(_turned_homography(px_per_m), part) for name, part in relative.items() if part},
         fixed=("scale",),
-        assumed=(STRAIGHT_ON, NO_LENS, PICTURE_UP),
+        assumed=(STRAIGHT_ON, NO_LENS),
+        vertical_source="image",
     )
 
 
@@ -118,7 +105,9 @@ def scale_part(homography: Array, relative_stderr: float) -> Array:
 
 def _check_length(name: str, length: float, stderr: float, unit: str) -> None:
     if not (math.isfinite(length) and length > 0):
-        raise CalibrationError(f"a scale needs a length above zero: {name} = {length:g} {unit}; {SCALE_HELP}")
+        raise CalibrationError(
+            f"a scale needs a length above zero: {name} = {length:g} {unit}; write it as {SCALE_EXAMPLE}"
+        )
     if not (math.isfinite(stderr) and 0 <= stderr < length):
         raise CalibrationError(
             f"the standard error of {name} must be at least zero and below the length: {length:g} +- {stderr:g} {unit}"
@@ -174,25 +163,18 @@ def scale_bar(
     )
 
 
-def scale_sides(text: str) -> tuple[float, float, float, float]:
-    """What ``640+-3px=1.00(1)m`` states: length in px, its standard error, length in m, its standard error."""
-    sides = text.split("=")
-    measured = [_measured(side, text, SCALE_HELP) for side in sides]
-    units = [unit for _, _, unit in measured]
-    if len(measured) != 2 or units.count("px") != 1:
-        raise CalibrationError(f"cannot read the scale {text!r}: one side must be in px; {SCALE_HELP}")
-    (px, px_stderr, _), (length, length_stderr, unit) = sorted(measured, key=lambda one: one[2] != "px")
-    return px, px_stderr, *_in_metres(length, length_stderr, unit, text, SCALE_HELP)
-
-
 def scale_from_text(text: str) -> Calibration:
     """Read ``640px=1m``: pixels on one side, m, cm or mm on the other, each with its standard error when known.
 
     ``398.7(5)px`` is 398.7 with 0.5 in its last digit; ``640+-3px`` and ``640±3px`` are the same in full. Raises
     CalibrationError with an example of what is right.
     """
-    px, px_stderr, metres, metres_stderr = scale_sides(text)
-    return scale(px, metres, px_stderr=px_stderr, metres_stderr=metres_stderr, source=f"stated: {text.strip()}")
+    try:
+        px, metres = parse_scale(text)
+    except DataError as error:
+        raise CalibrationError(str(error)) from error
+    source = f"stated: {text.strip()}"
+    return scale(px.value, metres.value, px_stderr=px.stderr, metres_stderr=metres.stderr, source=source)
 
 
 def scale_bar_from_text(text: str) -> Calibration:
@@ -200,41 +182,11 @@ def scale_bar_from_text(text: str) -> Calibration:
 
     Raises CalibrationError with an example of what is right.
     """
-    ends, _, length_text = text.partition("=")
-    points = BAR_ENDS.fullmatch(ends)
-    if points is None:
-        raise CalibrationError(f"cannot read the scale bar {text!r}; {BAR_HELP}")
-    length_m, stderr_m = _in_metres(*_measured(length_text, text, BAR_HELP), text, BAR_HELP)
-    x1, y1, x2, y2 = (float(one) for one in points.groups())
-    return scale_bar((x1, y1), (x2, y2), length_m, length_stderr_m=stderr_m)
-
-
-def _measured(part: str, text: str, remedy: str) -> tuple[float, float, str]:
-    """Value, standard error (0 when not stated) and unit of one side of a scale."""
-    match = MEASURED.fullmatch(part.strip())
-    if match is None:
-        comma = "; decimals are written with a point" if re.search(r"[0-9],[0-9]", part) else ""
-        raise CalibrationError(f"cannot read {part.strip()!r} in the scale {text!r}{comma}; {remedy}")
-    if match["unit"] not in ("px", *METRES):
-        raise CalibrationError(f"the scale {text!r} has the unit {match['unit']!r}; {remedy}")
-    return float(match["value"]), _stated_stderr(match), match["unit"]
-
-
-def _stated_stderr(match: re.Match[str]) -> float:
-    digits = match["last_digits"]
-    if digits is None:
-        return float(match["stderr"] or 0.0)
-    if "." in digits:
-        return float(digits)
-    mantissa, _, exponent = match["value"].lower().partition("e")
-    decimals = len(mantissa.partition(".")[2])
-    return float(f"{digits}e{int(exponent or 0) - decimals}")
-
-
-def _in_metres(length: float, stderr: float, unit: str, text: str, remedy: str) -> tuple[float, float]:
-    if unit not in METRES:
-        raise CalibrationError(f"the scale {text!r} has no length in m, cm or mm; {remedy}")
-    return length * METRES[unit], stderr * METRES[unit]
+    try:
+        point_1, point_2, length = parse_scale_bar(text)
+    except DataError as error:
+        raise CalibrationError(str(error)) from error
+    return scale_bar(point_1, point_2, length.value, length_stderr_m=length.stderr)
 
 
 def from_osp(project: TrackerAxes) -> Calibration:
@@ -253,15 +205,23 @@ def from_osp(project: TrackerAxes) -> Calibration:
         source += f", turned by {math.degrees(angle_rad):.3g} degrees"
     homography = _turned_homography(px_per_m, angle_rad, project.origin_px)
     estimate = Estimate(px_per_m, 0.0, "px/m", "assumed", source)
-    assumed = (STRAIGHT_ON, NO_LENS, "the vertical is that of the file's axes")
-    return Calibration(homography, estimate, "m", source, fixed=("scale",), assumed=assumed)
+    return Calibration(
+        homography,
+        estimate,
+        "m",
+        source,
+        fixed=("scale",),
+        assumed=(STRAIGHT_ON, NO_LENS),
+        vertical_source="file-axes",
+    )
 
 
 def uncalibrated() -> Calibration:
     """No scale is known: the world is in px, z up. Angles and times are right all the same."""
     source = "no scale was given: lengths are in px"
     estimate = Estimate(1.0, 0.0, "px/px", "assumed", source)
-    return Calibration(_turned_homography(1.0), estimate, "px", source, assumed=(STRAIGHT_ON, NO_LENS, PICTURE_UP))
+    assumed = (STRAIGHT_ON, NO_LENS)
+    return Calibration(_turned_homography(1.0), estimate, "px", source, assumed=assumed, vertical_source="image")
 
 
 def _turned_homography(
@@ -300,8 +260,8 @@ def to_world(track: Track, calibration: Calibration, *, body: int | None = None)
     -------
     Trajectory
         Quantities x and z in ``calibration.unit``; gaps are NaN and not valid; ``systematic`` holds the calibration's
-        errors as ``calibration: corners`` and so on; ``origin`` names the body, the
-        calibration and, where no frame was left out, the number of the first frame in the file.
+        errors as ``calibration: corners`` and so on; ``origin`` names the body and the calibration; ``first_frame`` is
+        None where frames were left out.
 
     Raises
     ------
@@ -319,17 +279,20 @@ def to_world(track: Track, calibration: Calibration, *, body: int | None = None)
         Quantity(f"{name}{ending}", calibration.unit, f"{name}_{{{ending}}}" if ending else name) for name in "xz"
     )
     changes = common_errors(calibration, xy_px) if track.n_valid else {}
+    known = track.error_autocorrelation
     return Trajectory(
         t_s=track.t_s,
         quantities=quantities,
         position=position,
         sigma=np.sqrt(np.square(parts).sum(axis=2)),
         valid=track.valid,
-        geometry={**({"scale": calibration.scale} if calibration.unit == "m" else {}), **_error_memory(track)},
-        origin={**track.origin, **_first_frame(track), "body": track.body, "calibration": calibration.source},
+        geometry={"scale": calibration.scale} if calibration.unit == "m" else {},
+        origin={**track.origin, "body": track.body, "calibration": calibration.source},
         systematic={
             common_source(name): np.moveaxis(by_calibration @ change.T, 2, 0) for name, change in changes.items()
         },
+        error_autocorrelation=known and known.with_model_error(AUTOCORRELATION_ERROR),
+        first_frame=int(track.frame[0]) if np.all(np.diff(track.frame) == 1) else None,
     )
 
 
@@ -343,22 +306,3 @@ def check_homography(homography: Array) -> None:
     # 1e-12: a homography of rank 2 has a condition number of 1e16, one of a tilted camera below 1e9
     if not np.all(np.isfinite(homography)) or 1 / np.linalg.cond(homography) < 1e-12:
         raise CalibrationError("the calibration's homography has no inverse, so it maps the picture on a line; redo it")
-
-
-def _error_memory(track: Track) -> dict[str, Estimate]:
-    """How long the tracker says that errors of the place last, for fits too short to see it in their residual."""
-    stated = zip(("one frame", "two frames"), track.origin.get("error_memory", ()), strict=False)
-    return {
-        f"error_memory_{order}": Estimate(
-            value,
-            float(np.hypot(stderr, MEMORY_ERROR)),
-            "1",
-            "derived",
-            f"partial autocorrelation of the outline's errors, {apart} apart",
-        )
-        for order, (apart, (value, stderr)) in enumerate(stated, start=1)
-    }
-
-
-def _first_frame(track: Track) -> dict[str, int]:
-    return {"first_frame": int(track.frame[0])} if np.all(np.diff(track.frame) == 1) else {}

@@ -11,12 +11,13 @@ import numpy as np
 
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_cells import Sheet, read_sheet
-from iris_sysid.io.csv_columns import Column, Key, covariance_columns, parse_column, rate_of
+from iris_sysid.io.csv_columns import Column, Key, covariance_columns, parse_column
 from iris_sysid.io.dataframes import OPTIONAL_TRACK_COLUMNS, segment_labels
 from iris_sysid.io.files import origin_of, sha256_of
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import OriginDocument, number
 from iris_sysid.types import TRACK_SIGMAS, Array, Mask, Quantity, Segment, SegmentLabel, Smoothed, Track, Trajectory
+from iris_sysid.units import rate_of
 
 TRACK_COLUMNS = (
     "frame",
@@ -96,8 +97,19 @@ def read_track(path: str | Path) -> list[Track]:
         if not body.strip():
             sheet.refuse("body", row, "is blank; give the name of the body")
         bodies.setdefault(body, []).append(row)
-    origins = {body: {**origin, **(document.bodies.get(body, {}) if document else {})} for body in bodies}
-    return [_track(sheet, columns, body, rows, origins[body]) for body, rows in bodies.items()]
+    beside = {body: _beside_body(document, origin, body) for body in bodies}
+    return [_track(sheet, columns, body, rows, beside[body]) for body, rows in bodies.items()]
+
+
+def _beside_body(document: OriginDocument | None, origin: Mapping[str, Any], body: str) -> dict[str, Any]:
+    """What the file beside a track says of one body: fields of its Track."""
+    if document is None:
+        return {"origin": origin}
+    stated = document.body_error_autocorrelation.get(body, document.error_autocorrelation)
+    return {
+        "origin": {**origin, **document.bodies.get(body, {})},
+        "error_autocorrelation": stated and stated.autocorrelation(),
+    }
 
 
 def _track_columns(sheet: Sheet) -> dict[str, Any]:
@@ -117,7 +129,7 @@ def _track_columns(sheet: Sheet) -> dict[str, Any]:
     return columns
 
 
-def _track(sheet: Sheet, columns: Mapping[str, Any], body: str, rows: list[int], origin: Mapping[str, Any]) -> Track:
+def _track(sheet: Sheet, columns: Mapping[str, Any], body: str, rows: list[int], beside: Mapping[str, Any]) -> Track:
     own = {name: values[rows] for name, values in columns.items()}
     unknown = np.full(len(rows), np.nan)
     optional = {name: own[name] for name in OPTIONAL_TRACK_COLUMNS if name in own and not np.isnan(own[name]).all()}
@@ -130,7 +142,7 @@ def _track(sheet: Sheet, columns: Mapping[str, Any], body: str, rows: list[int],
         valid=own["valid"],
         frame=own["frame"],
         body=body,
-        origin=origin,
+        **beside,
         **optional,
     )
 
@@ -170,6 +182,7 @@ def read_trajectory(path: str | Path) -> Trajectory:
     converted = {one.header: one.unit for one in columns.values() if one.factor != 1}
     t_s = _times(sheet)
     positions = {one.header: _values(sheet, one) for one in measured}
+    stated = document.error_autocorrelation if document else None
     return Trajectory(
         t_s=t_s,
         quantities=_restored(measured, document),
@@ -183,6 +196,8 @@ def read_trajectory(path: str | Path) -> Trajectory:
         smoothed=_smoothed(sheet, columns, measured, document),
         origin={**origin, "converted": converted} if converted else origin,
         systematic=_systematic(sheet, document, (t_s.size, len(measured))),
+        error_autocorrelation=stated and stated.autocorrelation(),
+        first_frame=document.first_frame if document else None,
     )
 
 

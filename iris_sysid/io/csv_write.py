@@ -15,13 +15,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from iris_sysid.calibration.pixel_scale import to_world
 from iris_sysid.io.csv_read import read_track, read_trajectory, side_car_of
 from iris_sysid.io.dataframes import estimates_frame, to_frame
 from iris_sysid.io.files import check_writable, sha256_of, write_atomic
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, write_document
-from iris_sysid.io.schemas import OriginDocument, known_numbers
-from iris_sysid.types import Calibration, Track, Trajectory
+from iris_sysid.io.schemas import ErrorAutocorrelationEntry, OriginDocument, known_numbers
+from iris_sysid.types import ErrorAutocorrelation, Track, Trajectory
 
 __all__ = ["estimates_frame", "read_track", "read_trajectory", "to_frame", "write_track", "write_trajectory"]
 
@@ -55,7 +54,16 @@ def write_track(tracks: Sequence[Track] | Track, path: str | Path, *, overwrite:
     origins = {track.body: plain_origin(track.origin) for track in every}
     same = all(origin == origins[every[0].body] for origin in origins.values())
     beside = {"origin": origins[every[0].body]} if same else {"bodies": origins}
+    lasting = {track.body: _entry_of(track.error_autocorrelation) for track in every}
+    alike = all(entry == lasting[every[0].body] for entry in lasting.values())
+    beside["error_autocorrelation"] = lasting[every[0].body] if alike else None
+    known = {body: entry for body, entry in lasting.items() if entry is not None}
+    beside["body_error_autocorrelation"] = {} if alike else known
     return _write(frame, path, beside, overwrite=overwrite)
+
+
+def _entry_of(stated: ErrorAutocorrelation | None) -> ErrorAutocorrelationEntry | None:
+    return None if stated is None else ErrorAutocorrelationEntry(**{k: list(v) for k, v in asdict(stated).items()})
 
 
 def write_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: bool = False) -> Path:
@@ -91,23 +99,21 @@ def write_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: boo
         "systematic": {source: np.nan_to_num(one).tolist() for source, one in trajectory.systematic.items()},
         "smoothing": None if smoothed is None else {k: known_numbers(getattr(smoothed, k)) for k in ("psd", "nis")},
         "origin": plain_origin(trajectory.origin),
+        "error_autocorrelation": _entry_of(trajectory.error_autocorrelation),
+        "first_frame": trajectory.first_frame,
     }
     return _write(to_frame(trajectory), path, beside, overwrite=overwrite)
 
 
-def write_worlds(
-    tracks: Sequence[Track], calibration: Calibration, path: str | Path, *, overwrite: bool = False
-) -> list[Path]:
-    """Write x and z of each body in the plane of motion, a CSV file each.
+def write_worlds(worlds: Mapping[str, Trajectory], path: str | Path, *, overwrite: bool = False) -> list[Path]:
+    """Write x and z of each body in the plane of motion, one CSV file each.
 
     Parameters
     ----------
-    tracks
-        One a body, in px.
-    calibration
-        Pixels to metres.
+    worlds
+        From :func:`iris_sysid.to_world`, by name of the body.
     path
-        File to write; with several bodies their names are put behind it: ``world-1.csv``.
+        File to write; with several bodies their names are appended: ``world-1.csv``.
     overwrite
         Replace files that exist.
 
@@ -117,9 +123,10 @@ def write_worlds(
         The files.
     """
     path = Path(path)
-    paths = [path] if len(tracks) == 1 else [path.with_name(f"{path.stem}-{one.body}{path.suffix}") for one in tracks]
-    for one, place in zip(tracks, paths, strict=True):
-        write_trajectory(to_world(one, calibration), place, overwrite=overwrite)
+    alone = len(worlds) == 1
+    paths = [path if alone else path.with_name(f"{path.stem}-{body}{path.suffix}") for body in worlds]
+    for world, file in zip(worlds.values(), paths, strict=True):
+        write_trajectory(world, file, overwrite=overwrite)
     return paths
 
 

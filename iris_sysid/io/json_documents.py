@@ -96,9 +96,19 @@ def read_document(path: str | Path, kind: type[Kind]) -> Kind:
     except (OSError, ValueError) as error:
         raise DataError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
     try:
-        return kind.model_validate_json(data.removeprefix(b"\xef\xbb\xbf"))
+        return kind.model_validate_json(_present_version(data.removeprefix(b"\xef\xbb\xbf"), kind))
     except ValidationError as error:
         raise DataError(f"{path}: {_first_problem(error, kind)}") from error
+
+
+def _present_version(text: bytes, kind: type[Document]) -> bytes:
+    """JSON text with the keys of the present version of a document; as it is where it cannot be brought there."""
+    try:
+        content = json.loads(text)
+        upgraded = kind.upgraded(content) if isinstance(content, dict) else content
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):  # the validation says what is wrong
+        return text
+    return text if upgraded is content else json.dumps(upgraded).encode()
 
 
 def checked(kind: type[Kind], **values: Any) -> Kind:
@@ -296,13 +306,13 @@ def _samples(result: FitResult, trajectory: Trajectory | None) -> UsedSamples:
     if used.size == 0:
         return UsedSamples(total=total)
     first, last = int(used[0]), int(used[-1])
-    offset = None if trajectory is None else trajectory.origin.get("first_frame")
+    offset = None if trajectory is None else trajectory.first_frame
     return UsedSamples(
         total=total,
         first_sample=first,
         last_sample=last,
-        first_frame=offset + first if isinstance(offset, int) else None,
-        last_frame=offset + last if isinstance(offset, int) else None,
+        first_frame=offset + first if offset is not None else None,
+        last_frame=offset + last if offset is not None else None,
         first_s=float(result.t_s[first]),
         last_s=float(result.t_s[last]),
     )

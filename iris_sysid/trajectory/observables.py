@@ -64,6 +64,7 @@ def measured(track: Track, calibration: Calibration, phenomenon: Phenomenon) -> 
         valid=valid,
         geometry={},
         systematic={},
+        error_autocorrelation=None,  # it is that of positions
     )
 
 

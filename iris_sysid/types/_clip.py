@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import DataError
 from iris_sysid.types._arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
+from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation
 
 
 def _no_chroma() -> None:
@@ -84,6 +85,8 @@ class Track:
     (true where something that reaches in from the edge of the picture touches the body), and the standard
     errors ``sigma_radius_px``, ``sigma_angle_rad``, ``sigma_intensity`` of what they are named after.
     ``frame`` (n,) is the number of each frame in the file. A gap is NaN and not valid.
+    ``error_autocorrelation`` says how long the errors of the position last, None where the tracker cannot tell.
+    ``origin`` says in words and numbers where the track comes from; nothing is computed from it.
     """
 
     t_s: Array
@@ -101,6 +104,7 @@ class Track:
     sigma_radius_px: Array | None = None
     sigma_angle_rad: Array | None = None
     sigma_intensity: Array | None = None
+    error_autocorrelation: ErrorAutocorrelation | None = None
 
     def __post_init__(self) -> None:
         times = increasing_times(self.t_s)

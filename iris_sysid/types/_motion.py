@@ -11,6 +11,7 @@ import numpy as np
 
 from iris_sysid.errors import DataError
 from iris_sysid.types._arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
+from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation
 from iris_sysid.types._numbers import Estimate, Quantity
 
 MotionKind = Literal["oscillation", "slide", "flight", "any"]
@@ -64,7 +65,10 @@ class Trajectory:
     ``geometry`` holds what was measured on the way here (pivot, angle of the board, scale), with its
     uncertainty, which is common to all samples. ``systematic`` holds, by source, what errors of the positions have in
     common: (r, n, d), r independent patterns, each the change of every position for one standard error; an average over
-    samples does not shrink them. ``smoothed`` is there after :func:`iris_sysid.smooth`.
+    samples does not shrink them. ``smoothed`` is there after :func:`iris_sysid.smooth`. ``error_autocorrelation`` says
+    how long the random errors of the positions last, ``first_frame`` is the number in the video of the first sample
+    (None where frames were left out); both None where not known. ``origin`` says in words and numbers where the
+    trajectory comes from; nothing is computed from it.
     """
 
     t_s: Array
@@ -79,6 +83,8 @@ class Trajectory:
     smoothed: Smoothed | None = None
     origin: Mapping[str, Any] = field(default_factory=dict)
     systematic: Mapping[str, Array] = field(default_factory=dict)
+    error_autocorrelation: ErrorAutocorrelation | None = None
+    first_frame: int | None = None
 
     def __post_init__(self) -> None:
         times = increasing_times(self.t_s)

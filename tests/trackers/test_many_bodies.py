@@ -120,7 +120,7 @@ CLIP_S = 5.0  # in half of that a hand that has let go still covers a ball, and 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("phenomenon", ["two-moving-pendulums", "one-static-pendulum", "hitting-cones"])
+@pytest.mark.parametrize("phenomenon", ["two-moving-pendulums", "two-moving-pendulum-one-static", "hitting-cones"])
 def test_bodies_of_ten_twin_clips_keep_their_names(phenomenon, tmp_path):
     scores = [run_clip(phenomenon, number, (640, 360), CLIP_S, tmp_path) for number in range(10)]
     assert sum(one.switches for one in scores) == 0

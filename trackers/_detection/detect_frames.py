@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from iris_sysid.errors import TrackingError
-from iris_sysid.types import Frame, FrameSource, TrackOptions
+from iris_sysid.types import Frame, FrameSource, TrackOptions, with_progress
 from trackers._background.background_samples import usable_samples
 from trackers._background.median import Background, Bytes, Flags, Still, noise_inflation, still_of
 from trackers._detection.detection import THINNEST_BODY, Glimpse, Lens
@@ -156,11 +156,7 @@ def observe(video: FrameSource, stage: Stage, options: TrackOptions) -> list[Gli
     """The candidates of every frame, in one pass; ``options.progress`` is told how far it is."""
     glimpses: list[Glimpse] = []
     attention = stage.attention()
-    for frame in video.frames():
+    for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
         before = glimpses[-1].sightings if glimpses else ()
         glimpses.append(stage.lens.glimpse(frame, *attention.cores(frame), before))
-        if options.progress is not None and len(glimpses) % REPORT_EVERY == 0:
-            options.progress(len(glimpses), video.n_expected)
-    if options.progress is not None:
-        options.progress(len(glimpses), video.n_expected)
     return glimpses

@@ -221,7 +221,7 @@ def _in_pixels(centre: Centre, size: int) -> Centre:
         sigma_y=centre.sigma_y * size,
         area=centre.area * size**2,
         sigma_area=centre.sigma_area * size**2,
-        bends=tuple(bend * size for bend in centre.bends),
+        lobes=tuple(lobe * size for lobe in centre.lobes),
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from iris_sysid.types import Array
 from trackers._background.median import MAD_TO_SD, Bytes, Flags, Image
-from trackers._uncertainty.error_correlation import lobes
+from trackers._uncertainty.error_correlation import outline_lobes
 
 FINER_SMALL, FINER_LARGE = 4, 2  # how much finer than the pixels the half-way contour is drawn
 SMALL_WINDOW = 64  # px
@@ -43,7 +43,7 @@ NARROWEST = 0.75  # px, half the width of the sharpest outline: half a pixel's d
 class Centre:
     """Centre of a body in its window (px), area (px), contrast and intensity (grey levels), with standard errors.
 
-    ``cut`` says that the body reaches the border of the window; ``bends`` are the outline's :func:`lobes`, px.
+    ``cut`` says that the body reaches the border of the window; ``lobes`` are amplitudes of the outline's lobes, px.
     """
 
     x: float
@@ -56,7 +56,7 @@ class Centre:
     intensity: float
     sigma_intensity: float
     cut: bool
-    bends: tuple[float, ...] = ()
+    lobes: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -152,7 +152,7 @@ def _moments(window: Window, share: Image, variance: Image) -> Centre:
         intensity=float(window.image[..., 0][inside].mean()),
         sigma_intensity=float(window.noise[..., 0][inside].mean() * np.sqrt(window.inflation / inside.sum())),
         cut=bool(border.max() > 0.5),
-        bends=lobes(share, x, y, area),
+        lobes=outline_lobes(share, x, y, area),
     )
 
 

@@ -11,7 +11,7 @@ from trackers._background.median import Bytes, Flags, Image
 from trackers._disc.edge_coverage import edge_reach
 from trackers._disc.model import BLUR, OVAL_ALONG, RADIUS, Disc, DiscModel, Form, Motion, X, Y
 from trackers._disc.robust_least_squares import TUKEY, Labels, Pixels, Solution, robust_fit
-from trackers._uncertainty.error_correlation import lobes_of
+from trackers._uncertainty.error_correlation import lobe_amplitudes
 from trackers._uncertainty.pixel_correlation import variance_of_sum
 
 INWARDS = (4.0, 0.25, 12.0)  # px, of the radius, px: how far inside of the outline the body's shading must hold
@@ -54,14 +54,14 @@ class Cutout:
 class DiscFit:
     """A disc as fitted, and what it was fitted to: rows and columns in the cutout of the pixels that count.
 
-    ``bends`` are the lobes of the outline that the disc does not have, px.
+    ``lobes`` are the lobes of the outline that the disc does not have, px.
     """
 
     disc: Disc
     solution: Solution
     rows: Labels
     columns: Labels
-    bends: tuple[float, ...] = ()
+    lobes: tuple[float, ...] = ()
 
     @property
     def outline_share(self) -> float:
@@ -159,8 +159,8 @@ def fit_disc(
     disc = _disc_of(solution, model)
     edge = zone == 1
     beyond = (solution.weight * solution.residual)[edge] / (disc.contrast or 1.0)
-    bends = lobes_of(beyond, (x[edge] - disc.x) + 1j * (y[edge] - disc.y), disc.radius)
-    fitted = DiscFit(disc, solution, rows, columns, bends)
+    lobes = lobe_amplitudes(beyond, (x[edge] - disc.x) + 1j * (y[edge] - disc.y), disc.radius)
+    fitted = DiscFit(disc, solution, rows, columns, lobes)
     return replace(fitted, disc=_with_errors(fitted, cutout.image.shape, correlation))
 
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from iris_sysid.errors import TrackingError
-from iris_sysid.types import Frame, FrameSource, Track, TrackOptions
+from iris_sysid.types import Frame, FrameSource, Track, TrackOptions, with_progress
 from trackers._background.median import Background, Bytes, Flags, Still
 from trackers._detection.detect_frames import REPORT_EVERY, Stage, stage_of
 from trackers._detection.detection import Glimpse, Lens
@@ -82,14 +82,10 @@ def track_with(make: Callable[[int], Subtractor], name: str, video: FrameSource,
     for count, picture in enumerate(stage.smalls, start=1):
         subtractor.apply(picture, None, 1 / count)
     adaptive, glimpses = _Adaptive(stage, subtractor), []
-    for frame in video.frames():
+    for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
         glimpses.append(adaptive.glimpse(frame))
-        if options.progress is not None and len(glimpses) % REPORT_EVERY == 0:
-            options.progress(len(glimpses), video.n_expected)
     if not glimpses:
         raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
-    if options.progress is not None:
-        options.progress(len(glimpses), video.n_expected)
     paths = follow(glimpses, options.bodies, float(np.hypot(video.width, video.height)))
     asked = {"tracker": name, "bodies": options.bodies, "roi": options.roi, "colour": options.colour}
     origin = {**asked, "colour_used": stage.view.chroma, "history": HISTORY}

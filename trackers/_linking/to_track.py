@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,8 @@ from iris_sysid.types import Array, Track
 from trackers._detection.detection import Glimpse, Sighting
 from trackers._linking.frame_to_frame import Path
 from trackers._linking.select_bodies import held_frames
-from trackers._uncertainty.error_correlation import memory, moving
-from trackers._uncertainty.excess_scatter import Steadiness, with_scatter
+from trackers._uncertainty.error_correlation import is_moving, outline_autocorrelation
+from trackers._uncertainty.excess_scatter import ErrorModel, with_scatter
 
 
 def track_of(path: Path, glimpses: Sequence[Glimpse], body: str, origin: dict[str, object]) -> Track:
@@ -36,13 +37,13 @@ def track_of(path: Path, glimpses: Sequence[Glimpse], body: str, origin: dict[st
     hand[list(held_frames(path, glimpses))] = True
     t_s = np.array([glimpse.t_s for glimpse in glimpses])
     radius = np.sqrt(table[:, 4] / np.pi)
-    free = [one for one in path.sightings if one.centre.bends and not one.hand]
+    free = [one for one in path.sightings if one.centre.lobes and not one.hand]
     rows = np.array([place[one.frame] for one in free], dtype=np.int64)
-    lasting, known = errors_last(rows, table[:, :2], radius, np.array([one.centre.bends for one in free]))
+    errors = error_model(rows, table[:, :2], radius, np.array([one.centre.lobes for one in free]))
     return Track(
         t_s=t_s,
         xy_px=table[:, 0:2],
-        sigma_px=np.column_stack([with_scatter(t_s, table[:, axis], table[:, axis + 2], known) for axis in (0, 1)]),
+        sigma_px=np.column_stack([with_scatter(t_s, table[:, axis], table[:, axis + 2], errors) for axis in (0, 1)]),
         valid=np.isfinite(table[:, 0]),
         frame=np.array([glimpse.frame for glimpse in glimpses]),
         body=body,
@@ -52,32 +53,35 @@ def track_of(path: Path, glimpses: Sequence[Glimpse], body: str, origin: dict[st
         sigma_intensity=table[:, 7],
         area_px=table[:, 4],
         hand=hand,
-        origin={**origin, **lasting},
+        origin=origin,
+        error_autocorrelation=errors.autocorrelation,
     )
 
 
-def errors_last(
-    rows: NDArray[np.int64], xy_px: Array, radius_px: Array, bends: Array, less: float = 0.0
-) -> tuple[dict[str, object], Steadiness]:
-    """How long the errors of the place last, as ``error_memory`` where the outline says so, and what follows from it.
+def error_model(
+    rows: NDArray[np.int64], xy_px: Array, radius_px: Array, lobes: Array, reduction: float = 0.0
+) -> ErrorModel:
+    """Where a body moves, and the autocorrelation of its position errors by the lobes of its outline.
 
     Parameters
     ----------
     rows
-        Of the samples (k,) whose outline tells, ascending.
+        Numbers (k,) of the samples whose outline is measured, ascending.
     xy_px, radius_px
-        Places (n, 2) and radii (n,) of all samples, px; NaN in gaps.
-    bends
-        Amplitudes (k, 4) of the outline's lobes in those rows, px.
-    less
-        By how much the partial autocorrelation of the place's errors at one frame is below that of the lobes.
+        Positions (n, 2) and radii (n,) of all samples, px; NaN in gaps.
+    lobes
+        Amplitudes (k, 4) of the outline's lobes in those samples, px.
+    reduction
+        By how much the partial autocorrelation of the position errors at lag 1 is below that of the lobes.
     """
     seen, number = np.isfinite(radius_px), np.arange(radius_px.size, dtype=np.float64)
-    moves = np.zeros(radius_px.size, dtype=np.bool_)
-    moves[seen] = moving(number[seen], xy_px[seen], radius_px[seen])
-    found = memory(number[rows], xy_px[rows], bends, radius_px[rows]) if rows.size else []
-    found = [(max(value - less, 0.0), stderr) for value, stderr in found[:1]] + found[1:]
-    return ({"error_memory": found} if found else {}), Steadiness(moves, tuple(value for value, _ in found))
+    moving = np.zeros(radius_px.size, dtype=np.bool_)
+    moving[seen] = is_moving(number[seen], xy_px[seen], radius_px[seen])
+    measured = outline_autocorrelation(number[rows], xy_px[rows], lobes, radius_px[rows]) if rows.size else None
+    if measured is None:
+        return ErrorModel(moving)
+    partial = (max(measured.partial[0] - reduction, 0.0), *measured.partial[1:])
+    return ErrorModel(moving, replace(measured, partial=partial))
 
 
 def _row(one: Sighting) -> tuple[float, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.errors import TrackingError
-from iris_sysid.types import Array, Frame, FrameSource, TrackOptions
+from iris_sysid.types import Array, Frame, FrameSource, TrackOptions, with_progress
 from trackers._background.median import Bytes
 from trackers._detection.detect_frames import REPORT_EVERY, Stage, stage_of
 from trackers._detection.detection import THINNEST_BODY, Glimpse, Sighting, touches
@@ -87,17 +87,14 @@ def measured(
     glimpses: list[Glimpse] = []
     paths = [Path() for _ in placed[0].filled]
     attention = stage.attention()
-    for frame, one, there in zip(video.frames(), frames, placed, strict=True):
+    seen = with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY)
+    for frame, one, there in zip(seen, frames, placed, strict=True):
         _, things = attention.cores(frame)
         glimpse, sightings = _measured(stage, frame, one, there, things)
         glimpses.append(glimpse)
         for path, sighting in zip(paths, sightings, strict=True):
             if sighting is not None:
                 path.sightings.append(sighting)
-        if options.progress is not None and len(glimpses) % REPORT_EVERY == 0:
-            options.progress(len(glimpses), video.n_expected)
-    if options.progress is not None:
-        options.progress(len(glimpses), video.n_expected)
     return glimpses, paths
 
 

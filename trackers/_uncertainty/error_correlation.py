@@ -1,9 +1,10 @@
-"""How long the errors of a body's place last: told by those of its outline's shape, which are seen.
+"""Autocorrelation of position errors, measured from the errors of the outline's shape, which each frame shows.
 
-A compressed frame is made of blocks of the frame before it, moved, with what is left over corrected only where it is
-large. So the outline is off by parts of a pixel, here outwards and there inwards, and stays so for some frames. Its
-errors as a whole move the place; no frame shows that. Those that bend a disc into three or five lobes move nothing,
-are seen in each frame, and last as long.
+A compressed frame consists of motion-compensated blocks of the frame before it; the encoder corrects the residual only
+where it is large. So the outline is wrong by parts of a pixel, outwards in one direction and inwards in another, for
+some frames. The part of these errors that shifts the outline as a whole is the position error; no single frame shows
+it. The part that lobes a disc into three or five lobes does not move its centre, is measured in each frame, and lasts
+as long.
 """
 
 from __future__ import annotations
@@ -12,24 +13,25 @@ import itertools
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from iris_sysid.types import Array, Mask
+from iris_sysid.types import Array, ErrorAutocorrelation, Mask
 from trackers._background.median import MAD_TO_SD, Image
 
-LOBES = (3, 5)  # odd as a shift is: what is symmetric about its centre, a disc or its streak, has none of its own
-MOST_BENT = 0.15  # of the radius: what has larger lobes is no disc, and its own shape changes as it turns
+LOBES = (3, 5)  # odd as a shift is: a shape with a centre of symmetry, a disc or its streak, has none of its own
+LARGEST_LOBE = 0.15  # of the radius: a shape with larger lobes is no disc, and its outline changes as it turns
 INNER, OUTER = 0.5, 1.8  # of the radius, between which the outline lies
-SLOWEST = 0.5  # px a frame: what rests is copied from frame to frame, and its errors last for ever
-PIECE = (10, 32)  # frames of a piece of the course that is looked at by itself, least and most
-OUTLIER = 3.0  # robust standard deviations: something is before the outline or behind it, e.g. the floor
-FEWEST = 40  # samples of each lobe without which nothing can be said
-MOST_PIECES = 20  # that are looked at: they tell a partial autocorrelation to 0.04
-DEGREE = 2  # of the polynomial in time that a piece may follow of its own: the shading changes with the place
-GRID = (np.linspace(0.0, 0.9, 19), np.linspace(-0.2, 0.5, 15))  # partial autocorrelations at one and two frames
+SLOWEST = 0.5  # px a frame: the encoder copies a resting body from frame to frame, and its errors never change
+STRETCH = (10, 32)  # frames of the shortest and longest stretch of the track that is analysed by itself
+OUTLIER = 3.0  # robust standard deviations: another object, e.g. the floor, disturbs the outline
+FEWEST = 40  # samples of each lobe; fewer do not determine the autocorrelation
+MOST_STRETCHES = 20  # they determine a partial autocorrelation to 0.04
+DEGREE = 2  # of the polynomial trend in time of each stretch: the shading changes with the position
+GRID = (np.linspace(0.0, 0.9, 19), np.linspace(-0.2, 0.5, 15))  # partial autocorrelations at lags of 1 and 2 frames
 
 
-def lobes(share: Image, x: float, y: float, area: float) -> tuple[float, ...]:
-    """Amplitudes, px, of the outline's bends into three and five lobes, as cosine and sine each.
+def outline_lobes(share: Image, x: float, y: float, area: float) -> tuple[float, ...]:
+    """Amplitudes, px, of the outline's lobes of order three and five: (cosine, sine) of each, by Fourier analysis.
 
     With delta(phi) the outline's distance from a circle of radius r, the amplitude is that of its Fourier series,
     1/pi times the integral of delta cos(m phi), here sum(a cos(m phi)) / (pi r) over the pixels near the outline.
@@ -37,65 +39,66 @@ def lobes(share: Image, x: float, y: float, area: float) -> tuple[float, ...]:
     Parameters
     ----------
     share
-        How much (h, w) of each pixel the body covers.
+        Coverage (h, w) of each pixel by the body, 0 to 1.
     x, y, area
-        Its centre in these pixels, and its area.
+        Its centre, px from the centre of pixel (0, 0) of ``share``, and its area, px^2.
     """
     radius = float(np.sqrt(area / np.pi))
     across, down = np.arange(share.shape[1]) - x, np.arange(share.shape[0])[:, np.newaxis] - y
     squared = across**2 + down**2
     near = (squared > (INNER * radius) ** 2) & (squared < (OUTER * radius) ** 2) & (share != 0)
-    return lobes_of(share[near], (across + 1j * down)[near], radius)
+    return lobe_amplitudes(share[near], (across + 1j * down)[near], radius)
 
 
-def lobes_of(share: Array | Image, place: Array, radius: float) -> tuple[float, ...]:
+def lobe_amplitudes(share: Array | Image, offset: NDArray[np.complex128], radius: float) -> tuple[float, ...]:
     """The same from pixels near the outline of a disc.
 
     Parameters
     ----------
     share
-        How much (n,) of each pixel the body covers, or how much more than the disc does.
-    place
-        Of each pixel (n,), x + iy from the centre, px.
+        Coverage (n,) of each pixel by the body, or by how much it exceeds that of the disc.
+    offset
+        Position (n,) of each pixel from the centre as x + iy, px.
     radius
         Of the disc, px.
     """
-    weight, direction = share / (np.pi * radius), place / np.maximum(np.abs(place), 1e-9)
-    sums = [complex(weight @ direction**lobe) for lobe in LOBES]
-    return tuple(part for one in sums for part in (one.real, one.imag))
+    weight, direction = share / (np.pi * radius), offset / np.maximum(np.abs(offset), 1e-9)
+    amplitudes = [complex(weight @ direction**lobe) for lobe in LOBES]
+    return tuple(part for amplitude in amplitudes for part in (amplitude.real, amplitude.imag))
 
 
-def memory(frame: Array, xy_px: Array, bends: Array, radius_px: Array) -> list[tuple[float, float]]:
-    """Partial autocorrelations at one and two frames of a disc's outline, each with its standard error.
+def outline_autocorrelation(frame: Array, xy_px: Array, lobes: Array, radius_px: Array) -> ErrorAutocorrelation | None:
+    """Partial autocorrelations of a disc's outline errors at lags of 1 and 2 frames, with standard errors.
 
     Mean and standard deviation of the posterior of an autoregression of order 2, by the restricted likelihood
-    (Patterson and Thompson 1971) of all pieces in which the body moves, each about parabolas of its own and with
-    variances of its own. Empty where too little of the outline is seen, or it is not that of a disc.
+    (Patterson and Thompson 1971) of all stretches in which the body moves, each with parabolic trends and variances
+    of its own. None where the body is seen in too few frames, or is not a disc.
 
     Parameters
     ----------
     frame
         Numbers (n,) of the frames in which the body is seen, ascending.
     xy_px
-        Its places (n, 2), px.
-    bends
-        Amplitudes (n, 4) of :func:`lobes`, px.
+        Its positions (n, 2), x right and y down, px.
+    lobes
+        Amplitudes (n, 4) by :func:`outline_lobes`, px.
     radius_px
         Radius (n,) of the disc of the same area, px.
     """
-    useful = moving(frame, xy_px, radius_px)
-    if not useful.any() or np.median(np.abs(bends[useful])) > MOST_BENT * np.median(radius_px[useful]):
-        return []
-    useful[useful] = _clear(bends[useful])
-    pieces = [bends[useful][piece] for piece in _pieces(frame[useful])][:MOST_PIECES]
-    if sum(len(piece) for piece in pieces) < FEWEST:
-        return []
-    stacks = _stacked(pieces)
+    useful = is_moving(frame, xy_px, radius_px)
+    if not useful.any() or np.median(np.abs(lobes[useful])) > LARGEST_LOBE * np.median(radius_px[useful]):
+        return None
+    useful[useful] = _without_outliers(lobes[useful])
+    stretches = [lobes[useful][stretch] for stretch in _stretches(frame[useful])][:MOST_STRETCHES]
+    if sum(len(stretch) for stretch in stretches) < FEWEST:
+        return None
+    stacks = _stacked(stretches)
     minus_twice = np.array([[_minus_restricted(stacks, first, second) for second in GRID[1]] for first in GRID[0]])
     weight = np.exp(-0.5 * (minus_twice - minus_twice.min()))
     weight /= weight.sum()
-    shares = zip(GRID, (weight.sum(axis=1), weight.sum(axis=0)), strict=True)
-    return [_moments(values, share) for values, share in shares]
+    marginals = zip(GRID, (weight.sum(axis=1), weight.sum(axis=0)), strict=True)
+    partial, stderr = zip(*(_moments(values, marginal) for values, marginal in marginals), strict=True)
+    return ErrorAutocorrelation(partial, stderr)
 
 
 def _moments(values: Array, weight: Array) -> tuple[float, float]:
@@ -104,38 +107,39 @@ def _moments(values: Array, weight: Array) -> tuple[float, float]:
     return mean, max(float(np.sqrt((values - mean) ** 2 @ weight)), float(values[1] - values[0]))
 
 
-def moving(frame: Array, xy_px: Array, radius_px: Array) -> Mask:
+def is_moving(frame: Array, xy_px: Array, radius_px: Array) -> Mask:
     """Where (n,) the outline has moved since the frame before, or moves until the next one.
 
-    ``frame`` (n,) are numbers of frames, ``xy_px`` (n, 2) and ``radius_px`` (n,) the disc's places and radii, px.
+    ``frame`` (n,) are numbers of frames, ``xy_px`` (n, 2) and ``radius_px`` (n,) the disc's positions and radii, px.
     """
     step = np.hypot(*np.diff(xy_px, axis=0).T) + np.abs(np.diff(radius_px))
     moves = (np.diff(frame) == 1) & (step > SLOWEST)
     return np.asarray(np.append(moves, False) | np.append(False, moves))
 
 
-def _clear(bends: Array) -> Mask:
-    """Where (n,) no lobe is wild."""
-    off = np.abs(bends - np.median(bends, axis=0))
+def _without_outliers(lobes: Array) -> Mask:
+    """Where (n,) no lobe amplitude (n, 4) is an outlier."""
+    off = np.abs(lobes - np.median(lobes, axis=0))
     return np.asarray((off < OUTLIER * MAD_TO_SD * np.median(off, axis=0)).all(axis=1))
 
 
-def _pieces(frame: Array) -> list[slice]:
-    """Stretches of frames without gaps, none too long or too short."""
+def _stretches(frame: Array) -> list[slice]:
+    """Stretches of consecutive frames, none too long or too short."""
     ends = np.concatenate([[0], np.flatnonzero(np.diff(frame) != 1) + 1, [len(frame)]])
     cuts = [
-        (first, min(first + PIECE[1], stop))
+        (first, min(first + STRETCH[1], stop))
         for start, stop in itertools.pairwise(ends.tolist())
-        for first in range(start, stop, PIECE[1])
+        for first in range(start, stop, STRETCH[1])
     ]
-    return [slice(start, stop) for start, stop in cuts if stop - start >= PIECE[0]]
+    return [slice(start, stop) for start, stop in cuts if stop - start >= STRETCH[0]]
 
 
-def _stacked(pieces: Sequence[Array]) -> list[Array]:
-    """Pieces of the same length together (k, n, 4), each with the powers of time that it may follow: (k, n, 7)."""
-    of_length = {n: [piece for piece in pieces if len(piece) == n] for n in sorted({len(piece) for piece in pieces})}
+def _stacked(stretches: Sequence[Array]) -> list[Array]:
+    """Stretches (n, 4) of equal length stacked, with the powers of time of their trend in front: (k, n, 7)."""
+    lengths = sorted({len(stretch) for stretch in stretches})
+    of_length = {n: [stretch for stretch in stretches if len(stretch) == n] for n in lengths}
     powers = {n: np.vander(np.linspace(-1, 1, n), DEGREE + 1) for n in of_length}
-    return [np.stack([np.column_stack([powers[n], one]) for one in same]) for n, same in of_length.items()]
+    return [np.stack([np.column_stack([powers[n], stretch]) for stretch in same]) for n, same in of_length.items()]
 
 
 def _minus_restricted(stacks: Sequence[Array], first: float, second: float) -> float:
@@ -145,9 +149,9 @@ def _minus_restricted(stacks: Sequence[Array], first: float, second: float) -> f
         count, n, _ = columns.shape
         white = _whitened(columns, first, second)
         directions, triangle = np.linalg.qr(white[..., : DEGREE + 1])
-        seen = white[..., DEGREE + 1 :]
-        left = seen - directions @ (directions.transpose(0, 2, 1) @ seen)
-        squares = (left**2).sum(axis=1).reshape(count, len(LOBES), 2).sum(axis=-1)
+        lobes = white[..., DEGREE + 1 :]
+        residual = lobes - directions @ (directions.transpose(0, 2, 1) @ lobes)
+        squares = (residual**2).sum(axis=1).reshape(count, len(LOBES), 2).sum(axis=-1)
         sizes = np.abs(np.diagonal(triangle, axis1=1, axis2=2))
         # of the first two samples, whose variance is that of the process
         logs = -count * (2 * np.log(1 - second**2) + np.log(1 - first**2)) + 2 * np.log(sizes).sum()

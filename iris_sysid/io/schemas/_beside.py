@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, JsonValue
 
 from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part, QuantityEntry, SegmentEntry
+from iris_sysid.types import ErrorAutocorrelation, VerticalSource
 
 Triple = tuple[float, float, float]
 PixelCount = Annotated[int, Field(ge=1, le=100_000)]
@@ -21,11 +23,23 @@ class Smoothing(Part):
     """Mean normalised innovation squared; 1 when the filter is consistent."""
 
 
+class ErrorAutocorrelationEntry(Part):
+    """Partial autocorrelations of position errors at lags of 1, 2, ... frames."""
+
+    partial: list[float]
+    stderr: list[float]
+    """Their standard errors."""
+
+    def autocorrelation(self) -> ErrorAutocorrelation:
+        """The entry as an ErrorAutocorrelation."""
+        return ErrorAutocorrelation(tuple(self.partial), tuple(self.stderr))
+
+
 class OriginDocument(Document):
     """What a CSV file cannot say (the .origin.json file beside it)."""
 
     document: Literal["origin"] = "origin"
-    version: Literal[1] = 1
+    version: Literal[2] = 2
     table: str
     """Name of the CSV file."""
     table_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
@@ -39,6 +53,43 @@ class OriginDocument(Document):
     origin: dict[str, JsonValue] = {}
     bodies: dict[str, dict[str, JsonValue]] = {}
     """Origin by body, where the bodies of a track differ."""
+    error_autocorrelation: ErrorAutocorrelationEntry | None = None
+    """How long the position errors last; of a track with several bodies, where it is the same for all."""
+    body_error_autocorrelation: dict[str, ErrorAutocorrelationEntry] = {}
+    """The same by body, where the bodies of a track differ."""
+    first_frame: int | None = None
+    """Number in the video of the frame that is the first sample of a trajectory; null when it is not known."""
+
+    @classmethod
+    def upgraded(cls, content: dict[str, Any]) -> dict[str, Any]:
+        """Version 1 kept the error autocorrelation as ``error_memory`` in the origin or the geometry."""
+        if content.get("version") != 1:
+            return content
+        content = {**content, "version": 2}
+        origin = dict(content.get("origin", {}))
+        of_track = origin.pop("error_memory", None)
+        bodies = {body: dict(its_origin) for body, its_origin in content.get("bodies", {}).items()}
+        by_body = {body: its_origin.pop("error_memory", None) for body, its_origin in bodies.items()}
+        geometry = dict(content.get("geometry", {}))
+        of_trajectory = [geometry.pop(name) for name in ("error_memory_1", "error_memory_2") if name in geometry]
+        first_frame = origin.pop("first_frame", None)
+        common = [(entry["value"], entry["stderr"]) for entry in of_trajectory]
+        if not content.get("quantities"):  # a track
+            common = of_track or []
+        return {
+            **content,
+            "origin": origin,
+            "bodies": bodies,
+            "geometry": geometry,
+            "error_autocorrelation": _columns(common),
+            "body_error_autocorrelation": {body: _columns(rows) for body, rows in by_body.items() if rows},
+            "first_frame": first_frame,
+        }
+
+
+def _columns(rows: Sequence[tuple[float, float]]) -> dict[str, list[float]] | None:
+    """Pairs of a partial autocorrelation and its standard error, as an :class:`ErrorAutocorrelationEntry` has them."""
+    return {"partial": [row[0] for row in rows], "stderr": [row[1] for row in rows]} if rows else None
 
 
 class TensorDocument(Document):
@@ -65,7 +116,8 @@ class CalibrationDocument(Document):
     """How pixels become metres in the plane of motion (calibration.json)."""
 
     document: Literal["calibration"] = "calibration"
-    version: Literal[1] = 1
+    version: Literal[1, 2] = 2
+    """1: without ``vertical_source``, which ``fixed`` and ``assumed`` then say in words."""
     unit: Literal["m", "px"]
     """Unit of the world; px when no scale is known."""
     homography: tuple[Triple, Triple, Triple]
@@ -81,14 +133,16 @@ class CalibrationDocument(Document):
     """By source: part of the covariance (18, 18) of the homography's nine entries, row by row, and fx, fy, cx, cy, k1,
     k2, p1, p2, k3; independent parts that add up."""
     image_size: tuple[PixelCount, PixelCount] | None = None
-    """Width and height of the pictures it is valid for, px; null where it was not made from pictures."""
+    """Width and height of the images it is valid for, px; null where it was not made from images."""
     centre_px: tuple[float, float] = (0.0, 0.0)
-    """Where in the picture it was made."""
+    """Where in the image it was made."""
+    vertical_source: VerticalSource = "unstated"
+    """What fixed the direction of gravity."""
     fixed: list[str] = []
-    """What the data fixed."""
+    """What else the data fixed."""
     assumed: list[str] = []
-    """What was taken for granted."""
+    """What else was taken for granted."""
     notes: list[str] = []
     rms_px: Number = None
-    """Root mean square distance of the board's corners from where they should be; null without a board."""
+    """Root mean square residual of the board's corners, px; null without a board."""
     origin: dict[str, JsonValue] = {}

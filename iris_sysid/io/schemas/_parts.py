@@ -41,6 +41,11 @@ class Part(BaseModel):
 class Document(Part):
     """A whole file; each kind states its ``document`` name and the ``version`` of its layout."""
 
+    @classmethod
+    def upgraded(cls, content: dict[str, Any]) -> dict[str, Any]:
+        """The content of a file of an older version, as the present version has it; as it is where nothing changed."""
+        return content
+
 
 class EstimateEntry(Part):
     """A number with its standard error, interval and unit."""
