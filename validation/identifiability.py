@@ -42,7 +42,7 @@ ROWS = (
     Row("sliding-cone", "cone_60", "incline", "s_m", 5e-5, "G 3.1e-2 1.4e-4 2.0e-6, R 0.02e-3"),
     Row("dropping-ball", "drop_100", "free-fall", "height_m", 5e-5, "G 1.5e-2 4.7e-3 3.8e-4, R 1.92e-3"),
     Row("two-moving-pendulums", "pendulum_45", COUPLED, "theta_rad", 1e-4, "G 3.8e-2 2.1e-2 7.4e-3, R 12.6e-3"),
-    Row("one-static-pendulum", "pendulum_45", COUPLED, "theta_rad", 1e-4, "G 4.2e-2 1.9e-2 5.1e-3, R 9.83e-3"),
+    Row("two-moving-pendulum-one-static", "pendulum_45", COUPLED, "theta_rad", 1e-4, "G 4.2e-2 1.9e-2 5.1e-3, R 9.83e-3"),
 )
 
 

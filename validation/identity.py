@@ -28,7 +28,7 @@ from iris_sysid.registry import PHENOMENA, TRACKERS
 from iris_sysid.synthetic import SCENES, Truth, read_truth, render_clip
 from iris_sysid.types import Track, TrackOptions
 
-CLASSES = ("two-moving-pendulums", "one-static-pendulum", "hitting-cones")
+CLASSES = ("two-moving-pendulums", "two-moving-pendulum-one-static", "hitting-cones")
 SECONDS = 5.0  # of each clip: in half of that a hand, or a pile that stands, covers a body for too much of it
 THRESHOLDS = np.arange(0.05, 0.96, 0.05)  # of similarity, as in the definition of HOTA
 MATCHED = 0.5  # of similarity, for switches, IDF1 and the error

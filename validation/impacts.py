@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from fitters.integrator.event_times import event_times
-from fitters.ode import fit, simulate
+from fitters.ode import FitOptions, fit, simulate
 from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.pipeline import observe, track
 from iris_sysid.registry import MODELS, PHENOMENA
@@ -19,7 +19,7 @@ from iris_sysid.types import FitResult, TrackOptions, Trajectory
 from iris_sysid.video.reader import open_video
 
 FOOTAGE = Path("..") / "shared" / "data" / "iris_footage" / "Two_Moving_Pendulums.gif"
-SCENES = {"two-moving-pendulums": "two-moving-pendulums", "one-static-pendulum": "two-moving-pendulum-one-static"}
+PAIRS = ("two-moving-pendulums", "two-moving-pendulum-one-static")
 SETTINGS = ("pendulum_20", "pendulum_45", "pendulum_90")
 VALUES = ("length_1", "length_2", "restitution")
 FPS, SIZE, DURATION_S = 60.0, (960, 540), 4.0
@@ -35,7 +35,7 @@ def both_fits(trajectory: Trajectory, phenomenon: str) -> tuple[FitResult, FitRe
     """The fit with impacts, and the one with the continuous coupling."""
     chosen = PHENOMENA[phenomenon]
     impacts = fit(trajectory, MODELS[chosen.model], free=chosen.free)
-    return impacts, fit(trajectory, MODELS["coupled-pendulums"], multistart=2)
+    return impacts, fit(trajectory, MODELS["coupled-pendulums"], options=FitOptions(multistart=2))
 
 
 def residuals(one: FitResult) -> str:
@@ -58,10 +58,10 @@ def print_twin(folder: Path) -> None:
     """Print the largest errors on rendered and tracked clips."""
     print("\n| twin clip | L1 / % | L2 / % | e / % | impacts found | largest error of an impact's time / frames |")
     print("|---|---|---|---|---|---|")
-    for scene, phenomenon in SCENES.items():
+    for phenomenon in PAIRS:
         for setting in SETTINGS:
-            clip = folder / f"{scene}-{setting}.mp4"
-            render_clip(scene, clip, size=SIZE, fps=FPS, duration_s=DURATION_S, setting=setting, seed=3)
+            clip = folder / f"{phenomenon}-{setting}.mp4"
+            render_clip(phenomenon, clip, size=SIZE, fps=FPS, duration_s=DURATION_S, setting=setting, seed=3)
             truth, trajectory = read_truth(clip), tracked(clip, phenomenon)
             chosen = PHENOMENA[phenomenon]
             result = fit(trajectory, MODELS[chosen.model], free=chosen.free)
@@ -71,7 +71,7 @@ def print_twin(folder: Path) -> None:
             late = max((abs(a - b) for a, b in zip(found[:pairs], true[:pairs], strict=True)), default=np.nan)
             errors = [100 * (result.estimates[k].value / truth.parameters[k].value - 1) for k in VALUES]
             row = " | ".join(f"{error:+.3f}" for error in errors)
-            print(f"| {scene} {setting} | {row} | {len(found)} of {len(true)} | {late * FPS:.3f} |", flush=True)
+            print(f"| {phenomenon} {setting} | {row} | {len(found)} of {len(true)} | {late * FPS:.3f} |", flush=True)
 
 
 def impact_times(result: FitResult, trajectory: Trajectory) -> list[float]:

@@ -134,12 +134,12 @@ ROWS: Mapping[str, Make] = {
     "sliding-cone": through_phenomenon("sliding-cone", {"angle": "angle", "friction": "friction"}),
     "rotating-cone": rotating,
     "two-moving-pendulums": through_phenomenon("two-moving-pendulums", PAIR, "12", "end"),
-    "one-static-pendulum": through_phenomenon("two-moving-pendulum-one-static", PAIR, "12", "end"),
+    "two-moving-pendulum-one-static": through_phenomenon("two-moving-pendulum-one-static", PAIR, "12", "end"),
     "hitting-cones": chain,
     "led": lamp,
     "torricelli": tank,
 }
-DURATION_S = {"pendulum": 20.0, "one-static-pendulum": 8.0, "hitting-cones": 3.0, "torricelli": 15.0}
+DURATION_S = {"pendulum": 20.0, "two-moving-pendulum-one-static": 8.0, "hitting-cones": 3.0, "torricelli": 15.0}
 
 
 def errors_of(scene: str, setting: str, seeds: Sequence[int]) -> tuple[dict[str, float], dict[str, list[float]]]:

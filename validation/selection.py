@@ -46,7 +46,7 @@ ACCEPTED = {
     "rotating-cone": ("angular-oscillator",),
     "hitting-cones": ("coasting-ball", "contact-chain", "impact-chain"),  # the first is the ball's before it strikes
     "two-moving-pendulums": ("coupled-pendulums", "pendulum-impact"),
-    "one-static-pendulum": ("coupled-pendulums", "pendulum-impact"),
+    "two-moving-pendulum-one-static": ("coupled-pendulums", "pendulum-impact"),
 }
 
 

@@ -14,7 +14,7 @@ from iris_sysid.errors import DataError, UnknownNameError
 SIZE, SECONDS = "1280x720", 10.0
 DATASET_SIZE, TRIALS = "3840x2160", 10
 EVERY_CLASS = "all"
-NOT_OF_THE_BENCHMARK = ("led", "torricelli")  # of another data set, in the same shape
+BENCHMARK = "iris"  # the data set whose classes are rendered; scenes of another one only when named
 
 
 def render(
@@ -124,15 +124,17 @@ def _render_dataset(
 
 
 def _phenomena(classes: list[str]) -> list[str]:
-    """Names of the scenes of some classes, each named by its folder or its phenomenon."""
-    from iris_sysid.synthetic import SCENES
+    """Names of the scenes of some classes, each named by its folder or its phenomenon; without any, the benchmark's."""
+    from iris_sysid.benchmark.dataset import benchmark_classes
+    from iris_sysid.synthetic.scene import SCENES
 
     if EVERY_CLASS in classes:
         return list(SCENES)
+    folders = {folder for folder, (_, described) in benchmark_classes().items() if described.dataset == BENCHMARK}
     names = {scene.folder.lower(): name for name, scene in SCENES.items()} | {name: name for name in SCENES}
-    for one in classes:
-        if one.lower() not in names:
-            folders = ", ".join(scene.folder for scene in SCENES.values())
-            raise UnknownNameError(f"no class is named {one!r}; there are: {folders}, or {EVERY_CLASS}")
-    chosen = [names[one.lower()] for one in classes]
-    return list(dict.fromkeys(chosen)) or [name for name in SCENES if name not in NOT_OF_THE_BENCHMARK]
+    for class_name in classes:
+        if class_name.lower() not in names:
+            choices = ", ".join(scene.folder for scene in SCENES.values())
+            raise UnknownNameError(f"no class is named {class_name!r}; there are: {choices}, or {EVERY_CLASS}")
+    chosen = [names[class_name.lower()] for class_name in classes]
+    return list(dict.fromkeys(chosen)) or [name for name, scene in SCENES.items() if scene.folder in folders]

@@ -69,7 +69,7 @@ PHENOMENON = Phenomenon(
     motion="flight",
     settings=("ball_radius",),
     classes=(
-        BenchmarkClass("Dropping_ball", ("drop_50", "drop_100", "drop_150"), 10, {"gravity": "g"}),
-        BenchmarkClass("dropped_ball", ("small", "medium", "large"), 5, {"gravity": "g"}),
+        BenchmarkClass("Dropping_ball", ("drop_50", "drop_100", "drop_150"), 10, {"gravity": "g"}, dataset="iris"),
+        BenchmarkClass("dropped_ball", ("small", "medium", "large"), 5, {"gravity": "g"}, dataset="delfys75"),
     ),
 )

@@ -125,7 +125,9 @@ PHENOMENON = Phenomenon(
     settings=("h0",),
     measures="radius",
     classes=(
-        BenchmarkClass("Falling_ball", ("small", "mid", "big"), 10, {"gravity": "g", "h0": "h0"}),
-        BenchmarkClass("free_fall", ("mousepad", "table", "tennis"), 5, {"gravity": "g", "h0": "h0"}),
+        BenchmarkClass("Falling_ball", ("small", "mid", "big"), 10, {"gravity": "g", "h0": "h0"}, dataset="iris"),
+        BenchmarkClass(
+            "free_fall", ("mousepad", "table", "tennis"), 5, {"gravity": "g", "h0": "h0"}, dataset="delfys75"
+        ),
     ),
 )

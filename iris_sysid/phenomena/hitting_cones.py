@@ -109,5 +109,5 @@ PHENOMENON = Phenomenon(
     observe=observe,
     bodies=16,
     settings=("ball_radius",),
-    classes=(BenchmarkClass("Hitting_cones", ("slow", "mid", "fast"), 10, {"damping": "damping"}),),
+    classes=(BenchmarkClass("Hitting_cones", ("slow", "mid", "fast"), 10, {"damping": "damping"}, dataset="iris"),),
 )

@@ -43,5 +43,5 @@ PHENOMENON = Phenomenon(
     observe=observe,
     free=("background",),
     measures="intensity",
-    classes=(BenchmarkClass("led", ("led_2s", "led_5s", "led_10s"), 5, {"decay_rate": "decay"}),),
+    classes=(BenchmarkClass("led", ("led_2s", "led_5s", "led_10s"), 5, {"decay_rate": "decay"}, dataset="delfys75"),),
 )

@@ -186,9 +186,14 @@ PHENOMENON = Phenomenon(
             ("pendulum_20", "pendulum_45", "pendulum_90"),
             10,
             {"length": "rope_length", "damping": "damping"},
+            dataset="iris",
         ),
         BenchmarkClass(
-            "pendulum", ("pendulum_45", "pendulum_90", "pendulum_150"), 5, {"length": "length", "damping": "damping"}
+            "pendulum",
+            ("pendulum_45", "pendulum_90", "pendulum_150"),
+            5,
+            {"length": "length", "damping": "damping"},
+            dataset="delfys75",
         ),
     ),
 )

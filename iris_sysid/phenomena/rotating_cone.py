@@ -44,7 +44,11 @@ PHENOMENON = Phenomenon(
     measures="angle",
     classes=(
         BenchmarkClass(
-            "Rotation", ("slow", "mid", "fast"), 10, {"stiffness": "angular_stiffness", "damping": "angular_damping"}
+            "Rotation",
+            ("slow", "mid", "fast"),
+            10,
+            {"stiffness": "angular_stiffness", "damping": "angular_damping"},
+            dataset="iris",
         ),
     ),
 )

@@ -104,8 +104,14 @@ PHENOMENON = Phenomenon(
     settings=("ball_radius",),
     classes=(
         BenchmarkClass(
-            "Sliding_cone", ("cone_45", "cone_60", "cone_80"), 10, {"angle": "angle", "friction": "friction"}
+            "Sliding_cone",
+            ("cone_45", "cone_60", "cone_80"),
+            10,
+            {"angle": "angle", "friction": "friction"},
+            dataset="iris",
         ),
-        BenchmarkClass("sliding_block", ("low", "mid", "high"), 5, {"angle": "angle", "friction": "friction"}),
+        BenchmarkClass(
+            "sliding_block", ("low", "mid", "high"), 5, {"angle": "angle", "friction": "friction"}, dataset="delfys75"
+        ),
     ),
 )

@@ -56,5 +56,5 @@ PHENOMENON = Phenomenon(
     observe=observe,
     free=("hole",),
     measures="height",
-    classes=(BenchmarkClass("torricelli", ("small", "medium", "large"), 5, {"outflow": "k"}),),
+    classes=(BenchmarkClass("torricelli", ("small", "medium", "large"), 5, {"outflow": "k"}, dataset="delfys75"),),
 )

@@ -16,7 +16,11 @@ PHENOMENON = Phenomenon(
     settings=("arc_radius",),
     classes=(
         BenchmarkClass(
-            "Two_Moving_Pendulum_One_Static", ("pendulum_20", "pendulum_45", "pendulum_90"), 10, PAIR_PARAMETERS
+            "Two_Moving_Pendulum_One_Static",
+            ("pendulum_20", "pendulum_45", "pendulum_90"),
+            10,
+            PAIR_PARAMETERS,
+            dataset="iris",
         ),
     ),
 )

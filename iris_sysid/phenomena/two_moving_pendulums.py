@@ -15,6 +15,8 @@ PHENOMENON = Phenomenon(
     free=("vertical_1", "vertical_2"),
     settings=("arc_radius",),
     classes=(
-        BenchmarkClass("Two_Moving_Pendulums", ("pendulum_20", "pendulum_45", "pendulum_90"), 10, PAIR_PARAMETERS),
+        BenchmarkClass(
+            "Two_Moving_Pendulums", ("pendulum_20", "pendulum_45", "pendulum_90"), 10, PAIR_PARAMETERS, dataset="iris"
+        ),
     ),
 )

@@ -29,6 +29,7 @@ LARGEST, SMALLEST = 7680, 32
 MOST_FRAMES = 1_000_000
 EXPOSURE_NODES = 8  # Gauss-Legendre nodes for the mean position over the exposure
 SHAKE_WIDTH = 1280  # px at which shake and drift are stated
+FORMER_NAMES: Mapping[str, str] = MappingProxyType({"one-static-pendulum": "two-moving-pendulum-one-static"})
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -109,7 +110,8 @@ def plan_clip(
 
 def scene_named(phenomenon: str) -> Scene:
     """The scene of that name; underscores may stand for hyphens. UnknownNameError lists the names there are."""
-    return SCENES[str(phenomenon).replace("_", "-")]
+    name = str(phenomenon).replace("_", "-")
+    return SCENES[FORMER_NAMES.get(name, name)]
 
 
 def stage_of(

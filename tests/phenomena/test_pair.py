@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fitters.integrator.event_times import event_times
-from fitters.ode import fit
+from fitters.ode import FitOptions, fit
 from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.errors import DataError
 from iris_sysid.pipeline import observe, track
@@ -16,12 +16,11 @@ from tests._project import recording
 
 NOISE_M = 1e-4  # a tenth of a pixel of a clip with 1000 px/m
 NAMES = ("two-moving-pendulums", "two-moving-pendulum-one-static")
-SCENES = dict(zip(NAMES, ("two-moving-pendulums", "one-static-pendulum"), strict=True))
 
 
 def twin(phenomenon, angle=45, seed=0, swapped=False):
     """The world trajectories of both bodies with noise, and the truth."""
-    truth = plan_clip(SCENES[phenomenon], setting=f"pendulum_{angle}", duration_s=5.0, seed=seed).truth
+    truth = plan_clip(phenomenon, setting=f"pendulum_{angle}", duration_s=5.0, seed=seed).truth
     rng, world = np.random.default_rng(seed), []
     for name in "21" if swapped else "12":
         body = truth.body(name)
@@ -96,7 +95,7 @@ def test_footage_of_two_pendulums_is_followed_through_its_impacts_where_kappa_is
     tracks = track(video, "median-background", TrackOptions(bodies=2))
     _, trajectory = observe(tracks, uncalibrated(), NAMES[0])
     impacts = fit(trajectory, MODELS["pendulum-impact"], free=PHENOMENA[NAMES[0]].free)
-    spring = fit(trajectory, MODELS["coupled-pendulums"], multistart=2)
+    spring = fit(trajectory, MODELS["coupled-pendulums"], options=FitOptions(multistart=2))
     assert np.all(impacts.rms < 0.04)
     assert np.all(spring.rms > 3 * impacts.rms)
     for body in (1, 2):  # rope 0.50 m, the ball's centre a radius below its end

@@ -179,7 +179,8 @@ def test_progress_is_told_of_every_frame(tmp_path):
 
 
 def test_underscores_may_stand_for_hyphens():
-    assert plan_clip("one_static_pendulum", size=(64, 36), duration_s=0.5).truth.phenomenon == "one-static-pendulum"
+    for name in ("two_moving_pendulum_one_static", "one-static-pendulum"):  # the second is a former name
+        assert plan_clip(name, size=(64, 36), duration_s=0.5).truth.phenomenon == "two-moving-pendulum-one-static"
 
 
 # --------------------------------------------------------------------------- hostile input

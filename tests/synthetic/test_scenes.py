@@ -371,7 +371,7 @@ def test_collision_restitutes_the_speed_that_it_should():
 
 
 def test_lossy_pair_ends_in_lasting_contact():
-    truth = pair("one-static-pendulum", overrides={"restitution": 0.2}, setting="pendulum_20", duration_s=8.0)
+    truth = pair("two-moving-pendulum-one-static", overrides={"restitution": 0.2}, setting="pendulum_20", duration_s=8.0)
     a, b = truth.body("1"), truth.body("2")
     assert (a.phase == "contact").any()
     touching = a.phase == "contact"
@@ -380,7 +380,7 @@ def test_lossy_pair_ends_in_lasting_contact():
 
 
 def test_static_pendulum_hangs_still_until_it_is_struck():
-    truth = pair("one-static-pendulum", setting="pendulum_45")
+    truth = pair("two-moving-pendulum-one-static", setting="pendulum_45")
     struck = truth.events[0][0]
     b = truth.body("2")
     assert np.abs(b.theta_rad[b.t_s < struck]).max() == 0

@@ -226,8 +226,8 @@ def _of_setting(clip: Clip, told: Mapping[str, Any]) -> dict[str, TrueValue]:
 
 def _published(clip: Clip) -> dict[str, TrueValue]:
     _, described = benchmark_classes()[clip.class_name]
-    dataset = "delfys75" if clip.class_name[0].islower() else "iris"
-    known = {name: truth_of(dataset, clip.class_name, clip.setting, name) for name in described.parameters}
+    key = (described.dataset, clip.class_name, clip.setting)
+    known = {name: truth_of(*key, name) for name in described.parameters}
     return {name: TrueValue(one.value, f"published: {one.source}") for name, one in known.items() if one is not None}
 
 

@@ -60,7 +60,7 @@ def _motion(setup: Setup) -> Motion:
     def rate(t: float, state: Array) -> Array:
         head = max(float(state[0]) - offset, 0.0)
         base = -setup["outflow"] * math.sqrt(head) * (1 + drift * (t - release))
-        return np.array([base - leak - overflow * max(float(state[0]) - OVERFLOW_AT * full, 0.0)])
+        return np.array([base - leak * head - overflow * max(float(state[0]) - OVERFLOW_AT * full, 0.0)])
 
     lowest = max(offset, 0.0) + 1e-6  # the square root has no derivative at 0
     empty = Event("empty", lambda t, state: float(state[0]) - lowest, -1.0, lambda t, state: (state, resting(1)))
@@ -119,7 +119,7 @@ SCENE = Scene(
     stage=stage,
     effects={
         **{name: FORCES[name] for name in ("zero-offset", "parameter-drift")},
-        "leak": "h' loses c; m/s",
+        "leak": "h' loses c h; c in 1/s",
         "overflow": f"h' loses c (h - {OVERFLOW_AT} h_0) while that is positive; c in 1/s",
     },
     scatter={"h_0": 0.001, "release_time": 0.05},

@@ -9,7 +9,7 @@ from iris_sysid.synthetic.scene import Scene
 from iris_sysid.synthetic.scenes._pair import PARAMETERS, PUBLISHED, SCATTER, accepted, pair_stage, same_angles
 
 SCENE = Scene(
-    name="one-static-pendulum",
+    name="two-moving-pendulum-one-static",
     summary="a ball on a cord released from the left strikes another that hangs at rest",
     folder="Two_Moving_Pendulum_One_Static",
     duration_s=20.0,
