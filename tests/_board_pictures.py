@@ -3,11 +3,11 @@
 import cv2
 import numpy as np
 
-from iris_sysid.calibration.board.board import Board, view_of_corners
+from iris_sysid.calibration.board.board import Board, BoardView, shortest_side
 from iris_sysid.calibration.board.plane_pose import _homography
 from iris_sysid.calibration.bundle_adjustment import matrix_of, projected
 from iris_sysid.calibration.distortion import undistort_px
-from iris_sysid.calibration.homography import apply_homography, homography_slopes
+from iris_sysid.calibration.homography import apply_homography, fit_homography, homography_slopes
 from iris_sysid.calibration.plane import UNKNOWN_SCALE, to_plane, upright, with_scale
 from iris_sysid.types import N_VALUES, Calibration
 
@@ -41,6 +41,15 @@ def corners(pose, board=BOARD, camera=PHONE):
     return projected(camera, pose, board.points_m)[0]
 
 
+def view_of_corners(corners_px, image_size, board, *, name="corners", oriented=True):
+    """A view from corners (columns * rows, 2) px in the board's order, NaN where one was not seen."""
+    seen = np.isfinite(corners_px).all(axis=1)
+    homography, _ = fit_homography(board.points_m[seen], corners_px[seen])
+    side_px = shortest_side(apply_homography(homography, board.points_m), board)
+    unknown = np.full(int(seen.sum()), np.nan)
+    return BoardView(name, image_size, np.flatnonzero(seen), corners_px[seen], unknown, side_px, np.nan, oriented)
+
+
 def simulated(pose, noise_px, rng, *, board=BOARD, camera=PHONE, size=SIZE, name="corners"):
     """A view with normal noise on each coordinate."""
     seen = corners(pose, board, camera)
@@ -64,7 +73,7 @@ def true_plane(pose, up_like, offset_m=0.0, board=BOARD, camera=PHONE):
             centre_px=up_like.centre_px,
         )
     )
-    return upright(exact, "picture")
+    return upright(exact, "image")
 
 
 _RAYS = {}

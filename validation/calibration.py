@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from iris_sysid.calibration.board.board import Board
-from iris_sysid.calibration.board.calibrate import PlaneBoard, calibrate_board
+from iris_sysid.calibration.board.calibrate import BoardPlacement, calibrate_board
 from iris_sysid.calibration.board.detect import find_boards
 from iris_sysid.calibration.camera import FULL_LENS, calibrate_camera
 from iris_sysid.calibration.plane import to_plane
@@ -52,7 +52,7 @@ def reference() -> None:
         camera = calibrate_camera(
             find_boards(files, board, window_px=window).views, board, lens=lens, drop_outliers=drop
         )
-        each = np.array([one.rms_px for one in camera.views])
+        each = np.array([view.rms_px for view in camera.views])
         entry = camera.estimates["fx"]
         print(
             f"| {name} | {entry.value:.3f} ± {entry.stderr:.2f} | {camera.rms_px:.5f} | {each.max():.3f} | "
@@ -68,8 +68,8 @@ def plane_error(tilt_deg: tuple[float, float], offset_m: float, size: tuple[int,
     if not clip.exists():
         render_checkerboard("dropping-ball", clip, size=size, fps=4.0, look=look)
     square_m = json.loads(clip.with_suffix(".truth.json").read_text())["board"]["square_m"]
-    place = PlaneBoard(view=0, offset_m=offset_m, up="board")
-    found = calibrate_board([clip], Board(9, 6, square_m), place=place).calibration
+    placement = BoardPlacement(view=0, offset_m=offset_m, up="board")
+    found = calibrate_board([clip], Board(9, 6, square_m), placement=placement).calibration
     camera = plan_clip("dropping-ball", size=size, fps=4.0, duration_s=1.0, look=look).camera
     width_m = size[0] / camera.pixels_per_metre
     across, down = np.meshgrid(np.linspace(-0.42, 0.42, 9), np.linspace(-0.42, 0.42, 7) * size[1] / size[0])

@@ -16,8 +16,8 @@ import numpy as np
 from fitters.compose_effects import bodies_of
 from fitters.models._guess import samples, start_of
 from iris_sysid.errors import DataError
-from iris_sysid.io.csv_columns import rate_of, symbol_of
-from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory, symbol_of
+from iris_sysid.units import rate_of
 
 Kind = Literal["angle", "place", "size", "amount"]
 

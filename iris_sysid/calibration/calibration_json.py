@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -14,8 +17,17 @@ from iris_sysid.io.files import origin_of
 from iris_sysid.io.json_documents import checked, entries_of, read_document, write_document
 from iris_sysid.io.osp_tracker import read_osp
 from iris_sysid.io.schemas import CalibrationDocument, known_number, number
-from iris_sysid.types import N_VALUES, Array, Calibration
+from iris_sysid.types import N_VALUES, Array, Calibration, VerticalSource
 
+VERTICALS_IN_VERSION_1: Mapping[str, VerticalSource] = MappingProxyType(
+    {
+        "the vertical is the picture's": "image",
+        "the vertical is the board's edge": "board-edge",
+        "the vertical is that of the file's axes": "file-axes",
+        "the vertical, by a plumb line": "plumb-line",
+        "the vertical, by the flight's acceleration": "flight",
+    }
+)
 # smallest eigenvalue of a correlation matrix, of its largest, that rounding of its entries can make
 ROUNDING = 1e-6
 
@@ -61,6 +73,7 @@ def calibration_document(calibration: Calibration) -> CalibrationDocument:
         budget={name: part.tolist() for name, part in calibration.budget.items()},
         image_size=calibration.image_size,
         centre_px=calibration.centre_px,
+        vertical_source=calibration.vertical_source,
         fixed=list(calibration.fixed),
         assumed=list(calibration.assumed),
         notes=list(calibration.notes),
@@ -103,13 +116,23 @@ def read_calibration(path: str | Path) -> Calibration:
         budget=budget,
         image_size=document.image_size,
         centre_px=document.centre_px,
-        fixed=tuple(document.fixed),
-        assumed=tuple(document.assumed),
         notes=tuple(document.notes),
         rms_px=number(document.rms_px),
+        **_statements(document),
     )
     _check_use(calibration, path)
     return calibration
+
+
+def _statements(document: CalibrationDocument) -> dict[str, Any]:
+    """The fields of a Calibration that say what was fixed and assumed; version 1 names the vertical among them."""
+    sources = [VERTICALS_IN_VERSION_1.get(text) for text in (*document.assumed, *document.fixed)]
+    stated = [source for source in sources if source is not None and document.version == 1]
+    return {
+        "vertical_source": stated[-1] if stated else document.vertical_source,
+        "fixed": tuple(text for text in document.fixed if not (stated and text in VERTICALS_IN_VERSION_1)),
+        "assumed": tuple(text for text in document.assumed if not (stated and text in VERTICALS_IN_VERSION_1)),
+    }
 
 
 def _checked_camera(matrix: Array, path: Path) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from iris_sysid.calibration.bundle_adjustment import matrix_of
 from iris_sysid.calibration.camera import CameraCalibration
-from iris_sysid.calibration.pixel_scale import NO_LENS, PICTURE_UP, STRAIGHT_ON, scale
+from iris_sysid.calibration.pixel_scale import NO_LENS, STRAIGHT_ON, scale
 from iris_sysid.calibration.plane import UNKNOWN_SCALE, with_scale
 from iris_sysid.errors import CalibrationError
 from iris_sysid.types import N_VALUES, Array, Calibration
@@ -239,7 +239,8 @@ def plane_from_distance(
             image_size=camera.image_size,
             centre_px=(float(cx), float(cy)),
             fixed=("scale",) + (("distortion",) if distorts else ()),
-            assumed=(STRAIGHT_ON, *(() if distorts else (NO_LENS,)), PICTURE_UP),
+            assumed=(STRAIGHT_ON, *(() if distorts else (NO_LENS,))),
+            vertical_source="image",
             source=f"distance {distance_m:g} m; {camera.source}",
         )
     )

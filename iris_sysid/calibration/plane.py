@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -12,10 +13,20 @@ import numpy as np
 from iris_sysid.calibration.distortion import distort, undistort_px
 from iris_sysid.calibration.homography import apply_homography, homography_sensitivity, homography_slopes
 from iris_sysid.errors import CalibrationError
-from iris_sysid.types import N_VALUES, Array, Calibration, Estimate
+from iris_sysid.types import N_VALUES, Array, Calibration, Estimate, VerticalSource
 
 STEP = 1e-2  # of a standard error: well within where the map is straight
 UNKNOWN_SCALE = Estimate(math.nan, math.nan, "px/m")
+VERTICAL_TEXTS: Mapping[VerticalSource, str] = MappingProxyType(
+    {
+        "unstated": "the vertical is as the calibration has it",
+        "image": "the vertical is the image's",
+        "board-edge": "the vertical is the board's edge",
+        "file-axes": "the vertical is that of the file's axes",
+        "plumb-line": "the vertical, by a plumb line",
+        "flight": "the vertical, by the flight's acceleration",
+    }
+)
 NEGLIGIBLE = 1e-3  # of the largest pattern of a source: adds 1e-6 to its variance
 
 
@@ -226,14 +237,14 @@ def with_plumb_line(
         )
 
     def angle_of(values: Array) -> float:
-        top, bottom = places(values, np.array([top_px, bottom_px], dtype=np.float64))
+        top, bottom = positions_of(values, np.array([top_px, bottom_px], dtype=np.float64))
         return math.atan2(*(top - bottom))
 
-    return with_vertical(calibration, angle_of, angle_stderr, "the vertical, by a plumb line")
+    return with_vertical(calibration, angle_of, angle_stderr, "plumb-line")
 
 
 def with_vertical(
-    calibration: Calibration, angle_of: Callable[[Array], float], angle_stderr: float, said: str
+    calibration: Calibration, angle_of: Callable[[Array], float], angle_stderr: float, source: VerticalSource
 ) -> Calibration:
     """Turn the world's axes by a measured angle.
 
@@ -246,8 +257,8 @@ def with_vertical(
         follow it.
     angle_stderr
         Standard error of the angle by its own measurement, rad.
-    said
-        What fixed the vertical, in words.
+    source
+        What fixed the vertical.
 
     Returns
     -------
@@ -259,8 +270,7 @@ def with_vertical(
     return replace(
         turned,
         budget={**turned.budget, "vertical": angle_stderr**2 * np.outer(spin, spin)},
-        fixed=(*(one for one in calibration.fixed if not one.startswith("the vertical")), said),
-        assumed=tuple(one for one in calibration.assumed if not one.startswith("the vertical")),
+        vertical_source=source,
     )
 
 
@@ -279,7 +289,7 @@ def with_assumed_vertical(calibration: Calibration, angle_stderr: float) -> Cali
     Calibration
         Its budget has the part ``assumed vertical``; as it was where the vertical was measured.
     """
-    if "vertical" in calibration.budget:
+    if calibration.vertical_measured:
         return calibration
     spin = _spin(calibration.homography)
     part = angle_stderr**2 * np.outer(spin, spin)
@@ -297,20 +307,35 @@ def turned(calibration: Calibration, angle: float) -> Calibration:
     return _turned_by(calibration, lambda _: angle)
 
 
-def upright(calibration: Calibration, up: Literal["picture", "board"]) -> Calibration:
+def upright(calibration: Calibration, up: Literal["image", "board"]) -> Calibration:
     """Turn the world so that z is up at ``centre_px``, where the ``calibration`` was made.
 
-    ``up``: ``picture`` takes what is up in the picture there, ``board`` the axis of the world nearest to that.
+    ``up``: ``image`` takes what is up in the image there, ``board`` the axis of the world nearest to that.
     """
     quarter = math.pi / 2
 
-    def by_picture(values: Array) -> float:
+    def by_image(values: Array) -> float:
         return float(_geometry_of(values, calibration.centre_px)[3])
 
-    nearest = round(by_picture(calibration.values) / quarter) * quarter
-    said = "the vertical is the picture's" if up == "picture" else "the vertical is the board's edge"
-    turned = _turned_by(calibration, by_picture if up == "picture" else lambda _: nearest)
-    return replace(turned, assumed=(*calibration.assumed, said))
+    nearest = round(by_image(calibration.values) / quarter) * quarter
+    turned = _turned_by(calibration, by_image if up == "image" else lambda _: nearest)
+    return replace(turned, vertical_source="image" if up == "image" else "board-edge")
+
+
+def vertical_text(calibration: Calibration) -> str:
+    """What fixed the direction of gravity, in words."""
+    return VERTICAL_TEXTS[calibration.vertical_source]
+
+
+def fixed_by_data(calibration: Calibration) -> tuple[str, ...]:
+    """What the data fixed, in words, the vertical included where it was measured."""
+    return (*calibration.fixed, vertical_text(calibration)) if calibration.vertical_measured else calibration.fixed
+
+
+def assumptions(calibration: Calibration) -> tuple[str, ...]:
+    """What was taken for granted, in words, the vertical included where it was not measured."""
+    stated = calibration.vertical_measured or calibration.vertical_source == "unstated"
+    return calibration.assumed if stated else (*calibration.assumed, vertical_text(calibration))
 
 
 def _turned_by(calibration: Calibration, angle_of: Callable[[Array], float]) -> Calibration:
@@ -343,8 +368,8 @@ def _spin(homography: Array) -> Array:
     return out
 
 
-def places(values: Array, xy_px: Array) -> Array:
-    """Places (n, 2) in the world of pixels, by the 18 numbers of a calibration."""
+def positions_of(values: Array, xy_px: Array) -> Array:
+    """Positions (n, 2) in the world, m, of pixels ``xy_px`` (n, 2), by the 18 ``values`` of a calibration."""
     fx, fy, cx, cy = values[9:13]
     undistorted = undistort_px(xy_px, np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]), values[13:])[0]
     return apply_homography(values[:9].reshape(3, 3), undistorted)

@@ -1,41 +1,37 @@
-"""What users type, turned into what the library takes: ``gravity=9.79+-0.01``, ``10,20,300,200``, ``437,42``."""
+"""Text that users type, turned into the values that the library takes: ``gravity=9.79+-0.01``, ``10,20,300,200``."""
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
-from iris_sysid.calibration.calibration_json import read_calibration
-from iris_sysid.calibration.pixel_scale import scale_bar_from_text, scale_from_text
 from iris_sysid.errors import CalibrationError, DataError
 from iris_sysid.io.files import origin_of
-from iris_sysid.types import Calibration, Estimate, OdeModel, TrackOptions, Trajectory
+from iris_sysid.types import Calibration, Estimate, TrackOptions, Trajectory
+from iris_sysid.units import (
+    ANGLES,
+    FRACTIONS,
+    LENGTH_EXAMPLE,
+    LENGTHS,
+    NUMBER,
+    SETTINGS,
+    Measure,
+    parse_measure,
+    parse_numbers,
+)
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
-SETTING = re.compile(rf"([A-Za-z_][A-Za-z0-9_]*)=({NUMBER})(?:\s*(?:\+-|\+/-|±)\s*({NUMBER}))?(.*)")
+if TYPE_CHECKING:
+    from iris_sysid.calibration.board.board import Board
+
+SETTING = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)=(.*)", re.DOTALL)
+SETTING_EXAMPLE = "gravity=9.79 or ball_radius=33.5+-0.5mm"
 MARKS = ("pivot", "launch", "plumb")
 PLUMB = "plumb="
 ANY_UNIT: Mapping[str, str] = MappingProxyType({})
-# what a user may write -> the unit that it is kept in, and the factor
-UNITS = {
-    "m": ("m", 1.0),
-    "cm": ("m", 0.01),
-    "mm": ("m", 0.001),
-    "px": ("px", 1.0),
-    "rad": ("rad", 1.0),
-    "deg": ("rad", math.pi / 180),
-    "m/s": ("m/s", 1.0),
-    "rad/s": ("rad/s", 1.0),
-    "deg/s": ("rad/s", math.pi / 180),
-    "m/s^2": ("m/s^2", 1.0),
-    "px/s^2": ("px/s^2", 1.0),
-    "1/s": ("1/s", 1.0),
-}
 Value = TypeVar("Value")
 
 
@@ -46,23 +42,19 @@ def settings(texts: Sequence[str], units: Mapping[str, str] = ANY_UNIT) -> dict[
     without a unit is in it, and one of another kind (an angle for a length) is refused; px may stand for m. Raises
     DataError that shows what is right.
     """
-    found = _each_once((_setting(text) for text in texts), "setting")
-    return {name: _in_unit(name, value, units.get(name, "")) for name, value in found.items()}
+    values = _each_once((_setting(text) for text in texts), "setting")
+    return {name: _in_unit(name, value, units.get(name, "")) for name, value in values.items()}
 
 
 def _setting(text: str) -> tuple[str, Estimate]:
     match = SETTING.fullmatch(text.strip())
-    spelled = match.group(4).strip() if match else ""
-    if match is None or spelled not in ("", *UNITS):
-        raise DataError(
-            f"cannot read the setting {text!r}: write it as gravity=9.79 or ball_radius=33.5+-0.5mm; "
-            f"units are {', '.join(UNITS)}"
-        )
-    unit, factor = UNITS.get(spelled, ("", 1.0))
-    value, stderr = float(match.group(2)) * factor, abs(float(match.group(3) or 0.0)) * factor
-    if not (math.isfinite(value) and math.isfinite(stderr)):
-        raise DataError(f"the setting {text!r} is not a finite number")
-    return match.group(1), Estimate(value, stderr, unit, "direct", f"given: {text.strip()}")
+    if match is None:
+        raise DataError(f"cannot read the setting {text!r}: write it as {SETTING_EXAMPLE}")
+    try:
+        value, stderr, unit = parse_measure(match[2], ("", *SETTINGS), SETTING_EXAMPLE)
+    except DataError as error:
+        raise DataError(f"cannot read the setting {text!r}: {error}") from error
+    return match[1], Estimate(value, stderr, unit, "direct", f"given: {text.strip()}")
 
 
 def _in_unit(name: str, value: Estimate, unit: str) -> Estimate:
@@ -74,26 +66,22 @@ def _in_unit(name: str, value: Estimate, unit: str) -> Estimate:
 
 
 def _each_once(pairs: Iterable[tuple[str, Value]], what: str) -> dict[str, Value]:
-    found: dict[str, Value] = {}
+    values: dict[str, Value] = {}
     for name, value in pairs:
-        if name in found:
+        if name in values:
             raise DataError(f"the {what} {name!r} is given twice; give it once")
-        found[name] = value
-    return found
+        values[name] = value
+    return values
 
 
 def numbers(text: str | None, names: str) -> tuple[float, ...] | None:
     """Read comma-separated numbers, one for each of the comma-separated names; None stays None."""
-    if text is None:
-        return None
-    parts = text.split(",")
-    try:
-        values = tuple(float(part) for part in parts)
-    except ValueError:
-        values = ()
-    if len(values) != len(names.split(",")) or not all(math.isfinite(value) for value in values):
-        raise DataError(f"cannot read {text!r}: it must be {names}, e.g. {','.join('10' for _ in names.split(','))}")
-    return values
+    return None if text is None else parse_numbers(text, names)
+
+
+def fraction(text: str) -> float:
+    """Read a relative standard error: ``0.01%`` or ``50ppm``."""
+    return parse_measure(text, FRACTIONS, "0.01% or 50ppm").value
 
 
 def region(text: str | None) -> tuple[int, int, int, int] | None:
@@ -109,23 +97,28 @@ def region(text: str | None) -> tuple[int, int, int, int] | None:
 
 def marks(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
     """Read ``pivot=437,42`` into points in px by name; a ``plumb`` line is read by :func:`plumb_line`."""
-    return _each_once((_mark(one) for one in texts if not one.startswith(PLUMB)), "mark")
+    return _each_once((_mark(text) for text in texts if not text.startswith(PLUMB)), "mark")
 
 
 def plumb_line(texts: Sequence[str]) -> tuple[float, float, float, float] | None:
     """Read ``plumb=x1,y1,x2,y2`` among marks: two points of a plumb line in px, upper end first."""
-    found = [one.removeprefix(PLUMB) for one in texts if one.startswith(PLUMB)]
-    if len(found) > 1:
+    lines = [text.removeprefix(PLUMB) for text in texts if text.startswith(PLUMB)]
+    if len(lines) > 1:
         raise DataError("the mark 'plumb' is given twice; give it once")
-    ends = numbers(found[0], "x1,y1,x2,y2") if found else None
-    return None if ends is None else (ends[0], ends[1], ends[2], ends[3])
+    return two_points(lines[0]) if lines else None
+
+
+def two_points(text: str) -> tuple[float, float, float, float]:
+    """Read ``x1,y1,x2,y2`` in px."""
+    x1, y1, x2, y2 = parse_numbers(text, "x1,y1,x2,y2")
+    return x1, y1, x2, y2
 
 
 def _mark(text: str) -> tuple[str, tuple[float, float]]:
-    name, equals, place = text.partition("=")
+    name, equals, point = text.partition("=")
     if name not in MARKS or not equals:
         raise DataError(f"cannot read the mark {text!r}: write it as {MARKS[0]}=437,42; marks are {', '.join(MARKS)}")
-    x, y = numbers(place, "x,y") or (math.nan, math.nan)
+    x, y = parse_numbers(point, "x,y")
     return name, (x, y)
 
 
@@ -142,6 +135,47 @@ def size(text: str) -> tuple[int, int]:
     if match is None:
         raise DataError(f"cannot read the size {text!r}: write it as 1280x720")
     return int(match.group(1)), int(match.group(2))
+
+
+def board(corners: str | None, square: str | None, marker: str = "", dictionary: str = "4x4_50") -> Board:
+    """Read a board: inner corners as columns x rows, ``9x6``, and the side of a square, ``25.0+-0.1mm``.
+
+    Parameters
+    ----------
+    corners, square
+        As typed; both are needed.
+    marker
+        Side of a marker of a ChArUco board; empty for a plain checkerboard.
+    dictionary
+        Name of the markers' dictionary, as OpenCV has it without ``DICT_``.
+
+    Raises
+    ------
+    DataError
+        When a text is missing or cannot be read.
+    CalibrationError
+        When they make no board.
+    """
+    from iris_sysid.calibration.board.board import BOARD_HELP, Board
+
+    if corners is None or square is None:
+        raise DataError("a board needs both --board 9x6 and --square 25mm, measured on the print")
+    match = re.fullmatch(r"\s*([0-9]{1,3})\s*[x×,]\s*([0-9]{1,3})\s*", corners)
+    if match is None:
+        raise DataError(f"cannot read the board {corners!r}: {BOARD_HELP}")
+    side = length(square)
+    marker_m = length(marker).value if marker else None
+    return Board(int(match[1]), int(match[2]), side.value, side.stderr, marker_m, dictionary)
+
+
+def length(text: str, example: str = LENGTH_EXAMPLE) -> Measure:
+    """Read a length with or without its standard error, in m."""
+    return parse_measure(text, LENGTHS, example)
+
+
+def angle(text: str, example: str = "60deg+-1deg") -> Measure:
+    """Read an angle with or without its standard error, in rad."""
+    return parse_measure(text, ANGLES, example)
 
 
 def effects(texts: Sequence[str]) -> dict[str, float]:
@@ -175,7 +209,9 @@ def calibration_of(
     CalibrationError
         When several are given, or one cannot be read.
     """
-    if sum(one is not None for one in (scale, scale_bar, file)) > 1:
+    from iris_sysid.calibration.pixel_scale import scale_bar_from_text, scale_from_text
+
+    if sum(option is not None for option in (scale, scale_bar, file)) > 1:
         raise CalibrationError("give one of --scale, --scale-bar and --calibration, not several")
     if scale is not None and scale.startswith("gravity="):
         return settings([scale], {"gravity": "m/s^2"})["gravity"], None
@@ -183,7 +219,11 @@ def calibration_of(
         return None, scale_from_text(scale)
     if scale_bar is not None:
         return None, scale_bar_from_text(scale_bar)
-    return None, None if file is None else read_calibration(file)
+    if file is None:
+        return None, None
+    from iris_sysid.calibration.calibration_json import read_calibration  # here: it loads pydantic
+
+    return None, read_calibration(file)
 
 
 def metres_of(scale: str | None, scale_bar: str | None, file: Path | None, *, needed: bool) -> Calibration | None:
@@ -223,13 +263,8 @@ def track_options(
     return TrackOptions(bodies=bodies, roi=region(roi), colour=colour, progress=progress)
 
 
-def units_of(model: OdeModel) -> dict[str, str]:
-    """The unit of each parameter and initial state by name, for values that are typed without one."""
-    return {one.name: one.unit for one in model.parameters} | {f"{one.name}_0": one.unit for one in model.states}
-
-
-def asked(trajectory: Trajectory, **options: object) -> Trajectory:
-    """The trajectory with what is asked of it, and the versions that will answer, in its origin."""
+def with_options(trajectory: Trajectory, **options: object) -> Trajectory:
+    """The trajectory with the command's options, and the versions of the packages that will run it, in its origin."""
     before = trajectory.origin.get("options")
     now = origin_of(None, {**(before if isinstance(before, dict) else {}), **options})
     changed = {key: now[key] for key in ("options", "versions", "python")}

@@ -42,7 +42,7 @@ def discover(
     units = {one.name: one.unit for model in MODELS.values() for one in model.parameters}
     constants = _parsing.settings(known or (), units)
     asked = {"quantity": quantity, "set": known, "residual_of": residual_of, "seed": seed}
-    clips = [_parsing.asked(read_trajectory(table), **asked) for table in tables]
+    clips = [_parsing.with_options(read_trajectory(table), **asked) for table in tables]
     found = find(clips, quantities=quantity or (), known=constants, residual_of=residual_of, seed=seed)
     document = json_documents.discovery_document(found, discovery_sentence(found))
     json_documents.write_document(document, output, overwrite=force)

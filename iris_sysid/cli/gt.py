@@ -37,11 +37,10 @@ def gt(
     from iris_sysid.benchmark.groundtruth.effects import lacking_effects
     from iris_sysid.benchmark.groundtruth.measure import Conditions, measure
     from iris_sysid.benchmark.groundtruth.parameters import parameters_document
+    from iris_sysid.cli import _parsing
     from iris_sysid.io.files import check_writable
     from iris_sysid.io.json_documents import document_text, write_document
     from iris_sysid.io.schemas.groundtruth import MeasuredDocument
-    from iris_sysid.units import SHARES
-    from iris_sysid.units import measured as read_share
 
     if template:
         typer.echo(document_text(direct.template()).rstrip("\n"))
@@ -50,9 +49,10 @@ def gt(
         raise typer.BadParameter("Missing argument 'DATASET' or option '-o'")
     check_writable(output, overwrite=force)
     by_hand = MeasuredDocument() if measured is None else direct.read_measured(measured)
-    by_hand = direct.with_board(by_hand, board, square)
+    if board is not None or square is not None:
+        by_hand = direct.with_board(by_hand, _parsing.board(board, square))
     conditions = Conditions(
-        fps=fps, clock_stderr=read_share(time_base, SHARES, "50ppm")[0], keep_partial=keep_partial, trials=trials
+        fps=fps, clock_stderr=_parsing.fraction(time_base), keep_partial=keep_partial, trials=trials
     )
     with _terminal.progress("measuring clips") as report_progress:
         found = measure(

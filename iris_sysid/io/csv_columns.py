@@ -7,7 +7,6 @@ in m/s.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,53 +15,26 @@ from itertools import combinations
 from typing import Literal
 
 from iris_sysid.errors import DataError
-from iris_sysid.types import Quantity
+from iris_sysid.types import Quantity, symbol_of
+from iris_sysid.units import COLUMN_UNITS, base_unit, rate_of
 
 Part = Literal["measured", "smooth", "rate"]
 Key = tuple[str, bool, str]  # part, whether it is a standard error, name
 
-# How a unit is written at the end of a name: the unit it is kept in, and the factor to that unit.
-BASE_UNITS: dict[str, tuple[str, float]] = {
-    "rad": ("rad", 1.0),
-    "deg": ("rad", math.pi / 180),
-    "m": ("m", 1.0),
-    "cm": ("m", 0.01),
-    "mm": ("m", 0.001),
-    "px": ("px", 1.0),
-    "1": ("", 1.0),
-    "grey": ("grey", 1.0),
-    "lx": ("lx", 1.0),
-    "s": ("s", 1.0),
-    "ms": ("s", 0.001),
-    "Hz": ("Hz", 1.0),
-    "V": ("V", 1.0),
-    "mV": ("V", 0.001),
-    "A": ("A", 1.0),
-    "mA": ("A", 0.001),
-    "N": ("N", 1.0),
-    "kg": ("kg", 1.0),
-    "K": ("K", 1.0),
-    "Pa": ("Pa", 1.0),
-    "kPa": ("Pa", 1000.0),
-    "W": ("W", 1.0),
-    "m2": ("m^2", 1.0),
-    "m3": ("m^3", 1.0),
-    "L": ("m^3", 0.001),
-}
-UNITS = {
-    suffix + ending: ((unit or "1") + per if per else unit, factor)
-    for suffix, (unit, factor) in BASE_UNITS.items()
+# How a unit ends a column's name: the unit it is kept in, and the factor to that unit.
+SUFFIXES = {
+    f"{name}{ending}": base_unit(f"{name}{per}")
+    for name in COLUMN_UNITS
     for ending, per in (("", ""), ("_s", "/s"), ("_s2", "/s^2"), ("_s3", "/s^3"))
 }
 
 PATTERN = re.compile(
     r"(?P<sigma>sigma_)?(?P<part>smooth_|d_)?(?P<name>[^\W\d_]\w*?)_(?P<suffix>"
-    + "|".join(sorted(UNITS, key=len, reverse=True))
+    + "|".join(sorted(SUFFIXES, key=len, reverse=True))
     + ")"
 )
 PARTS: dict[str | None, Part] = {None: "measured", "smooth_": "smooth", "d_": "rate"}
 INPUT = re.compile(r"u[0-9]*")
-GREEK = ("alpha", "beta", "gamma", "delta", "theta", "phi", "psi", "omega")
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,16 +69,16 @@ def parse_column(header: str) -> Column:
     match = PATTERN.fullmatch(header)
     if match is None:
         raise DataError(
-            f"column {header!r:.60} is not <name>_<unit>{_nearest(header):.60}; units are {', '.join(BASE_UNITS)}"
+            f"column {header!r:.60} is not <name>_<unit>{_nearest(header):.60}; units are {', '.join(COLUMN_UNITS)}"
         )
-    unit, factor = UNITS[match["suffix"]]
+    unit, factor = SUFFIXES[match["suffix"]]
     return Column(header, match["name"], unit, factor, PARTS[match["part"]], match["sigma"] is not None)
 
 
 def _nearest(header: str) -> str:
     name, _, ending = header.rpartition("_")
     spelled = {"degrees": "deg", "degree": "deg", "radians": "rad", "meters": "m", "metres": "m", "pixels": "px"}
-    close = spelled.get(ending.lower()) or next(iter(get_close_matches(ending, BASE_UNITS, n=1)), None)
+    close = spelled.get(ending.lower()) or next(iter(get_close_matches(ending, COLUMN_UNITS, n=1)), None)
     return f" (is {name}_{close} meant?)" if name and close else ""
 
 
@@ -123,13 +95,6 @@ def column_of(quantity: Quantity, *, is_input: bool = False) -> str:
     return header
 
 
-def rate_of(unit: str) -> str:
-    """The unit of a quantity's rate of change: ``m/s`` for ``m``, ``m/s^2`` for ``m/s``, ``1/s`` for no unit."""
-    base, _, per = unit.partition("/s")
-    power = int(per.removeprefix("^") or 1) + 1 if "/s" in unit else 1
-    return f"{base or '1'}/s" + (f"^{power}" if power > 1 else "")
-
-
 def state_columns(quantities: Sequence[Quantity]) -> list[str]:
     """Columns of the smoothed state: the value of every quantity, then the rate of every quantity."""
     rates = [Quantity(quantity.name, rate_of(quantity.unit)) for quantity in quantities]
@@ -141,10 +106,3 @@ def covariance_columns(quantities: Sequence[Quantity]) -> dict[str, tuple[int, i
     headers = state_columns(quantities)
     pairs = combinations(range(len(headers)), 2)
     return {f"cov_{headers[one]}_{headers[other]}": (one, other) for one, other in pairs}
-
-
-def symbol_of(name: str) -> str:
-    r"""The LaTeX symbol that a name suggests: ``theta1`` gives ``\theta_{1}``."""
-    letters, digits = re.fullmatch(r"(.*?)([0-9]*)", name, re.S).groups()  # type: ignore[union-attr]  # always matches
-    symbol = f"\\{letters}" if letters in GREEK else letters
-    return f"{symbol}_{{{digits}}}" if digits else symbol

@@ -29,10 +29,10 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import CalibrationError
 from iris_sysid.types import Array, Track, frozen_array
+from iris_sysid.units import OSP_LENGTHS, UNITS
 
 CORNER_TO_CENTRE_PX = 0.5  # Tracker's origin is a corner of the first pixel, ours its centre
 MAX_BYTES = 64 * 2**20
-METRES = {"": 1.0, "m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "in": 0.0254, "ft": 0.3048}
 # Filters that move pixels: marks made through them do not lie where the video file has the body
 MOVING_FILTERS = ("Resize", "Rotate", "Perspective", "RadialDistortion", "BarrelPincushion")
 
@@ -260,15 +260,15 @@ def _axes(panel: Element, label: str) -> Element:
 
 def _scale_px_per_m(axes: Element, unit: str, label: str) -> float:
     x, y = _number(axes, "xscale", label), _number(axes, "yscale", label)
-    if unit not in METRES:
+    if unit not in OSP_LENGTHS:
         raise CalibrationError(
-            f"{label}: the length unit is {unit!r}; it must be one of {', '.join(filter(None, METRES))}"
+            f"{label}: the length unit is {unit!r}; it must be one of {', '.join(filter(None, OSP_LENGTHS))}"
         )
     if x <= 0 or abs(x - y) > 1e-6 * x:
         raise CalibrationError(
             f"{label}: the scale is {x:.6g} px per unit in x and {y:.6g} in y; it must be one, above 0"
         )
-    return math.nan if x == 1.0 else x / METRES[unit]  # 1 exactly: as Tracker starts, before any calibration
+    return math.nan if x == 1.0 else x / UNITS[unit][1]  # 1 exactly: as Tracker starts, before any calibration
 
 
 def _check_filters(video: Element | None, label: str) -> None:

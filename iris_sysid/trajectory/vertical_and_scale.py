@@ -9,7 +9,13 @@ from typing import Literal
 import numpy as np
 
 from iris_sysid.calibration.pixel_scale import MARK_SIGMA_PX, scale, to_world, uncalibrated
-from iris_sysid.calibration.plane import places, with_assumed_vertical, with_plumb_line, with_vertical
+from iris_sysid.calibration.plane import (
+    positions_of,
+    vertical_text,
+    with_assumed_vertical,
+    with_plumb_line,
+    with_vertical,
+)
 from iris_sysid.errors import CalibrationError
 from iris_sysid.trajectory.segmentation import segment
 from iris_sysid.types import Array, Calibration, Estimate, MotionKind, Phenomenon, Track
@@ -59,10 +65,10 @@ def with_motion_vertical(calibration: Calibration, body: Track, kind: MotionKind
         )
 
     def angle_of(values: Array) -> float:
-        ax, az = np.polyfit(t_s, places(values, xy_px), 2)[0]
+        ax, az = np.polyfit(t_s, positions_of(values, xy_px), 2)[0]
         return math.atan2(-ax, -az)
 
-    return with_vertical(calibration, angle_of, stderr, "the vertical, by the flight's acceleration")
+    return with_vertical(calibration, angle_of, stderr, "flight")
 
 
 def _direction_stderr(t_s: Array, position: Array) -> float:
@@ -77,14 +83,12 @@ def _direction_stderr(t_s: Array, position: Array) -> float:
     return float(np.sqrt(variance * np.linalg.inv(design.T @ design)[0, 0])) / size
 
 
-def vertical_said(calibration: Calibration) -> str:
-    """How gravity's direction is known, for the notes of a result."""
-    fixed = [one for one in calibration.fixed if one.startswith("the vertical")]
-    assumed = [one for one in calibration.assumed if one.startswith("the vertical")]
-    if fixed:
-        return f"{fixed[-1]}"
-    said = assumed[-1] if assumed else "the vertical is as the calibration has it"
-    return f"{said}, by assumption, to {LEVEL_STDERR_DEG:g} degree: a camera levelled by eye (GUM, type B)"
+def vertical_note(calibration: Calibration) -> str:
+    """How the direction of gravity is known, for the notes of a result."""
+    source = vertical_text(calibration)
+    if calibration.vertical_measured:
+        return source
+    return f"{source}, by assumption, to {LEVEL_STDERR_DEG:g} degree: a camera levelled by eye (GUM, type B)"
 
 
 def upright(

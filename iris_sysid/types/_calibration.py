@@ -13,6 +13,9 @@ import numpy as np
 from iris_sysid.types._arrays import Array, frozen_array
 from iris_sysid.types._numbers import Estimate
 
+# what fixed the direction of gravity: "unstated" where a calibration does not say
+VerticalSource = Literal["unstated", "image", "board-edge", "file-axes", "plumb-line", "flight"]
+MEASURED_VERTICALS: tuple[VerticalSource, ...] = ("plumb-line", "flight")
 N_VALUES = 18  # nine entries of the homography, row by row, then fx, fy, cx, cy, k1, k2, p1, p2, k3
 
 
@@ -35,9 +38,10 @@ class Calibration:
 
     ``budget`` holds, by source, parts of the covariance (18, 18) of ``values``: common to all samples, so an average
     over frames does not shrink it. They are independent and add up to ``covariance``. ``image_size`` (width, height) px
-    is that of the pictures it is valid for, None where it was not made from pictures. ``fixed`` says in words what the
-    data fixed, ``assumed`` what was taken for granted, ``notes`` what a user should know; ``rms_px`` is what the
-    corners of the board leave, NaN without a board.
+    is that of the images it is valid for, None where it was not made from images. ``vertical_source`` says what fixed
+    the direction of gravity. ``fixed`` says in words what else the data fixed, ``assumed`` what else was taken for
+    granted, ``notes`` what a user should know. ``rms_px`` is the root mean square residual of the board's corners, NaN
+    without a board.
     """
 
     homography: Array
@@ -53,6 +57,7 @@ class Calibration:
     assumed: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     rms_px: float = math.nan
+    vertical_source: VerticalSource = "unstated"
     covariance: Array = field(init=False)
 
     def __post_init__(self) -> None:
@@ -63,6 +68,11 @@ class Calibration:
         object.__setattr__(self, "budget", MappingProxyType(parts))
         total = sum(parts.values(), np.zeros(square))
         object.__setattr__(self, "covariance", frozen_array(total, square, "covariance"))
+
+    @property
+    def vertical_measured(self) -> bool:
+        """Whether the direction of gravity was measured rather than assumed."""
+        return self.vertical_source in MEASURED_VERTICALS
 
     @property
     def values(self) -> Array:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 
 NORMAL_975 = 1.959963984540054  # 97.5 % quantile of the standard normal
+GREEK = ("alpha", "beta", "gamma", "delta", "theta", "phi", "psi", "omega")
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +26,13 @@ class Quantity:
 def unit_suffix(unit: str) -> str:
     """Spell a unit as the end of a column name: ``m/s^2`` becomes ``m_s2``, no unit becomes ``1``."""
     return unit.replace("^", "").replace("/", "_").replace(" ", "_").replace("-", "") or "1"
+
+
+def symbol_of(name: str) -> str:
+    r"""The LaTeX symbol that a name suggests: ``theta1`` gives ``\theta_{1}``."""
+    letters, digits = re.fullmatch(r"(.*?)([0-9]*)", name, re.S).groups()  # type: ignore[union-attr]  # always matches
+    symbol = f"\\{letters}" if letters in GREEK else letters
+    return f"{symbol}_{{{digits}}}" if digits else symbol
 
 
 @dataclass(frozen=True, slots=True)

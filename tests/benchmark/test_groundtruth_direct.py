@@ -7,6 +7,7 @@ import pytest
 
 from iris_sysid.benchmark.groundtruth.direct import read_measured, template, with_board
 from iris_sysid.benchmark.sources.published import truth_of
+from iris_sysid.calibration.board.board import Board
 from iris_sysid.errors import DataError
 from iris_sysid.io.json_documents import document_text
 from iris_sysid.io.schemas.groundtruth import MeasuredDocument
@@ -65,12 +66,7 @@ def test_template_is_a_measured_file_with_the_published_values(tmp_path):
 def test_board_of_the_command_line_is_for_classes_without_one_of_their_own():
     own = {"class": "Pendulum", "inner_corners": [7, 5], "square_m": 0.03}
     document = MeasuredDocument.model_validate_json(json.dumps({"boards": [own]}))
-    document = with_board(document, "9x6", "25.0+-0.1mm")
+    document = with_board(document, Board(9, 6, 0.025, 1e-4))
     assert document.board("Pendulum").inner_corners == (7, 5)
     assert document.board("Rotation").square_m == pytest.approx(0.025)
     assert document.board("Rotation").stderr_m == pytest.approx(1e-4)
-
-
-def test_half_a_board_is_refused():
-    with pytest.raises(DataError, match="both --board 9x6 and --square 25mm"):
-        with_board(MeasuredDocument(), "9x6", None)

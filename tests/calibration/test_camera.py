@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from iris_sysid.calibration.board.board import Board, view_of_corners
+from iris_sysid.calibration.board.board import Board
 from iris_sysid.calibration.board.detect import find_board, find_boards
 from iris_sysid.calibration.board.plane_pose import plane_from_board
 from iris_sysid.calibration.bundle_adjustment import matrix_of, projected
@@ -26,7 +26,9 @@ from iris_sysid.calibration.known_size import (
     plane_from_size,
 )
 from iris_sysid.calibration.plane import (
+    assumptions,
     check_image_size,
+    fixed_by_data,
     local_geometry,
     local_scale,
     to_pixels,
@@ -49,6 +51,7 @@ from tests._board_pictures import (
     simulated,
     simulated_views,
     true_plane,
+    view_of_corners,
 )
 from tests._project import recording
 
@@ -371,7 +374,7 @@ def test_world_is_upright_with_its_origin_in_the_middle_of_the_board():
     right, up = to_plane(by_board, view.corners_px[[1, 0]])[0] - to_plane(by_board, view.corners_px[[0, 9]])[0]
     assert np.allclose(right, [BOARD.square_m, 0], atol=1e-6)
     assert np.allclose(up, [0, BOARD.square_m], atol=1e-6)
-    assert by_board.assumed[-1] == "the vertical is the board's edge"
+    assert (by_picture.vertical_source, by_board.vertical_source) == ("image", "board-edge")
 
 
 def test_board_held_upside_down_gives_the_same_plane_and_errors():
@@ -536,8 +539,9 @@ def test_plumb_line_turns_the_world_upright():
     )
     assert x[0] == pytest.approx(x[1], abs=1e-9)
     assert z[0] - z[1] == pytest.approx(math.hypot(0.04, 0.2))
-    assert "the vertical, by a plumb line" in upright.fixed
-    assert not any(one.startswith("the vertical") for one in upright.assumed)
+    assert upright.vertical_source == "plumb-line"
+    assert fixed_by_data(upright)[-1] == "the vertical, by a plumb line"
+    assert assumptions(upright) == upright.assumed
     turn = local_geometry(upright, upright.centre_px)["turn_rad"]
     assert turn.stderr == pytest.approx(math.sqrt(2) * 0.5 / math.dist(top, bottom), rel=0.01)
     with pytest.raises(CalibrationError, match="mark them further apart"):

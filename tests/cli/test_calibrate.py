@@ -18,16 +18,16 @@ from iris_sysid.calibration.calibration_json import read_calibration, write_cali
 from iris_sysid.calibration.camera import calibrate_camera
 from iris_sysid.calibration.pixel_scale import scale, to_world, uncalibrated
 from iris_sysid.calibration.plane import to_pixels, to_plane
-from iris_sysid.cli import _calibrate_request, app
+from iris_sysid.calibration.request import BySize, CalibrationRequest, calibrate_plane
+from iris_sysid.cli import app
 from iris_sysid.errors import CalibrationError, DataError, IrisError
 from iris_sysid.io.csv_read import read_trajectory
 from iris_sysid.io.csv_write import write_track, write_trajectory, write_worlds
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.report.budget import budget_sections, calibration_section
 from iris_sysid.synthetic import Look, render_checkerboard, render_clip
-from iris_sysid.trajectory.vertical_and_scale import upright, vertical_said, with_motion_vertical
+from iris_sysid.trajectory.vertical_and_scale import upright, vertical_note, with_motion_vertical
 from iris_sysid.types import Track
-from iris_sysid.units import ANGLES, LENGTHS, SHARES, measured
 from tests._board_pictures import (
     SIZE,
     common_covariance,
@@ -180,7 +180,7 @@ def test_budget_table_lists_every_part_with_its_share_and_kind(calibration):
     assert math.sqrt(variance) == pytest.approx(fit.estimates["gravity"].stderr, rel=0.05)
     lines = " ".join(calibration_section(calibration, [falling(calibration, np.random.default_rng(1))]).lines)
     assert "Fixed by the data: scale, tilt, distance, distortion" in lines
-    assert "the vertical is the picture's" in lines
+    assert "the vertical is the image's" in lines
 
 
 # --------------------------------------------------------------------------- which way is down
@@ -193,7 +193,7 @@ def test_flight_gives_gravitys_direction():
     x, z = np.polyfit(body.t_s, to_world(body, turned).position, 2)[0]
     assert abs(x / z) < 1e-9
     assert math.hypot(x, z) == pytest.approx(GRAVITY / 2, rel=0.01)
-    assert vertical_said(turned) == "the vertical, by the flight's acceleration"
+    assert vertical_note(turned) == "the vertical, by the flight's acceleration"
     assert "vertical" in turned.budget
 
 
@@ -210,10 +210,10 @@ def test_direction_of_the_flight_has_the_error_that_it_states():
 def test_plumb_line_or_assumption_is_said():
     flat, body = scale(400.0, 1.0), falling(scale(400.0, 1.0), np.random.default_rng(1))
     drop = PHENOMENA["dropping-ball"]
-    said = vertical_said(upright(flat, body, drop, None, "assumed"))
-    assert said.startswith("the vertical is the picture's, by assumption, to 1 degree")
+    said = vertical_note(upright(flat, body, drop, None, "assumed"))
+    assert said.startswith("the vertical is the image's, by assumption, to 1 degree")
     by_line = upright(flat, body, drop, (10.0, 10.0, 14.0, 410.0), "assumed")
-    assert vertical_said(by_line) == "the vertical, by a plumb line"
+    assert vertical_note(by_line) == "the vertical, by a plumb line"
     with pytest.raises(CalibrationError, match="given twice"):
         upright(flat, body, drop, (10.0, 10.0, 14.0, 410.0), "motion")
     with pytest.raises(CalibrationError, match="only a free flight shows"):
@@ -247,7 +247,18 @@ def test_board_calibration_written_and_read_is_the_same(calibration, tmp_path):
     back = read_calibration(write_calibration(calibration, tmp_path / "calibration.json"))
     np.testing.assert_array_equal(back.values, calibration.values)
     np.testing.assert_array_equal(back.covariance, calibration.covariance)
-    for name in ("scale", "unit", "source", "image_size", "centre_px", "fixed", "assumed", "notes", "rms_px"):
+    for name in (
+        "scale",
+        "unit",
+        "source",
+        "image_size",
+        "centre_px",
+        "fixed",
+        "assumed",
+        "notes",
+        "rms_px",
+        "vertical_source",
+    ):
         assert getattr(back, name) == getattr(calibration, name), name
     assert list(back.budget) == list(calibration.budget)
 
@@ -272,7 +283,7 @@ def edited(document, **changes):
         ({"rms_px": "NaN"}, DataError, "rms_px"),
         ({"surprise": 1}, DataError, "surprise: Extra inputs are not permitted"),
         ({"homography": [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]}, CalibrationError, "no inverse"),
-        ({"version": 2}, DataError, "written by another version"),
+        ({"version": 3}, DataError, "written by another version"),
     ],
 )
 def test_calibration_edited_wrongly_is_refused_with_the_reason(calibration, tmp_path, change, error, match):
@@ -308,7 +319,8 @@ def test_trajectory_read_back_keeps_what_its_errors_have_in_common(calibration, 
 def test_positions_of_two_bodies_go_into_two_files(tmp_path):
     one = falling(scale(400.0, 1.0), np.random.default_rng(1))
     two = Track(one.t_s, one.xy_px + 9, one.sigma_px, one.valid, one.frame, body="2")
-    paths = write_worlds([one, two], scale(400.0, 1.0), tmp_path / "world.csv")
+    worlds = {body.body: to_world(body, scale(400.0, 1.0)) for body in (one, two)}
+    paths = write_worlds(worlds, tmp_path / "world.csv")
     assert [path.name for path in paths] == ["world-1.csv", "world-2.csv"]
     shift = read_trajectory(paths[1]).position - read_trajectory(paths[0]).position
     np.testing.assert_allclose(shift, np.broadcast_to([9 / 400, -9 / 400], (25, 2)))
@@ -323,29 +335,6 @@ def test_camera_of_a_calibration_is_the_one_it_was_made_with(calibration):
     for none in (scale(400.0, 1.0), uncalibrated()):
         with pytest.raises(CalibrationError, match="holds no camera"):
             camera_of(none)
-
-
-# --------------------------------------------------------------------------- as typed
-
-
-@pytest.mark.parametrize(
-    ("text", "units", "value", "stderr"),
-    [
-        ("5cm+-2mm", LENGTHS, 0.05, 0.002),
-        ("-5 cm", LENGTHS, -0.05, 0.0),
-        ("25.0+-0.1mm", LENGTHS, 0.025, 0.0001),
-        ("60deg±1deg", ANGLES, math.pi / 3, math.pi / 180),
-        ("50ppm", SHARES, 5e-5, 0.0),
-    ],
-)
-def test_measure_is_read_with_its_standard_error(text, units, value, stderr):
-    assert measured(text, units, "x") == pytest.approx((value, stderr))
-
-
-@pytest.mark.parametrize("text", ["", "5", "5furlong", "5cm+-2deg", "1e999m", "5cm+-", "5cm+-2mm+-1mm", "nan m"])
-def test_measure_that_cannot_be_read_shows_one_that_can(text):
-    with pytest.raises(DataError, match="write it as 5cm"):
-        measured(text, LENGTHS, "5cm")
 
 
 # --------------------------------------------------------------------------- the command
@@ -416,7 +405,7 @@ def test_command_takes_the_camera_of_an_earlier_calibration(made, pictures, tmp_
 def test_command_calibrates_from_one_picture_without_a_camera(pictures, tmp_path):
     folder, _ = pictures
     done = command(folder / "view4.png", *BOARD_OPTIONS, "--one-picture", "-o", tmp_path / "c.json")
-    assert "assumed: view4.png, the first that shows the board, is its place" in done.output
+    assert "assumed: view4.png, the first that shows the board, lies in its plane" in done.output
     assert "camera" not in read_calibration(tmp_path / "c.json").budget
 
 
@@ -432,7 +421,7 @@ def test_command_calibrates_without_a_board(pictures, tmp_path):
     command(view, "--ball", "50mm", "--track", track, "--plumb", "9,9,19,509", "-o", tmp_path / "ball.json")
     by_ball = read_calibration(tmp_path / "ball.json")
     assert by_ball.scale.value == pytest.approx(400)
-    assert "the vertical, by a plumb line" in by_ball.fixed
+    assert by_ball.vertical_source == "plumb-line"
 
 
 def spoilt(folder, tmp_path, change):
@@ -451,8 +440,8 @@ def same(folder):
 @pytest.mark.parametrize(
     ("change", "options", "match"),
     [
-        (lambda k, one: np.full_like(one, 128), (), "none of 4 pictures shows the board"),
-        (lambda k, one: one, ("--board", "7x5"), "none of 4 pictures shows the board.*has 9x6 inner corners, not 7x5"),
+        (lambda k, one: np.full_like(one, 128), (), "none of 4 images shows the board"),
+        (lambda k, one: one, ("--board", "7x5"), "none of 4 images shows the board.*has 9x6 inner corners, not 7x5"),
         (
             lambda k, one: cv2.GaussianBlur(one, (0, 0), 9),
             (),
@@ -462,18 +451,18 @@ def same(folder):
         (
             lambda k, one: one[:, : one.shape[1] // 2],
             (),
-            r"cut off at the right edge of the picture \(.* of 9x6 inner corners are seen\); show the whole board",
+            r"cut off at the right edge of the image \(.* of 9x6 inner corners are seen\); show the whole board",
         ),
         ("same", (), "all 4 views are alike.*focal length.*not determined.*tilt the board.*--one-picture"),
         (
             lambda k, one: one if k < 2 else np.full_like(one, 128),
             (),
-            "only 2 different views.*2 other pictures gave none, e.g. view2.png: no checkerboard is seen",
+            "only 2 different views.*2 other images gave none, e.g. view2.png: no checkerboard is seen",
         ),
-        (lambda k, one: one, ("--plane-view", "9"), "no picture number 9; 4 were given"),
-        (lambda k, one: one, ("--square", "30"), "give the unit m, cm or mm"),
+        (lambda k, one: one, ("--plane-view", "9"), "no image number 9; 4 were given"),
+        (lambda k, one: one, ("--square", "30"), "'30' has no unit; units are m, cm, mm"),
         (lambda k, one: one, ("--object", "200px=1m"), "give one of --board, --object"),
-        (lambda k, one: one, ("--up", "left"), "--up must be picture or board"),
+        (lambda k, one: one, ("--up", "left"), "--up must be image or board"),
         (lambda k, one: one, ("--one-picture", "--offset", "5cm"), "needs the distance from the camera"),
     ],
 )
@@ -488,9 +477,9 @@ def test_command_says_why_pictures_give_no_calibration(pictures, tmp_path, chang
 def test_calibration_that_belongs_to_another_clip_is_refused_where_it_is_made(made, pictures, tmp_path):
     other = tmp_path / "other.png"
     cv2.imwrite(str(other), np.zeros((1080, 1920), np.uint8))
-    asked = _calibrate_request.Asked((pictures[0] / "view0.png",), known="200px=50cm", over=other)
+    request = CalibrationRequest((pictures[0] / "view0.png",), BySize(200.0, 0.5), clip=other)
     with pytest.raises(CalibrationError, match=r"of the same shape.*calibrate at 1920x1080 px"):
-        _calibrate_request.make(asked)
+        calibrate_plane(request)
 
 
 @pytest.mark.slow

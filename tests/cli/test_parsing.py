@@ -145,3 +145,30 @@ def test_effects_are_read_by_name():
 def test_effect_that_cannot_be_read_is_refused_with_an_example(text):
     with pytest.raises(DataError, match=r"write it as quadratic-drag=0\.08"):
         _parsing.effects([text])
+
+
+def test_board_is_read_as_a_user_writes_it():
+    board = _parsing.board("9x6", "25.0+-0.1mm", "18 mm")
+    assert (board.columns, board.rows, board.label) == (9, 6, "9x6")
+    assert (board.square_m, board.square_stderr_m, board.marker_m) == pytest.approx((0.025, 0.0001, 0.018))
+    assert _parsing.board("9×6", "2.5cm").square_m == pytest.approx(0.025)
+
+
+@pytest.mark.parametrize(
+    ("corners", "square", "message"),
+    [
+        ("9", "25mm", "columns x rows, e.g. 9x6"),
+        ("9x6", "25", "'25' has no unit; units are m, cm, mm; write it as 25mm"),
+        ("9x6", "25px", "has the unit 'px'"),
+        ("9x6", None, "both --board 9x6 and --square 25mm"),
+        (None, "25mm", "both --board 9x6 and --square 25mm"),
+    ],
+)
+def test_board_that_cannot_be_read_is_refused_with_an_example(corners, square, message):
+    with pytest.raises(DataError, match=message):
+        _parsing.board(corners, square)
+
+
+@pytest.mark.parametrize(("text", "value"), [("50ppm", 5e-5), ("0.01%", 1e-4), ("0%", 0.0)])
+def test_fraction_is_read(text, value):
+    assert _parsing.fraction(text) == pytest.approx(value)

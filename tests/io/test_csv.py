@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from iris_sysid.errors import DataError, OutputError
-from iris_sysid.io.csv_columns import UNITS, column_of, parse_column, rate_of, symbol_of
+from iris_sysid.io.csv_columns import SUFFIXES, column_of, parse_column
 from iris_sysid.io.csv_write import (
     estimates_frame,
     read_track,
@@ -21,7 +21,8 @@ from iris_sysid.io.csv_write import (
     write_trajectory,
 )
 from iris_sysid.io.files import sha256_of
-from iris_sysid.types import Estimate, Quantity, Segment, Smoothed, Track, Trajectory, unit_suffix
+from iris_sysid.types import Estimate, Quantity, Segment, Smoothed, Track, Trajectory, symbol_of, unit_suffix
+from iris_sysid.units import rate_of
 from tests._project import recording
 from tests.io.test_json_documents import fit_result
 
@@ -453,7 +454,7 @@ def test_read_of_no_file_is_a_data_error(tmp_path, read, name):
 # --------------------------------------------------------------------------- names and units
 
 
-@pytest.mark.parametrize("suffix", UNITS)
+@pytest.mark.parametrize("suffix", SUFFIXES)
 def test_every_unit_is_read_and_those_kept_are_written_alike(suffix):
     column = parse_column(f"q_{suffix}")
     assert column.name == "q"

@@ -7,9 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from iris_sysid.calibration.board.board import Board
 from iris_sysid.calibration.calibration_json import read_calibration, write_calibration
 from iris_sysid.calibration.pixel_scale import scale_bar_from_text, scale_from_text
-from iris_sysid.cli._calibrate_request import Asked, make
+from iris_sysid.calibration.request import ByBoard, CalibrationRequest, calibrate_plane
 from iris_sysid.errors import CalibrationError, DataError, IrisError
 from iris_sysid.io.files import json_text, origin_of, sha256_of, write_atomic
 from iris_sysid.io.json_documents import plain_origin
@@ -22,7 +23,7 @@ BESIDE = (".json", ".truth.json")  # where the squares of a board may be written
 def board_of(clip: Path, class_name: str, measured: MeasuredDocument) -> BoardEntry:
     """What board a clip shows: as measured by hand, else as ``checkerboard.json`` beside it says.
 
-    A clip of the twin has that in ``checkerboard.truth.json``; only its board is read.
+    A synthetic clip has that in ``checkerboard.truth.json``; only its board is read.
 
     Parameters
     ----------
@@ -64,7 +65,7 @@ def _read_board(path: Path) -> BoardEntry:
 
 
 def scale_class(scale: ScaleEntry, folder: Path) -> Path:
-    """Write the calibration of a class by a stated scale; the picture is taken to be seen straight on.
+    """Write the calibration of a class by a stated scale; the camera is assumed to look straight at it.
 
     Parameters
     ----------
@@ -113,12 +114,13 @@ def calibrate_class(
     """
     path, beside = folder / NAME, folder / "calibration.origin.json"
     corners = f"{board.inner_corners[0]}x{board.inner_corners[1]}"
-    square = f"{board.square_m!r}+-{board.stderr_m!r}m"
+    square = f"{board.square_m!r}+-{board.stderr_m!r}m"  # how earlier runs recorded it: they are not done again
     origin = plain_origin(origin_of(clip, {"board": corners, "square": square}))
     if _kept(path, beside, origin):
         return path
-    made = make(Asked(sources=(clip,), board=corners, square=square), progress)
-    write_calibration(made.calibration, path, overwrite=True)
+    shown = Board(*board.inner_corners, board.square_m, board.stderr_m)
+    plane = calibrate_plane(CalibrationRequest((clip,), ByBoard(shown)), progress)
+    write_calibration(plane.calibration, path, overwrite=True)
     write_atomic(beside, json_text({**origin, "calibration_sha256": sha256_of(path)}), overwrite=True)
     return path
 

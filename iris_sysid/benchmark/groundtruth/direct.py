@@ -6,11 +6,10 @@ import math
 from pathlib import Path
 
 from iris_sysid.benchmark.sources.published import truths
-from iris_sysid.cli._parsing import size
+from iris_sysid.calibration.board.board import Board
 from iris_sysid.errors import DataError
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas.groundtruth import ANY, BoardEntry, MeasuredDocument, MeasuredValue
-from iris_sysid.units import LENGTHS, measured
 
 TEXT = "app:direct_measurement"  # where the publication says how it measured
 CALIPERS = 1e-5  # m: "resolution 0.01 mm"
@@ -29,38 +28,19 @@ def read_measured(path: str | Path) -> MeasuredDocument:
     """
     document = read_document(path, MeasuredDocument)
     seen = set()
-    for one in document.values:
-        key = (one.class_name, one.setting, one.parameter)
+    for value in document.values:
+        key = (value.class_name, value.setting, value.parameter)
         if key in seen:
             raise DataError(f"{path}: {' '.join(key)} is given twice; give it once")
         seen.add(key)
     return document
 
 
-def with_board(document: MeasuredDocument, board: str | None, square: str | None) -> MeasuredDocument:
-    """The document with the board of all classes that have none of their own.
-
-    Parameters
-    ----------
-    document
-        What was measured.
-    board
-        Inner corners, ``9x6``; None for none.
-    square
-        Side of a square, ``25mm`` or ``25.0+-0.1mm``.
-
-    Raises
-    ------
-    DataError
-        When one of the two is missing.
-    """
-    if board is None and square is None:
-        return document
-    if board is None or square is None:
-        raise DataError("a board needs both --board 9x6 and --square 25mm")
-    side, stderr = measured(square, LENGTHS, "25.0+-0.1mm")
-    values = {"class": ANY, "inner_corners": size(board), "square_m": side, "stderr_m": stderr}
-    return document.model_copy(update={"boards": [*document.boards, BoardEntry.model_validate(values)]})
+def with_board(document: MeasuredDocument, board: Board) -> MeasuredDocument:
+    """The ``document`` with the ``board`` of all classes that have none of their own."""
+    values = {"class": ANY, "inner_corners": (board.columns, board.rows), "square_m": board.square_m}
+    entry = BoardEntry.model_validate({**values, "stderr_m": board.square_stderr_m})
+    return document.model_copy(update={"boards": [*document.boards, entry]})
 
 
 def template() -> MeasuredDocument:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,9 +12,20 @@ from iris_sysid.calibration.homography import apply_homography, fit_homography
 from iris_sysid.errors import CalibrationError, DataError
 from iris_sysid.types import Array, frozen_array
 
-METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
-LENGTH = re.compile(r"\s*([0-9]*\.?[0-9]+)(?:\s*(?:\+-|\+/-|±)\s*([0-9]*\.?[0-9]+))?\s*(m|cm|mm)\s*")
 BOARD_HELP = "write the inner corners as columns x rows, e.g. 9x6 for a board of 10 x 7 squares"
+
+
+class BoardError(CalibrationError):
+    """An image gives no view of the board.
+
+    ``reason`` is the message without the image's name; ``seen`` is False where no board was seen at all, rather than
+    part of one, another one, or one that cannot be measured.
+    """
+
+    def __init__(self, image: str, reason: str, *, seen: bool) -> None:
+        super().__init__(f"{image}: {reason}")
+        self.reason = reason
+        self.seen = seen
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,46 +89,6 @@ def _check_side(name: str, side_m: float, stderr_m: float) -> None:
         raise CalibrationError(f"{name} is {side_m:g} m with the standard error {stderr_m:g} m, which cannot be")
 
 
-def board_from_text(corners: str, square: str, marker: str = "", dictionary: str = "4x4_50") -> Board:
-    """Read a board as a user writes it.
-
-    Parameters
-    ----------
-    corners
-        Inner corners, columns x rows: ``9x6``.
-    square
-        Side of a square with its unit: ``25mm``, ``2.5cm`` or ``25.0+-0.1mm``.
-    marker
-        Side of a marker of a ChArUco board; empty for a plain checkerboard.
-    dictionary
-        Name of the markers' dictionary, as OpenCV has it without ``DICT_``.
-
-    Returns
-    -------
-    Board
-        The board.
-
-    Raises
-    ------
-    CalibrationError
-        When a text cannot be read or makes no board; it says how to write it.
-    """
-    match = re.fullmatch(r"\s*([0-9]{1,3})\s*[x×,]\s*([0-9]{1,3})\s*", corners)
-    if match is None:
-        raise CalibrationError(f"cannot read the board {corners!r}: {BOARD_HELP}")
-    side_m, stderr_m = _length_m(square)
-    marker_m = _length_m(marker)[0] if marker else None
-    return Board(int(match[1]), int(match[2]), side_m, stderr_m, marker_m, dictionary)
-
-
-def _length_m(text: str) -> tuple[float, float]:
-    match = LENGTH.fullmatch(text)
-    if match is None:
-        raise CalibrationError(f"cannot read the length {text!r}: give the unit m, cm or mm, e.g. 25mm or 25.0+-0.1mm")
-    value, stderr, unit = match.groups()
-    return float(value) * METRES[unit], float(stderr or 0) * METRES[unit]
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class BoardView:
     """A board as one picture shows it.
@@ -170,51 +140,6 @@ class BoardView:
     def named(self, name: str, t_s: float | None = None) -> BoardView:
         """The same view with another ``name`` and time ``t_s``."""
         return replace(self, name=name, t_s=t_s)
-
-
-def view_of_corners(
-    corners_px: Array, image_size: tuple[int, int], board: Board, *, name: str = "corners", oriented: bool = True
-) -> BoardView:
-    """A view from corners that come from elsewhere, in the board's order, NaN where one was not seen.
-
-    Parameters
-    ----------
-    corners_px
-        (columns * rows, 2) px, row by row of the board.
-    image_size
-        (width, height) of the picture, px.
-    board
-        The board.
-    name
-        What to call the view in messages.
-    oriented
-        Whether the first corner is known to be the board's first.
-
-    Returns
-    -------
-    BoardView
-        Its blur is NaN.
-
-    Raises
-    ------
-    CalibrationError
-        When there is not one place a corner, or the corners run around the board the wrong way: a mirrored picture.
-    """
-    corners_px = np.asarray(corners_px, dtype=np.float64)
-    if corners_px.shape != (board.columns * board.rows, 2):
-        raise CalibrationError(
-            f"a {board.label} board has {board.columns * board.rows} corners, but {corners_px.shape} were given"
-        )
-    seen = np.isfinite(corners_px).all(axis=1)
-    homography, _ = fit_homography(board.points_m[seen], corners_px[seen])
-    if np.linalg.det(homography) < 0:
-        raise CalibrationError(
-            f"{name} is mirrored: the corners run around the board the wrong way; turn off mirroring in the camera, or "
-            "list the corners row by row, each from left to right"
-        )
-    unknown = np.full(int(seen.sum()), np.nan)
-    side_px = shortest_side(apply_homography(homography, board.points_m), board)
-    return BoardView(name, image_size, np.flatnonzero(seen), corners_px[seen], unknown, side_px, np.nan, oriented)
 
 
 def shortest_side(corners_px: Array, board: Board) -> float:

@@ -145,47 +145,48 @@ def dictionary_of(name: str) -> cv2.aruco.Dictionary:
 # --------------------------------------------------------------------------- what went wrong
 
 
-def why_not_found(grey: Grey, board: Board) -> str:
-    """Say what a ``grey`` picture shows in place of the whole ``board``, and what to do."""
+def why_not_found(grey: Grey, board: Board) -> tuple[str, bool]:
+    """What a ``grey`` image shows instead of the whole ``board`` and what to do; whether any board is seen."""
     return _why_no_markers(grey, board) if board.marker_m is not None else _why_no_checkerboard(grey, board)
 
 
-def _why_no_markers(grey: Grey, board: Board) -> str:
+def _why_no_markers(grey: Grey, board: Board) -> tuple[str, bool]:
     _, mirrored, _ = _markers(np.ascontiguousarray(grey[:, ::-1]), board)
     if len(mirrored) >= 6:
-        return "the picture is mirrored: the markers can be read in a mirror only; turn off mirroring in the camera"
+        reason = "the image is mirrored: the markers can be read in a mirror only; turn off mirroring in the camera"
+        return reason, True
     _, ids, n_markers = _markers(grey, board)
     if len(ids):
-        return f"only {len(ids)} corners of the ChArUco board are seen, 6 are needed; show more of it, evenly lit"
+        return f"only {len(ids)} corners of the ChArUco board are seen, 6 are needed; show more of it, evenly lit", True
     if n_markers > 3:  # a few are read by chance in any clutter
         return (
             f"{n_markers} markers of {board.dictionary} are seen, but they do not fit a ChArUco board of {board.label} "
             f"inner corners; {BOARD_HELP}"
-        )
+        ), True
     return (
         f"no ChArUco board with markers of {board.dictionary} is seen; check the dictionary, the light and the focus, "
-        "and that the board is not too small in the picture"
-    )
+        "and that the board is not too small in the image"
+    ), False
 
 
-def _why_no_checkerboard(grey: Grey, board: Board) -> str:
+def _why_no_checkerboard(grey: Grey, board: Board) -> tuple[str, bool]:
     part = part_of_board(grey)
     if part is None:
         return (
             "no checkerboard is seen; show the whole board, uncovered, with a white margin, larger, in focus, "
             f"or check --board: {BOARD_HELP}"
-        )
+        ), False
     rows, columns = part.shape[:2]
     seen = f"{max(rows, columns)}x{min(rows, columns)}"
     fits = max(rows, columns) <= max(board.rows, board.columns) and min(rows, columns) <= min(board.rows, board.columns)
     outside = sides_outside(part, grey.shape)
     if fits and outside:
         return (
-            f"the board is cut off at the {' and the '.join(outside)} of the picture ({seen} of {board.label} inner "
+            f"the board is cut off at the {' and the '.join(outside)} of the image ({seen} of {board.label} inner "
             "corners are seen); show the whole board"
-        )
+        ), True
     hidden = "; or part of the board is covered, blurred or in glare" if fits else ""
-    return f"the board seen has {seen} inner corners, not {board.label}: {BOARD_HELP}{hidden}"
+    return f"the board seen has {seen} inner corners, not {board.label}: {BOARD_HELP}{hidden}", True
 
 
 def part_of_board(grey: Grey) -> Array | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -11,20 +11,19 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from iris_sysid.calibration.board.board import Board, BoardView, shortest_side
+from iris_sysid.calibration.board.board import Board, BoardError, BoardView, shortest_side
 from iris_sysid.calibration.board.corner_refinement import LARGEST_REACH_PX, Saddles, refine_by_model, refine_by_window
 from iris_sysid.calibration.board.corner_search import Found, check_ends, locate, why_not_found
 from iris_sysid.calibration.board.grid_topology import oriented_grid
 from iris_sysid.calibration.homography import apply_homography, fit_homography, homography_slopes
 from iris_sysid.errors import CalibrationError
-from iris_sysid.types import Array
+from iris_sysid.types import Array, Progress, with_progress
 
 Picture = str | Path | NDArray[np.uint8]
 
 # Beyond this blur (standard deviation, squares) the edges of neighbouring corners run into one another.
 BLUR_LIMIT_SQUARES = 0.2
 SMALLEST_SQUARE_PX = 6.0
-NOT_SEEN = "no board is seen"
 FEWEST_KEPT = 0.8  # of the corners found
 
 
@@ -44,9 +43,10 @@ def find_board(
 ) -> BoardView:
     """Find a board's inner corners in one picture and fit each to the grey levels around it.
 
-    Rough places come from OpenCV's detectors; then a model of a blurred corner is fitted in a window that follows the
-    board's squares, so that it never holds a second corner (see ``_board_corners``). Corners are numbered in the
-    board's own order, the same in every view, by the colour of the squares.
+    Rough positions come from OpenCV's detectors; then a model of a blurred corner is fitted in a window that follows
+    the board's squares, so that it never holds a second corner; see
+    :mod:`iris_sysid.calibration.board.corner_refinement`. Corners are numbered in the board's own order, the same in
+    every view, by the colour of the squares.
 
     Parameters
     ----------
@@ -69,19 +69,20 @@ def find_board(
 
     Raises
     ------
-    CalibrationError
+    BoardError
         When there is no board, only part of one, another one than stated, or it is blurred, too small, or mirrored; the
         message says what to do.
     """
-    grey = grey_picture(picture)
+    grey = grey_image(picture)
     name = name or (Path(picture).name if isinstance(picture, str | Path) else "the picture")
     found = locate(grey, board, thorough)
     if found is None:
-        raise CalibrationError(f"{name}: {why_not_found(grey, board) if thorough else NOT_SEEN}")
+        reason, seen = why_not_found(grey, board) if thorough else ("no board is seen", False)
+        raise BoardError(name, reason, seen=seen)
     try:
         return _refined(grey, found, board, name, window_px)
     except CalibrationError as error:
-        raise CalibrationError(f"{name}: {error}") from error
+        raise BoardError(name, str(error), seen=True) from error
 
 
 def find_boards(
@@ -89,7 +90,7 @@ def find_boards(
     board: Board,
     *,
     window_px: int | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> BoardSearch:
     """Find a board in several pictures; a picture that gives none is named with the reason.
 
@@ -118,20 +119,18 @@ def find_boards(
         list(pictures.items()) if isinstance(pictures, Mapping) else [(Path(one).name, one) for one in pictures]
     )
     views, missing = [], {}
-    for done, (name, picture) in enumerate(items, start=1):
+    for name, picture in with_progress(items, progress, len(items)):
         try:
             views.append(find_board(picture, board, window_px=window_px, name=name))
         except CalibrationError as error:
             missing[name] = str(error)
-        if progress is not None:
-            progress(done, len(items))
     if not views:
         first = next(iter(missing.values()), "no picture was given")
-        raise CalibrationError(f"none of {len(items)} pictures shows the board; {first}")
+        raise CalibrationError(f"none of {len(items)} images shows the board; {first}")
     return BoardSearch(tuple(views), missing)
 
 
-def grey_picture(picture: Picture) -> NDArray[np.uint8]:
+def grey_image(picture: Picture) -> NDArray[np.uint8]:
     """The ``picture`` in grey levels (h, w); CalibrationError for what is no picture."""
     if isinstance(picture, str | Path):
         return _read_grey(Path(picture))

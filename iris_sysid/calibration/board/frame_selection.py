@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from iris_sysid.calibration.board.board import Board, BoardView
-from iris_sysid.calibration.board.detect import NOT_SEEN, find_board
+from iris_sysid.calibration.board.board import Board, BoardError, BoardView
+from iris_sysid.calibration.board.detect import find_board
 from iris_sysid.errors import CalibrationError
-from iris_sysid.types import Array, Frame, FrameSource
+from iris_sysid.types import Array, Frame, FrameSource, Progress, with_progress
 
 NEARLY_ALIKE = 0.02  # of the picture's diagonal
 SEARCHED_SLOWLY = 4  # frames
@@ -44,7 +44,7 @@ def choose_frames(
     *,
     count: int = 20,
     examine: int = 200,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> ChosenFrames:
     """Find the board in frames spread over a clip and choose those that say most about the camera.
 
@@ -95,40 +95,39 @@ def choose_frames(
     return ChosenFrames(tuple(views), n_examined, len(found), n_alike, len(found) - len(sharp))
 
 
-def _spread(video: FrameSource, examine: int, progress: Callable[[int, int], None] | None) -> Iterator[Frame]:
+def _spread(video: FrameSource, examine: int, progress: Progress | None) -> Iterator[Frame]:
     """Every k-th frame, so that about so many come; where the length is unknown, ever fewer as the clip goes on."""
     every = max(1, math.ceil(video.n_expected / examine))
     taken = 0
-    for done, frame in enumerate(video.frames()):
-        if done % every == 0:
+    for number, frame in enumerate(with_progress(video.frames(), progress, video.n_expected)):
+        if number % every == 0:
             yield frame
             taken += 1
             if not video.n_expected and taken == 2 * examine:
                 every, taken = 2 * every, examine
-        if progress is not None:
-            progress(done + 1, video.n_expected)
 
 
 def _view_of(frame: Frame, board: Board, rejected: Counter[str]) -> BoardView | None:
     name = f"frame {frame.index} ({frame.t_s:.3f} s)"
     try:
         return find_board(frame.luma, board, name=name, thorough=False).named(name, frame.t_s)
-    except CalibrationError as error:
-        rejected[str(error).removeprefix(f"{name}: ")] += 1
+    except BoardError as error:
+        if error.seen:
+            rejected[error.reason] += 1
         return None
 
 
-def _why_none(n_examined: int, rejected: Counter[str], some: Sequence[Frame], board: Board) -> str:
+def _why_none(n_examined: int, rejected: Counter[str], unseen: Sequence[Frame], board: Board) -> str:
+    """Why no frame can be used: the most common reason, or what a slow search of the ``unseen`` frames finds."""
     if not n_examined:
         return "the clip has no frame to look for a board in"
-    reasons = [reason for reason, _ in rejected.most_common() if reason != NOT_SEEN]
-    for frame in some:  # that no board is seen says little: a slow search says what is there instead
+    reasons, nothing_seen = [reason for reason, _ in rejected.most_common()], []
+    for frame in unseen:
         try:
             find_board(frame.luma, board, name=f"frame {frame.index}")
-        except CalibrationError as error:
-            reasons.append(str(error))
-    said = next((one for one in reasons if "no checkerboard is seen" not in one), reasons[0])
-    return f"none of {n_examined} frames can be used; {said}"
+        except BoardError as error:
+            (reasons if error.seen else nothing_seen).append(str(error))
+    return f"none of {n_examined} frames can be used; {[*reasons, *nothing_seen, 'no board is seen'][0]}"
 
 
 def _sharp(views: list[BoardView]) -> list[BoardView]:

@@ -19,7 +19,7 @@ from iris_sysid.calibration.plane import UNKNOWN_SCALE, check_image_size, uprigh
 from iris_sysid.errors import CalibrationError
 from iris_sysid.types import Array, Calibration
 
-Up = Literal["picture", "board"]
+Up = Literal["image", "board"]
 
 LENS_CENTRED = "the lens is centred in the picture"
 PARALLEL = "the board is parallel to the plane of motion"
@@ -36,7 +36,7 @@ def plane_from_board(
     offset_stderr_m: float = 0.0,
     distance_m: float | None = None,
     distance_stderr_m: float = 0.0,
-    up: Up = "picture",
+    up: Up = "image",
 ) -> Calibration:
     """Calibrate the plane of motion from one picture of a board held in it, or parallel to it.
 
@@ -63,7 +63,7 @@ def plane_from_board(
     distance_stderr_m
         Its standard error.
     up
-        ``picture``: z runs up in the picture at the board's middle. ``board``: along the board's edge nearest to that.
+        ``image``: z runs up in the image at the board's middle. ``board``: along the board's edge nearest to that.
 
     Returns
     -------

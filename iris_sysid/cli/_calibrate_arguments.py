@@ -1,0 +1,68 @@
+"""The options of ``iris-sysid calibrate``, in groups."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Text = str | None
+
+
+@dataclass(frozen=True)
+class BoardArguments:
+    """The board, and where it is."""
+
+    board: Annotated[Text, typer.Option(help="Inner corners, columns x rows: 9x6 for 10 x 7 squares.")] = None
+    square: Annotated[Text, typer.Option(help="Measured side of a square: 25mm or 25.0+-0.1mm.")] = None
+    marker: Annotated[str, typer.Option(help="Side of a marker, for a ChArUco board.")] = ""
+    dictionary: Annotated[str, typer.Option(help="Marker dictionary, by its OpenCV name.")] = "4x4_50"
+    plane_view: Annotated[
+        Text, typer.Option(help="View in the plane of motion: frame number, image counted from 1, or a file.")
+    ] = None
+    offset: Annotated[
+        Text, typer.Option(help="Distance of the board behind the plane of motion: 5cm+-2mm; negative in front.")
+    ] = None
+    distance: Annotated[
+        Text, typer.Option(help="Distance from the camera to the board or, without a board, to the plane of motion.")
+    ] = None
+    up: Annotated[str, typer.Option(help="Upward direction: image, or board (its edge closest to that).")] = "image"
+    one_image: Annotated[
+        bool, typer.Option("--one-image", "--one-picture", help="Calibrate the plane from one image, without a camera.")
+    ] = False
+
+
+@dataclass(frozen=True)
+class CameraArguments:
+    """How the camera is fitted, or which one is taken."""
+
+    camera: Annotated[Path | None, typer.Option(help="Use the camera of this calibration.json.")] = None
+    resized: Annotated[Text, typer.Option(help="The clip was resized from that camera's images to WIDTHxHEIGHT.")] = (
+        None
+    )
+    cropped: Annotated[Text, typer.Option(help="The clip was cropped from that camera's images to x,y,w,h.")] = None
+    lens: Annotated[
+        Text, typer.Option(help="Distortion coefficients to fit, of k1,k2,p1,p2,k3; chosen by BIC by default.")
+    ] = None
+    free_aspect: Annotated[bool, typer.Option("--free-aspect", help="Fit fx and fy separately.")] = False
+    keep_outliers: Annotated[bool, typer.Option("--keep-outliers", help="Keep views that disagree with the rest.")] = (
+        False
+    )
+    window: Annotated[int | None, typer.Option(help="Half side of classical corner windows, px.")] = None
+    views: Annotated[int, typer.Option(help="Number of frames to select from a clip.", min=3)] = 20
+    examine: Annotated[int, typer.Option(help="Number of frames of a clip to examine.", min=3)] = 200
+
+
+@dataclass(frozen=True)
+class SizeArguments:
+    """What is known without a board."""
+
+    known: Annotated[
+        Text, typer.Option("--object", help="Without a board: an object of known length, 200+-1px=50.0+-0.1cm.")
+    ] = None
+    ball: Annotated[Text, typer.Option(help="Without a board: radius of the ball in --track, 33.5+-0.5mm.")] = None
+    track: Annotated[Path | None, typer.Option(help="track.csv of that ball.")] = None
+    edge: Annotated[float, typer.Option(help="Standard error of the ball's edge, shared by all frames, px.")] = 0.1
+    fov: Annotated[Text, typer.Option(help="Without a board: field of view, 60deg+-1deg; needs --distance.")] = None
+    across: Annotated[str, typer.Option(help="Side of the field of view: width, height or diagonal.")] = "width"
+    tilt_error: Annotated[str, typer.Option(help="Standard error of the camera's direction, e.g. 1deg.")] = "0deg"

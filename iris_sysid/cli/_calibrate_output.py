@@ -1,0 +1,90 @@
+"""What ``iris-sysid calibrate`` writes, draws and prints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from iris_sysid.calibration.calibration_json import calibration_document, write_calibration
+from iris_sysid.calibration.plane import assumptions, fixed_by_data, local_geometry
+from iris_sysid.calibration.request import CalibratedPlane
+from iris_sysid.io.files import write_atomic
+from iris_sysid.io.json_documents import document_text
+from iris_sysid.report.calibration_figure import camera_figure, grid_figure, view_figure
+from iris_sysid.report.page import png_of
+from iris_sysid.report.text import with_error
+from iris_sysid.types import Calibration
+
+SMALLEST_TURN = 1e-6  # rad; below it the world is turned by definition, not by measurement
+DRAWINGS = ("camera", "board", "grid")
+
+
+def plot_paths(output: Path) -> tuple[Path, ...]:
+    """The files that hold the drawings of a calibration written to ``output``."""
+    return tuple(output.with_name(f"{output.stem}-{name}.png") for name in DRAWINGS)
+
+
+def save(plane: CalibratedPlane, output: Path, *, plot: bool = False, overwrite: bool = False) -> list[Path]:
+    """Write calibration.json and, on request, its drawings beside it.
+
+    Parameters
+    ----------
+    plane
+        From :func:`iris_sysid.calibration.request.calibrate_plane`.
+    output
+        The file.
+    plot
+        Draw corners with their residuals, their coverage, and the world's grid.
+    overwrite
+        Replace files that exist.
+
+    Returns
+    -------
+    list of Path
+        The drawings.
+    """
+    figures = _figures(plane) if plot else {}
+    write_calibration(plane.calibration, output, overwrite=overwrite)
+    paths = dict(zip(DRAWINGS, plot_paths(output), strict=True))
+    for name, figure in figures.items():
+        write_atomic(paths[name], png_of(figure), overwrite=overwrite)
+    return [paths[name] for name in figures]
+
+
+def _figures(plane: CalibratedPlane) -> dict[str, Figure]:
+    figures: dict[str, Figure] = {}
+    camera = None if plane.board is None else plane.board.camera
+    if camera is not None and camera.views:
+        figures["camera"] = camera_figure(camera)
+    if plane.board is not None and plane.board.fitted is not None:
+        figures["board"] = view_figure(plane.board.fitted, plane.board.image)
+    figures["grid"] = grid_figure(plane.calibration, plane.image)
+    return figures
+
+
+def text_of(calibration: Calibration, *, json: bool = False) -> str:
+    """A calibration as text for a terminal.
+
+    Parameters
+    ----------
+    calibration
+        Of the plane.
+    json
+        As calibration.json instead.
+
+    Returns
+    -------
+    str
+        Scale, stretch, shear and turn with their standard errors, what the data fixed, what is assumed, notes.
+    """
+    if json:
+        return document_text(calibration_document(calibration)).rstrip("\n")
+    geometry = local_geometry(calibration, calibration.centre_px)
+    shown = {name: value for name, value in geometry.items() if name != "turn_rad" or value.stderr > SMALLEST_TURN}
+    x, y = calibration.centre_px
+    rows = [f"{name:<10} {with_error(value)}" for name, value in shown.items()] + [f"at ({x:.0f}, {y:.0f}) px"]
+    statements = [f"fixed by the data: {', '.join(fixed_by_data(calibration))}"]
+    statements += [f"assumed: {text}" for text in assumptions(calibration)]
+    statements += [f"note: {text}" for text in calibration.notes]
+    return "\n".join([calibration.source, *rows, *statements])
