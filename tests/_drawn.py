@@ -12,49 +12,58 @@ FPS = 60.0
 
 @dataclass(eq=False)
 class DrawnClip:
-    """A FrameSource over pictures (h, w) grey or (h, w, 3) BGR, bytes; ``decoded`` counts the frames given out."""
+    """A FrameSource over images (h, w) grey or (h, w, 3) BGR, bytes; ``decoded`` counts the frames given out."""
 
-    pictures: Sequence[np.ndarray]
+    images: Sequence[np.ndarray]
     fps: float = FPS
     decoded: int = field(default=0)
 
     @property
     def width(self) -> int:
-        return int(self.pictures[0].shape[1])
+        return int(self.images[0].shape[1])
 
     @property
     def height(self) -> int:
-        return int(self.pictures[0].shape[0])
+        return int(self.images[0].shape[0])
 
     @property
     def n_expected(self) -> int:
-        return len(self.pictures)
+        return len(self.images)
 
     def frames(self) -> Iterator[Frame]:
-        for index in range(len(self.pictures)):
+        for index in range(len(self.images)):
             self.decoded += 1
             yield self._frame(index)
 
     def sample(self, count: int) -> list[Frame]:
-        places = np.unique(np.linspace(0, len(self.pictures) - 1, count).astype(int))
+        places = np.unique(np.linspace(0, len(self.images) - 1, count).astype(int))
         return [self._frame(int(index)) for index in places]
 
     def _frame(self, index: int) -> Frame:
-        picture = self.pictures[index]
-        if picture.ndim == 2:
-            return Frame(index, index / self.fps, picture, lambda: np.repeat(picture[..., np.newaxis], 3, axis=2))
-        luma = np.clip(np.rint(picture @ [0.114, 0.587, 0.299]), 0, 255).astype(np.uint8)
-        return Frame(index, index / self.fps, luma, lambda: picture)
+        image = self.images[index]
+        if image.ndim == 2:
+            return Frame(index, index / self.fps, image, lambda: np.repeat(image[..., np.newaxis], 3, axis=2))
+        luma = np.clip(np.rint(image @ [0.114, 0.587, 0.299]), 0, 255).astype(np.uint8)
+        return Frame(index, index / self.fps, luma, lambda: image)
 
 
 def disc(shape: tuple[int, int], x: float, y: float, radius: float, lines: int = 32) -> np.ndarray:
     """Share of each pixel that a disc covers: exact along x, by ``lines`` scan lines a pixel along y."""
-    height, width = shape
-    scan = (np.arange(height * lines) + 0.5) / lines - 0.5
+    share = np.zeros(shape)
+    rows, columns = _reach(y, radius, shape[0]), _reach(x, radius, shape[1])
+    scan = (np.arange(rows.start * lines, rows.stop * lines) + 0.5) / lines - 0.5
     half = np.sqrt(np.maximum(radius**2 - (scan - y) ** 2, 0))[:, np.newaxis]
-    column = np.arange(width)
+    column = np.arange(columns.start, columns.stop)
     covered = np.minimum(x + half, column + 0.5) - np.maximum(x - half, column - 0.5)
-    return np.clip(covered, 0, 1).reshape(height, lines, width).mean(axis=1)
+    parts = np.clip(covered, 0, 1).reshape(rows.stop - rows.start, lines, column.size)
+    share[rows, columns] = parts.mean(axis=1)
+    return share
+
+
+def _reach(centre: float, radius: float, n: int) -> slice:
+    """The pixels of an axis that a disc may touch: no others need be computed."""
+    start = min(max(int(np.floor(centre - radius)) - 1, 0), n)
+    return slice(start, max(min(int(np.ceil(centre + radius)) + 2, n), start))
 
 
 def paint(background: np.ndarray, share: np.ndarray, colour: object) -> np.ndarray:
@@ -64,10 +73,10 @@ def paint(background: np.ndarray, share: np.ndarray, colour: object) -> np.ndarr
     return background * (1 - share) + np.asarray(colour, dtype=float) * share
 
 
-def noisy(pictures: Sequence[np.ndarray], sigma: float, seed: int = 0) -> list[np.ndarray]:
-    """The pictures with normal noise, rounded to bytes."""
+def noisy(images: Sequence[np.ndarray], sigma: float, seed: int = 0) -> list[np.ndarray]:
+    """The images with normal noise, rounded to bytes."""
     rng = np.random.default_rng(seed)
-    return [np.clip(np.rint(one + rng.normal(0, sigma, one.shape)), 0, 255).astype(np.uint8) for one in pictures]
+    return [np.clip(np.rint(one + rng.normal(0, sigma, one.shape)), 0, 255).astype(np.uint8) for one in images]
 
 
 def moving_disc(
