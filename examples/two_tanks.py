@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from iris_sysid import (
+    FitOptions,
     FitResult,
     OdeModel,
     Parameter,
@@ -189,7 +190,7 @@ def main(raw: Path, folder: Path) -> None:
         print(f"{found.base.model.name}: {diagnosis_sentence(found)}")
         print(f"  the screen puts first: {found.rounds[0][0].effect}")
 
-    better = fit(read_to_full_scale(estimation), real_tanks, hold=HOLD)
+    better = fit(read_to_full_scale(estimation), real_tanks, options=FitOptions(hold=HOLD))
     print(estimates_frame(better)[["value", "stderr", "unit"]])
 
     print(f"simulation RMSE on the validation record (best published: {BEST_PUBLISHED_V} V)")

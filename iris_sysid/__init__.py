@@ -6,39 +6,142 @@ Everything public is here; names are imported when first used, so that ``import 
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fitters.compose_effects import with_effects as with_effects
+    from fitters.ode.identifiability import identifiability as identifiability
+    from fitters.ode.request import FitOptions as FitOptions
+    from fitters.ode.several_clips import fit_clips as fit_clips
+    from fitters.ode.single_clip import fit as fit
+    from fitters.ode.single_clip import simulate as simulate
+    from fitters.selection.select import select_model as select_model
+    from fitters.sindy.discover import discover as discover
+    from iris_sysid.calibration.board.calibrate import calibrate_board as calibrate_board
+    from iris_sysid.calibration.calibration_json import read_calibration as read_calibration
+    from iris_sysid.calibration.calibration_json import write_calibration as write_calibration
+    from iris_sysid.calibration.known_size import plane_from_ball as plane_from_ball
+    from iris_sysid.calibration.known_size import plane_from_distance as plane_from_distance
+    from iris_sysid.calibration.known_size import plane_from_size as plane_from_size
+    from iris_sysid.calibration.pixel_scale import from_osp as from_osp
+    from iris_sysid.calibration.pixel_scale import scale as scale
+    from iris_sysid.calibration.pixel_scale import scale_bar as scale_bar
+    from iris_sysid.calibration.pixel_scale import scale_from_text as scale_from_text
+    from iris_sysid.calibration.pixel_scale import to_world as to_world
+    from iris_sysid.calibration.pixel_scale import uncalibrated as uncalibrated
+    from iris_sysid.diagnosis.diagnose import diagnose as diagnose
+    from iris_sysid.errors import CalibrationError as CalibrationError
+    from iris_sysid.errors import DataError as DataError
+    from iris_sysid.errors import FitError as FitError
+    from iris_sysid.errors import IrisError as IrisError
+    from iris_sysid.errors import OutputError as OutputError
+    from iris_sysid.errors import PluginError as PluginError
+    from iris_sysid.errors import TrackingError as TrackingError
+    from iris_sysid.errors import UnknownNameError as UnknownNameError
+    from iris_sysid.errors import VideoError as VideoError
+    from iris_sysid.io.csv_read import read_track as read_track
+    from iris_sysid.io.csv_read import read_trajectory as read_trajectory
+    from iris_sysid.io.csv_write import write_track as write_track
+    from iris_sysid.io.csv_write import write_trajectory as write_trajectory
+    from iris_sysid.io.dataframes import estimates_frame as estimates_frame
+    from iris_sysid.io.dataframes import to_frame as to_frame
+    from iris_sysid.io.osp_tracker import marked_tracks as marked_tracks
+    from iris_sysid.io.osp_tracker import read_osp as read_osp
+    from iris_sysid.pipeline import observe as observe
+    from iris_sysid.pipeline import run as run
+    from iris_sysid.pipeline import save as save
+    from iris_sysid.pipeline import track as track
+    from iris_sysid.registry import EFFECTS as EFFECTS
+    from iris_sysid.registry import MODELS as MODELS
+    from iris_sysid.registry import PHENOMENA as PHENOMENA
+    from iris_sysid.registry import TRACKERS as TRACKERS
+    from iris_sysid.report.clip_page import write_report as write_report
+    from iris_sysid.report.diagnosis_page import write_diagnosis as write_diagnosis
+    from iris_sysid.report.text import diagnosis_sentence as diagnosis_sentence
+    from iris_sysid.report.text import diagnosis_text as diagnosis_text
+    from iris_sysid.report.text import discovery_sentence as discovery_sentence
+    from iris_sysid.synthetic.board import render_checkerboard as render_checkerboard
+    from iris_sysid.synthetic.clip import render_clip as render_clip
+    from iris_sysid.synthetic.scene import SCENES as SCENES
+    from iris_sysid.synthetic.truth import Truth as Truth
+    from iris_sysid.synthetic.truth import read_truth as read_truth
+    from iris_sysid.trajectory.segmentation import segment as segment
+    from iris_sysid.trajectory.smoothing import smooth as smooth
+    from iris_sysid.types import Array as Array
+    from iris_sysid.types import Calibration as Calibration
+    from iris_sysid.types import ClipOptions as ClipOptions
+    from iris_sysid.types import Diagnosis as Diagnosis
+    from iris_sysid.types import Discovery as Discovery
+    from iris_sysid.types import Effect as Effect
+    from iris_sysid.types import EffectExample as EffectExample
+    from iris_sysid.types import Estimate as Estimate
+    from iris_sysid.types import Event as Event
+    from iris_sysid.types import FitResult as FitResult
+    from iris_sysid.types import Frame as Frame
+    from iris_sysid.types import FrameSource as FrameSource
+    from iris_sysid.types import GeometryOptions as GeometryOptions
+    from iris_sysid.types import ModelExample as ModelExample
+    from iris_sysid.types import OdeModel as OdeModel
+    from iris_sysid.types import Parameter as Parameter
+    from iris_sysid.types import Phenomenon as Phenomenon
+    from iris_sysid.types import PooledFit as PooledFit
+    from iris_sysid.types import Quantity as Quantity
+    from iris_sysid.types import Run as Run
+    from iris_sysid.types import Segment as Segment
+    from iris_sysid.types import Smoothed as Smoothed
+    from iris_sysid.types import Track as Track
+    from iris_sysid.types import Tracker as Tracker
+    from iris_sysid.types import TrackerExample as TrackerExample
+    from iris_sysid.types import TrackOptions as TrackOptions
+    from iris_sysid.types import Trajectory as Trajectory
+    from iris_sysid.video.reader import open_video as open_video
 
 __version__ = "0.1.0"
 
 DISTRIBUTION = "iris-sysid"
 
+# where each public name is defined
 _HOME = {
     name: module
     for module, names in {
-        "iris_sysid.calibration.pixel_scale": "scale scale_bar scale_from_text uncalibrated from_osp to_world",
+        "fitters.compose_effects": "with_effects",
+        "fitters.ode.identifiability": "identifiability",
+        "fitters.ode.request": "FitOptions",
+        "fitters.ode.several_clips": "fit_clips",
+        "fitters.ode.single_clip": "fit simulate",
+        "fitters.selection.select": "select_model",
+        "fitters.sindy.discover": "discover",
+        "iris_sysid.calibration.board.calibrate": "calibrate_board",
         "iris_sysid.calibration.calibration_json": "read_calibration write_calibration",
+        "iris_sysid.calibration.known_size": "plane_from_ball plane_from_distance plane_from_size",
+        "iris_sysid.calibration.pixel_scale": "scale scale_bar scale_from_text uncalibrated from_osp to_world",
+        "iris_sysid.diagnosis.diagnose": "diagnose",
         "iris_sysid.errors": (
             "IrisError VideoError TrackingError CalibrationError DataError FitError UnknownNameError "
             "PluginError OutputError"
         ),
-        "iris_sysid.trajectory.segmentation": "segment",
-        "iris_sysid.pipeline": "run track observe save Run",
-        "iris_sysid.registry": "TRACKERS MODELS EFFECTS PHENOMENA",
-        "iris_sysid.trajectory.smoothing": "smooth",
-        "iris_sysid.diagnosis.diagnose": "diagnose Diagnosis",
-        "iris_sysid.io.dataframes": "to_frame estimates_frame",
-        "iris_sysid.io.osp_tracker": "read_osp marked_tracks",
-        "iris_sysid.report.clip_page": "write_report",
         "iris_sysid.io.csv_read": "read_track read_trajectory",
         "iris_sysid.io.csv_write": "write_track write_trajectory",
+        "iris_sysid.io.dataframes": "to_frame estimates_frame",
+        "iris_sysid.io.osp_tracker": "read_osp marked_tracks",
+        "iris_sysid.pipeline": "run track observe save",
+        "iris_sysid.registry": "TRACKERS MODELS EFFECTS PHENOMENA",
+        "iris_sysid.report.clip_page": "write_report",
+        "iris_sysid.report.diagnosis_page": "write_diagnosis",
+        "iris_sysid.report.text": "diagnosis_sentence diagnosis_text discovery_sentence",
+        "iris_sysid.synthetic.board": "render_checkerboard",
+        "iris_sysid.synthetic.clip": "render_clip",
+        "iris_sysid.synthetic.scene": "SCENES",
+        "iris_sysid.synthetic.truth": "Truth read_truth",
+        "iris_sysid.trajectory.segmentation": "segment",
+        "iris_sysid.trajectory.smoothing": "smooth",
         "iris_sysid.types": (
-            "Calibration Discovery Effect Estimate FitResult Frame FrameSource OdeModel Parameter Phenomenon Quantity "
-            "Segment Smoothed Track Tracker TrackOptions Trajectory"
+            "Array Calibration ClipOptions Diagnosis Discovery Effect EffectExample Estimate Event "
+            "FitResult Frame FrameSource GeometryOptions ModelExample OdeModel Parameter Phenomenon "
+            "PooledFit Quantity Run Segment Smoothed Track Tracker TrackerExample TrackOptions "
+            "Trajectory"
         ),
         "iris_sysid.video.reader": "open_video",
-        "fitters.compose_effects": "with_effects",
-        "fitters.ode.single_clip": "fit simulate",
-        "fitters.sindy.discover": "discover",
     }.items()
     for name in names.split()
 }
@@ -53,4 +156,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *_HOME])
+    return list(__all__)

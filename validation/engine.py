@@ -14,7 +14,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from fitters.models.pendulum import MODEL
-from fitters.ode import fit, sensitivity, simulate
+from fitters.ode import FitOptions, fit, sensitivity, simulate
 from iris_sysid.types import FitResult, Trajectory
 
 NOISE_RAD = 2e-3
@@ -69,7 +69,7 @@ def recovery(n_fits: int, *, given: bool, multistart: int, seed: int = 2024) -> 
         trajectory = noisy_pendulum(truth, rng.uniform(10.0, 150.0), rng)
         start = {name: truth[name] * rng.choice([0.5, 1.5]) for name in NAMES} if given else {}
         began = time.process_time()
-        result = fit(trajectory, MODEL, start=start, multistart=multistart)
+        result = fit(trajectory, MODEL, start=start, options=FitOptions(multistart=multistart))
         seconds.append(time.process_time() - began)
         found += recovers(truth, result)
     return found, seconds
@@ -172,7 +172,7 @@ def print_cost() -> None:
         times = [
             seconds_of(lambda t_s=trajectory.t_s: simulate(MODEL, t_s, truth)),
             seconds_of(lambda t_s=trajectory.t_s: sensitivity(MODEL, t_s, truth, NAMES)),
-            seconds_of(lambda one=trajectory: fit(one, MODEL)),
+            seconds_of(lambda data=trajectory: fit(data, MODEL)),
         ]
         each = ", ".join(f"{1e6 * seconds / n:.2f}" for seconds in times)
         print(f"  {n:9d} " + " ".join(f"{seconds:10.3f} s" for seconds in times) + f"   {each} us")

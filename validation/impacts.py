@@ -38,9 +38,9 @@ def both_fits(trajectory: Trajectory, phenomenon: str) -> tuple[FitResult, FitRe
     return impacts, fit(trajectory, MODELS["coupled-pendulums"], options=FitOptions(multistart=2))
 
 
-def residuals(one: FitResult) -> str:
+def residuals(result: FitResult) -> str:
     """Residual of both angles and the status."""
-    return f"{1e3 * one.rms[0]:.3g}, {1e3 * one.rms[1]:.3g} ({one.status})"
+    return f"{1e3 * result.rms[0]:.3g}, {1e3 * result.rms[1]:.3g} ({result.status})"
 
 
 def print_comparison(clips: Sequence[tuple[str, Trajectory, str]]) -> None:
@@ -77,9 +77,9 @@ def print_twin(folder: Path) -> None:
 def impact_times(result: FitResult, trajectory: Trajectory) -> list[float]:
     """When the fitted motion has its impacts."""
     derived = {quantity.name for quantity in result.model.derived}
-    values = {name: one.value for name, one in result.estimates.items() if name not in derived}
+    values = {name: estimate.value for name, estimate in result.estimates.items() if name not in derived}
     t_s = trajectory.t_s[trajectory.t_s >= result.t0_s]
-    return [one.t_s for one in event_times(result.model, t_s, values) if one.name == "impact"]
+    return [event_time.t_s for event_time in event_times(result.model, t_s, values) if event_time.name == "impact"]
 
 
 def print_linear_bias() -> None:
@@ -93,7 +93,7 @@ def print_linear_bias() -> None:
         valid = np.ones(t_s.size, dtype=bool)
         data = Trajectory(t_s, MODELS["pendulum"].observed, theta, np.full_like(theta, np.nan), valid)
         lengths = [fit(data, MODELS[name]).estimates["length"].value for name in ("linear-pendulum", "pendulum")]
-        print(f"| {degrees}° | " + " | ".join(f"{100 * (one / 0.5 - 1):+.3f}" for one in lengths) + " |")
+        print(f"| {degrees}° | " + " | ".join(f"{100 * (length / 0.5 - 1):+.3f}" for length in lengths) + " |")
 
 
 def main() -> None:

@@ -58,7 +58,7 @@ def deviations_from_neighbours(values: Array) -> Array:
     return values - np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1), axis=1)
 
 
-def wild_in_residual(residual: Array, floor: float) -> Mask:
+def outliers_in_residual(residual: Array, floor: float) -> Mask:
     """True where a residual (n, d) stands alone: far from its neighbours, not part of a slow misfit.
 
     None is wild when more than WILD_SHARE are. ``floor`` is the smallest deviation that counts.
@@ -70,10 +70,10 @@ def wild_in_residual(residual: Array, floor: float) -> Mask:
     return wild if wild.mean() <= WILD_SHARE else np.zeros_like(wild)
 
 
-def wild_in_motion(t_s: Array, values: Array) -> Mask:
+def outliers_in_motion(t_s: Array, values: Array) -> Mask:
     """True where a sample (n, d) cannot belong to a smooth motion: every difference that contains it is large.
 
-    For a start only: it sees what is far out, and leaves the rest to :func:`wild_in_residual`. A kink of the
+    For a start only: it sees what is far out, and leaves the rest to :func:`outliers_in_residual`. A kink of the
     motion is not marked, because differences that end at it are small. None is wild when too many are.
     """
     order = 4

@@ -1,5 +1,6 @@
 """Parameters of a differential equation estimated from trajectories."""
 
-from fitters.ode.single_clip import fit, sensitivity, simulate
+from fitters.ode.request import FitOptions, FitRequest
+from fitters.ode.single_clip import fit, sensitivity, simulate, solve
 
-__all__ = ["fit", "sensitivity", "simulate"]
+__all__ = ["FitOptions", "FitRequest", "fit", "sensitivity", "simulate", "solve"]

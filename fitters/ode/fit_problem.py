@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from fitters.integrator.initial_value_problem import Hold, InitialValueProblem, initial_value_problem, value_names
-from fitters.noise.measurement_noise import noise_from_differences, wild_in_motion
+from fitters.noise.measurement_noise import noise_from_differences, outliers_in_motion
 from fitters.ode.least_squares import Target, Unknowns
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array, Estimate, Mask, OdeModel, Parameter, SegmentLabel, Trajectory
@@ -260,7 +260,7 @@ def prepare(
     observed, given = trajectory.position[span][:, columns], trajectory.sigma[span][:, columns]
     t_s = trajectory.t_s[span]
     clean = used.copy()
-    clean[used] = ~wild_in_motion(t_s[used], observed[used])
+    clean[used] = ~outliers_in_motion(t_s[used], observed[used])
     noise = np.array([_noise(t_s[clean], observed[clean, c], given[clean, c]) for c in range(observed.shape[1])])
     sigma = _relative(given, used) * _usable(noise, observed[clean])
     free = tuple(name for name in value_names(model) if name not in known)

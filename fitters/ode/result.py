@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitters.integrator.initial_value_problem import difference_steps, value_names
-from fitters.noise.known_correlation import stated_memory
 from fitters.noise.sandwich_covariance import Uncertainty, inverse_normal, random_uncertainty
 from fitters.ode.error_budget import Errors, estimate_all
 from fitters.ode.fit_problem import Task, with_priors
@@ -17,17 +16,29 @@ from fitters.ode.status import (
     SINGULAR,
     Determination,
     at_bounds,
-    bound_text,
+    at_its_bound,
     determination,
     is_misfit,
-    misfit_text,
+    not_converged,
     null_direction_text,
-    singular_text,
+    residual_above_noise,
     status_of,
+    undetermined,
     unknown_text,
     weakest_text,
 )
-from iris_sysid.types import Array, Estimate, FitResult, FitStatus, Identifiability, Mask, OdeModel, Trajectory
+from iris_sysid.types import (
+    Array,
+    ErrorAutocorrelation,
+    Estimate,
+    FitProblem,
+    FitResult,
+    FitStatus,
+    Identifiability,
+    Mask,
+    OdeModel,
+    Trajectory,
+)
 
 NO_PULLS: Array = np.zeros(0)
 NOISE_GAIN = {1: 2.0, 2: 6.0}  # variance of a difference of white noise over its own: 1 + 1, and 1 + 4 + 1
@@ -39,8 +50,8 @@ class Linearised:
 
     ``residual`` (n, d); ``sensitivity`` (n, d, k) to the free values; ``known`` by source (r, n, d): change of
     prediction - observation for one standard error of each uncertain known value (r = 1), and of each pattern that
-    errors of the observation have in common; ``prior`` (j, k) rows that priors add to the sensitivities; ``memory``
-    the partial autocorrelations of the noise where they were measured.
+    errors of the observation have in common; ``prior`` (j, k) rows that priors add to the sensitivities; ``measured``
+    the autocorrelation of the noise where the tracker measured it.
     """
 
     t_s: Array
@@ -48,7 +59,7 @@ class Linearised:
     sensitivity: Array
     known: Mapping[str, Array]
     prior: Array
-    memory: tuple[Estimate, ...] = ()
+    measured: ErrorAutocorrelation | None = None
 
     @property
     def flat(self) -> Array:
@@ -83,8 +94,8 @@ def linearise(task: Task, target: Target, solution: Solution) -> Linearised:
     known = {name: scaled[None, :, :, k + i] * task.known[name].stderr for i, name in enumerate(uncertain)}
     known |= {source: -patterns[:, target.used] / sigma for source, patterns in task.systematic.items()}
     residual = (target.observed - solution.predicted)[target.used] / sigma
-    memory = stated_memory(task.trajectory.geometry)
-    return Linearised(problem.t_s[target.used], residual, scaled[:, :, :k], known, task.unknowns.prior_rows, memory)
+    measured = task.trajectory.error_autocorrelation
+    return Linearised(problem.t_s[target.used], residual, scaled[:, :, :k], known, task.unknowns.prior_rows, measured)
 
 
 def errors_of(task: Task, near: Linearised, usable: Mask, undetermined: Mask) -> tuple[Errors, Uncertainty]:
@@ -104,7 +115,7 @@ def errors_of(task: Task, near: Linearised, usable: Mask, undetermined: Mask) ->
     k = usable.size
     flat = near.flat[:, usable]
     bread = inverse_normal(near.informed[:, usable], SINGULAR**-0.5)
-    random = random_uncertainty(near.t_s, near.residual, near.sensitivity[:, :, usable], bread, near.memory)
+    random = random_uncertainty(near.t_s, near.residual, near.sensitivity[:, :, usable], bread, near.measured)
     covariance, degrees = np.full((k, k), np.nan), np.full(k, np.nan)
     covariance[np.ix_(usable, usable)] = random.covariance
     degrees[usable] = random.degrees
@@ -149,14 +160,13 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -
     results = estimate_all(task, solution.values, errors)
     residual = target.observed - solution.predicted
     rms = np.sqrt(np.mean(residual[target.used] ** 2, axis=0))
-    status, message = _status(task, target, solution, touching, found, rms)
+    status, problems = _status(task, target, solution, touching, found, rms)
     measured = with_priors(task.unknowns, task.priors)
     pulls = measured.prior_residual(solution.values)
     aic, bic = criteria(near.residual, target.sigma[target.used], len(task.free), pulls)
     return FitResult(
         model=task.model,
         status=status,
-        message=". ".join(filter(None, [message, *notes, unknown_text(task, results.estimates)])),
         estimates=results.estimates,
         free=task.free,
         covariance=errors.covariance + _from_priors(task, errors),
@@ -182,6 +192,8 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -
             "residual_autoregression": [process.coefficients.tolist() for process in random.noise],
             "residual_innovation_sd": [process.innovation_sd for process in random.noise],
         },
+        problems=problems,
+        notes=tuple(filter(None, [*notes, unknown_text(task, results.estimates)])),
     )
 
 
@@ -203,7 +215,7 @@ def information_loss(near: Linearised) -> float:
     """
     flat = near.flat
     bread = inverse_normal(near.informed, SINGULAR**-0.5)
-    random = random_uncertainty(near.t_s, near.residual, near.sensitivity, bread, near.memory)
+    random = random_uncertainty(near.t_s, near.residual, near.sensitivity, bread, near.measured)
     information = float(np.einsum("ij,ij->", flat @ bread, flat))
     middle = near.informed.T @ near.informed @ random.covariance
     return float(np.trace(middle)) / information if information > 0 else float("nan")
@@ -241,20 +253,20 @@ def ode_residual(residual: Array, order: int) -> Array:
 
 def _status(
     task: Task, target: Target, solution: Solution, touching: Mask, found: Determination, rms: Array
-) -> tuple[FitStatus, str]:
+) -> tuple[FitStatus, tuple[FitProblem, ...]]:
     misfit = is_misfit(rms, task.noise, target.size)
     singular = bool(found.undetermined.any())
     status = status_of(converged=solution.converged, singular=singular, touching=bool(touching.any()), misfit=misfit)
-    texts = []
+    problems = []  # in the order of status_of
     if not solution.converged:
-        texts.append(f"not converged ({solution.message}): give starting values nearer to the truth with start={{...}}")
+        problems.append(not_converged(solution))
     if singular:
-        texts.append(singular_text(task, solution.values, found))
+        problems.append(undetermined(task, solution.values, found))
     if touching.any():
-        texts.append(bound_text(task, solution.values, touching))
+        problems.append(at_its_bound(task, solution.values, touching))
     if misfit:
-        texts.append(misfit_text(task, rms, task.noise))
-    return status, ". ".join(texts)
+        problems.append(residual_above_noise(task, rms, task.noise))
+    return status, tuple(problems)
 
 
 def _from_priors(task: Task, errors: Errors) -> Array:
@@ -301,9 +313,9 @@ def _spread(task: Task, values: Array | Mask, fill: float) -> Array:
 
 
 def failed(
-    trajectory: Trajectory, model: OdeModel, known: Mapping[str, Estimate], status: FitStatus, message: str
+    trajectory: Trajectory, model: OdeModel, known: Mapping[str, Estimate], status: FitStatus, problem: FitProblem
 ) -> FitResult:
-    """The result of a fit that gave nothing: NaN everywhere, and what to do in the message.
+    """The result of a fit that gave nothing: NaN everywhere, and what to do as the remedy.
 
     Parameters
     ----------
@@ -311,7 +323,7 @@ def failed(
         What should have been fitted.
     known
         Values held; they are kept.
-    status, message
+    status, problem
         What happened and the remedy.
     """
     n, d = trajectory.n, len(model.observed)
@@ -324,7 +336,6 @@ def failed(
     return FitResult(
         model=model,
         status=status,
-        message=message,
         estimates={name: one for name, one in estimates.items() if one is not None} | derived,
         free=free,
         covariance=np.full((k, k), np.nan),
@@ -341,4 +352,5 @@ def failed(
         condition=np.nan,
         correlation=np.nan,
         t0_s=float(trajectory.t_s[0]),
+        problems=(problem,),
     )

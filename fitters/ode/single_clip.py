@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from types import MappingProxyType
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,7 @@ from fitters.integrator.initial_value_problem import (
     initial_value_problem,
     value_names,
 )
-from fitters.noise.measurement_noise import wild_in_residual
+from fitters.noise.measurement_noise import outliers_in_residual
 from fitters.noise.sandwich_covariance import quantile_975
 from fitters.ode.fit_problem import (
     Task,
@@ -34,23 +33,24 @@ from fitters.ode.fit_problem import (
 from fitters.ode.global_search import explains, scattered_starts, search
 from fitters.ode.intervals import Found, Method, checked_methods, disagreements, intervals_by
 from fitters.ode.least_squares import FINE_STEP, Loss, Solution, Target, minimise, reweighted
+from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.result import conclude, errors_of, failed, information_loss, linearise
-from fitters.ode.status import at_bounds, diverged_text, needed_samples, too_short_text
+from fitters.ode.status import at_bounds, diverged, needed_samples, too_few_samples
 from iris_sysid.errors import FitError
 from iris_sysid.types import (
     Array,
     Estimate,
+    FitProblem,
     FitResult,
+    FitStatus,
     OdeModel,
-    SegmentLabel,
     Trajectory,
     frozen_array,
     increasing_times,
 )
 
-NOTHING: Mapping[str, float] = MappingProxyType({})
 PATIENCE = 500_000, 50  # samples evaluated, and evaluations at least, until a fit that began nearby is given up
-SMALLEST_DEVIATION = 3.0  # in units of the noise, for a sample to count as wild
+SMALLEST_DEVIATION = 3.0  # in units of the noise, for a sample to count as an outlier
 
 
 class Simulation(NamedTuple):
@@ -90,7 +90,7 @@ def simulate(
     Returns
     -------
     Simulation
-        ``states`` (n, s) and ``observed`` (n, d); NaN or infinite from where the solution runs away.
+        ``states`` (n, s) and ``observed`` (n, d); NaN or infinite from where the solution diverges.
 
     Raises
     ------
@@ -166,12 +166,8 @@ def fit(
     fixed: Mapping[str, float | Estimate] = NOTHING,
     free: Sequence[str] = (),
     start: Mapping[str, float] = NOTHING,
-    segments: Sequence[SegmentLabel] = ("motion",),
-    loss: Loss = "linear",
-    hold: Hold = "linear",
-    multistart: int = 8,
-    nearby: bool = False,
     uncertainty: Sequence[str] = ("robust",),
+    options: FitOptions = DEFAULT_OPTIONS,
 ) -> FitResult:
     """Fit a model to a measured trajectory, by shooting with a growing horizon.
 
@@ -195,26 +191,17 @@ def fit(
         that as a normal prior: it takes part in the fit, and its share of each error is kept apart in ``budget``.
     start
         Starting values by name, tried before the model's own guess.
-    segments
-        Labels of the segments to use.
-    loss
-        ``linear`` (least squares) or ``soft_l1`` (large residuals count less). With both, samples that stand
-        alone far from their neighbours' residual are left out, and the message says how many.
-    hold
-        How inputs vary between samples.
-    multistart
-        Number of random starts to try when no start explains the data.
-    nearby
-        ``start`` is near the minimum, e.g. that of a simpler model: go straight down from it.
     uncertainty
         Ways to the 95 % intervals of the random error in ``intervals``: ``robust`` (linearised, allowing for
         autocorrelation, as the estimates have it), ``profile`` (likelihood), ``bootstrap`` (of residuals in blocks),
-        or ``all``. The message says where they disagree.
+        or ``all``. The notes say where they disagree.
+    options
+        Which segments to use, the loss function, inputs between samples, how long to search.
 
     Returns
     -------
     FitResult
-        With ``status`` and, in ``message``, the remedy. A fit that fails is a result with NaN, never an exception.
+        With ``status``, ``reason`` and ``remedy``. A fit that fails is a result with NaN, never an exception.
 
     Raises
     ------
@@ -223,74 +210,92 @@ def fit(
         unknown name or way to an interval, an exact value both fixed and free, a right-hand side that does not return
         one number a state.
     """
-    methods = checked_methods(uncertainty)
-    found = solve(
-        trajectory,
-        model,
-        fixed=fixed,
-        free=free,
-        start=start,
-        segments=segments,
-        loss=loss,
-        hold=hold,
-        multistart=multistart,
-        nearby=nearby,
-    )
-    if isinstance(found, FitResult):
-        return found
-    task, target, solution = found
+    return solve(FitRequest(trajectory, model, fixed, free, start, uncertainty, options))
+
+
+def solve(request: FitRequest) -> FitResult:
+    """Carry out a request; see :func:`fit`."""
+    methods = checked_methods(request.uncertainty)
+    try:
+        minimum = find_minimum(request)
+    except NoMinimumError as error:
+        return error.result
     with np.errstate(all="ignore"):  # garbage has errors without bound: infinite, and shown as such
-        result = conclude(task, target, solution, _notes(task, target))
-        return result if methods == ("robust",) else _with_intervals(task, target, solution, result, methods)
+        result = conclude(minimum.task, minimum.target, minimum.solution, _notes(minimum.task, minimum.target))
+        return result if methods == ("robust",) else _with_intervals(minimum, result, methods)
 
 
-def solve(
-    trajectory: Trajectory,
-    model: OdeModel,
-    *,
-    fixed: Mapping[str, float | Estimate] = NOTHING,
-    free: Sequence[str] = (),
-    start: Mapping[str, float] = NOTHING,
-    segments: Sequence[SegmentLabel] = ("motion",),
-    loss: Loss = "linear",
-    hold: Hold = "linear",
-    multistart: int = 8,
-    nearby: bool = False,
-) -> tuple[Task, Target, Solution] | FitResult:
-    """The fit before it is judged: what was asked, the samples that count, what was found; or why there is nothing.
+@dataclass(frozen=True, eq=False, slots=True)
+class Minimum:
+    """A fit before it is judged: the task, the samples that count with their weights, the solution found."""
 
-    Parameters
-    ----------
-    trajectory, model, fixed, free, start, segments, loss, hold, multistart, nearby
+    task: Task
+    target: Target
+    solution: Solution
+
+
+class NoMinimumError(FitError):
+    """A fit that gave nothing; ``result`` says why."""
+
+    def __init__(self, result: FitResult) -> None:
+        super().__init__(result.message)
+        self.result = result
+
+
+def find_minimum(request: FitRequest) -> Minimum:
+    """Minimise the residual of a request, with outliers left out and priors weighed.
+
+    Raises
+    ------
+    NoMinimumError
+        When there are too few samples, or the solution is not finite.
+    FitError
         As for :func:`fit`.
     """
-    check_names(model, fixed=list(fixed), free=list(free), start=list(start))
+    task = _task_of(request)
+    if not task.free:
+        return Minimum(task, task.target, _nothing_to_fit(task))
+    options = request.options
+    if options.local:
+        solution = _downhill(task, request.start)
+    else:
+        solution = search(task.problem, task.target, task.unknowns, _starts(task, request.start, options.multistart))
+    _check_finite(request, task, solution)
+    most = max(PATIENCE[0] // int(task.selection.used.sum()), PATIENCE[1]) if options.local else None
+    target, solution = _without_outliers(task, solution, options.loss, most)
+    if task.priors:
+        task, solution = _with_priors_weighed(task, target, solution, options.loss)
+    _check_finite(request, task, solution)  # the refinement can diverge from a solution that was finite
+    if options.loss != "linear":
+        target = reweighted(target, solution)
+    return Minimum(task, target, solution)
+
+
+def _task_of(request: FitRequest) -> Task:
+    """The request, checked and put together; NoMinimumError when it has fewer samples than unknowns need."""
+    trajectory, model = request.trajectory, request.model
+    check_names(model, fixed=list(request.fixed), free=list(request.free), start=list(request.start))
     check_columns(trajectory, model)
-    known, priors = (asked(model, trajectory, fixed, free) for asked in (known_values, priors_of))
+    known = known_values(model, trajectory, request.fixed, request.free)
+    priors = priors_of(model, trajectory, request.fixed, request.free)
     model = in_units_of(trajectory, model)
-    selection = select(trajectory, segments)
+    selection = select(trajectory, request.options.segments)
     n_free = len(value_names(model)) - len(known)
     n, needed = int(selection.used.sum()), needed_samples(len(model.observed), n_free)
     if n < needed:
-        return failed(trajectory, model, known, "too-short", too_short_text(n, needed, n_free))
-    task = prepare(trajectory, model, selection, known, hold, priors)
-    if n_free == 0:
-        return task, task.target, _nothing_to_fit(task)
-    if nearby:
-        solution = _downhill(task, start)
-    else:
-        solution = search(task.problem, task.target, task.unknowns, _starts(task, start, multistart))
+        raise _failure(request, model, known, "too-short", too_few_samples(n, needed, n_free))
+    return prepare(trajectory, model, selection, known, request.options.hold, priors)
+
+
+def _check_finite(request: FitRequest, task: Task, solution: Solution) -> None:
     if not np.isfinite(solution.rms):
-        return failed(trajectory, model, known, "diverged", diverged_text(task, solution))
-    most = max(PATIENCE[0] // n, PATIENCE[1]) if nearby else None
-    target, solution = _without_wild_samples(task, solution, loss, most)
-    if priors:
-        task, solution = _with_priors_weighed(task, target, solution, loss)
-    if not np.isfinite(solution.rms):  # the refinement ran away from a solution that was finite
-        return failed(trajectory, model, known, "diverged", diverged_text(task, solution))
-    if loss != "linear":
-        target = reweighted(target, solution)
-    return task, target, solution
+        raise _failure(request, task.model, task.known, "diverged", diverged(task, solution))
+
+
+def _failure(
+    request: FitRequest, model: OdeModel, known: Mapping[str, Estimate], status: FitStatus, problem: FitProblem
+) -> NoMinimumError:
+    return NoMinimumError(failed(request.trajectory, model, known, status, problem))
 
 
 def _downhill(task: Task, start: Mapping[str, float]) -> Solution:
@@ -307,10 +312,9 @@ def _starts(task: Task, start: Mapping[str, float], multistart: int) -> Iterator
         yield scattered, False
 
 
-def _with_intervals(
-    task: Task, target: Target, solution: Solution, result: FitResult, methods: tuple[Method, ...]
-) -> FitResult:
-    """The result with intervals by several methods, and with what they disagree about in its message."""
+def _with_intervals(minimum: Minimum, result: FitResult, methods: tuple[Method, ...]) -> FitResult:
+    """The result with intervals by several methods, and with what they disagree about in its notes."""
+    task, target, solution = minimum.task, minimum.target, minimum.solution
     near = linearise(task, target, solution)
     touching = at_bounds(task.unknowns, solution.values)
     usable = ~touching & np.isfinite(np.diag(result.covariance))
@@ -320,9 +324,8 @@ def _with_intervals(
     quantile = np.full(usable.size, np.nan)
     quantile[~touching] = [quantile_975(degrees) for degrees in random.degrees]
     found = Found(task, target, solution, near, result.covariance, quantile, usable, random.noise)
-    intervals = intervals_by(found, ("robust", *(one for one in methods if one != "robust")))
-    message = ". ".join(filter(None, [result.message, *disagreements(intervals)]))
-    return replace(result, intervals=intervals, message=message)
+    intervals = intervals_by(found, ("robust", *(method for method in methods if method != "robust")))
+    return replace(result, intervals=intervals, notes=(*result.notes, *disagreements(intervals)))
 
 
 def _nothing_to_fit(task: Task) -> Solution:
@@ -332,18 +335,18 @@ def _nothing_to_fit(task: Task) -> Solution:
     return Solution(problem, vector, problem.predicted(vector), np.zeros(0), 1.0, True, True, "")
 
 
-def _without_wild_samples(task: Task, solution: Solution, loss: Loss, most: int | None) -> tuple[Target, Solution]:
-    """Finish the fit while judging every sample by it: those that stand alone leave, good ones come back."""
+def _without_outliers(task: Task, solution: Solution, loss: Loss, most: int | None) -> tuple[Target, Solution]:
+    """Finish the fit while judging every sample by it: outliers leave, good samples come back."""
     candidates = task.selection.used[task.selection.span]
     target = task.target
     for _ in range(4):
-        wild = np.zeros_like(candidates)
+        outliers = np.zeros_like(candidates)
         if explains(solution, target):
             residual = (target.observed - solution.predicted) / target.sigma
-            wild[candidates] = wild_in_residual(residual[candidates], SMALLEST_DEVIATION)
-        if solution.fine and _exact(solution, target) and np.array_equal(candidates & ~wild, target.used):
+            outliers[candidates] = outliers_in_residual(residual[candidates], SMALLEST_DEVIATION)
+        if solution.fine and _exact(solution, target) and np.array_equal(candidates & ~outliers, target.used):
             break
-        target = Target(target.observed, target.sigma, candidates & ~wild)
+        target = Target(target.observed, target.sigma, candidates & ~outliers)
         solution = minimise(
             task.problem,
             target,
@@ -394,5 +397,5 @@ def _notes(task: Task, target: Target) -> list[str]:
     if left_out_s.size:
         times = ", ".join(f"{t:.4g}" for t in left_out_s[:5]) + (", ..." if left_out_s.size > 5 else "")
         share = f"{left_out_s.size} of {int(candidates.sum())} samples"
-        notes.append(f"{share} stand alone and were left out (t = {times} s)")
+        notes.append(f"{share} are outliers and were left out (t = {times} s)")
     return [note for note in notes if note]

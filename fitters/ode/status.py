@@ -10,13 +10,14 @@ import numpy as np
 from fitters.integrator.initial_value_problem import value_names
 from fitters.ode.fit_problem import Task
 from fitters.ode.least_squares import Solution, Unknowns
-from iris_sysid.types import Array, Estimate, FitStatus, Mask
+from iris_sysid.types import Array, Estimate, FitProblem, FitStatus, Mask
 
 SINGULAR = 1e12  # condition of the scaled Fisher information; derivatives are good to 1e-7, so 1e14 is rounding
 PART = 1e-4  # of a null direction, in scaled values, that makes a value part of it; rounding gives 1e-8
 SHARE = 0.05  # of the strongest relative change, for a value to be named with the others
 WEAK = 0.3  # of the largest share in a direction, for a value to be named
 MISFIT_NOISE, MISFIT_MOTION = 5.0, 0.05  # residual above 5 times the noise and 5 % of the motion
+NEARER_START = "Give starting values nearer to the truth with start={...}"
 SPARE = 3  # samples beyond one for each unknown
 
 
@@ -82,12 +83,13 @@ def _and(names: list[str]) -> str:
     return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
-def singular_text(task: Task, values: Array, found: Determination) -> str:
+def undetermined(task: Task, values: Array, found: Determination) -> FitProblem:
     """Name the null directions of a singular fit and say what to give."""
     texts = [null_direction_text(task.free, values[task.unknowns.which], row) for row in found.null]
     names = [name for name, out in zip(task.free, found.undetermined, strict=True) if out]
     example = next((name for name in names if name not in task.model.initial_names), names[0])
-    return f"{'; '.join(texts)}. Give one of {_and(names)} a known value, e.g. fixed={{{example!r}: value}}"
+    remedy = f"Give one of {_and(names)} a known value, e.g. fixed={{{example!r}: value}}"
+    return FitProblem("undetermined", "; ".join(texts), remedy=remedy)
 
 
 def at_bounds(unknowns: Unknowns, values: Array) -> Mask:
@@ -105,18 +107,19 @@ def _width(unknowns: Unknowns) -> Array:
     return np.where(np.isfinite(width), np.minimum(width, 1e-3), 0.0)
 
 
-def bound_text(task: Task, values: Array, touching: Mask) -> str:
+def at_its_bound(task: Task, values: Array, touching: Mask) -> FitProblem:
     """Name the values at their bounds and say what that can mean."""
     at = [f"{task.free[k]} = {values[task.unknowns.which[k]]:.4g}" for k in np.flatnonzero(touching)]
     first = task.free[int(np.flatnonzero(touching)[0])]
-    return (
-        f"{_and(at)} at the end of the allowed range: no error can be given for it, and the others hold only with it "
-        f"there. If that is where it belongs, fix it (fixed={{{first!r}: value}}); otherwise the model is too rich or "
-        "does not describe this motion"
+    return FitProblem(
+        "at-bound",
+        f"{_and(at)}: at the bound of the allowed range, where no error can be given for it",
+        remedy=f"The other estimates hold only with it there. If that is its true value, fix it "
+        f"(fixed={{{first!r}: value}}); otherwise the model has too many parameters or does not describe this motion",
     )
 
 
-def too_short_text(n: int, needed: int, free: int) -> str:
+def too_few_samples(n: int, needed: int, free: int) -> FitProblem:
     """Say how many samples there are and how many are needed.
 
     Parameters
@@ -124,23 +127,34 @@ def too_short_text(n: int, needed: int, free: int) -> str:
     n, needed, free
         Numbers of usable samples, of samples needed, and of unknowns.
     """
-    return (
-        f"only {n} usable samples for {free} unknowns; at least {needed} are needed: "
-        "take a longer clip, or fix what is known"
+    return FitProblem(
+        "too-few-samples",
+        f"only {n} usable samples for {free} unknowns; at least {needed} are needed",
+        remedy="Take a longer clip, or fix what is known",
     )
 
 
-def diverged_text(task: Task, solution: Solution) -> str:
-    """Say that the solution runs away, from which values."""
+def diverged(task: Task, solution: Solution) -> FitProblem:
+    """Say why the solution is not finite, and from which values it started."""
     values = dict(zip(value_names(task.model), solution.values, strict=True))
     unknown = [name for name, value in values.items() if np.isnan(value) and _is_needed(task, name, solution.values)]
     if unknown:
-        return f"the equation needs {_and(unknown)}, which has no value: give it, e.g. fixed={{{unknown[0]!r}: value}}"
+        return FitProblem(
+            "missing-value",
+            f"the equation needs {_and(unknown)}, which has no value",
+            remedy=f"Give it, e.g. fixed={{{unknown[0]!r}: value}}",
+        )
     shown = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
     lost = _without_slope(task, solution.values)
     if lost:
-        return f"rhs of model {task.model.name!r} gives no finite rate of {_and(lost)} at the start ({shown})"
-    return f"the solution runs away ({shown}): give starting values nearer to the truth with start={{...}}"
+        finding = f"rhs of model {task.model.name!r} gives no finite rate of {_and(lost)} at the start"
+        return FitProblem("rate-not-finite", finding, shown)
+    return FitProblem("solution-diverges", "the solution diverges", shown, NEARER_START)
+
+
+def not_converged(solution: Solution) -> FitProblem:
+    """Say why the optimiser stopped."""
+    return FitProblem("not-converged", "the fit did not converge", solution.message, NEARER_START)
 
 
 def _without_slope(task: Task, values: Array) -> list[str]:
@@ -173,15 +187,18 @@ def unknown_text(task: Task, estimates: Mapping[str, Estimate]) -> str:
     return f"{_and(lacking)} needs {_and(unknown)}: give it, e.g. fixed={{{unknown[0]!r}: value}}"
 
 
-def misfit_text(task: Task, rms: Array, noise: Array) -> str:
+def residual_above_noise(task: Task, rms: Array, noise: Array) -> FitProblem:
     """Say how far the residual is above the noise."""
     ratios = ", ".join(
         f"{quantity.name} {value:.3g} {quantity.unit} (noise {floor:.3g})"
         for quantity, value, floor in zip(task.model.observed, rms, noise, strict=True)
     )
-    return (
-        f"the residual is far above the noise: {ratios}. The equation lacks something, or the motion has a part "
-        "that does not belong to it: look at the residual; the estimates hold only as well as the equation does"
+    return FitProblem(
+        "residual-above-noise",
+        "the residual is far above the noise",
+        ratios,
+        "The equation lacks an effect, or part of the motion does not belong to it: look at the residual; the "
+        "estimates are only as good as the equation",
     )
 
 

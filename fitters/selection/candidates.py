@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from fitters.compose_effects import with_effect
 from fitters.integrator.event_times import event_times
-from fitters.ode import fit, simulate
+from fitters.ode import FitOptions, FitRequest, simulate, solve
 from fitters.selection.observables import TILTED, UPRIGHT, Reading, as_trajectory, moves_with_its_zero, suits
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
@@ -63,12 +62,14 @@ class Trial:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Begun:
-    """A model fitted to the first part of a reading, and the error of what it predicts."""
+    """A model fitted to the first part of a reading, and the error of what it predicts.
+
+    ``request`` asks for all samples, ``first`` is the fit of the first part.
+    """
 
     trial: Trial
-    model: OdeModel
+    request: FitRequest
     name: str
-    options: Mapping[str, Any]
     first: FitResult
     heldout: float
 
@@ -93,27 +94,27 @@ def all_tried(trials: Sequence[Trial], bank: Mapping[str, OdeModel], free: Seque
 
 
 def _begun(model: OdeModel, trial: Trial, free: Sequence[str]) -> _Begun | Candidate:
-    adapted, options = _adapted(model, trial.reading, free)
+    adapted, known, opened = _adapted(model, trial.reading, free)
     every = max(1, trial.t_s.size // ENOUGH)
     whole = as_trajectory(trial.t_s, trial.reading, adapted)
     some = {name: getattr(whole, name)[::every] for name in ("t_s", "position", "sigma")}
     part = whole.with_(**some, valid=trial.known[::every])
+    request = FitRequest(whole, adapted, fixed=known, free=opened, options=FitOptions(multistart=0))
     try:
-        first = fit(part, adapted, multistart=0, **options)
+        first = solve(request.with_(trajectory=part))
     except FitError as error:
         return _no_candidate(model, trial.reading, str(error))
     if not first.usable and first.status != "not-converged":  # what it predicts will show how far it got
         return _no_candidate(model, trial.reading, f"{first.status}: {first.message}")
     heldout = _rms(trial.reading, _prediction(adapted, first, trial.t_s), ~trial.known)
-    return _Begun(trial, adapted, model.name, options, first, heldout)
+    return _Begun(trial, request, model.name, first, heldout)
 
 
 def _finished(begun: _Begun) -> Candidate:
     """Fit all samples, from where the first part led."""
     trial, reading = begun.trial, begun.trial.reading
     start = {name: begun.first.estimates[name].value for name in begun.first.free}
-    whole = as_trajectory(trial.t_s, reading, begun.model)
-    full = fit(whole, begun.model, start=start, nearby=True, **begun.options)
+    full = solve(begun.request.from_near(start))
     if not full.usable:
         return Candidate(
             begun.name, reading.name, begun.heldout, np.inf, np.inf, False, None, f"{full.status}: {full.message}"
@@ -121,9 +122,9 @@ def _finished(begun: _Begun) -> Candidate:
     residual = _rms(reading, full.predicted, np.ones_like(trial.known))
     n = reading.quantities.size + reading.rest.size
     count = len(full.free) + reading.count
-    bic = n * float(np.log(max(residual, 1e-6) ** 2)) + count * float(np.log(n)) + _pulls(full, begun.options)
+    bic = n * float(np.log(max(residual, 1e-6) ** 2)) + count * float(np.log(n)) + _pulls(full, begun.request.fixed)
     adequate = residual <= max(ADEQUATE_NOISE, ADEQUATE_MOTION * trial.motion)
-    idle = _idle(begun.model, full, trial.t_s)
+    idle = _idle(begun.request.model, full, trial.t_s)
     return Candidate(begun.name, reading.name, begun.heldout, residual, bic, adequate, full, "", count, idle)
 
 
@@ -138,7 +139,9 @@ def _idle(model: OdeModel, full: FitResult, t_s: Array) -> bool:
 def _left_behind(begun: _Begun) -> Candidate:
     """What predicts far worse than others is not fitted any further."""
     reading = begun.trial.reading
-    residual = _rms(reading, _prediction(begun.model, begun.first, begun.trial.t_s), np.ones_like(begun.trial.known))
+    residual = _rms(
+        reading, _prediction(begun.request.model, begun.first, begun.trial.t_s), np.ones_like(begun.trial.known)
+    )
     return Candidate(
         begun.name, reading.name, begun.heldout, residual, np.inf, False, begun.first, "predicts far worse"
     )
@@ -148,8 +151,10 @@ def _no_candidate(model: OdeModel, reading: Reading, why: str) -> Candidate:
     return Candidate(model.name, reading.name, np.inf, np.inf, np.inf, False, None, why)
 
 
-def _adapted(model: OdeModel, reading: Reading, free: Sequence[str]) -> tuple[OdeModel, dict[str, Any]]:
-    """The model with its zero left open, and what else the reading leaves open or knows."""
+def _adapted(
+    model: OdeModel, reading: Reading, free: Sequence[str]
+) -> tuple[OdeModel, dict[str, float | Estimate], list[str]]:
+    """The model with its zero left open; the values that the reading knows; the names that it leaves open."""
     names = {parameter.name for parameter in model.parameters}
     fixed: dict[str, float | Estimate] = {name: one for name, one in reading.known.items() if name in names}
     pivot = {parameter.name for parameter in model.with_role("pivot")}  # the model estimates it itself
@@ -170,7 +175,7 @@ def _adapted(model: OdeModel, reading: Reading, free: Sequence[str]) -> tuple[Od
             size = offset.parameters[0].name
             fixed[size] = Estimate(0.0, UPRIGHT, "rad", source="a camera held upright")
             opened.append(size)
-    return model, {"fixed": fixed, "free": opened}
+    return model, fixed, opened
 
 
 def _held_gravity(model: OdeModel) -> list[str]:
@@ -178,9 +183,9 @@ def _held_gravity(model: OdeModel) -> list[str]:
     return [parameter.name for parameter in model.with_role("gravity") if parameter.constant]
 
 
-def _pulls(full: FitResult, options: Mapping[str, Any]) -> float:
+def _pulls(full: FitResult, fixed: Mapping[str, float | Estimate]) -> float:
     """Squared distances from the priors in their standard errors."""
-    priors = {name: one for name, one in options["fixed"].items() if isinstance(one, Estimate)}
+    priors = {name: one for name, one in fixed.items() if isinstance(one, Estimate)}
     return float(sum(((full.estimates[name].value - one.value) / one.stderr) ** 2 for name, one in priors.items()))
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitters.ode import fit, sensitivity
+from fitters.ode import FitOptions, fit, sensitivity
 from fitters.sindy.library import Library
 from fitters.sindy.model import model_of
 from fitters.sindy.sparse_regression import Compressed, Kept, predictive_price, significant, together
@@ -126,7 +126,7 @@ def refined(clips: Sequence[Trajectory], library: Library, kept: Kept, start: Ma
 
 
 def _fit(clip: Trajectory, model: OdeModel, fixed: Mapping[str, float], start: Mapping[str, float]) -> FitResult:
-    return fit(clip, model, fixed=fixed, start=start, multistart=0)
+    return fit(clip, model, fixed=fixed, start=start, options=FitOptions(multistart=0))
 
 
 def _of_one(clip: Trajectory, library: Library, kept: Kept, one: FitResult) -> Refined:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from fitters.noise.measurement_noise import noise_from_differences, wild_in_motion
+from fitters.noise.measurement_noise import noise_from_differences, outliers_in_motion
 from fitters.sindy.library import RATE, Library, evaluated, value_of
 from iris_sysid.errors import DataError
 from iris_sysid.trajectory.smoothing import smooth
@@ -61,7 +61,7 @@ def pieces_of(trajectory: Trajectory, library: Library) -> list[Piece]:
     inside = trajectory.valid & trajectory.mask("motion")
     clean = inside.copy()
     if inside.sum() >= FEWEST:
-        clean[inside] = ~wild_in_motion(trajectory.t_s[inside], trajectory.position[inside][:, columns])
+        clean[inside] = ~outliers_in_motion(trajectory.t_s[inside], trajectory.position[inside][:, columns])
     _check(trajectory, clean, columns)
     smoothed = smooth(trajectory.with_(valid=clean)).smoothed
     assert smoothed is not None

@@ -11,6 +11,36 @@ from iris_sysid.types._model import OdeModel
 from iris_sysid.types._numbers import Estimate
 
 FitStatus = Literal["ok", "at-bound", "singular", "diverged", "too-short", "not-converged", "misfit"]
+FitReason = Literal[
+    "too-few-samples",
+    "missing-value",
+    "rate-not-finite",
+    "solution-diverges",
+    "not-converged",
+    "undetermined",
+    "at-bound",
+    "residual-above-noise",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class FitProblem:
+    """Why a fit gave no estimates, or why they need care.
+
+    ``reason`` is for programs, everything else for readers: ``finding`` says what is wrong in one clause, ``detail``
+    adds the numbers, ``remedy`` is a sentence that says what to do.
+    """
+
+    reason: FitReason
+    finding: str
+    detail: str = ""
+    remedy: str = ""
+
+    @property
+    def text(self) -> str:
+        """Finding, detail and remedy as text, without the last full stop."""
+        what = f"{self.finding} ({self.detail})" if self.detail else self.finding
+        return f"{what}. {self.remedy}" if self.remedy else what
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -51,11 +81,11 @@ class FitResult:
     after scaling each parameter to unit information. ``budget[name][source]`` is the standard error
     of a parameter from each source. ``t0_s`` is the time at which the initial states hold.
     ``intervals[method][name]`` are 95 % intervals of the random part by other methods than that of the estimates.
+    ``problems`` say why the status is not ``ok``, the most serious first; ``notes`` what a reader should know beside.
     """
 
     model: OdeModel
     status: FitStatus
-    message: str
     estimates: Mapping[str, Estimate]
     free: tuple[str, ...]
     covariance: Array
@@ -76,6 +106,28 @@ class FitResult:
     identifiability: Identifiability | None = None
     intervals: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
     origin: Mapping[str, Any] = field(default_factory=dict)
+    problems: tuple[FitProblem, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def reason(self) -> FitReason | None:
+        """Why the status is not ``ok``, as a code; None where it is."""
+        return self.problems[0].reason if self.problems else None
+
+    @property
+    def finding(self) -> str:
+        """What is wrong, in one clause; empty where nothing is."""
+        return self.problems[0].finding if self.problems else ""
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it, as a sentence; empty where there is nothing to do."""
+        return self.problems[0].remedy if self.problems else ""
+
+    @property
+    def message(self) -> str:
+        """All problems with their remedies, then the notes, as text for a reader."""
+        return ". ".join(filter(None, [*(problem.text for problem in self.problems), *self.notes]))
 
     @property
     def ok(self) -> bool:

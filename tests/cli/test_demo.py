@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from iris_sysid.cli._demo_clip import HIDDEN, compare, render_demo
+from iris_sysid.cli.demo import HIDDEN, compare, render_demo
 from iris_sysid.synthetic import read_truth
 from iris_sysid.synthetic.plan import plan_clip
 from iris_sysid.types import Estimate, FitResult, OdeModel
@@ -16,7 +16,6 @@ def fit_with(estimates, free):
     return FitResult(
         model=model,
         status="ok",
-        message="",
         estimates=estimates,
         free=free,
         covariance=nothing,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fitters.ode import fit, simulate
+from fitters.ode import FitOptions, fit, simulate
 from fitters.ode.identifiability import identifiability, scaled_condition
 from iris_sysid.errors import FitError
 from iris_sysid.registry import MODELS
@@ -76,7 +76,7 @@ def test_determined_fit_has_no_null_direction_and_names_what_it_tells_apart_leas
 
 
 def test_gradient_falls_by_orders_of_magnitude_along_the_iterations(swing):
-    result = fit(swing, PENDULUM, start=TRUTH | {"length": 0.7}, nearby=True)
+    result = fit(swing, PENDULUM, start=TRUTH | {"length": 0.7}, options=FitOptions(local=True))
     gradients = result.identifiability.gradients
     assert len(gradients) > 2
     assert gradients[-1] < 1e-3 * gradients[0]

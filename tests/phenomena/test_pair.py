@@ -52,9 +52,9 @@ def test_lengths_restitution_and_contact_times_of_the_twin_are_found(phenomenon,
     radii = [known[f"ball_radius_{k}"].value for k in (1, 2)]
     assert result.estimates["contact_distance"].value == pytest.approx(sum(radii), abs=2e-3)
     assert result.estimates["mass_ratio"].value == pytest.approx((radii[1] / radii[0]) ** 3, rel=0.03)
-    values = {name: one.value for name, one in result.estimates.items() if name not in ("contact_distance",)}
+    values = {name: estimate.value for name, estimate in result.estimates.items() if name not in ("contact_distance",)}
     happened = event_times(result.model, trajectory.t_s[trajectory.t_s >= result.t0_s], values)
-    found = [one.t_s for one in happened if one.name == "impact"]
+    found = [event.t_s for event in happened if event.name == "impact"]
     true = [t for t, name in truth.events if name == "impact" and t < trajectory.t_s[-1]]
     np.testing.assert_allclose(found[:6], true[:6], atol=0.5 / 60)
 

@@ -1,0 +1,56 @@
+"""What a fit is asked to do: one type for a single clip, several clips, model selection and diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
+
+from fitters.integrator.initial_value_problem import Hold
+from fitters.ode.least_squares import Loss
+from iris_sysid.types import Estimate, OdeModel, SegmentLabel, Trajectory
+
+NOTHING: Mapping[str, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class FitOptions:
+    """What is rarely changed in a fit.
+
+    ``segments``: labels of the segments whose samples are used. ``loss``: ``linear`` (least squares) or ``soft_l1``
+    (large residuals count less); with both, single samples far from their neighbours' residual are left out, and a
+    note says how many. ``hold``: inputs between samples vary on a line (``linear``) or keep the value of the last
+    sample (``zero-order``). ``multistart``: number of random starts to try when no start explains the data.
+    ``local``: the start is near the minimum, e.g. that of a simpler model; go straight down from it, without a search.
+    """
+
+    segments: tuple[SegmentLabel, ...] = ("motion",)
+    loss: Loss = "linear"
+    hold: Hold = "linear"
+    multistart: int = 8
+    local: bool = False
+
+
+DEFAULT_OPTIONS = FitOptions()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FitRequest:
+    """A trajectory, the model to fit to it, and what is known beforehand; see :func:`fitters.ode.fit`."""
+
+    trajectory: Trajectory
+    model: OdeModel
+    fixed: Mapping[str, float | Estimate] = field(default_factory=dict)
+    free: Sequence[str] = ()
+    start: Mapping[str, float] = field(default_factory=dict)
+    uncertainty: Sequence[str] = ("robust",)
+    options: FitOptions = DEFAULT_OPTIONS
+
+    def with_(self, **changes: Any) -> FitRequest:
+        """A copy with some fields replaced."""
+        return replace(self, **changes)
+
+    def from_near(self, start: Mapping[str, float]) -> FitRequest:
+        """A copy that starts near its minimum and goes straight down from there."""
+        return replace(self, start=start, options=replace(self.options, local=True))
