@@ -13,12 +13,12 @@ import pandas as pd
 
 from fitters.compose_effects import with_effects
 from fitters.ode import fit, simulate
-from iris_sysid.diagnosis.diagnose import Diagnosis, diagnose
-from iris_sysid.diagnosis.score_test import Screen, screen, shaped, significant_from
-from iris_sysid.diagnosis.stepwise_search import SINGLE_LEVEL
+from iris_sysid.diagnosis.diagnose import diagnose
+from iris_sysid.diagnosis.score_test import Screen, critical_value, screen, shaped
+from iris_sysid.diagnosis.screening import SINGLE_LEVEL
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
-from iris_sysid.types import Array, Effect, Estimate, OdeModel, Trajectory
+from iris_sysid.types import Array, Diagnosis, Effect, Estimate, OdeModel, Trajectory
 
 Found = TypeVar("Found")
 
@@ -104,15 +104,15 @@ def hide(
     """
     clean = measured(model, values, rng)
     fitted = fit(clean, model)
-    library = [one for one in EFFECTS.values() if one.applies(model)]
-    visible = [one for one in screen(library, fitted, clean).scores.values() if one.stderr > 0]
+    library = [effect for effect in EFFECTS.values() if effect.applies(model)]
+    visible = [score for score in screen(library, fitted, clean).scores.values() if score.stderr > 0]
     chosen = [visible[index] for index in rng.permutation(len(visible))[:count]]
-    effects = [_in_some_shape(EFFECTS[one.effect], clean, rng) for one in chosen]
-    alone = screen([replace(one, trials=None) for one in effects], fitted, clean)
+    effects = [_in_some_shape(EFFECTS[effect.effect], clean, rng) for effect in chosen]
+    alone = screen([replace(effect, trials=None) for effect in effects], fitted, clean)
     sizes, factors = {}, []
-    for effect, tried in zip(effects, (one.tried for one in chosen), strict=True):
+    for effect, tried in zip(effects, (effect.tried for effect in chosen), strict=True):
         first, factor = effect.parameters[0], float(np.exp(rng.uniform(*np.log(FACTORS))))
-        detectable = significant_from(SINGLE_LEVEL / len(library), tried) * alone.scores[effect.name].stderr
+        detectable = critical_value(SINGLE_LEVEL / len(library), tried) * alone.scores[effect.name].stderr
         sign = float(rng.choice([-1.0, 1.0])) if first.lower < 0.0 else 1.0  # friction only brakes
         size = float(np.clip(sign * factor * detectable, first.lower, first.upper))
         sizes[first.name] = size
@@ -154,7 +154,7 @@ class Hidden:
     @property
     def names(self) -> tuple[str, ...]:
         """Of what is hidden."""
-        return tuple(one.name for one in self.effects)
+        return tuple(effect.name for effect in self.effects)
 
 
 def hidden_case(seed: int, count: int) -> Hidden | None:
@@ -201,15 +201,15 @@ def outcome_of(
     noise
         Of the measurement.
     """
-    classes = [{one.name, *found.indistinguishable[one.name]} for one in found.added]
+    classes = [{effect.name, *found.indistinguishable[effect.name]} for effect in found.added]
     return Outcome(
         model=found.base.model.name,
         hidden=hidden,
         factors=factors,
-        found=tuple(any(name in one for one in classes) for name in hidden),
+        found=tuple(any(name in class_name for class_name in classes) for name in hidden),
         off=tuple(_off(found.sizes.get(name), size) for name, size in sizes.items()),
-        added=tuple(one.name for one in found.added),
-        wrong=tuple(one.name for one, names in zip(found.added, classes, strict=True) if not names & set(hidden)),
+        added=tuple(effect.name for effect in found.added),
+        wrong=tuple(effect.name for effect, names in zip(found.added, classes, strict=True) if not names & set(hidden)),
         excess=found.after.fitted / noise,
     )
 
@@ -238,22 +238,24 @@ def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
     """Rates by how large a hidden effect is."""
     rows = []
     for label, low, high in (("below detectable", 0, 1), ("1 to 2 times", 1, 2), ("above 2 times", 2, np.inf)):
-        part = [(one, k) for one in outcomes for k, factor in enumerate(one.factors) if low <= factor < high]
-        off = np.array([one.off[k] for one, k in part])
-        alone = np.array([one.off[k] for one, k in part if all(one.found)])
+        part = [
+            (outcome, k) for outcome in outcomes for k, factor in enumerate(outcome.factors) if low <= factor < high
+        ]
+        off = np.array([outcome.off[k] for outcome, k in part])
+        alone = np.array([outcome.off[k] for outcome, k in part if all(outcome.found)])
         rows.append(
             {
                 "hidden size": label,
                 "effects": len(part),
-                "named or in the class": percent([one.found[k] for one, k in part]),
+                "named or in the class": percent([outcome.found[k] for outcome, k in part]),
                 "interval covers": percent(np.abs(off[np.isfinite(off)]) < 1.0),
                 "where all was named": percent(np.abs(alone[np.isfinite(alone)]) < 1.0),
-                "wrong name in the case": percent([bool(one.wrong) for one, _ in part]),
-                "error after / noise": f"{np.median([one.excess for one, _ in part]):.3f}" if part else "",
+                "wrong name in the case": percent([bool(outcome.wrong) for outcome, _ in part]),
+                "error after / noise": f"{np.median([outcome.excess for outcome, _ in part]):.3f}" if part else "",
             }
         )
-    faint = [one for one in outcomes if one.hidden and max(one.factors) < 1.0]
-    clean = [one for one in outcomes if not one.hidden]
+    faint = [outcome for outcome in outcomes if outcome.hidden and max(outcome.factors) < 1.0]
+    clean = [outcome for outcome in outcomes if not outcome.hidden]
     rows += [_cases("all below detectable", faint), _cases("nothing hidden", clean)]
     return pd.DataFrame(rows).fillna("")
 
@@ -263,8 +265,8 @@ def _cases(label: str, cases: Sequence[Outcome]) -> dict[str, object]:
     return {
         "hidden size": label,
         "effects": f"{len(cases)} cases",
-        "wrong name in the case": percent([bool(one.wrong) for one in cases]),
-        "error after / noise": f"{np.median([one.excess for one in cases]):.3f}" if cases else "",
+        "wrong name in the case": percent([bool(outcome.wrong) for outcome in cases]),
+        "error after / noise": f"{np.median([outcome.excess for outcome in cases]):.3f}" if cases else "",
     }
 
 
@@ -273,12 +275,12 @@ def percent(flags: Sequence[bool] | Array) -> str:
     return f"{100 * np.mean(flags):.1f} %" if len(flags) else ""
 
 
-def in_all_cases(one: Callable[[int, int], Found | None], about: str, cases: int) -> tuple[list[Found], int]:
+def in_all_cases(case: Callable[[int, int], Found | None], about: str, cases: int) -> tuple[list[Found], int]:
     """Run every case in processes, as the command line asks; what was found, and how many gave nothing.
 
     Parameters
     ----------
-    one
+    case
         From a seed and a count of hidden effects.
     about
         What the command does.
@@ -293,8 +295,8 @@ def in_all_cases(one: Callable[[int, int], Found | None], about: str, cases: int
     seeds = np.arange(asked.cases) + 10_000 * asked.seed
     counts = np.random.default_rng(asked.seed).integers(0, 3, asked.cases)
     with ProcessPoolExecutor(asked.workers) as pool:
-        every = list(pool.map(one, seeds.tolist(), counts.tolist()))
-    found = [each for each in every if each is not None]
+        every = list(pool.map(case, seeds.tolist(), counts.tolist()))
+    found = [outcome for outcome in every if outcome is not None]
     return found, len(every) - len(found)
 
 
@@ -309,11 +311,11 @@ def main() -> None:
 def wrong_cases(outcomes: Sequence[Outcome]) -> list[str]:
     """A line for each case with a wrong name, or without that of an effect above twice the detectable size."""
     lines = []
-    for one in outcomes:
-        sizes = list(zip(one.hidden, one.factors, one.found, strict=True))
-        if one.wrong or any(factor > 2 and not found for _, factor, found in sizes):
+    for outcome in outcomes:
+        sizes = list(zip(outcome.hidden, outcome.factors, outcome.found, strict=True))
+        if outcome.wrong or any(factor > 2 and not found for _, factor, found in sizes):
             hidden = ", ".join(f"{name} x {factor:.1f}" for name, factor, _ in sizes) or "nothing"
-            lines.append(f"  {one.model}: hidden {hidden}; added {', '.join(one.added) or 'nothing'}")
+            lines.append(f"  {outcome.model}: hidden {hidden}; added {', '.join(outcome.added) or 'nothing'}")
     return lines
 
 

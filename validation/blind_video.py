@@ -20,10 +20,10 @@ import numpy as np
 from fitters.effect_sensitivity import sensitivity
 from fitters.ode import fit
 from iris_sysid.benchmark.parallel import side_by_side
-from iris_sysid.calibration.pixel_scale import scale_from_text
+from iris_sysid.calibration.pixel_scale import scale
 from iris_sysid.diagnosis.diagnose import diagnose
-from iris_sysid.diagnosis.score_test import Score, screen, shaped, significant_from
-from iris_sysid.diagnosis.stepwise_search import SINGLE_LEVEL
+from iris_sysid.diagnosis.score_test import critical_value, screen, shaped
+from iris_sysid.diagnosis.screening import SINGLE_LEVEL
 from iris_sysid.errors import IrisError
 from iris_sysid.io.csv_read import read_trajectory
 from iris_sysid.io.csv_write import write_trajectory
@@ -33,7 +33,7 @@ from iris_sysid.registry import EFFECTS, MODELS, PHENOMENA
 from iris_sysid.synthetic import SCENES, render_clip
 from iris_sysid.synthetic.effects import FORCING_HZ
 from iris_sysid.synthetic.plan import Plan, plan_clip
-from iris_sysid.types import Effect, FitResult, OdeModel, Trajectory
+from iris_sysid.types import Effect, FitResult, OdeModel, Score, Trajectory
 from validation.blind import FACTORS, Outcome, outcome_of, share_apart, table, wrong_cases
 
 SIZE, FPS, DURATION_S = (960, 540), 60.0, 5.0
@@ -103,7 +103,7 @@ def secret(seed: int) -> Secret:
     clean = true_trajectory(plan, model, TRUTHS[scene][1])
     fitted = fit(clean, model, free=PHENOMENA[scene].free)
     ranges = _ranges(SCENES[scene].effects, fitted, clean, rng)
-    possible = [one for one in ranges if one.name == LOST or ROOM * ranges[one][0] < ranges[one][1]]
+    possible = [effect for effect in ranges if effect.name == LOST or ROOM * ranges[effect][0] < ranges[effect][1]]
     chosen = [possible[k] for k in rng.permutation(len(possible))[: int(rng.integers(0, 3))]]
     together = screen(chosen, fitted, clean)
     effects, sizes, factors = {}, {}, []
@@ -121,12 +121,13 @@ def _ranges(
     filmed: Collection[str], fitted: FitResult, clean: Trajectory, rng: np.random.Generator
 ) -> dict[Effect, tuple[float, float]]:
     """The effects that the scene and the library both know, with the smallest detectable size and the largest."""
-    library = [one for one in EFFECTS.values() if one.applies(fitted.model)]
+    library = [effect for effect in EFFECTS.values() if effect.applies(fitted.model)]
     known = {LOST, *filmed} - set(OTHERWISE)
-    possible = [_in_the_twins_shape(one, clean, rng) for one in library if one.name in known]
+    possible = [_in_the_twins_shape(effect, clean, rng) for effect in library if effect.name in known]
     scores = screen(possible, fitted, clean).scores
     return {
-        one: (_detectable(one, scores[one.name], clean, len(library)), _largest(one, fitted, clean)) for one in possible
+        effect: (_detectable(effect, scores[effect.name], clean, len(library)), _largest(effect, fitted, clean))
+        for effect in possible
     }
 
 
@@ -142,7 +143,7 @@ def _detectable(effect: Effect, score: Score, clip: Trajectory, library: int) ->
     """The smallest size that is significant among all that are tried, and more than the stated errors may be."""
     own = EFFECTS[effect.name].trials
     tried = len(list(own(clip.t_s, clip.position))) if own is not None else 1
-    smallest = max(significant_from(SINGLE_LEVEL / library, tried) * score.stderr, score.stands_out)
+    smallest = max(critical_value(SINGLE_LEVEL / library, tried) * score.stderr, score.resolvable_size)
     return smallest if np.isfinite(smallest) else np.inf
 
 
@@ -185,7 +186,7 @@ def trajectory_of(hidden: Secret, folder: Path) -> Trajectory:
         setting=hidden.setting,
         overwrite=True,
     )
-    calibration = scale_from_text(f"{truth.pixels_per_metre!r}px=1m")
+    calibration = scale(truth.pixels_per_metre, 1.0)
     measured = run(clip, hidden.scene, calibration=calibration).trajectory
     write_trajectory(measured, kept, overwrite=True)
     return read_trajectory(kept)
@@ -209,7 +210,7 @@ def case(seed: int, folder: Path) -> Outcome | None:
     if fields is None:
         return None
     lists = {name: tuple(value) for name, value in fields.items() if isinstance(value, list)}
-    off = tuple(float("nan") if one is None else one for one in lists["off"])
+    off = tuple(float("nan") if value is None else value for value in lists["off"])
     return Outcome(**{**fields, **lists, "off": off})
 
 

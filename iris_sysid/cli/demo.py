@@ -1,25 +1,167 @@
-"""The command ``iris-sysid demo``."""
+"""The command ``iris-sysid demo``: a clip with a hidden effect, and what the chain finds of it beside the truth."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
 from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Output
 
+if TYPE_CHECKING:
+    import pandas as pd
 
-def demo(
-    output: Output = Path("demo-output"),
-    force: Force = False,
-) -> None:
-    """Render a clip, find what is hidden in it, compare. Shows what is left over, beside the truth.
+    from iris_sysid.synthetic import Truth
+    from iris_sysid.types import FitResult
+
+CLIP = "pendulum.mp4"
+HIDDEN = {"quadratic-drag": 0.12}  # 1/rad; the real footage of the benchmark's pendulum shows about as much
+
+
+def demo(output: Output = Path("demo-output"), force: Force = False) -> None:
+    """Render a clip with a hidden effect, find the effect, and compare all estimates with the truth.
 
     \b
     Example:
       iris-sysid demo -o demo-output
     """
-    from iris_sysid.cli._demo_clip import demo as run_demo
-
     with _terminal.progress("demo") as report_progress:
         text = run_demo(output, overwrite=force, progress=report_progress)
     typer.echo(text)
+
+
+def run_demo(folder: Path, *, overwrite: bool = False, progress: Callable[[int, int], None] | None = None) -> str:
+    """Render a clip with a hidden effect, fit the textbook equation to it, diagnose it, compare both with the truth.
+
+    Parameters
+    ----------
+    folder
+        Gets the clip, ``report/`` of the fit and ``diagnosis/`` of its residual.
+    overwrite
+        Replace an earlier demo.
+    progress
+        Called with (frames rendered, total number of frames).
+
+    Returns
+    -------
+    str
+        Estimates beside the truth, without and with the effect, and where the pages are.
+    """
+    from iris_sysid.diagnosis.diagnose import diagnose
+    from iris_sysid.pipeline import check_folder, run, save
+    from iris_sysid.report import diagnosis_page
+    from iris_sysid.report.text import diagnosis_text, residual_text
+
+    report, diagnosis_folder = folder / "report", folder / "diagnosis"
+    check_folder(report, overwrite=overwrite)
+    diagnosis_page.check_folder(diagnosis_folder, overwrite=overwrite)
+    clip, truth = render_demo(folder, progress=progress, overwrite=overwrite)
+    result = run(clip, "pendulum")
+    diagnosis = diagnose(result.trajectory, result.fit.model, free=result.phenomenon.free)
+    pages = [
+        save(result, report, overwrite=overwrite),
+        diagnosis_page.write_diagnosis(diagnosis, result.trajectory, diagnosis_folder, overwrite=overwrite),
+    ]
+    return "\n".join(
+        [
+            "The textbook pendulum equation, fitted to the clip:",
+            _table(compare(truth, result.fit)),
+            f"{residual_text(result.fit)}.",
+            "",
+            diagnosis_text(diagnosis),
+            _table(compare(truth, diagnosis.final)),
+            "",
+            *(f"open {page}" for page in pages),
+        ]
+    )
+
+
+def render_demo(
+    folder: Path,
+    *,
+    size: tuple[int, int] = (960, 540),
+    seconds: float = 12.0,
+    seed: int = 7,
+    progress: Callable[[int, int], None] | None = None,
+    overwrite: bool = False,
+) -> tuple[Path, Truth]:
+    """Render a pendulum released at 60 degrees, with a quadratic drag that its equation lacks.
+
+    Parameters
+    ----------
+    folder
+        Where ``pendulum.mp4`` goes, with its truth beside it; made when missing.
+    size
+        Width and height, px.
+    seconds
+        Length of the clip, at 60 frames per second.
+    seed
+        Same seed, same bytes.
+    progress
+        Called with (frames rendered, total number of frames).
+    overwrite
+        Replace an earlier clip.
+
+    Returns
+    -------
+    clip : Path
+        The clip.
+    truth : Truth
+        Everything that is true of it.
+    """
+    from iris_sysid.synthetic import render_clip
+
+    clip = folder / CLIP
+    truth = render_clip(
+        "pendulum",
+        clip,
+        effects=HIDDEN,
+        size=size,
+        fps=60.0,
+        duration_s=seconds,
+        seed=seed,
+        overrides={"theta_0": -1.0472, "damping": 0.04},
+        progress=progress,
+        overwrite=overwrite,
+    )
+    return clip, truth
+
+
+def compare(truth: Truth, fit: FitResult) -> pd.DataFrame:
+    """Compare the estimates of a fit with the truth.
+
+    Parameters
+    ----------
+    truth
+        Of the clip.
+    fit
+        Of the clip's trajectory, with or without effects.
+
+    Returns
+    -------
+    DataFrame
+        One row per fitted parameter whose truth is known, indexed by ``parameter``: ``estimate``, ``stderr``,
+        ``truth``, ``unit``, and ``off``, the difference in standard errors (NaN where there is none).
+    """
+    import pandas as pd
+
+    true_values = {name: estimate.value for name, estimate in {**truth.parameters, **truth.hidden}.items()}
+    true_values = {name.replace("-", "_"): size for name, size in truth.effects.items()} | true_values
+    # constants were put in, and initial states hold at the fit's own start
+    names = {*fit.free} & true_values.keys() - {*fit.model.initial_names}
+    rows = []
+    for name, estimate in fit.estimates.items():
+        if name not in names:
+            continue
+        true = true_values[name]
+        off = (estimate.value - true) / estimate.stderr if estimate.stderr > 0 else float("nan")
+        rows.append((name, estimate.value, estimate.stderr, true, estimate.unit, off))
+    columns = ["parameter", "estimate", "stderr", "truth", "unit", "off"]
+    return pd.DataFrame(rows, columns=columns).set_index("parameter")
+
+
+def _table(frame: pd.DataFrame) -> str:
+    return frame.to_string(float_format=lambda value: f"{value:.5g}")

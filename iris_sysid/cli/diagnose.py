@@ -9,7 +9,9 @@ from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Free, Json, Output, Settings
 
 if TYPE_CHECKING:
-    from iris_sysid.types import Trajectory
+    from collections.abc import Sequence
+
+    from iris_sysid.types import OdeModel, Trajectory
 
 Clips = Annotated[
     list[Path],
@@ -21,6 +23,8 @@ Phenomenon = Annotated[
     str | None, typer.Option("--phenomenon", help="What is filmed, for its model; see list. Or FILE.py:NAME.")
 ]
 
+Holdout = Annotated[float, typer.Option(help="Fraction of each clip held out for validation.", min=0.0, max=0.9)]
+
 
 def diagnose(
     clips: Clips,
@@ -30,55 +34,63 @@ def diagnose(
     effect: Effects = None,
     known: Settings = None,
     free: Free = None,
-    holdout: Annotated[float, typer.Option(help="Share to predict without fitting it.", min=0.0, max=0.9)] = 0.3,
-    trials: Annotated[int | None, typer.Option(help="Of a data set, so many clips of each setting.")] = None,
+    holdout: Annotated[
+        float, typer.Option(help="Fraction of each clip held out for validation.", min=0.0, max=0.9)
+    ] = 0.3,
+    trials: Annotated[int | None, typer.Option(help="Number of clips of each setting of a data set.")] = None,
     board: Annotated[str | None, typer.Option(help="Inner corners of a data set's checkerboards: 9x6.")] = None,
     square: Annotated[str | None, typer.Option(help="Side of their squares: 25mm or 25.0+-0.1mm.")] = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Find what a governing equation lacks, and add it. Reports the error before and after.
+    """Find the effects that a governing equation lacks, add them, and report the error before and after.
 
-    Several clips of the same kind are questioned together; those of a data set are measured first, once. The model may
-    be your own: FILE.py:NAME.
+    Several clips of the same kind are diagnosed jointly; those of a data set are measured first, once. The model may be
+    your own: FILE.py:NAME.
 
     \b
     Example:
       iris-sysid diagnose trajectory.csv --model pendulum -o diagnosis/
     """
     from iris_sysid.cli import _parsing
-    from iris_sysid.diagnosis import diagnose as diagnosis
+    from iris_sysid.diagnosis.diagnose import diagnose as find_missing_effects
     from iris_sysid.io.json_documents import document_text
-    from iris_sysid.registry import EFFECTS, MODELS, PHENOMENA
+    from iris_sysid.registry import EFFECTS
     from iris_sysid.report.diagnosis_page import check_folder, diagnosis_document, write_diagnosis
-    from iris_sysid.report.text import diagnosis_sentence
+    from iris_sysid.report.text import diagnosis_text
 
-    shown = None if phenomenon is None else PHENOMENA.named(phenomenon)
-    if model is not None:
-        chosen = MODELS.named(model)
-    elif shown is not None:
-        chosen = MODELS.named(shown.model)
-    else:
-        raise typer.BadParameter("Missing option '--model' or '--phenomenon'")
+    equation, usually_free = _equation(model, phenomenon)
     check_folder(output, overwrite=force)
-    fixed = _parsing.settings(known or (), chosen.units())
-    asked = {"model": chosen.name if model is None else model, "set": known, "free": free, "holdout": holdout}
+    fixed = _parsing.settings(known or (), equation.units())
+    options = {"model": equation.name if model is None else model, "set": known, "free": free, "holdout": holdout}
     measured = _measured(clips, phenomenon, output, trials, board, square)
-    questioned = [_parsing.with_options(clip, **asked) for clip in measured]
-    usual = shown.free if shown is not None and model is None else ()
-    found = diagnosis.diagnose(
-        questioned,
-        chosen,
+    trajectories = [_parsing.with_options(clip, **options) for clip in measured]
+    freed = [*(name for name in usually_free if name not in fixed), *(free or ())]
+    diagnosis = find_missing_effects(
+        trajectories,
+        equation,
         fixed=fixed,
-        free=[name for name in dict.fromkeys((*usual, *(free or ()))) if name not in fixed or name in (free or ())],
+        free=list(dict.fromkeys(freed)),
         effects=[*EFFECTS.values(), *map(EFFECTS.named, effect or ())],
         holdout=holdout,
         progress=lambda text: typer.echo(text, err=True),
     )
-    page = write_diagnosis(found, questioned, output, overwrite=force)
-    document = document_text(diagnosis_document(found, questioned)).rstrip("\n")
-    typer.echo(document if json else diagnosis_sentence(found))
+    page = write_diagnosis(diagnosis, trajectories, output, overwrite=force)
+    document = document_text(diagnosis_document(diagnosis, trajectories)).rstrip("\n")
+    typer.echo(document if json else diagnosis_text(diagnosis))
     typer.echo(f"report: {page}", err=True)
+
+
+def _equation(model: str | None, phenomenon: str | None) -> "tuple[OdeModel, Sequence[str]]":
+    """The model to diagnose, and the constants of it that its phenomenon usually frees."""
+    from iris_sysid.registry import MODELS, PHENOMENA
+
+    filmed = None if phenomenon is None else PHENOMENA.named(phenomenon)
+    if model is not None:
+        return MODELS.named(model), ()
+    if filmed is None:
+        raise typer.BadParameter("Missing option '--model' or '--phenomenon'")
+    return MODELS.named(filmed.model), filmed.free
 
 
 def _measured(
@@ -94,15 +106,15 @@ def _measured(
     shown = MeasuredDocument()
     if board is not None or square is not None:
         shown = with_board(shown, _parsing.board(board, square))
-    found: list[Trajectory] = []
+    trajectories: list[Trajectory] = []
     for path in clips:
         if not is_dataset(path):
-            found += clips_of([path])
+            trajectories += clips_of([path])
             continue
         if phenomenon is None:
             raise DataError(f"{path} is a data set: say which of its clips, e.g. --phenomenon pendulum")
         with _terminal.progress("measuring clips") as report_progress:
-            found += clips_of_dataset(
+            trajectories += clips_of_dataset(
                 path,
                 phenomenon,
                 Path(f"{output}".rstrip("/") + ".work"),
@@ -111,4 +123,4 @@ def _measured(
                 tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
                 progress=report_progress,
             )
-    return found
+    return trajectories

@@ -1,1 +1,1 @@
-"""Find the effect that a model lacks: score tests, a stepwise search, refits, and what the data exclude."""
+"""Find the effects that a model lacks: score tests, a stepwise search with refits, and limits on all other effects."""

@@ -1,8 +1,8 @@
-"""The errors that a track states of its samples: what they are weighed by, and what no effect is named below.
+"""The stated errors of a track: weights of its samples, and the size below which no effect is named.
 
-Errors of tracking hang together: a bias that comes back at the same place of the picture, or that lasts while a body
-turns its other side to the light. So a mean over many samples is not better than one of them by the root of their
-number, and what moves the trajectory by less than single samples are said to be wrong by may be the tracker's.
+Tracking errors are correlated: a bias returns at the same position in the image, or lasts while a body turns its
+other side to the light. So the mean over many samples is not better than one sample by the root of their number, and a
+change of the trajectory below the stated errors of single samples may come from the tracker.
 """
 
 from __future__ import annotations
@@ -13,31 +13,32 @@ import numpy as np
 
 from iris_sysid.types import Array, FitResult, Trajectory
 
-STANDS_OUT = 3.0  # stated errors of a sample; beyond that they are wrong once in 370 times
-FEWEST = 3  # samples that must show it: one or two may be wild
+RESOLVED_AT = 3.0  # stated errors of a sample; a normal error exceeds that once in 370 times
+RESOLVED_SAMPLES = 3  # that must show it: one or two may be outliers
 
 
 def unit_noise(fitted: FitResult, trajectory: Trajectory) -> Array:
-    """What residuals are measured in (n, d): the noise of each quantity, 1 where there is none, by sample as stated.
+    """The noise (n, d) that residuals are divided by: of each quantity, scaled by each sample's stated error.
 
     Parameters
     ----------
     fitted
-        A fit; the stated errors are taken relative to the median of the samples that it used, if all have one.
+        A fit; the stated errors are taken relative to the median of the samples that it used, if all have one. A
+        quantity without noise counts as 1 in its unit.
     trajectory
         What it was fitted to.
     """
     noise = np.where(fitted.noise > 0, fitted.noise, 1.0)
     sigma = _sigma(fitted, trajectory)
-    usual = np.median(sigma[fitted.used], axis=0)  # NaN where one is not stated
-    relative = sigma / np.where(usual > 0, usual, np.nan)
+    typical = np.median(sigma[fitted.used], axis=0)  # NaN where one sample has no stated error
+    relative = sigma / np.where(typical > 0, typical, np.nan)
     return np.asarray(noise * np.where(np.isfinite(relative) & (relative > 0), relative, 1.0))
 
 
 def stated_errors(fitted: FitResult, trajectory: Trajectory) -> Array:
-    """The errors (n, d) that each sample may have: stated, or the noise that is seen where that is more.
+    """The error (n, d) that each sample may have: the stated one, or the noise of the fit where that is larger.
 
-    0 where the trajectory states none: then the residual alone tells what its errors are.
+    0 where the trajectory states none: then only the residual tells its errors.
 
     Parameters
     ----------
@@ -49,27 +50,27 @@ def stated_errors(fitted: FitResult, trajectory: Trajectory) -> Array:
     return np.where(known, np.maximum(sigma, unit_noise(fitted, trajectory)), 0.0)
 
 
-def stands_out_from(change: Array, stated: Array) -> float:
-    """The size from which a change (n, d) for a unit of it stands out of the stated errors (n, d) of the samples.
+def resolvable_size(change: Array, stated: Array) -> float:
+    """The size from which an effect changes RESOLVED_SAMPLES samples by RESOLVED_AT of their stated errors.
 
-    That is from which FEWEST samples change by STANDS_OUT of their errors; 0 where none are stated.
+    0 where no errors are stated.
 
     Parameters
     ----------
     change
-        Of the prediction, what the fitted parameters can imitate taken out.
+        (n, d) of the prediction per unit of the size, without what the fitted parameters can imitate.
     stated
-        From :func:`stated_errors`.
+        (n, d) from :func:`stated_errors`.
     """
     if not np.all(stated > 0):
         return 0.0
     by_sample = np.sort(np.max(np.abs(change) / stated, axis=1))
-    seen = float(by_sample[-min(FEWEST, by_sample.size)])
-    return STANDS_OUT / seen if seen > 0 else float("inf")
+    largest = float(by_sample[-min(RESOLVED_SAMPLES, by_sample.size)])
+    return RESOLVED_AT / largest if largest > 0 else float("inf")
 
 
-def stands_out(before: FitResult, after: FitResult, trajectory: Trajectory) -> bool:
-    """Whether what is between two fits to one trajectory is more than its stated errors may be, and those in common.
+def is_resolved(before: FitResult, after: FitResult, trajectory: Trajectory) -> bool:
+    """Whether two fits to one trajectory differ by more than its stated errors, systematic ones included.
 
     Parameters
     ----------
@@ -83,24 +84,24 @@ def stands_out(before: FitResult, after: FitResult, trajectory: Trajectory) -> b
     if not np.all(stated > 0):
         return True
     columns = _columns(after, trajectory)
-    common = [patterns[:, both][:, :, columns] / stated for patterns in trajectory.systematic.values()]
-    return stands_out_from(_without_common(change / stated, common), np.ones_like(stated)) <= 1.0
+    systematic = [patterns[:, both][:, :, columns] / stated for patterns in trajectory.systematic.values()]
+    return resolvable_size(_without_systematic(change / stated, systematic), np.ones_like(stated)) <= 1.0
 
 
-def _without_common(change: Array, common: Sequence[Array]) -> Array:
-    """A change (n, d) less what errors that all samples share (each (r, n, d) for one standard error) make of it.
+def _without_systematic(change: Array, systematic: Sequence[Array]) -> Array:
+    """A change (n, d) less what systematic errors (each (r, n, d) for one standard error) can make of it.
 
     Each error as large as it is most likely to be: least squares with one more sample for each, that it is 0 +- 1.
     """
-    if not common:
+    if not systematic:
         return change
-    patterns = np.concatenate(common).reshape(-1, change.size)
+    patterns = np.concatenate(systematic).reshape(-1, change.size)
     sizes = np.linalg.solve(patterns @ patterns.T + np.eye(len(patterns)), patterns @ change.ravel())
     return np.asarray(change - (sizes @ patterns).reshape(change.shape))
 
 
 def _columns(fitted: FitResult, trajectory: Trajectory) -> list[int]:
-    """Where the trajectory has what a fit observes."""
+    """The columns of the trajectory that a fit observes."""
     return [trajectory.column(quantity.name) for quantity in fitted.model.observed]
 
 

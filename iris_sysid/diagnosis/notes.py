@@ -1,4 +1,4 @@
-"""What a reader of a diagnosis must know beside its sentence: why something could not be asked, or answered."""
+"""What a reader of a diagnosis must know beside the result: what was not tested, and which effects were rejected."""
 
 from __future__ import annotations
 
@@ -6,56 +6,65 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from iris_sysid.diagnosis.measurement_errors import FEWEST, STANDS_OUT
-from iris_sysid.diagnosis.score_test import Score
-from iris_sysid.types import FitResult
+from iris_sysid.diagnosis.measurement_errors import RESOLVED_AT, RESOLVED_SAMPLES
+from iris_sysid.types import DiagnosticNote, FitResult, NoteKind, Score
 
-MOST_NAMED = 3  # clips, or effects, with the same reservation; more are counted
-WRONG_SIGN = "but below zero that would be a gain of energy (or of water), so it is not named"
-TOO_FAINT = f"but that moves fewer than {FEWEST} samples by {STANDS_OUT:g} of their stated errors, so it is not named"
+MOST_NAMED = 3  # clips, or effects, with the same note; more are counted
+REJECTED = {
+    "rejected-sign": "because a negative value adds energy (in a tank: water)",
+    "rejected-size": f"because it moves fewer than {RESOLVED_SAMPLES} samples by {RESOLVED_AT:g} stated errors",
+}
 
 
-def reservations(bases: Sequence[FitResult], screened: Sequence[Score], failed: Sequence[str]) -> tuple[str, ...]:
-    """Say where the base fits are doubtful, the noise hides the motion, no effect can be told, or a refit failed.
+def diagnostic_notes(
+    bases: Sequence[FitResult], scores: Sequence[Score], failed: Sequence[tuple[str, FitResult]]
+) -> tuple[DiagnosticNote, ...]:
+    """Say where the base fits are doubtful, the noise hides the motion, no effect can be tested, or a refit failed.
 
     Parameters
     ----------
     bases
         Fits of the model as it was given, one a clip.
-    screened
-        The last round of the screen; empty when no effect applies.
+    scores
+        The first round of score tests; empty when no effect applies.
     failed
-        A text for each effect that could not be refitted.
+        Each effect that could not be fitted, with the fit that failed.
     """
     doubtful = [
-        f"{_clip(k, bases)}the base fit is {one.status}: {reason(one)}"
-        for k, one in enumerate(bases)
-        if one.status in ("at-bound", "singular")
+        f"{_clip(k, bases)}the fit without effects is {fit.status}: {fit.finding}"
+        for k, fit in enumerate(bases)
+        if fit.status in ("at-bound", "singular")
     ]
-    hidden = [f"{_clip(k, bases)}{text}" for k, one in enumerate(bases) if (text := _hidden_in_noise(one))]
-    return (*_few(doubtful), *_few(hidden), *_unseen(screened), *failed)
+    hidden = [f"{_clip(k, bases)}{text}" for k, fit in enumerate(bases) for text in _noise_above_motion(fit)]
+    return (
+        *_notes("base-fit", doubtful),
+        *_notes("noise", hidden),
+        *(DiagnosticNote("no-effect", text) for text in _nothing_tested(scores)),
+        *(DiagnosticNote("refit-failed", _failure(name, fit)) for name, fit in failed),
+    )
 
 
-def would_take(scores: Sequence[Score], but: str) -> list[str]:
-    """Say what would explain what is left, and why it is not named; nothing for none.
+def rejected_effect_note(scores: Sequence[Score], kind: NoteKind) -> tuple[DiagnosticNote, ...]:
+    """Say which effects the residual fits best, and why they were not added; nothing for none.
 
     Parameters
     ----------
     scores
-        Of the effects that would, best first.
-    but
-        Why, in words.
+        Of these effects, best first.
+    kind
+        A key of REJECTED.
     """
     if not scores:
-        return []
-    best, others = scores[0], [one.effect for one in scores[1:]]
-    more = f" and {len(others) - MOST_NAMED} more" if len(others) > MOST_NAMED else ""
-    like = f" (or the like of {', '.join(others[:MOST_NAMED])}{more})" if others else ""
-    return [f"what is left would take {best.effect} of {best.size:.2g} {best.unit}{like}, {but}"]
+        return ()
+    best, similar = scores[0], [score.effect for score in scores[1:]]
+    more = f" and {len(similar) - MOST_NAMED} more" if len(similar) > MOST_NAMED else ""
+    others = f" (similar: {', '.join(similar[:MOST_NAMED])}{more})" if similar else ""
+    size = f"{best.effect} = {best.size:.2g} {best.unit}"
+    return (DiagnosticNote(kind, f"the residual fits best with {size}{others}; rejected, {REJECTED[kind]}"),)
 
 
-def gains(finals: Sequence[FitResult]) -> tuple[str, ...]:
-    """Say where a damping is below zero: the fit then makes up for what is lacking by a gain of energy.
+def negative_damping_note(finals: Sequence[FitResult]) -> tuple[DiagnosticNote, ...]:
+    """Say where a damping of the model is below zero: the fit then imitates a missing effect by a gain of energy.
 
     Parameters
     ----------
@@ -63,52 +72,45 @@ def gains(finals: Sequence[FitResult]) -> tuple[str, ...]:
         Fits with what was added, one a clip.
     """
     texts = [
-        f"{_clip(k, finals)}{name} is {value.value:.2g} ± {value.stderr:.1g} {value.unit}, a gain of energy: the loss "
-        "has another form than the equation gives it"
-        for k, one in enumerate(finals)
-        for name, value in one.estimates.items()
-        if name.startswith("damping") and value.interval[1] < 0.0
+        f"{_clip(k, finals)}{name} is {damping.value:.2g} ± {damping.stderr:.1g} {damping.unit}; a negative damping "
+        "adds energy, so the loss has another form than in the equation"
+        for k, fit in enumerate(finals)
+        for name, damping in ((one.name, fit.estimates[one.name]) for one in fit.model.with_role("damping"))
+        if damping.interval[1] < 0.0
     ]
-    return tuple(_few(texts))
+    return _notes("negative-damping", texts)
 
 
-def reason(fit: FitResult) -> str:
-    """Why a fit is doubtful or failed, without its values and remedies, which its own message has."""
-    return fit.message.partition(". ")[0].partition(" (")[0]
+def _failure(name: str, fit: FitResult) -> str:
+    return f"the refit with {name} failed ({fit.status}): {fit.finding}"
 
 
-def why(fit: FitResult) -> str:
-    """The same after a colon; nothing where the status itself says it."""
-    words = reason(fit)
-    return "" if words == fit.status.replace("-", " ") else f": {words}"
+def _clip(k: int, fits: Sequence[FitResult]) -> str:
+    return f"clip {k + 1}: " if len(fits) > 1 else ""
 
 
-def _clip(k: int, bases: Sequence[FitResult]) -> str:
-    return f"clip {k + 1}: " if len(bases) > 1 else ""
-
-
-def _few(texts: Sequence[str]) -> list[str]:
+def _notes(kind: NoteKind, texts: Sequence[str]) -> tuple[DiagnosticNote, ...]:
     more = len(texts) - MOST_NAMED
-    return [*texts[:MOST_NAMED], f"{more} more clips with the like"] if more > 0 else list(texts)
+    shown = [*texts[:MOST_NAMED], *([f"{more} more clips with the same note"] if more > 0 else [])]
+    return tuple(DiagnosticNote(kind, text) for text in shown)
 
 
-def _hidden_in_noise(fit: FitResult) -> str:
-    """Why nothing can be said of a motion that is smaller than the noise; empty where it is larger."""
+def _noise_above_motion(fit: FitResult) -> list[str]:
+    """The first quantity whose motion is smaller than its noise, in words; empty where there is none."""
     motion = np.std(fit.predicted[fit.used], axis=0)
-    for quantity, noise, size in zip(fit.model.observed, fit.noise, motion, strict=True):
-        if noise > size:
-            return (
-                f"the noise of {quantity.name} ({noise:.2g} {quantity.unit}) is larger than its motion "
-                f"({size:.2g} {quantity.unit}), which hides any effect"
-            )
-    return ""
+    return [
+        f"the noise of {quantity.name} ({noise:.2g} {quantity.unit}) exceeds its motion "
+        f"({size:.2g} {quantity.unit}) and hides every effect"
+        for quantity, noise, size in zip(fit.model.observed, fit.noise, motion, strict=True)
+        if noise > size
+    ][:1]
 
 
-def _unseen(screened: Sequence[Score]) -> list[str]:
-    """Why the screen has nothing to say; empty when it has."""
-    if not screened:
+def _nothing_tested(scores: Sequence[Score]) -> list[str]:
+    """Why no effect could be tested; empty when one could."""
+    if not scores:
         return ["no effect of the library applies to this model"]
-    if any(np.isfinite(one.size) for one in screened):
+    if any(np.isfinite(score.size) for score in scores):
         return []
-    names = ", ".join(one.effect for one in screened)
-    return [f"no effect can be told from the fitted parameters in these data ({names}): hold one that is known"]
+    names = ", ".join(score.effect for score in scores)
+    return [f"the fitted parameters imitate every effect in these data ({names}); hold a known parameter fixed"]

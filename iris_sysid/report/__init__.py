@@ -1,1 +1,1 @@
-"""Reports: pages, figures and sentences made from results."""
+"""Pages, figures and sentences that say what a run, a fit, a diagnosis or a calibration gave."""

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from iris_sysid.calibration.camera import CameraCalibration, FittedView
 from iris_sysid.calibration.plane import to_pixels, to_plane
 from iris_sysid.errors import CalibrationError
-from iris_sysid.report import text
+from iris_sysid.report.text import with_error
 from iris_sysid.types import Array, Calibration
 
 USED, LEFT_OUT, GRID, ORIGIN = "#0072B2", "#D55E00", "#56B4E9", "#E69F00"
@@ -115,7 +115,7 @@ def grid_figure(calibration: Calibration, picture: NDArray[np.uint8], *, step_m:
     axes.plot(*origin, "+", color=ORIGIN, markersize=14, markeredgewidth=2)
     _frame(axes, size)
     scale, (x, y) = calibration.scale, calibration.centre_px
-    axes.set_title(f"grid of {step:g} m, x right, z up; {text.with_error(scale)} at ({x:.0f}, {y:.0f}) px")
+    axes.set_title(f"grid of {step:g} m, x right, z up; {with_error(scale)} at ({x:.0f}, {y:.0f}) px")
     return figure
 
 

@@ -1,24 +1,20 @@
-"""One page a clip, pictures first: the track on the video, the trajectory with its fit, then the numbers."""
+"""One page a clip: the track on the video, the trajectory with its fit, then the numbers."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from iris_sysid.io.files import check_writable, write_atomic
-from iris_sysid.report import text
 from iris_sysid.report.budget import budget_sections, calibration_section
-from iris_sysid.report.determined import determined_sections
 from iris_sysid.report.figures import fit_figure, track_figure
-from iris_sysid.report.page import Page, Picture, Section, estimates_section, html_of, png_of
-from iris_sysid.types import FitResult, Trajectory
-
-if TYPE_CHECKING:
-    from iris_sysid.pipeline import Run
+from iris_sysid.report.identifiability import identifiability_sections
+from iris_sysid.report.page import Page, PageImage, Section, estimates_section, html_of, png_of
+from iris_sysid.report.text import as_sentence, fit_headline, residual_text, samples_text, shown_estimates
+from iris_sysid.types import FitResult, Run, Trajectory
 
 
 def write_report(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
-    """Write ``report.html`` and the pictures in it, as PNG files, into a folder.
+    """Write ``report.html`` and its images, as PNG files, into a folder.
 
     Parameters
     ----------
@@ -43,7 +39,7 @@ def write_report(run: Run, folder: str | Path, *, overwrite: bool = False) -> Pa
 
 
 def write_page(page: Page, folder: str | Path, *, overwrite: bool = False) -> Path:
-    """Write a page's pictures and then ``report.html`` into a folder.
+    """Write a page's images and then ``report.html`` into a folder.
 
     Parameters
     ----------
@@ -59,7 +55,7 @@ def write_page(page: Page, folder: str | Path, *, overwrite: bool = False) -> Pa
     Path
         The page.
     """
-    files = {f"{picture.name}.png": picture.png for picture in page.pictures} | {"report.html": html_of(page)}
+    files = {f"{image.name}.png": image.png for image in page.images} | {"report.html": html_of(page)}
     for name in files:
         check_writable(Path(folder) / name, overwrite=overwrite)
     for name, content in files.items():
@@ -70,47 +66,42 @@ def write_page(page: Page, folder: str | Path, *, overwrite: bool = False) -> Pa
 def clip_page(run: Run) -> Page:
     """Say what one clip gave."""
     fit, trajectory = run.fit, run.trajectory
-    pictures = [
-        Picture(
-            "track",
-            png_of(track_figure(run.video, run.tracks, trajectory, run.calibration)),
-            "The clip at several times in one picture, with the track over it",
-        ),
-        Picture("fit", png_of(fit_figure(trajectory, fit)), "Measured, fitted, and what is left; the motion is fitted"),
+    track = track_figure(run.video, run.tracks, trajectory, run.calibration)
+    images = [
+        PageImage("track", png_of(track), "Multiple exposure of the clip with the track, coloured by segment"),
+        PageImage("fit", png_of(fit_figure(trajectory, fit)), "Measured motion and fit, with the residual below"),
     ]
     return Page(
         title=f"{run.source.name}: {run.phenomenon.name}",
-        headline=text.headline(fit),
+        headline=fit_headline(fit),
         summary=fit.model.summary,
-        pictures=pictures,
+        images=images,
         sections=[
-            estimates_section("Parameters", text.shown(fit), fit.model.equation),
+            estimates_section("Parameters", shown_estimates(fit), fit.model.equation),
             *budget_sections(fit),
-            *determined_sections(fit),
+            *identifiability_sections(fit),
             calibration_section(run.calibration, run.tracks),
             *_segment_sections(trajectory),
-            *([estimates_section("Measured on the way", trajectory.geometry)] if trajectory.geometry else []),
+            *([estimates_section("Intermediate quantities", trajectory.geometry)] if trajectory.geometry else []),
             Section("Checks", lines=_checks(trajectory, fit)),
         ],
         origin=fit.origin,
-        notes=[*run.notes, *([] if fit.ok else [fit.message])],
+        notes=[*run.notes, *(as_sentence(problem.text) for problem in fit.problems)],
     )
 
 
 def _segment_sections(trajectory: Trajectory) -> list[Section]:
-    rows = [(part.label, text.frames_text(part, trajectory), part.reason) for part in trajectory.segments]
-    return [Section("What happens when", ("what", "samples", "why"), rows)] if rows else []
+    rows = [(segment.label, samples_text(segment, trajectory), segment.reason) for segment in trajectory.segments]
+    return [Section("Segments", ("segment", "samples", "reason"), rows)] if rows else []
 
 
 def _checks(trajectory: Trajectory, fit: FitResult) -> list[str]:
-    found = int(trajectory.valid.sum())
     checks = [
-        f"{found} of {trajectory.n} samples measured, {fit.n} used for the fit.",
-        f"{text.residual_text(fit)}.",
-        f"The residual correlates by {fit.correlation:.2f} from one sample to the next; standard errors allow for it.",
+        f"{int(trajectory.valid.sum())} of {trajectory.n} samples are measured, {fit.n} are used for the fit.",
+        as_sentence(residual_text(fit)),
+        f"Autocorrelation of the residual at lag 1: {fit.correlation:.2f}; the standard errors allow for it.",
+        *map(as_sentence, fit.notes),
     ]
-    if fit.ok and fit.message:
-        checks.append(f"{fit.message}.")
     if trajectory.smoothed is not None:
         nis = ", ".join(f"{value:.2f}" for value in trajectory.smoothed.nis)
         checks.append(f"Mean normalised innovation squared of the Kalman filter: {nis} (1 when it is consistent).")

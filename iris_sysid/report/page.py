@@ -1,4 +1,4 @@
-"""The page that every report uses: a headline, pictures, then sections of tables and lines."""
+"""The page that every report uses: a headline, images, then sections of tables and lines."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ import jinja2
 from matplotlib.figure import Figure
 
 from iris_sysid.io.files import json_text
-from iris_sysid.report import text
 from iris_sysid.report.figures import equation_figure
+from iris_sysid.report.text import as_sentence, interval_text, with_error
 from iris_sysid.types import Estimate
 
 DPI = 130
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
-    """A drawn picture and what it shows."""
+class PageImage:
+    """A drawn figure and what it shows."""
 
     name: str
     png: bytes
@@ -30,13 +30,17 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """One part of a page: a table whose number columns are marked with ``#``, lines of text, an equation."""
+    """One part of a page: a table whose number columns are marked with ``#``, lines of text, an equation.
+
+    A ``folded`` section shows its title only, until it is opened.
+    """
 
     title: str
     columns: Sequence[str] = ()
     rows: Sequence[Sequence[str]] = ()
     lines: Sequence[str] = ()
     equation: str = ""
+    folded: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +50,7 @@ class Page:
     title: str
     headline: str
     summary: str
-    pictures: Sequence[Picture]
+    images: Sequence[PageImage]
     sections: Sequence[Section]
     origin: Mapping[str, Any]
     notes: Sequence[str] = field(default=())
@@ -67,14 +71,14 @@ def html_of(page: Page) -> str:
         trim_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    pictures = [{"png": _base64(picture.png), "caption": picture.caption} for picture in page.pictures]
+    images = [{"png": _base64(image.png), "caption": image.caption} for image in page.images]
     sections = [_section(section) for section in page.sections]
     return environment.get_template("page.html").render(
         title=page.title,
         headline=page.headline,
-        summary=page.summary,
+        summary=as_sentence(page.summary),
         notes=page.notes,
-        pictures=pictures,
+        images=images,
         sections=sections,
         origin=json_text(dict(page.origin)),
     )
@@ -90,6 +94,7 @@ def _section(section: Section) -> dict[str, Any]:
         "lines": section.lines,
         "equation": equation,
         "equation_text": section.equation,
+        "folded": section.folded,
     }
 
 
@@ -112,12 +117,12 @@ def estimates_section(title: str, estimates: Mapping[str, Estimate], equation: s
     rows = [
         (
             name,
-            text.with_error(estimate),
-            text.interval(estimate),
+            with_error(estimate),
+            interval_text(estimate),
             estimate.measurement_type,
             estimate.source,
         )
         for name, estimate in estimates.items()
     ]
-    columns = ("quantity", "#value ± standard error", "#95 % interval", "kind", "from")
+    columns = ("quantity", "#value ± standard error", "#95 % interval", "kind", "source")
     return Section(title, columns, rows, equation=equation)

@@ -1,63 +1,70 @@
-"""How numbers and results are spelled for people: value, standard error and unit in one way everywhere."""
+"""How numbers and results are written for people: value, standard error and unit in one way everywhere."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 
-from iris_sysid.types import Discovery, Effect, Estimate, FitResult, PooledFit, Segment, Trajectory
+from iris_sysid.types import Diagnosis, Discovery, Effect, Estimate, FitResult, Match, PooledFit, Segment, Trajectory
 
-if TYPE_CHECKING:
-    from iris_sysid.diagnosis.diagnose import Diagnosis
-
-MOST_NAMED = 5  # of the effects that one cannot be told from
-MUCH_WIDER = 1.5  # times the standard error that holds if nothing else is lacking, from which both are said
-UNEXPLAINED = 2.0  # times the noise: what is left is then plain to see, and is no error in the noise
+MOST_NAMED = 5  # of the effects that one is indistinguishable from
+MUCH_WIDER = 1.5  # times the standard error that assumes no further missing effect, from which both are given
 NOTEWORTHY = 0.2  # inclusion of a term that was not selected, from which on it is shown
 
 
-def rounded(value: float, stderr: float) -> tuple[str, str]:
-    """Spell a value to the second digit of its standard error: (1.70342, 0.0042) is ("1.7034", "0.0042")."""
+# --------------------------------------------------------------------------- numbers
+
+
+def rounded_to_error(value: float, stderr: float) -> tuple[str, str]:
+    """Round a value to the second digit of its standard error: (1.70342, 0.0042) is ("1.7034", "0.0042")."""
     if not math.isfinite(value):
         return "undetermined", ""
     if not math.isfinite(stderr) or stderr <= 0:
         return f"{value:.6g}", ""
     digits = 1 - math.floor(math.log10(float(f"{stderr:.1e}")))  # of 0.00999, which is 0.010
     if stderr >= 1e7 or abs(value) >= 1e7 or digits > 9:
-        wanted = max(digits + math.floor(math.log10(max(abs(value), stderr))), 1)
-        return f"{value:.{wanted}e}", f"{stderr:.1e}"
+        decimals = max(digits + math.floor(math.log10(max(abs(value), stderr))), 1)
+        return f"{value:.{decimals}e}", f"{stderr:.1e}"
     # + 0.0: no negative zero
     return f"{round(value, digits) + 0.0:.{max(digits, 0)}f}", f"{round(stderr, digits):.{max(digits, 0)}f}"
 
 
 def with_error(estimate: Estimate) -> str:
-    """Spell an estimate with its standard error and unit, e.g. ``1.7034 ± 0.0042 m``."""
+    """Write an estimate with its standard error and unit, e.g. ``1.7034 ± 0.0042 m``."""
     if not math.isfinite(estimate.stderr) and estimate.measurement_type in ("fitted", "derived"):
         return "undetermined"
-    value, stderr = rounded(estimate.value, estimate.stderr)
-    if value == "undetermined":
-        return value
-    return in_unit(f"{value} ± {stderr}" if stderr else value, estimate.unit)
+    if not math.isfinite(estimate.value):
+        return "undetermined"
+    value, stderr = rounded_to_error(estimate.value, estimate.stderr)
+    return with_unit(f"{value} ± {stderr}" if stderr else value, estimate.unit)
 
 
-def in_unit(number: str, unit: str) -> str:
-    """A number with its unit, which a pure number has none of."""
+def with_unit(number: str, unit: str) -> str:
+    """A number with its unit; without one where it has none."""
     return number if unit in ("", "1") else f"{number} {unit}"
 
 
-def interval(estimate: Estimate) -> str:
-    """Spell the 95 % interval, e.g. ``1.6950 to 1.7118``; empty where there is none."""
+def interval_text(estimate: Estimate) -> str:
+    """Write the 95 % interval, e.g. ``1.6950 to 1.7118``; empty where there is none."""
     lower, upper = estimate.interval
     if not (math.isfinite(lower) and math.isfinite(upper)) or upper <= lower:
         return ""
     width = upper - lower
-    return f"{rounded(lower, width / 4)[0]} to {rounded(upper, width / 4)[0]}"
+    return f"{rounded_to_error(lower, width / 4)[0]} to {rounded_to_error(upper, width / 4)[0]}"
 
 
-def shown(fit: FitResult) -> dict[str, Estimate]:
-    """The estimates to show: not the constants that nobody gave, nor what would follow from them."""
+def as_sentence(text: str) -> str:
+    """The text with a capital and a full stop."""
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}" if text else ""
+
+
+# --------------------------------------------------------------------------- fits
+
+
+def shown_estimates(fit: FitResult) -> dict[str, Estimate]:
+    """The estimates to show: all but unknown constants, and what would be derived from them."""
     hidden = ("assumed", "derived")
     return {
         name: estimate
@@ -66,19 +73,17 @@ def shown(fit: FitResult) -> dict[str, Estimate]:
     }
 
 
-def headline(fit: FitResult) -> str:
+def fit_headline(fit: FitResult) -> str:
     """The result in one line: the fitted and derived values that are no initial state, or why there are none."""
-    initial = {f"{state.name}_0" for state in fit.model.states}
     parts = [
         f"{name} = {with_error(estimate)}"
-        for name, estimate in shown(fit).items()
-        if name not in initial and estimate.measurement_type in ("fitted", "derived")
+        for name, estimate in shown_estimates(fit).items()
+        if name not in fit.model.initial_names and estimate.measurement_type in ("fitted", "derived")
     ]
-    text = "; ".join(parts)
-    return text if fit.usable and parts else f"{fit.status}: {fit.message}"
+    return "; ".join(parts) if fit.usable and parts else f"{fit.status}: {fit.message}"
 
 
-def frames_text(segment: Segment, trajectory: Trajectory) -> str:
+def samples_text(segment: Segment, trajectory: Trajectory) -> str:
     """Say which samples a segment covers, e.g. ``0-2 (0.000-0.200 s)``."""
     last = segment.stop - 1
     return f"{segment.start}-{last} ({trajectory.t_s[segment.start]:.3f}-{trajectory.t_s[last]:.3f} s)"
@@ -89,139 +94,212 @@ def residual_text(fit: FitResult) -> str:
     parts = []
     for quantity, rms, noise in zip(fit.model.observed, fit.rms, fit.noise, strict=True):
         ratio = f", {rms / noise:.2f} times the noise of {noise:.3g}" if np.isfinite(noise) and noise > 0 else ""
-        size = f"{rms:.3g} {quantity.unit} rms" if np.isfinite(rms) else "not known"
+        size = f"{rms:.3g} {quantity.unit} rms" if np.isfinite(rms) else "unknown"
         parts.append(f"{quantity.name}: residual {size}{ratio}")
     return "; ".join(parts)
 
 
-def estimates_text(fit: FitResult) -> str:
-    """The estimates as a small table of plain text: name, value ± standard error, 95 % interval, kind."""
+def fit_table(fit: FitResult) -> str:
+    """The estimates as a table of plain text: name, value ± standard error, 95 % interval, kind; then the residual."""
     rows = [
-        (name, with_error(estimate), interval(estimate), estimate.measurement_type)
-        for name, estimate in shown(fit).items()
+        (name, with_error(estimate), interval_text(estimate), estimate.measurement_type)
+        for name, estimate in shown_estimates(fit).items()
     ]
-    widths = [max(len(row[k]) for row in rows) for k in range(4)]
-    lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    return "\n".join([*lines, residual_text(fit)])
+    return "\n".join([*_aligned(rows), residual_text(fit)])
 
 
-def pooled_text(pooled: PooledFit) -> str:
+def pooled_table(pooled: PooledFit) -> str:
     """A fit to several clips as plain text: shared values, then means over clips with the scatter between them."""
-    count = sum(one.usable for one in pooled.clips)
-    lines = [f"{name}  {with_error(one)}  shared by {count} clips" for name, one in pooled.shared.items()]
+    count = sum(fit.usable for fit in pooled.clips)
+    lines = [f"{name}  {with_error(estimate)}  shared by {count} clips" for name, estimate in pooled.shared.items()]
     lines += [
-        f"{name}  {with_error(one.mean)}  mean over {count} clips; between clips {with_error(one.between)} "
-        f"({interval(one.between) or 'no scatter seen'}), within one {one.within:.3g}"
-        for name, one in pooled.population.items()
+        f"{name}  {with_error(spread.mean)}  mean over {count} clips; between clips {with_error(spread.between)} "
+        f"({interval_text(spread.between) or 'no scatter detected'}), within one {spread.within:.3g}"
+        for name, spread in pooled.population.items()
     ]
     return "\n".join(lines)
 
 
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows of cells as lines with aligned columns."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+# --------------------------------------------------------------------------- diagnoses
+
+
 def diagnosis_sentence(diagnosis: Diagnosis) -> str:
-    """What a model lacks, as a person would write it, with the error before and after and what moved."""
-    both = (diagnosis.before, diagnosis.after)
-    heldout = all(math.isfinite(errors.heldout) for errors in both)
-    which = "held-out error" if heldout else "residual"
-    before, after = (_angles(diagnosis, errors.heldout if heldout else errors.fitted) for errors in both)
-    floor = _angles(diagnosis, diagnosis.noise_floor)
-    left = diagnosis.after.fitted / diagnosis.noise_floor if diagnosis.noise_floor > 0 else 1.0
-    named = [_effect_text(effect, diagnosis) for effect in diagnosis.added]
-    if named:
-        text = f"Adding {' and '.join(named)} takes the {which} from {before} to {after}; the noise floor is {floor}."
-        moved = _moved(diagnosis)
-        text += f" {moved}" if moved else ""
-        text += f" More is lacking: what is left is {left:.2g} times the noise." if left > UNEXPLAINED else ""
-    elif left > UNEXPLAINED:
-        text = "Something is lacking, but no effect here is shown to be it: "
-        text += f"the {which} is {before}, the noise floor {floor}."
+    """What a model lacks, in at most three sentences: what was found, its effect on the error, what remains."""
+    if diagnosis.added:
+        sentences = [_added_sentence(diagnosis), _indistinguishable_sentence(diagnosis), _remaining_sentence(diagnosis)]
     else:
-        text = f"Nothing to add: the {which} is {before}, the noise floor {floor}."
-    return text + _proposed(diagnosis) + "".join(f" Note: {note}." for note in diagnosis.notes)
+        sentences = [_nothing_added_sentence(diagnosis), _error_sentence(diagnosis), _suggested_sentence(diagnosis)]
+    return " ".join(filter(None, sentences))
 
 
-def _proposed(diagnosis: Diagnosis) -> str:
-    """Terms without a named effect that what is left calls for, as a further sentence after a space."""
-    terms = " and ".join(f"{one.term} in {one.equation}" for one in diagnosis.proposed)
-    return f" What is left calls for {terms}, which no effect is named after." if terms else ""
+def diagnosis_text(diagnosis: Diagnosis) -> str:
+    """The sentence, then a line for each note."""
+    notes = [f"Note: {as_sentence(note.text)}" for note in diagnosis.notes]
+    return "\n".join([diagnosis_sentence(diagnosis), *notes])
+
+
+def _added_sentence(diagnosis: Diagnosis) -> str:
+    effects = " and ".join(_effect_text(effect, diagnosis) for effect in diagnosis.added)
+    which, before, after = _errors(diagnosis)
+    verb = "reduces" if after < before else "changes"
+    return f"Adding {effects} {verb} the {which} from {_angle(diagnosis, before)} to {_angle(diagnosis, after)}."
+
+
+def _indistinguishable_sentence(diagnosis: Diagnosis) -> str:
+    parts = [
+        f"{_spoken(effect.name)} is indistinguishable from {_alternatives(names)}"
+        for effect in diagnosis.added
+        if (names := diagnosis.indistinguishable.get(effect.name, ()))
+    ]
+    return as_sentence("; ".join(parts))
+
+
+def _remaining_sentence(diagnosis: Diagnosis) -> str:
+    subject = "The model is still incomplete: the residual is" if diagnosis.incomplete else "The remaining residual is"
+    return f"{subject} {diagnosis.residual_ratio:.2g} times the noise."
+
+
+def _nothing_added_sentence(diagnosis: Diagnosis) -> str:
+    incomplete = "The model is incomplete; no" if diagnosis.incomplete else "No"
+    return f"{incomplete} effect in the library is significant."
+
+
+def _error_sentence(diagnosis: Diagnosis) -> str:
+    which, before, _ = _errors(diagnosis)
+    noise = _angle(diagnosis, diagnosis.noise_floor)
+    return f"The {which} is {_angle(diagnosis, before)}, the noise {noise}."
+
+
+def _suggested_sentence(diagnosis: Diagnosis) -> str:
+    terms = " and ".join(f"{term.term} in {term.equation}" for term in diagnosis.proposed)
+    return f"The residual suggests {terms}, a term without a named effect." if terms else ""
+
+
+def _errors(diagnosis: Diagnosis) -> tuple[str, float, float]:
+    """The held-out error before and after, or the residual where nothing could be held out; and what it is called."""
+    both = diagnosis.before, diagnosis.after
+    if all(math.isfinite(errors.heldout) for errors in both):
+        return ("held-out error", *(errors.heldout for errors in both))
+    return ("residual", *(errors.fitted for errors in both))
 
 
 def _effect_text(effect: Effect, diagnosis: Diagnosis) -> str:
-    """The effect's name and size, when or where it acts, and what it cannot be told from."""
-    sizes = [diagnosis.sizes[one.name] for one in effect.parameters]
+    """The effect's name and size, how sure, and when or where it acts."""
+    size, *others = (diagnosis.sizes[parameter.name] for parameter in effect.parameters)
     alone = diagnosis.final.estimates[effect.parameters[0].name]
-    parts = [with_error(sizes[0])]
-    if len(diagnosis.finals) == 1 and sizes[0].stderr > MUCH_WIDER * alone.stderr > 0:
-        parts.append(f"± {rounded(alone.value, alone.stderr)[1]} if nothing else is lacking")
-    for parameter, size in zip(effect.parameters[1:], sizes[1:], strict=True):
-        chosen = effect.nearby is not None and parameter is effect.parameters[1]
-        if parameter.unit in ("s", "{x}") and (chosen or not parameter.constant):
-            parts.append(f"{parameter.name.replace('_', ' ')} {with_error(size)}")
-    alike = diagnosis.indistinguishable.get(effect.name, ())
-    if alike:
-        more = f" or {len(alike) - MOST_NAMED} more" if len(alike) > MOST_NAMED else ""
-        parts.append(f"or as well {' or '.join(one.replace('-', ' ') for one in alike[:MOST_NAMED])}{more}")
-    return f"{effect.name.replace('-', ' ')} ({', '.join(parts)})"
+    parts = [with_error(size)]
+    if len(diagnosis.finals) == 1 and size.stderr > MUCH_WIDER * alone.stderr > 0:
+        parts.append(f"± {rounded_to_error(alone.value, alone.stderr)[1]} assuming no further missing effect")
+    parts += [
+        f"{parameter.name.replace('_', ' ')} {with_error(value)}"
+        for parameter, value in zip(effect.parameters[1:], others, strict=True)
+        if parameter.role == "location"
+    ]
+    return f"{_spoken(effect.name)} ({', '.join(parts)})"
 
 
-def _angles(diagnosis: Diagnosis, value: float) -> str:
-    """Angles in degrees, all else in its own unit."""
+def _alternatives(names: Sequence[str]) -> str:
+    more = [f"{len(names) - MOST_NAMED} more"] if len(names) > MOST_NAMED else []
+    return " or ".join([*map(_spoken, names[:MOST_NAMED]), *more])
+
+
+def _spoken(name: str) -> str:
+    return name.replace("-", " ")
+
+
+def _angle(diagnosis: Diagnosis, value: float) -> str:
+    """An error in its own unit; angles in degrees."""
     if not math.isfinite(value):
-        return "not known"
+        return "unknown"
     if diagnosis.unit == "rad":
         return f"{np.degrees(value):.3g}°"
-    return in_unit(f"{value:.3g}", diagnosis.unit)
+    return with_unit(f"{value:.3g}", diagnosis.unit)
 
 
-def _moved(diagnosis: Diagnosis) -> str:
-    """Base parameters that moved by more than twice their standard error; not the small offsets of a geometry."""
-    offsets = {one.name for one in diagnosis.base.model.parameters if one.constant and one.default == 0}
-    parts = []
-    for name in diagnosis.base.free:
-        base, final = diagnosis.base.estimates[name], diagnosis.final.estimates[name]
-        if name.endswith("_0") or name in offsets or not abs(final.value - base.value) > 2 * final.stderr:
-            continue
-        old, new = rounded(base.value, final.stderr)[0], rounded(final.value, final.stderr)[0]
-        parts.append(f"{name} moves from {old} to {in_unit(new, base.unit)}")
-    text = "; ".join(parts)
-    return f"{text[0].upper()}{text[1:]}." if parts else ""
+def changed_parameters(diagnosis: Diagnosis) -> list[tuple[str, Estimate, Estimate]]:
+    """Parameters that the added effects move by more than twice their standard error, before and after.
+
+    Initial states and the small offsets of a geometry are left out.
+    """
+    base, final = diagnosis.base, diagnosis.final
+    offsets = {parameter.name for parameter in base.model.parameters if parameter.constant and parameter.default == 0}
+    pairs = [
+        (name, base.estimates[name], final.estimates[name])
+        for name in base.free
+        if name not in {*base.model.initial_names, *offsets}
+    ]
+    return [pair for pair in pairs if abs(pair[2].value - pair[1].value) > 2 * pair[2].stderr]
 
 
-def discovery_sentence(found: Discovery) -> str:
+# --------------------------------------------------------------------------- discoveries
+
+
+def discovery_sentence(discovery: Discovery) -> str:
     """Name the discovered equation: a model of the bank with its parameters, or the nearest one and how it differs."""
-    matched, nearest = found.matched, found.nearest
-    if matched is not None:
-        values = [f"{name} = {with_error(one)}" for name, one in matched.parameters.items()
-                  if one.measurement_type != "assumed"]  # fmt: skip
-        text = f"This is the {matched.model} with {', '.join(values)}."
-        text += f" The same equation: {', '.join(matched.same)}." if matched.same else ""
-        text += f" But its {matched.note}." if matched.note else ""
-    elif nearest is not None:
-        lacks = [f"{', '.join(nearest.missing)} was not found"] if nearest.missing else []
-        lacks += [f"{', '.join(nearest.extra)} is there as well"] if nearest.extra else []
-        text = f"Not in the bank: the nearest is {nearest.model}, but {'; '.join(lacks)}."
-        effects = [one.effect for one in found.selected if f"{one.term} in {one.equation}" in nearest.extra]
-        named = ", ".join(dict.fromkeys(one for one in effects if one))
-        text += f" Effects with such terms: {named}." if named else ""
-        values = [f"{name} = {with_error(one)}" for name, one in nearest.parameters.items()
-                  if one.measurement_type != "assumed"]  # fmt: skip
-        text += f" As {nearest.model} alone it has {', '.join(values)}, and {nearest.note}." if values else ""
-    else:
-        text = "Not in the bank: no model there observes these quantities."
-    if found.alternatives:
-        text += f" The data cannot tell it from {' or from '.join(found.alternatives)}."
-    if found.status != "ok":
-        text += f" With a reservation ({found.status}): {found.message}"
-    return text
+    sentences = [_model_sentences(discovery)]
+    if discovery.alternatives:
+        sentences.append(f"The data cannot distinguish it from {' or from '.join(discovery.alternatives)}.")
+    if discovery.status != "ok":
+        sentences.append(f"Reservation ({discovery.status}): {discovery.message}")
+    return " ".join(sentences)
 
 
-def discovery_text(found: Discovery) -> str:
+def _model_sentences(discovery: Discovery) -> str:
+    if discovery.matched is not None:
+        return _matched_sentences(discovery.matched)
+    if discovery.nearest is not None:
+        return _nearest_sentences(discovery, discovery.nearest)
+    return "Not in the bank: no model observes these quantities."
+
+
+def _matched_sentences(match: Match) -> str:
+    sentences = [f"This is the {match.model} with {_values(match)}."]
+    if match.same:
+        sentences.append(f"The same equation: {', '.join(match.same)}.")
+    if match.note:
+        sentences.append(f"But its {match.note}.")
+    return " ".join(sentences)
+
+
+def _nearest_sentences(discovery: Discovery, nearest: Match) -> str:
+    missing = [f"without {', '.join(nearest.missing)}"] if nearest.missing else []
+    extra = [f"with {', '.join(nearest.extra)} added"] if nearest.extra else []
+    sentences = [f"Not in the bank: the nearest is {nearest.model}, {' and '.join([*missing, *extra])}."]
+    effects = [term.effect for term in discovery.selected if f"{term.term} in {term.equation}" in nearest.extra]
+    named = ", ".join(dict.fromkeys(filter(None, effects)))
+    if named:
+        sentences.append(f"Effects with such terms: {named}.")
+    if values := _values(nearest):
+        sentences.append(f"As {nearest.model} alone it has {values}, and {nearest.note}.")
+    return " ".join(sentences)
+
+
+def _values(match: Match) -> str:
+    return ", ".join(
+        f"{name} = {with_error(estimate)}"
+        for name, estimate in match.parameters.items()
+        if estimate.measurement_type != "assumed"
+    )
+
+
+def discovery_text(discovery: Discovery) -> str:
     """The equations, their terms with interval and inclusion, and the sentence, as plain text."""
     rows = [("term", "coefficient", "95 % interval", "inclusion")]
     rows += [
-        (f"{one.equation}: {one.term}", with_error(one.coefficient), interval(one.coefficient), f"{one.inclusion:.2f}")
-        for one in found.terms
-        if one.selected or one.inclusion >= NOTEWORTHY
+        (
+            f"{term.equation}: {term.term}",
+            with_error(term.coefficient),
+            interval_text(term.coefficient),
+            f"{term.inclusion:.2f}",
+        )
+        for term in discovery.terms
+        if term.selected or term.inclusion >= NOTEWORTHY
     ]
-    widths = [max(len(row[k]) for row in rows) for k in range(4)]
-    table = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-    return "\n".join([*(f"{one.lhs} = {one.rhs}" for one in found.equations), *table, discovery_sentence(found)])
+    equations = [f"{equation.lhs} = {equation.rhs}" for equation in discovery.equations]
+    return "\n".join([*equations, *_aligned(rows), discovery_sentence(discovery)])

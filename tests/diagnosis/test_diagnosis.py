@@ -1,4 +1,4 @@
-"""The loop is closed: what was hidden is found, what was not is not, and limits hold."""
+"""Hidden effects are found, clean data get none, and limits hold."""
 
 from dataclasses import replace
 
@@ -52,11 +52,11 @@ def test_two_hidden_effects_are_found_in_sequence():
     found = diagnose(swing({"quadratic-drag": 0.1, "zero-offset": 0.03}, seed=5), PENDULUM)
     named = [{effect.name, *found.indistinguishable[effect.name]} for effect in found.added]
     assert len(named) == 2
-    assert any("quadratic-drag" in one for one in named)
-    assert any("zero-offset" in one for one in named)
+    assert any("quadratic-drag" in names for names in named)
+    assert any("zero-offset" in names for names in named)
 
 
-def test_two_effects_of_which_stand_ins_explain_more_alone_are_found_together():
+def test_two_effects_that_a_substitute_outdoes_alone_are_found_as_a_pair():
     flight, hidden = MODELS["projectile"], {"coulomb-friction": 0.08, "parameter-drift": 0.013}
     model = with_effects(flight, [EFFECTS[name] for name in hidden])
     values = {"x_0": 0.02, "z_0": 0.78, "vx_0": 2.09, "vz_0": 2.46}
@@ -67,7 +67,7 @@ def test_two_effects_of_which_stand_ins_explain_more_alone_are_found_together():
     found = diagnose(
         Trajectory(t_s, flight.observed, seen, np.full_like(seen, np.nan), np.ones(48, dtype=bool)), flight
     )
-    assert found.rounds[0][0].effect not in hidden  # a stand-in explains most alone
+    assert found.rounds[0][0].effect not in hidden  # a substitute explains most alone
     assert {effect.name for effect in found.added} == set(hidden)
     for name, size in hidden.items():
         estimate = found.sizes[EFFECTS[name].parameters[0].name]
@@ -100,9 +100,9 @@ def test_error_after_is_the_noise_and_the_base_parameters_come_right(dragged):
 def test_clean_data_get_nothing_added_and_limits():
     found = diagnose(swing({}, seed=0), PENDULUM)
     assert found.added == ()
-    limits = {one.effect: one.upper_95 for one in found.ruled_out}
+    limits = {limit.effect: limit.upper_95 for limit in found.ruled_out}
     assert 0 < limits["quadratic-drag"] < 0.02
-    assert diagnosis_sentence(found).startswith("Nothing to add")
+    assert diagnosis_sentence(found).startswith("No effect in the library is significant.")
 
 
 @pytest.mark.slow
@@ -141,12 +141,12 @@ def test_pivot_error_is_left_open_instead_of_being_taken_for_a_force():
 def test_document_and_page_say_the_same(dragged, tmp_path):
     trajectory, found = dragged
     document = diagnosis_document(found, [trajectory])
-    assert [one.effect for one in document.added] == ["quadratic-drag"]
+    assert [entry.effect for entry in document.added] == ["quadratic-drag"]
     assert document.error.before.heldout > document.error.after.heldout
     page = write_diagnosis(found, trajectory, tmp_path).read_text()
     assert "Adding quadratic drag" in page
     size = found.sizes["quadratic_drag"]
-    assert with_error(size) in page.partition(">Added<")[2].partition("</table>")[0]
+    assert with_error(size) in page.partition(">Missing effects<")[2].partition("</table>")[0]
     assert {path.name for path in tmp_path.iterdir()} == {"diagnosis.json", "report.html", "residual.png", "state.png"}
 
 
@@ -154,7 +154,7 @@ def test_clip_too_short_to_hold_any_out_says_so_on_the_page(tmp_path):
     trajectory = swing({}, seed=4, n=10)
     found = diagnose(trajectory, PENDULUM)
     assert np.isnan(found.before.heldout)
-    assert "nothing could be held out" in write_diagnosis(found, trajectory, tmp_path).read_text()
+    assert "no samples to spare" in write_diagnosis(found, trajectory, tmp_path).read_text()
 
 
 def test_trajectory_that_cannot_be_fitted_is_refused_with_the_reason():
@@ -258,13 +258,13 @@ def test_residual_that_no_effect_explains_gets_a_term_proposed(tmp_path):
     theta = theta + 1e-3 * np.random.default_rng(2).standard_normal(theta.shape)
     clip = Trajectory(t_s, PENDULUM.observed, theta, np.full_like(theta, np.nan), np.ones(t_s.size, dtype=bool))
     found = diagnose(clip, PENDULUM, effects=[])
-    assert [one.term for one in found.proposed] == ["theta^2 theta'"]
+    assert [term.term for term in found.proposed] == ["theta^2 theta'"]
     size = found.proposed[0].coefficient
     assert abs(size.value + 0.3) < 4 * size.stderr
     assert size.unit == "1/s"
-    assert "What is left calls for theta^2 theta' in theta''" in diagnosis_sentence(found)
-    assert [one.term for one in diagnosis_document(found, [clip]).proposed] == ["theta^2 theta'"]
-    assert "Proposed for what is left" in write_diagnosis(found, clip, tmp_path).read_text()
+    assert "The residual suggests theta^2 theta' in theta''" in diagnosis_sentence(found)
+    assert [term.term for term in diagnosis_document(found, [clip]).proposed] == ["theta^2 theta'"]
+    assert "Suggested terms" in write_diagnosis(found, clip, tmp_path).read_text()
 
 
 def test_nothing_is_proposed_where_only_noise_is_left(dragged):

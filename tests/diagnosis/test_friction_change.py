@@ -1,4 +1,4 @@
-"""Friction that changes at a place: the way of a slide over two surfaces is known in closed form."""
+"""Friction that changes at a position: a slide over two surfaces is known in closed form."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def slide(rate_hz: float, noise_m: float, seed: int, *, scale: float = 1.0, unit
 @pytest.mark.parametrize("rate_hz", [10.0, 60.0])
 def test_seam_between_two_surfaces_is_found_with_its_place(rate_hz):
     found = diagnose(slide(rate_hz, 1.5e-4, seed=1), MODELS["incline"])
-    assert [one.name for one in found.added] == ["friction-change"]
+    assert [effect.name for effect in found.added] == ["friction-change"]
     for name, truth in (("friction_change", FIRST - SECOND), ("change_place", PLACE_M)):
         low, high = found.sizes[name].interval
         assert low < truth < high
@@ -38,7 +38,7 @@ def test_seam_between_two_surfaces_is_found_with_its_place(rate_hz):
 
 def test_seam_is_found_in_pixels_too():
     found = diagnose(slide(60.0, 1.5e-4, seed=2, scale=1000.0, unit="px"), MODELS["incline"])
-    assert [one.name for one in found.added] == ["friction-change"]
+    assert [effect.name for effect in found.added] == ["friction-change"]
     assert found.sizes["change_place"].value == pytest.approx(1000 * PLACE_M, abs=10)
 
 

@@ -1,4 +1,4 @@
-"""What a track may be wrong by is not taken for an effect, and samples count as much as they are said to be worth."""
+"""Tracking errors are not taken for an effect, and samples are weighed by their stated errors."""
 
 import numpy as np
 import pytest
@@ -6,9 +6,8 @@ import pytest
 from fitters.compose_effects import with_effects
 from fitters.ode import fit, simulate
 from iris_sysid.diagnosis.diagnose import diagnose
-from iris_sysid.diagnosis.measurement_errors import stands_out_from, unit_noise
+from iris_sysid.diagnosis.measurement_errors import resolvable_size, unit_noise
 from iris_sysid.registry import EFFECTS, MODELS
-from iris_sysid.report.text import diagnosis_sentence
 from iris_sysid.types import Trajectory
 
 PENDULUM = MODELS["pendulum"]
@@ -32,31 +31,31 @@ def unstated(clip: Trajectory) -> Trajectory:
 
 @pytest.fixture(scope="module")
 def shaded():
-    """A track that is drawn to one side wherever the body is off the middle, by no more than it says it may be."""
+    """A track with a bias that depends on the position, no larger than its stated errors."""
     clip = swing({})
     return clip.with_(position=clip.position + STATED_RAD * np.cos(9.0 * clip.position))
 
 
-def test_error_of_the_track_below_what_it_states_is_not_named(shaded):
+def test_bias_below_the_stated_errors_is_rejected_with_a_note(shaded):
     found = diagnose(shaded, PENDULUM)
     assert found.added == ()
-    assert "of their stated errors, so it is not named" in diagnosis_sentence(found)
+    assert [note.kind for note in found.notes] == ["rejected-size"]
 
 
-def test_the_same_error_unstated_is_taken_for_an_effect(shaded):
+def test_the_same_bias_without_stated_errors_is_taken_for_an_effect(shaded):
     assert diagnose(unstated(shaded), PENDULUM).added != ()
 
 
 def test_effect_above_the_stated_errors_is_named_and_one_below_has_a_limit_above_it():
     large, small = (diagnose(swing({"quadratic-drag": size}), PENDULUM) for size in (0.08, 0.003))
-    assert [one.name for one in large.added] == ["quadratic-drag"]
+    assert [effect.name for effect in large.added] == ["quadratic-drag"]
     assert small.added == ()
-    limits = {one.effect: one.upper_95 for one in small.ruled_out}
+    limits = {limit.effect: limit.upper_95 for limit in small.ruled_out}
     assert 0.003 < limits["quadratic-drag"] < 0.08
     assert diagnose(unstated(swing({"quadratic-drag": 0.003})), PENDULUM).added != ()
 
 
-def test_sample_that_is_said_to_be_far_off_is_no_blow():
+def test_samples_with_large_stated_errors_are_no_impact():
     clip, near = swing({}), slice(150, 154)
     position, sigma = clip.position.copy(), clip.sigma.copy()
     position[near] += 0.004
@@ -65,7 +64,7 @@ def test_sample_that_is_said_to_be_far_off_is_no_blow():
     assert found.added == ()
 
 
-def test_unit_of_a_residual_is_the_noise_by_sample_as_stated():
+def test_unit_of_a_residual_is_the_noise_scaled_by_the_stated_errors():
     clip = swing({})
     sigma = clip.sigma.copy()
     sigma[::10] *= 5.0
@@ -76,15 +75,16 @@ def test_unit_of_a_residual_is_the_noise_by_sample_as_stated():
     np.testing.assert_allclose(unit_noise(fitted, unstated(clip)), fitted.noise[0])
 
 
-def test_change_stands_out_from_the_size_at_which_three_samples_are_three_errors_off():
+def test_change_is_resolved_from_three_stated_errors_in_three_samples():
     change = np.array([[8.0], [4.0], [-2.0], [1.0]])
-    assert stands_out_from(change, np.full((4, 1), 0.5)) == pytest.approx(3.0 * 0.5 / 2.0)
-    assert stands_out_from(change, np.zeros((4, 1))) == 0.0
-    assert stands_out_from(0.0 * change, np.ones((4, 1))) == np.inf
+    assert resolvable_size(change, np.full((4, 1), 0.5)) == pytest.approx(3.0 * 0.5 / 2.0)
+    assert resolvable_size(change, np.zeros((4, 1))) == 0.0
+    assert resolvable_size(0.0 * change, np.ones((4, 1))) == np.inf
 
 
-def test_change_that_an_error_common_to_all_samples_may_make_does_not_stand_out():
+def test_change_that_a_systematic_error_can_make_is_not_resolved():
     clip = swing({"zero-offset": 0.004})
     tilted = clip.with_(systematic={"vertical": np.full((1, 300, 1), 0.004)})
-    assert [one.name for one in diagnose(clip, PENDULUM, effects=[EFFECTS["zero-offset"]]).added] == ["zero-offset"]
-    assert diagnose(tilted, PENDULUM, effects=[EFFECTS["zero-offset"]]).added == ()
+    offset = EFFECTS["zero-offset"]
+    assert diagnose(clip, PENDULUM, effects=[offset]).added
+    assert diagnose(tilted, PENDULUM, effects=[offset]).added == ()

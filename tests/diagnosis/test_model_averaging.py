@@ -8,10 +8,15 @@ import pytest
 from fitters.compose_effects import with_effects
 from fitters.ode import fit, simulate
 from iris_sysid.diagnosis.diagnose import diagnose
-from iris_sysid.diagnosis.model_averaging import Companion, among, beside, companion
-from iris_sysid.diagnosis.score_test import Score, screen
+from iris_sysid.diagnosis.model_averaging import (
+    CompetingEffect,
+    averaged_over_alternatives,
+    averaged_over_competitors,
+    competing_effect,
+)
+from iris_sysid.diagnosis.score_test import screen
 from iris_sysid.registry import EFFECTS, MODELS
-from iris_sysid.types import Estimate, OdeModel, Trajectory
+from iris_sysid.types import Estimate, OdeModel, Score, Trajectory
 from validation.blind import case
 
 SIZE = Estimate(2.0, 0.1, "1", ci95=(1.8, 2.2))
@@ -24,17 +29,18 @@ def throw(model: OdeModel, values: dict[str, float], noise: float, seed: int) ->
     return Trajectory(t_s, model.observed, seen, np.full_like(seen, np.nan), np.ones(t_s.size, dtype=bool))
 
 
-def test_size_without_companions_is_left_as_it_is():
-    assert beside(SIZE, []) == SIZE
-    assert among(SIZE, []) == SIZE
+def test_size_without_competing_effects_is_unchanged():
+    assert averaged_over_competitors(SIZE, []) == SIZE
+    assert averaged_over_alternatives(SIZE, []) == SIZE
 
 
-def test_companion_that_is_unlikely_changes_nothing():
-    assert beside(SIZE, [Companion(-50.0, 3.0, 1.0)]).interval == pytest.approx(SIZE.interval)
+def test_improbable_effect_changes_nothing():
+    assert averaged_over_competitors(SIZE, [CompetingEffect(-50.0, 3.0, 1.0)]).interval == pytest.approx(SIZE.interval)
 
 
 def test_interval_is_that_of_the_mixture():
-    found = beside(SIZE, [Companion(np.log(0.5), -0.5, 0.2), Companion(np.log(0.25), 0.8, 0.0)])
+    competitors = [CompetingEffect(np.log(0.5), -0.5, 0.2), CompetingEffect(np.log(0.25), 0.8, 0.0)]
+    found = averaged_over_competitors(SIZE, competitors)
     rng = np.random.default_rng(1)
     which = rng.choice(3, size=2_000_000, p=np.array([1.0, 0.5, 0.25]) / 1.75)
     drawn = rng.normal(np.array([2.0, 1.5, 2.8])[which], np.array([0.1, np.hypot(0.1, 0.2), 0.1])[which])
@@ -43,15 +49,15 @@ def test_interval_is_that_of_the_mixture():
     assert found.stderr / SIZE.stderr == pytest.approx((found.interval[1] - found.interval[0]) / 0.4)
 
 
-def test_interval_is_never_narrower_than_if_nothing_else_were_lacking():
-    low, high = beside(replace(SIZE, ci95=(1.0, 3.0)), [Companion(0.0, 0.0, 0.0)]).interval
+def test_interval_is_never_narrower_than_without_competing_effects():
+    low, high = averaged_over_competitors(replace(SIZE, ci95=(1.0, 3.0)), [CompetingEffect(0.0, 0.0, 0.0)]).interval
     assert (low, high) == (1.0, 3.0)
 
 
-def test_companion_that_the_data_cannot_show_is_none():
+def test_effect_that_the_data_cannot_show_does_not_compete():
     hidden = Score("linear-drag", np.nan, np.nan, "1/s", 0.0, 1.0, 0.0)
-    assert companion([hidden], "impact", 100.0) is None
-    assert companion([replace(hidden, size=1.0, stderr=0.1)], "impact", 100.0) is None  # it moves no such value
+    assert competing_effect([hidden], "impact", 100.0) is None
+    assert competing_effect([replace(hidden, size=1.0, stderr=0.1)], "impact", 100.0) is None  # it moves no such value
 
 
 def test_shifts_are_what_a_refit_with_the_effect_gives():
@@ -74,7 +80,7 @@ def test_drag_too_small_to_be_seen_beside_a_friction_is_in_the_interval_of_that(
     alone, beside_others = [], []
     for seed in range(4):
         found = diagnose(throw(with_effects(plane, effects), truth, 2e-4, seed), plane)
-        assert [one.name for one in found.added] == [names[0]]
+        assert [effect.name for effect in found.added] == [names[0]]
         alone.append(found.final.estimates["weakening_friction"].interval)
         beside_others.append(found.sizes["weakening_friction"].interval)
     assert sum(low < truth["weakening_friction"] < high for low, high in alone) == 2

@@ -1,4 +1,4 @@
-"""Friction only brakes, a leak only empties: what asks for the opposite is said to, and not named after them."""
+"""Friction only brakes, a leak only empties: a residual that fits the opposite gives a note, not an effect."""
 
 import re
 
@@ -8,10 +8,9 @@ import pytest
 from fitters.compose_effects import with_effects
 from fitters.ode import simulate
 from iris_sysid.diagnosis.diagnose import diagnose
-from iris_sysid.diagnosis.stepwise_search import two_sided
+from iris_sysid.diagnosis.library import two_sided
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.report.diagnosis_page import write_diagnosis
-from iris_sysid.report.text import diagnosis_sentence
 from iris_sysid.types import Trajectory
 
 ONE_SIDED = {name for name, one in EFFECTS.items() if one.parameters[0].lower == 0.0}
@@ -35,15 +34,14 @@ def test_what_only_takes_energy_or_water_away_has_no_size_below_zero():
 
 
 @pytest.mark.parametrize("hidden", [{"linear-drag": -0.1}, {"coulomb-friction": -0.3}])
-def test_throw_that_gains_energy_is_said_to_and_not_called_friction(hidden):
+def test_throw_that_gains_energy_gets_a_note_and_no_friction(hidden):
     found = diagnose(clip("projectile", THROW, hidden, 0.8, 2e-4), MODELS["projectile"])
     ((name, size),) = hidden.items()
-    assert not ONE_SIDED & {one.name for one in found.added}
+    assert not ONE_SIDED & {effect.name for effect in found.added}
     assert not ONE_SIDED & {one for names in found.indistinguishable.values() for one in names}
-    (note,) = [one for one in found.notes if "gain of energy" in one]
+    (note,) = [note.text for note in found.notes if note.kind == "rejected-sign"]
     assert name in note
-    assert float(note.partition(" of ")[2].split()[0]) == pytest.approx(size, rel=0.25)  # to first order
-    assert "it is not named" in diagnosis_sentence(found)
+    assert float(note.partition(" = ")[2].split()[0]) == pytest.approx(size, rel=0.25)  # to first order
 
 
 def test_swing_whose_drag_falls_with_speed_gets_no_drag_below_zero():
@@ -51,12 +49,12 @@ def test_swing_whose_drag_falls_with_speed_gets_no_drag_below_zero():
     assert all(found.sizes[one.parameters[0].name].value > 0 for one in found.added if one.name in ONE_SIDED)
 
 
-def test_damping_below_zero_is_called_a_gain_of_energy():
+def test_damping_below_zero_gets_a_note():
     found = diagnose(clip("pendulum", {**SWING, "damping": -0.1}, {}, 4.0, 2e-3), MODELS["pendulum"])
     assert found.added == ()
     (note,) = found.notes
-    assert note.startswith("damping is -0.1")
-    assert "a gain of energy" in note
+    assert note.kind == "negative-damping"
+    assert note.text.startswith("damping is -0.1")
 
 
 def test_tank_that_fills_from_below_gets_no_leak_below_zero():
@@ -69,17 +67,17 @@ def test_braking_effects_are_still_named_with_their_size_and_shown_before_and_af
     found = diagnose(measured, MODELS["projectile"])
     first = found.added[0].name
     assert "linear-drag" in (first, *found.indistinguishable[first])
-    assert not [one for one in found.notes if "not named" in one]
+    assert not [note for note in found.notes if note.kind == "rejected-sign"]
     page = write_diagnosis(found, measured, tmp_path).read_text(encoding="utf-8")
-    assert ">After, if nothing else is lacking<" in page
-    assert ">Before<" in page
+    assert ">Fit with the added effects, assuming no further missing effect<" in page
+    assert ">Fit without the added effects<" in page
 
 
 def test_page_of_a_diagnosis_that_adds_nothing_shows_one_fit_and_no_unit_of_one(tmp_path):
     measured = clip("projectile", THROW, {}, 0.8, 2e-4)
     page = write_diagnosis(diagnose(measured, MODELS["projectile"]), measured, tmp_path).read_text(encoding="utf-8")
-    assert "The fit" in page
-    assert ">Before<" not in page
+    assert ">Fit<" in page
+    assert "the added effects" not in page
     assert not re.search(r"\d 1</td>", page)
 
 

@@ -10,15 +10,14 @@ import numpy as np
 import pytest
 
 from iris_sysid import MODELS, diagnose, fit, run, write_report
-from iris_sysid.diagnosis.diagnose import Diagnosis
 from iris_sysid.errors import IrisError, OutputError
 from iris_sysid.io.csv_read import read_trajectory
 from iris_sysid.registry import EFFECTS
 from iris_sysid.report import clip_page, figures
 from iris_sysid.report.diagnosis_page import FILES, write_diagnosis
 from iris_sysid.report.overlay import draw_body, write_overlay
-from iris_sysid.report.page import Page, Picture, Section, estimates_section, html_of, png_of
-from iris_sysid.types import Estimate, Quantity, Segment, Track, Trajectory
+from iris_sysid.report.page import Page, PageImage, Section, estimates_section, html_of, png_of
+from iris_sysid.types import Diagnosis, Estimate, Quantity, Segment, Track, Trajectory
 from tests._drawn import DrawnClip, moving_disc
 from tests.conftest import listing
 
@@ -70,7 +69,7 @@ def pictures_in(html: str) -> list[bytes]:
 
 def test_page_escapes_every_text():
     section = Section(HOSTILE, ("#" + HOSTILE, HOSTILE), [(HOSTILE, HOSTILE)], [HOSTILE])
-    page = Page(HOSTILE, HOSTILE, HOSTILE, [Picture("a", b"png", HOSTILE)], [section], {HOSTILE: HOSTILE}, [HOSTILE])
+    page = Page(HOSTILE, HOSTILE, HOSTILE, [PageImage("a", b"png", HOSTILE)], [section], {HOSTILE: HOSTILE}, [HOSTILE])
     found = assert_safe_and_alone(html_of(page))
     assert found.text.count("<script>alert(1)</script>") >= 10
     assert "{{ 7 * 7 }}" in found.text
@@ -82,7 +81,7 @@ def test_page_says_what_it_was_given():
     page = Page("clip", "length = 1.7", "a bob", [], [estimates_section("Parameters", estimates, r"\ddot x = -g")], {})
     html = html_of(page)
     text = " ".join(Tags(html).text.split())
-    assert "Parameters quantity value ± standard error 95 % interval kind from" in text
+    assert "Parameters quantity value ± standard error 95 % interval kind source" in text
     assert "length 1.7034 ± 0.0042 m 1.6952 to 1.7117 fitted here" in text
     assert len(pictures_in(html)) == 1
 
@@ -98,7 +97,7 @@ def test_equation_of_every_effect_can_be_drawn(name):
 
 
 def a_page(text="clip"):
-    pictures = [Picture(name, png_of(figures.equation_figure("x = 1")), name) for name in ("one", "two")]
+    pictures = [PageImage(name, png_of(figures.equation_figure("x = 1")), name) for name in ("one", "two")]
     return Page(text, text, text, pictures, [], {})
 
 
@@ -145,11 +144,13 @@ def test_report_of_a_clip_is_complete(hostile_run, tmp_path):
     text = Tags(html).text
     for part in (
         "Parameters",
-        "Where the uncertainty comes from",
-        "What happens when",
-        "Measured on the way",
+        "Uncertainty budget",
+        "Calibration",
+        "Identifiability",
+        "Segments",
+        "Intermediate quantities",
         "Checks",
-        "Where this comes from",
+        "Origin",
         "length",
         "rope_length",
         "hand",
@@ -227,7 +228,8 @@ def test_diagnosis_page_is_safe_and_complete(diagnosed, tmp_path):
     assert set(listing(tmp_path)) == set(FILES)
     found = assert_safe_and_alone(page.read_text("utf-8"))
     assert HOSTILE in found.text
-    for part in ("Error before and after", "The fit", "Screen, round 1", "Ruled out", "quadratic-drag"):
+    headings = ("Error before and after", "Fit", "Score tests, round 1", "Upper limits on other effects")
+    for part in (*headings, "quadratic-drag"):
         assert part in found.text, part
 
 
@@ -292,7 +294,7 @@ def test_overlay_of_a_clip_that_breaks_off_leaves_nothing(tmp_path):
             yield from list(super().frames())[:2]
             raise IrisError("the file ends here")
 
-    clip = Broken(moving_disc(np.full((5, 2), 40.0), 4.0).pictures)
+    clip = Broken(moving_disc(np.full((5, 2), 40.0), 4.0).images)
     with pytest.raises(IrisError, match="ends here"):
         write_overlay(clip, [track_at(np.full((5, 2), 40.0))], tmp_path / "o.mp4")
     assert listing(tmp_path) == {}

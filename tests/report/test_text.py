@@ -7,8 +7,18 @@ import pytest
 
 from iris_sysid import MODELS, Estimate, fit
 from iris_sysid.registry import EFFECTS
-from iris_sysid.report import text as wording
-from iris_sysid.types import Quantity, Segment, Trajectory
+from iris_sysid.report.text import (
+    changed_parameters,
+    diagnosis_sentence,
+    diagnosis_text,
+    fit_headline,
+    fit_table,
+    interval_text,
+    rounded_to_error,
+    samples_text,
+    with_error,
+)
+from iris_sysid.types import DiagnosticNote, Quantity, Segment, Trajectory
 from tests._motions import pendulum_angle
 
 NAN = float("nan")
@@ -37,14 +47,14 @@ INF = float("inf")
     ],
 )
 def test_value_is_rounded_to_the_second_digit_of_its_error(value, stderr, expected):
-    assert wording.rounded(value, stderr) == expected
+    assert rounded_to_error(value, stderr) == expected
 
 
 def test_rounding_loses_less_than_a_twentieth_of_the_error():
     rng = np.random.default_rng(5)
     values = rng.choice([-1, 1], 500) * 10 ** rng.uniform(-12, 12, 500)
     for value, stderr in zip(values, 10 ** rng.uniform(-12, 12, 500), strict=True):
-        shown, error = wording.rounded(value, stderr)
+        shown, error = rounded_to_error(value, stderr)
         assert abs(float(shown) - value) <= 0.0501 * stderr + 1e-15 * abs(value)
         assert float(error) == pytest.approx(stderr, rel=0.05)
 
@@ -63,7 +73,7 @@ def test_rounding_loses_less_than_a_twentieth_of_the_error():
     ],
 )
 def test_estimate_is_spelled_with_error_and_unit(estimate, expected):
-    assert wording.with_error(estimate) == expected
+    assert with_error(estimate) == expected
 
 
 @pytest.mark.parametrize(
@@ -76,13 +86,13 @@ def test_estimate_is_spelled_with_error_and_unit(estimate, expected):
     ],
 )
 def test_interval_is_spelled_where_there_is_one(estimate, expected):
-    assert wording.interval(estimate) == expected
+    assert interval_text(estimate) == expected
 
 
 def test_segment_is_spelled_with_its_samples_and_times():
     t_s = np.arange(5) / 10
     trajectory = Trajectory(t_s, (Quantity("z", "m"),), np.zeros((5, 1)), np.zeros((5, 1)), np.ones(5, bool))
-    assert wording.frames_text(Segment("hand", 0, 3, ""), trajectory) == "0-2 (0.000-0.200 s)"
+    assert samples_text(Segment("hand", 0, 3, ""), trajectory) == "0-2 (0.000-0.200 s)"
 
 
 def angles_trajectory(n=200):
@@ -103,7 +113,7 @@ def failed_fit():
 
 
 def test_headline_of_a_good_fit_names_results_but_no_initial_state(good_fit):
-    text = wording.headline(good_fit)
+    text = fit_headline(good_fit)
     assert text.startswith("length = ")
     assert "damping = " in text
     assert "theta_0" not in text
@@ -111,18 +121,18 @@ def test_headline_of_a_good_fit_names_results_but_no_initial_state(good_fit):
 
 
 def test_headline_of_a_failed_fit_says_why(failed_fit):
-    assert wording.headline(failed_fit).startswith("too-short: ")
+    assert fit_headline(failed_fit).startswith("too-short: ")
 
 
 def test_table_of_a_good_fit_is_aligned_and_ends_with_the_residual(good_fit):
-    *rows, last = wording.estimates_text(good_fit).splitlines()
+    *rows, last = fit_table(good_fit).splitlines()
     assert len({row.index(row.split()[1]) for row in rows}) == 1
     assert last.startswith("theta: residual 0.00")
     assert "times the noise of" in last
 
 
 def test_table_of_a_failed_fit_shows_no_nan(failed_fit):
-    text = wording.estimates_text(failed_fit)
+    text = fit_table(failed_fit)
     assert "nan" not in text
     assert "undetermined" in text
     assert text.endswith("theta: residual not known")
@@ -149,6 +159,8 @@ def a_diagnosis(
         noise_floor=0.001,
         proposed=(),
         notes=notes,
+        residual_ratio=after[0] / 0.001,
+        incomplete=after[0] > 0.002,
         added=(drag,) if added else (),
         sizes=size,
         indistinguishable={"quadratic-drag": ("cubic-stiffness",)} if added else {},
@@ -158,68 +170,74 @@ def a_diagnosis(
     )
 
 
-def test_sentence_names_the_effect_its_doubles_the_errors_and_what_moved():
-    assert wording.diagnosis_sentence(a_diagnosis()) == (
-        "Adding quadratic drag (0.1200 ± 0.0010 1/rad, or as well cubic stiffness) takes the held-out error from "
-        "1.15° to 0.344°; the noise floor is 0.0573°. Length moves from 1.000 to 1.100 m. "
-        "More is lacking: what is left is 5 times the noise."
+def test_sentence_names_the_effect_the_errors_its_alternatives_and_what_remains():
+    assert diagnosis_sentence(a_diagnosis()) == (
+        "Adding quadratic drag (0.1200 ± 0.0010 1/rad) reduces the held-out error from 1.15° to 0.344°. "
+        "Quadratic drag is indistinguishable from cubic stiffness. "
+        "The model is still incomplete: the residual is 5 times the noise."
     )
 
 
-def test_sentence_gives_both_errors_where_what_else_may_be_there_makes_the_size_much_less_sure():
-    assert "quadratic drag (0.120 ± 0.010 1/rad, ± 0.0010 if nothing else is lacking, or as well" in (
-        wording.diagnosis_sentence(a_diagnosis(stderr=0.01))
+def test_sentence_of_a_complete_model_compares_the_residual_with_the_noise():
+    assert diagnosis_sentence(a_diagnosis(after=(0.00104, 0.0011))).endswith(
+        " The remaining residual is 1 times the noise."
     )
-    assert "if nothing else" not in wording.diagnosis_sentence(a_diagnosis(stderr=0.0012))
 
 
-def test_sentence_counts_what_is_too_much_to_name():
-    found = a_diagnosis()
-    found.indistinguishable["quadratic-drag"] = tuple("abcdefg")
-    assert "or as well a or b or c or d or e or 2 more)" in wording.diagnosis_sentence(found)
+def test_sentence_gives_both_errors_where_other_missing_effects_make_the_size_much_less_certain():
+    assert "quadratic drag (0.120 ± 0.010 1/rad, ± 0.0010 assuming no further missing effect) reduces" in (
+        diagnosis_sentence(a_diagnosis(stderr=0.01))
+    )
+    assert "assuming" not in diagnosis_sentence(a_diagnosis(stderr=0.0012))
 
 
-def test_sentence_when_nothing_is_lacking():
+def test_sentence_counts_the_alternatives_that_are_too_many_to_name():
+    diagnosis = a_diagnosis()
+    diagnosis.indistinguishable["quadratic-drag"] = tuple("abcdefg")
+    assert "indistinguishable from a or b or c or d or e or 2 more." in diagnosis_sentence(diagnosis)
+
+
+def test_sentence_when_no_effect_is_missing():
     at_the_noise = (0.001, 0.0011)
-    assert wording.diagnosis_sentence(a_diagnosis("m", at_the_noise, at_the_noise, added=False)) == (
-        "Nothing to add: the held-out error is 0.0011 m, the noise floor 0.001 m."
+    assert diagnosis_sentence(a_diagnosis("m", at_the_noise, at_the_noise, added=False)) == (
+        "No effect in the library is significant. The held-out error is 0.0011 m, the noise 0.001 m."
     )
 
 
-def test_sentence_when_something_is_lacking_that_no_effect_is_shown_to_be():
+def test_sentence_when_the_model_is_incomplete_but_no_effect_is_significant():
     unexplained = (0.01, 0.02)
-    assert wording.diagnosis_sentence(a_diagnosis("m", unexplained, unexplained, added=False)) == (
-        "Something is lacking, but no effect here is shown to be it: the held-out error is 0.02 m, "
-        "the noise floor 0.001 m."
+    assert diagnosis_sentence(a_diagnosis("m", unexplained, unexplained, added=False)) == (
+        "The model is incomplete; no effect in the library is significant. "
+        "The held-out error is 0.02 m, the noise 0.001 m."
     )
 
 
-def test_sentence_ends_with_what_could_not_be_asked():
-    text = wording.diagnosis_sentence(a_diagnosis("m", added=False, notes=("the refit with impact is diverged: why",)))
-    assert text.endswith(" Note: the refit with impact is diverged: why.")
-
-
-def test_sentence_leaves_out_offsets_of_the_geometry():
-    assert "Pivot" not in wording.diagnosis_sentence(a_diagnosis(name="pivot_across", base_unit="1"))
+@pytest.mark.parametrize("added", [True, False])
+def test_sentence_is_at_most_three_and_notes_are_lines_of_their_own(added):
+    diagnosis = a_diagnosis("m", added=added, notes=(DiagnosticNote("refit-failed", "the refit failed"),) * 2)
+    assert diagnosis_sentence(diagnosis).count(". ") + 1 <= 3
+    assert diagnosis_text(diagnosis).splitlines() == [
+        diagnosis_sentence(diagnosis),
+        *["Note: The refit failed."] * 2,
+    ]
 
 
 @pytest.mark.parametrize(("before", "after"), [((0.01, NAN), (0.005, NAN)), ((0.01, 0.02), (0.005, NAN))])
-def test_sentence_without_held_out_error_speaks_of_the_residual(before, after):
-    text = wording.diagnosis_sentence(a_diagnosis("m", before, after))
-    assert "takes the residual from 0.01 m to 0.005 m" in text
+def test_sentence_without_held_out_error_gives_the_residual(before, after):
+    text = diagnosis_sentence(a_diagnosis("m", before, after))
+    assert "reduces the residual from 0.01 m to 0.005 m" in text
     assert "nan" not in text
 
 
 def test_sentence_keeps_digits_of_numbers_without_unit():
-    text = wording.diagnosis_sentence(a_diagnosis("1", (0.3, 11.0), (0.1, 0.1)))
-    assert "from 11 to 0.1; the noise floor is 0.001." in text
+    assert "from 11 to 0.1." in diagnosis_sentence(a_diagnosis("1", (0.3, 11.0), (0.1, 0.1)))
 
 
-def test_sentence_keeps_capitals_of_units():
-    assert " Gain moves from 1.000 to 1.100 V." in wording.diagnosis_sentence(
-        a_diagnosis("V", name="gain", base_unit="V")
-    )
+def test_parameters_that_change_are_listed_before_and_after():
+    ((name, before, after),) = changed_parameters(a_diagnosis())
+    assert (name, before.value, after.value) == ("length", 1.0, 1.1)
 
 
-def test_sentence_leaves_out_initial_states_that_moved():
-    assert "moves" not in wording.diagnosis_sentence(a_diagnosis(name="theta_0"))
+@pytest.mark.parametrize("name", ["pivot_across", "theta_0"])
+def test_offsets_of_the_geometry_and_initial_states_are_not_listed_as_changed(name):
+    assert changed_parameters(a_diagnosis(name=name, base_unit="1")) == []

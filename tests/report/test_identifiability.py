@@ -1,10 +1,10 @@
-"""The part of the report that says what the data determine."""
+"""The section of the report on identifiability."""
 
 import numpy as np
 
 from fitters.ode import fit, simulate
 from iris_sysid.registry import MODELS
-from iris_sysid.report.determined import correlations, determined_sections
+from iris_sysid.report.identifiability import correlations, identifiability_sections
 from iris_sysid.types import Quantity, Trajectory
 
 
@@ -15,34 +15,34 @@ def swing(seconds):
     return Trajectory(t_s, (Quantity("theta", "rad"),), theta, np.full_like(theta, 1e-3), np.ones(t_s.size, bool))
 
 
-def test_values_known_well_have_no_strong_correlation_and_a_step_that_the_noise_explains():
+def test_values_known_well_have_no_strong_correlation_and_a_one_step_residual():
     result = fit(swing(10.0), MODELS["pendulum"])
-    (section,) = determined_sections(result)
+    (section,) = identifiability_sections(result)
     assert correlations(result) == []
     assert section.rows == []
     assert "are told apart least" in " ".join(section.lines)
-    misses = next(line for line in section.lines if "misses theta by" in line)
-    assert "rad²" in misses
+    one_step = next(line for line in section.lines if line.startswith("One-step residual of the equation in theta"))
+    assert "rad²" in one_step
 
 
 def test_gravity_and_length_of_a_swing_are_named_as_undetermined():
     result = fit(swing(10.0), MODELS["pendulum"], free=["gravity"])
-    (section,) = determined_sections(result)
+    (section,) = identifiability_sections(result)
     said = [line for line in section.lines if line.startswith("Not determined: ")]
     assert len(said) == 1
     assert "length" in said[0]
     assert "gravity" in said[0]
 
 
-def test_values_that_hang_together_are_listed_with_their_correlation():
+def test_values_that_correlate_are_listed_with_their_correlation():
     result = fit(swing(0.35), MODELS["pendulum"])
-    (section,) = determined_sections(result)
+    (section,) = identifiability_sections(result)
     strongest = correlations(result)[0]
     assert abs(strongest[0]) > 0.9
     assert section.rows[0] == (strongest[1], strongest[2], f"{strongest[0]:+.3f}")
 
 
-def test_fit_that_failed_has_no_such_part():
+def test_fit_that_failed_has_no_such_section():
     result = fit(swing(0.05), MODELS["pendulum"])
     assert not result.usable
-    assert determined_sections(result) == []
+    assert identifiability_sections(result) == []

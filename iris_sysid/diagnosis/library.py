@@ -1,0 +1,42 @@
+"""The effects that a model may lack, with the sign that each may have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, sizes_of
+from iris_sysid.diagnosis.screening import Candidate
+from iris_sysid.types import Effect
+
+
+def two_sided(effect: Effect) -> Effect:
+    """The effect with a size that may be fitted below zero too, so that sizes near zero have no bias."""
+    size, *rest = effect.parameters
+    return replace(effect, parameters=(replace(size, lower=-np.inf), *rest)) if size.lower == 0.0 else effect
+
+
+class EffectLibrary:
+    """The effects to search, by name, with two-sided sizes; an effect that only dissipates is allowed one sign only.
+
+    Parameters
+    ----------
+    effects
+        Those that apply to the model, as they are registered.
+    """
+
+    def __init__(self, effects: Sequence[Effect]) -> None:
+        self.by_name = {effect.name: two_sided(effect) for effect in effects}
+        self._one_sided = frozenset(effect.name for effect in effects if effect.parameters[0].lower == 0.0)
+
+    def allows(self, candidate: Candidate) -> bool:
+        """Whether the first-order sizes of a candidate have a sign that its effects may have, in every clip."""
+        names = self._one_sided & set(candidate.names)
+        return all(start[name][0] >= 0.0 for start in candidate.starts for name in names)
+
+    def allows_fit(self, model: ModelWithEffects) -> bool:
+        """Whether the fitted sizes, over all clips, have a sign that the effects may have."""
+        sizes = [effect.parameters[0].name for effect in model.effects if effect.name in self._one_sided]
+        return all(pooled(sizes_of(model.fits, name)).value >= 0.0 for name in sizes)

@@ -1,0 +1,114 @@
+"""Score tests of all clips together, and the effects and pairs of effects that they suggest to refit with."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from math import prod
+
+from scipy.stats import chi2
+
+from fitters.ode import FitRequest
+from iris_sysid.diagnosis.refit import ModelWithEffects, Starts
+from iris_sysid.diagnosis.score_test import PARALLEL, Pair, Screen, combined, critical_value, screen
+from iris_sysid.types import Effect, Score
+
+SINGLE_LEVEL = 0.04  # chance of adding a single effect to a model that lacks nothing
+PAIR_LEVEL = 0.01  # and of adding two at once
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Candidate:
+    """Effects that may be added at once, ``names``, from ``starts``, one a clip.
+
+    ``chi2`` is what they would take off the chi-square of white noise, to first order; ``needed`` what is significant.
+    """
+
+    names: tuple[str, ...]
+    starts: tuple[Starts, ...]
+    chi2: float
+    needed: float
+
+    @property
+    def ratio(self) -> float:
+        """1 where the first order is just significant for white noise."""
+        return self.chi2 / self.needed
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Screening:
+    """The score tests of all clips, of every effect that a model does not have yet, of a ``library`` of so many.
+
+    ``scores`` holds one a clip for each effect, best effect first.
+    """
+
+    screens: tuple[Screen, ...]
+    scores: tuple[tuple[Score, ...], ...]
+    library: int
+
+    @classmethod
+    def of(cls, library: Collection[Effect], current: ModelWithEffects, clips: Sequence[FitRequest]) -> Screening:
+        """Test every effect of the library that the model does not have against its residuals."""
+        effects = [effect for effect in library if effect.name not in current.names]
+        screens = tuple(
+            screen(effects, fitted, clip.trajectory) for fitted, clip in zip(current.fits, clips, strict=True)
+        )
+        scores = [tuple(clip.scores[effect.name] for clip in screens) for effect in effects]
+        scores.sort(key=lambda by_clip: -combined(by_clip).gain)
+        return cls(screens, tuple(scores), len(library))
+
+    @property
+    def names(self) -> list[str]:
+        """The effects, best first."""
+        return [first.effect for first, *_ in self.scores]
+
+    @property
+    def visible(self) -> frozenset[str]:
+        """The effects that the fitted parameters cannot imitate, in every clip."""
+        return frozenset.intersection(*(clip.visible for clip in self.screens))
+
+    def score(self, name: str) -> Score:
+        """The score of one effect in all clips."""
+        return combined(self.scores_of(name))
+
+    def scores_of(self, name: str) -> tuple[Score, ...]:
+        """The scores of one effect, one a clip."""
+        return next(by_clip for by_clip in self.scores if by_clip[0].effect == name)
+
+    def single(self, name: str) -> Candidate:
+        """One effect, starting from its size in all clips and the shape that explains most in each."""
+        scores = self.scores_of(name)
+        joint = combined(scores)
+        starts = tuple({name: (joint.size, score.shape)} for score in scores)
+        return Candidate((name,), starts, joint.chi2, self.needed(name))
+
+    def needed(self, name: str) -> float:
+        """The chi-square from which one effect is significant."""
+        scores = self.scores_of(name)
+        return critical_value(SINGLE_LEVEL / self.library, scores[0].tried ** len(scores)) ** 2
+
+    def pairs(self, names: frozenset[str]) -> list[Candidate]:
+        """All pairs of these effects, best first."""
+        if not names:
+            return []
+        by_clip = [clip.pairs(names) for clip in self.screens]
+        common = set.intersection(*(set(pairs) for pairs in by_clip))
+        candidates = [self._pair(pair, [pairs[pair] for pairs in by_clip], len(by_clip[0])) for pair in common]
+        return sorted(candidates, key=lambda candidate: (-candidate.ratio, candidate.names))
+
+    def _pair(self, names: tuple[str, str], clips: Sequence[Pair], pairs: int) -> Candidate:
+        """Two effects at once, of so many ``pairs`` that are tried."""
+        degrees, total = sum(score.degrees for score in self.scores[0]), sum(score.total for score in self.scores[0])
+        gain = min(sum(clip.gain for clip in clips) / total, 1.0 - 1e-12)
+        tries = prod(self.scores_of(name)[0].tried for name in names) ** len(clips) * pairs
+        starts = tuple(dict(zip(names, zip(clip.sizes, clip.shapes, strict=True), strict=True)) for clip in clips)
+        return Candidate(names, starts, degrees * gain / (1.0 - gain), float(chi2.isf(PAIR_LEVEL / tries, 2)))
+
+    def explaining(self, least: float) -> list[str]:
+        """Effects that take more than ``least`` off the chi-square, to first order."""
+        return [name for name in self.names if self.score(name).chi2 > least]
+
+    def parallel(self, name: str) -> list[str]:
+        """Effects whose sensitivity is parallel to that of the one named, in every clip."""
+        others = [other for other in self.names if other != name]
+        return [other for other in others if all(abs(clip.cosine(name, other)) > PARALLEL for clip in self.screens)]

@@ -1,0 +1,91 @@
+"""What a finished search can say: indistinguishable effects, model-averaged sizes, limits, rejected effects."""
+
+from __future__ import annotations
+
+from scipy.stats import norm
+
+from iris_sysid.diagnosis.fit_cache import FitCache
+from iris_sysid.diagnosis.model_averaging import (
+    CompetingEffect,
+    averaged_over_alternatives,
+    averaged_over_competitors,
+    competing_effect,
+)
+from iris_sysid.diagnosis.notes import rejected_effect_note
+from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, sizes_of
+from iris_sysid.types import DiagnosticNote, Effect, Estimate, Limit, Score
+
+
+class SearchReport:
+    """The report on a search that ended.
+
+    Parameters
+    ----------
+    cache
+        What the search fitted.
+    final
+        Where it ended.
+    """
+
+    def __init__(self, cache: FitCache, final: ModelWithEffects) -> None:
+        self._cache, self._final = cache, final
+        self._screening = cache.screening(final)
+
+    def indistinguishable(self, effect: Effect) -> tuple[str, ...]:
+        """Effects that explain the data as well as one of those added, beside all the others.
+
+        When refitted in its place, by a parallel sensitivity, or by what they take off the chi-square to first order.
+        """
+        cache, final = self._cache, self._final
+        rest = cache.without(final, effect)
+        rivals, screening = cache.equally_good(final, effect), cache.screening(rest)
+        enough = max(screening.single(effect.name).chi2, rest.cost - final.cost) - final.margin
+        similar = [*screening.parallel(effect.name), *screening.explaining(enough)]
+        allowed = [name for name in similar if cache.library.allows(screening.single(name))]
+        names = dict.fromkeys([*(rival.effects[-1].name for rival in rivals), *allowed])
+        return tuple(name for name in names if name not in final.names)
+
+    def size(self, name: str) -> Estimate:
+        """A size over all clips; its error allows for alternatives to the effects added, and for one more effect."""
+        final = self._final
+        rivals = [rival for effect in final.effects for rival in self._cache.equally_good(final, effect)]
+        alternatives = [
+            (pooled(sizes_of(rival.fits, name)), rival.cost - final.cost) for rival in rivals if name in rival.sizes
+        ]
+        size = averaged_over_alternatives(pooled(sizes_of(final.fits, name)), alternatives)
+        return averaged_over_competitors(size, self._competing(name))
+
+    def _competing(self, name: str) -> list[CompetingEffect]:
+        """What each effect that was not added, with a sign that it may have, would do to a size.
+
+        Those parallel to the effect of that size do not compete: they are named as indistinguishable from it.
+        """
+        own = next(
+            effect for effect in self._final.effects if name in [parameter.name for parameter in effect.parameters]
+        )
+        parallel = self._cache.screening(self._cache.without(self._final, own)).parallel(own.name)
+        allowed = [other for other in self._screening.names if other not in parallel and self._allows(other)]
+        competing = [
+            competing_effect(self._screening.scores_of(other), name, self._final.independent) for other in allowed
+        ]
+        return [effect for effect in competing if effect is not None]
+
+    def limit(self, score: Score) -> Limit:
+        """The upper limit on the size of an effect that was not added, one-sided, at 95 % confidence."""
+        upper = abs(score.size) + float(norm.isf(0.05)) * score.stderr
+        size = self._cache.library.by_name[score.effect].parameters[0].name
+        return Limit(score.effect, size, max(upper, score.resolvable_size), score.unit)
+
+    def rejected(self) -> tuple[DiagnosticNote, ...]:
+        """Effects that would explain the residual, but with a sign or a size that they may not have."""
+        names = [name for name in self._screening.names if self._screening.single(name).ratio > 1.0]
+        wrong_sign = [self._screening.score(name) for name in names if not self._allows(name)]
+        allowed = [self._screening.score(name) for name in names if self._allows(name)]
+        too_small = [score for score in allowed if abs(score.size) < score.resolvable_size]
+        return (
+            *rejected_effect_note(wrong_sign, "rejected-sign"),
+            *rejected_effect_note(too_small, "rejected-size"),
+        )
+
+    def _allows(self, name: str) -> bool:
+        return self._cache.library.allows(self._screening.single(name))

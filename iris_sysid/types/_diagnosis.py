@@ -1,0 +1,139 @@
+"""What a diagnosis gives: the effects that a model lacks, the error before and after, and limits on all others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from iris_sysid.types._discovery import DiscoveredTerm
+from iris_sysid.types._model import Effect
+from iris_sysid.types._numbers import Estimate
+from iris_sysid.types._result import FitResult
+
+UNEXPLAINED = 2.0  # residual over noise from which the model is incomplete: no error of the noise estimate is as large
+
+NoteKind = Literal[
+    "base-fit", "noise", "no-effect", "refit-failed", "rejected-sign", "rejected-size", "negative-damping"
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """One effect in one round of score tests, from its sensitivity alone: nothing is refitted.
+
+    ``size`` and ``stderr`` are its first-order estimate in ``unit``; ``gain`` is the fraction of the residual's
+    sum of squares ``total``, in units of the noise, that it would explain; ``chi2`` is what that would take off
+    the chi-square of white noise, with ``degrees`` degrees of freedom. ``size`` and ``stderr`` are NaN when the data
+    cannot show the effect. ``shape`` holds the best values of its other parameters, of ``tried`` sets of them.
+    Below ``resolvable_size`` the effect changes the trajectory by less than its stated errors. ``shifts`` say by
+    how much each fitted value changes when the effect is added, per unit of its size.
+    """
+
+    effect: str
+    size: float
+    stderr: float
+    unit: str
+    gain: float
+    total: float
+    chi2: float
+    degrees: int = 1
+    shape: tuple[float, ...] = ()
+    tried: int = 1
+    resolvable_size: float = 0.0
+    shifts: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def z(self) -> float:
+        """Size in standard errors; NaN where there is none."""
+        return self.size / self.stderr if self.stderr > 0 else float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """The largest size of an effect that the data allow, at 95 % confidence; NaN where they say nothing.
+
+    Never below the size that the stated errors of the track can hide.
+    """
+
+    effect: str
+    parameter: str
+    upper_95: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Root mean square of the residual, in the observed unit: over the samples fitted, and over those held out.
+
+    Held out is the end of each clip, after a fit to its beginning; of several clips, also the size of every effect
+    added, which then comes from the other clips. ``weighed`` is the held-out error in units of each sample's noise.
+    NaN where nothing could be held out.
+    """
+
+    fitted: float
+    heldout: float
+    weighed: float
+
+
+@dataclass(frozen=True, slots=True)
+class DiagnosticNote:
+    """Something to know beside the result: ``kind`` says what for, ``text`` says it in words.
+
+    ``base-fit``: the fit without effects is doubtful. ``noise``: the noise hides the motion. ``no-effect``: no effect
+    of the library applies, or the fitted parameters imitate all of them. ``refit-failed``: an effect could not be
+    fitted. ``rejected-sign``: the residual fits an effect whose size would add energy, or water. ``rejected-size``: it
+    fits an effect that changes the trajectory by less than its stated errors. ``negative-damping``: a damping of the
+    model is below zero.
+    """
+
+    kind: NoteKind
+    text: str
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Diagnosis:
+    """What a model lacks, if anything.
+
+    ``bases`` and ``finals`` are fits to the same samples, one a clip, without and with the effects; ``added`` are
+    the effects in the order in which they were found; ``sizes`` by parameter name their model-averaged size over all
+    clips. ``rounds`` hold the score tests of each round, best first. ``indistinguishable`` names, for each effect
+    added, those that explain the data as well. ``ruled_out`` has a limit for every other effect. ``before`` and
+    ``after`` are the errors without and with the effects, ``noise_floor`` the noise of the measurement, all in
+    ``unit``. ``proposed`` are terms without a named effect, where the residual is above that noise. ``notes`` say
+    what could not be tested, or was rejected, and why.
+    """
+
+    bases: tuple[FitResult, ...]
+    finals: tuple[FitResult, ...]
+    added: tuple[Effect, ...]
+    sizes: Mapping[str, Estimate]
+    rounds: tuple[tuple[Score, ...], ...]
+    indistinguishable: Mapping[str, tuple[str, ...]]
+    ruled_out: tuple[Limit, ...]
+    before: Errors
+    after: Errors
+    noise_floor: float
+    unit: str
+    proposed: tuple[DiscoveredTerm, ...] = ()
+    notes: tuple[DiagnosticNote, ...] = ()
+
+    @property
+    def base(self) -> FitResult:
+        """The first clip's fit without the effects."""
+        return self.bases[0]
+
+    @property
+    def final(self) -> FitResult:
+        """The first clip's fit with the effects."""
+        return self.finals[0]
+
+    @property
+    def residual_ratio(self) -> float:
+        """The residual that remains, over the noise of the measurement; 1 where that is zero."""
+        return self.after.fitted / self.noise_floor if self.noise_floor > 0 else 1.0
+
+    @property
+    def incomplete(self) -> bool:
+        """Whether the residual that remains is far above the noise."""
+        return self.residual_ratio > UNEXPLAINED
