@@ -16,11 +16,11 @@ def row(name: str, rho: float, seeds: int) -> str:
         errors, stderrs, hits, bound = repeated(name, rho, range(seeds))
     except (AssertionError, IrisError) as error:
         return f"| {name} | {rho:g} | failed: {str(error)[:80]} | | | |"
-    share = 100 * hits.mean()
-    each = 100 * hits.mean(axis=0)
+    covered, shares = 100 * hits.mean(), 100 * hits.mean(axis=0)
+    lowest, highest = shares.min(), shares.max()
     pull = errors.std(axis=0) / stderrs.mean(axis=0)
     efficiency = f"{(errors.std(axis=0) / bound).max():.3f}" if rho == 0 else "-"
-    return f"| {name} | {rho:g} | {share:.1f} | {each.min():.1f}-{each.max():.1f} | {pull.mean():.3f} | {efficiency} |"
+    return f"| {name} | {rho:g} | {covered:.1f} | {lowest:.1f}-{highest:.1f} | {pull.mean():.3f} | {efficiency} |"
 
 
 def main() -> None:

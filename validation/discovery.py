@@ -230,8 +230,8 @@ def ensemble() -> pysindy.EnsembleOptimizer:
 
 METHODS: dict[str, Callable[[Trajectory], set[str]]] = {
     "defaults": defaults,
-    "defaults, our library": lambda one: with_our_library(one, pysindy.STLSQ),
-    "ensemble, our library": lambda one: with_our_library(one, ensemble),
+    "defaults, our library": lambda motion: with_our_library(motion, pysindy.STLSQ),
+    "ensemble, our library": lambda motion: with_our_library(motion, ensemble),
 }
 
 
@@ -278,7 +278,7 @@ def print_structure(motions: Sequence[Motion], seeds: int, others_seeds: int) ->
             np.random.seed(seed)  # noqa: NPY002 - EnsembleOptimizer knows no other
             for name, method in METHODS.items() if seed < others_seeds else ():
                 others[name] += quietly(method, trajectory) == set(motion.terms)
-        known = np.array([one for one in errors if np.isfinite(one)])
+        known = np.array([error for error in errors if np.isfinite(error)])
         row = [motion.model, trajectory.n, f"{exact}/{seeds}", f"{matched}/{seeds}",
                f"{np.sum(known < 0.01)}/{seeds}", f"{100 * np.median(known):.3f} %" if known.size else "-",
                f"{np.median(spent):.2f}", *(f"{n}/{min(seeds, others_seeds)}" for n in others.values())]  # fmt: skip
@@ -411,13 +411,15 @@ def main() -> None:
     parser.add_argument("--picture", type=Path, help="PNG file for the degradation curves")
     asked = parser.parse_args()
     parts = asked.part or ["structure", "degradation", "real", "speed"]
-    motions = [one for one in MOTIONS if not asked.model or one.model in asked.model]
+    motions = [motion for motion in MOTIONS if not asked.model or motion.model in asked.model]
     with threadpool_limits(limits=1):
         if "structure" in parts:
             print_structure(motions, asked.seeds, asked.others_seeds)
         if "degradation" in parts:
             wanted = asked.model or ("pendulum", "linear-oscillator")
-            print_degradation([one for one in motions if one.model in wanted], asked.curve_seeds, asked.picture)
+            print_degradation(
+                [motion for motion in motions if motion.model in wanted], asked.curve_seeds, asked.picture
+            )
         if "real" in parts:
             print_real(list(RECORDINGS))
         if "speed" in parts:

@@ -57,12 +57,15 @@ class Row:
 def truth_of(path: Path) -> dict[str, Estimate]:
     """What was put into a clip, by our names, in the units of parameters.json."""
     told = json.loads(path.with_suffix(".truth.json").read_text(encoding="utf-8"))["parameters"]
-    return {name: in_published_unit(Estimate(one["value"], 0.0, one["unit"]))[0] for name, one in told.items()}
+    return {
+        name: in_published_unit(Estimate(parameters["value"], 0.0, parameters["unit"]))[0]
+        for name, parameters in told.items()
+    }
 
 
 def by_calipers(dataset: Path) -> MeasuredDocument:
     """The radius of the falling balls, as calipers give it."""
-    first = {(one.class_name, one.setting): one for one in reversed(list_clips(dataset).clips)}
+    first = {(clip.class_name, clip.setting): clip for clip in reversed(list_clips(dataset).clips)}
     values = [
         {
             "class": name,
@@ -79,32 +82,34 @@ def by_calipers(dataset: Path) -> MeasuredDocument:
 
 def clip_rows(clips: Sequence[ClipMeasurement], status: str) -> Iterator[Row]:
     """Every fitted value of every clip whose fit has that status, where there is a truth."""
-    for one in clips:
-        truth = truth_of(one.clip.path)
-        for ours in benchmark_classes()[one.clip.class_name][1].parameters:
-            if one.document.status != status or ours not in truth or ours not in one.document.parameters:
+    for measurement in clips:
+        clip, document, truth = measurement.clip, measurement.document, truth_of(measurement.clip.path)
+        if document.status != status:
+            continue
+        for name in benchmark_classes()[clip.class_name][1].parameters:
+            if name not in truth or name not in document.parameters:
                 continue
-            found = in_published_unit(one.document.parameters[ours].estimate())[0]
-            if found.measurement_type == "assumed" or not math.isfinite(found.stderr):
+            estimate = in_published_unit(document.parameters[name].estimate())[0]
+            if estimate.measurement_type == "assumed" or not math.isfinite(estimate.stderr):
                 continue
-            place = (one.clip.class_name, one.clip.setting, one.clip.clip)
-            yield Row(*place, ours, found.value, found.stderr, found.interval, truth[ours].value)
+            place = (clip.class_name, clip.setting, clip.clip)
+            yield Row(*place, name, estimate.value, estimate.stderr, estimate.interval, truth[name].value)
 
 
 def pooled_rows(document: ParametersDocument, clips: Sequence[ClipMeasurement]) -> Iterator[Row]:
     """Every regenerated value of every setting, against the mean truth of its clips."""
-    settings = dict.fromkeys((one.clip.class_name, one.clip.setting) for one in clips)
+    settings = dict.fromkeys((clip.clip.class_name, clip.clip.setting) for clip in clips)
     for name, setting in settings:
         for entry in document.classes[name.lower()][setting.lower()].values():
             found = entry.regenerated
             if found is None or found.n == 0 or found.value is None:
                 continue
-            used = [one for one in clips if (one.clip.class_name, one.clip.setting) == (name, setting)]
-            used = [one for one in used if found.clips[one.clip.clip].used]
-            truths = [truth_of(one.clip.path).get(found.parameter) for one in used]
+            used = [clip for clip in clips if (clip.clip.class_name, clip.clip.setting) == (name, setting)]
+            used = [clip for clip in used if found.clips[clip.clip.clip].used]
+            truths = [truth_of(clip.clip.path).get(found.parameter) for clip in used]
             if None in truths:
                 continue
-            mean = float(np.mean([one.value for one in truths if one is not None]))
+            mean = float(np.mean([truth.value for truth in truths if truth is not None]))
             interval = (number(found.interval[0]), number(found.interval[1]))
             stderr = number(found.standard_uncertainty)
             yield Row(name, setting, "", found.parameter, found.value, stderr, interval, mean)
@@ -139,7 +144,7 @@ def report_time(found: Measurements, seconds: float, pixels: int) -> None:
     if not found.now:
         print("\nno clip was measured now: no time to tell")
         return
-    frames = np.mean([one.document.frames for one in found.clips if one.document.frames])
+    frames = np.mean([clip.document.frames for clip in found.clips if clip.document.frames])
     per_clip = seconds / found.now
     least = per_clip / float(frames) * FULL_FRAMES / 3600
     most = least * FULL_PIXELS / pixels
@@ -166,7 +171,7 @@ def main() -> None:
     document = parameters_document(found, by_hand)
     if options.output is not None:
         write_document(document, options.output, overwrite=True)
-    failed = [one.clip.place for one in found.clips if one.document.status == "failed"]
+    failed = [clip.clip.place for clip in found.clips if clip.document.status == "failed"]
     print(f"{len(found.clips)} clips, {len(failed)} failed")
     report("Each clip that its equation fits", list(clip_rows(found.clips, "ok")))
     report("Each clip with a residual above the noise", list(clip_rows(found.clips, "misfit")))

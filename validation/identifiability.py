@@ -42,7 +42,9 @@ ROWS = (
     Row("sliding-cone", "cone_60", "incline", "s_m", 5e-5, "G 3.1e-2 1.4e-4 2.0e-6, R 0.02e-3"),
     Row("dropping-ball", "drop_100", "free-fall", "height_m", 5e-5, "G 1.5e-2 4.7e-3 3.8e-4, R 1.92e-3"),
     Row("two-moving-pendulums", "pendulum_45", COUPLED, "theta_rad", 1e-4, "G 3.8e-2 2.1e-2 7.4e-3, R 12.6e-3"),
-    Row("two-moving-pendulum-one-static", "pendulum_45", COUPLED, "theta_rad", 1e-4, "G 4.2e-2 1.9e-2 5.1e-3, R 9.83e-3"),
+    Row(
+        "two-moving-pendulum-one-static", "pendulum_45", COUPLED, "theta_rad", 1e-4, "G 4.2e-2 1.9e-2 5.1e-3, R 9.83e-3"
+    ),
 )
 
 
@@ -72,9 +74,9 @@ def main() -> None:
         found = identifiability(result, clip)
         path = found.gradients
         steps = [path[0], path[len(path) // 2], path[-1]]
-        numbers = [*steps, *(np.sum(one) for one in (found.ode_residual, found.ode_residual_noise))]
+        numbers = [*steps, *(np.sum(residual) for residual in (found.ode_residual, found.ode_residual_noise))]
         numbers += [found.condition, found.hessian_condition]
-        text = " ".join(f"{one:9.2e}" for one in numbers)
+        text = " ".join(f"{number:9.2e}" for number in numbers)
         print(f"{row.scene:22} {row.setting:12} {text}  {result.status}, {row.published}", flush=True)
         if found.weakest or found.undetermined:
             print(f"{'':35} {'; '.join([*found.undetermined, found.weakest])}")

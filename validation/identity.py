@@ -63,9 +63,10 @@ def matches(alike: np.ndarray, threshold: float, prior: np.ndarray | None = None
     ``prior`` (bodies, tracks) weighs the pairs beside their similarity.
     """
     found = np.zeros(alike.shape, dtype=bool)
-    for k, one in enumerate(alike):
-        allowed = one >= max(threshold, 1e-9)
-        rows, columns = linear_sum_assignment(np.where(allowed, 1.0 + one if prior is None else prior * one, 0.0), True)
+    for k, likeness in enumerate(alike):
+        allowed = likeness >= max(threshold, 1e-9)
+        weight = 1.0 + likeness if prior is None else prior * likeness
+        rows, columns = linear_sum_assignment(np.where(allowed, weight, 0.0), True)
         found[k, rows, columns] = allowed[rows, columns]
     return found
 
@@ -123,14 +124,14 @@ def score(truth: Truth, tracks: Sequence[Track]) -> Score:
     """Compare the tracks of a clip with its truth, in the frames that are usable."""
     names = list(truth.table["body"].unique())
     true_px, radius = usable_truth(truth, names)
-    found_px = np.stack([one.xy_px for one in tracks], axis=1)
+    found_px = np.stack([track.xy_px for track in tracks], axis=1)
     full = similarity(true_px, found_px, radius)
     # a track that follows a body which is not usable (cut by the edge, held) is neither right nor wrong
     every = np.stack([truth.body(name)[["x_mean_px", "y_mean_px"]].to_numpy() for name in names], axis=1)
     ignored = similarity(np.where(np.isnan(true_px), every, np.nan), found_px, 2 * radius).max(axis=1) > 0
     found_px = np.where((ignored & (full.max(axis=1) == 0))[..., np.newaxis], np.nan, found_px)
     alike = similarity(true_px, found_px, radius)
-    n_true, n_found = (np.isfinite(one[..., 0]).sum(axis=0) for one in (true_px, found_px))
+    n_true, n_found = (np.isfinite(xy_px[..., 0]).sum(axis=0) for xy_px in (true_px, found_px))
     frames, bodies, owners = np.nonzero(matches(alike, MATCHED))
     error = true_px[frames, bodies] - found_px[frames, owners]
     return Score(
@@ -169,15 +170,15 @@ def run_clip(phenomenon: str, number: int, size: tuple[int, int], duration_s: fl
 
 def together(scores: Sequence[Score]) -> Score:
     """Sums of counts, means of HOTA and IDF1, and the root mean square of the errors."""
-    weights = np.array([one.seen for one in scores], dtype=float)
-    squares = np.nan_to_num([one.rmse_px**2 for one in scores])
+    weights = np.array([score.seen for score in scores], dtype=float)
+    squares = np.nan_to_num([score.rmse_px**2 for score in scores])
     return Score(
         clips=len(scores),
-        switches=sum(one.switches for one in scores),
-        seen=sum(one.seen for one in scores),
-        usable=sum(one.usable for one in scores),
-        hota=float(np.mean([one.hota for one in scores])),
-        idf1=float(np.mean([one.idf1 for one in scores])),
+        switches=sum(score.switches for score in scores),
+        seen=sum(score.seen for score in scores),
+        usable=sum(score.usable for score in scores),
+        hota=float(np.mean([score.hota for score in scores])),
+        idf1=float(np.mean([score.idf1 for score in scores])),
         rmse_px=float(np.sqrt((weights * squares).sum() / weights.sum())) if weights.sum() else np.nan,
     )
 
@@ -186,7 +187,7 @@ def rendered(options: argparse.Namespace, phenomenon: str) -> Iterator[Score]:
     """Scores of clips rendered and tracked now, or in a run before: so many, or those begun within the minutes."""
     start, film = time.monotonic(), [phenomenon, list(options.size), options.seconds]
     lines = options.scores.read_text().splitlines() if options.scores and options.scores.exists() else []
-    known = {one["clip"]: Score(**one["score"]) for one in map(json.loads, lines) if one["film"] == film}
+    known = {line["clip"]: Score(**line["score"]) for line in map(json.loads, lines) if line["film"] == film}
     with tempfile.TemporaryDirectory() as folder:
         for number in range(options.clips):
             if number in known:
@@ -204,10 +205,10 @@ def kept(phenomenon: str, dataset: Path, tracks: Path) -> Iterator[Score]:
     for clip in list_clips(dataset).clips:
         path = tracks / f"{clip.place}.track.csv"
         if path.exists() and (truth := read_truth(clip.path)).phenomenon == phenomenon:
-            one = score(truth, read_track(path))
-            if one.switches or one.seen < one.usable:
-                print(f"{clip.place}: {one.switches} switches, {one.seen} of {one.usable}", flush=True)
-            yield one
+            result = score(truth, read_track(path))
+            if result.switches or result.seen < result.usable:
+                print(f"{clip.place}: {result.switches} switches, {result.seen} of {result.usable}", flush=True)
+            yield result
 
 
 def main() -> None:

@@ -55,7 +55,7 @@ def engine_row(model: str, seeds: Sequence[int]) -> list[str]:
     row = []
     for setting in SETTINGS:
         fits = [fit(clip(setting, seed), MODELS[model]) for seed in seeds]
-        row.append(f"{100 * np.median([abs(one.estimates['length'].value / 0.5 - 1) for one in fits]):.4g}")
+        row.append(f"{100 * np.median([abs(fit.estimates['length'].value / 0.5 - 1) for fit in fits]):.4g}")
     return row
 
 
@@ -67,7 +67,7 @@ def extrapolated(setting: str, seeds: Sequence[int], model: str) -> list[str]:
         t_s, theta = in_motion(trajectory)
         valid = trajectory.valid & (trajectory.t_s <= t_s[TRAINED - 1])
         result = fit(trajectory.with_(valid=valid), MODELS[model])
-        values = {name: one.value for name, one in result.estimates.items() if np.isfinite(one.value)}
+        values = {name: estimate.value for name, estimate in result.estimates.items() if np.isfinite(estimate.value)}
         predicted = simulate(MODELS[model], t_s[: TRAINED + AHEAD[-1]], values).observed[:, 0]
         errors.append([1e3 * abs(predicted[TRAINED + k - 1] - theta[TRAINED + k - 1]) for k in AHEAD])
     return [f"{m:.3g} ± {s:.2g}" for m, s in zip(np.mean(errors, axis=0), np.std(errors, axis=0), strict=True)]

@@ -54,7 +54,7 @@ def bob(folder: Path) -> None:
 
 def puck(folder: Path) -> None:
     """Write the way of the puck that is hit, along its line, from shortly before until it leaves the picture."""
-    hit = min(read_track(folder / "track.csv"), key=lambda one: int(one.valid.sum()))
+    hit = min(read_track(folder / "track.csv"), key=lambda track: int(track.valid.sum()))
     kept = hit.valid & (hit.t_s > BEFORE_HIT_S)
     place = hit.xy_px[kept]
     along = np.linalg.svd(place - place.mean(axis=0), full_matrices=False)[2][0]
@@ -93,19 +93,19 @@ RECORDINGS = [
     ),
     *(
         Recording(
-            f"sliding-friction-{one}",
-            f"run {{data}}/phystrack/SlidingFriction_{one}.MP4 --phenomenon sliding-cone --fps 240 --scale 440px=1m",
+            f"sliding-friction-{name}",
+            f"run {{data}}/phystrack/SlidingFriction_{name}.MP4 --phenomenon sliding-cone --fps 240 --scale 440px=1m",
             "--phenomenon sliding-cone",
         )
-        for one in ("R1", "R3")
+        for name in ("R1", "R3")
     ),
     *(
         Recording(
-            f"projectile-{one[:2]}",
-            f"run {{data}}/phystrack/Projectile_Motion__{one}.MP4 {FLIGHT}",
+            f"projectile-{name[:2]}",
+            f"run {{data}}/phystrack/Projectile_Motion__{name}.MP4 {FLIGHT}",
             "--phenomenon projectile --set gravity=9.79 --free magnification",
         )
-        for one in ("30Deg_2_726mps", "60Deg_2_699mps")
+        for name in ("30Deg_2_726mps", "60Deg_2_699mps")
     ),
     Recording(
         "carom-puck",

@@ -71,7 +71,7 @@ def on_the_mismatch(trajectory: Trajectory, model: OdeModel) -> tuple[str, ...]:
     velocity = np.asarray(derivative(trajectory.position, t_s))
     states = np.hstack([trajectory.position, velocity]) if model.second_order else trajectory.position
     highest = np.asarray(derivative(velocity, t_s)) if model.second_order else velocity
-    slopes = rates(model, t_s, states, {name: one.value for name, one in fitted.estimates.items()}, None)
+    slopes = rates(model, t_s, states, {name: estimate.value for name, estimate in fitted.estimates.items()}, None)
     mismatch = highest - slopes[:, -highest.shape[1] :]
     names, columns = _library(trajectory, model, states, slopes)
     inside = slice(WINDOW, t_s.size - WINDOW)  # derivatives at the ends are not to be trusted
@@ -86,7 +86,7 @@ def _library(trajectory: Trajectory, model: OdeModel, states: Array, slopes: Arr
         if effect.acceleration is None or not effect.applies(model):
             continue
         for own in _shapes(effect, trajectory):
-            sizes = np.array([one.default or 0.0 for one in own.parameters])
+            sizes = np.array([parameter.default or 0.0 for parameter in own.parameters])
             column = force_along(own, sizes, model, trajectory.t_s, states, slopes)
             if np.all(np.isfinite(column)) and np.any(column):
                 names.append(effect.name)
@@ -128,13 +128,13 @@ def table(pairs: Sequence[Pair]) -> pd.DataFrame:
     for label, low, high in bins:
         rows.append(_row(label, pairs, low, high, forces_only=False))
     rows.append(_row("above 2 times, forces only", pairs, 2.0, np.inf, forces_only=True))
-    clean = [one for one in pairs if not one.ours.hidden]
+    clean = [pair for pair in pairs if not pair.ours.hidden]
     rows.append(
         {
             "hidden size": "nothing hidden",
             "effects": f"{len(clean)} cases",
-            "diagnosis: wrong name": percent([bool(one.ours.wrong) for one in clean]),
-            "mismatch: wrong name": percent([bool(one.theirs) for one in clean]),
+            "diagnosis: wrong name": percent([bool(outcome.ours.wrong) for outcome in clean]),
+            "mismatch: wrong name": percent([bool(outcome.theirs) for outcome in clean]),
         }
     )
     return pd.DataFrame(rows).fillna("")
@@ -142,19 +142,19 @@ def table(pairs: Sequence[Pair]) -> pd.DataFrame:
 
 def _row(label: str, pairs: Sequence[Pair], low: float, high: float, *, forces_only: bool) -> dict[str, object]:
     part = [
-        (one, k)
-        for one in pairs
-        for k, factor in enumerate(one.ours.factors)
-        if low <= factor < high and (not forces_only or EFFECTS[one.ours.hidden[k]].acceleration is not None)
+        (pair, k)
+        for pair in pairs
+        for k, factor in enumerate(pair.ours.factors)
+        if low <= factor < high and (not forces_only or EFFECTS[pair.ours.hidden[k]].acceleration is not None)
     ]
     return {
         "hidden size": label,
         "effects": len(part),
-        "diagnosis: named or in the class": percent([one.ours.found[k] for one, k in part]),
-        "mismatch: named": percent([one.ours.hidden[k] in one.theirs for one, k in part]),
-        "mismatch: named, and nothing else": percent([set(one.theirs) == set(one.ours.hidden) for one, _ in part]),
-        "diagnosis: wrong name": percent([bool(one.ours.wrong) for one, _ in part]),
-        "mismatch: wrong name": percent([bool(set(one.theirs) - set(one.ours.hidden)) for one, _ in part]),
+        "diagnosis: named or in the class": percent([pair.ours.found[k] for pair, k in part]),
+        "mismatch: named": percent([pair.ours.hidden[k] in pair.theirs for pair, k in part]),
+        "mismatch: named, and nothing else": percent([set(pair.theirs) == set(pair.ours.hidden) for pair, _ in part]),
+        "diagnosis: wrong name": percent([bool(pair.ours.wrong) for pair, _ in part]),
+        "mismatch: wrong name": percent([bool(set(pair.theirs) - set(pair.ours.hidden)) for pair, _ in part]),
     }
 
 

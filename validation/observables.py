@@ -92,20 +92,22 @@ OBSERVABLES = (
 )  # fmt: skip
 
 
-def rows(one: Observable, size: tuple[int, int], seeds: int) -> Iterator[str]:
+def rows(observable: Observable, size: tuple[int, int], seeds: int) -> Iterator[str]:
     """One row a clip."""
-    for number, setting in enumerate(one.settings * seeds):
+    for number, setting in enumerate(observable.settings * seeds):
         seed = 1 + number
         with tempfile.TemporaryDirectory() as folder:
             clip = Path(folder) / "clip.mp4"
+            length, fps = observable.duration_s, observable.fps
             truth = render_clip(
-                one.scene, clip, setting=setting, seed=seed, size=size, duration_s=one.duration_s, fps=one.fps
+                observable.scene, clip, setting=setting, seed=seed, size=size, duration_s=length, fps=fps
             )
-            (track,) = TRACKERS[one.tracker].track(open_video(clip), TrackOptions())
-        error, sigma = one.error(track, truth)
+            (track,) = TRACKERS[observable.tracker].track(open_video(clip), TrackOptions())
+        error, sigma = observable.error(track, truth)
         rmse, pull = float(np.sqrt(np.mean(error**2))), float(np.std(error / sigma))
-        target = "" if one.target is None else f"{one.target:g}"
-        yield f"| {one.name} | {setting} | {seed} | {error.size} | {rmse:.4f} {one.unit} | {target} | {pull:.2f} |"
+        target = "" if observable.target is None else f"{observable.target:g}"
+        measured = f"{rmse:.4f} {observable.unit} | {target} | {pull:.2f}"
+        yield f"| {observable.name} | {setting} | {seed} | {error.size} | {measured} |"
 
 
 def main() -> None:
@@ -113,14 +115,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--size", type=int, nargs=2, default=(640, 360), help="width and height, px")
     parser.add_argument("--seeds", type=int, default=1, help="clips of each setting")
-    parser.add_argument("--only", choices=[one.name for one in OBSERVABLES], help="one observable alone")
+    parser.add_argument("--only", choices=[observable.name for observable in OBSERVABLES], help="one observable alone")
     options = parser.parse_args()
     print(
         "| observable | setting | seed | samples | RMSE | target | sd of error / sigma |\n|---|---|---|---|---|---|---|"
     )
-    for one in OBSERVABLES:
-        if options.only in (None, one.name):
-            for row in rows(one, tuple(options.size), options.seeds):
+    for observable in OBSERVABLES:
+        if options.only in (None, observable.name):
+            for row in rows(observable, tuple(options.size), options.seeds):
                 print(row, flush=True)
 
 

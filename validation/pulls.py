@@ -46,7 +46,7 @@ def matched(truth: Truth, tracks: Sequence[Track]) -> Iterator[tuple[Track, Arra
         xy = body[["x_px", "y_px"]].to_numpy(copy=True)
         xy[body["phase"].to_numpy() == "hand"] = np.nan
         places.append(xy)
-    away = np.array([[np.nanmedian(np.hypot(*(one.xy_px - xy).T)) for xy in places] for one in tracks])
+    away = np.array([[np.nanmedian(np.hypot(*(track.xy_px - xy).T)) for xy in places] for track in tracks])
     for track, own in zip(*linear_sum_assignment(np.nan_to_num(away, nan=1e9)), strict=True):
         yield tracks[int(track)], places[int(own)], float(bodies[int(own)]["radius_px"].median())
 

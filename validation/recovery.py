@@ -151,10 +151,10 @@ def errors_of(scene: str, setting: str, seeds: Sequence[int]) -> tuple[dict[str,
         plan = plan_clip(
             scene, setting=setting, size=SIZE, duration_s=DURATION_S.get(scene), seed=seed, overrides=overrides
         )
-        one = ROWS[scene](plan.truth, np.random.default_rng(seed))
-        result = fit(one.trajectory, one.model, fixed=one.fixed, free=one.free)
-        values = {**one.trajectory.geometry, **result.estimates}
-        truths = dict(one.truth)
+        clip = ROWS[scene](plan.truth, np.random.default_rng(seed))
+        result = fit(clip.trajectory, clip.model, fixed=clip.fixed, free=clip.free)
+        values = {**clip.trajectory.geometry, **result.estimates}
+        truths = dict(clip.truth)
         for name, true in truths.items():
             errors.setdefault(name, []).append(values[name].value - true)
     return truths, errors
@@ -201,8 +201,8 @@ def table_row(scene: str, setting: str, seeds: Sequence[int]) -> list[str]:
 def one_unknown_scale() -> str:
     """What the fit says of the falling ball's gravity when neither its size nor its height is known."""
     plan = plan_clip("falling-ball", setting="mid", size=SIZE)
-    one = falling(plan.truth, np.random.default_rng(0))
-    result = fit(one.trajectory, one.model, free=("gravity",))
+    clip = falling(plan.truth, np.random.default_rng(0))
+    result = fit(clip.trajectory, clip.model, free=("gravity",))
     gravity: Estimate = result.estimates["gravity"]
     return f"falling ball, nothing known: status {result.status}, gravity stderr {gravity.stderr:g}. {result.message}"
 

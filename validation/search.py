@@ -56,7 +56,7 @@ def row(samples: int, hidden: dict[str, float]) -> str:
     first = timed(lambda: diagnose(trajectory, MODEL))[1]
     found, second = timed(lambda: diagnose(trajectory, MODEL))
     alone = timed(lambda: fit(trajectory, MODEL))[1]
-    named = ", ".join(one.name for one in found.added) or "nothing"
+    named = ", ".join(effect.name for effect in found.added) or "nothing"
     return f"| {samples} | {len(hidden)} | {named} | {first:.1f} | {second:.1f} | {second / alone:.0f} |"
 
 

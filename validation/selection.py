@@ -64,13 +64,19 @@ def trial(name: str, setting: str, number: int) -> Plan:
     """One trial of a setting: its parameters scatter as the scene says."""
     scene = SCENES[name]
     rng = np.random.default_rng([number, zlib.crc32(f"{name}/{setting}".encode())])
-    values = {one.name: float(one.default or 0.0) for one in scene.parameters} | dict(scene.settings[setting])
+    values = {parameter.name: float(parameter.default or 0.0) for parameter in scene.parameters} | dict(
+        scene.settings[setting]
+    )
     scattered = {
-        one.name: float(
-            np.clip(values[one.name] + scene.scatter[one.name] * rng.standard_normal(), one.lower, one.upper)
+        parameter.name: float(
+            np.clip(
+                values[parameter.name] + scene.scatter[parameter.name] * rng.standard_normal(),
+                parameter.lower,
+                parameter.upper,
+            )
         )
-        for one in scene.parameters
-        if one.name in scene.scatter
+        for parameter in scene.parameters
+        if parameter.name in scene.scatter
     }
     duration_s = min(scene.duration_s, LONGEST_S)
     return plan_clip(name, setting=setting, size=SIZE, duration_s=duration_s, seed=number, overrides=scattered)
@@ -139,18 +145,18 @@ def kept(dataset: Path, tracks: Path, trials: int, phenomena: list[str]) -> Iter
 def rows(asked: Iterable[Asked]) -> pd.DataFrame:
     """One row a clip: phenomenon, the nearest model, whether it is adequate, margins, seconds."""
     found = []
-    for one in asked:
+    for clip in asked:
         began = time.process_time()
         try:
-            choice = one.choose()
+            choice = clip.choose()
             nearest, adequate = choice.nearest.model, choice.chosen is not None
             margins = (choice.heldout_margin, choice.bic_margin)
         except IrisError as error:
             nearest, adequate, margins = f"no answer: {error}"[:60], False, (np.nan, np.nan)
         seconds = time.process_time() - began
-        found.append((one.phenomenon, one.setting, one.clip, nearest, adequate, *margins, seconds))
-        right = nearest in ACCEPTED[one.phenomenon]
-        print(f"  {one.phenomenon}/{one.setting}/{one.clip}: {nearest}{'' if right else ', WRONG'}", flush=True)
+        found.append((clip.phenomenon, clip.setting, clip.clip, nearest, adequate, *margins, seconds))
+        right = nearest in ACCEPTED[clip.phenomenon]
+        print(f"  {clip.phenomenon}/{clip.setting}/{clip.clip}: {nearest}{'' if right else ', WRONG'}", flush=True)
     columns = ["phenomenon", "setting", "trial", "model", "adequate", "heldout_margin", "bic_margin", "seconds"]
     return pd.DataFrame(found, columns=columns)
 

@@ -143,16 +143,16 @@ def table(clip: str, turns: int, rows: Sequence[str]) -> None:
         for name, found in costs.items():
             cost = cost_of(name, clip)
             found += [] if cost is None else [cost]
-    best = {name: min(found, key=lambda one: one.wall_s / one.frames) for name, found in costs.items() if found}
+    best = {name: min(found, key=lambda cost: cost.wall_s / cost.frames) for name, found in costs.items() if found}
     print("| | frames/s | processor time a frame, ms | relative to reading | peak memory, MB |\n|---|---|---|---|---|")
-    each = {name: one.wall_s / one.frames for name, one in best.items()}
+    seconds = {name: cost.wall_s / cost.frames for name, cost in best.items()}
     for name in costs:
         if name not in best:
             print(f"| {TITLES[name]} | not installed | | | |")
             continue
         cpu, peak = 1e3 * best[name].cpu_s / best[name].frames, best[name].peak_mb
-        relative = f"{each['opencv'] / each[name]:.2f}" if "opencv" in each else ""
-        print(f"| {TITLES[name]} | {1 / each[name]:.1f} | {cpu:.1f} | {relative} | {peak:.0f} |", flush=True)
+        relative = f"{seconds['opencv'] / seconds[name]:.2f}" if "opencv" in seconds else ""
+        print(f"| {TITLES[name]} | {1 / seconds[name]:.1f} | {cpu:.1f} | {relative} | {peak:.0f} |", flush=True)
 
 
 def main() -> None:

@@ -84,7 +84,7 @@ def _blob(picture: np.ndarray) -> Array:
     wanted.blobColor, wanted.minArea, wanted.maxArea = 255, 10, 4 * CONTRAST**2
     wanted.minDistBetweenBlobs, wanted.minThreshold, wanted.maxThreshold = 100, LEVEL + 20, LEVEL + 80
     found = cv2.SimpleBlobDetector_create(wanted).detect(picture)
-    return np.array(max(found, key=lambda one: one.size).pt) if found else np.full(2, np.nan)
+    return np.array(max(found, key=lambda keypoint: keypoint.size).pt) if found else np.full(2, np.nan)
 
 
 def _located(radius: float) -> Callable[[np.ndarray], Array]:
@@ -120,7 +120,7 @@ def _print_drawn(frames: int) -> None:
             "trackpy.locate": _located(radius),
         }
         for name, method in others.items():
-            _print_centre(radius, name, np.array([method(picture) for picture in clip.pictures]), path, "| | |")
+            _print_centre(radius, name, np.array([method(image) for image in clip.images]), path, "| | |")
 
 
 def _print_centre(radius: float, name: str, found: Array, path: Array, told: str) -> None:
@@ -208,9 +208,9 @@ def _squares(plan: Plan, corners: list[Array], side: int) -> list[DrawnClip]:
         with film(path, plan, None, overwrite=True):
             pass
         for frame in open_video(path).frames():
-            for one, (x, y) in zip(pictures, corners, strict=True):
-                one.append(frame.luma[y : y + side, x : x + side].copy())
-    return [DrawnClip(one, FPS) for one in pictures]
+            for image, (x, y) in zip(pictures, corners, strict=True):
+                image.append(frame.luma[y : y + side, x : x + side].copy())
+    return [DrawnClip(image, FPS) for image in pictures]
 
 
 def _print_filmed(bodies: int) -> None:
@@ -225,12 +225,12 @@ def _print_filmed(bodies: int) -> None:
 
 
 def _print_pulls(setting: Setting, name: str, tracks: list[Track], paths: list[Array]) -> None:
-    errors = np.concatenate([one.xy_px - path for one, path in zip(tracks, paths, strict=True)])
-    sigma = np.concatenate([one.sigma_px for one in tracks])
-    off = np.concatenate([one.radius_px - setting.radius for one in tracks])
-    pull, radius_pull = errors / sigma, off / np.concatenate([one.sigma_radius_px for one in tracks])
+    errors = np.concatenate([track.xy_px - path for track, path in zip(tracks, paths, strict=True)])
+    sigma = np.concatenate([track.sigma_px for track in tracks])
+    off = np.concatenate([track.radius_px - setting.radius for track in tracks])
+    pull, radius_pull = errors / sigma, off / np.concatenate([track.sigma_radius_px for track in tracks])
     seen = np.isfinite(off).mean()
-    rmse, told, rms = (np.sqrt(np.nanmean(np.square(one))) for one in (errors, sigma, pull))
+    rmse, told, rms = (np.sqrt(np.nanmean(np.square(values))) for values in (errors, sigma, pull))
     bias = np.hypot(*np.nanmean(errors, axis=0))
     print(
         f"| {setting.name} | {name} | {seen:.0%} | {rmse:.4f} | {bias:.4f} | {told:.4f} | {np.nanstd(pull):.2f} | "

@@ -32,7 +32,7 @@ def tables_in(path: Path) -> list[Path]:
     if not path.is_dir():
         return [path]
     own = [path / TRAJECTORY] if (path / TRAJECTORY).is_file() else sorted(_tables(path))
-    found = own or sorted(one / TRAJECTORY for one in path.iterdir() if (one / TRAJECTORY).is_file())
+    found = own or sorted(folder / TRAJECTORY for folder in path.iterdir() if (folder / TRAJECTORY).is_file())
     if not found:
         raise DataError(
             f"{path} holds no clip: it has no trajectory (*.csv), no folder of iris-sysid run (*/{TRAJECTORY}), and "
@@ -42,7 +42,7 @@ def tables_in(path: Path) -> list[Path]:
 
 
 def _tables(path: Path) -> Iterator[Path]:
-    return (one for one in path.glob("*.csv") if one.is_file() and one.name != TRACK)
+    return (table for table in path.glob("*.csv") if table.is_file() and table.name != TRACK)
 
 
 def clips_of(paths: Sequence[Path]) -> list[Trajectory]:
@@ -86,8 +86,8 @@ def clips_of_dataset(
     """
     asked = Conditions(trials=trials, phenomenon=phenomenon)
     found = measure(folder, work, measured=board, conditions=asked, progress=progress, tell=tell)
-    clips = [one.trajectory() for one in found.clips if one.document.usable]
-    usable = [one for one in clips if one is not None]
+    clips = [clip.trajectory() for clip in found.clips if clip.document.usable]
+    usable = [clip for clip in clips if clip is not None]
     if not usable:
         raise DataError(f"{folder} has no clip of {phenomenon} that could be fitted; {len(found.clips)} were tried")
     return usable

@@ -73,7 +73,11 @@ def places(clips: Iterable[Clip]) -> list[int]:
 
 def benchmark_classes() -> dict[str, tuple[str, BenchmarkClass]]:
     """Phenomenon and description of every class by its folder's name."""
-    return {one.folder: (name, one) for name, phenomenon in PHENOMENA.items() for one in phenomenon.classes}
+    return {
+        class_name.folder: (name, class_name)
+        for name, phenomenon in PHENOMENA.items()
+        for class_name in phenomenon.classes
+    }
 
 
 def list_clips(folder: str | Path) -> Listing:
@@ -133,7 +137,9 @@ def _entries(folder: Path, place: str, gaps: list[Gap]) -> list[str]:
 
 
 def _unknown(name: str, known: Mapping[str, object]) -> str:
-    close = get_close_matches(name, known, n=1) or [one for one in known if one.lower() == name.lower()]
+    close = get_close_matches(name, known, n=1) or [
+        known_value for known_value in known if known_value.lower() == name.lower()
+    ]
     hint = f"; did you mean {close[0]}?" if close else ""
     return f"an unknown class: no phenomenon has it{hint}"
 
@@ -146,8 +152,10 @@ def _board(folder: Path) -> Path | None:
 
 def _of_class(root: Path, name: str, phenomenon: str, described: BenchmarkClass, gaps: list[Gap]) -> Iterator[Clip]:
     """Clips of one class; what it lacks beside the published data set is added to the gaps."""
-    settings = [one for one in _entries(root / name, f"{name}/", gaps) if (root / name / one).is_dir()]
-    gaps.extend(Gap(f"{name}/{one}", "this setting is missing") for one in described.settings if one not in settings)
+    settings = [entry for entry in _entries(root / name, f"{name}/", gaps) if (root / name / entry).is_dir()]
+    gaps.extend(
+        Gap(f"{name}/{setting}", "this setting is missing") for setting in described.settings if setting not in settings
+    )
     for setting in settings:
         paths = _clips(root / name / setting, f"{name}/{setting}/", gaps)
         missing = _missing(list(paths), described.trials)

@@ -121,24 +121,26 @@ def dataset_rows(
     )
     subjects = subjects_of(measured.clips, Path(dataset), plan.name)
     units = list(_units(subjects, Path(work), plan))
-    frames = [flat_rows(record for one in subjects for record in ode_rows(one))]
+    frames = [flat_rows(record for subject in subjects for record in ode_rows(subject))]
     studies, lost = _all_done(units, plan.workers, progress)
     frames += studies
     if SHARING in plan.studies:
         frames.append(flat_rows(sharing_rows(subjects)))
     gaps = (*(f"{place}: {reason}" for place, reason in measured.gaps), *lost)
-    clips = {one.clip.place: one.document.origin.get("sha256") for one in measured.clips}
+    clips = {clip.clip.place: clip.document.origin.get("sha256") for clip in measured.clips}
     return DatasetRows(joined(frames), gaps, clips)
 
 
 def _units(subjects: Sequence[Subject], work: Path, plan: Plan) -> Iterator[Unit]:
     """The studies to do, in the order of ``PER_CLIP``, the clips in order."""
-    turns = places([one.clip for one in subjects])
-    few = [one for one, place in zip(subjects, turns, strict=True) if plan.studied is None or place < plan.studied]
+    turns = places([subject.clip for subject in subjects])
+    few = [
+        subject for subject, place in zip(subjects, turns, strict=True) if plan.studied is None or place < plan.studied
+    ]
     for study in (name for name in PER_CLIP if name in plan.studies):
-        yield from (_unit(one, study, work, plan) for one in few)
+        yield from (_unit(subject, study, work, plan) for subject in few)
     if ROBUSTNESS in plan.studies and plan.robustness:
-        yield from (_unit(one, ROBUSTNESS, work, plan) for one in _spread(subjects, turns, plan.robustness))
+        yield from (_unit(subject, ROBUSTNESS, work, plan) for subject in _spread(subjects, turns, plan.robustness))
 
 
 def _spread(subjects: Sequence[Subject], turns: Sequence[int], count: int) -> list[Subject]:
@@ -147,12 +149,12 @@ def _spread(subjects: Sequence[Subject], turns: Sequence[int], count: int) -> li
     Clips that did not fit as they are say nothing of robustness, and are passed over.
     """
     settings: dict[str, list[str]] = {}
-    for one in subjects:
-        known = settings.setdefault(one.clip.class_name, [])
-        if one.clip.setting not in known:
-            known.append(one.clip.setting)
+    for subject in subjects:
+        known = settings.setdefault(subject.clip.class_name, [])
+        if subject.clip.setting not in known:
+            known.append(subject.clip.setting)
     order = sorted(
-        (k for k, one in enumerate(subjects) if one.measured.document.status == OK),
+        (k for k, subject in enumerate(subjects) if subject.measured.document.status == OK),
         key=lambda k: (turns[k], settings[subjects[k].clip.class_name].index(subjects[k].clip.setting)),
     )
     return [subjects[k] for k in sorted(order[:count])]
@@ -162,7 +164,7 @@ def _unit(subject: Subject, study: str, work: Path, plan: Plan) -> Unit:
     """The unit, its file named by what it depends on: the measurement (with versions and hashes), truth and seed."""
     told = {
         "measured": subject.measured.document.model_dump(mode="json"),
-        "truth": {name: [one.value, one.source] for name, one in subject.truth.items()},
+        "truth": {name: [true.value, true.source] for name, true in subject.truth.items()},
         "wanted": dict(subject.wanted),
         "dataset": subject.dataset,
         "seed": plan.seed,
@@ -181,8 +183,8 @@ def _all_done(units: Sequence[Unit], workers: int, progress: Progress | None) ->
 
     What an earlier run left is read.
     """
-    found = {one.path: _kept(one) for one in units}
-    missing, lost = [one for one in units if found[one.path] is None], []
+    found = {unit.path: _kept(unit) for unit in units}
+    missing, lost = [unit for unit in units if found[unit.path] is None], []
     outcomes = side_by_side(work_on, missing, workers, _lost)
     for unit, whole in with_progress(outcomes, progress, len(units), done=len(units) - len(missing)):
         found[unit.path] = _kept(unit)

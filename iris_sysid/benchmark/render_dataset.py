@@ -168,11 +168,11 @@ def _scattered(scene: Scene, setting: str, seed: int) -> tuple[tuple[str, float]
     """The parameters of one trial that differ from the setting's, within the scene's bounds."""
     rng, values = np.random.default_rng([seed, 7]), scene.settings[setting]
     drawn = []
-    for one in scene.parameters:
-        if one.name in scene.scatter:
-            usual = values.get(one.name, float(one.default or 0.0))
-            value = usual + scene.scatter[one.name] * float(np.clip(rng.standard_normal(), -3, 3))
-            drawn.append((one.name, min(max(value, one.lower), one.upper)))
+    for parameter in scene.parameters:
+        if parameter.name in scene.scatter:
+            usual = values.get(parameter.name, float(parameter.default or 0.0))
+            value = usual + scene.scatter[parameter.name] * float(np.clip(rng.standard_normal(), -3, 3))
+            drawn.append((parameter.name, min(max(value, parameter.lower), parameter.upper)))
     return tuple(drawn)
 
 
@@ -276,7 +276,7 @@ def _write_parameters(root: Path) -> None:
 def _setting_parameters(scene: Scene, clips: Sequence[Path]) -> dict[str, Any]:
     told = [json.loads(clip.read_text(encoding="utf-8"))["parameters"] for clip in clips]
     return {
-        theirs: _summary([one[ours]["value"] * factor for one in told], unit)
+        theirs: _summary([parameters[ours]["value"] * factor for parameters in told], unit)
         for ours, (theirs, factor, unit) in scene.published.items()
     }
 

@@ -79,7 +79,7 @@ def _render_clip(
     from iris_sysid.synthetic.plan import scene_named
 
     size, fps, seconds, seed = film
-    units = {one.name: one.unit for one in scene_named(phenomenon).parameters}
+    units = {parameter.name: parameter.unit for parameter in scene_named(phenomenon).parameters}
     with _terminal.progress("rendering") as report_progress:
         render_clip(
             phenomenon,

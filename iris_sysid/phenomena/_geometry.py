@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from iris_sysid.errors import DataError
 from iris_sysid.types import Array, Estimate, Mask
@@ -160,6 +159,7 @@ def _least_squares(
     position: Array, start: Array, curvature: float | None, loss: Literal["linear", "soft_l1"], sigma: float
 ) -> Array:
     """The shape of least squares, or of least soft deviations, from a start; the curvature may be given."""
+    from scipy.optimize import least_squares  # here: it takes long to load, and names are checked without it
 
     def misses(shape: Array) -> Array:
         return _distances(shape if curvature is None else np.append(shape, curvature), position)
@@ -175,7 +175,7 @@ def _circle(shape: Array, scaled: Array, belongs: Mask, free: bool, anchor: Arra
     parameters = 3 if free else 2
     off = _distances(shape, scaled)
     residual = off[belongs]
-    jacobian = _jacobian(lambda one: _distances(one, scaled[belongs]), shape)[:, :parameters]
+    jacobian = _jacobian(lambda values: _distances(values, scaled[belongs]), shape)[:, :parameters]
     variance = residual @ residual / max(residual.size - parameters, 1) * inflation(residual)
     spread = variance * np.linalg.inv(jacobian.T @ jacobian)
     if free and shape[2] < DETERMINED * np.sqrt(spread[2, 2]):

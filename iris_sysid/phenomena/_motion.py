@@ -14,7 +14,7 @@ def only_body(world: Sequence[Trajectory], name: str) -> Trajectory:
         raise DataError(f"{name} needs the trajectory of one body, but none was given")
     body = world[0]
     if len(body.quantities) < 2 or body.quantities[0].unit != body.quantities[1].unit:
-        have = ", ".join(f"{one.name} in {one.unit}" for one in body.quantities)
+        have = ", ".join(f"{quantity.name} in {quantity.unit}" for quantity in body.quantities)
         raise DataError(f"{name} needs x and z in the same unit, but the trajectory has {have}")
     return body
 
@@ -24,8 +24,8 @@ def only_measured(world: Sequence[Trajectory], name: str, quantity: str) -> Traj
     if not world:
         raise DataError(f"{name} needs the trajectory of one body, but none was given")
     body = world[0]
-    if [one.name for one in body.quantities] != [quantity]:
-        have = ", ".join(f"{one.name} in {one.unit}" for one in body.quantities)
+    if [quantity.name for quantity in body.quantities] != [quantity]:
+        have = ", ".join(f"{quantity.name} in {quantity.unit}" for quantity in body.quantities)
         raise DataError(f"{name} needs {quantity}, but the trajectory has {have}")
     return body
 

@@ -70,7 +70,7 @@ def _two_bodies(world: Sequence[Trajectory]) -> tuple[Trajectory, Trajectory]:
     first, second = world[0], world[1]
     if not np.array_equal(first.t_s, second.t_s):
         raise DataError("the trajectories of the two bodies are not at the same times")
-    middles = [np.median(one.position[one.valid, 0]) for one in (first, second)]
+    middles = [np.median(body.position[body.valid, 0]) for body in (first, second)]
     return (first, second) if middles[0] <= middles[1] else (second, first)
 
 
@@ -98,12 +98,13 @@ def _circles(
             found.append(_circle(body, free, told))
         except DataError as error:
             found.append(error)
-    good = [one for one in found if isinstance(one, Circle)]
+    good = [circle for circle in found if isinstance(circle, Circle)]
     if not good and isinstance(found[0], DataError):
         raise found[0]
     radius = Estimate(good[0].radius, float(good[0].stderr[2]), unit)
     first, second = (
-        one if isinstance(one, Circle) else _circle(body, free, radius) for one, body in zip(found, bodies, strict=True)
+        fitted if isinstance(fitted, Circle) else _circle(body, free, radius)
+        for fitted, body in zip(found, bodies, strict=True)
     )
     return first, second
 
@@ -142,15 +143,15 @@ def _segments(body: Trajectory, free: Mask, taut: Mask) -> tuple[Segment, ...]:
 
 
 def _geometry(circles: tuple[Circle, Circle], unit: str) -> dict[str, Estimate]:
-    one, two = circles
+    left, right = circles
     source = "circle through the arc of the motion"
-    apart, stderr = two.x - one.x, math.hypot(float(one.stderr[0]), float(two.stderr[0]))
+    apart, stderr = right.x - left.x, math.hypot(float(left.stderr[0]), float(right.stderr[0]))
     return {
-        "arc_radius_1": Estimate(one.radius, float(one.stderr[2]), unit, "fitted", source),
-        "arc_radius_2": Estimate(two.radius, float(two.stderr[2]), unit, "fitted", source),
-        "pivot_ratio": Estimate(apart / one.radius, stderr / one.radius, "1", "fitted", "centres of the two arcs"),
-        **_off_pivot("1", one),
-        **_off_pivot("2", two),
+        "arc_radius_1": Estimate(left.radius, float(left.stderr[2]), unit, "fitted", source),
+        "arc_radius_2": Estimate(right.radius, float(right.stderr[2]), unit, "fitted", source),
+        "pivot_ratio": Estimate(apart / left.radius, stderr / left.radius, "1", "fitted", "centres of the right arcs"),
+        **_off_pivot("1", left),
+        **_off_pivot("2", right),
     }
 
 

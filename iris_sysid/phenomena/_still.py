@@ -19,7 +19,7 @@ def without_still_start(body: Trajectory) -> Trajectory:
     A constant up to a sample and a parabola from there on are fitted to the motion, for every sample; the best of
     them is taken where it leaves much less than a parabola through all.
     """
-    segments = [_parted(one, body) if one.label == "motion" else [one] for one in body.segments]
+    segments = [_parted(segment, body) if segment.label == "motion" else [segment] for segment in body.segments]
     return body.with_(segments=tuple(part for parts in segments for part in parts))
 
 

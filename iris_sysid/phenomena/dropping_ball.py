@@ -51,12 +51,14 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
 def _clear_of_the_floor(body: Trajectory) -> tuple[tuple[Segment, ...], Mask]:
     """The segments, and which samples are valid (n,), without the last one before a fall ends at the floor."""
     segments, valid = list(body.segments), body.valid.copy()
-    followed = {one.start for one in segments if one.label == "contact"}
-    for k, one in enumerate(segments):
-        seen = np.flatnonzero(valid[one.start : one.stop])
-        if one.label == "motion" and one.stop in followed and seen.size >= SHORTEST:
-            valid[one.start + seen[-1]] = False
-            segments[k] = replace(one, reason=f"{one.reason}; without its last sample, which has the floor behind it")
+    followed = {segment.start for segment in segments if segment.label == "contact"}
+    for k, segment in enumerate(segments):
+        seen = np.flatnonzero(valid[segment.start : segment.stop])
+        if segment.label == "motion" and segment.stop in followed and seen.size >= SHORTEST:
+            valid[segment.start + seen[-1]] = False
+            segments[k] = replace(
+                segment, reason=f"{segment.reason}; without its last sample, which has the floor behind it"
+            )
     return tuple(segments), valid
 
 

@@ -49,20 +49,20 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
     body = only_measured(world, "falling-ball", "r")
     in_motion(body, 5)
     stated_length(settings, ("h0",), "m")
-    segments = tuple(part for one in _with_missed_fall(body) for part in _parted(one, body))
+    segments = tuple(part for segment in _with_missed_fall(body) for part in _parted(segment, body))
     return body.with_(segments=segments, geometry={**body.geometry, **stated(settings, "h0")}, smoothed=None)
 
 
 def _with_missed_fall(body: Trajectory) -> list[Segment]:
     """The segments; a release that holds a longer fall than the motion after it was none: a bounce looks like one."""
     segments: list[Segment] = []
-    for one in body.segments:
-        if segments and segments[-1].label == "release" and one.label == "motion":
-            both = replace(one, start=segments[-1].start)
-            if _shrinkage(both, body) > LONGER * _shrinkage(one, body):
+    for segment in body.segments:
+        if segments and segments[-1].label == "release" and segment.label == "motion":
+            both = replace(segment, start=segments[-1].start)
+            if _shrinkage(both, body) > LONGER * _shrinkage(segment, body):
                 segments[-1] = both
                 continue
-        segments.append(one)
+        segments.append(segment)
     return segments
 
 

@@ -124,19 +124,19 @@ def _geometry(circle: Circle, unit: str, settings: Mapping[str, Estimate]) -> di
 def _without_slack(body: Trajectory, used: Mask, belongs: Mask, off: Array) -> tuple[Segment, ...]:
     """The segments, the motion beginning where the cord is taut, and saying which samples are left out."""
     segments = []
-    for one in body.segments or (Segment("motion", 0, body.n, "the whole clip"),):
-        if one.label != "motion":
-            segments.append(one)
+    for segment in body.segments or (Segment("motion", 0, body.n, "the whole clip"),):
+        if segment.label != "motion":
+            segments.append(segment)
             continue
-        inside = np.flatnonzero(used[one.start : one.stop]) + one.start
+        inside = np.flatnonzero(used[segment.start : segment.stop]) + segment.start
         taut = _taut_from(belongs[inside])
-        start = one.start if taut == 0 else int(inside[taut])
-        if start > one.start:
+        start = segment.start if taut == 0 else int(inside[taut])
+        if start > segment.start:
             worst = off[inside[:taut]][np.argmax(np.abs(off[inside[:taut]]))]
             where = "inside" if worst < 0 else "outside"
             text = f"off the arc, up to {abs(worst):.3g} {body.quantities[0].unit} {where} it: the cord is not taut"
-            segments.append(Segment("release", one.start, start, text))
-        segments.append(replace(one, start=start, reason=_reason(body, one, inside[taut:], belongs, off)))
+            segments.append(Segment("release", segment.start, start, text))
+        segments.append(replace(segment, start=start, reason=_reason(body, segment, inside[taut:], belongs, off)))
     return tuple(segments)
 
 

@@ -46,7 +46,7 @@ class Board:
         """Where points (v, 2) m of the board, right and down from its middle, are at times (k,): (k, v, 3) m."""
         t_s = np.clip(t_s, self.times_s[0], self.times_s[-1])
         turned = Slerp(self.times_s, self.turns)(t_s).as_matrix()
-        middle = np.stack([np.interp(t_s, self.times_s, one) for one in self.places_m.T], axis=-1)
+        middle = np.stack([np.interp(t_s, self.times_s, positions_m) for positions_m in self.places_m.T], axis=-1)
         return np.einsum("kij,vj->kvi", turned[..., :2], points_m) + middle[:, np.newaxis]
 
     def corners(self) -> Array:

@@ -101,8 +101,8 @@ def check_paths(path: str | Path, *, overwrite: bool) -> Path:
     clip = Path(path)
     if clip.suffix.lower() not in FORMATS:
         raise OutputError(f"cannot tell the video format of {clip.name!r}; use one of {', '.join(FORMATS)}")
-    for one in (clip, *truth_paths(clip)):
-        check_writable(one, overwrite=overwrite)
+    for truth_path in (clip, *truth_paths(clip)):
+        check_writable(truth_path, overwrite=overwrite)
     return clip
 
 

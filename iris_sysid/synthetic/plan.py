@@ -149,7 +149,7 @@ def stage_of(
     DataError
         When a value is not a finite number.
     """
-    values = {one.name: float(one.default or 0.0) for one in scene.parameters}
+    values = {parameter.name: float(parameter.default or 0.0) for parameter in scene.parameters}
     if setting is not None:
         values |= _chosen(scene.settings, setting, f"{scene.name} has no setting")
     for name, value in overrides.items():
@@ -157,10 +157,12 @@ def stage_of(
         if not isinstance(value, int | float) or not math.isfinite(value):
             raise DataError(f"{name} must be a finite number, not {value!r}")
         values[name] = float(value)
-    for one in scene.parameters:
-        if not one.lower <= values[one.name] <= one.upper:
-            bounds = f"{one.lower:g} to {one.upper:g} {one.unit}"
-            raise DataError(f"{one.name} of {scene.name} must lie within {bounds}, not {values[one.name]:g}")
+    for parameter in scene.parameters:
+        if not parameter.lower <= values[parameter.name] <= parameter.upper:
+            bounds = f"{parameter.lower:g} to {parameter.upper:g} {parameter.unit}"
+            raise DataError(
+                f"{parameter.name} of {scene.name} must lie within {bounds}, not {values[parameter.name]:g}"
+            )
     return scene.stage(Setup(values, effects, duration_s, look or Look(), rng or np.random.default_rng(0)))
 
 

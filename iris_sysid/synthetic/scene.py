@@ -100,7 +100,7 @@ class Scene:
 
 def stated(setup: Setup, parameters: tuple[Parameter, ...]) -> dict[str, Estimate]:
     """The parameters of a setup with their units, exact."""
-    return {one.name: exactly(setup[one.name], one.unit) for one in parameters}
+    return {parameter.name: exactly(setup[parameter.name], parameter.unit) for parameter in parameters}
 
 
 def exactly(value: float, unit: str) -> Estimate:

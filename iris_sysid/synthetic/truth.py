@@ -102,7 +102,9 @@ def _told(truth: Truth, clip: str) -> dict[str, Any]:
         "fps": truth.fps,
         "duration_s": truth.duration_s,
         "seed": truth.seed,
-        "parameters": {name: {"value": one.value, "unit": one.unit} for name, one in truth.parameters.items()},
+        "parameters": {
+            name: {"value": parameter.value, "unit": parameter.unit} for name, parameter in truth.parameters.items()
+        },
         "camera": truth.camera,
         "look": truth.look,
     }
@@ -112,7 +114,7 @@ def _hidden(truth: Truth) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "effects": truth.effects,
-        "consequences": {name: {"value": one.value, "unit": one.unit} for name, one in truth.hidden.items()},
+        "consequences": {name: {"value": true.value, "unit": true.unit} for name, true in truth.hidden.items()},
         "camera": truth.true_camera,
         "events": [{"t_s": t_s, "event": name} for t_s, name in truth.events],
     }
@@ -136,7 +138,7 @@ def read_truth(clip: str | Path) -> Truth:
             parameters=_estimates(told["parameters"]),
             camera=told["camera"],
             look=told["look"],
-            events=tuple((one["t_s"], one["event"]) for one in hidden["events"]),
+            events=tuple((event["t_s"], event["event"]) for event in hidden["events"]),
             effects=hidden["effects"],
             hidden=_estimates(hidden["consequences"]),
             true_camera=hidden["camera"],
@@ -160,6 +162,8 @@ def _read_json(path: Path) -> dict[str, Any]:
 
 def _estimates(entries: Mapping[str, Mapping[str, Any]]) -> dict[str, Estimate]:
     return {
-        name: Estimate(np.nan if one["value"] is None else float(one["value"]), 0.0, one["unit"], "direct", "rendered")
-        for name, one in entries.items()
+        name: Estimate(
+            np.nan if entry["value"] is None else float(entry["value"]), 0.0, entry["unit"], "direct", "rendered"
+        )
+        for name, entry in entries.items()
     }

@@ -151,7 +151,7 @@ def test_a_folder_that_no_benchmark_wrote_is_not_written_into(tmp_path):
 
 
 def test_splits_name_the_clips_that_each_method_was_scored_on():
-    split = next(one for one in splits_of(every_study()) if (one["study"], one["method"]) == ("parameters", "ode"))
+    split = next(part for part in splits_of(every_study()) if (part["study"], part["method"]) == ("parameters", "ode"))
     assert (split["n"], split["clips"][0]) == (3, "Pendulum/pendulum_20/01")
 
 
@@ -160,9 +160,10 @@ def test_prediction_rows_are_rescored_and_say_which_clip(tmp_path):
         "path,gt,pred,correct\n./IRIS/Pendulum/pendulum_45/06.npy,pendulum,pendulum,False\n"
         ".\\delfys75\\led\\led_2s\\01\\01.npy,led,,True\n"
     )
-    one, two = prediction_rows(tmp_path / "p.csv", "vlm").to_dict("records")
-    assert (one["dataset"], one["setting"], one["clip"], one["value"]) == ("iris", "pendulum_45", "06", 1.0)
-    assert (two["dataset"], two["clip"], two["status"], two["answer"]) == ("delfys75", "01/01", "failed", "no answer")
+    first, second = prediction_rows(tmp_path / "p.csv", "vlm").to_dict("records")
+    assert (first["dataset"], first["setting"], first["clip"], first["value"]) == ("iris", "pendulum_45", "06", 1.0)
+    assert (second["dataset"], second["clip"]) == ("delfys75", "01/01")
+    assert (second["status"], second["answer"]) == ("failed", "no answer")
 
 
 # --------------------------------------------------------------------------- the published files
@@ -180,7 +181,7 @@ def published(tmp_path_factory):
 def test_published_runs_give_every_row_of_the_papers_table_and_hitting_cones(published):
     rows = read_rows(published[2]["rows.csv"])
     table = tables_of(rows)["headline"]
-    found = {(one[0], one[2]): one[3] for one in cells(table, "phenomenon", "setting", "parameter", "one-step")}
+    found = {(cell[0], cell[2]): cell[3] for cell in cells(table, "phenomenon", "setting", "parameter", "one-step")}
     assert found["Falling_ball", "gravity"].endswith("(10)*")
     assert found["Sliding_cone", "angle"] == "– (0, 10 failed)"  # published from metadata; no run estimates it
     assert found["Hitting_cones", "coupling"].startswith("mean ")
@@ -206,8 +207,10 @@ def test_manifest_names_inputs_splits_and_versions(published):
     told = json.loads(published[2]["manifest.json"].read_text("utf-8"))
     assert told["latent"][0]["file"] == "iris_baseline.csv"
     assert len(told["latent"][0]["sha256"]) == 64
-    assert all(one["n"] == len(one["clips"]) for one in told["splits"])
-    assert {one["method"]: one["n"] for one in told["splits"]}["one-step (g/alpha)"] == 90  # three classes of pendulum
+    assert all(parameters["n"] == len(parameters["clips"]) for parameters in told["splits"])
+    assert {parameters["method"]: parameters["n"] for parameters in told["splits"]}[
+        "one-step (g/alpha)"
+    ] == 90  # three classes of pendulum
     assert told["seeds"] == [42]
     assert "numpy" in told["origin"]["versions"]
 

@@ -27,7 +27,7 @@ def test_dataset_clips_are_listed_in_order_with_their_phenomenon(tmp_path):
     put(tmp_path, "Pendulum/pendulum_45/02.mp4", "Pendulum/pendulum_45/01.mp4", "Dropping_ball/drop_100/01.mp4")
     put(tmp_path, "Pendulum/pendulum_45/01.truth.json", "Pendulum/checkerboard.mp4", "parameters.json")
     listing = list_clips(tmp_path)
-    assert [(one.place, one.phenomenon) for one in listing.clips] == [
+    assert [(clip.place, clip.phenomenon) for clip in listing.clips] == [
         ("Dropping_ball/drop_100/01", "dropping-ball"),
         ("Pendulum/pendulum_45/01", "pendulum"),
         ("Pendulum/pendulum_45/02", "pendulum"),
@@ -55,7 +55,7 @@ def test_dataset_odd_files_are_left_out_by_name(tmp_path):
     (folder / "04.mp4").symlink_to(folder / "01.mp4")
     os.mkfifo(folder / "05.mp4")
     listing = list_clips(tmp_path)
-    assert [one.clip for one in listing.clips] == ["01", "04"]
+    assert [clip.clip for clip in listing.clips] == ["01", "04"]
     assert listing.clips[0].path.name == "01.avi"
     found = reasons(listing)
     assert "same clip" in found["Pendulum/pendulum_45/01.mp4"]
@@ -84,7 +84,7 @@ def test_dataset_classes_have_each_setting_of_the_published_truth():
 
 
 def test_dataset_class_has_one_phenomenon_and_the_settings_of_the_twin():
-    folders = [one.folder for phenomenon in PHENOMENA.values() for one in phenomenon.classes]
+    folders = [class_name.folder for phenomenon in PHENOMENA.values() for class_name in phenomenon.classes]
     assert len(folders) == len(set(folders))
     for scene in SCENES.values():
         if scene.folder in folders:
@@ -94,7 +94,7 @@ def test_dataset_class_has_one_phenomenon_and_the_settings_of_the_twin():
 def test_dataset_names_in_the_parameter_file_are_of_values_that_the_model_gives_or_the_geometry():
     for name, described in benchmark_classes().values():
         model = MODELS[PHENOMENA[name].model]
-        ours = {one.name for one in (*model.parameters, *model.derived)}
+        ours = {parameter.name for parameter in (*model.parameters, *model.derived)}
         assert described.parameters.keys() <= ours, described.folder
         for mine, theirs in described.parameters.items():
             assert PARAMETERS.get(theirs, theirs) == mine, (described.folder, theirs)

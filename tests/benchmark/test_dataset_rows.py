@@ -125,7 +125,7 @@ def test_an_unknown_study_is_refused(folder, tmp_path):
     [(DataError("no\nway"), "no way"), (ZeroDivisionError("by zero"), "unexpected ZeroDivisionError: by zero")],
 )
 def test_a_study_that_fails_is_a_row_with_the_reason(error, said, subject, monkeypatch):
-    def fails(one):
+    def fails(_):
         raise error
 
     monkeypatch.setitem(module.STUDY_OF, "sindy", (fails, "", "sindy", ""))
@@ -148,7 +148,7 @@ def test_extrapolation_needs_more_samples_than_are_fitted(subject):
     short = subject.trajectory()
     assert short.n > 150
     rows = studied(subject, "extrapolation")
-    assert [one["parameter"] for one in rows] == [f"E_{k}" for k in AHEAD]
+    assert [row["parameter"] for row in rows] == [f"E_{k}" for k in AHEAD]
 
 
 def test_a_refit_is_told_what_the_measurement_was_told_and_no_more(tmp_path):
@@ -162,7 +162,7 @@ def test_a_refit_is_told_what_the_measurement_was_told_and_no_more(tmp_path):
     document = ClipDocument.model_validate_json(json.dumps(told | {"parameters": parameters}))
     (subject,) = subjects_of([ClipMeasurement(clip.clip, document, tmp_path)], tmp_path, "x")
     known, free = subject.told()
-    assert {name: one.value for name, one in known.items()} == {"r0_f": 76.3}
+    assert {name: known_value.value for name, known_value in known.items()} == {"r0_f": 76.3}
     assert free == ["gravity"]
 
 

@@ -56,7 +56,7 @@ def test_measure_gives_the_fit_of_each_clip(work, pendulum_clip):
 
 def test_measure_makes_a_corrupt_clip_a_failed_row_and_does_the_rest(work):
     _, found, told, _ = work
-    assert [one.document.status for one in found.clips] == ["ok", "ok", "failed"]
+    assert [clip.document.status for clip in found.clips] == ["ok", "ok", "failed"]
     assert "03.mp4" in found.clips[2].document.message
     assert found.clips[2].trajectory() is None
     assert told == [f"Pendulum/pendulum_45/03: {found.clips[2].document.message}"]
@@ -77,7 +77,7 @@ def test_measure_again_measures_nothing_and_changes_nothing(work, dataset, monke
     monkeypatch.setattr(clip, "open_video", None)  # would be called for a clip that is read again
     again = measure(dataset, folder)
     assert again.now == 0
-    assert [one.document for one in again.clips] == [one.document for one in found.clips]
+    assert [clip.document for clip in again.clips] == [clip.document for clip in found.clips]
     assert listing(folder) == before
 
 

@@ -74,7 +74,7 @@ def test_clips_that_failed_or_ended_at_a_bound_are_shown_but_not_used():
     odd = clip_measured("03", {"length": (7.0, 0.1, "m")}, {"length": {"random": 0.1}}, status="at-bound")
     failed = clip_measured("04", {}, status="failed")
     found = regenerate([*lengths([0.50, 0.51]), odd, failed], "length")
-    assert [name for name, one in found.clips.items() if one.used] == ["01", "02"]
+    assert [name for name, clip in found.clips.items() if clip.used] == ["01", "02"]
     assert found.clips["03"].message == "at-bound: at-bound for a reason"
     assert found.clips["04"].value is None
     assert found.clips["01"].sha256 == "0" * 64

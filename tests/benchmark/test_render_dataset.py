@@ -27,7 +27,7 @@ def rendered(tmp_path_factory):
 def test_every_class_setting_and_trial_has_its_clip(rendered):
     folder, done, _ = rendered
     clips = {path.relative_to(folder).as_posix() for path in folder.glob("*/*/*.mp4")}
-    expected = {f"{s.folder}/{one}/{k:02d}.mp4" for s in SCENES.values() for one in s.settings for k in (1, 2)}
+    expected = {f"{s.folder}/{setting}/{k:02d}.mp4" for s in SCENES.values() for setting in s.settings for k in (1, 2)}
     assert clips == expected
     assert len(clips) == 60
     assert {path.parent.name for path in folder.glob("*/checkerboard.mp4")} == {s.folder for s in SCENES.values()}
@@ -62,7 +62,7 @@ def test_every_clip_has_its_truth(rendered):
 def test_trials_differ_as_repeated_experiments_do(rendered):
     folder, _, _ = rendered
     first, second = (read_truth(folder / f"Pendulum/pendulum_45/{k:02d}.mp4") for k in (1, 2))
-    angles = [abs(one.parameters["theta_0"].value) for one in (first, second)]
+    angles = [abs(truth.parameters["theta_0"].value) for truth in (first, second)]
     assert angles[0] != angles[1]
     assert angles == pytest.approx([0.785, 0.785], abs=0.015)
     assert first.parameters["length"] == second.parameters["length"]

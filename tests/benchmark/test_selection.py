@@ -13,7 +13,7 @@ CLASSES = ["dropped_ball", "free_fall", "led", "pendulum", "sliding_block", "tor
 def scores():
     found, gaps = rescored_selection(recording("iris_published"))
     assert gaps == []
-    return {(one.dataset, one.method): one for one in found}
+    return {(score.dataset, score.method): score for score in found}
 
 
 @pytest.mark.parametrize(

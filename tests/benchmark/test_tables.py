@@ -38,11 +38,11 @@ def line(table, method):
 
 
 def test_summary_counts_values_and_failures_apart():
-    one = line(parameter_summary(rows(classical=[0.52, 0.54, None])), "classical")
-    assert (one["n"], one["failed"]) == (2, 1)
-    assert one["mae"] == pytest.approx(0.03)
-    assert one["mean"] == pytest.approx(0.53)
-    assert one["relative_percent"] == pytest.approx(6.0)
+    row = line(parameter_summary(rows(classical=[0.52, 0.54, None])), "classical")
+    assert (row["n"], row["failed"]) == (2, 1)
+    assert row["mae"] == pytest.approx(0.03)
+    assert row["mean"] == pytest.approx(0.53)
+    assert row["relative_percent"] == pytest.approx(6.0)
 
 
 def test_method_whose_runs_all_failed_has_no_error_and_is_not_best():
@@ -119,7 +119,7 @@ def test_every_form_shows_the_same_cells():
     assert html.rows == shown
     body = render(table, "latex").split("\\endhead\n")[1].split("\n\\bottomrule")[0]
     assert body.count(r"\\") == len(shown)
-    assert sum(one.startswith("| Pendulum") for one in render(table, "markdown").split("\n")) == len(shown)
+    assert sum(line.startswith("| Pendulum") for line in render(table, "markdown").split("\n")) == len(shown)
 
 
 def test_bold_is_set_in_every_form():

@@ -90,6 +90,7 @@ def test_pair_needs_the_same_times():
         PHENOMENA[NAMES[0]].observe([world[0], world[1].with_(t_s=world[1].t_s + 0.1)], {})
 
 
+@pytest.mark.slow
 def test_footage_of_two_pendulums_is_followed_through_its_impacts_where_kappa_is_not():
     video = open_video(recording("iris_footage/Two_Moving_Pendulums.gif"))
     tracks = track(video, "median-background", TrackOptions(bodies=2))

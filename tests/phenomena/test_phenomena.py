@@ -40,7 +40,7 @@ def swing(rng, amplitude_deg=40.0, radius=350.0, pivot=(437.0, -42.0), sigma=0.2
 def test_phenomenon_names_a_tracker_and_a_model_that_observes_what_it_gives(name):
     phenomenon = PHENOMENA[name]
     assert phenomenon.tracker in TRACKERS
-    assert {one.name for one in MODELS[phenomenon.model].observed}
+    assert {quantity.name for quantity in MODELS[phenomenon.model].observed}
     assert phenomenon.summary
 
 
@@ -102,7 +102,9 @@ def test_slack_cord_after_a_release_at_ninety_degrees_is_release():
     sag = 40.0 * (1 - np.arange(12) / 12)  # falls freely inside the arc until the cord is taut
     arc[:12] *= (1 - sag / 350.0)[:, None]
     got = observed("pendulum", in_plane(t_s, arc, 0.2, rng=np.random.default_rng(4)))
-    release, motion = (next(one for one in got.segments if one.label == label) for label in ("release", "motion"))
+    release, motion = (
+        next(segment for segment in got.segments if segment.label == label) for label in ("release", "motion")
+    )
     assert (release.start, release.stop) == (0, 12)
     assert motion.start == 12
     assert "px inside it: the cord is not taut" in release.reason
@@ -117,7 +119,9 @@ def test_samples_off_the_arc_in_mid_swing_are_left_out_and_named():
     got = observed("pendulum", world.with_(position=position))
     assert not got.valid[100:106].any()
     assert got.valid.sum() >= 290
-    assert "left out, off the arc by up to" in next(one.reason for one in got.segments if one.label == "motion")
+    assert "left out, off the arc by up to" in next(
+        segment.reason for segment in got.segments if segment.label == "motion"
+    )
 
 
 def test_swing_over_the_top_is_unwrapped():
@@ -187,7 +191,7 @@ def test_dropping_ball_gives_the_height():
     ball, _ = bouncing_ball(t_s, 2.0, 9.81)
     world = in_plane(t_s, ball, 0.001, unit="m", rng=np.random.default_rng(1))
     got = observed("dropping-ball", world)
-    assert [(one.name, one.unit) for one in got.quantities] == [("z", "m")]
+    assert [(quantity.name, quantity.unit) for quantity in got.quantities] == [("z", "m")]
     np.testing.assert_array_equal(got.position[:, 0], world.position[:, 1])
     assert got.smoothed is None
     motion = got.mask("motion")
@@ -200,7 +204,7 @@ def test_last_sample_of_a_drop_before_the_floor_is_left_out_and_that_is_said():
     ball, _ = bouncing_ball(t_s, 2.0, 9.81)
     world = segment(in_plane(t_s, ball, 0.001, unit="m", rng=np.random.default_rng(1)), kind="flight")
     got = PHENOMENA["dropping-ball"].observe([world], {})
-    drop = next(one for one in got.segments if one.label == "motion")
+    drop = next(segment for segment in got.segments if segment.label == "motion")
     assert np.flatnonzero(got.valid != world.valid).tolist() == [drop.stop - 1]
     assert drop.reason.endswith("without its last sample, which has the floor behind it")
     ends = world.with_(segments=(Segment("motion", 0, 60),))  # nothing ends this fall
@@ -211,7 +215,7 @@ def test_projectile_gives_x_and_z():
     t_s = np.arange(100) / 100
     ball, _ = bouncing_ball(t_s, 1.0, 9.81, speed_x=2.0, launch=2.0)
     got = observed("projectile", in_plane(t_s, ball, 0.001, unit="m", rng=np.random.default_rng(1)))
-    assert [one.name for one in got.quantities] == ["x", "z"]
+    assert [quantity.name for quantity in got.quantities] == ["x", "z"]
     assert got.position.shape == (100, 2)
 
 
@@ -219,7 +223,7 @@ def test_numbered_quantities_lose_their_number():
     t_s = np.arange(50) / 100
     ball, _ = bouncing_ball(t_s, 5.0, 9.81, speed_x=2.0)
     world = in_plane(t_s, ball, 0.001, unit="m").with_(quantities=(Quantity("x1", "m"), Quantity("z1", "m")))
-    assert [one.name for one in observed("projectile", world).quantities] == ["x", "z"]
+    assert [quantity.name for quantity in observed("projectile", world).quantities] == ["x", "z"]
 
 
 # --------------------------------------------------------------------------- bad input
@@ -270,7 +274,7 @@ def real(path, name, fps=None):
 
 
 def span(trajectory, label):
-    return next((one.start, one.stop - 1) for one in trajectory.segments if one.label == label)
+    return next((segment.start, segment.stop - 1) for segment in trajectory.segments if segment.label == label)
 
 
 @pytest.mark.slow

@@ -50,7 +50,7 @@ def test_every_setting_can_be_planned(name):
     for setting in SCENES[name].settings:
         truth = plan_clip(name, setting=setting, size=(64, 36), duration_s=1.2, fps=30.0).truth
         assert np.all(np.isfinite(truth.table.select_dtypes("number")))
-        assert truth.parameters.keys() == {one.name for one in SCENES[name].parameters}
+        assert truth.parameters.keys() == {parameter.name for parameter in SCENES[name].parameters}
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -102,7 +102,7 @@ def test_phases_are_labels_that_segments_know(name):
     assert set(rows.phase) <= {"hand", "motion", "contact", "rest"}
 
 
-@pytest.mark.parametrize("name", [one for one in ALL if one not in ("hitting-cones", "torricelli", "led")])
+@pytest.mark.parametrize("name", [name for name in ALL if name not in ("hitting-cones", "torricelli", "led")])
 def test_bodies_are_drawn_where_the_truth_says(name):
     look = Look.plain()
     plan = plan_clip(name, size=(640, 360), duration_s=2.0, fps=50.0, look=look)
@@ -371,7 +371,9 @@ def test_collision_restitutes_the_speed_that_it_should():
 
 
 def test_lossy_pair_ends_in_lasting_contact():
-    truth = pair("two-moving-pendulum-one-static", overrides={"restitution": 0.2}, setting="pendulum_20", duration_s=8.0)
+    truth = pair(
+        "two-moving-pendulum-one-static", overrides={"restitution": 0.2}, setting="pendulum_20", duration_s=8.0
+    )
     a, b = truth.body("1"), truth.body("2")
     assert (a.phase == "contact").any()
     touching = a.phase == "contact"

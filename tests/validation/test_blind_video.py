@@ -12,12 +12,12 @@ from validation.blind_video import LOST, case, secret
 
 @pytest.mark.parametrize("seed", [0, 4, 8])
 def test_secret_of_a_clip_is_the_same_each_time_and_can_be_filmed(seed):
-    one, again = secret(seed), secret(seed)
-    assert one.effects == again.effects
-    assert one.factors == again.factors
-    assert set(one.effects) <= {LOST, *SCENES[one.scene].effects}
-    assert len(one.sizes) == len(one.factors) == len(one.effects) > 0
-    assert all(factor > 0 for factor in one.factors)
+    first, again = secret(seed), secret(seed)
+    assert first.effects == again.effects
+    assert first.factors == again.factors
+    assert set(first.effects) <= {LOST, *SCENES[first.scene].effects}
+    assert len(first.sizes) == len(first.factors) == len(first.effects) > 0
+    assert all(factor > 0 for factor in first.factors)
 
 
 def test_clip_that_was_diagnosed_is_not_diagnosed_again(monkeypatch, tmp_path):

@@ -12,7 +12,7 @@ from validation.audit.findings_tables import attainable
 
 @pytest.fixture(scope="module")
 def found():
-    return {one.point: one for one in findings(recording("iris_published"))}
+    return {finding.point: finding for finding in findings(recording("iris_published"))}
 
 
 def column(finding, name):
@@ -21,7 +21,7 @@ def column(finding, name):
 
 def test_all_points_are_confirmed(found):
     assert {1, 2, 3, 5, 6, 7, 9, 12, 13, 23, 24, 25, 26} <= set(found)
-    assert [one.point for one in found.values() if one.verdict != "confirmed"] == []
+    assert [finding.point for finding in found.values() if finding.verdict != "confirmed"] == []
 
 
 def test_1_alpha_is_a_length(found):
@@ -92,7 +92,7 @@ def test_12_all_clips_not_two(found):
 def test_13_variance_table(found):
     table = found[13].evidence.set_index("row")
     assert table.loc["Dropping_ball/drop_50/gravity", "mean of the runs"] == pytest.approx(8.79, abs=5e-3)
-    assert table["truth -/+ error"].tolist() == pytest.approx([float(one) for one in table["printed mean"]])
+    assert table["truth -/+ error"].tolist() == pytest.approx([float(value) for value in table["printed mean"]])
     assert table["sd of the runs"].tolist() == pytest.approx([1.75, 1.39, 1.52, 0.51, 0.47, 0.79, 0.36], abs=5e-3)
 
 
@@ -160,7 +160,7 @@ def changed(tmp_path, name, edit):
     path = tmp_path / "part" / name
     path.chmod(0o644)
     path.write_text(edit(path.read_text(encoding="utf-8")), encoding="utf-8")
-    return {one.point: one for one in findings(tmp_path / "part")}
+    return {finding.point: finding for finding in findings(tmp_path / "part")}
 
 
 def test_finding_is_not_confirmed_by_files_that_show_otherwise(tmp_path):

@@ -253,7 +253,7 @@ def truth_shifted_by_error(sign: int) -> Recipe:
 
 def displayed_ratio(folder: PublishedFolder, value: PublishedValue) -> list[Derivation]:
     """The ratio of the extrapolation errors printed for two settings at k = 50; ``value`` names the larger."""
-    table = {one.setting: one.number for one in values_at("tab:extrapolation", "mean-k50")}
+    table = {value.setting: value.number for value in values_at("tab:extrapolation", "mean-k50")}
     found = table[value.setting] / table["pendulum_20"]
     rule = "ratio of printed errors"
     return [Derivation(found, "printed in tab:extrapolation", rule, True, kind="printed numbers")]

@@ -116,9 +116,9 @@ def truth_value(value: PublishedValue) -> float:
 
 def estimated(place: str, column: str) -> list[PublishedValue]:
     """The numbers of a column that are estimates, that is, not copied from the setting's name."""
-    return [one for one in values_at(place, column) if one.parameter != "angle"]
+    return [value for value in values_at(place, column) if value.parameter != "angle"]
 
 
 def rounded(values: list[float]) -> str:
     """Numbers to three significant digits, joined by commas."""
-    return ", ".join(f"{one:.3g}" for one in values)
+    return ", ".join(f"{value:.3g}" for value in values)

@@ -30,7 +30,7 @@ def kappa_is_the_column_alpha(folder: PublishedFolder) -> Outcome:
     table = folder.table(KAPPA_STATISTICS, ("setting",), ("mean_kappa", "std_kappa", "cv_pct"))
     runs = folder.runs("iris_baseline")
     alphas = [select(runs, "Hitting_cones", str(setting))["alpha"].to_numpy(copy=True) for setting in table["setting"]]
-    table = table.assign(mean_alpha=[one.mean() for one in alphas], std_alpha=[one.std() for one in alphas])
+    table = table.assign(mean_alpha=[alpha.mean() for alpha in alphas], std_alpha=[alpha.std() for alpha in alphas])
     same = np.isclose(table["mean_kappa"], table["mean_alpha"]) & np.isclose(table["std_kappa"], table["std_alpha"])
     statement = (
         f"Mean and standard deviation of kappa equal those of alpha in {same.sum()} of {len(same)} settings. alpha is "
@@ -76,9 +76,9 @@ def _spread(folder: PublishedFolder, name: str) -> dict[str, str | float | int]:
 
 def negative_damping_counts_as_zero(folder: PublishedFolder) -> Outcome:
     """Point 33: negative damping is set to 0 before the error is taken, which makes the one damping 'win'."""
-    rows = [one for one in values_at(IRIS_TABLE, "multi-step") if one.parameter == "damping"]
-    table = pd.DataFrame([_floored(folder, one) for one in rows])
-    wins = [one.setting for one in rows if one.number < sibling(one, "one-step").number]
+    rows = [value for value in values_at(IRIS_TABLE, "multi-step") if value.parameter == "damping"]
+    table = pd.DataFrame([_floored(folder, row) for row in rows])
+    wins = [row.setting for row in rows if row.number < sibling(row, "one-step").number]
     won = table[table["row"].str.contains("|".join(wins))] if wins else table.iloc[:0]
     statement = (
         f"Multi-step damping is printed as better in {len(won)} of {len(table)} rows ({', '.join(wins)}), on "
@@ -126,8 +126,8 @@ def _released_mean(folder: PublishedFolder, row: dict[Hashable, Any]) -> float:
 def led_error_is_the_truth(folder: PublishedFolder) -> Outcome:
     """Point 35: the LED baseline's printed error is the truth itself, since beta is 0 in every run."""
     beta = select(folder.runs("delfys75_baseline"), "led")["beta"].dropna()
-    printed = next(one for one in values_at(DELFYS_TABLE, "baseline") if one.phenomenon == "led")
-    other = next(one for one in values_at("tab:multistep_ablation", "one-step") if one.phenomenon == "led")
+    printed = next(value for value in values_at(DELFYS_TABLE, "baseline") if value.phenomenon == "led")
+    other = next(value for value in values_at("tab:multistep_ablation", "one-step") if value.phenomenon == "led")
     as_alpha = float(run_errors(folder, "delfys75_baseline", other, "alpha", zeros=False).mean())
     statement = (
         f"beta is {rounded(sorted(set(beta)))} in all {len(beta)} LED baseline runs, so that the printed error "

@@ -30,18 +30,18 @@ AS_LENGTH = "alpha as length"
 
 def alpha_is_a_length(folder: PublishedFolder) -> Outcome:
     """Point 1: the baseline's pendulum alpha rises with the true length, so it is the length, not g/L."""
-    printed = [one for one in values_at(DELFYS_TABLE, "baseline") if one.parameter == "length"]
-    table = pd.DataFrame([_both_readings(folder, one) for one in printed])
-    iris = [one for one in values_at(IRIS_TABLE, "one-step") if one.phenomenon in PENDULUMS]
+    printed = [value for value in values_at(DELFYS_TABLE, "baseline") if value.parameter == "length"]
+    table = pd.DataFrame([_both_readings(folder, value) for value in printed])
+    iris = [value for value in values_at(IRIS_TABLE, "one-step") if value.phenomenon in PENDULUMS]
     rising = bool(table.sort_values("true length (m)")["mean alpha"].is_monotonic_increasing)
     worse = int((table["corrected (m)"] > table["alpha as length (m)"]).sum())
     statement = (
         "alpha rises with the true length (g/L would fall). Read as a length the Delfys75 baseline's errors are "
         f"{rounded(table['alpha as length (m)'].tolist())} m, not {rounded(table['g/alpha (m)'].tolist())} m, and the "
         f"correction makes {worse} of {len(table)} worse; on IRIS they become "
-        f"{rounded([run_mae(folder, 'iris_baseline', one, AS_LENGTH) for one in iris])} m."
+        f"{rounded([run_mae(folder, 'iris_baseline', iri, AS_LENGTH) for iri in iris])} m."
     )
-    same = all(matches(one, error) for one, error in zip(printed, table["g/alpha (m)"], strict=True))
+    same = all(matches(value, error) for value, error in zip(printed, table["g/alpha (m)"], strict=True))
     return Outcome(rising and same and worse >= 2, statement, table)
 
 
@@ -66,7 +66,7 @@ def failures_scored_as_zero(folder: PublishedFolder) -> Outcome:
     iris = {name: n_failed(folder.runs(name)) for name in RUNS if name.startswith("iris_")}
     columns = (("baseline", "delfys75_baseline"), ("corrected", "delfys75_unified"))
     table = pd.DataFrame(
-        [_zero(folder, one, name) for column, name in columns for one in values_at(DELFYS_TABLE, column)]
+        [_zero(folder, value, name) for column, name in columns for value in values_at(DELFYS_TABLE, column)]
     )
     table = table[(table["estimate"] == 0) & (table["printed"] == "0.00")]
     statement = (
@@ -95,11 +95,11 @@ def initial_values(folder: PublishedFolder) -> Outcome:
     """Point 3: beta never moved from 1.0 or 10.0, and the untrained alpha = 10 beats most of the table."""
     runs = folder.runs("iris_baseline")
     frozen = {name: sorted(set(select(runs, name)["beta"])) for name in (*BALLS, "Hitting_cones", "Sliding_cone")}
-    rows = [one for one in estimated(IRIS_TABLE, "one-step") if one.parameter in ("gravity", "length")]
-    rows += [one for one in values_at("tab:multi_clip", "per-clip") if one.parameter in ("gravity", "length")]
+    rows = [value for value in estimated(IRIS_TABLE, "one-step") if value.parameter in ("gravity", "length")]
+    rows += [value for value in values_at("tab:multi_clip", "per-clip") if value.parameter in ("gravity", "length")]
     table = pd.DataFrame(
-        {"row": [f"{one.place}: {row_name(one)}" for one in rows], "printed": [one.number for one in rows]}
-    ).assign(**{"initial value alone": [_initial_error(one) for one in rows]})
+        {"row": [f"{row.place}: {row_name(row)}" for row in rows], "printed": [row.number for row in rows]}
+    ).assign(**{"initial value alone": [_initial_error(row) for row in rows]})
     better = int((table["initial value alone"] < table["printed"]).sum())
     still = "; ".join(f"{name} {rounded(values)}" for name, values in frozen.items())
     statement = (
@@ -132,33 +132,34 @@ def uncorrected_integrator_trains(folder: PublishedFolder) -> Outcome:
 def one_step_column_is_the_baseline(folder: PublishedFolder) -> Outcome:
     """Point 5: the column '1-step, +Corrected' is the uncorrected baseline's file, not the corrected one's."""
     rows = estimated(IRIS_TABLE, "one-step")
-    found = {name: [run_mae(folder, name, one) for one in rows] for name in ("iris_baseline", "iris_unified")}
+    found = {name: [run_mae(folder, name, row) for row in rows] for name in ("iris_baseline", "iris_unified")}
     hits = {name: sum(map(matches, rows, errors)) for name, errors in found.items()}
     statement = (
         f"{hits['iris_baseline']} of {len(rows)} printed one-step errors are those of the uncorrected baseline; "
         f"{hits['iris_unified']} of the corrected one-step run, which the caption names."
     )
-    table = pd.DataFrame({"row": [row_name(one) for one in rows], "printed": [one.printed for one in rows], **found})
+    table = pd.DataFrame({"row": [row_name(row) for row in rows], "printed": [row.printed for row in rows], **found})
     return Outcome(hits["iris_baseline"] == len(rows) > hits["iris_unified"], statement, table)
 
 
 def differences_mix_references(folder: PublishedFolder) -> Outcome:
     """Point 6: three printed differences are against another run than the column beside them, with the wrong sign."""
     places = (IRIS_TABLE, "text:sec:exp_iris")
-    rows = [one for place in places for one in estimated(place, "difference")]
-    table = pd.DataFrame([_references(folder, one) for one in rows])
+    rows = [value for place in places for value in estimated(place, "difference")]
+    table = pd.DataFrame([_references(folder, row) for row in rows])
     mixed = [
-        one
-        for one, used in zip(rows, table["reference"], strict=True)
-        if one.place == IRIS_TABLE and used == "corrected one-step"
+        row
+        for row, used in zip(rows, table["reference"], strict=True)
+        if row.place == IRIS_TABLE and used == "corrected one-step"
     ]
     bold = sum(
-        sibling(one, "multi-step").bold and sibling(one, "multi-step").number > sibling(one, "one-step").number
-        for one in mixed
+        sibling(value, "multi-step").bold and sibling(value, "multi-step").number > sibling(value, "one-step").number
+        for value in mixed
     )
     text = table[table["place"] != IRIS_TABLE]["reference"].value_counts()
+    names = ", ".join(f"{row_name(value)} {value.printed}" for value in mixed)
     statement = (
-        f"{len(mixed)} differences of the table ({', '.join(f'{row_name(one)} {one.printed}' for one in mixed)}) are "
+        f"{len(mixed)} differences of the table ({names}) are "
         f"against the corrected run, while the column beside them is the baseline; {bold} of them set the larger "
         f"error in bold. In the text {text.get('corrected one-step', 0)} are against the corrected run and "
         f"{text.get('baseline', 0)} against the baseline."
@@ -188,9 +189,11 @@ def _errors_of_three(folder: PublishedFolder, value: PublishedValue) -> tuple[fl
 
 def multi_step_is_not_consistently_worse(folder: PublishedFolder) -> Outcome:
     """Point 7: against the corrected one-step run, the multi-step loss makes gravity better as often as worse."""
-    rows = [one for one in values_at(IRIS_TABLE, "difference") if one.parameter == "gravity"]
-    table = pd.DataFrame([_references(folder, one) for one in rows]).drop(columns=["place", "reference"])
-    delfys = [one.number for one in values_at("tab:multistep_ablation", "difference") if one.parameter == "gravity"]
+    rows = [value for value in values_at(IRIS_TABLE, "difference") if value.parameter == "gravity"]
+    table = pd.DataFrame([_references(folder, row) for row in rows]).drop(columns=["place", "reference"])
+    delfys = [
+        value.number for value in values_at("tab:multistep_ablation", "difference") if value.parameter == "gravity"
+    ]
     grown, fallen = int((table["minus baseline"] > 0).sum()), int((table["minus corrected one-step"] < 0).sum())
     statement = (
         f"The gravity error grows in {grown} of {len(table)} rows against the uncorrected baseline, but falls in "
@@ -202,8 +205,8 @@ def multi_step_is_not_consistently_worse(folder: PublishedFolder) -> Outcome:
 
 def lengths_blow_up_as_one_over_alpha(folder: PublishedFolder) -> Outcome:
     """Point 9: errors of hundreds of metres are g/alpha for alpha near 0; alpha <= 0 counts as a length of 0."""
-    rows = [one for one in values_at(IRIS_TABLE, "multi-step") if one.phenomenon in PAIRS]
-    table = pd.DataFrame([_blow_up(folder, one) for one in rows])
+    rows = [value for value in values_at(IRIS_TABLE, "multi-step") if value.phenomenon in PAIRS]
+    table = pd.DataFrame([_blow_up(folder, row) for row in rows])
     means, invalid = table["mean alpha"], table["clips with alpha <= 0"]
     shared = _bodies_share_one_length(folder)
     statement = (
@@ -230,5 +233,5 @@ def _blow_up(folder: PublishedFolder, value: PublishedValue) -> dict[str, str | 
 def _bodies_share_one_length(folder: PublishedFolder) -> bool:
     frame = folder.errors("iris_unified_multistep").set_index(["dynamics", "setting"])
     columns = ["est_mean", "abs_err_mean"]
-    one, two = (frame.loc[frame["parameter"] == name, columns] for name in ("length_1", "length_2"))
-    return bool(len(one) > 0 and one.equals(two))
+    first, second = (frame.loc[frame["parameter"] == name, columns] for name in ("length_1", "length_2"))
+    return bool(len(first) > 0 and first.equals(second))

@@ -24,18 +24,18 @@ def errors_are_over_all_clips(folder: PublishedFolder) -> Outcome:
     names = ("iris_baseline", "iris_unified", "iris_unified_multistep")
     counts = sorted({int(n) for name in names for n in folder.errors(name)["n"]})
     rows = estimated(IRIS_TABLE, "one-step")
-    errors = [run_errors(folder, "iris_baseline", one) for one in rows]
-    fits = [_pairs_that_fit(one, found) for one, found in zip(rows, errors, strict=True)]
+    errors = [run_errors(folder, "iris_baseline", row) for row in rows]
+    fits = [_pairs_that_fit(row, found) for row, found in zip(rows, errors, strict=True)]
     everywhere = set.intersection(*fits)
-    hits = sum(matches(one, float(found.mean())) for one, found in zip(rows, errors, strict=True))
+    hits = sum(matches(row, float(found.mean())) for row, found in zip(rows, errors, strict=True))
     statement = (
         f"The error files say n = {', '.join(map(str, counts))}. All {max(counts)} clips give {hits} of {len(rows)} "
         f"printed one-step errors; {len(everywhere)} choices of {TEST_CLIPS} clips, the stated test partition, do."
     )
     table = pd.DataFrame(
         {
-            "row": [row_name(one) for one in rows],
-            "printed": [one.printed for one in rows],
+            "row": [row_name(row) for row in rows],
+            "printed": [row.printed for row in rows],
             "all clips": [float(found.mean()) for found in errors],
             "pairs of clips that give it": [len(pairs) for pairs in fits],
         }
@@ -50,7 +50,7 @@ def _pairs_that_fit(value: PublishedValue, errors: Values) -> set[tuple[int, ...
 
 def variance_table_is_not_means(folder: PublishedFolder) -> Outcome:
     """Point 13: the 'mean' column is truth -/+ error, and the 'sigma' column is no standard deviation of the runs."""
-    table = pd.DataFrame([_variance_row(folder, one) for one in estimated("tab:id_variance", "mean")])
+    table = pd.DataFrame([_variance_row(folder, value) for value in estimated("tab:id_variance", "mean")])
     shifted, direct, deviations = (
         int(table.pop(name).sum()) for name in ("shift matches", "mean matches", "sigma matches")
     )
@@ -84,8 +84,10 @@ def _variance_row(folder: PublishedFolder, value: PublishedValue) -> dict[str, s
 def counts_disagree(folder: PublishedFolder) -> Outcome:
     """Point 23: Delfys75 has 90 videos of 6 phenomena in the results, 75 of 5 in the text; strategies are 3 to 5."""
     runs = folder.runs("delfys75_baseline")
-    stated = {one.parameter: one.number for one in values_at("tab:benchmark_comparison") if one.dataset == "delfys75"}
-    announced = [one for one in all_values() if one.parameter == "strategies"]
+    stated = {
+        value.parameter: value.number for value in values_at("tab:benchmark_comparison") if value.dataset == "delfys75"
+    }
+    announced = [value for value in all_values() if value.parameter == "strategies"]
     methods = sorted({method for _, method in PREDICTIONS})
     table = facts(
         {
@@ -94,22 +96,22 @@ def counts_disagree(folder: PublishedFolder) -> Outcome:
             "Delfys75 phenomena, printed": stated["phenomena"],
             "Delfys75 phenomena in the runs": runs["phenomenon"].nunique(),
             "runs per phenomenon": ", ".join(str(n) for n in sorted(set(runs.groupby("phenomenon").size()))),
-            **{f"strategies, {one.place} line {one.line}": one.printed.lower() for one in announced},
+            **{f"strategies, {value.place} line {value.line}": value.printed.lower() for value in announced},
             "strategies with predictions": ", ".join(methods),
         }
     )
     statement = (
         f"{stated['videos']:g} videos of {stated['phenomena']:g} phenomena are printed, {len(runs)} of "
-        f"{runs['phenomenon'].nunique()} were run; {', '.join(sorted({one.printed.lower() for one in announced}))} "
+        f"{runs['phenomenon'].nunique()} were run; {', '.join(sorted({value.printed.lower() for value in announced}))} "
         f"strategies are announced, {len(methods)} have predictions, the oracle has no row."
     )
     holds = (stated["videos"], stated["phenomena"]) != (len(runs), runs["phenomenon"].nunique())
-    return Outcome(holds and len({one.number for one in announced}) > 1, statement, table)
+    return Outcome(holds and len({value.number for value in announced}) > 1, statement, table)
 
 
 def cnn_accuracy_is_not_attainable(folder: PublishedFolder) -> Outcome:
     """Point 24: no number of right answers gives the printed CNN accuracies; the VLM ones are confirmed."""
-    table = pd.DataFrame([_accuracy_row(folder, one) for one in values_at("tab:summary_vlm_methods")])
+    table = pd.DataFrame([_accuracy_row(folder, value) for value in values_at("tab:summary_vlm_methods")])
     is_cnn = table["method"] == "cnn"
     wrong = int((is_cnn & (table["attainable"] == "no")).sum())
     right = int((~is_cnn & (table["printed"] == table["re-scored"])).sum())
@@ -168,7 +170,7 @@ def identifiability_was_not_released(folder: PublishedFolder) -> Outcome:
     hits = {path: name for path, header in headers.items() for name in header if pattern.search(name)}
     runs_hit = {path for path in hits if not path.startswith("ablations/")}  # an oscillator test, no run
     norms = next(
-        one for one in values_at("tab:identifiability", "gradient-epoch-1") if one.phenomenon == "Dropping_ball"
+        value for value in values_at("tab:identifiability", "gradient-epoch-1") if value.phenomenon == "Dropping_ball"
     )
     low, high = (next(values_at("text:app:grad_norms", f"gradient-epoch-1-{end}")).number for end in ("low", "high"))
     numbers = {place: sum(1 for _ in values_at(place)) for place in ("tab:identifiability", "tab:extrapolation")}

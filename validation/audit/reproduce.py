@@ -176,11 +176,11 @@ def recipes_for(value: PublishedValue) -> tuple[Recipe, ...]:
 
 
 def _rows(folder: PublishedFolder, value: PublishedValue) -> Iterator[dict[str, Any]]:
-    derivations = [one for recipe in recipes_for(value) for one in _tried(recipe, folder, value)]
+    derivations = [derivation for recipe in recipes_for(value) for derivation in _tried(recipe, folder, value)]
     if not derivations:
         derivations = [_gap(NO_FILE.get(value.place, "a measurement or setting of the publication; no file holds it"))]
-    for one in derivations:
-        yield _row(value, one)
+    for derivation in derivations:
+        yield _row(value, derivation)
 
 
 def _tried(recipe: Recipe, folder: PublishedFolder, value: PublishedValue) -> list[Derivation]:

@@ -98,7 +98,7 @@ def _compute(folder: PublishedFolder) -> _Report:
         findings=findings(folder.path),
         parameters=parameter_table(flat, caption="Parameter errors, re-scored from the per-clip files"),
         selection=scores,
-        gaps=[*gaps, *(folder.relative(one) for one in unscored)],
+        gaps=[*gaps, *(folder.relative(gap) for gap in unscored)],
         files=_files(folder),
     )
 
@@ -117,11 +117,11 @@ def rescored_rows(folder: PublishedFolder) -> tuple[pd.DataFrame, list[str]]:
             continue
         frames.append(latent_rows(runs, name, source=path))
         gaps += [
-            f"{path} line {one['line']}: {one['message']}"
-            for one in runs[runs["status"] == "damaged"].to_dict("records")
+            f"{path} line {row['line']}: {row['message']}"
+            for row in runs[runs["status"] == "damaged"].to_dict("records")
         ]
         copies = runs[runs["duplicate_of"].notna()]
-        gaps += [f"{path} line {one['line']} repeats line {one['duplicate_of']}" for one in copies.to_dict("records")]
+        gaps += [f"{path} line {row['line']} repeats line {row['duplicate_of']}" for row in copies.to_dict("records")]
     return pd.concat(frames, ignore_index=True) if frames else flat_rows([]), gaps
 
 
@@ -191,25 +191,25 @@ def _joined(texts: pd.DataFrame, between: str) -> list[str]:
 def _selection_table(scores: list[SelectionScore]) -> Table:
     lines = [
         {
-            "data set": one.dataset,
-            "method": one.method,
-            "n": one.n,
-            "right": one.correct,
-            "accuracy (%)": f"{100 * one.accuracy:.2f}",
-            "95 % interval": f"{100 * one.interval[0]:.1f} to {100 * one.interval[1]:.1f}",
-            "flags that disagree": one.relabelled,
-            "file": one.source,
+            "data set": score.dataset,
+            "method": score.method,
+            "n": score.n,
+            "right": score.correct,
+            "accuracy (%)": f"{100 * score.accuracy:.2f}",
+            "95 % interval": f"{100 * score.interval[0]:.1f} to {100 * score.interval[1]:.1f}",
+            "flags that disagree": score.relabelled,
+            "file": score.source,
         }
-        for one in scores
+        for score in scores
     ]
     return frame_table(pd.DataFrame(lines), "Equation selection, re-scored from the per-video predictions")
 
 
 def _confusion_tables(scores: list[SelectionScore]) -> Iterator[Table]:
-    for one in scores:
-        per_class = one.per_class["accuracy"].map(lambda share: f"{100 * share:.0f}")
-        frame = one.confusion.assign(**{"right (%)": per_class}).reset_index(names="true class")
-        yield frame_table(frame, f"{one.method} on {one.dataset}: true class down, answer across")
+    for score in scores:
+        per_class = score.per_class["accuracy"].map(lambda share: f"{100 * share:.0f}")
+        frame = score.confusion.assign(**{"right (%)": per_class}).reset_index(names="true class")
+        yield frame_table(frame, f"{score.method} on {score.dataset}: true class down, answer across")
 
 
 def _summary(report: _Report) -> str:
@@ -250,7 +250,7 @@ def _markdown(report: _Report) -> str:
 
 def _latex(report: _Report) -> str:
     table = pd.DataFrame(
-        [{"point": one.point, "finding": one.title, "verdict": one.verdict} for one in report.findings]
+        [{"point": finding.point, "finding": finding.title, "verdict": finding.verdict} for finding in report.findings]
     )
     tables = [
         frame_table(table, f"{TITLE}. {_summary(report)}"),
@@ -260,16 +260,16 @@ def _latex(report: _Report) -> str:
         *_confusion_tables(report.selection),
     ]
     head = "% needs \\usepackage{booktabs,longtable}\n"
-    return head + "\n".join(render(one, "latex") for one in tables)
+    return head + "\n".join(render(table, "latex") for table in tables)
 
 
 def _html(report: _Report) -> str:
     places = [(place, group) for place, group in report.numbers.groupby("place", sort=False)]
     page = jinja2.Environment(loader=jinja2.PackageLoader("validation.audit", "templates"), autoescape=True)
     shown = [
-        {"found": one, "table": _fragment(frame_table(one.evidence, "")) if len(one.evidence) else ""}
-        | {"sources": _sources(one)}
-        for one in report.findings
+        {"found": finding, "table": _fragment(frame_table(finding.evidence, "")) if len(finding.evidence) else ""}
+        | {"sources": _sources(finding)}
+        for finding in report.findings
     ]
     return page.get_template("audit.html").render(
         title=TITLE,

@@ -40,7 +40,7 @@ def notes_on(
         Empty where there is nothing to say.
     """
     notes = [ROPE_SAID] if name.startswith(ROPE) and regenerated is not None else []
-    if regenerated is not None and any(one.used and one.status == "misfit" for one in regenerated.clips.values()):
+    if regenerated is not None and any(clip.used and clip.status == "misfit" for clip in regenerated.clips.values()):
         notes.append(MISFIT)
     if regenerated is None or difference is None:
         return notes

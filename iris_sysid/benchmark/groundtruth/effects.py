@@ -27,19 +27,19 @@ def lacking_effects(clips: Sequence[ClipMeasurement]) -> list[str]:
     list of str
         One sentence; why nothing could be asked, where that is so.
     """
-    usable = [one for one in clips if one.document.usable][:MOST_CLIPS]
-    trajectories: list[Trajectory] = [one for clip in usable if (one := clip.trajectory()) is not None]
+    usable = [clip for clip in clips if clip.document.usable][:MOST_CLIPS]
+    trajectories: list[Trajectory] = [trajectory for clip in usable if (trajectory := clip.trajectory()) is not None]
     if not trajectories:
         return ["not diagnosed: no clip was fitted"]
     phenomenon = PHENOMENA[usable[0].clip.phenomenon]
     model = MODELS[phenomenon.model]
-    fixed = _held(usable[0], {one.name for one in model.parameters})
+    fixed = _held(usable[0], {parameter.name for parameter in model.parameters})
     free = [name for name in phenomenon.free if name not in fixed]
     try:
         found = diagnose(trajectories, model, fixed=fixed, free=free)
     except IrisError as error:
         return [f"not diagnosed: {error}"]
-    names = ", ".join(one.clip.clip for one in usable)
+    names = ", ".join(clip.clip.clip for clip in usable)
     return [f"clips {names}: {diagnosis_sentence(found)}"]
 
 
@@ -47,7 +47,7 @@ def _held(clip: ClipMeasurement, names: set[str]) -> dict[str, Estimate]:
     """What the fits of the setting were told."""
     estimates = clip.document.estimates()
     return {
-        name: one
-        for name, one in estimates.items()
-        if name in names and one.measurement_type == "direct" and name not in clip.document.free
+        name: estimate
+        for name, estimate in estimates.items()
+        if name in names and estimate.measurement_type == "direct" and name not in clip.document.free
     }

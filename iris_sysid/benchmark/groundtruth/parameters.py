@@ -54,7 +54,7 @@ def parameters_document(
         When two classes would have one name, or a direct value is in another unit than the fitted one.
     """
     measured = measured or MeasuredDocument()
-    classes = dict.fromkeys(one.clip.class_name for one in measurements.clips)
+    classes = dict.fromkeys(clip.clip.class_name for clip in measurements.clips)
     lower = [name.lower() for name in classes]
     if len(set(lower)) < len(lower):
         raise DataError(
@@ -74,9 +74,9 @@ def parameters_document(
 
 def _settings(clips: Clips, class_name: str) -> dict[str, list[ClipMeasurement]]:
     found: dict[str, list[ClipMeasurement]] = {}
-    for one in clips:
-        if one.clip.class_name == class_name:
-            found.setdefault(one.clip.setting, []).append(one)
+    for clip in clips:
+        if clip.clip.class_name == class_name:
+            found.setdefault(clip.clip.setting, []).append(clip)
     return found
 
 
@@ -85,7 +85,7 @@ def _setting(
 ) -> dict[str, ParameterEntry]:
     """Every parameter of one setting: those of the class, then others that were measured by hand."""
     by_hand = measured.of(described.folder, clips[0].clip.setting)
-    direct = {name: in_published_unit(one)[0] for name, one in by_hand.items()}
+    direct = {name: in_published_unit(estimate)[0] for name, estimate in by_hand.items()}
     told = effects(clips) if effects is not None else []
     entries = {}
     for ours, theirs in described.parameters.items():
@@ -98,7 +98,7 @@ def _setting(
         notes = notes_on(theirs, regenerated, entry.difference, by_hand)
         entries[theirs] = entry.model_copy(update={"recipes": recipes, "effects": told, "notes": notes})
     names = {*described.parameters, *described.parameters.values()}
-    others = {name: _entry(name, one, None, "") for name, one in direct.items() if name not in names}
+    others = {name: _entry(name, estimate, None, "") for name, estimate in direct.items() if name not in names}
     return entries | others
 
 
@@ -114,40 +114,40 @@ def _entry(name: str, direct: Estimate | None, regenerated: RegeneratedValue | N
         first, *last = stated.interval
         summary = _summary(stated, stated.standard_uncertainty, first, last[0], 1, "measured by hand")
     elif regenerated is not None:
-        one = regenerated
-        summary = _summary(one, one.std, one.min, one.max, one.n, one.method)
+        spread = (regenerated.std, regenerated.min, regenerated.max, regenerated.n, regenerated.method)
+        summary = _summary(regenerated, *spread)
     else:
         raise DataError(f"{name} has neither a direct nor a regenerated value")
     return ParameterEntry(**summary, equation=equation, direct=stated, regenerated=regenerated, difference=difference)
 
 
-def _summary(one: ValueEntry, std: Number, low: Number, high: Number, n: int, method: str) -> dict[str, Any]:
+def _summary(entry: ValueEntry, std: Number, low: Number, high: Number, n: int, method: str) -> dict[str, Any]:
     return {
-        "mean": one.value,
+        "mean": entry.value,
         "std": std,
         "min": low,
         "max": high,
         "n": n,
-        "unit": one.unit,
-        "measurement_type": one.measurement_type,
-        "standard_uncertainty": one.standard_uncertainty,
-        "expanded_uncertainty": one.expanded_uncertainty,
+        "unit": entry.unit,
+        "measurement_type": entry.measurement_type,
+        "standard_uncertainty": entry.standard_uncertainty,
+        "expanded_uncertainty": entry.expanded_uncertainty,
         "method": method,
     }
 
 
-def _stated(one: Estimate) -> ValueEntry:
-    low, high = one.interval
+def _stated(estimate: Estimate) -> ValueEntry:
+    low, high = estimate.interval
     half = (high - low) / 2
     return ValueEntry(
-        value=one.value,
-        standard_uncertainty=one.stderr,
+        value=estimate.value,
+        standard_uncertainty=estimate.stderr,
         expanded_uncertainty=half,
-        coverage_factor=known_number(half / one.stderr) if one.stderr > 0 else None,
-        interval=known_numbers(one.interval),
-        unit=one.unit,
-        measurement_type=one.measurement_type,  # type: ignore[arg-type]  # checked here
-        source=one.source,
+        coverage_factor=known_number(half / estimate.stderr) if estimate.stderr > 0 else None,
+        interval=known_numbers(estimate.interval),
+        unit=estimate.unit,
+        measurement_type=estimate.measurement_type,  # type: ignore[arg-type]  # checked here
+        source=estimate.source,
     )
 
 

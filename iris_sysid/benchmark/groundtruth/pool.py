@@ -90,15 +90,15 @@ def regenerate(clips: Sequence[ClipMeasurement], parameter: str) -> RegeneratedV
         there is no clip. Of a value that is not fitted (assumed, or measured by hand) the type says so.
     """
     values = [_value_of(clip, parameter) for clip in clips]
-    known = [one for one in values if one is not None]
+    known = [value for value in values if value is not None]
     if not known:
         return None
-    unit = next((one.estimate.unit for one in known if one.used), known[0].estimate.unit)
-    used = [one for one in known if one.used and one.estimate.unit == unit]
-    used = [one for one in used if one.document.status == "ok"] or used  # a misfit counts only where nothing fits
-    shown = {one.clip: _shown(one, one in used) for one in known}
+    unit = next((known_value.estimate.unit for known_value in known if known_value.used), known[0].estimate.unit)
+    used = [known_value for known_value in known if known_value.used and known_value.estimate.unit == unit]
+    used = [clip for clip in used if clip.document.status == "ok"] or used  # a misfit counts only where nothing fits
+    shown = {known_value.clip: _shown(known_value, known_value in used) for known_value in known}
     if not used:
-        first = next((one for one in known if one.document.status != "failed"), known[0])
+        first = next((known_value for known_value in known if known_value.document.status != "failed"), known[0])
         return _nothing(first, parameter, first.estimate.unit, shown)
     return _pooled(used, parameter, unit, shown)
 
@@ -128,24 +128,24 @@ def _why_not(document: ClipDocument, estimate: Estimate, random: float) -> str:
     return "" if math.isfinite(random) and random > 0 else "its standard error is not known"
 
 
-def _shown(one: _Value, used: bool) -> ClipValue:
-    origin = one.document.origin
+def _shown(clip_value: _Value, used: bool) -> ClipValue:
+    origin = clip_value.document.origin
     sha256 = origin.get("sha256")
     return ClipValue(
-        value=known_number(one.estimate.value),
-        standard_uncertainty=known_number(one.estimate.stderr),
-        random=known_number(one.random),
-        interval=known_numbers(one.estimate.interval),
-        status=one.document.status,
-        message=one.why_not or one.document.message,
+        value=known_number(clip_value.estimate.value),
+        standard_uncertainty=known_number(clip_value.estimate.stderr),
+        random=known_number(clip_value.random),
+        interval=known_numbers(clip_value.estimate.interval),
+        status=clip_value.document.status,
+        message=clip_value.why_not or clip_value.document.message,
         used=used,
-        source=str(origin.get("source") or one.clip),
+        source=str(origin.get("source") or clip_value.clip),
         sha256=sha256 if isinstance(sha256, str) else None,
     )
 
 
 def _pooled(used: Sequence[_Value], parameter: str, unit: str, shown: Mapping[str, ClipValue]) -> RegeneratedValue:
-    values = np.array([one.estimate.value for one in used])
+    values = np.array([clip.estimate.value for clip in used])
     population = _population(used, unit)
     mean = used[0].estimate if population is None else population.mean
     own = used[0].random if population is None else mean.stderr
@@ -175,7 +175,9 @@ def _pooled(used: Sequence[_Value], parameter: str, unit: str, shown: Mapping[st
 def _population(used: Sequence[_Value], unit: str) -> Population | None:
     if len(used) < LEAST_CLIPS:
         return None
-    return random_effects(np.array([one.estimate.value for one in used]), np.array([one.random for one in used]), unit)
+    return random_effects(
+        np.array([clip.estimate.value for clip in used]), np.array([clip.random for clip in used]), unit
+    )
 
 
 def _common(used: Sequence[_Value], parameter: str) -> dict[str, float]:
@@ -184,14 +186,14 @@ def _common(used: Sequence[_Value], parameter: str) -> dict[str, float]:
     Clips of one setting are filmed alike, so that part of what tracking leaves in one of them it leaves in all.
     """
     if not used[0].document.budget.get(parameter):
-        return {GEOMETRY: float(np.mean([one.estimate.stderr for one in used]))} if len(used) > 1 else {}
-    parts = [one.document.common(parameter, COMMON) for one in used]
+        return {GEOMETRY: float(np.mean([clip.estimate.stderr for clip in used]))} if len(used) > 1 else {}
+    parts = [clip.document.common(parameter, COMMON) for clip in used]
     factor = DEGREES_PER_RADIAN if used[0].estimate.unit == "deg" else 1.0
     names = sorted({name for part in parts for name in part})
     shared = {name: factor * float(np.mean([part.get(name, 0.0) for part in parts])) for name in names}
     if len(used) < LEAST_CLIPS:
         return shared
-    return shared | {FILMED_ALIKE: math.sqrt(ALIKE) * float(np.mean([one.random for one in used]))}
+    return shared | {FILMED_ALIKE: math.sqrt(ALIKE) * float(np.mean([clip.random for clip in used]))}
 
 
 def _coverage_factor(used: Sequence[_Value], population: Population | None, own: float, stderr: float) -> float:
@@ -215,23 +217,23 @@ def _scatter(population: Population | None) -> dict[str, Any]:
     }
 
 
-def _said(one: _Value, parameter: str) -> dict[str, Any]:
-    return {"parameter": parameter, "model": one.document.model, "equation": one.document.equation}
+def _said(clip_value: _Value, parameter: str) -> dict[str, Any]:
+    return {"parameter": parameter, "model": clip_value.document.model, "equation": clip_value.document.equation}
 
 
-def _nothing(one: _Value, parameter: str, unit: str, shown: Mapping[str, ClipValue]) -> RegeneratedValue:
+def _nothing(clip_value: _Value, parameter: str, unit: str, shown: Mapping[str, ClipValue]) -> RegeneratedValue:
     """No clip says anything: the assumed value where there is one, else nothing."""
-    assumed = one.estimate.measurement_type == "assumed" and math.isfinite(one.estimate.value)
+    assumed = clip_value.estimate.measurement_type == "assumed" and math.isfinite(clip_value.estimate.value)
     return RegeneratedValue(
-        value=one.estimate.value if assumed else None,
+        value=clip_value.estimate.value if assumed else None,
         standard_uncertainty=None,
         expanded_uncertainty=None,
         coverage_factor=None,
         interval=(None, None),
         unit=unit,
         measurement_type="assumed" if assumed else "fitted",
-        source=one.estimate.source,
-        **_said(one, parameter),
+        source=clip_value.estimate.source,
+        **_said(clip_value, parameter),
         method="assumed" if assumed else "no clip gave a value",
         n=0,
         std=None,

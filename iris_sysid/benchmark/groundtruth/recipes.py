@@ -45,7 +45,7 @@ def recipes_of(
     """
     model = clips[0].document.model
     found = []
-    for recipe in (one for one in RECIPES.get(model, ()) if parameter in one.gives):
+    for recipe in (candidate for candidate in RECIPES.get(model, ()) if parameter in candidate.gives):
         values, notes = _values(clips, recipe, parameter, by_hand)
         if values:
             found.append(_recipe(recipe, values, regenerated, notes))
@@ -62,7 +62,7 @@ def _values(
         trajectory = clip.trajectory()
         if trajectory is None:
             continue
-        known = {name: one for name, one in clip.document.estimates().items() if name in KNOWN}
+        known = {name: estimate for name, estimate in clip.document.estimates().items() if name in KNOWN}
         if "angle" in by_hand:
             known["angle"] = _in_radians(by_hand["angle"])
         try:
@@ -96,7 +96,7 @@ def _recipe(
         value=known_number(value),
         uncertainty=known_number(_uncertainty(recipe, good)),
         uncertainty_of=recipe.uncertainty,
-        clips={name: known_number(one) for name, one in values.items()},
+        clips={name: known_number(value) for name, value in values.items()},
         bias=known_number(value - reference),
         bias_uncertainty=known_number(math.hypot(own, error)),
         note=notes,

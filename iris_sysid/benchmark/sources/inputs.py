@@ -29,10 +29,10 @@ def given_rows(latent: Mapping[str, Path], predictions: Mapping[str, Path]) -> t
 
 
 def _remarks(name: str, runs: pd.DataFrame) -> Iterator[str]:
-    for one in runs[runs["status"] == DAMAGED].to_dict("records"):
-        yield f"{name} line {one['line']}: {one['message']}"
-    for one in runs[runs["duplicate_of"].notna()].to_dict("records"):
-        yield f"{name} line {one['line']} repeats line {one['duplicate_of']}"
+    for row in runs[runs["status"] == DAMAGED].to_dict("records"):
+        yield f"{name} line {row['line']}: {row['message']}"
+    for row in runs[runs["duplicate_of"].notna()].to_dict("records"):
+        yield f"{name} line {row['line']} repeats line {row['duplicate_of']}"
 
 
 def hashes(files: Mapping[str, Path]) -> list[dict[str, Any]]:

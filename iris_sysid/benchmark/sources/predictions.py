@@ -34,26 +34,26 @@ def prediction_rows(path: str | Path, method: str, *, source: str = "") -> pd.Da
         When the file cannot be read, or names a video twice.
     """
     frame = read_predictions(path)
-    return flat_rows(_record(one, method, source) for one in frame.to_dict("records"))
+    return flat_rows(_record(row, method, source) for row in frame.to_dict("records"))
 
 
-def _record(one: dict[Any, Any], method: str, source: str) -> dict[str, Any]:
-    dataset, setting, clip = _place(one["path"], one["truth"])
-    answered = bool(one["predicted"])
+def _record(prediction: dict[Any, Any], method: str, source: str) -> dict[str, Any]:
+    dataset, setting, clip = _place(prediction["path"], prediction["truth"])
+    answered = bool(prediction["predicted"])
     return {
         "study": SELECTION,
         "dataset": dataset,
-        "phenomenon": one["truth"],
+        "phenomenon": prediction["truth"],
         "setting": setting,
         "clip": clip,
         "method": method,
         "parameter": EQUATION,
-        "value": float(one["predicted"] == one["truth"]) if answered else None,
+        "value": float(prediction["predicted"] == prediction["truth"]) if answered else None,
         "unit": "1",
         "truth": 1.0,
         "truth_source": "class folder",
         "status": OK if answered else FAILED,
-        "answer": one["predicted"] or NO_ANSWER,
+        "answer": prediction["predicted"] or NO_ANSWER,
         "source": source,
     }
 

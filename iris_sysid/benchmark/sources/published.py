@@ -80,11 +80,16 @@ def published_values() -> pd.DataFrame:
     """Every transcribed number as a table: key, place, line, what it is of, as printed, as a number, its tolerance."""
     return pd.DataFrame(
         [
-            {"key": one.key, "place": one.place, "line": one.line, "dataset": one.dataset}
-            | {"phenomenon": one.phenomenon, "setting": one.setting, "parameter": one.parameter, "column": one.column}
-            | {"printed": one.printed, "number": one.number, "tolerance": one.tolerance, "unit": one.unit}
-            | {"bold": one.bold}
-            for one in all_values()
+            {"key": value.key, "place": value.place, "line": value.line, "dataset": value.dataset}
+            | {
+                "phenomenon": value.phenomenon,
+                "setting": value.setting,
+                "parameter": value.parameter,
+                "column": value.column,
+            }
+            | {"printed": value.printed, "number": value.number, "tolerance": value.tolerance, "unit": value.unit}
+            | {"bold": value.bold}
+            for value in all_values()
         ]
     )
 
@@ -101,21 +106,21 @@ def all_values() -> tuple[PublishedValue, ...]:
 
 def values_at(place: str, column: str | None = None) -> Iterator[PublishedValue]:
     """The numbers of one table or section (and, when given, of one column of it), in printed order."""
-    return (one for one in all_values() if one.place == place and column in (None, one.column))
+    return (value for value in all_values() if value.place == place and column in (None, value.column))
 
 
 def sibling(value: PublishedValue, column: str, place: str | None = None) -> PublishedValue:
     """The number in another column of the same row (of another table, when place is given); DataError if absent."""
     row = (value.dataset, value.phenomenon, value.setting, value.parameter)
-    for one in values_at(place or value.place, column):
-        if (one.dataset, one.phenomenon, one.setting, one.parameter) == row:
-            return one
+    for candidate in values_at(place or value.place, column):
+        if (candidate.dataset, candidate.phenomenon, candidate.setting, candidate.parameter) == row:
+            return candidate
     raise DataError(f"{place or value.place} prints no {column} for {'/'.join(row)}")
 
 
 def truths() -> pd.DataFrame:
     """The published ground truth as a table, one row a parameter and setting; see :class:`Truth` for the columns."""
-    return pd.DataFrame([asdict(one) for one in _all_truths().values()])
+    return pd.DataFrame([asdict(truth) for truth in _all_truths().values()])
 
 
 def truth_of(dataset: str, phenomenon: str, setting: str, parameter: str) -> Truth | None:
@@ -145,7 +150,7 @@ def _all_truths() -> dict[tuple[str, str, str, str], Truth]:
         Truth(**{**_texts(row), "value": float(row["value"]), "uncertainty": float(row["uncertainty"] or math.nan)})
         for row in frame.to_dict("records")
     )
-    return {(one.dataset, one.phenomenon, one.setting, one.parameter): one for one in rows}
+    return {(row.dataset, row.phenomenon, row.setting, row.parameter): row for row in rows}
 
 
 def _texts(row: Mapping[Hashable, Any]) -> dict[str, Any]:

@@ -141,5 +141,5 @@ def read_rows(path: str | Path) -> pd.DataFrame:
 
 def joined(frames: Iterable[pd.DataFrame]) -> pd.DataFrame:
     """Flat rows of several origins as one table, checked; empty when there are none."""
-    parts = [one for one in frames if len(one)]
+    parts = [frame for frame in frames if len(frame)]
     return check_rows(pd.concat(parts, ignore_index=True)) if parts else flat_rows([])

@@ -44,8 +44,8 @@ def coupling_rows(subject: Subject) -> Records:
     if len(subject.model.observed) != 2 or subject.model.observed[0].unit != "rad":
         return []
     known, free = subject.told()
-    accepted = {one.name for one in MODELS["coupled-pendulums"].parameters}
-    gravity = {name: one for name, one in known.items() if name in accepted}
+    accepted = {parameter.name for parameter in MODELS["coupled-pendulums"].parameters}
+    gravity = {name: known_value for name, known_value in known.items() if name in accepted}
     impacts = {"fixed": known, "free": free}
     return _compared(subject, subject.trajectory(), _kinds("coupled-pendulums", subject.model, gravity, impacts))
 
@@ -108,7 +108,7 @@ def _kinds(
 
 
 def _compared(subject: Subject, trajectory: Trajectory, kinds: tuple[_Kind, ...]) -> Records:
-    return [one for kind in kinds for one in _held_out(subject, trajectory, kind)]
+    return [row for kind in kinds for row in _held_out(subject, trajectory, kind)]
 
 
 def _held_out(subject: Subject, trajectory: Trajectory, kind: _Kind) -> Iterator[dict[str, Any]]:

@@ -120,12 +120,12 @@ def as_in(video: Video, tracks: list[Track], size: tuple[int, int]) -> list[Trac
     mean = float(np.sqrt(scale[0] * scale[1]))
     return [
         replace(
-            one,
-            xy_px=(one.xy_px + 0.5) * scale - 0.5,  # pixel centres: the corner of a picture is at -0.5
-            sigma_px=one.sigma_px * scale,
-            radius_px=None if one.radius_px is None else one.radius_px * mean,
-            sigma_radius_px=None if one.sigma_radius_px is None else one.sigma_radius_px * mean,
-            area_px=None if one.area_px is None else one.area_px * mean**2,
+            track,
+            xy_px=(track.xy_px + 0.5) * scale - 0.5,  # pixel centres: the corner of a picture is at -0.5
+            sigma_px=track.sigma_px * scale,
+            radius_px=None if track.radius_px is None else track.radius_px * mean,
+            sigma_radius_px=None if track.sigma_radius_px is None else track.sigma_radius_px * mean,
+            area_px=None if track.area_px is None else track.area_px * mean**2,
         )
-        for one in tracks
+        for track in tracks
     ]

@@ -43,7 +43,7 @@ def selection_rows(subject: Subject) -> list[dict[str, Any]]:
     try:
         choice = choice_for(subject.measured)
     except Exception as error:  # one clip must not end the run of all
-        return [_row(subject, one, NO_ANSWER, FAILED) | {"truth_source": why(error)} for one in (BANK, NEAREST)]
+        return [_row(subject, method, NO_ANSWER, FAILED) | {"truth_source": why(error)} for method in (BANK, NEAREST)]
     chosen = NONE_FITS if choice.chosen is None else choice.chosen.model
     return [_row(subject, BANK, chosen, OK), _row(subject, NEAREST, choice.nearest.model, OK)]
 

@@ -27,9 +27,9 @@ def sharing_rows(subjects: Sequence[Subject]) -> Iterator[dict[str, Any]]:
         Measured clips.
     """
     settings: dict[tuple[str, str], list[Subject]] = {}
-    for one in subjects:
-        if one.measured.document.usable:
-            settings.setdefault((one.clip.class_name, one.clip.setting), []).append(one)
+    for subject in subjects:
+        if subject.measured.document.usable:
+            settings.setdefault((subject.clip.class_name, subject.clip.setting), []).append(subject)
     for clips in settings.values():
         common = _common(clips)
         if len(clips) >= FEWEST and common:
@@ -38,20 +38,20 @@ def sharing_rows(subjects: Sequence[Subject]) -> Iterator[dict[str, Any]]:
 
 def _common(clips: Sequence[Subject]) -> list[str]:
     """Free parameters of the model, with one and the same known truth in all clips."""
-    names = [one.name for one in clips[0].model.parameters]
+    names = [parameter.name for parameter in clips[0].model.parameters]
     return [
         name
         for name in clips[0].wanted
         if name in names
-        and all(name in one.measured.document.free and name in one.truth for one in clips)
-        and len({one.truth[name].value for one in clips}) == 1
+        and all(name in clip.measured.document.free and name in clip.truth for clip in clips)
+        and len({clip.truth[name].value for clip in clips}) == 1
     ]
 
 
 def _of_setting(clips: Sequence[Subject], common: Sequence[str]) -> Iterator[dict[str, Any]]:
-    for one in clips:
-        yield from _rows(one, common, one.measured.document.estimates(), PER_CLIP_METHOD)
-    values = {name: [one.measured.document.estimates()[name] for one in clips] for name in common}
+    for clip in clips:
+        yield from _rows(clip, common, clip.measured.document.estimates(), PER_CLIP_METHOD)
+    values = {name: [clip.measured.document.estimates()[name] for clip in clips] for name in common}
     units = {name: found[0].unit for name, found in values.items()}
     means = {
         name: Estimate(math.fsum(v.value for v in found) / len(found), math.nan, units[name])
@@ -61,7 +61,7 @@ def _of_setting(clips: Sequence[Subject], common: Sequence[str]) -> Iterator[dic
     known, free = clips[0].told()
     rest = [name for name in free if name not in common]
     try:
-        trajectories = [one.trajectory() for one in clips]
+        trajectories = [clip.trajectory() for clip in clips]
         pooled = fit_clips(trajectories, clips[0].model, shared=common, fixed=known, free=rest)
         found, said = dict(pooled.shared), {}
     except Exception as error:  # one setting must not end the run of all

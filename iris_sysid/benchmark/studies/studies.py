@@ -36,7 +36,7 @@ def effect_rows(subject: Subject) -> Records:
     """The parameters of the bank's model with the effects added that the clip shows; ``answer`` names them."""
     known, free = subject.told()
     found = diagnose(subject.trajectory(), subject.model, fixed=known, free=free)
-    answer = ", ".join(one.name for one in found.added) or "none"
+    answer = ", ".join(effect.name for effect in found.added) or "none"
     return subject.records(found.final.estimates, found.final.status, method=EFFECTS, answer=answer)
 
 

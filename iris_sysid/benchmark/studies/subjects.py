@@ -71,13 +71,13 @@ class Subject:
         """
         document = self.measured.document
         known = {
-            one.name: document.parameters[one.name].estimate()
-            for one in self.model.parameters
-            if one.name in document.parameters and one.name not in document.free
-            if one.name not in document.geometry
+            parameter.name: document.parameters[parameter.name].estimate()
+            for parameter in self.model.parameters
+            if parameter.name in document.parameters and parameter.name not in document.free
+            if parameter.name not in document.geometry
         }
-        constants = [one.name for one in self.model.parameters if one.constant]
-        finite = {name: one for name, one in known.items() if math.isfinite(one.value)}
+        constants = [parameter.name for parameter in self.model.parameters if parameter.constant]
+        finite = {name: known_value for name, known_value in known.items() if math.isfinite(known_value.value)}
         return finite, [name for name in document.free if name in constants]
 
     def refit(self, trajectory: Trajectory | None = None, **more: Any) -> FitResult:
@@ -126,7 +126,7 @@ class Subject:
     def _lacks_scale(self, name: str) -> bool:
         """Whether the measurement is in px and could not give this parameter for want of metres."""
         entry = self.measured.document.parameters.get(name)
-        units = [one.unit for one in self.measured.document.parameters.values()]
+        units = [parameter.unit for parameter in self.measured.document.parameters.values()]
         return entry is not None and entry.value is None and any(unit.startswith("px") for unit in units)
 
     def _record(self, name: str, unit: str, estimate: Estimate | None, status: str) -> dict[str, Any]:
@@ -149,7 +149,7 @@ class Subject:
 
 def simulated(model: OdeModel, result: FitResult, t_s: Array) -> Array:
     """The observables (n, d) that a fit predicts at times (n,) from the start of its samples on."""
-    values = {name: one.value for name, one in result.estimates.items() if math.isfinite(one.value)}
+    values = {name: estimate.value for name, estimate in result.estimates.items() if math.isfinite(estimate.value)}
     return simulate(model, t_s, values).observed
 
 
@@ -167,9 +167,9 @@ def subjects_of(clips: Iterable[ClipMeasurement], folder: Path, dataset: str) ->
     """
     told = _parameters_json(folder / "parameters.json")
     found = []
-    for one in clips:
-        true = _truth(one.clip, told)
-        found.append(Subject(dataset, one, true, _wanted(one.clip, true)))
+    for clip in clips:
+        true = _truth(clip.clip, told)
+        found.append(Subject(dataset, clip, true, _wanted(clip.clip, true)))
     return found
 
 
@@ -182,9 +182,13 @@ def _wanted(clip: Clip, truth: Mapping[str, TrueValue]) -> dict[str, str]:
     """What the publication has for the class, and what else the model estimates of which the truth is known; units."""
     phenomenon, described = benchmark_classes()[clip.class_name]
     model = MODELS[PHENOMENA[phenomenon].model]
-    units = {one.name: one.unit for one in model.parameters} | {one.name: one.unit for one in model.derived}
+    units = {parameter.name: parameter.unit for parameter in model.parameters} | {
+        quantity.name: quantity.unit for quantity in model.derived
+    }
     units |= {reading.parameter: reading.unit for reading in READINGS.get(clip.class_name, ())}
-    estimated = [one.name for one in model.parameters if not one.constant] + [one.name for one in model.derived]
+    estimated = [parameter.name for parameter in model.parameters if not parameter.constant] + [
+        quantity.name for quantity in model.derived
+    ]
     names = dict.fromkeys([*described.parameters, *(name for name in estimated if name in truth)])
     return {name: "deg" if name == "angle" else _unit(units.get(name, "1")) for name in names}
 
@@ -228,7 +232,11 @@ def _published(clip: Clip) -> dict[str, TrueValue]:
     _, described = benchmark_classes()[clip.class_name]
     key = (described.dataset, clip.class_name, clip.setting)
     known = {name: truth_of(*key, name) for name in described.parameters}
-    return {name: TrueValue(one.value, f"published: {one.source}") for name, one in known.items() if one is not None}
+    return {
+        name: TrueValue(known_value.value, f"published: {known_value.source}")
+        for name, known_value in known.items()
+        if known_value is not None
+    }
 
 
 def _parameters_json(path: Path) -> Mapping[str, Any]:

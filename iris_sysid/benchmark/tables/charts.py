@@ -58,7 +58,7 @@ def error_chart(rows: pd.DataFrame) -> Figure:
             {"color": NULL_COLOUR, "marker": "x" if stem == NULLS[0] else "+"} if null else styles[str(stem)]
         )
         error = np.maximum(group["relative_percent"].to_numpy(dtype=np.float64), SMALLEST)
-        height = [lines.index(one) for one in group["line"]]
+        height = [lines.index(line) for line in group["line"]]
         axes.plot(error, height, linestyle="none", markersize=5, label=_named(str(stem), str(dataset)), **style)
     axes.set(xscale="log", xlabel="error (%)", ylim=(len(lines) - 0.5, -0.5))
     axes.set_yticks(range(len(lines)), lines, fontsize=8)
@@ -133,7 +133,7 @@ def robustness_chart(rows: pd.DataFrame) -> Figure:
     axes = figure.add_subplot()
     for k, ((phenomenon, parameter), group) in enumerate(chosen.groupby(["phenomenon", "parameter"], sort=False)):
         errors = [relative_error(group[group["condition"] == name]) for name in conditions]
-        shown = [max(one, SMALLEST) if np.isfinite(one) else np.nan for one in errors]
+        shown = [max(error, SMALLEST) if np.isfinite(error) else np.nan for error in errors]
         axes.plot(range(len(conditions)), shown, label=f"{phenomenon}, {parameter}", markersize=4, lw=0.8, **_style(k))
     axes.set_xticks(range(len(conditions)), conditions, rotation=45, ha="right", fontsize=8)
     axes.set(yscale="log", ylabel="error (%)")

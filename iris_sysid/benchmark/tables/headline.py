@@ -44,7 +44,7 @@ def headline_table(rows: pd.DataFrame) -> Table:
         entries = [_entry(group, *column) for column in columns]
         best = _best(entries, columns)
         cells = [Cell(_text(entry), k in best) for k, entry in enumerate(entries)]
-        lines.append((*(Cell(str(one)) for one in key), *cells))
+        lines.append((*(Cell(str(part)) for part in key), *cells))
     several = summary["dataset"].nunique() > 1
     heads = tuple(f"{stem} [{dataset}]" if several and dataset else stem for dataset, stem in columns)
     return Table("Parameter errors, all methods", (*LINE, *heads), tuple(lines), frozenset(heads), NOTES)
@@ -63,7 +63,7 @@ def _columns(summary: pd.DataFrame) -> Iterator[tuple[str, str]]:
     """Data set and method of each column: a data set's methods, then its null baselines."""
     for dataset, group in summary.groupby("dataset", sort=False):
         stems = list(dict.fromkeys(group["stem"]))
-        for stem in (*(one for one in stems if one not in NULLS), *(one for one in NULLS if one in stems)):
+        for stem in (*(stem for stem in stems if stem not in NULLS), *(null for null in NULLS if null in stems)):
             yield str(dataset), stem
 
 
@@ -82,8 +82,8 @@ def _best(entries: list[pd.Series | None], columns: list[tuple[str, str]]) -> se
         places = [k for k, (name, stem) in enumerate(columns) if name == dataset and stem not in NULLS]
         found = [entries[k] for k in places]
         numbers = [
-            float(one["mae"]) if one is not None and competes else np.nan
-            for one, competes in zip(found, competing(found), strict=True)
+            float(line["mae"]) if line is not None and competes else np.nan
+            for line, competes in zip(found, competing(found), strict=True)
         ]
         best |= {places[k] for k in smallest(numbers)}
     return best

@@ -150,9 +150,9 @@ def crossed(rows: pd.DataFrame, layout: Layout) -> Table:
     lines = []
     for key, group in rows.groupby(down, sort=False):
         cells = [group[group[layout.across] == name] for name in columns]
-        shown = [cell_text(one, layout.centre, layout.spread) for one in cells]
-        best = smallest([layout.centre(one) for one in cells]) if layout.best else ()
-        lines.append((*(Cell(str(one)) for one in key), *(Cell(text, k in best) for k, text in enumerate(shown))))
+        shown = [cell_text(cell, layout.centre, layout.spread) for cell in cells]
+        best = smallest([layout.centre(cell) for cell in cells]) if layout.best else ()
+        lines.append((*(Cell(str(part)) for part in key), *(Cell(text, k in best) for k, text in enumerate(shown))))
     header = tuple("data" if name == "dataset" else name for name in down) + tuple(columns)
     return Table(layout.caption, header, tuple(lines), frozenset(columns), layout.notes)
 
@@ -179,6 +179,6 @@ def cell_text(rows: pd.DataFrame, centre: Statistic, spread: Statistic | None = 
 
 def smallest(numbers: Sequence[float]) -> tuple[int, ...]:
     """Places of the smallest numbers as displayed; equal displays share it, NaN never has it."""
-    shown = [float(displayed(one)) if np.isfinite(one) else np.inf for one in numbers]
+    shown = [float(displayed(number)) if np.isfinite(number) else np.inf for number in numbers]
     least = min(shown, default=np.inf)
-    return tuple(k for k, one in enumerate(shown) if np.isfinite(one) and one == least)
+    return tuple(k for k, value in enumerate(shown) if np.isfinite(value) and value == least)

@@ -82,7 +82,7 @@ SUMMARY_COLUMNS = (
 
 
 def _group_lines(group: pd.DataFrame, reference: str | None) -> list[dict[str, Any]]:
-    lines = [_line(one) for _, one in group.groupby("method", sort=False)]
+    lines = [_line(part) for _, part in group.groupby("method", sort=False)]
     errors = {line["method"]: line["mae"] for line in lines}
     shown = {name: _shown(error) for name, error in errors.items()}
     against = _named(errors, reference) if reference else ""
@@ -102,13 +102,13 @@ def _group_lines(group: pd.DataFrame, reference: str | None) -> list[dict[str, A
 
 def competing(lines: Sequence[Mapping[str, Any] | pd.Series | None]) -> list[bool]:
     """Which of a group's lines may be the best: those with a value that were scored on all clips that any was."""
-    scored = [one["n"] + one["failed"] if one is not None and one["n"] else 0 for one in lines]
+    scored = [line["n"] + line["failed"] if line is not None and line["n"] else 0 for line in lines]
     return [0 < count == max(scored) for count in scored]
 
 
 def _named(methods: Iterable[str], name: str) -> str:
     """The first of the methods that has this name, with or without a reading in brackets; empty if none has."""
-    return next((one for one in methods if one == name or one.startswith(f"{name} (")), "")
+    return next((method for method in methods if method == name or method.startswith(f"{name} (")), "")
 
 
 def _shown(error: float) -> float:
@@ -116,15 +116,15 @@ def _shown(error: float) -> float:
     return float(displayed(error)) if math.isfinite(error) else math.inf
 
 
-def _line(one: pd.DataFrame) -> dict[str, Any]:
-    values = one.loc[np.isfinite(one["value"]), ["value", "error", "truth"]]
+def _line(rows: pd.DataFrame) -> dict[str, Any]:
+    values = rows.loc[np.isfinite(rows["value"]), ["value", "error", "truth"]]
     errors = values["error"].abs().dropna()
-    first = one.iloc[0]
+    first = rows.iloc[0]
     return {
         **{name: first[name] for name in ("dataset", "phenomenon", "setting", "parameter", "unit", "method")},
-        "truth": _mean(one["truth"]),
+        "truth": _mean(rows["truth"]),
         "n": len(values),
-        "failed": len(one) - len(values),
+        "failed": len(rows) - len(values),
         "mean": _mean(values["value"]),
         "sd": _spread(values["value"]),
         "mae": _mean(errors),

@@ -13,7 +13,9 @@ SCENE = Scene(
     summary="a ball on a cord released from the left strikes another that hangs at rest",
     folder="Two_Moving_Pendulum_One_Static",
     duration_s=20.0,
-    parameters=tuple(replace(one, default=0.0) if one.name == "theta_2_0" else one for one in PARAMETERS),
+    parameters=tuple(
+        replace(parameter, default=0.0) if parameter.name == "theta_2_0" else parameter for parameter in PARAMETERS
+    ),
     settings={f"pendulum_{degrees}": same_angles(degrees, both=False) for degrees in (20, 45, 90)},
     stage=pair_stage,
     effects=accepted(FORCES),
