@@ -441,17 +441,24 @@ def same(folder):
     ("change", "options", "match"),
     [
         (lambda k, one: np.full_like(one, 128), (), "none of 4 images shows the board"),
-        (lambda k, one: one, ("--board", "7x5"), "none of 4 images shows the board.*has 9x6 inner corners, not 7x5"),
-        (
+        pytest.param(
+            lambda k, one: one,
+            ("--board", "7x5"),
+            "none of 4 images shows the board.*has 9x6 inner corners, not 7x5",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
             lambda k, one: cv2.GaussianBlur(one, (0, 0), 9),
             (),
             "is blurred: edges of the board are .* px wide, at most .* px can be used.*hold the board still and focus",
+            marks=pytest.mark.slow,
         ),
         (lambda k, one: one if k else cv2.resize(one, (1440, 810)), (), "differ in size.*leave out those of the other"),
-        (
+        pytest.param(
             lambda k, one: one[:, : one.shape[1] // 2],
             (),
             r"cut off at the right edge of the image \(.* of 9x6 inner corners are seen\); show the whole board",
+            marks=pytest.mark.slow,
         ),
         ("same", (), "all 4 views are alike.*focal length.*not determined.*tilt the board.*--one-picture"),
         (

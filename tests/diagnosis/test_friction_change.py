@@ -24,6 +24,7 @@ def slide(rate_hz: float, noise_m: float, seed: int, *, scale: float = 1.0, unit
     return Trajectory(t_s, (Quantity("s", unit, "s"),), way, np.full_like(way, np.nan), np.ones(t_s.size, dtype=bool))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate_hz", [10.0, 60.0])
 def test_seam_between_two_surfaces_is_found_with_its_place(rate_hz):
     found = diagnose(slide(rate_hz, 1.5e-4, seed=1), MODELS["incline"])

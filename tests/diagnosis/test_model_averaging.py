@@ -73,6 +73,7 @@ def test_shifts_are_what_a_refit_with_the_effect_gives():
         )
 
 
+@pytest.mark.slow
 def test_drag_too_small_to_be_seen_beside_a_friction_is_in_the_interval_of_that():
     plane, names = MODELS["incline"], ("velocity-weakening-friction", "linear-drag")
     effects = [EFFECTS[name] for name in names]

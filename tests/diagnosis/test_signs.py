@@ -33,7 +33,9 @@ def test_what_only_takes_energy_or_water_away_has_no_size_below_zero():
     assert sorted(ONE_SIDED) == sorted([*frictions, "leak", "overflow"])
 
 
-@pytest.mark.parametrize("hidden", [{"linear-drag": -0.1}, {"coulomb-friction": -0.3}])
+@pytest.mark.parametrize(
+    "hidden", [{"linear-drag": -0.1}, pytest.param({"coulomb-friction": -0.3}, marks=pytest.mark.slow)]
+)
 def test_throw_that_gains_energy_gets_a_note_and_no_friction(hidden):
     found = diagnose(clip("projectile", THROW, hidden, 0.8, 2e-4), MODELS["projectile"])
     ((name, size),) = hidden.items()
@@ -62,6 +64,7 @@ def test_tank_that_fills_from_below_gets_no_leak_below_zero():
     assert not {"leak", "overflow"} & {one.name for one in found.added}
 
 
+@pytest.mark.slow
 def test_braking_effects_are_still_named_with_their_size_and_shown_before_and_after(tmp_path):
     measured = clip("projectile", THROW, {"linear-drag": 0.1}, 0.8, 2e-4)
     found = diagnose(measured, MODELS["projectile"])

@@ -566,8 +566,13 @@ GARBAGE = {
 }
 
 
+def slow_with_events(name):
+    """Mark a model that is integrated through its events: it takes up to half a minute to give up on garbage."""
+    return pytest.param(name, marks=pytest.mark.slow) if MODELS[name].events else name
+
+
 @pytest.mark.parametrize("kind", list(GARBAGE))
-@pytest.mark.parametrize("name", list(MODELS))
+@pytest.mark.parametrize("name", [slow_with_events(name) for name in MODELS])
 def test_fit_of_garbage_gives_a_row_and_never_raises(name, kind):
     model = MODELS[name]
     position = GARBAGE[kind](np.random.default_rng(0), (40, len(model.observed)))

@@ -27,6 +27,7 @@ def on_arc(t_s, model="pendulum", values=SWING):
     return {"x": 0.2 + 0.5 * np.sin(theta), "z": 1.1 - 0.5 * np.cos(theta)}
 
 
+@pytest.mark.slow
 def test_place_of_a_bob_is_read_as_the_angle_of_a_pendulum_about_a_pivot_that_nobody_gave():
     choice = select_model(track(np.arange(240) / 60, on_arc(np.arange(240) / 60), ["m", "m"]))
     assert (choice.chosen.model, choice.chosen.reading) == ("pendulum", "angle")
@@ -54,6 +55,7 @@ def test_columns_are_taken_by_their_unit_whatever_their_name():
     assert select_model(track(t_s, {"s": level}, ["m"], 2e-5)).chosen.model == "torricelli"
 
 
+@pytest.mark.slow
 def test_nothing_is_chosen_when_no_model_of_the_bank_fits():
     t_s = np.arange(240) / 60
     wander = np.cumsum(np.random.default_rng(3).standard_normal((240, 2)), axis=0)

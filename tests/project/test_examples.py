@@ -60,7 +60,10 @@ def test_tanks_lack_a_gain_that_changes_and_then_predict_the_other_record_better
     assert errors["real-tanks"] < 0.191 < errors["two-tanks"]
 
 
-@pytest.mark.parametrize("name", EXAMPLES)
+RENDERS = ("one_clip.py", "hidden_effect.py")  # a clip first: minutes
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in RENDERS else n for n in EXAMPLES])
 def test_example_prints_what_it_promises(name, tmp_path):
     done = started(tmp_path, name)
     assert done.returncode == 0, done.stderr
