@@ -96,23 +96,26 @@ def picture(pose, *, board=BOARD, camera=PHONE, size=SIZE, blur_px=0.7, noise=2.
     half = (np.array([board.columns, board.rows]) + 1) / 2
 
     def levels(at):
-        square = np.floor(at + half)
-        inside = np.all((square >= 0) & (square < 2 * half), axis=-1)
-        paper = np.all(np.abs(at) < half + 1, axis=-1)
-        dark = inside & (square.sum(axis=-1) % 2 == board.rows % 2)
+        (across, down), (half_across, half_down) = at.T, half
+        column, row = np.floor(across + half_across), np.floor(down + half_down)
+        inside = (column >= 0) & (column < 2 * half_across) & (row >= 0) & (row < 2 * half_down)
+        paper = (np.abs(across) < half_across + 1) & (np.abs(down) < half_down + 1)
+        dark = inside & ((column + row) % 2 == board.rows % 2)
         return np.where(dark, 40.0, np.where(paper, 210.0, 110.0))
 
     middle = apply_homography(to_board, places)
     level = levels(middle)
-    reach = 1.5 / np.sqrt(np.abs(np.linalg.det(homography_slopes(np.linalg.inv(to_board), middle))))
-    edge = np.min(np.abs(middle + half - np.round(middle + half)), axis=1) < 1.5 * reach
-    edge &= np.all(np.abs(middle) < half + 2, axis=1)
+    edge = (np.abs(middle[:, 0]) < half[0] + 2) & (np.abs(middle[:, 1]) < half[1] + 2)
+    near = middle[edge]
+    reach = 1.5 / np.sqrt(np.abs(np.linalg.det(homography_slopes(np.linalg.inv(to_board), near))))
+    edge[edge] = np.min(np.abs(near + half - np.round(near + half)), axis=1) < 1.5 * reach
     # a lattice that no row or column of samples lies in: else edges along the pixels come out in steps
     k = np.arange(samples)
     within = np.stack([(k + 0.5) / samples, (k * LATTICE + 0.5) / samples % 1], axis=1) - 0.5
     total = np.zeros(int(edge.sum()))
+    edge_places, edge_slopes = places[edge], slopes[edge]
     for offset in within:
-        total += levels(apply_homography(to_board, places[edge] + slopes[edge] @ offset))
+        total += levels(apply_homography(to_board, edge_places + edge_slopes @ offset))
     level[edge] = total / samples
     level = level.reshape(size[1], size[0])
     level = cv2.GaussianBlur(level, (0, 0), blur_px) if blur_px else level

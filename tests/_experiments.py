@@ -35,11 +35,11 @@ def repeated(name, rho, seeds):
         result = fit(clip(model, noise), model)
         assert result.ok, result.message
         estimates = [result.estimates[name] for name in values]
-        intervals = np.array([one.interval for one in estimates])
+        intervals = np.array([estimate.interval for estimate in estimates])
         rows.append(
             [
-                [one.value for one in estimates] - truth,
-                [one.stderr for one in estimates],
+                [estimate.value for estimate in estimates] - truth,
+                [estimate.stderr for estimate in estimates],
                 (intervals[:, 0] <= truth) & (truth <= intervals[:, 1]),
             ]
         )

@@ -28,6 +28,7 @@ def residual_px(found, rows, window=11, degree=4):
     return np.sqrt(np.median(parts, axis=0))
 
 
+@pytest.mark.slow
 def test_christmas_ball_on_a_string_is_followed_smoothly():
     (found,) = real_track("juangomez_pendulum/pendulum.mp4")
     assert found.n_valid >= 304
@@ -49,6 +50,7 @@ def test_iris_pendulum_is_the_ball_without_cord_and_hand():
     assert rms(off_circle) < 3  # the cord stretches and the camera shakes by that much
 
 
+@pytest.mark.slow
 def test_iris_sliding_cone_is_the_same_by_brightness_and_by_colour():
     (found,) = real_track("iris_footage/Sliding_cone.gif")
     (red,) = real_track("iris_footage/Sliding_cone.gif", colour="red")
@@ -59,9 +61,10 @@ def test_iris_sliding_cone_is_the_same_by_brightness_and_by_colour():
         assert one.valid[slide].all()
     np.testing.assert_allclose(found.xy_px[slide], red.xy_px[slide], atol=1.0)
     slope = np.polynomial.Polynomial.fit(*red.xy_px[slide].T, 1).convert().coef[1]
-    assert np.degrees(np.arctan(-slope)) == pytest.approx(29, abs=1)  # the board as it stands in the picture
+    assert np.degrees(np.arctan(-slope)) == pytest.approx(29, abs=1)  # the board as it stands in the image
 
 
+@pytest.mark.slow
 def test_iris_two_pendulums_are_the_light_and_the_dark_ball_throughout():
     tracks = real_track("iris_footage/Two_Moving_Pendulums.gif", bodies=2)
     dark, light = sorted(tracks, key=lambda one: np.nanmedian(one.intensity))
@@ -89,6 +92,7 @@ def test_steel_ball_in_flight_is_the_ball_and_not_its_shadow(name, flight, rate_
     np.testing.assert_allclose(found.radius_px[flight], 3.2, atol=0.9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "slide"),
     [("phystrack/SlidingFriction_R1.MP4", slice(120, 390)), ("phystrack/SlidingFriction_R3.MP4", slice(85, 260))],
@@ -99,12 +103,13 @@ def test_block_on_the_incline_is_followed_smoothly(name, slide):
     assert residual_px(found, slide).max() < 0.06
 
 
+@pytest.mark.slow
 def test_pucks_are_followed_through_their_collision_to_rest():
-    still, struck = sorted(real_track("phystrack/CaromPuck_HeadOn.MP4", bodies=2), key=lambda one: -one.n_valid)
-    assert still.n_valid == 752
+    resting, struck = sorted(real_track("phystrack/CaromPuck_HeadOn.MP4", bodies=2), key=lambda one: -one.n_valid)
+    assert resting.n_valid == 752
     assert struck.valid[:274].all()
-    assert np.ptp(still.xy_px[320:], axis=0).max() < 0.7  # at rest where it stopped
-    np.testing.assert_allclose(still.radius_px[:270], struck.radius_px[:270], atol=1.5)
+    assert np.ptp(resting.xy_px[320:], axis=0).max() < 0.7  # at rest where it stopped
+    np.testing.assert_allclose(resting.radius_px[:270], struck.radius_px[:270], atol=1.5)
 
 
 def test_tossed_ball_agrees_with_the_marks_made_by_hand():
