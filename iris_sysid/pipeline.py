@@ -197,14 +197,14 @@ def run(
     VideoError, TrackingError, CalibrationError, DataError
         When the clip cannot be read, followed, calibrated or observed.
     """
-    from iris_sysid.trajectory.vertical_and_scale import gravity_calibration, upright, vertical_note
-
     chosen = _phenomenon(phenomenon)
     known = dict(settings or {})
     _check_request(chosen, known, free, geometry)
     video = open_video(source, fps=clip.fps, start_s=clip.start_s, stop_s=clip.stop_s, keep_partial=clip.keep_partial)
     if calibration is not None:
         check_image_size(calibration.image_size, (video.width, video.height))
+    from iris_sysid.trajectory.vertical_and_scale import gravity_calibration, upright, vertical_note
+
     tracks = track(video, chosen.tracker, options or TrackOptions(bodies=chosen.bodies))
     tracks = from_source(tracks, source, _request_origin(chosen, known, free, clip, geometry))
     if geometry.scale_from_gravity is not None:

@@ -58,9 +58,9 @@ def show_fit(fit: FitResult, trajectory: Trajectory, json: bool) -> None:
         Print what fit.json holds.
     """
     from iris_sysid.io import json_documents
-    from iris_sysid.report import text as wording
+    from iris_sysid.report.text import fit_table
 
-    typer.echo(json_documents.fit_json(fit, trajectory).rstrip("\n") if json else wording.estimates_text(fit))
+    typer.echo(json_documents.fit_json(fit, trajectory).rstrip("\n") if json else fit_table(fit))
 
 
 def exit_unless_ok(fit: FitResult) -> None:
@@ -86,6 +86,9 @@ def print_rows(rows: list[dict[str, Any]], json: bool) -> None:
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None]]:
     """Show a bar on stderr while work goes on, when stderr is a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda done, expected: None
+        return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 

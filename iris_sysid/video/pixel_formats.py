@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any, cast
 
-import cv2
 import numpy as np
 from av import VideoFrame
 from numpy.typing import NDArray
@@ -20,19 +19,40 @@ _LUMA_PLANE = re.compile(r"(?:yuv[aj]?4\d\dp|nv(?:12|16|21|24|42)|gray)(?:(\d\d?
 _LUMA_HIGH_BITS = re.compile(r"p[0-4]1[026](le|be)")
 
 
+# OpenCV is imported where it is used: most clips need none of it, and it takes long to load.
+
+
+def _rotated(array: Bytes, *, code: str) -> Bytes:
+    import cv2
+
+    return np.asarray(cv2.rotate(array, getattr(cv2, code)))
+
+
+def _flipped(array: Bytes, *, code: int) -> Bytes:
+    import cv2
+
+    return np.asarray(cv2.flip(array, code))
+
+
+def _transposed(array: Bytes) -> Bytes:
+    import cv2
+
+    return np.asarray(cv2.transpose(array))
+
+
 def _turned_about_both(array: Bytes) -> Bytes:
-    return np.asarray(cv2.rotate(cv2.transpose(array), cv2.ROTATE_180))
+    return _rotated(_transposed(array), code="ROTATE_180")
 
 
 # (transposed, then mirrored left-right, then mirrored up-down): how to do it, clockwise degrees, whether mirrored
 _TURNS: dict[tuple[bool, bool, bool], tuple[Callable[[Bytes], Bytes] | None, int, bool]] = {
     (False, False, False): (None, 0, False),
-    (True, True, False): (partial(cv2.rotate, rotateCode=cv2.ROTATE_90_CLOCKWISE), 90, False),
-    (False, True, True): (partial(cv2.rotate, rotateCode=cv2.ROTATE_180), 180, False),
-    (True, False, True): (partial(cv2.rotate, rotateCode=cv2.ROTATE_90_COUNTERCLOCKWISE), 270, False),
-    (False, True, False): (partial(cv2.flip, flipCode=1), 0, True),
-    (True, False, False): (cv2.transpose, 90, True),
-    (False, False, True): (partial(cv2.flip, flipCode=0), 180, True),
+    (True, True, False): (partial(_rotated, code="ROTATE_90_CLOCKWISE"), 90, False),
+    (False, True, True): (partial(_rotated, code="ROTATE_180"), 180, False),
+    (True, False, True): (partial(_rotated, code="ROTATE_90_COUNTERCLOCKWISE"), 270, False),
+    (False, True, False): (partial(_flipped, code=1), 0, True),
+    (True, False, False): (_transposed, 90, True),
+    (False, False, True): (partial(_flipped, code=0), 180, True),
     (True, True, True): (_turned_about_both, 270, True),
 }
 _COUNTERCLOCKWISE = {
@@ -106,6 +126,8 @@ def luma_of(picture: VideoFrame, orientation: Orientation) -> Bytes:
     """
     layout = _luma_layout(picture.format.name)
     if layout is None or picture.planes[0].line_size <= 0:
+        import cv2
+
         luma = np.asarray(cv2.cvtColor(picture.to_ndarray(format="bgr24"), cv2.COLOR_BGR2GRAY))
     else:
         luma = _plane(picture, 0, *layout)

@@ -25,7 +25,6 @@ from iris_sysid.types import Frame
 from iris_sysid.video.container import DamageError, open_container
 from iris_sysid.video.image_sequence import open_archive, open_folder
 from iris_sysid.video.pixel_formats import Orientation, bgr_of, chroma_of, luma_of
-from iris_sysid.video.tensor_reader import open_tensor
 
 # Pixels that may be decoded to sample a clip: 30 frames of 3840x2160, 120 of 1920x1080
 SAMPLING_PIXELS = 250_000_000
@@ -317,6 +316,8 @@ def _open_source(path: Path, label: str, fps: float | None) -> _Source:
         elif path.suffix.lower() in (".zip", ".trz"):
             source = open_archive(path, label)
         elif path.suffix.lower() == ".npy":
+            from iris_sysid.video.tensor_reader import open_tensor  # here: it loads OpenCV and pydantic
+
             source = open_tensor(path, label)
         else:
             source = open_container(path, label)

@@ -179,7 +179,7 @@ def test_budget_table_lists_every_part_with_its_share_and_kind(calibration):
     variance = sum(float(row[3]) ** 2 for row in rows)
     assert math.sqrt(variance) == pytest.approx(fit.estimates["gravity"].stderr, rel=0.05)
     lines = " ".join(calibration_section(calibration, [falling(calibration, np.random.default_rng(1))]).lines)
-    assert "Fixed by the data: scale, tilt, distance, distortion" in lines
+    assert "Determined by the data: scale, tilt, distance, distortion" in lines
     assert "the vertical is the image's" in lines
 
 
