@@ -1,0 +1,25 @@
+"""The documentation site: the pages of this folder and the reference of the public names."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+
+from iris_sysid import __version__
+
+project = "iris-sysid"
+author = "The iris-sysid founders"
+copyright = author
+version = release = __version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 3
+autodoc_typehints = "description"
+autodoc_typehints_description_target = "documented"
+autodoc_member_order = "bysource"
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+napoleon_preprocess_types = False
+html_theme = "furo"
+html_title = "iris-sysid"
+exclude_patterns = ["_build"]
