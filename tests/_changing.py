@@ -16,13 +16,13 @@ def fading(n=60, rate=1.5, noise=2.0, seed=0):
     """A lamp whose light is exp(-rate t) from 40 to 200 grey levels; the light (n,)."""
     light = np.exp(-rate * np.arange(n) / FPS)
     share = disc(SHAPE, *LAMP)
-    pictures = [paint(np.full(SHAPE, GREY), share, 40.0 + 160.0 * one) for one in light]
-    return DrawnClip(noisy(pictures, noise, seed)), light
+    images = [paint(np.full(SHAPE, GREY), share, 40.0 + 160.0 * level) for level in light]
+    return DrawnClip(noisy(images, noise, seed)), light
 
 
 def turning(angle_rad, noise=2.0, seed=0):
     """A weight on an arm about an axis, at these angles anticlockwise from the right."""
-    return DrawnClip(noisy([_arm(one) for one in angle_rad], noise, seed))
+    return DrawnClip(noisy([_arm(angle) for angle in angle_rad], noise, seed))
 
 
 def weight_at(angle_rad):
@@ -31,11 +31,11 @@ def weight_at(angle_rad):
 
 
 def _arm(angle):
-    picture = np.full(SHAPE, GREY)
+    image = np.full(SHAPE, GREY)
     for share, grey, radius in ((0.35, 130.0, 5.0), (0.65, 140.0, 5.0), (1.0, 190.0, ARM[1])):
         x, y = np.array(AXIS) + share * ARM[0] * np.array([np.cos(angle), -np.sin(angle)])
-        picture = paint(picture, disc(SHAPE, x, y, radius), grey)
-    return paint(picture, disc(SHAPE, *AXIS, 4.0), 30.0)
+        image = paint(image, disc(SHAPE, x, y, radius), grey)
+    return paint(image, disc(SHAPE, *AXIS, 4.0), 30.0)
 
 
 def draining(level_px, noise=2.0, seed=0, slope=0.0, climb=0.0):
@@ -44,9 +44,9 @@ def draining(level_px, noise=2.0, seed=0, slope=0.0, climb=0.0):
     half = (WALLS[1] - WALLS[0]) / 2
     u = (columns - (sum(WALLS) - 1) / 2) / half
     wet = (columns >= WALLS[0]) & (columns < WALLS[1])
-    pictures = []
+    images = []
     for level in level_px:
         surface = level + slope * half * u - climb * np.exp(-(1 - np.abs(u)) * half / 2)
         share = np.clip(rows + 0.5 - surface, 0, 1) * wet
-        pictures.append(paint(np.full(SHAPE, 190.0), share, 90.0))
-    return DrawnClip(noisy(pictures, noise, seed))
+        images.append(paint(np.full(SHAPE, 190.0), share, 90.0))
+    return DrawnClip(noisy(images, noise, seed))

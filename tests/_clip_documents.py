@@ -1,4 +1,4 @@
-"""Clips as they lie in the folder of measurements, made without any video."""
+"""Measurements of clips as they stand on disk, made without any video."""
 
 from pathlib import Path
 

@@ -36,8 +36,8 @@ class DrawnClip:
             yield self._frame(index)
 
     def sample(self, count: int) -> list[Frame]:
-        places = np.unique(np.linspace(0, len(self.images) - 1, count).astype(int))
-        return [self._frame(int(index)) for index in places]
+        indices = np.unique(np.linspace(0, len(self.images) - 1, count).astype(int))
+        return [self._frame(int(index)) for index in indices]
 
     def _frame(self, index: int) -> Frame:
         image = self.images[index]
@@ -76,7 +76,7 @@ def paint(background: np.ndarray, share: np.ndarray, colour: object) -> np.ndarr
 def noisy(images: Sequence[np.ndarray], sigma: float, seed: int = 0) -> list[np.ndarray]:
     """The images with normal noise, rounded to bytes."""
     rng = np.random.default_rng(seed)
-    return [np.clip(np.rint(one + rng.normal(0, sigma, one.shape)), 0, 255).astype(np.uint8) for one in images]
+    return [np.clip(np.rint(image + rng.normal(0, sigma, image.shape)), 0, 255).astype(np.uint8) for image in images]
 
 
 def moving_disc(
@@ -88,6 +88,6 @@ def moving_disc(
 
 
 def swing(n: int, centre: tuple[float, float], amplitude: tuple[float, float], period: float = 60.0) -> np.ndarray:
-    """A path (n, 2) that swings to and fro with that period in frames, px."""
+    """A path (n, 2) that oscillates with that period in frames, px."""
     phase = 2 * np.pi * np.arange(n) / period
     return np.column_stack([centre[0] + amplitude[0] * np.cos(phase), centre[1] + amplitude[1] * np.sin(2 * phase)])

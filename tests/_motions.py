@@ -19,7 +19,7 @@ def in_plane(t_s, position, sigma, valid=None, unit="px", rng=None, **more):
 
 
 def pendulum_angle(t_s, amplitude_rad, length_m=1.0, damping=0.05):
-    """Angle of a pendulum let go at rest, by integration."""
+    """Angle of a pendulum released at rest, by integration."""
 
     def slope(t, state):
         return state[1], -damping * state[1] - 9.81 / length_m * np.sin(state[0])
@@ -43,6 +43,6 @@ def bouncing_ball(t_s, height, gravity, restitution=0.7, speed_x=0.0, launch=0.0
 
 
 def down_a_board(t_s, start_s, acceleration, angle_rad, length):
-    """At rest until ``start_s``, then down a straight board, then stopped dead at its end."""
-    way = 0.5 * acceleration * np.clip(t_s - start_s, 0.0, None) ** 2
-    return np.minimum(way, length)[:, None] * np.array([np.cos(angle_rad), -np.sin(angle_rad)])
+    """At rest until ``start_s``, then down a straight board, then stopped at its end."""
+    distance = 0.5 * acceleration * np.clip(t_s - start_s, 0.0, None) ** 2
+    return np.minimum(distance, length)[:, None] * np.array([np.cos(angle_rad), -np.sin(angle_rad)])

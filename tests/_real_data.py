@@ -31,13 +31,13 @@ def spreadsheet_rows(path) -> np.ndarray:
 
 
 def wooden_bob() -> Trajectory:
-    """Angle of a wooden bob on a 0.334 m pendulum, one wild row near the 16th."""
+    """Angle of a wooden bob on a 0.334 m pendulum, one outlier near row 16."""
     t_s, theta_deg = spreadsheet_rows(recording("wooden_bob") / "damping_angle.xlsx").T
     return trajectory_of(t_s, np.deg2rad(theta_deg), Quantity("theta", "rad"))
 
 
 def alexiev_length_68() -> Trajectory:
-    """Angle of a pendulum on a 0.68 m string, from whole pixels, by a circle through the bob's positions."""
+    """Angle of a pendulum on a 0.68 m string, about the centre of a circle fitted to positions in whole pixels."""
     folder = recording("alexiev_pendulum")
     t_s, x_px, y_px = (np.loadtxt(folder / f"length_68_{name}.csv") for name in "txy")
     pivot_x_px, pivot_y_px = circle_centre(x_px, y_px)

@@ -36,10 +36,10 @@ def cli(monkeypatch, capfd) -> Callable[..., Outcome]:
     def call(*arguments: object) -> Outcome:
         monkeypatch.setattr(sys, "argv", ["iris-sysid", *map(str, arguments)])
         capfd.readouterr()
-        with pytest.raises(SystemExit) as ended:
+        with pytest.raises(SystemExit) as exit_info:
             command_line.main()
         out, err = capfd.readouterr()
-        return Outcome(int(ended.value.code or 0), out, err)
+        return Outcome(int(exit_info.value.code or 0), out, err)
 
     return call
 
@@ -58,32 +58,32 @@ def nothing_written(tmp_path):
 
 def listing(folder: Path) -> dict[str, bytes | None]:
     """Every file below a folder with its bytes, and every folder with None."""
-    found = {}
+    contents = {}
     for base, folders, files in os.walk(folder):
-        found |= {str((Path(base) / name).relative_to(folder)): None for name in folders}
-        found |= {str((Path(base) / name).relative_to(folder)): (Path(base) / name).read_bytes() for name in files}
-    return found
+        contents |= {str((Path(base) / name).relative_to(folder)): None for name in folders}
+        contents |= {str((Path(base) / name).relative_to(folder)): (Path(base) / name).read_bytes() for name in files}
+    return contents
 
 
-def write_video(path: Path, pictures: list[np.ndarray], rate: int = 30) -> Path:
-    """Encode grey pictures (h, w) as lossless H.264."""
-    height, width = pictures[0].shape
+def write_video(path: Path, images: list[np.ndarray], rate: int = 30) -> Path:
+    """Encode grey images (h, w) as lossless H.264."""
+    height, width = images[0].shape
     grey = np.full((height // 2, width), 128, np.uint8)
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", rate=rate, options={"qp": "0"})
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
-        for picture in pictures:
-            container.mux(stream.encode(av.VideoFrame.from_ndarray(np.vstack([picture, grey]), format="yuv420p")))
+        for image in images:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(np.vstack([image, grey]), format="yuv420p")))
         container.mux(stream.encode())
     return path
 
 
-def discs(*places: tuple[float, float]) -> np.ndarray:
-    """A bright disc of 5 px radius at each place, on a grey wall."""
-    picture = WALL
-    for x, y in places:
-        picture = paint(picture, disc(SHAPE, x, y, 5.0), 180.0)
-    return picture
+def discs(*positions: tuple[float, float]) -> np.ndarray:
+    """A bright disc of 5 px radius at each position, on a grey wall."""
+    image = WALL
+    for x, y in positions:
+        image = paint(image, disc(SHAPE, x, y, 5.0), 180.0)
+    return image
 
 
 @pytest.fixture(scope="session")
