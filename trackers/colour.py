@@ -13,20 +13,20 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackerExample, TrackOptions, with_progress
-from trackers._background.median import MAD_TO_SD, QUANTISATION_SD, Background, Bytes, Image, Still
+from trackers._background.median import MAD_TO_SD, QUANTISATION_SD, Background, BackgroundEstimate, Bytes, Image
 from trackers._detection.detect_frames import REPORT_EVERY
-from trackers._detection.detection import Glimpse, Lens
-from trackers._detection.foreground import SMALLEST_AREA, Component, Core, cores_of
-from trackers._frames.sampled_frames import Samples
+from trackers._detection.detection import Detector, FrameDetections
+from trackers._detection.foreground import SMALLEST_AREA, Blob, Component, blobs_of
+from trackers._frames.sampled_frames import SampledFrames
 from trackers._frames.working_image import View, view_of
-from trackers._linking.frame_to_frame import Path, link
-from trackers._linking.select_bodies import joined
+from trackers._linking.frame_to_frame import Tracklet, link
+from trackers._linking.select_bodies import with_fragments
 from trackers._linking.to_track import track_of
 
 RING, GAP = 9, 3  # px at the size that is searched: width of the ring outside of a body, and from where on
-FIRST_REACH, LEAST_REACH = 0.25, 0.1  # of the picture's diagonal: how far a body may go unforeseen
-FEWEST_SIGHTINGS = 3
-TOGETHER = 0.3  # of the shorter path: two paths seen together as long are two bodies
+FIRST_REACH, LEAST_REACH = 0.25, 0.1  # of the image's diagonal: how far a body may go unforeseen
+FEWEST_DETECTIONS = 3
+LEAST_OVERLAP = 0.3  # of the shorter tracklet: two tracklets seen together as long are two bodies
 FEWEST_RING = 12  # px that show what is outside
 
 
@@ -38,13 +38,13 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     video
         The clip; its camera may move.
     options
-        ``colour`` is the colour of the bodies, ``bodies`` the number to follow, ``roi`` limits the picture,
+        ``colour`` is the colour of the bodies, ``bodies`` the number to follow, ``roi`` limits the image,
         ``progress`` is called now and then.
 
     Returns
     -------
     list of Track
-        Every frame has a row; a frame in which the body is not seen, or is cut by the edge of the picture, is a gap.
+        Every frame has a row; a frame in which the body is not seen, or is cut by the edge of the image, is a gap.
         The standard error allows for how uneven the surroundings are.
 
     Raises
@@ -57,26 +57,28 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     view = view_of(video, options)
     if view.colour is None:
         raise TrackingError("this tracker follows a colour: name it with --colour, e.g. --colour red or '#c8e61e'")
-    glimpses = []
+    all_detections = []
     for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
-        glimpses.append(_glimpse(view, frame))
+        all_detections.append(_detections_of(view, frame))
     diagonal = float(np.hypot(video.width, video.height))
-    paths = _largest(link(glimpses, FIRST_REACH * diagonal, LEAST_REACH * diagonal), options)
+    tracklets = _largest(link(all_detections, FIRST_REACH * diagonal, LEAST_REACH * diagonal), options)
     origin = {"tracker": TRACKER.name, "bodies": options.bodies, "roi": options.roi, "colour": options.colour}
-    return [track_of(path, glimpses, str(number), origin) for number, path in enumerate(paths, start=1)]
+    return [
+        track_of(tracklet, all_detections, str(number), origin) for number, tracklet in enumerate(tracklets, start=1)
+    ]
 
 
-def _glimpse(view: View, frame: Frame) -> Glimpse:
+def _detections_of(view: View, frame: Frame) -> FrameDetections:
     """The candidates of one frame, each measured against what is round it."""
-    picture, wanted = view.searched(frame), np.asarray(view.wanted(frame))
-    bodies = cores_of(_components(wanted.astype(np.uint8)), wanted.shape)
-    covered = cv2.dilate(wanted.astype(np.uint8), np.ones((GAP, GAP), np.uint8))
-    found = Glimpse(frame.index, frame.t_s, (), ())
-    for core in bodies:
-        lens = _lens(view, frame, picture, covered, core)
-        if lens is not None:
-            seen = lens.glimpse(frame, [core], [core])
-            found = replace(found, sightings=found.sightings + seen.sightings)
+    image, colour_mask = view.search_image(frame), np.asarray(view.colour_mask(frame))
+    bodies = blobs_of(_components(colour_mask.astype(np.uint8)), colour_mask.shape)
+    covered = cv2.dilate(colour_mask.astype(np.uint8), np.ones((GAP, GAP), np.uint8))
+    found = FrameDetections(frame.index, frame.t_s, (), ())
+    for blob in bodies:
+        detector = _detector(view, frame, image, covered, blob)
+        if detector is not None:
+            seen = detector.detect(frame, [blob], [blob])
+            found = replace(found, detections=found.detections + seen.detections)
     return found
 
 
@@ -93,46 +95,47 @@ def _components(mask: Bytes) -> list[Component]:
     return found
 
 
-def _lens(view: View, frame: Frame, picture: Bytes, covered: Bytes, core: Core) -> Lens | None:
+def _detector(view: View, frame: Frame, image: Bytes, covered: Bytes, blob: Blob) -> Detector | None:
     """What measures one body against the colour just outside of it; None where nothing is seen outside."""
-    left, top, right, bottom = core.box
+    left, top, right, bottom = blob.box
     reach = GAP + RING
     window = (slice(max(0, top - reach), bottom + reach), slice(max(0, left - reach), right + reach))
-    outside = picture[window][covered[window] == 0].astype(np.float32)
+    outside = image[window][covered[window] == 0].astype(np.float32)
     if len(outside) < FEWEST_RING:
         return None
     middle = np.median(outside, axis=0)
     noise = np.maximum(MAD_TO_SD * np.median(np.abs(outside - middle), axis=0), QUANTISATION_SD)
-    samples = Samples([frame], view)
+    samples = SampledFrames([frame], view)
     sizes = [size for size in range(1, view.step + 1) if view.step % size == 0]
     coarser = {
         size: Background(samples, None, _even(middle, noise, (view.height // size, view.width // size)))
         for size in sizes
     }
-    return Lens(replace(coarser[1], coarser=coarser), view, 1.0)
+    return Detector(replace(coarser[1], coarser=coarser), view, 1.0)
 
 
-def _even(middle: Image, noise: Image, size: tuple[int, int]) -> Still:
-    """The same colour and noise everywhere in a picture of that height and width."""
-    return Still(*(np.broadcast_to(one.astype(np.float32), (*size, 3)) for one in (middle, noise)))
+def _even(middle: Image, noise: Image, size: tuple[int, int]) -> BackgroundEstimate:
+    """The same colour and noise everywhere in a image of that height and width."""
+    return BackgroundEstimate(*(np.broadcast_to(one.astype(np.float32), (*size, 3)) for one in (middle, noise)))
 
 
-def _largest(paths: list[Path], options: TrackOptions) -> list[Path]:
+def _largest(tracklets: list[Tracklet], options: TrackOptions) -> list[Tracklet]:
     """The bodies that are largest and seen longest, seen together, each with the pieces that can only be more of it."""
-    seen = [path for path in paths if len(path.sightings) >= FEWEST_SIGHTINGS]
-    chosen: list[Path] = []
-    for path in sorted(seen, key=lambda one: -sum(sighting.area for sighting in one.sightings)):
+    seen = [tracklet for tracklet in tracklets if len(tracklet.detections) >= FEWEST_DETECTIONS]
+    chosen: list[Tracklet] = []
+    for tracklet in sorted(seen, key=lambda one: -sum(detection.area for detection in one.detections)):
         with_all = all(
-            len(path.frames & other.frames) >= TOGETHER * min(len(path.frames), len(other.frames)) for other in chosen
+            len(tracklet.frames & other.frames) >= LEAST_OVERLAP * min(len(tracklet.frames), len(other.frames))
+            for other in chosen
         )
         if len(chosen) < options.bodies and with_all:
-            chosen.append(path)
+            chosen.append(tracklet)
     if len(chosen) < options.bodies:
         raise TrackingError(
             f"{options.bodies} bodies of the colour {options.colour} were asked for, but {len(chosen)} can be seen at "
-            "the same time; give the colour as it is in the picture, e.g. '#c8e61e', or limit the picture with --roi"
+            "the same time; give the colour as it is in the image, e.g. '#c8e61e', or limit the image with --roi"
         )
-    return joined(chosen, [path for path in paths if not any(path is one for one in chosen)])
+    return with_fragments(chosen, [tracklet for tracklet in tracklets if not any(tracklet is one for one in chosen)])
 
 
 TRACKER = Tracker(

@@ -17,19 +17,19 @@ import numpy as np
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackOptions, part_of_progress, with_progress
 from trackers._background.median import Background
-from trackers._detection.detect_frames import Stage, observe, stage_of
-from trackers._detection.detection import Glimpse
-from trackers._disc.background import behind
-from trackers._disc.circle_detection import course_of_circles
-from trackers._disc.expected_position import Course, course_of
+from trackers._detection.detect_frames import DetectionSetup, detection_setup, observe
+from trackers._detection.detection import FrameDetections
+from trackers._disc.background import background_without_discs
+from trackers._disc.circle_detection import path_of_circles
+from trackers._disc.expected_position import ExpectedPath, expected_path_of
 from trackers._disc.fit import DiscFit
 from trackers._disc.impact_frames import struck_within
-from trackers._disc.learn_appearance import Lesson, Workshop, taught
+from trackers._disc.learn_appearance import DiscAppearance, DiscFitter, with_learned_appearance
 from trackers._frames.working_image import view_of
-from trackers._linking.frame_to_frame import Path
-from trackers._linking.select_bodies import follow, held_frames
+from trackers._linking.frame_to_frame import Tracklet
+from trackers._linking.select_bodies import held_frames, link_bodies
 from trackers._linking.to_track import error_model
-from trackers._multi_body.track_together import together
+from trackers._multi_body.track_together import track_together
 from trackers._uncertainty.excess_scatter import with_scatter
 
 WELL_SEEN = 0.8  # of the frames: where a body is found less often, it is looked for in another way as well
@@ -38,8 +38,10 @@ WELL_SEEN = 0.8  # of the frames: where a body is found less often, it is looked
 CORRELATION_ABSORBED = 0.25
 REPORT_EVERY = 10  # frames between two calls of the progress function
 EMPTY = (np.nan,) * 8
-_Followed = tuple[list[Glimpse], list[Path], TrackingError | None]  # what frames show, paths, why there are none
-PLANES = ("luma", "red difference", "blue difference")  # by Lesson.channel
+LinkedBodies = tuple[
+    list[FrameDetections], list[Tracklet], TrackingError | None
+]  # what frames show, tracklets, why there are none
+PLANES = ("luma", "red difference", "blue difference")  # by DiscAppearance.channel
 
 
 def track(video: FrameSource, options: TrackOptions) -> list[Track]:
@@ -50,7 +52,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     video
         The clip; its camera stands still.
     options
-        ``bodies`` is the number to follow, ``roi`` limits the picture, ``colour`` limits the bodies to
+        ``bodies`` is the number to follow, ``roi`` limits the image, ``colour`` limits the bodies to
         one colour, ``progress`` is called now and then.
 
     Returns
@@ -67,29 +69,29 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     DataError, UnknownNameError
         When the options do not fit the clip, or name an unknown colour.
     """
-    stage = stage_of(video, view_of(video, options))
-    rough = replace(stage, lens=replace(stage.lens, streaks=False))  # the second pass fits every disc
-    glimpses = observe(video, rough, _first_half(options))
-    if not glimpses:
+    setup = detection_setup(video, view_of(video, options))
+    rough = replace(setup, detector=replace(setup.detector, streaks=False))  # the second pass fits every disc
+    all_detections = observe(video, rough, _first_half(options))
+    if not all_detections:
         raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
-    glimpses, paths, refusal = _followed(video, stage, glimpses, options)
-    workshop, paths = _workshop(video, stage, (glimpses, paths, refusal), options)
-    fits: list[dict[int, DiscFit]] = [{} for _ in workshop.courses]
+    all_detections, tracklets, refusal = _linked(video, setup, all_detections, options)
+    fitter, tracklets = _best_fitter(video, setup, (all_detections, tracklets, refusal), options)
+    fits: list[dict[int, DiscFit]] = [{} for _ in fitter.expected_paths]
     second_half = part_of_progress(options.progress, 1, 2)
-    for frame in with_progress(video.frames(), second_half, len(glimpses), every=REPORT_EVERY):
-        picture = workshop.view.picture(frame)
+    for frame in with_progress(video.frames(), second_half, len(all_detections), every=REPORT_EVERY):
+        image = fitter.view.image(frame)
         for body, found in enumerate(fits):
-            fitted = workshop.fit(body, frame.index, picture)
+            fitted = fitter.fit(body, frame.index, image)
             if fitted is not None:
                 found[frame.index] = fitted
     if not all(fits):
         raise TrackingError(
             "what moves is not round: no disc could be fitted to it; use the tracker median-background, "
-            "or limit the picture with --roi"
+            "or limit the image with --roi"
         )
-    held = [held_frames(path, glimpses) for path in paths] or [set[int]()] * len(fits)
+    held = [held_frames(tracklet, all_detections) for tracklet in tracklets] or [set[int]()] * len(fits)
     return [
-        _track_of(body, (fits[body], workshop.lessons[body]), glimpses, held[body], options)
+        _track_of(body, (fits[body], fitter.appearances[body]), all_detections, held[body], options)
         for body in range(len(fits))
     ]
 
@@ -99,110 +101,123 @@ def _first_half(options: TrackOptions) -> TrackOptions:
     return replace(options, progress=part_of_progress(options.progress, 0, 2))
 
 
-def _followed(video: FrameSource, stage: Stage, glimpses: list[Glimpse], options: TrackOptions) -> _Followed:
+def _linked(
+    video: FrameSource, setup: DetectionSetup, all_detections: list[FrameDetections], options: TrackOptions
+) -> LinkedBodies:
     """The bodies that move before the background, each followed for itself; all at once where that misses one."""
-    paths: list[Path] = []
+    tracklets: list[Tracklet] = []
     refusal = None
     try:
-        paths = follow(glimpses, options.bodies, float(np.hypot(stage.view.width, stage.view.height)))
+        tracklets = link_bodies(all_detections, options.bodies, float(np.hypot(setup.view.width, setup.view.height)))
     except TrackingError as found:
         refusal = found
-    if options.bodies > 1 and options.colour is None and _least_seen(paths) < WELL_SEEN * len(glimpses):
+    if options.bodies > 1 and options.colour is None and _least_seen(tracklets) < WELL_SEEN * len(all_detections):
         with suppress(TrackingError):
-            others, joint, _ = together(video, stage.view, _first_half(options))
-            if _least_seen(joint) > _least_seen(paths):
+            others, joint, _ = track_together(video, setup.view, _first_half(options))
+            if _least_seen(joint) > _least_seen(tracklets):
                 return others, joint, None
-    return glimpses, paths, refusal
+    return all_detections, tracklets, refusal
 
 
-def _least_seen(paths: Sequence[Path]) -> int:
+def _least_seen(tracklets: Sequence[Tracklet]) -> int:
     """Sightings of the body that has fewest; 0 where there is none."""
-    return min((len(path.sightings) for path in paths), default=0)
+    return min((len(tracklet.detections) for tracklet in tracklets), default=0)
 
 
-def _workshop(
-    video: FrameSource, stage: Stage, followed: _Followed, options: TrackOptions
-) -> tuple[Workshop, list[Path]]:
-    """The courses that fit the sampled frames best, ready to be fitted; and the paths they follow, if any."""
-    glimpses, paths, refusal = followed
-    frames = stage.stack.frames
-    by_motion = _taught(stage, frames, [course_of(path, glimpses) for path in paths]) if paths else None
-    if options.bodies > 1 or _least_seen(paths) >= WELL_SEEN * len(glimpses):
+def _best_fitter(
+    video: FrameSource, setup: DetectionSetup, followed: LinkedBodies, options: TrackOptions
+) -> tuple[DiscFitter, list[Tracklet]]:
+    """The courses that fit the sampled frames best, ready to be fitted; and the tracklets they follow, if any."""
+    all_detections, tracklets, refusal = followed
+    frames = setup.stack.frames
+    by_motion = (
+        _fitter_for(setup, frames, [expected_path_of(tracklet, all_detections) for tracklet in tracklets])
+        if tracklets
+        else None
+    )
+    if options.bodies > 1 or _least_seen(tracklets) >= WELL_SEEN * len(all_detections):
         if by_motion is None:
             raise refusal or TrackingError("nothing moves in the clip")
-        return by_motion, paths
-    course = course_of_circles(video, stage.view)
-    by_circles = None if course is None else _taught(stage, frames, [course])
+        return by_motion, tracklets
+    expected_path = path_of_circles(video, setup.view)
+    by_circles = None if expected_path is None else _fitter_for(setup, frames, [expected_path])
     if by_circles is None and by_motion is None:
         raise refusal or TrackingError("nothing in the clip moves or changes its size")
-    if by_motion is None or (by_circles is not None and _shown(by_circles, frames) > _shown(by_motion, frames)):
+    if by_motion is None or (
+        by_circles is not None and _count_fitted(by_circles, frames) > _count_fitted(by_motion, frames)
+    ):
         return by_circles, []  # type: ignore[return-value]  # one of the two is there
-    return by_motion, paths
+    return by_motion, tracklets
 
 
-def _taught(stage: Stage, frames: Sequence[Frame], courses: Sequence[Course]) -> Workshop:
-    """The workshop for some courses, in colour only where that shows a disc much better than luma does."""
-    view, numbers = stage.view.with_chroma(), [frame.index for frame in frames]
-    coloured = Background(replace(stage.stack, view=view), stage.lens.background.usable)
-    workshop = taught(Workshop(view, behind(coloured, view, numbers, courses), courses), frames)
-    if stage.view.chroma or any(lesson.channel for lesson in workshop.lessons.values()):
-        return workshop
-    known = behind(stage.lens.background, stage.view, numbers, courses)
-    return replace(workshop, view=stage.view, behind=known)
+def _fitter_for(setup: DetectionSetup, frames: Sequence[Frame], expected_paths: Sequence[ExpectedPath]) -> DiscFitter:
+    """The fitter for some courses, in colour only where that shows a disc much better than luma does."""
+    view, numbers = setup.view.with_chroma(), [frame.index for frame in frames]
+    coloured = Background(replace(setup.stack, view=view), setup.detector.background.usable)
+    fitter = with_learned_appearance(
+        DiscFitter(view, background_without_discs(coloured, view, numbers, expected_paths), expected_paths), frames
+    )
+    if setup.view.chroma or any(appearance.channel for appearance in fitter.appearances.values()):
+        return fitter
+    known = background_without_discs(setup.detector.background, setup.view, numbers, expected_paths)
+    return replace(fitter, view=setup.view, background=known)
 
 
-def _shown(workshop: Workshop, frames: Sequence[Frame]) -> int:
+def _count_fitted(fitter: DiscFitter, frames: Sequence[Frame]) -> int:
     """In how many of some frames a disc is seen where it is expected."""
-    return sum(workshop.fit(0, frame.index, workshop.view.picture(frame)) is not None for frame in frames)
+    return sum(fitter.fit(0, frame.index, fitter.view.image(frame)) is not None for frame in frames)
 
 
-def _origin(lesson: Lesson, options: TrackOptions) -> dict[str, object]:
+def _origin(appearance: DiscAppearance, options: TrackOptions) -> dict[str, object]:
     return {
         "tracker": TRACKER.name,
         "bodies": options.bodies,
         "roi": options.roi,
         "colour": options.colour,
-        "plane": PLANES[lesson.channel],
-        "shutter": lesson.shutter,
-        "shading_terms": lesson.form.interior,
-        "background_terms": lesson.form.exterior,
-        "oval": lesson.form.oval,
-        "known_background": lesson.form.known_background,
-        "noise_correlated": lesson.correlation is not None,
+        "plane": PLANES[appearance.channel],
+        "shutter": appearance.shutter,
+        "shading_terms": appearance.form.interior,
+        "background_terms": appearance.form.exterior,
+        "oval": appearance.form.oval,
+        "known_background": appearance.form.known_background,
+        "noise_correlated": appearance.correlation is not None,
     }
 
 
 def _track_of(
     body: int,
-    found: tuple[dict[int, DiscFit], Lesson],
-    glimpses: Sequence[Glimpse],
+    found: tuple[dict[int, DiscFit], DiscAppearance],
+    all_detections: Sequence[FrameDetections],
     held: set[int],
     options: TrackOptions,
 ) -> Track:
     """The Track of one body; gaps are NaN."""
-    fits, lesson = found
-    rows = [_row(fits[glimpse.frame]) if glimpse.frame in fits else EMPTY for glimpse in glimpses]
+    fits, appearance = found
+    rows = [
+        _row(fits[frame_detections.frame]) if frame_detections.frame in fits else EMPTY
+        for frame_detections in all_detections
+    ]
     columns = np.array(rows, dtype=np.float64)
-    hand = np.zeros(len(glimpses), dtype=np.bool_)
+    hand = np.zeros(len(all_detections), dtype=np.bool_)
     hand[list(held)] = True
-    t_s = np.array([glimpse.t_s for glimpse in glimpses])
-    free = np.array([k for k, one in enumerate(glimpses) if one.frame in fits and not hand[k]], dtype=np.int64)
-    lobes = np.array([fits[glimpses[k].frame].lobes for k in free])
+    t_s = np.array([frame_detections.t_s for frame_detections in all_detections])
+    free = np.array([k for k, one in enumerate(all_detections) if one.frame in fits and not hand[k]], dtype=np.int64)
+    lobes = np.array([fits[all_detections[k].frame].lobes for k in free])
     errors = error_model(free, columns[:, :2], columns[:, 4], lobes, CORRELATION_ABSORBED)
     sigma = np.column_stack([with_scatter(t_s, columns[:, axis], columns[:, axis + 2], errors) for axis in (0, 1)])
     return Track(
         t_s=t_s,
         xy_px=columns[:, 0:2],
-        sigma_px=np.hypot(sigma, struck_within(t_s, columns[:, :2], sigma, lesson.shutter)),
+        sigma_px=np.hypot(sigma, struck_within(t_s, columns[:, :2], sigma, appearance.shutter)),
         valid=np.isfinite(columns[:, 0]),
-        frame=np.array([glimpse.frame for glimpse in glimpses]),
+        frame=np.array([frame_detections.frame for frame_detections in all_detections]),
         body=str(body + 1),
         radius_px=columns[:, 4],
         sigma_radius_px=with_scatter(t_s, columns[:, 4], columns[:, 5], errors),
         intensity=columns[:, 6],
         area_px=columns[:, 7],
         hand=hand,
-        origin=_origin(lesson, options),
+        origin=_origin(appearance, options),
         error_autocorrelation=errors.autocorrelation,
     )
 

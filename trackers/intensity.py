@@ -21,7 +21,7 @@ from trackers._uncertainty.local_polynomial import excess_scatter, persistent, p
 
 SAMPLES = 40  # frames in which the region is sought
 FEWEST_FRAMES = 3
-LEAST_TOGETHER = 0.8  # of what changes in the picture must follow the course of the region
+LEAST_TOGETHER = 0.8  # of what changes in the image must follow the course of the region
 SLOW = 45  # frames on either side: compression is late over so many, while the light fades smoothly
 REPORT_EVERY = 10  # frames between two calls of the progress function
 
@@ -34,7 +34,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     video
         The clip; its camera and what shines stand still.
     options
-        ``bodies`` is the number of regions, ``roi`` limits the picture, ``colour`` limits the regions to one colour,
+        ``bodies`` is the number of regions, ``roi`` limits the image, ``colour`` limits the regions to one colour,
         ``progress`` is called now and then.
 
     Returns
@@ -85,7 +85,7 @@ def _regions(view: View, samples: Sequence[Frame], options: TrackOptions) -> lis
     stack = np.stack([view.small(luma_of(view, frame)) for frame in samples])
     free = np.ones(stack.shape[1:], dtype=np.bool_)
     if view.colour is not None:
-        free = np.any(np.stack([np.asarray(view.wanted(frame)) for frame in samples]), axis=0)
+        free = np.any(np.stack([np.asarray(view.colour_mask(frame)) for frame in samples]), axis=0)
     found: list[Region] = []
     while len(found) < options.bodies:
         region = region_that_changes(stack, free)
@@ -94,7 +94,7 @@ def _regions(view: View, samples: Sequence[Frame], options: TrackOptions) -> lis
         if region.together < LEAST_TOGETHER:
             raise TrackingError(
                 f"what changes does not change as a whole: only {region.together:.0%} of it follows the course of "
-                "the region that changes most, as when something moves; limit the picture with --roi, or use another "
+                "the region that changes most, as when something moves; limit the image with --roi, or use another "
                 "tracker"
             )
         found.append(region)
@@ -102,13 +102,13 @@ def _regions(view: View, samples: Sequence[Frame], options: TrackOptions) -> lis
     return found
 
 
-def _too_few(found: int, wanted: int) -> str:
-    if found == 0:
+def _too_few(count: int, requested: int) -> str:
+    if count == 0:
         return (
-            "nothing in the clip changes its brightness beyond the noise of the picture; "
+            "nothing in the clip changes its brightness beyond the noise of the image; "
             "check --start and --stop, and --roi and --colour if given"
         )
-    return f"{wanted} regions were asked for, but only {found} change(s) its brightness; ask for fewer bodies"
+    return f"{requested} regions were asked for, but only {count} change(s) its brightness; ask for fewer bodies"
 
 
 def _track_of(

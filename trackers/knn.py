@@ -1,4 +1,4 @@
-"""Bodies that move before a background that changes slowly: nearest samples [1]_, blobs, sub-pixel centres, paths.
+"""Bodies that move before a background that changes slowly: nearest samples [1]_, blobs, sub-pixel centres, tracklets.
 
 The background is learnt from the clip as it goes; a body that rests becomes background. The centres are measured,
 and the bodies linked, as by ``median-background``.
@@ -27,13 +27,13 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     video
         The clip; its camera stands still.
     options
-        ``bodies`` is the number to follow, ``roi`` limits the picture, ``colour`` limits the bodies to
+        ``bodies`` is the number to follow, ``roi`` limits the image, ``colour`` limits the bodies to
         one colour, ``progress`` is called now and then.
 
     Returns
     -------
     list of Track
-        Every frame has a row; a frame in which the body is not seen, or is cut by the edge of the picture, is a gap.
+        Every frame has a row; a frame in which the body is not seen, or is cut by the edge of the image, is a gap.
 
     Raises
     ------

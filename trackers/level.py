@@ -1,4 +1,4 @@
-"""Height of a liquid's surface in a vessel that drains or fills: where one look of the picture gives way to another.
+"""Height of a liquid's surface in a vessel that drains or fills: where one look of the image gives way to another.
 
 The region that the surface sweeps is found by its change over frames sampled from the clip. These tell what each part
 of it looks like above the surface and below it, marks and reflections included. In every frame, the surface is where
@@ -32,18 +32,18 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     video
         The clip; its camera and the vessel stand still, and the surface rises or falls.
     options
-        ``bodies`` must be 1, ``roi`` limits the picture, ``progress`` is called now and then; a ``colour`` is refused.
+        ``bodies`` must be 1, ``roi`` limits the image, ``progress`` is called now and then; a ``colour`` is refused.
 
     Returns
     -------
     list of Track
         The position is the point of the surface midway between the walls: its y is the level. Its x is the same in
-        all frames. A frame in which the surface has left the picture is a gap.
+        all frames. A frame in which the surface has left the image is a gap.
 
     Raises
     ------
     TrackingError
-        When no surface moves, or it is in the picture in no frame.
+        When no surface moves, or it is in the image in no frame.
     DataError
         When the options do not fit the clip.
     """
@@ -53,7 +53,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     samples = video.sample(SAMPLES)
     if len(samples) < FEWEST_FRAMES:
         raise TrackingError(f"the clip has {len(samples)} frame(s); a moving surface takes at least {FEWEST_FRAMES}")
-    strips = _strips_of(view, vessel_of(np.stack([view.searched(frame) for frame in samples])))
+    strips = _strips_of(view, vessel_of(np.stack([view.search_image(frame) for frame in samples])))
     stack = np.stack([strips.means(frame) for frame in samples])
     levels = strips.swept.start + rough_levels(stack[:, strips.swept].mean(axis=2))
     for _ in range(ROUNDS):
@@ -112,7 +112,7 @@ def _track_of(times: list[tuple[int, float]], found: Array, strips: _Strips, opt
     row, sigma = found.T
     t_s, valid = np.array([one for _, one in times]), np.isfinite(row)
     if not valid.any():
-        raise TrackingError("the surface is in the picture in no frame; give a taller region with --roi")
+        raise TrackingError("the surface is in the image in no frame; give a taller region with --roi")
     sigma[valid] = pooled(sigma[valid])
     sigma[valid] *= excess_scatter(t_s[valid], row[valid], sigma[valid])
     across = float(np.diff(strips.edges).mean() / np.sqrt(12))  # the walls are known to a strip or so

@@ -1,4 +1,4 @@
-"""Bodies that move before a background that does not: median background, blobs, sub-pixel centres, paths.
+"""Bodies that move before a background that does not: median background, blobs, sub-pixel centres, tracklets.
 
 Frames sampled over the clip give the background and its noise. In each frame the parts that differ
 are cut into compact bodies (cords and hands come off), each is measured to a fraction of a pixel, and
@@ -16,15 +16,15 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import FrameSource, Track, Tracker, TrackOptions
-from trackers._detection.detect_frames import Stage, observe, stage_of
-from trackers._detection.detection import Glimpse
+from trackers._detection.detect_frames import DetectionSetup, detection_setup, observe
+from trackers._detection.detection import FrameDetections
 from trackers._frames.working_image import View, view_of
-from trackers._linking.frame_to_frame import Path
-from trackers._linking.refined_background import second_stage
-from trackers._linking.select_bodies import follow
+from trackers._linking.frame_to_frame import Tracklet
+from trackers._linking.refined_background import refined_setup
+from trackers._linking.select_bodies import link_bodies
 from trackers._linking.to_track import track_of
-from trackers._multi_body.given_masks import masked
-from trackers._multi_body.track_together import together
+from trackers._multi_body.given_masks import track_with_masks
+from trackers._multi_body.track_together import track_together
 
 FEW = 2  # bodies: more than these are followed all at once
 
@@ -37,14 +37,14 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     video
         The clip; its camera stands still.
     options
-        ``bodies`` is the number to follow, ``roi`` limits the picture, ``colour`` limits the bodies to
+        ``bodies`` is the number to follow, ``roi`` limits the image, ``colour`` limits the bodies to
         one colour, ``progress`` is called now and then; ``mask`` says which pixels are bodies.
 
     Returns
     -------
     list of Track
         Every frame has a row; a frame in which the body is not seen, or is cut by the edge of the
-        picture, is a gap. ``hand`` is true where something that reaches in from the edge touches it.
+        image, is a gap. ``hand`` is true where something that reaches in from the edge touches it.
 
     Raises
     ------
@@ -54,9 +54,9 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         When the options do not fit the clip, or name an unknown colour.
     """
     if options.mask is not None:
-        glimpses, paths, view = masked(video, view_of(video, options), options, options.mask)
+        all_detections, tracklets, view = track_with_masks(video, view_of(video, options), options, options.mask)
     else:
-        glimpses, paths, view = _bodies(video, view_of(video, options), options)
+        all_detections, tracklets, view = _bodies(video, view_of(video, options), options)
     origin = {
         "tracker": TRACKER.name,
         "bodies": options.bodies,
@@ -65,46 +65,52 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         "colour_used": view.chroma,
         "mask": options.mask is not None,
     }
-    return [track_of(path, glimpses, str(number), origin) for number, path in enumerate(paths, start=1)]
+    return [
+        track_of(tracklet, all_detections, str(number), origin) for number, tracklet in enumerate(tracklets, start=1)
+    ]
 
 
-def _bodies(video: FrameSource, view: View, options: TrackOptions) -> tuple[list[Glimpse], list[Path], View]:
-    """What each frame shows and the paths of the bodies: each for itself, and if that misses some, all at once."""
+def _bodies(
+    video: FrameSource, view: View, options: TrackOptions
+) -> tuple[list[FrameDetections], list[Tracklet], View]:
+    """What each frame shows and the tracklets of the bodies: each for itself, and if that misses some, all at once."""
     if options.bodies > FEW and options.colour is None:
-        return together(video, view, options)
-    stage = stage_of(video, view, coarse=True)
+        return track_together(video, view, options)
+    setup = detection_setup(video, view, coarse=True)
     try:
-        glimpses, paths = _look(video, stage, options)
-        again = second_stage(stage, paths)
+        all_detections, tracklets = _track_once(video, setup, options)
+        again = refined_setup(setup, tracklets)
         if again is not None:
-            stage = again
-            del glimpses, paths, again  # a long clip's are held once only
-            glimpses, paths = _look(video, stage, options)
+            setup = again
+            del all_detections, tracklets, again  # a long clip's are held once only
+            all_detections, tracklets = _track_once(video, setup, options)
     except TrackingError:
         if options.bodies == 1 or options.colour is not None:
             raise
         with suppress(TrackingError):
-            return together(video, view, options)
+            return track_together(video, view, options)
         raise
-    if options.bodies > 1 and options.colour is None and _seen(paths) < options.bodies * len(glimpses):
+    if options.bodies > 1 and options.colour is None and _seen(tracklets) < options.bodies * len(all_detections):
         with suppress(TrackingError):
-            joint = together(video, view, options)
-            if _seen(joint[1]) > _seen(paths):
+            joint = track_together(video, view, options)
+            if _seen(joint[1]) > _seen(tracklets):
                 return joint
-    return glimpses, paths, stage.view
+    return all_detections, tracklets, setup.view
 
 
-def _seen(paths: Sequence[Path]) -> int:
+def _seen(tracklets: Sequence[Tracklet]) -> int:
     """Sightings of all bodies."""
-    return sum(len(path.sightings) for path in paths)
+    return sum(len(tracklet.detections) for tracklet in tracklets)
 
 
-def _look(video: FrameSource, stage: Stage, options: TrackOptions) -> tuple[list[Glimpse], list[Path]]:
-    """Read the clip once: what each frame shows, and the paths of the bodies."""
-    glimpses = observe(video, stage, options)
-    if not glimpses:
+def _track_once(
+    video: FrameSource, setup: DetectionSetup, options: TrackOptions
+) -> tuple[list[FrameDetections], list[Tracklet]]:
+    """Read the clip once: what each frame shows, and the tracklets of the bodies."""
+    all_detections = observe(video, setup, options)
+    if not all_detections:
         raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
-    return glimpses, follow(glimpses, options.bodies, float(np.hypot(video.width, video.height)))
+    return all_detections, link_bodies(all_detections, options.bodies, float(np.hypot(video.width, video.height)))
 
 
 TRACKER = Tracker(

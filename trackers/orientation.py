@@ -1,6 +1,6 @@
 """Orientation of a body that turns about an axis that stands still: an arm with a cup, a disc with a mark.
 
-A first pass follows the angle roughly, by the polar picture of what differs from the still background. Frames sampled
+A first pass follows the angle roughly, by the polar image of what differs from the still background. Frames sampled
 over the clip then teach the look of the body and the place of the axis, in turn; a second pass finds the angle at
 which each frame shows that look. All is done at the size at which bodies are searched, at most 960 px wide.
 """
@@ -26,7 +26,7 @@ from iris_sysid.types import (
     with_progress,
 )
 from trackers._background.median import Image
-from trackers._detection.detect_frames import Stage, stage_of
+from trackers._detection.detect_frames import DetectionSetup, detection_setup
 from trackers._frames.working_image import view_of
 from trackers._regions.rotation_axis import Axis, Middle, Turns, activity, axis_of, middle_of
 from trackers._regions.rotation_template import Pattern, centred, luma_of, pattern_of, turned
@@ -48,7 +48,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     video
         The clip; its camera and the axis stand still, and the body turns by less than a quarter between two frames.
     options
-        ``bodies`` must be 1, ``roi`` limits the picture, ``colour`` makes colour count where bodies are searched,
+        ``bodies`` must be 1, ``roi`` limits the image, ``colour`` makes colour count where bodies are searched,
         ``progress`` is called now and then.
 
     Returns
@@ -61,26 +61,26 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     Raises
     ------
     TrackingError
-        When nothing turns, or what moves does not turn about a point in the picture.
+        When nothing turns, or what moves does not turn about a point in the image.
     DataError, UnknownNameError
         When the options do not fit the clip, or name an unknown colour.
     """
     view = view_of(video, options)
     if options.bodies != 1:
         raise DataError(f"bodies = {options.bodies}: the tracker orientation follows one body; choose it with --roi")
-    stage = stage_of(video, view)
-    shown = [activity(stage.scene, one) for one in stage.smalls]
+    setup = detection_setup(video, view)
+    shown = [activity(setup.background_range, one) for one in setup.search_images]
     axis = axis_of(shown)
-    clip = _roughly(video, stage, axis, options)
+    clip = _roughly(video, setup, axis, options)
     if np.ptp(clip.angle) < LEAST_TURN:
         raise TrackingError(
             f"what moves does not turn: its angle varies by {np.degrees(np.ptp(clip.angle)):.2g} degrees over the "
             "clip; choose another tracker, or another part of the clip"
         )
-    lesson = _lesson(stage, axis, clip.angle[clip.places(stage)])
-    better = clip.angle + np.interp(clip.number, stage.numbers, lesson.angles - clip.angle[clip.places(stage)])
-    found = _finely(video, stage, lesson.pattern, better, options)
-    return [_track_of(clip, found, lesson, middle_of(shown, lesson.pattern.axis, lesson.angles), stage, options)]
+    lesson = _lesson(setup, axis, clip.angle[clip.places(setup)])
+    better = clip.angle + np.interp(clip.number, setup.numbers, lesson.angles - clip.angle[clip.places(setup)])
+    found = _finely(video, setup, lesson.pattern, better, options)
+    return [_track_of(clip, found, lesson, middle_of(shown, lesson.pattern.axis, lesson.angles), setup, options)]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -91,80 +91,82 @@ class _Clip:
     t_s: Array
     angle: Array
 
-    def places(self, stage: Stage) -> NDArray[np.intp]:
+    def places(self, setup: DetectionSetup) -> NDArray[np.intp]:
         """Where among the frames those are that were sampled."""
-        return np.searchsorted(self.number, np.array(stage.numbers))
+        return np.searchsorted(self.number, np.array(setup.numbers))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Lesson:
+class _LearnedTemplate:
     """The look of the body, and the angles (k,) rad of the sampled frames that taught it."""
 
     pattern: Pattern
     angles: Array
 
 
-def _roughly(video: FrameSource, stage: Stage, axis: Axis, options: TrackOptions) -> _Clip:
+def _roughly(video: FrameSource, setup: DetectionSetup, axis: Axis, options: TrackOptions) -> _Clip:
     turns, numbers, times, spokes = Turns(axis), list[int](), list[float](), list[float]()
     first_half = part_of_progress(options.progress, 0, 2)
     for frame in with_progress(video.frames(), first_half, video.n_expected, every=REPORT_EVERY):
         numbers.append(frame.index)
         times.append(frame.t_s)
-        spokes.append(turns.follow(activity(stage.scene, stage.view.searched(frame))))
+        spokes.append(turns.follow(activity(setup.background_range, setup.view.search_image(frame))))
     return _Clip(np.array(numbers), np.array(times), np.radians(spokes))
 
 
-def _lesson(stage: Stage, axis: Axis, angles: Array) -> _Lesson:
+def _lesson(setup: DetectionSetup, axis: Axis, angles: Array) -> _LearnedTemplate:
     """Learn look, angles and axis from the sampled frames, from rough to fine."""
-    small = [luma_of(one) for one in stage.smalls]
+    small = [luma_of(one) for one in setup.search_images]
     for blur in BLURS:
-        pictures = [_blurred(one, blur) for one in small]
-        pattern = pattern_of(pictures, angles, axis).telling()
-        found = [turned(pattern, one, angle, loose=True) for one, angle in zip(pictures, angles, strict=True)]
+        images = [_blurred(one, blur) for one in small]
+        pattern = pattern_of(images, angles, axis).telling()
+        found = [turned(pattern, one, angle, loose=True) for one, angle in zip(images, angles, strict=True)]
         angles = np.array([one.angle for one in found])
         axis = centred(axis, angles, np.array([one.shift for one in found]))
-    pattern = pattern_of(pictures, angles, axis)
-    _check_turns(pattern, pictures)
-    return _Lesson(pattern.telling(), angles)
+    pattern = pattern_of(images, angles, axis)
+    _check_turns(pattern, images)
+    return _LearnedTemplate(pattern.telling(), angles)
 
 
-def _blurred(picture: Image, sigma: float) -> Image:
-    return np.asarray(cv2.GaussianBlur(picture, (0, 0), sigma), dtype=np.float32)
+def _blurred(image: Image, sigma: float) -> Image:
+    return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma), dtype=np.float32)
 
 
-def _check_turns(pattern: Pattern, pictures: Sequence[Image]) -> None:
-    """TrackingError when what changes in the pictures does not turn with the pattern."""
+def _check_turns(pattern: Pattern, images: Sequence[Image]) -> None:
+    """TrackingError when what changes in the images does not turn with the pattern."""
     axis = pattern.axis
-    rows = np.clip(np.rint(pattern.place[:, 1] + axis.y), 0, pictures[0].shape[0] - 1).astype(int)
-    columns = np.clip(np.rint(pattern.place[:, 0] + axis.x), 0, pictures[0].shape[1] - 1).astype(int)
-    standing = np.stack([one[rows, columns] for one in pictures]).var(axis=0)
+    rows = np.clip(np.rint(pattern.place[:, 1] + axis.y), 0, images[0].shape[0] - 1).astype(int)
+    columns = np.clip(np.rint(pattern.place[:, 0] + axis.x), 0, images[0].shape[1] - 1).astype(int)
+    standing = np.stack([one[rows, columns] for one in images]).var(axis=0)
     explained = 1 - float((pattern.spread**2).sum() / max(float(standing.sum()), 1e-9))
     if explained < EXPLAINED:
         raise TrackingError(
-            f"what moves does not turn about a point in the picture: turning explains {max(explained, 0.0):.0%} of "
-            "what changes; limit the picture with --roi, or use the tracker median-background"
+            f"what moves does not turn about a point in the image: turning explains {max(explained, 0.0):.0%} of "
+            "what changes; limit the image with --roi, or use the tracker median-background"
         )
 
 
-def _finely(video: FrameSource, stage: Stage, pattern: Pattern, start: Array, options: TrackOptions) -> Array:
+def _finely(video: FrameSource, setup: DetectionSetup, pattern: Pattern, start: Array, options: TrackOptions) -> Array:
     """Angle and standard error (n, 2), rad, in every frame; NaN where the body does not show."""
     rows: list[tuple[float, float]] = []
     frames = with_progress(video.frames(), part_of_progress(options.progress, 1, 2), len(start), every=REPORT_EVERY)
     for frame, angle in zip(frames, start, strict=True):
-        found = turned(pattern, _blurred(luma_of(stage.view.searched(frame)), BLURS[-1]), float(angle))
+        found = turned(pattern, _blurred(luma_of(setup.view.search_image(frame)), BLURS[-1]), float(angle))
         seen = found.share > SHOWN and found.sigma < LARGEST_ERROR
         rows.append((found.angle, found.sigma) if seen else (np.nan, np.nan))
     return np.array(rows)
 
 
-def _track_of(clip: _Clip, found: Array, lesson: _Lesson, middle: Middle, stage: Stage, options: TrackOptions) -> Track:
+def _track_of(
+    clip: _Clip, found: Array, lesson: _LearnedTemplate, middle: Middle, setup: DetectionSetup, options: TrackOptions
+) -> Track:
     angle, sigma = found.T
     valid = np.isfinite(angle)
     if not valid.any():
-        raise TrackingError("the body that turns shows in no frame as it was learnt; limit the picture with --roi")
+        raise TrackingError("the body that turns shows in no frame as it was learnt; limit the image with --roi")
     sigma[valid] = pooled(sigma[valid])
     sigma[valid] = persistent(sigma[valid] * excess_scatter(clip.t_s[valid], angle[valid], sigma[valid]))
-    view, axis = stage.view, lesson.pattern.axis
+    view, axis = setup.view, lesson.pattern.axis
     axis_px = (np.array([axis.x, axis.y]) + 0.5) * view.step - 0.5 + np.array([view.left, view.top])
     way = view.step * middle.radius
     along = np.column_stack([np.cos(angle + middle.direction), -np.sin(angle + middle.direction)])

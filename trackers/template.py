@@ -1,6 +1,6 @@
 """A patch followed by normalised cross-correlation: whatever is in the region given, as it looks in the first frame.
 
-The patch is found again where the correlation with it peaks, in the whole picture at first and later near where it
+The patch is found again where the correlation with it peaks, in the whole image at first and later near where it
 was. The peak is refined to a fraction of a pixel by maximising the enhanced correlation coefficient [1]_, which does
 not mind brightness and contrast. The patch is never updated, so that it cannot drift.
 
@@ -32,7 +32,7 @@ NOWHERE = (np.nan,) * 5
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Patch:
-    """The patch (h, w), its gradient's covariance (2, 2) summed over its pixels, and the size of the picture."""
+    """The patch (h, w), its gradient's covariance (2, 2) summed over its pixels, and the size of the image."""
 
     image: Image
     information: Array
@@ -62,7 +62,7 @@ class Patch:
         return (*corner, *self._sigma(window, shift), float(best))
 
     def _part(self, luma: Bytes, near: tuple[float, float] | None) -> tuple[int, int, Image]:
-        """The part of the picture in which to look, and its corner."""
+        """The part of the image in which to look, and its corner."""
         height, width = self.image.shape
         left, top, right, bottom = 0, 0, luma.shape[1], luma.shape[0]
         if near is not None:
@@ -77,7 +77,7 @@ class Patch:
     def _sigma(self, window: Image, shift: Array) -> Array:
         """Standard errors (2,) of a position, px.
 
-        With the patch T, its gain a and offset b fitted to the picture, and r what remains,
+        With the patch T, its gain a and offset b fitted to the image, and r what remains,
         cov = var(r) / a^2 (sum grad T grad T')^-1: the Cramer-Rao bound, with the noise as it is seen.
         """
         height, width = self.image.shape
@@ -109,7 +109,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     TrackingError
         When no region is given, or nothing is to be seen in it.
     DataError
-        When the region does not lie in the picture, is smaller than 6 px a side, or several bodies are asked for.
+        When the region does not lie in the image, is smaller than 6 px a side, or several bodies are asked for.
     """
     view = view_of(video, options)
     if options.bodies != 1 or options.colour is not None:

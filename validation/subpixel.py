@@ -31,6 +31,7 @@ from iris_sysid.types import Array, Track, TrackOptions
 from tests._drawn import DrawnClip, disc, moving_disc, swing
 from trackers.disc import track as by_disc
 from trackers.median_background import track as by_background
+from validation import pages
 
 TRACKERS = {"disc": by_disc, "median-background": by_background}
 CONTRAST, NOISE, LEVEL = 100.0, 3.0, 80.0  # grey levels of the drawn discs
@@ -44,11 +45,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--frames", type=int, default=300, help="of each drawn disc")
     parser.add_argument("--bodies", type=int, default=3, help="of each clip of the twin that are tracked")
+    pages.add_option(parser)
     options = parser.parse_args()
     warnings.filterwarnings("ignore", module="trackpy")
     trackpy.quiet()
-    _print_drawn(options.frames)
-    _print_filmed(options.bodies)
+    with pages.table("subpixel", options.write_docs):
+        _print_drawn(options.frames)
+    with pages.table("subpixel-rendered", options.write_docs):
+        _print_filmed(options.bodies)
 
 
 # --------------------------------------------------------------------------- drawn discs

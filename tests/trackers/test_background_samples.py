@@ -1,4 +1,4 @@
-"""Samples that show what is behind a body that rests for most of a clip."""
+"""SampledFrames that show what is behind a body that rests for most of a clip."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import cv2
 import numpy as np
 
 from trackers._background.background_samples import usable_samples
-from trackers._background.median import still_of
+from trackers._background.median import estimate_background
 
 SHAPE = (80, 60)
 WALL, STRIP, BALL = (190.0, 125.0, 130.0), (110.0, 110.0, 130.0), (120.0, 90.0, 180.0)  # luma and two of colour
 REST = (30, 58)  # where the ball comes to rest: it covers the edge between wall and strip
 
 
-def picture(centre, rng):
+def image(centre, rng):
     """A wall above a strip, with a ball of 8 px and its shadow before them, and noise of one grey level."""
     image = np.full((*SHAPE, 3), WALL, dtype=np.float32)
     image[60:] = STRIP
@@ -27,12 +27,12 @@ def picture(centre, rng):
 
 def samples(places, seed=3):
     rng = np.random.default_rng(seed)
-    return np.stack([picture(place, rng) for place in places])
+    return np.stack([image(place, rng) for place in places])
 
 
 def test_samples_before_a_ball_comes_to_rest_show_what_is_behind_it():
     stack = samples([(30, 5 + 2 * k) for k in range(12)] + [REST] * 20)
-    usable = usable_samples(stack, still_of(stack))
+    usable = usable_samples(stack, estimate_background(stack))
     assert usable is not None
     assert usable[:12, REST[1], REST[0]].all()
     assert not usable[12:, REST[1], REST[0]].any()
@@ -42,7 +42,7 @@ def test_samples_before_a_ball_comes_to_rest_show_what_is_behind_it():
 def test_ball_that_passes_beside_its_resting_place_is_no_background_there():
     passing = [(30, 44), (30, 42), (31, 43)]
     stack = samples([(30, 5 + 2 * k) for k in range(12)] + passing + [REST] * 20)
-    usable = usable_samples(stack, still_of(stack))
+    usable = usable_samples(stack, estimate_background(stack))
     assert usable is not None
     above = usable[:, 43, 30]
     assert above[15:].all(), "the samples in which the ball has come to rest show the wall above it"
@@ -50,4 +50,4 @@ def test_ball_that_passes_beside_its_resting_place_is_no_background_there():
 
 def test_ball_that_never_rests_leaves_every_sample_usable():
     stack = samples([(30, 5 + 2 * k) for k in range(30)])
-    assert usable_samples(stack, still_of(stack)) is None
+    assert usable_samples(stack, estimate_background(stack)) is None

@@ -54,8 +54,8 @@ def options_for(tracker, **more):
 
 def clip_for(tracker):
     followed = SCENES[tracker.example.scene]()
-    for picture in followed.clip.pictures:
-        picture.flags.writeable = False  # a tracker leaves the frames as they are
+    for image in followed.clip.images:
+        image.flags.writeable = False  # a tracker leaves the frames as they are
     return followed
 
 

@@ -76,8 +76,8 @@ def streaked_clip(exposure, n=40, radius=10.0, circle=30.0, step=12.0, noise=2.0
     def streak(k):
         return np.mean([disc(SHAPE, *place(k + delay), radius, 8) for delay in within], axis=0)
 
-    pictures = noisy([paint(PLAIN, streak(k), 200.0) for k in range(n)], noise)
-    return DrawnClip(pictures), np.array([place(k) for k in range(n)])
+    images = noisy([paint(PLAIN, streak(k), 200.0) for k in range(n)], noise)
+    return DrawnClip(images), np.array([place(k) for k in range(n)])
 
 
 def test_streak_is_placed_at_the_middle_of_the_exposure_and_the_exposure_is_found():
@@ -104,8 +104,8 @@ def test_short_exposure_leaves_no_streak():
 
 def test_ball_that_goes_straight_away_is_measured_by_its_radius():
     radius = 22.0 / (1 + 0.04 * np.arange(40))
-    pictures = [paint(PLAIN, disc(SHAPE, 80.3, 47.6, r, 16), 220.0) for r in radius]
-    found = one_track(DrawnClip(noisy(pictures, 2.0)))
+    images = [paint(PLAIN, disc(SHAPE, 80.3, 47.6, r, 16), 220.0) for r in radius]
+    found = one_track(DrawnClip(noisy(images, 2.0)))
     assert found.n_valid >= 36
     assert rms(found.radius_px - radius) < 0.05
     assert rms(found.xy_px - [80.3, 47.6]) < 0.05
@@ -117,11 +117,11 @@ FLOOR, BLUE = np.array([112.0, 136.0, 158.0]), (190.0, 120.0, 60.0)  # blue, gre
 def shrinking_on_its_shadow(colour, n=40):
     """A ball that goes away from the camera over its own soft shadow, and its radius (n,), px."""
     radius = 24.0 / (1 + 0.03 * np.arange(n))
-    pictures = []
+    images = []
     for r in radius:
         shadow = cv2.GaussianBlur(disc(SHAPE, 80.3, 47.6, 1.25 * r, 16), (0, 0), 0.2 * r)[..., np.newaxis]
-        pictures.append(paint(FLOOR * (1 - 0.12 * shadow), disc(SHAPE, 80.3, 47.6, r, 16), colour))
-    return DrawnClip(noisy(pictures, 2.0)), radius
+        images.append(paint(FLOOR * (1 - 0.12 * shadow), disc(SHAPE, 80.3, 47.6, r, 16), colour))
+    return DrawnClip(noisy(images, 2.0)), radius
 
 
 def test_ball_about_as_bright_as_the_floor_is_measured_by_its_colour_unasked():
@@ -155,10 +155,10 @@ def test_disc_that_leaves_the_picture_leaves_a_gap():
 
 def test_two_discs_are_fitted_side_by_side():
     paths = swing(50, (80, 26), (55, 5), 47.3), swing(50, (80, 70), (-55, 5), 53.1)
-    pictures = [
+    images = [
         paint(paint(PLAIN, disc(SHAPE, *a, 9), 220.0), disc(SHAPE, *b, 6), 30.0) for a, b in zip(*paths, strict=True)
     ]
-    tracks = track(DrawnClip(noisy(pictures, 2.0)), TrackOptions(bodies=2))
+    tracks = track(DrawnClip(noisy(images, 2.0)), TrackOptions(bodies=2))
     for path, radius in zip(paths, (9.0, 6.0), strict=True):
         nearest = min(tracks, key=lambda one: rms(one.xy_px - path))
         assert rms(nearest.xy_px - path) < 0.03
@@ -171,11 +171,11 @@ def test_ball_that_hangs_at_rest_and_then_sways_less_than_its_radius_is_fitted_b
     swings = np.column_stack([62.0 - 22.0 * np.abs(np.cos(k / 9)) * np.exp(-k / 150), np.full(k.size, 48.3)])
     sways = np.where(k < 30, 0.0, np.abs(np.sin((k - 30) / 9))) * np.exp(-k / 200)
     hangs = np.column_stack([85.4 + sway_px * sways, np.full(k.size, 47.8)])
-    pictures = [
+    images = [
         paint(paint(PLAIN, disc(SHAPE, *a, 9), 210.0), disc(SHAPE, *b, 8), 200.0)
         for a, b in zip(swings, hangs, strict=True)
     ]
-    tracks = track(DrawnClip(noisy(pictures, 2.0)), TrackOptions(bodies=2))
+    tracks = track(DrawnClip(noisy(images, 2.0)), TrackOptions(bodies=2))
     for path in (swings, hangs):
         nearest = min(tracks, key=lambda one: rms(one.xy_px - path))
         assert nearest.n_valid == k.size
@@ -192,12 +192,12 @@ def test_tiny_disc_is_found_without_bias():
 
 def bar_clip(n=30):
     """A bar, nine times as long as it is wide, that moves to and fro."""
-    pictures = []
+    images = []
     for x, _ in swing(n, CENTRE, (40, 0), 29.3):
-        picture = PLAIN.copy()
-        picture[14:86, round(x) - 4 : round(x) + 4] = 220.0
-        pictures.append(picture)
-    return DrawnClip(noisy(pictures, 2.0))
+        image = PLAIN.copy()
+        image[14:86, round(x) - 4 : round(x) + 4] = 220.0
+        images.append(image)
+    return DrawnClip(noisy(images, 2.0))
 
 
 BAD = [

@@ -17,12 +17,12 @@ def two_that_cross(n=40):
     """Two equal discs that pass one below the other, and their labels, 1 and 7."""
     x = np.linspace(20, 120, n)
     paths = np.stack([np.column_stack([x, np.full(n, 28.0)]), np.column_stack([x[::-1], np.full(n, 52.0)])])
-    pictures, masks = [], []
+    images, masks = [], []
     for k in range(n):
         covered = [disc(SHAPE, *path[k], 9, lines=8) for path in paths]
-        pictures.append(paint(paint(np.full(SHAPE, 90.0), covered[0], 200.0), covered[1], 200.0))
+        images.append(paint(paint(np.full(SHAPE, 90.0), covered[0], 200.0), covered[1], 200.0))
         masks.append(np.where(covered[0] > 0.5, 1, np.where(covered[1] > 0.5, 7, 0)).astype(np.uint8))
-    return DrawnClip(noisy(pictures, 2.0)), masks, paths
+    return DrawnClip(noisy(images, 2.0)), masks, paths
 
 
 def errors_of(tracks, paths):

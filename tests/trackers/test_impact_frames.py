@@ -1,11 +1,11 @@
-"""What an impact does to the motion within an exposure, and to the place that a picture shows."""
+"""What an impact does to the motion within an exposure, and to the place that a image shows."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from trackers._disc.expected_position import Course
+from trackers._disc.expected_position import ExpectedPath
 from trackers._disc.impact_frames import struck_within
 from trackers._disc.model import Disc
 
@@ -54,13 +54,13 @@ def test_smooth_motion_and_gaps_add_nothing():
 @pytest.mark.parametrize(("frame", "velocity"), [(8, BEFORE), (10, BEFORE), (11, AFTER), (13, AFTER)])
 def test_motion_beside_an_impact_is_that_of_the_side_on_which_it_is(frame, velocity):
     discs = {number: Disc(*map(float, place(number, 10.5)), 20.0) for number in range(21)}
-    motion = Course({number: number / FPS for number in discs}, discs).motion(frame, SHUTTER)
+    motion = ExpectedPath({number: number / FPS for number in discs}, discs).motion(frame, SHUTTER)
     np.testing.assert_allclose([motion.x, motion.y], SHUTTER * velocity, atol=1e-6)
     np.testing.assert_allclose([motion.bend_x, motion.bend_y], 0.0, atol=1e-6)
 
 
 def test_motion_on_a_smooth_course_is_that_of_the_discs_on_both_sides():
     discs = {number: Disc(0.5 * 2.0 * number**2, 3.0 * number, 20.0) for number in range(21)}
-    motion = Course({number: number / FPS for number in discs}, discs).motion(7, SHUTTER)
+    motion = ExpectedPath({number: number / FPS for number in discs}, discs).motion(7, SHUTTER)
     np.testing.assert_allclose([motion.x, motion.y], [SHUTTER * 14.0, SHUTTER * 3.0], atol=1e-6)
     np.testing.assert_allclose([motion.bend_x, motion.bend_y], [SHUTTER**2 * 2.0, 0.0], atol=1e-6)

@@ -5,8 +5,8 @@ import pytest
 
 from iris_sysid.types import TrackOptions
 from tests._drawn import DrawnClip, disc, noisy, paint
-from trackers._multi_body.motion_model import Motions
-from trackers._multi_body.pixel_assignment import Pool
+from trackers._multi_body.motion_model import MotionStates
+from trackers._multi_body.pixel_assignment import ClassPixels
 from trackers.median_background import track
 from validation.identity import hota, idf1, run_clip, similarity, switches
 
@@ -21,13 +21,13 @@ def row_clip(n=40, struck_at=14):
     frames = np.arange(n)
     places[:, 0, 0] = np.minimum(18 + 4 * frames, 18 + 4 * struck_at)
     places[:, 4, 0] += 2 * np.maximum(frames - struck_at, 0)
-    pictures = []
+    images = []
     for one in places:
-        picture = np.full(shape, 110.0)
+        image = np.full(shape, 110.0)
         for k, (x, y) in enumerate(one):
-            picture = paint(picture, disc(shape, x, y, radius, lines=8), 30.0 if k == 0 else 220.0)
-        pictures.append(picture)
-    return DrawnClip(noisy(pictures, 2.0)), places
+            image = paint(image, disc(shape, x, y, radius, lines=8), 30.0 if k == 0 else 220.0)
+        images.append(image)
+    return DrawnClip(noisy(images, 2.0)), places
 
 
 def owners(tracks, places, radius):
@@ -53,8 +53,8 @@ def test_touching_discs_are_shared_out_at_their_centres():
     centres = np.array([(20.3, 20.1), (36.2, 20.4), (28.1, 34.0)])
     covered = np.clip(sum(disc((60, 60), x, y, 8.0) for x, y in centres), 0, 1)
     rows, columns = np.nonzero(covered > 0.25)
-    pool = Pool(np.stack([columns, rows], axis=-1).astype(float), covered[rows, columns], 8.0, (60, 60))
-    found = pool.searched(3, np.random.default_rng(0))
+    pool = ClassPixels(np.stack([columns, rows], axis=-1).astype(float), covered[rows, columns], 8.0, (60, 60))
+    found = pool.assign_without_prediction(3, np.random.default_rng(0))
     order = [int(np.argmin(np.linalg.norm(found.centres - one, axis=1))) for one in centres]
     assert sorted(order) == [0, 1, 2]
     np.testing.assert_allclose(found.centres[order], centres, atol=0.15)
@@ -63,12 +63,12 @@ def test_touching_discs_are_shared_out_at_their_centres():
 def test_disc_cut_by_the_edge_is_placed_where_the_whole_disc_would_be():
     covered = disc((60, 60), 57.0, 30.0, 8.0)
     rows, columns = np.nonzero(covered > 0.25)
-    pool = Pool(np.stack([columns, rows], axis=-1).astype(float), covered[rows, columns], 8.0, (60, 60))
-    np.testing.assert_allclose(pool.divided(np.array([(55.5, 30.5)])).centres, [(57.0, 30.0)], atol=0.6)
+    pool = ClassPixels(np.stack([columns, rows], axis=-1).astype(float), covered[rows, columns], 8.0, (60, 60))
+    np.testing.assert_allclose(pool.assign(np.array([(55.5, 30.5)])).centres, [(57.0, 30.0)], atol=0.6)
 
 
 def test_prediction_through_an_impact_exchanges_the_normal_velocity_and_conserves_momentum():
-    motions = Motions.at(np.array([(0.0, 0.0), (17.0, 0.0)]), np.array([8.0, 8.0]))
+    motions = MotionStates.at(np.array([(0.0, 0.0), (17.0, 0.0)]), np.array([8.0, 8.0]))
     motions.velocity[0] = (6.0, 1.0)
     after = motions.after_impacts(1.0)
     assert np.linalg.norm(after[1] - after[0]) >= 0.96 * 16

@@ -9,7 +9,7 @@ import pytest
 from iris_sysid.errors import DataError, TrackingError, UnknownNameError
 from iris_sysid.types import TrackOptions
 from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
-from trackers._detection.detect_frames import observe, stage_of
+from trackers._detection.detect_frames import detection_setup, observe
 from trackers._frames.working_image import view_of
 from trackers.median_background import track
 
@@ -76,11 +76,11 @@ def test_radius_of_drawn_disc_is_unbiased(measured_disc):
 
 def test_blurred_and_flickering_disc_stays_unbiased():
     path = swing(80, CENTRE, (50, 20))
-    pictures = [
+    images = [
         cv2.GaussianBlur(paint(PLAIN, disc(SHAPE, *at, 9), 30.0), (0, 0), 0.8) + 4 * np.sin(k)
         for k, at in enumerate(path)
     ]
-    found = one_track(DrawnClip(noisy(pictures, 2.0)))
+    found = one_track(DrawnClip(noisy(images, 2.0)))
     assert np.abs(errors_px(found, path).mean(axis=0)).max() < 0.01
     assert rms(errors_px(found, path)) < 0.02
 
@@ -88,20 +88,20 @@ def test_blurred_and_flickering_disc_stays_unbiased():
 def test_body_brighter_above_and_darker_below_is_found_at_its_middle():
     path = swing(80, CENTRE, (50, 20))
     rows = np.arange(SHAPE[0])[:, np.newaxis]
-    pictures = [
+    images = [
         paint(PLAIN, disc(SHAPE, x, y, 8), 0) + disc(SHAPE, x, y, 8) * np.where(rows > y, 50.0, 190.0) for x, y in path
     ]
-    found = one_track(DrawnClip(noisy(pictures, 2.0)))
+    found = one_track(DrawnClip(noisy(images, 2.0)))
     assert rms(errors_px(found, path)) < 0.1
 
 
 def test_textured_body_is_found_at_its_middle():
     path = swing(80, CENTRE, (50, 20))
     columns = np.arange(SHAPE[1])
-    pictures = [paint(PLAIN, disc(SHAPE, x, y, 12), 60.0) for x, y in path]
-    for picture, (x, y) in zip(pictures, path, strict=True):
-        picture += disc(SHAPE, x, y, 12) * 30 * np.sin(0.6 * (columns - x))
-    found = one_track(DrawnClip(noisy(pictures, 2.0)))
+    images = [paint(PLAIN, disc(SHAPE, x, y, 12), 60.0) for x, y in path]
+    for image, (x, y) in zip(images, path, strict=True):
+        image += disc(SHAPE, x, y, 12) * 30 * np.sin(0.6 * (columns - x))
+    found = one_track(DrawnClip(noisy(images, 2.0)))
     assert rms(errors_px(found, path)) < 0.1
 
 
@@ -127,8 +127,8 @@ def cord(start, end, width):
 
 def test_cord_is_cut_off_and_does_not_drag_the_centre():
     path = swing(60, (80, 70), (45, 8))
-    pictures = [paint(paint(PLAIN, cord((80, 0), at, 3), 40.0), disc(SHAPE, *at, 11), 60.0) for at in path]
-    found = one_track(DrawnClip(noisy(pictures, 2.0)))
+    images = [paint(paint(PLAIN, cord((80, 0), at, 3), 40.0), disc(SHAPE, *at, 11), 60.0) for at in path]
+    found = one_track(DrawnClip(noisy(images, 2.0)))
     assert found.n_valid == 60
     assert not found.hand.any()
     assert rms(errors_px(found, path)) < 0.2  # a stub of the cord touches the ball
@@ -136,11 +136,11 @@ def test_cord_is_cut_off_and_does_not_drag_the_centre():
 
 def test_shadow_that_is_larger_is_not_tracked():
     path = swing(60, (70, 40), (45, 12))
-    pictures = []
+    images = []
     for x, y in path:
         shadow = cv2.GaussianBlur(disc(SHAPE, x + 14, y + 8, 7), (0, 0), 2.0)
-        pictures.append(paint(PLAIN * (1 - 0.3 * shadow), disc(SHAPE, x, y, 4), 40.0))
-    found = one_track(DrawnClip(noisy(pictures, 1.5)))
+        images.append(paint(PLAIN * (1 - 0.3 * shadow), disc(SHAPE, x, y, 4), 40.0))
+    found = one_track(DrawnClip(noisy(images, 1.5)))
     assert found.n_valid == 60
     assert rms(errors_px(found, path)) < 0.1
 
@@ -148,13 +148,13 @@ def test_shadow_that_is_larger_is_not_tracked():
 def hand_clip(n_held=15, n=60):
     """A ball held at the left edge by a hand that then withdraws; the ball flies off to the right."""
     x = np.where(np.arange(n) < n_held, 40.0, 40.0 + 2.2 * (np.arange(n) - n_held))
-    pictures = []
+    images = []
     for k in range(n):
         reach = 36 if k < n_held else max(0, 36 - 6 * (k - n_held))
         arm = np.zeros(SHAPE)
         arm[38:60, :reach] = 1
-        pictures.append(paint(paint(PLAIN, arm, 70.0), disc(SHAPE, x[k], 48, 9), 200.0))
-    return DrawnClip(noisy(pictures, 2.0)), np.column_stack([x, np.full(n, 48.0)])
+        images.append(paint(paint(PLAIN, arm, 70.0), disc(SHAPE, x[k], 48, 9), 200.0))
+    return DrawnClip(noisy(images, 2.0)), np.column_stack([x, np.full(n, 48.0)])
 
 
 def test_hand_that_holds_the_body_is_reported_until_it_lets_go():
@@ -167,15 +167,15 @@ def test_hand_that_holds_the_body_is_reported_until_it_lets_go():
 
 
 def test_mark_that_a_hand_hides_for_a_while_is_not_taken_for_a_body():
-    path, pictures = swing(60, (50, 48), (25, 12)), []
+    path, images = swing(60, (50, 48), (25, 12)), []
     for k, (x, y) in enumerate(path):
-        picture = np.full(SHAPE, 120.0)
-        picture[10:22, 130:142] = 15.0  # a mark on the wall
-        picture[4:60, 160 - max(0, 40 - 4 * max(0, k - 12)) :] = 70.0  # a hand that withdraws
-        pictures.append(paint(picture, disc(SHAPE, x, y, 8), 200.0))
-    clip = DrawnClip(noisy(pictures, 2.0))
-    glimpses = observe(clip, stage_of(clip, view_of(clip, TrackOptions())), TrackOptions())
-    assert all(len(one.sightings) == 1 for one in glimpses[24:])
+        image = np.full(SHAPE, 120.0)
+        image[10:22, 130:142] = 15.0  # a mark on the wall
+        image[4:60, 160 - max(0, 40 - 4 * max(0, k - 12)) :] = 70.0  # a hand that withdraws
+        images.append(paint(image, disc(SHAPE, x, y, 8), 200.0))
+    clip = DrawnClip(noisy(images, 2.0))
+    all_detections = observe(clip, detection_setup(clip, view_of(clip, TrackOptions())), TrackOptions())
+    assert all(len(one.detections) == 1 for one in all_detections[24:])
 
 
 def test_body_that_rests_for_most_of_the_clip_is_found_moving_and_at_rest():
@@ -202,8 +202,8 @@ def test_body_that_rests_before_a_floor_as_bright_as_itself_does_not_become_back
     floor = np.full((*SHAPE, 3), 133.0)  # as bright as orange
     floor[:, :50] = WALL
     x = np.concatenate([np.linspace(20, 110, moving), np.full(n - moving, 110.0)])
-    pictures = [paint(floor, disc(SHAPE, one, 48, 8), ORANGE) for one in x]
-    found = one_track(DrawnClip(noisy(pictures, 2.0)))
+    images = [paint(floor, disc(SHAPE, one, 48, 8), ORANGE) for one in x]
+    found = one_track(DrawnClip(noisy(images, 2.0)))
     assert found.n_valid == n
     assert rms(errors_px(found, np.column_stack([x, np.full(n, 48.0)]))) < 0.1
 
@@ -211,22 +211,22 @@ def test_body_that_rests_before_a_floor_as_bright_as_itself_does_not_become_back
 @pytest.mark.parametrize(("gap", "least"), [(6, 0.6), (14, 0.1)])
 def test_shadow_that_hangs_on_a_coloured_body_does_not_drag_its_centre(gap, least):
     path = swing(60, (70, 40), (40, 12))
-    pictures = []
+    images = []
     for x, y in path:
         shadow = cv2.GaussianBlur(disc(SHAPE, x + gap, y + gap, 11), (0, 0), 3.0)[..., np.newaxis]
-        pictures.append(paint(np.array(WALL) * (1 - 0.18 * shadow), disc(SHAPE, x, y, 10), ORANGE))
-    found = one_track(DrawnClip(noisy(pictures, 2.0)))
+        images.append(paint(np.array(WALL) * (1 - 0.18 * shadow), disc(SHAPE, x, y, 10), ORANGE))
+    found = one_track(DrawnClip(noisy(images, 2.0)))
     assert found.n_valid == 60
     assert rms(errors_px(found, path)) < least
 
 
 def test_shadow_that_hangs_on_a_body_as_clear_in_luma_as_in_colour_does_not_drag_its_centre():
     path = swing(60, (70, 40), (40, 12))
-    pictures = []
+    images = []
     for x, y in path:
         shadow = cv2.GaussianBlur(disc(SHAPE, x + 11, y + 15, 10), (0, 0), 3.0)[..., np.newaxis]
-        pictures.append(paint(np.array((190, 202, 204)) * (1 - 0.15 * shadow), disc(SHAPE, x, y, 10), (38, 112, 222)))
-    found = one_track(DrawnClip(noisy(pictures, 2.0)))
+        images.append(paint(np.array((190, 202, 204)) * (1 - 0.15 * shadow), disc(SHAPE, x, y, 10), (38, 112, 222)))
+    found = one_track(DrawnClip(noisy(images, 2.0)))
     assert found.n_valid == 60
     assert rms(errors_px(found, path)) < 0.2  # 3 px in luma alone
 
@@ -235,7 +235,7 @@ def test_streak_of_a_fast_shaded_ball_has_its_middle_and_its_area():
     radius, shape, travel = 24, (320, 160), 8
     y = np.linspace(80, 240, 41)
     rows, columns = np.indices(shape)
-    pictures = []
+    images = []
     for middle in y:
         parts = []
         for at in middle + travel * (np.arange(15) - 7) / 15:
@@ -243,8 +243,8 @@ def test_streak_of_a_fast_shaded_ball_has_its_middle_and_its_area():
             share = disc(shape, 80.0, at, radius, 8)[..., np.newaxis]
             shade = (limb + 0.08 * (at - rows) / radius)[..., np.newaxis]
             parts.append(np.array(WALL) * (1 - share) + np.array(ORANGE) * shade * share)
-        pictures.append(np.mean(parts, axis=0))
-    found = one_track(DrawnClip(noisy(pictures, 2.0)))
+        images.append(np.mean(parts, axis=0))
+    found = one_track(DrawnClip(noisy(images, 2.0)))
     seen = slice(4, -4)
     assert found.valid[seen].all()
     assert rms((found.xy_px - np.column_stack([np.full(41, 80.0), y]))[seen]) < 0.1
@@ -270,7 +270,7 @@ def test_body_that_is_hidden_for_a_moment_is_a_gap():
     path = swing(60, CENTRE, (50, 20))
     clip = moving_disc(path, 7, SHAPE)
     empty = noisy([np.full(SHAPE, 80.0)] * 4, 3.0, seed=1)
-    clip.pictures[20:24] = empty
+    clip.images[20:24] = empty
     found = one_track(clip)
     assert list(np.flatnonzero(~found.valid)) == [20, 21, 22, 23]
 
@@ -281,10 +281,10 @@ def test_body_that_is_hidden_for_a_moment_is_a_gap():
 def two_bodies(n=90):
     """A light and a dark disc that swing through one another's places."""
     paths = swing(n, (80, 30), (55, 5), 60), swing(n, (80, 66), (-55, 5), 47)
-    pictures = [
+    images = [
         paint(paint(PLAIN, disc(SHAPE, *a, 9), 220.0), disc(SHAPE, *b, 9), 40.0) for a, b in zip(*paths, strict=True)
     ]
-    return DrawnClip(noisy(pictures, 2.0)), paths
+    return DrawnClip(noisy(images, 2.0)), paths
 
 
 def test_two_bodies_keep_their_identity():
@@ -306,10 +306,10 @@ def coloured_clip(n=50):
     grey = np.full((*SHAPE, 3), 100.0)
     red, blue = (30.0, 60.0, 205.0), (255.0, 108.0, 25.0)  # blue, green, red
     paths = swing(n, (80, 26), (50, 6)), swing(n, (80, 70), (-50, 6))
-    pictures = [
+    images = [
         paint(paint(grey, disc(SHAPE, *a, 9), red), disc(SHAPE, *b, 9), blue) for a, b in zip(*paths, strict=True)
     ]
-    return DrawnClip(noisy(pictures, 2.0)), paths
+    return DrawnClip(noisy(images, 2.0)), paths
 
 
 @pytest.mark.parametrize(("colour", "body"), [("red", 0), ("blue", 1), ("#1a6cff", 1)])

@@ -1,4 +1,4 @@
-"""A disc that moves far in an exposure: its centre from the shape of the streak, against a picture drawn otherwise."""
+"""A disc that moves far in an exposure: its centre from the shape of the streak, against a image drawn otherwise."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SIZE, RADIUS, NOISE = 100, 22.0, 1.0
 
 
 def drawn(way, where=(50.3, 48.8), shape="disc", seed=0):
-    """A window with a shaded body that moves by ``way`` px while the picture is taken, its mean over 60 instants."""
+    """A window with a shaded body that moves by ``way`` px while the image is taken, its mean over 60 instants."""
     rng = np.random.default_rng(seed)
     y, x = (np.indices((4 * SIZE, 4 * SIZE)) + 0.5) / 4 - 0.5
     wall = 90.0 + 0.1 * x
@@ -60,6 +60,6 @@ def test_cord_on_a_streak_does_not_move_it():
     window = drawn((20.0, 0.0))
     image = window.image.copy()
     image[:30, 48:53] -= 25.0
-    with_cord = Window(image, window.background, window.noise, window.core, window.other)
+    with_cord = Window(image, window.background, window.noise, window.mask, window.other)
     found = streak_centre(with_cord, coverage_centre(with_cord))
     assert np.hypot(found.x - 50.3, found.y - 48.8) < 0.1

@@ -1,4 +1,4 @@
-"""Large pictures are searched round what changes: nothing that a search all over finds may be lost by it."""
+"""Large images are searched round what changes: nothing that a search all over finds may be lost by it."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ import pytest
 from iris_sysid.registry import TRACKERS
 from iris_sysid.types import TrackOptions
 from tests._drawn import DrawnClip, disc, paint
-from trackers._detection.detect_frames import stage_of
+from trackers._detection.detect_frames import detection_setup
 from trackers._detection.search_window import merged
 from trackers._frames.working_image import view_of
 
@@ -15,16 +15,16 @@ N = 16
 
 
 def clip_of(path, radius, entering=0):
-    """A disc before a plain wall in a wide picture; it is there from frame ``entering`` on."""
+    """A disc before a plain wall in a wide image; it is there from frame ``entering`` on."""
     rng, frames = np.random.default_rng(0), []
     for k, (x, y) in enumerate(path):
-        picture = np.clip(np.rint(rng.normal(80.0, 2.0, SHAPE)), 0, 255)
+        image = np.clip(np.rint(rng.normal(80.0, 2.0, SHAPE)), 0, 255)
         if k >= entering:
             left, side = int(x) - radius - 2, 2 * radius + 6
             top = int(y) - radius - 2
-            part = picture[top : top + side, left : left + side]
+            part = image[top : top + side, left : left + side]
             part[:] = np.rint(paint(part, disc((side, side), x - left, y - top, radius, 8), 180.0))
-        frames.append(picture.astype(np.uint8))
+        frames.append(image.astype(np.uint8))
     return DrawnClip(frames)
 
 
@@ -45,17 +45,17 @@ def test_body_in_a_large_picture_is_found_where_it_is_drawn_in_one_pass(radius, 
 @pytest.mark.parametrize(("radius", "step"), [(76, 6), (40, 3)])
 def test_picture_is_searched_at_half_the_usual_size_where_the_body_is_large(radius, step):
     clip = clip_of(across(90.0), radius)
-    assert stage_of(clip, view_of(clip, TrackOptions()), coarse=True).view.step == step
+    assert detection_setup(clip, view_of(clip, TrackOptions()), coarse=True).view.step == step
 
 
 def test_picture_with_a_small_body_beside_a_large_one_is_searched_at_the_usual_size():
     path, small = across(90.0), disc((21, 21), 10, 10, 8, 8)
-    pictures = [one.copy() for one in clip_of(path, 76).pictures]
-    for (x, _), picture in zip(path, pictures, strict=True):
+    images = [one.copy() for one in clip_of(path, 76).images]
+    for (x, _), image in zip(path, images, strict=True):
         left = (int(x) + 300) % 1900
-        picture[10:31, left : left + 21] = np.rint(paint(picture[10:31, left : left + 21].astype(float), small, 180.0))
-    clip = DrawnClip(pictures)
-    assert stage_of(clip, view_of(clip, TrackOptions()), coarse=True).view.step == 3
+        image[10:31, left : left + 21] = np.rint(paint(image[10:31, left : left + 21].astype(float), small, 180.0))
+    clip = DrawnClip(images)
+    assert detection_setup(clip, view_of(clip, TrackOptions()), coarse=True).view.step == 3
 
 
 def test_large_body_that_comes_in_later_is_seen_within_three_frames():

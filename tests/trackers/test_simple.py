@@ -34,8 +34,8 @@ def wandering(path, colour=RED, hidden=()):
     frames = []
     for k, place in enumerate(path):
         wall = 90 + 25 * np.sin((x + 1.7 * k) / 6) * np.cos((y - 0.9 * k) / 8)
-        picture = np.repeat(wall[..., np.newaxis], 3, axis=2)
-        frames.append(picture if k in hidden else paint(picture, disc(SHAPE, *place, 9), colour))
+        image = np.repeat(wall[..., np.newaxis], 3, axis=2)
+        frames.append(image if k in hidden else paint(image, disc(SHAPE, *place, 9), colour))
     return DrawnClip(noisy(frames, 2.0))
 
 
@@ -46,10 +46,10 @@ def test_colour_is_followed_before_a_camera_that_moves():
 
 
 def test_colour_is_followed_at_rest():
-    still = np.tile([50.3, 40.6], (10, 1))
-    (track,) = TRACKERS["colour"].track(wandering(still), TrackOptions(colour="red"))
+    estimate = np.tile([50.3, 40.6], (10, 1))
+    (track,) = TRACKERS["colour"].track(wandering(estimate), TrackOptions(colour="red"))
     assert track.n_valid == 10
-    assert error(track, still) < 0.3
+    assert error(track, estimate) < 0.3
 
 
 @pytest.mark.parametrize(

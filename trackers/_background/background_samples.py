@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from trackers._background.median import Bytes, Flags, Image, Still
-from trackers._detection.foreground import SQUARE, Scene, any_channel, most_of_channels, scene_of
+from trackers._background.median import BackgroundEstimate, Bytes, Flags, Image
+from trackers._detection.foreground import SQUARE, BackgroundRange, any_channel, background_range_of, most_of_channels
 
 SMALLEST_HOLE = 12  # px
 EDGE_RATIO = 2.0  # how much stronger an edge is in the background than in the frame
@@ -20,24 +20,24 @@ SURROUNDED = 0.5  # of what lies round a hole: if more of it is a hand or arm, t
 RIM = np.ones((5, 5), np.uint8)  # the outline of a resting body is blurred
 
 
-def usable_samples(stack: Bytes, still: Still) -> Flags | None:
+def usable_samples(stack: Bytes, estimate: BackgroundEstimate) -> Flags | None:
     """Which of the sampled frames (k, h, w[, 3]) show the background at each pixel; None when all do.
 
-    ``still`` is background and noise as all samples give them.
+    ``estimate`` is background and noise as all samples give them.
 
     Where a body rests in most samples it becomes background, and the other samples differ from it in
     the body's shape: a hole. A hole is told from a body by its outline, much of which is an edge in
     the background but not in the frame. A mark that a hand hides looks like a hole as well, but round it is
-    what reaches in from the edge of the picture.
+    what reaches in from the edge of the image.
     """
-    edges = _edges(still.background)
-    scene = scene_of(still)
+    edges = _edges(estimate.background)
+    background_range = background_range_of(estimate)
     holes = np.zeros(stack.shape[:3], dtype=np.bool_)
     differs = np.zeros(stack.shape[1:3], dtype=np.int64)
-    for k, picture in enumerate(stack):
-        differs += any_channel(scene.excess(picture) > scene.strong)
-        for excess in (cv2.subtract(picture, scene.highest), cv2.subtract(scene.lowest, picture)):
-            excess = np.where(excess > scene.strong, excess, 0).astype(np.uint8)
+    for k, image in enumerate(stack):
+        differs += any_channel(background_range.excess(image) > background_range.strong)
+        for excess in (cv2.subtract(image, background_range.highest), cv2.subtract(background_range.lowest, image)):
+            excess = np.where(excess > background_range.strong, excess, 0).astype(np.uint8)
             level = most_of_channels(excess)
             left, top, width, height = cv2.boundingRect(level)
             if np.count_nonzero(level) >= SMALLEST_HOLE:
@@ -45,10 +45,10 @@ def usable_samples(stack: Bytes, still: Still) -> Flags | None:
                     slice(max(0, top - MARGIN), top + height + MARGIN),
                     slice(max(0, left - MARGIN), left + width + MARGIN),
                 )
-                part = np.ascontiguousarray(picture[window]).astype(np.float32)
+                part = np.ascontiguousarray(image[window]).astype(np.float32)
                 found = _holes(np.ascontiguousarray(level[window]), edges[window], _edges(part))
                 if found.any():
-                    holes[k][window] |= _without_hidden(found, _reaching_in(scene, picture)[window])
+                    holes[k][window] |= _without_hidden(found, _reaching_in(background_range, image)[window])
     holes &= holes.sum(axis=0) > AS_HOLE * differs
     if holes.sum(axis=0).max() < FEWEST_SAMPLES:
         return None
@@ -56,9 +56,9 @@ def usable_samples(stack: Bytes, still: Still) -> Flags | None:
     return wide | (wide.sum(axis=0) < FEWEST_SAMPLES)
 
 
-def _reaching_in(scene: Scene, picture: Bytes) -> Flags:
-    """What differs from the background and hangs together with the edge of the picture (h, w)."""
-    differs = any_channel(scene.excess(picture) > scene.weak).astype(np.uint8)
+def _reaching_in(background_range: BackgroundRange, image: Bytes) -> Flags:
+    """What differs from the background and hangs together with the edge of the image (h, w)."""
+    differs = any_channel(background_range.excess(image) > background_range.weak).astype(np.uint8)
     count, labels = cv2.connectedComponents(cv2.morphologyEx(differs, cv2.MORPH_CLOSE, SQUARE), connectivity=8)
     reaches = np.zeros(count, dtype=np.bool_)
     for side in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):

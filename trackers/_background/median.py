@@ -1,4 +1,4 @@
-"""The picture without its moving bodies, and its noise, from frames sampled over the clip.
+"""The image without its moving bodies, and its noise, from frames sampled over the clip.
 
 Background and noise are worked out tile by tile when asked for, so that a 4K clip costs only the tiles that its
 bodies visit.
@@ -28,22 +28,24 @@ POOL = 9  # px, side of the square over which the noise is averaged
 TILE = 128  # px
 BLOCK = 4  # px, side of the blocks over which noise is summed
 PASSING_SIGMAS = 5.0  # of noise: a larger difference is a body that passes
-LARGE = 300_000  # px: in so large a picture every third frame tells the noise
+LARGE = 300_000  # px: in so large a image every third frame tells the noise
 WIDE = 33  # px: noise that varies over more is flicker
 
 
-class Still(NamedTuple):
-    """What a picture shows where nothing moves: background and noise, (h, w) or (h, w, 3), grey levels."""
+class BackgroundEstimate(NamedTuple):
+    """What a image shows where nothing moves: background and noise, (h, w) or (h, w, 3), grey levels."""
 
     background: Image
     noise: Image
 
-    def channel(self, number: int) -> Still:
+    def channel(self, number: int) -> BackgroundEstimate:
         """One channel alone."""
-        return Still(*(np.ascontiguousarray(image[..., number]) for image in (self.background, self.noise)))
+        return BackgroundEstimate(
+            *(np.ascontiguousarray(image[..., number]) for image in (self.background, self.noise))
+        )
 
 
-def still_of(stack: Bytes, usable: Flags | None = None) -> Still:
+def estimate_background(stack: Bytes, usable: Flags | None = None) -> BackgroundEstimate:
     """Background and noise of a stack of frames (k, h, w) or (k, h, w, 3).
 
     The background is the mean of the samples near the middle of the densest half of them: where a body
@@ -58,7 +60,7 @@ def still_of(stack: Bytes, usable: Flags | None = None) -> Still:
     for _ in range(2):  # the middle of the densest samples is a rough centre
         centre, variance = _near(centre, cut, stack, usable)
     noise = np.sqrt(np.maximum(_pooled(variance), 0)) / TRUNCATION
-    return Still(centre, np.maximum(noise, QUANTISATION_SD).astype(np.float32))
+    return BackgroundEstimate(centre, np.maximum(noise, QUANTISATION_SD).astype(np.float32))
 
 
 def _near(centre: Image, cut: Image, stack: Bytes, usable: Flags | None) -> tuple[Image, Image]:
@@ -126,7 +128,7 @@ def _pooled(image: Image) -> Image:
 
 
 class Stack(Protocol):
-    """Sampled pictures (k, h, w) or (k, h, w, 3) of which windows are asked for."""
+    """Sampled images (k, h, w) or (k, h, w, 3) of which windows are asked for."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -143,16 +145,16 @@ class Stack(Protocol):
 class Background:
     """Background and noise, worked out tile by tile on demand.
 
-    ``stack`` are the sampled pictures; ``usable`` (k, h', w') says at a reduced size which samples show the
+    ``stack`` are the sampled images; ``usable`` (k, h', w') says at a reduced size which samples show the
     background, None that all may be used. ``whole`` is the result where it is known already. ``coarser`` holds the
-    background of the pictures reduced by some step, of which one may be given.
+    background of the images reduced by some step, of which one may be given.
     """
 
     stack: Stack
     usable: Flags | None = None
-    whole: Still | None = None
+    whole: BackgroundEstimate | None = None
     coarser: dict[int, Background] = field(default_factory=dict)
-    _tiles: dict[tuple[int, int], Still] = field(default_factory=dict)
+    _tiles: dict[tuple[int, int], BackgroundEstimate] = field(default_factory=dict)
 
     def reduced(self, step: int) -> Background:
         """The background where each pixel is the mean of ``step`` x ``step``."""
@@ -162,12 +164,12 @@ class Background:
             self.coarser[step] = Background(self.stack.reduced(step), self.usable)
         return self.coarser[step]
 
-    def patch(self, top: int, bottom: int, left: int, right: int) -> Still:
+    def patch(self, top: int, bottom: int, left: int, right: int) -> BackgroundEstimate:
         """Background and noise of rows ``top`` to ``bottom - 1`` and columns ``left`` to ``right - 1``."""
         if self.whole is not None:
             window = (slice(top, bottom), slice(left, right))
-            return Still(self.whole.background[window], self.whole.noise[window])
-        patch = Still(*np.empty((2, bottom - top, right - left, *self.stack.shape[3:]), dtype=np.float32))
+            return BackgroundEstimate(self.whole.background[window], self.whole.noise[window])
+        patch = BackgroundEstimate(*np.empty((2, bottom - top, right - left, *self.stack.shape[3:]), dtype=np.float32))
         for row in range(top // TILE, (bottom - 1) // TILE + 1):
             for column in range(left // TILE, (right - 1) // TILE + 1):
                 y0, x0 = row * TILE, column * TILE
@@ -179,16 +181,18 @@ class Background:
                 patch.background[into], patch.noise[into] = tile.background[source], tile.noise[source]
         return patch
 
-    def _tile(self, row: int, column: int) -> Still:
+    def _tile(self, row: int, column: int) -> BackgroundEstimate:
         """One tile, worked out with a margin so that pooling does not show at its seams."""
         if (row, column) not in self._tiles:
             height, width = self.stack.shape[1:3]
             top, left = row * TILE, column * TILE
             y0, x0 = max(0, top - POOL), max(0, left - POOL)
             y1, x1 = min(height, top + TILE + POOL), min(width, left + TILE + POOL)
-            still = still_of(self.stack.window((x0, y0, x1, y1)), self._usable(y0, y1, x0, x1))
+            estimate = estimate_background(self.stack.window((x0, y0, x1, y1)), self._usable(y0, y1, x0, x1))
             inside = (slice(top - y0, top - y0 + TILE), slice(left - x0, left - x0 + TILE))
-            self._tiles[row, column] = Still(still.background[inside].copy(), still.noise[inside].copy())
+            self._tiles[row, column] = BackgroundEstimate(
+                estimate.background[inside].copy(), estimate.noise[inside].copy()
+            )
         return self._tiles[row, column]
 
     def _usable(self, top: int, bottom: int, left: int, right: int) -> Flags | None:
@@ -202,14 +206,14 @@ class Background:
         return None if window.all() else window
 
 
-def noise_inflation(stack: Bytes, still: Still) -> float:
+def noise_inflation(stack: Bytes, estimate: BackgroundEstimate) -> float:
     """Variance of sums of the noise over blocks of pixels, relative to white noise: 1 or more.
 
     Compression smooths the noise, which makes sums over pixels noisier than the pixels suggest. What
     varies over more than ``WIDE`` px is left out: flicker is corrected body by body. Blocks through
     which a body passes are left out too. ``stack`` is (k, h, w) or (k, h, w, 3), of which luma counts.
     """
-    background, noise = (image if image.ndim == 2 else image[..., 0] for image in (still.background, still.noise))
+    background, noise = (image if image.ndim == 2 else image[..., 0] for image in (estimate.background, estimate.noise))
     height, width = (size - size % BLOCK for size in background.shape)
     blocks = (height // BLOCK, BLOCK, width // BLOCK, BLOCK)
     noisy = noise[:height:BLOCK, :width:BLOCK] > QUANTISATION_SD

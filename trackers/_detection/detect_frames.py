@@ -11,12 +11,19 @@ import numpy as np
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, TrackOptions, with_progress
 from trackers._background.background_samples import usable_samples
-from trackers._background.median import Background, Bytes, Flags, Still, noise_inflation, still_of
-from trackers._detection.detection import THINNEST_BODY, Glimpse, Lens
-from trackers._detection.foreground import Scene, cores, scene_of
-from trackers._detection.search_window import Attention, watch_of
+from trackers._background.median import (
+    Background,
+    BackgroundEstimate,
+    Bytes,
+    Flags,
+    estimate_background,
+    noise_inflation,
+)
+from trackers._detection.detection import THINNEST_BODY, Detector, FrameDetections
+from trackers._detection.foreground import BackgroundRange, background_range_of, blobs
+from trackers._detection.search_window import SearchWindows, sparse_range_of
 from trackers._detection.subpixel_centroid import filled_round
-from trackers._frames.sampled_frames import Samples
+from trackers._frames.sampled_frames import SampledFrames
 from trackers._frames.working_image import View
 
 SAMPLES = 40  # frames from which the background is made, fewer of a large clip
@@ -31,44 +38,50 @@ REPORT_EVERY = 10  # frames between two calls of the progress function
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Stage:
-    """What was learnt from the sampled frames: the view, the scene that is searched, the lens that measures."""
+class DetectionSetup:
+    """What was learnt from the sampled frames: the view, the background_range that is searched, the detector that measures."""
 
     view: View
-    scene: Scene
-    lens: Lens
-    stack: Samples
-    smalls: Bytes
+    background_range: BackgroundRange
+    detector: Detector
+    stack: SampledFrames
+    search_images: Bytes
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        """Numbers of the frames that were sampled: ``stack`` at full size, ``smalls`` (k, h', w') as searched."""
+        """Numbers of the frames that were sampled: ``stack`` at full size, ``search_images`` (k, h', w') as searched."""
         return tuple(frame.index for frame in self.stack.frames)
 
-    def behind(self, usable: Flags) -> Stage:
-        """The same stage with the background from those samples (k, h', w') that may be used."""
-        still = still_of(self.smalls, usable)
+    def with_background_from(self, usable: Flags) -> DetectionSetup:
+        """The same setup with the background from those samples (k, h', w') that may be used."""
+        estimate = estimate_background(self.search_images, usable)
         return replace(
-            self, scene=scene_of(still), lens=replace(self.lens, background=background_of(self.stack, still, usable))
+            self,
+            background_range=background_range_of(estimate),
+            detector=replace(self.detector, background=background_of(self.stack, estimate, usable)),
         )
 
-    def attention(self) -> Attention:
+    def search_windows(self) -> SearchWindows:
         """What looks for bodies in the frames of the clip, one after the other."""
-        return Attention(self.view, self.scene, watch_of(self.stack, self.scene, self.lens.background.usable))
+        return SearchWindows(
+            self.view,
+            self.background_range,
+            sparse_range_of(self.stack, self.background_range, self.detector.background.usable),
+        )
 
 
-def background_of(samples: Samples, still: Still, usable: Flags | None) -> Background:
-    """The background at full size, where ``still`` is that at the size that is searched."""
+def background_of(samples: SampledFrames, estimate: BackgroundEstimate, usable: Flags | None) -> Background:
+    """The background at full size, where ``estimate`` is that at the size that is searched."""
     step = samples.view.step
     if step == 1:
-        return Background(samples, usable, still)
-    return Background(samples, usable, None, {step: Background(samples.reduced(step), usable, still)})
+        return Background(samples, usable, estimate)
+    return Background(samples, usable, None, {step: Background(samples.reduced(step), usable, estimate)})
 
 
-def stage_of(video: FrameSource, view: View, coarse: bool = False) -> Stage:
+def detection_setup(video: FrameSource, view: View, coarse: bool = False) -> DetectionSetup:
     """Background, noise and bounds from frames sampled over the clip; TrackingError when there are too few.
 
-    With ``coarse`` a large picture whose bodies are large is searched at half the usual size.
+    With ``coarse`` a large image whose bodies are large is searched at half the usual size.
     """
     samples = video.sample(SAMPLES)
     if len(samples) < 3:
@@ -77,26 +90,26 @@ def stage_of(video: FrameSource, view: View, coarse: bool = False) -> Stage:
         )
     if coarse and view.step > 1 and _shows_large(half := replace(view, coarser=2), samples):
         view = half
-    smalls = np.stack([view.with_chroma().searched(frame) for frame in samples])
-    if view.chroma or luma_misses(smalls[:: 1 if view.step == 1 else 2]):  # fewer tell as much of large pictures
+    search_images = np.stack([view.with_chroma().search_image(frame) for frame in samples])
+    if view.chroma or luma_misses(search_images[:: 1 if view.step == 1 else 2]):  # fewer tell as much of large images
         view = view.with_chroma()
     else:
-        smalls = np.ascontiguousarray(smalls[..., 0])
-    stack, still = Samples(samples, view), still_of(smalls)
-    lens = Lens(background_of(stack, still, None), view, noise_inflation(smalls, still))
-    stage = Stage(view, scene_of(still), lens, stack, smalls)
-    usable = usable_samples(smalls, still)
+        search_images = np.ascontiguousarray(search_images[..., 0])
+    stack, estimate = SampledFrames(samples, view), estimate_background(search_images)
+    detector = Detector(background_of(stack, estimate, None), view, noise_inflation(search_images, estimate))
+    setup = DetectionSetup(view, background_range_of(estimate), detector, stack, search_images)
+    usable = usable_samples(search_images, estimate)
     if usable is not None:
-        stage = stage.behind(usable)
-    moving = [_covered(stage.scene, picture) for picture in smalls] if view.colour is not None else []
-    return replace(stage, view=view.fitted(samples, moving))
+        setup = setup.with_background_from(usable)
+    moving = [_covered(setup.background_range, image) for image in search_images] if view.colour is not None else []
+    return replace(setup, view=view.fitted(samples, moving))
 
 
 def _shows_large(view: View, samples: Sequence[Frame]) -> bool:
     """Whether what moves is large at the size at which this view is searched, all but a few specks."""
-    stack = np.stack([view.with_chroma().searched(frame) for frame in samples])
-    scene = scene_of(still_of(stack))
-    moving = [core.inscribed for picture in stack for core in cores(scene, picture) if not core.held]
+    stack = np.stack([view.with_chroma().search_image(frame) for frame in samples])
+    background_range = background_range_of(estimate_background(stack))
+    moving = [blob.inscribed for image in stack for blob in blobs(background_range, image) if not blob.held]
     bodies = [inscribed for inscribed in moving if inscribed > THINNEST_BODY]
     return len(bodies) > MOSTLY * len(stack) and float(np.percentile(bodies, SPECKS)) > LARGE_ENOUGH
 
@@ -106,11 +119,11 @@ def luma_misses(stack: Bytes) -> bool:
 
     A green ball on a wall as bright as it is such a case: what luma shows of it is mostly shade, and its centre
     that of the lit side. A ball whose shadow on the wall touches it is another: luma shows both as one. Looking at
-    colour takes longer. ``stack`` (k, h, w, 3) are sampled pictures.
+    colour takes longer. ``stack`` (k, h, w, 3) are sampled images.
     """
-    still = still_of(stack)
-    scene, luma_scene = scene_of(still), scene_of(still.channel(0))
-    seen = [one for picture in stack if (one := _in_colour(scene, luma_scene, picture)) is not None]
+    estimate = estimate_background(stack)
+    background_range, luma_range = background_range_of(estimate), background_range_of(estimate.channel(0))
+    seen = [one for image in stack if (one := _in_colour(background_range, luma_range, image)) is not None]
     if not seen:
         return False
     missed, in_luma, in_colour, shaded = np.array(seen).T
@@ -120,43 +133,45 @@ def luma_misses(stack: Bytes) -> bool:
     return bool(vivid and np.median(shaded) > SHADED)
 
 
-def _in_colour(scene: Scene, luma_scene: Scene, picture: Bytes) -> tuple[float, float, float, float] | None:
+def _in_colour(
+    background_range: BackgroundRange, luma_range: BackgroundRange, image: Bytes
+) -> tuple[float, float, float, float] | None:
     """What moves in colour: the share that luma misses, how far it stands out in luma and colour, what luma adds.
 
     None where nothing does.
     """
-    excess = scene.excess(picture) > scene.strong
+    excess = background_range.excess(image) > background_range.strong
     strong = cv2.morphologyEx((excess[..., 1] | excess[..., 2]).astype(np.uint8), cv2.MORPH_OPEN, AROUND)
     area = np.count_nonzero(strong)
     if area < FEWEST_COLOURED:
         return None
-    in_luma = _covered(luma_scene, np.ascontiguousarray(picture[..., 0]))
+    in_luma = _covered(luma_range, np.ascontiguousarray(image[..., 0]))
     whole = filled_round(in_luma.astype(np.uint8), strong)
     beside = np.count_nonzero(whole > cv2.dilate(strong, AROUND))
     missed = np.count_nonzero(strong > in_luma) / area
-    return missed, *_standing_out(scene, picture, strong > 0), beside / area
+    return missed, *_standing_out(background_range, image, strong > 0), beside / area
 
 
-def _standing_out(scene: Scene, picture: Bytes, moving: Flags) -> tuple[float, float]:
+def _standing_out(background_range: BackgroundRange, image: Bytes, moving: Flags) -> tuple[float, float]:
     """How far luma and chroma stand above what they must for a body, times that, over most of what moves."""
-    excess = scene.excess(picture)[moving].astype(np.float64) / scene.strong[moving]
+    excess = background_range.excess(image)[moving].astype(np.float64) / background_range.strong[moving]
     return float(np.median(excess[:, 0])), float(np.median(excess[:, 1:].max(axis=1)))
 
 
-def _covered(scene: Scene, picture: Bytes) -> Flags:
+def _covered(background_range: BackgroundRange, image: Bytes) -> Flags:
     """True where a body of the foreground lies, or within two pixels of it."""
-    covered = np.zeros(picture.shape[:2], dtype=np.uint8)
-    for core in cores(scene, picture):
-        left, top, right, bottom = core.box
-        covered[top:bottom, left:right] |= core.mask
+    covered = np.zeros(image.shape[:2], dtype=np.uint8)
+    for blob in blobs(background_range, image):
+        left, top, right, bottom = blob.box
+        covered[top:bottom, left:right] |= blob.mask
     return cv2.dilate(covered, AROUND) > 0
 
 
-def observe(video: FrameSource, stage: Stage, options: TrackOptions) -> list[Glimpse]:
+def observe(video: FrameSource, setup: DetectionSetup, options: TrackOptions) -> list[FrameDetections]:
     """The candidates of every frame, in one pass; ``options.progress`` is told how far it is."""
-    glimpses: list[Glimpse] = []
-    attention = stage.attention()
+    all_detections: list[FrameDetections] = []
+    search_windows = setup.search_windows()
     for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
-        before = glimpses[-1].sightings if glimpses else ()
-        glimpses.append(stage.lens.glimpse(frame, *attention.cores(frame), before))
-    return glimpses
+        before = all_detections[-1].detections if all_detections else ()
+        all_detections.append(setup.detector.detect(frame, *search_windows.blobs(frame), before))
+    return all_detections

@@ -10,7 +10,7 @@ import numpy as np
 
 from iris_sysid.types import Frame
 from trackers._background.median import Background, Bytes, Image
-from trackers._detection.foreground import CONTRAST_SHARES, SMALLEST_AREA, SQUARE, WEAK_SIGMAS, Core, padded
+from trackers._detection.foreground import CONTRAST_SHARES, SMALLEST_AREA, SQUARE, WEAK_SIGMAS, Blob, padded
 from trackers._detection.motion_blur import streak_centre
 from trackers._detection.subpixel_centroid import Centre, Window, coverage_centre, filled_round, largest
 from trackers._frames.working_image import View
@@ -32,8 +32,8 @@ Box = tuple[float, float, float, float]  # left, top, right, bottom, px
 
 
 @dataclass(frozen=True, slots=True)
-class Intruder:
-    """Something that reaches in from the edge of the picture: its box (px), area (px) and inscribed radius (px)."""
+class EdgeObject:
+    """Something that reaches in from the edge of the image: its box (px), area (px) and inscribed radius (px)."""
 
     box: Box
     area: float
@@ -41,7 +41,7 @@ class Intruder:
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
+class Detection:
     """One candidate body in one frame.
 
     ``centre`` is that in the window whose corner is (left, top), px of the frame; ``brightening`` is
@@ -87,18 +87,18 @@ class Sighting:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Glimpse:
+class FrameDetections:
     """One frame: its candidates, and what reaches in from the edge."""
 
     frame: int
     t_s: float
-    sightings: tuple[Sighting, ...]
-    intruders: tuple[Intruder, ...]
+    detections: tuple[Detection, ...]
+    edge_objects: tuple[EdgeObject, ...]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Lens:
-    """What turns a core into a sighting: the background, the region and its reduction for the search, the noise.
+class Detector:
+    """What turns a blob into a detection: the background, the region and its reduction for the search, the noise.
 
     ``streaks`` says that a body that moves far during an exposure is fitted as a swept disc.
     """
@@ -108,39 +108,43 @@ class Lens:
     inflation: float
     streaks: bool = True
 
-    def glimpse(self, frame: Frame, bodies: list[Core], things: list[Core], before: Sequence[Sighting] = ()) -> Glimpse:
+    def detect(
+        self, frame: Frame, bodies: list[Blob], foreground: list[Blob], before: Sequence[Detection] = ()
+    ) -> FrameDetections:
         """Look at each body closely.
 
-        ``things`` are the cores of whatever moves, bodies and hands; ``before`` is what the frame before showed.
+        ``foreground`` are the blobs of whatever moves, bodies and hands; ``before`` is what the frame before showed.
         """
-        reaching = [core for core in things if core.held and core.inscribed > THINNEST_BODY]
-        inside = [core for core in bodies if not core.at_edge and core.inscribed > THINNEST_BODY]
-        sightings = [self.sighting(frame, core, bodies, reaching, before) for core in inside]
-        intruders = tuple(self.intruder(core) for core in reaching)
-        return Glimpse(frame.index, frame.t_s, tuple(one for one in sightings if one is not None), intruders)
+        reaching = [blob for blob in foreground if blob.held and blob.inscribed > THINNEST_BODY]
+        inside = [blob for blob in bodies if not blob.at_edge and blob.inscribed > THINNEST_BODY]
+        detections = [self.detect_body(frame, blob, bodies, reaching, before) for blob in inside]
+        edge_objects = tuple(self.edge_object(blob) for blob in reaching)
+        return FrameDetections(
+            frame.index, frame.t_s, tuple(one for one in detections if one is not None), edge_objects
+        )
 
-    def intruder(self, core: Core) -> Intruder:
+    def edge_object(self, blob: Blob) -> EdgeObject:
         """What reaches in, in px of the frame."""
         step, view = self.view.step, self.view
-        left, top, right, bottom = (side * step for side in core.box)
+        left, top, right, bottom = (side * step for side in blob.box)
         box = (left + view.left, top + view.top, right + view.left, bottom + view.top)
-        return Intruder(box, float(core.area * step**2), core.inscribed * step)
+        return EdgeObject(box, float(blob.area * step**2), blob.inscribed * step)
 
-    def sighting(
+    def detect_body(
         self,
         frame: Frame,
-        core: Core,
-        bodies: list[Core],
-        reaching: list[Core],
-        before: Sequence[Sighting] = (),
-    ) -> Sighting | None:
+        blob: Blob,
+        bodies: list[Blob],
+        reaching: list[Blob],
+        before: Sequence[Detection] = (),
+    ) -> Detection | None:
         """Look at one body closely; None when it is too small, or cut off.
 
         Parameters
         ----------
         frame
             The frame.
-        core
+        blob
             The body, at the size that is searched.
         bodies
             All bodies of the frame: pixels of the others do not count.
@@ -149,9 +153,9 @@ class Lens:
         before
             What the frame before showed: a body that has hardly moved since is no streak.
         """
-        size = self._pixel(core)
-        window, left, top = self._window(frame, core, bodies, size)
-        if np.count_nonzero(window.core) < SMALLEST_AREA:
+        size = self._pixel(blob)
+        window, left, top = self._window(frame, blob, bodies, size)
+        if np.count_nonzero(window.mask) < SMALLEST_AREA:
             return None
         centre = coverage_centre(window)
         left, top = left * size + self.view.left, top * size + self.view.top
@@ -159,9 +163,9 @@ class Lens:
             centre = streak_centre(window, centre)
         if centre.cut:
             return None
-        inside = window.core > 0
+        inside = window.mask > 0
         luma = (window.image - window.background)[..., 0]
-        return Sighting(
+        return Detection(
             frame.index,
             frame.t_s,
             _in_pixels(centre, size),
@@ -169,29 +173,29 @@ class Lens:
             top,
             brightening=float(luma[inside].mean()),
             sharpness=_sharpness(window) / size,
-            compactness=min(1.0, np.pi * core.inscribed**2 / core.area),
-            hand=core.held or any(touches(core, thing) for thing in reaching),
+            compactness=min(1.0, np.pi * blob.inscribed**2 / blob.area),
+            hand=blob.held or any(touches(blob, thing) for thing in reaching),
         )
 
-    def _pixel(self, core: Core) -> int:
+    def _pixel(self, blob: Blob) -> int:
         """The side, px, of the squares whose means are measured: 1, or more for a large body."""
         step = self.view.step
-        largest = max(1, int(core.inscribed * step / LARGE_RADIUS))
+        largest = max(1, int(blob.inscribed * step / LARGE_RADIUS))
         return max(size for size in range(1, step + 1) if step % size == 0 and size <= largest)
 
-    def _window(self, frame: Frame, core: Core, bodies: list[Core], size: int) -> tuple[Window, int, int]:
-        """The pixels round a core, each the mean of ``size`` x ``size``, and where they begin."""
+    def _window(self, frame: Frame, blob: Blob, bodies: list[Blob], size: int) -> tuple[Window, int, int]:
+        """The pixels round a blob, each the mean of ``size`` x ``size``, and where they begin."""
         finer = self.view.step // size
         margin = MARGIN + 2 * finer
-        x0, y0, x1, y1 = (side * finer for side in core.box)
+        x0, y0, x1, y1 = (side * finer for side in blob.box)
         left, top = max(0, x0 - margin), max(0, y0 - margin)
         right, bottom = min(self.view.width // size, x1 + margin), min(self.view.height // size, y1 + margin)
         image = self.view.part(frame, (left, top, right, bottom), size).astype(np.float32)
-        still = self.background.reduced(size).patch(top, bottom, left, right)
+        estimate = self.background.reduced(size).patch(top, bottom, left, right)
         within = (top, bottom, left, right)
-        mask = _pasted([core], within, finer)
-        other = _pasted([one for one in bodies if one is not core], within, finer)
-        image, background, noise = (np.atleast_3d(part) for part in (image, still.background, still.noise))
+        mask = _pasted([blob], within, finer)
+        other = _pasted([one for one in bodies if one is not blob], within, finer)
+        image, background, noise = (np.atleast_3d(part) for part in (image, estimate.background, estimate.noise))
         background = background + _level(image - background, mask, other)
         if finer > 1:
             mask = _sharpened(mask, image - background, noise, finer)
@@ -200,8 +204,8 @@ class Lens:
         return Window(image, background, noise, mask, other & ~mask, self.inflation), left, top
 
 
-def _hardly_moved(centre: Centre, left: int, top: int, before: Sequence[Sighting]) -> bool:
-    """Whether one of the sightings of the frame before is at about the place of a centre in the window at (left, top).
+def _hardly_moved(centre: Centre, left: int, top: int, before: Sequence[Detection]) -> bool:
+    """Whether one of the detections of the frame before is at about the place of a centre in the window at (left, top).
 
     An exposure is no longer than the time between two frames, and so is the way in it.
     """
@@ -225,17 +229,17 @@ def _in_pixels(centre: Centre, size: int) -> Centre:
     )
 
 
-def _pasted(cores: list[Core], within: tuple[int, int, int, int], finer: int) -> Bytes:
-    """The masks of cores in a window (top, bottom, left, right) whose pixels are so many times finer."""
+def _pasted(blobs: list[Blob], within: tuple[int, int, int, int], finer: int) -> Bytes:
+    """The masks of blobs in a window (top, bottom, left, right) whose pixels are so many times finer."""
     top, bottom, left, right = within
     rows, columns = np.arange(top, bottom) // finer, np.arange(left, right) // finer
     pasted = np.zeros((rows.size, columns.size), dtype=np.uint8)
-    for core in cores:
-        x0, y0, x1, y1 = core.box
+    for blob in blobs:
+        x0, y0, x1, y1 = blob.box
         in_rows = np.flatnonzero((rows >= y0) & (rows < y1))
         in_columns = np.flatnonzero((columns >= x0) & (columns < x1))
         if in_rows.size and in_columns.size:
-            part = core.mask[(rows[in_rows] - y0)[:, np.newaxis], columns[in_columns] - x0]
+            part = blob.mask[(rows[in_rows] - y0)[:, np.newaxis], columns[in_columns] - x0]
             pasted[in_rows[0] : in_rows[-1] + 1, in_columns[0] : in_columns[-1] + 1] |= part
     return pasted
 
@@ -257,7 +261,7 @@ def _sharpened(mask: Bytes, difference: Image, noise: Image, step: int) -> Bytes
 
 
 def _shaded(image: Image, background: Image, noise: Image) -> Bytes:
-    """1 where a picture (h, w, channels) shows the background with less light: all its colours scaled by one factor.
+    """1 where a image (h, w, channels) shows the background with less light: all its colours scaled by one factor.
 
     Without colour a shadow cannot be told from a dark body: 0.
     """
@@ -291,16 +295,16 @@ def _sharpness(window: Window) -> float:
     level = largest(np.abs(window.image - window.background))
     across = cv2.Sobel(level, cv2.CV_32F, 1, 0, scale=1 / 8)
     down = cv2.Sobel(level, cv2.CV_32F, 0, 1, scale=1 / 8)
-    near = cv2.dilate(window.core, np.ones((3, 3), np.uint8)) > 0
+    near = cv2.dilate(window.mask, np.ones((3, 3), np.uint8)) > 0
     return float(np.percentile(np.hypot(across, down)[near], 90))
 
 
-def touches(core: Core, thing: Core) -> bool:
+def touches(blob: Blob, thing: Blob) -> bool:
     """Whether something reaching in from the edge, thick enough for a hand or an arm, is at the body."""
-    if thing is core or thing.inscribed < HAND_SHARE * core.inscribed:
+    if thing is blob or thing.inscribed < HAND_SHARE * blob.inscribed:
         return False
-    reach = max(2.0, HAND_GAP * core.inscribed)
-    x0, y0, x1, y1 = core.box
+    reach = max(2.0, HAND_GAP * blob.inscribed)
+    x0, y0, x1, y1 = blob.box
     a0, b0, a1, b1 = thing.box
     if a0 > x1 + reach or a1 < x0 - reach or b0 > y1 + reach or b1 < y0 - reach:
         return False
@@ -309,4 +313,4 @@ def touches(core: Core, thing: Core) -> bool:
     canvas[b0 - top : b1 - top, a0 - left : a1 - left] -= thing.mask
     away = cv2.distanceTransform(canvas, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     there = away[y0 - top : y1 - top, x0 - left : x1 - left]
-    return bool(there[core.mask > 0].min() <= reach)
+    return bool(there[blob.mask > 0].min() <= reach)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from trackers._background.median import Box, Bytes, Flags, Image, Still
+from trackers._background.median import BackgroundEstimate, Box, Bytes, Flags, Image
 
 STRONG_SIGMAS, STRONG_FLOOR = 6.0, 8.0  # floor in grey levels: surely something
 WEAK_SIGMAS, WEAK_FLOOR = 3.5, 4.0  # belongs to it when it touches it
@@ -17,9 +17,9 @@ SMALLEST_SUPPORT = 3  # px of strong evidence
 CONTRAST_SHARES = (0.1, 0.2)  # of a component's peak: what is fainter is shade or shadow round it
 IN_DOUBT = 1.5  # times as clear must a body be to be cut at the higher share
 THINNEST = 2.5  # px: a component with a smaller inscribed circle is not taken apart
-CORE_SHARE = 0.5  # of the inscribed radius: thinner parts are cords, arms of clamps, fingers
+BLOB_SHARE = 0.5  # of the inscribed radius: thinner parts are cords, arms of clamps, fingers
 ARM_SHARE = 0.25  # of the inscribed radius: what holds a body at the edge is at least as thick
-MOST_CORES = 16  # a frame
+MOST_BLOBS = 16  # a frame
 FRINGE = 4  # px that the outline of a body may lie beyond its stout part
 CORD_RADIUS = 6.0  # px: half the width of the thickest cord that is cut off
 LARGE_BOX = 3000  # px: a smaller component is not worth cutting
@@ -27,7 +27,7 @@ SQUARE = np.ones((3, 3), np.uint8)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Scene:
+class BackgroundRange:
     """Grey levels that are background: from ``lowest`` to ``highest``, and what counts beyond them, as bytes."""
 
     lowest: Bytes
@@ -35,22 +35,22 @@ class Scene:
     weak: Bytes
     strong: Bytes
 
-    def excess(self, picture: Bytes) -> Bytes:
+    def excess(self, image: Bytes) -> Bytes:
         """How far each pixel lies outside of what the background shows, grey levels."""
-        return np.asarray(cv2.max(cv2.subtract(picture, self.highest), cv2.subtract(self.lowest, picture)))
+        return np.asarray(cv2.max(cv2.subtract(image, self.highest), cv2.subtract(self.lowest, image)))
 
-    def part(self, box: Box) -> Scene:
-        """What a part of the picture shows."""
+    def part(self, box: Box) -> BackgroundRange:
+        """What a part of the image shows."""
         window = (slice(box[1], box[3]), slice(box[0], box[2]))
-        return Scene(self.lowest[window], self.highest[window], self.weak[window], self.strong[window])
+        return BackgroundRange(self.lowest[window], self.highest[window], self.weak[window], self.strong[window])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Core:
+class Blob:
     """A compact part of the foreground: its mask in a window whose corner is (left, top), px.
 
     ``inscribed`` is the radius of its largest inscribed circle, ``at_edge`` whether it reaches the
-    edge of the picture, ``held`` whether it hangs together with the edge by something thick as an arm.
+    edge of the image, ``held`` whether it hangs together with the edge by something thick as an arm.
     """
 
     mask: Bytes
@@ -88,17 +88,17 @@ class Component:
         return (self.left, self.top, self.left + width, self.top + height)
 
     def moved(self, left: int, top: int) -> Component:
-        """The same component where the corner of the picture lies farther left and up by so much."""
+        """The same component where the corner of the image lies farther left and up by so much."""
         return replace(self, left=self.left + left, top=self.top + top)
 
 
-def scene_of(still: Still) -> Scene:
+def background_range_of(estimate: BackgroundEstimate) -> BackgroundRange:
     """What the background shows; a camera that shakes by a pixel stays within it."""
-    return Scene(
-        lowest=rounded(cv2.erode(still.background, SQUARE)),
-        highest=rounded(cv2.dilate(still.background, SQUARE)),
-        weak=rounded(np.maximum(WEAK_SIGMAS * still.noise, WEAK_FLOOR)),
-        strong=rounded(np.maximum(STRONG_SIGMAS * still.noise, STRONG_FLOOR)),
+    return BackgroundRange(
+        lowest=rounded(cv2.erode(estimate.background, SQUARE)),
+        highest=rounded(cv2.dilate(estimate.background, SQUARE)),
+        weak=rounded(np.maximum(WEAK_SIGMAS * estimate.noise, WEAK_FLOOR)),
+        strong=rounded(np.maximum(STRONG_SIGMAS * estimate.noise, STRONG_FLOOR)),
     )
 
 
@@ -107,20 +107,22 @@ def rounded(image: Image) -> Bytes:
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 
-def components(scene: Scene, picture: Bytes, wanted: Flags | None = None) -> Iterator[Component]:
+def components(
+    background_range: BackgroundRange, image: Bytes, colour_mask: Flags | None = None
+) -> Iterator[Component]:
     """Connected parts that differ from the background: weakly, but in touch with a strong difference.
 
-    ``wanted`` (h, w) limits the search to some pixels.
+    ``colour_mask`` (h, w) limits the search to some pixels.
     """
-    excess = scene.excess(picture)
-    strong = any_channel(excess > scene.strong)
-    if wanted is not None:
-        strong &= wanted
+    excess = background_range.excess(image)
+    strong = any_channel(excess > background_range.strong)
+    if colour_mask is not None:
+        strong &= colour_mask
     if not strong.any():
         return
-    weak = any_channel(excess > scene.weak)
-    if wanted is not None:
-        weak &= wanted
+    weak = any_channel(excess > background_range.weak)
+    if colour_mask is not None:
+        weak &= colour_mask
     closed = cv2.morphologyEx(weak.astype(np.uint8), cv2.MORPH_CLOSE, SQUARE)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
     support = np.bincount(labels[strong], minlength=count)
@@ -133,13 +135,13 @@ def components(scene: Scene, picture: Bytes, wanted: Flags | None = None) -> Ite
 
 
 def any_channel(flags: Flags) -> Flags:
-    """Flags of a picture (h, w) from those of its channels (h, w) or (h, w, 3)."""
+    """Flags of a image (h, w) from those of its channels (h, w) or (h, w, 3)."""
     return flags if flags.ndim == 2 else np.logical_or(flags[..., 0], flags[..., 1] | flags[..., 2])
 
 
-def most_of_channels(picture: Bytes) -> Bytes:
-    """The largest of the channels of a picture (h, w) or (h, w, 3), pixel by pixel."""
-    return picture if picture.ndim == 2 else np.maximum(picture[..., 0], np.maximum(picture[..., 1], picture[..., 2]))
+def most_of_channels(image: Bytes) -> Bytes:
+    """The largest of the channels of a image (h, w) or (h, w, 3), pixel by pixel."""
+    return image if image.ndim == 2 else np.maximum(image[..., 0], np.maximum(image[..., 1], image[..., 2]))
 
 
 def filled(mask: Bytes) -> Bytes:
@@ -153,26 +155,26 @@ def padded(mask: Bytes) -> Bytes:
     return np.asarray(cv2.copyMakeBorder(mask, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0), dtype=np.uint8)
 
 
-def cores(scene: Scene, picture: Bytes, wanted: Flags | None = None) -> list[Core]:
-    """The compact parts of one picture, the largest first; parts thinner than half the thickest are cut off.
+def blobs(background_range: BackgroundRange, image: Bytes, colour_mask: Flags | None = None) -> list[Blob]:
+    """The compact parts of one image, the largest first; parts thinner than half the thickest are cut off.
 
     Shade and shadow round a body are fainter than it, but so are parts of a body itself: each component
     is cut at the share of its peak contrast at which its parts are compact and their outlines sharp,
     the lower share if in doubt.
     """
-    return cores_of(components(scene, picture, wanted), picture.shape)
+    return blobs_of(components(background_range, image, colour_mask), image.shape)
 
 
-def cores_of(parts: Iterable[Component], shape: tuple[int, ...]) -> list[Core]:
-    """The compact parts of some components of a picture of that shape; see :func:`cores`."""
-    found: list[Core] = []
+def blobs_of(parts: Iterable[Component], shape: tuple[int, ...]) -> list[Blob]:
+    """The compact parts of some components of a image of that shape; see :func:`blobs`."""
+    found: list[Blob] = []
     for component in parts:
         peak = float(cv2.blur(component.level, (3, 3))[component.mask > 0].max())
-        faint, bold = (_cores_at(component, share * peak, shape) for share in CONTRAST_SHARES)
+        faint, bold = (_blobs_at(component, share * peak, shape) for share in CONTRAST_SHARES)
         edges = _edges(component.level)
         clearness, clearer = (_clearness(component, edges, parts) for parts in (faint, bold))
         found += bold if clearer > IN_DOUBT * clearness else faint
-    return sorted(found, key=lambda core: -core.area)[:MOST_CORES]
+    return sorted(found, key=lambda blob: -blob.area)[:MOST_BLOBS]
 
 
 def stout(component: Component) -> Component:
@@ -193,13 +195,13 @@ def stout(component: Component) -> Component:
 
 
 def _edges(level: Bytes) -> Image:
-    """Gradient of a picture, grey levels a px."""
+    """Gradient of a image, grey levels a px."""
     fine = level.astype(np.float32)
     across, down = (cv2.Sobel(fine, cv2.CV_32F, *order, scale=1 / 8) for order in ((1, 0), (0, 1)))
     return np.asarray(np.hypot(across, down), dtype=np.float32)
 
 
-def _clearness(component: Component, edges: Image, parts: list[Core]) -> float:
+def _clearness(component: Component, edges: Image, parts: list[Blob]) -> float:
     """How compact some parts are, times how sharp their outlines are by the gradient, grey levels a px."""
     compactness = sum(part.inscribed**2 for part in parts) / max(1, sum(part.area for part in parts))
     outlines = [np.zeros(0, dtype=np.float32)]
@@ -212,13 +214,13 @@ def _clearness(component: Component, edges: Image, parts: list[Core]) -> float:
     return compactness * float(outline.mean()) if outline.size else 0.0
 
 
-def _cores_at(component: Component, faintest: float, shape: tuple[int, ...]) -> list[Core]:
-    """The cores of those parts of a component that differ by so many grey levels at least."""
+def _blobs_at(component: Component, faintest: float, shape: tuple[int, ...]) -> list[Blob]:
+    """The blobs of those parts of a component that differ by so many grey levels at least."""
     mask = component.mask & (component.level >= faintest).astype(np.uint8)
     x0, y0, width, height = cv2.boundingRect(mask)
     mask = filled(mask[y0 : y0 + height, x0 : x0 + width])
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    found: list[Core] = []
+    found: list[Blob] = []
     for label in range(1, count):
         x, y, width, height, area = (int(value) for value in stats[label])
         if area >= SMALLEST_AREA:
@@ -227,15 +229,15 @@ def _cores_at(component: Component, faintest: float, shape: tuple[int, ...]) -> 
     return found
 
 
-def _split(component: Bytes, left: int, top: int, shape: tuple[int, ...]) -> list[Core]:
+def _split(component: Bytes, left: int, top: int, shape: tuple[int, ...]) -> list[Blob]:
     """Cut a component where it is thin: what is left when a disc of half its thickness has rolled inside it."""
     wider = padded(component)
     depth = np.asarray(cv2.distanceTransform(wider, cv2.DIST_L2, cv2.DIST_MASK_PRECISE))
     thickest = float(depth.max())
     if thickest < THINNEST:
         edge = _at_edge(_box(component, left, top), shape)
-        return [_core(component, left, top, thickest, (edge, edge))]
-    cut = CORE_SHARE * thickest
+        return [_blob(component, left, top, thickest, (edge, edge))]
+    cut = BLOB_SHARE * thickest
     count, labels = cv2.connectedComponents((depth > cut).astype(np.uint8), connectivity=8)
     inland = not _near_edge(_box(component, left, top), ARM_SHARE * thickest, shape)
     if count == 2 and inland:
@@ -248,12 +250,12 @@ def _split(component: Bytes, left: int, top: int, shape: tuple[int, ...]) -> lis
         mask = ((nearest == k) & near & (wider > 0)).astype(np.uint8)[1:-1, 1:-1]
         edge = _at_edge(_box(mask, left, top), shape)
         held = edge or (not inland and _hangs_on_edge(depth, seed, left - 1, top - 1, shape))
-        found.append(_core(mask, left, top, float(depth[seed].max()), (edge, held)))
+        found.append(_blob(mask, left, top, float(depth[seed].max()), (edge, held)))
     return found
 
 
-def _lone(mask: Bytes, depth: Image, cut: float, corner: tuple[int, int]) -> Core:
-    """The one core of a part that is not near the edge of the picture: what lies about where it is deep."""
+def _lone(mask: Bytes, depth: Image, cut: float, corner: tuple[int, int]) -> Blob:
+    """The one blob of a part that is not near the edge of the image: what lies about where it is deep."""
     x, y, width, height = cv2.boundingRect((depth > cut).astype(np.uint8))
     reach = int(cut) + 2
     x0, y0 = max(0, x - reach), max(0, y - reach)
@@ -261,11 +263,11 @@ def _lone(mask: Bytes, depth: Image, cut: float, corner: tuple[int, int]) -> Cor
     shallow = (depth[window] <= cut).astype(np.uint8)
     near = cv2.distanceTransform(shallow, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= cut + 1.0
     body = mask[window] & near.astype(np.uint8)
-    return _core(body, corner[0] + x0, corner[1] + y0, float(depth.max()), (False, False))
+    return _blob(body, corner[0] + x0, corner[1] + y0, float(depth.max()), (False, False))
 
 
 def _hangs_on_edge(depth: Image, seed: Flags, left: int, top: int, shape: tuple[int, ...]) -> bool:
-    """Whether a seed hangs together with the edge of the picture by something at least an arm thick."""
+    """Whether a seed hangs together with the edge of the image by something at least an arm thick."""
     arm = ARM_SHARE * float(depth[seed].max())
     thick, labels = cv2.connectedComponents((depth > arm).astype(np.uint8), connectivity=8)
     if thick <= 1:
@@ -274,7 +276,7 @@ def _hangs_on_edge(depth: Image, seed: Flags, left: int, top: int, shape: tuple[
 
 
 def _near_edge(box: Box, arm: float, shape: tuple[int, ...]) -> bool:
-    """Whether a box comes as near to the edge of a picture of that shape as an arm is thick."""
+    """Whether a box comes as near to the edge of a image of that shape as an arm is thick."""
     reach = int(arm) + 1
     return _at_edge((box[0] - reach, box[1] - reach, box[2] + reach, box[3] + reach), shape)
 
@@ -286,11 +288,11 @@ def _box(mask: Bytes, left: int, top: int) -> Box:
 
 
 def _at_edge(box: Box, shape: tuple[int, ...]) -> bool:
-    """Whether a box comes within a pixel of the edge of a picture of that shape."""
+    """Whether a box comes within a pixel of the edge of a image of that shape."""
     return box[0] <= 1 or box[1] <= 1 or box[2] >= shape[1] - 1 or box[3] >= shape[0] - 1
 
 
-def _core(mask: Bytes, left: int, top: int, inscribed: float, edge_and_held: tuple[bool, bool]) -> Core:
-    """A core with its window cut close."""
+def _blob(mask: Bytes, left: int, top: int, inscribed: float, edge_and_held: tuple[bool, bool]) -> Blob:
+    """A blob with its window cut close."""
     x0, y0, x1, y1 = _box(mask, 0, 0)
-    return Core(np.ascontiguousarray(mask[y0:y1, x0:x1]), left + x0, top + y0, inscribed, *edge_and_held)
+    return Blob(np.ascontiguousarray(mask[y0:y1, x0:x1]), left + x0, top + y0, inscribed, *edge_and_held)

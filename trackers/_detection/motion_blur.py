@@ -131,9 +131,9 @@ def streak_centre(window: Window, centre: Centre) -> Centre:
 
 def _guess(window: Window) -> Sweep:
     """The sweep with the moments of what differs from the background."""
-    near = cv2.dilate(window.core, np.ones((2 * FRINGE + 1, 2 * FRINGE + 1), np.uint8)) > window.other
+    near = cv2.dilate(window.mask, np.ones((2 * FRINGE + 1, 2 * FRINGE + 1), np.uint8)) > window.other
     level = largest(np.abs((window.image - window.background) / window.noise))
-    usual = max(float(np.median(level[window.core > 0])), 1e-6)
+    usual = max(float(np.median(level[window.mask > 0])), 1e-6)
     rows, columns = (one.astype(np.float64) for one in np.nonzero(near))
     weight = np.minimum(level[near] / usual, 1.0)
     x, y = (float(np.average(one, weights=weight)) for one in (columns, rows))
@@ -172,7 +172,7 @@ class _Pixels:
 
 def _pixels(window: Window, sweep: Sweep) -> _Pixels:
     """Those near a sweep on which there is nothing else."""
-    columns, rows = (np.arange(size, dtype=np.float64) for size in window.core.shape[::-1])
+    columns, rows = (np.arange(size, dtype=np.float64) for size in window.mask.shape[::-1])
     covered = sweep.terms(columns, rows[:, np.newaxis])[0] > 0
     near = cv2.dilate(covered.astype(np.uint8), np.ones((2 * FRINGE + 1, 2 * FRINGE + 1), np.uint8))
     use = np.nonzero((near > 0) & (cv2.dilate(window.other, np.ones((3, 3), np.uint8)) == 0))

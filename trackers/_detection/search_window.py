@@ -1,7 +1,7 @@
 """Where in a frame to look closely: where something was a moment ago, where a coarse watch sees a change, or all over.
 
-A picture that is searched at full size is searched all over. In a larger one every frame is watched at a sparse grid
-of pixels, which costs little; the pictures round what that shows, and round what was there in the frame before, are
+A image that is searched at full size is searched all over. In a larger one every frame is watched at a sparse grid
+of pixels, which costs little; the images round what that shows, and round what was there in the frame before, are
 searched, and every few frames the whole.
 """
 
@@ -14,10 +14,19 @@ import cv2
 import numpy as np
 
 from iris_sysid.types import Frame
-from trackers._background.median import Box, Bytes, Flags, still_of
+from trackers._background.median import Box, Bytes, Flags, estimate_background
 from trackers._detection.detection import THINNEST_BODY
-from trackers._detection.foreground import Component, Core, Scene, any_channel, components, cores_of, rounded, stout
-from trackers._frames.sampled_frames import Samples
+from trackers._detection.foreground import (
+    BackgroundRange,
+    Blob,
+    Component,
+    any_channel,
+    blobs_of,
+    components,
+    rounded,
+    stout,
+)
+from trackers._frames.sampled_frames import SampledFrames
 from trackers._frames.working_image import View
 
 WHOLE_EVERY, WATCH_EVERY = 12, 3  # frames
@@ -26,41 +35,41 @@ WATCH_SIGMAS, WATCH_FLOOR = 5.0, 8.0  # floor in grey levels: surely something
 PAIR = np.ones((2, 2), np.uint8)  # watched pixels: what shows in fewer is left to the search of the whole
 GROWN_SHARE, GROWN_PX = 0.2, 6  # of its size, and px of the search: how far a thing may go in a frame
 MOST_CHANGES = 16  # a frame: more are flicker, or a camera that was pushed
-GROWTHS = 3  # times a part of the picture is made larger until it holds what is in it
+GROWTHS = 3  # times a part of the image is made larger until it holds what is in it
 
 
 @dataclass(eq=False, slots=True)
-class Attention:
+class SearchWindows:
     """Looks for bodies frame by frame, in order.
 
-    ``scene`` is what the background shows at the size that is searched, ``watch`` what it shows at the pixels that are
+    ``background_range`` is what the background shows at the size that is searched, ``sparse_range`` what it shows at the pixels that are
     watched; None to search every frame all over.
     """
 
     view: View
-    scene: Scene
-    watch: Scene | None
+    background_range: BackgroundRange
+    sparse_range: BackgroundRange | None
     _boxes: list[Box] = field(default_factory=list)
     _count: int = 0
     _until_whole: int = 0
 
-    def cores(self, frame: Frame) -> tuple[list[Core], list[Core]]:
-        """The cores of the bodies in a frame, and those of whatever moves: more where a colour is wanted."""
-        parts, things = self._found(frame, self._where(frame))
-        if len(_followed(things)) < self._count and self._whole not in parts:
-            parts, things = self._found(frame, [self._whole])
-        followed = _followed(things)
+    def blobs(self, frame: Frame) -> tuple[list[Blob], list[Blob]]:
+        """The blobs of the bodies in a frame, and those of whatever moves: more where a colour is wanted."""
+        parts, foreground = self._found(frame, self._where(frame))
+        if len(_followed(foreground)) < self._count and self._whole not in parts:
+            parts, foreground = self._found(frame, [self._whole])
+        followed = _followed(foreground)
         self._count = len(followed)
         found = [one.box for ones in parts.values() for one in ones]
         self._boxes = [box for box in found if any(_overlap(box, one) for one in followed)]
         self._until_whole = WHOLE_EVERY if self._whole in parts else self._until_whole - 1
         if self.view.colour is None:
-            return things, things
-        chosen = [one for box in parts for one in self._components(frame, box, self.view.wanted(frame, box))]
-        return cores_of(chosen, self._shape), things
+            return foreground, foreground
+        chosen = [one for box in parts for one in self._components(frame, box, self.view.colour_mask(frame, box))]
+        return blobs_of(chosen, self._shape), foreground
 
-    def _found(self, frame: Frame, boxes: list[Box]) -> tuple[dict[Box, list[Component]], list[Core]]:
-        """The components in some boxes, which grow until none cuts one, and their cores."""
+    def _found(self, frame: Frame, boxes: list[Box]) -> tuple[dict[Box, list[Component]], list[Blob]]:
+        """The components in some boxes, which grow until none cuts one, and their blobs."""
         parts = {box: self._components(frame, box) for box in boxes}
         for _ in range(GROWTHS):
             cut = {box for box, ones in parts.items() if any(self._leaves(one.box, box) for one in ones)}
@@ -70,16 +79,16 @@ class Attention:
             parts = {box: parts[box] if box in parts else self._components(frame, box) for box in boxes}
         else:
             parts = {self._whole: self._components(frame, self._whole)}
-        return parts, cores_of((one for ones in parts.values() for one in ones), self._shape)
+        return parts, blobs_of((one for ones in parts.values() for one in ones), self._shape)
 
-    def _components(self, frame: Frame, box: Box, wanted: Flags | None = None) -> list[Component]:
-        picture = self.view.part(frame, box, self.view.step)
-        found = (one.moved(box[0], box[1]) for one in components(self.scene.part(box), picture, wanted))
-        return list(found if self.watch is None else map(stout, found))
+    def _components(self, frame: Frame, box: Box, colour_mask: Flags | None = None) -> list[Component]:
+        image = self.view.part(frame, box, self.view.step)
+        found = (one.moved(box[0], box[1]) for one in components(self.background_range.part(box), image, colour_mask))
+        return list(found if self.sparse_range is None else map(stout, found))
 
     @property
     def _shape(self) -> tuple[int, ...]:
-        return self.scene.lowest.shape[:2]
+        return self.background_range.lowest.shape[:2]
 
     @property
     def _whole(self) -> Box:
@@ -87,17 +96,17 @@ class Attention:
 
     def _where(self, frame: Frame) -> list[Box]:
         """The boxes to search, which do not overlap."""
-        if self.watch is None or self._until_whole <= 0:
+        if self.sparse_range is None or self._until_whole <= 0:
             return [self._whole]
         known = [self._grown(box) for box in self._boxes]
         if self._until_whole % WATCH_EVERY:
             return merged(known)
-        changes = self._changes(self.watch, self.view.watched(frame, SPACING), known)
+        changes = self._changes(self.sparse_range, self.view.sparse_image(frame, SPACING), known)
         return merged(known + changes) if len(changes) <= MOST_CHANGES else [self._whole]
 
-    def _changes(self, watch: Scene, picture: Bytes, known: list[Box]) -> list[Box]:
+    def _changes(self, sparse_range: BackgroundRange, image: Bytes, known: list[Box]) -> list[Box]:
         """Boxes round the watched pixels that show something compact which is not in the known boxes."""
-        shown = any_channel(watch.excess(picture) > watch.strong).astype(np.uint8)
+        shown = any_channel(sparse_range.excess(image) > sparse_range.strong).astype(np.uint8)
         for left, top, right, bottom in known:
             shown[top // SPACING : -(-bottom // SPACING), left // SPACING : -(-right // SPACING)] = 0
         shown = cv2.erode(shown, PAIR, borderType=cv2.BORDER_CONSTANT, borderValue=0)
@@ -109,19 +118,19 @@ class Attention:
         return [self._grown(box) for box in boxes]
 
     def _grown(self, box: Box) -> Box:
-        """A box made larger on every side, within the picture."""
+        """A box made larger on every side, within the image."""
         across, down = (GROWN_PX + int(GROWN_SHARE * size) for size in (box[2] - box[0], box[3] - box[1]))
         _, _, width, height = self._whole
         return (max(0, box[0] - across), max(0, box[1] - down), min(width, box[2] + across), min(height, box[3] + down))
 
     def _leaves(self, one: Box, box: Box) -> bool:
-        """Whether something reaches a side of its box that is no side of the picture."""
+        """Whether something reaches a side of its box that is no side of the image."""
         return any(end == limit != edge for end, limit, edge in zip(one, box, self._whole, strict=True))
 
 
-def _followed(things: list[Core]) -> list[Box]:
-    """The boxes of those things that are thick enough for a body."""
-    return [one.box for one in things if one.inscribed > THINNEST_BODY]
+def _followed(foreground: list[Blob]) -> list[Box]:
+    """The boxes of those foreground that are thick enough for a body."""
+    return [one.box for one in foreground if one.inscribed > THINNEST_BODY]
 
 
 def merged(boxes: Iterable[Box]) -> list[Box]:
@@ -140,18 +149,25 @@ def _overlap(one: Box, other: Box) -> bool:
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
-def watch_of(samples: Samples, scene: Scene, usable: Flags | None) -> Scene | None:
-    """What the background shows at the pixels that are watched; None where pictures are searched at full size.
+def sparse_range_of(
+    samples: SampledFrames, background_range: BackgroundRange, usable: Flags | None
+) -> BackgroundRange | None:
+    """What the background shows at the pixels that are watched; None where images are searched at full size.
 
     ``usable`` (k, h', w') says at the size that is searched which samples show the background.
     """
     view = samples.view
     if view.step == 1 or (view.chroma and samples.frames[0].chroma() is None):
         return None
-    stack = np.stack([view.watched(frame, SPACING) for frame in samples.frames])
+    stack = np.stack([view.sparse_image(frame, SPACING) for frame in samples.frames])
     rows, columns = (slice(SPACING // 2, None, SPACING),) * 2
-    still = still_of(stack, None if usable is None else usable[:, rows, columns][:, : stack.shape[1], : stack.shape[2]])
-    lowest, highest = (one[rows, columns][: stack.shape[1], : stack.shape[2]] for one in (scene.lowest, scene.highest))
-    noticed = rounded(np.maximum(WATCH_SIGMAS * still.noise, WATCH_FLOOR))
-    background = rounded(still.background)
-    return Scene(cv2.min(lowest, background), cv2.max(highest, background), noticed, noticed)
+    estimate = estimate_background(
+        stack, None if usable is None else usable[:, rows, columns][:, : stack.shape[1], : stack.shape[2]]
+    )
+    lowest, highest = (
+        one[rows, columns][: stack.shape[1], : stack.shape[2]]
+        for one in (background_range.lowest, background_range.highest)
+    )
+    noticed = rounded(np.maximum(WATCH_SIGMAS * estimate.noise, WATCH_FLOOR))
+    background = rounded(estimate.background)
+    return BackgroundRange(cv2.min(lowest, background), cv2.max(highest, background), noticed, noticed)

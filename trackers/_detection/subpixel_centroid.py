@@ -21,7 +21,7 @@ SHARP, REFINED = 1.5, 2  # px: half the width of an outline from which on it is 
 CLEAR = 1.5  # of half the width of a streak's outline: so far inside of it is the body alone
 WHOLE = 0.85  # of the thickness: an outline that leaves less of it is not that of a streak
 DEEPEST = 0.6  # of the depth: the body's brightness is taken from there at least
-SHALLOW = 0.7  # of the depth of the core: an outline that leaves less of it is not that of the whole body
+SHALLOW = 0.7  # of the depth of the mask: an outline that leaves less of it is not that of the whole body
 SHADINGS, FEWEST_A_TERM, MOST_SHADED = (3, 6), 60, 1500  # terms of a polynomial; pixels to which it is fitted
 EXPLAINED = 0.15  # of the variance that fewer terms leave
 RIDGE = 1e-9  # of the mean square of the constant term, added to each: pixels in one line do not tell all terms apart
@@ -63,14 +63,14 @@ class Centre:
 class Window:
     """What is known about the pixels round a body: grey levels (h, w, channels) of frame, background and noise.
 
-    ``core`` (h, w) is 1 where the body is, right to about two pixels; ``other`` (h, w) is 1 where
+    ``mask`` (h, w) is 1 where the body is, right to about two pixels; ``other`` (h, w) is 1 where
     something else is. ``inflation`` is the variance of sums of noise over that of white noise.
     """
 
     image: Image
     background: Image
     noise: Image
-    core: Bytes
+    mask: Bytes
     other: Bytes
     inflation: float = 1.0
 
@@ -96,18 +96,18 @@ def coverage_centre(window: Window) -> Centre:
     noise of what moves. e^2 is the variance of a just inside of the band beyond its noise, that is how
     badly F is known on a textured body, and d the distance in px over which such an error persists.
     """
-    depth = np.asarray(cv2.distanceTransform(window.core, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), dtype=np.float32)
+    depth = np.asarray(cv2.distanceTransform(window.mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), dtype=np.float32)
     heart, persistence = depth > 0.5 * depth.max(), max(1.5, float(depth.max()) / 2)
     rim = min(RIM_PX, RIM_SHARE * float(depth.max()))
     share, distance, half_width, axes = _first_look(window, depth, rim, persistence)
     blurred = bool(half_width.max() > SHARP)
     for _ in range(REFINED if blurred and axes == 1 else 1):
         level = _level_outside(window, share, distance + half_width)
-        behind = replace(window, background=window.background + level)
+        levelled = replace(window, background=window.background + level)
         clear = distance - np.minimum(half_width * (1.0 if axes == 1 else CLEAR), DEEPEST * distance.max())
         if distance.max() < SHALLOW * depth.max():  # a notch, as in a small ball both darker and brighter
             clear = np.maximum(clear, depth - rim)
-        share, variance = _share(behind, *_continued(behind, clear, persistence))
+        share, variance = _share(levelled, *_continued(levelled, clear, persistence))
         if blurred:
             distance, half_width = _outline(share, heart, axes)
     edge = np.abs(distance) <= half_width
@@ -139,7 +139,7 @@ def _moments(window: Window, share: Image, variance: Image) -> Centre:
     area = max(float(share.sum()), 1e-9)
     columns, rows = (np.arange(size, dtype=np.float64) for size in share.shape[::-1])
     x, y = float(share.sum(axis=0) @ columns) / area, float(share.sum(axis=1) @ rows) / area
-    inside = window.core > 0
+    inside = window.mask > 0
     border = np.concatenate([share[0], share[-1], share[:, 0], share[:, -1]])
     return Centre(
         x=x,
@@ -265,7 +265,7 @@ def _blurred(image: Image, blur: float) -> Image:
 
 
 def _share(window: Window, foreground: Image, strength: Image) -> tuple[Image, Image]:
-    """Share of each pixel that the body covers, and its variance; by the core where brightness does not tell."""
+    """Share of each pixel that the body covers, and its variance; by the mask where brightness does not tell."""
     contrast = (foreground - window.background) / window.noise
     difference = (window.image - window.background) / window.noise
     squared = np.maximum(_inner(contrast, contrast), np.float32(1e-6))
@@ -275,9 +275,9 @@ def _share(window: Window, foreground: Image, strength: Image) -> tuple[Image, I
     mixed = np.clip((np.sqrt(squared) / strength - low) / (high - low), 0.0, 1.0)
     signed = np.clip(_inner(contrast, difference) / squared, *SHARE_RANGE)
     unsigned = np.clip(np.sqrt(_inner(difference, difference)) / strength, *SHARE_RANGE)
-    share = np.where(tells, mixed * signed + (1 - mixed) * unsigned, window.core)
+    share = np.where(tells, mixed * signed + (1 - mixed) * unsigned, window.mask)
     variance = np.where(tells, (1 + (1 - mixed) ** 2) / strength**2, 1.0 / 12.0)
-    near = cv2.dilate(window.core, np.ones((5, 5), np.uint8)) > window.other
+    near = cv2.dilate(window.mask, np.ones((5, 5), np.uint8)) > window.other
     return np.where(near, share, 0.0).astype(np.float32), np.where(near, variance, 0.0).astype(np.float32)
 
 

@@ -1,4 +1,4 @@
-"""The background as it shows where no disc is: also behind a ball that never leaves the middle of the picture."""
+"""The background as it shows where no disc is: also behind a ball that never leaves the middle of the image."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackers._background.median import Background, Flags, Image
-from trackers._disc.expected_position import Course
+from trackers._disc.expected_position import ExpectedPath
 from trackers._frames.working_image import View
 
 ROUND_DISC = 3.0  # px about an expected disc that its outline may take
@@ -16,7 +16,7 @@ FEWEST_SAMPLES = 3  # that must show what is behind
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Behind:
+class KnownBackground:
     """Background and noise, and where (h', w'), at a reduced size, the background was ever seen."""
 
     background: Background
@@ -30,20 +30,25 @@ class Behind:
         return *self.background.patch(top, bottom, left, right), self.known[rows[:, np.newaxis], columns]
 
 
-def behind(background: Background, view: View, numbers: Iterable[int], courses: Sequence[Course]) -> Behind:
+def background_without_discs(
+    background: Background, view: View, numbers: Iterable[int], expected_paths: Sequence[ExpectedPath]
+) -> KnownBackground:
     """The background from those samples (the frames of these numbers) in which no disc is in front of it."""
     height, width = background.stack.shape[1:3]
-    columns, rows = (np.arange(size) for size in view.small_size)
+    columns, rows = (np.arange(size) for size in view.search_size)
     x, y = columns * width / columns.size + view.left, rows * height / rows.size + view.top
-    free = [np.all([_away(course, number, x, y, view.step) for course in courses], axis=0) for number in numbers]
+    free = [
+        np.all([_away(expected_path, number, x, y, view.step) for expected_path in expected_paths], axis=0)
+        for number in numbers
+    ]
     usable = np.stack(free) if background.usable is None else np.stack(free) & background.usable
     count = usable.sum(axis=0)
-    return Behind(Background(background.stack, usable | (count == 0)), np.asarray(count >= FEWEST_SAMPLES))
+    return KnownBackground(Background(background.stack, usable | (count == 0)), np.asarray(count >= FEWEST_SAMPLES))
 
 
-def _away(course: Course, number: int, x: np.ndarray, y: np.ndarray, step: int) -> Flags:
+def _away(expected_path: ExpectedPath, number: int, x: np.ndarray, y: np.ndarray, step: int) -> Flags:
     """Where (h', w') the disc expected in a frame is not."""
-    disc = course.discs.get(number)
+    disc = expected_path.discs.get(number)
     if disc is None:
         return np.ones((y.size, x.size), dtype=np.bool_)
     reach = disc.radius + ROUND_DISC + step

@@ -10,8 +10,8 @@ import numpy as np
 
 from iris_sysid.types import Array, FrameSource
 from trackers._background.median import Bytes
-from trackers._disc.expected_position import Course
-from trackers._disc.fit import fit_disc, shows_disc, whole
+from trackers._disc.expected_position import ExpectedPath
+from trackers._disc.fit import fit_disc, shows_disc, whole_image_cutout
 from trackers._disc.model import Disc, Form, Motion
 from trackers._frames.working_image import View
 
@@ -22,7 +22,7 @@ MOST_CIRCLES = 8  # a frame
 LONGEST_GAP = 5  # frames between two circles of one course
 CENTRE_CHANGE = 0.4  # of the radius: how far the centre may go from frame to frame
 RADIUS_CHANGE = 0.25  # log ratio of two radii in successive frames
-LEAST_CHANGE = 4.0  # px, at the size searched, of centre or radius over a course: less is part of the scene
+LEAST_CHANGE = 4.0  # px, at the size searched, of centre or radius over a course: less is part of the background_range
 COURSES_TRIED = 6
 MOST_REFINED = 600  # frames
 FORM = Form(interior=3, exterior=3, known_background=False)
@@ -33,7 +33,7 @@ Chain = list[int]
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """The size at which circles are searched: ``step`` px of the picture are one px there."""
+    """The size at which circles are searched: ``step`` px of the image are one px there."""
 
     view: View
 
@@ -42,26 +42,26 @@ class Search:
         """How many pixels a side make one."""
         return -(-max(self.view.width, self.view.height) // WIDEST_SEARCH)
 
-    def small(self, picture: Bytes) -> Bytes:
-        """The picture (luma) at the size that is searched."""
-        luma = picture if picture.ndim == 2 else np.ascontiguousarray(picture[..., 0])
+    def small(self, image: Bytes) -> Bytes:
+        """The image (luma) at the size that is searched."""
+        luma = image if image.ndim == 2 else np.ascontiguousarray(image[..., 0])
         size = (-(-self.view.width // self.step), -(-self.view.height // self.step))
         return luma if self.step == 1 else np.asarray(cv2.resize(luma, size, interpolation=cv2.INTER_AREA))
 
     def enlarged(self, disc: Disc) -> Disc:
-        """A disc of the small picture in px of the frame."""
+        """A disc of the small image in px of the frame."""
         shift = (self.step - 1) / 2
         x, y = disc.x * self.step + shift + self.view.left, disc.y * self.step + shift + self.view.top
         return Disc(x, y, disc.radius * self.step, blur=disc.blur * self.step**2)
 
 
-def circles(picture: Bytes) -> Array:
-    """Circles (k, 3) x, y, radius in px of a grey picture, by the Hough transform of its gradients.
+def circles(image: Bytes) -> Array:
+    """Circles (k, 3) x, y, radius in px of a grey image, by the Hough transform of its gradients.
 
     H. K. Yuen et al., "Comparative study of Hough transform methods for circle finding", 1990, as in OpenCV's
     HOUGH_GRADIENT_ALT: what it returns is already tested for a closed outline.
     """
-    smooth = cv2.GaussianBlur(picture, (0, 0), SMOOTHING)
+    smooth = cv2.GaussianBlur(image, (0, 0), SMOOTHING)
     found = cv2.HoughCircles(
         smooth,
         cv2.HOUGH_GRADIENT_ALT,
@@ -70,27 +70,27 @@ def circles(picture: Bytes) -> Array:
         param1=STEEPEST,
         param2=ROUNDNESS,
         minRadius=SMALLEST,
-        maxRadius=max(picture.shape),
+        maxRadius=max(image.shape),
     )
     if found is None:
         return np.empty((0, 3))
     return np.asarray(found, dtype=np.float64).reshape(-1, found.shape[-1])[:MOST_CIRCLES, :3]
 
 
-def course_of_circles(video: FrameSource, view: View) -> Course | None:
+def path_of_circles(video: FrameSource, view: View) -> ExpectedPath | None:
     """The course of the disc that moves or changes its size most lastingly; None when there is none."""
     search = Search(view)
     times: dict[int, float] = {}
     nodes: list[tuple[int, Array]] = []
     for frame in video.frames():
         times[frame.index] = frame.t_s
-        nodes += [(frame.index, circle) for circle in circles(search.small(view.picture(frame)))]
+        nodes += [(frame.index, circle) for circle in circles(search.small(view.image(frame)))]
     chain = _best_chain(nodes)
     if chain is None:
         return None
-    small = Course(times, {nodes[k][0]: _disc(nodes[k][1]) for k in chain})
-    _refine(small, _pictures(video, search, _nearest(small)))
-    return Course(times, {frame: search.enlarged(disc) for frame, disc in small.discs.items()})
+    small = ExpectedPath(times, {nodes[k][0]: _disc(nodes[k][1]) for k in chain})
+    _refine(small, _images(video, search, _nearest(small)))
+    return ExpectedPath(times, {frame: search.enlarged(disc) for frame, disc in small.discs.items()})
 
 
 def _best_chain(nodes: list[tuple[int, Array]]) -> Chain | None:
@@ -137,35 +137,35 @@ def _cost(one: Array, other: Array, gap: int) -> float:
     return max(moved, grown) if max(moved, grown) < 1.0 else np.inf
 
 
-def _nearest(course: Course) -> list[int]:
+def _nearest(expected_path: ExpectedPath) -> list[int]:
     """The frames with a circle, or near to one that has it."""
-    known = np.array(sorted(course.discs))
-    return sorted(course.times, key=lambda frame: int(np.abs(known - frame).min()))[:MOST_REFINED]
+    known = np.array(sorted(expected_path.discs))
+    return sorted(expected_path.times, key=lambda frame: int(np.abs(known - frame).min()))[:MOST_REFINED]
 
 
-def _pictures(video: FrameSource, search: Search, wanted: Iterable[int]) -> dict[int, Bytes]:
-    """Small pictures of some frames."""
+def _images(video: FrameSource, search: Search, wanted: Iterable[int]) -> dict[int, Bytes]:
+    """Small images of some frames."""
     numbers = set(wanted)
     if not numbers:
         return {}
-    return {one.index: search.small(search.view.picture(one)) for one in video.frames() if one.index in numbers}
+    return {one.index: search.small(search.view.image(one)) for one in video.frames() if one.index in numbers}
 
 
-def _refine(course: Course, pictures: Mapping[int, Bytes]) -> None:
+def _refine(expected_path: ExpectedPath, images: Mapping[int, Bytes]) -> None:
     """Fit a disc to each circle, and to frames without one from where it is in the frames beside, on and back."""
-    for frame in set(course.discs) & set(pictures):
-        fitted = fit_disc(whole(pictures[frame]), course.discs[frame], FORM, Motion())
-        if fitted is not None and shows_disc(fitted, course.discs[frame]):
-            course.discs[frame] = fitted.disc
-    for frames in (sorted(course.times), sorted(course.times, reverse=True)):
+    for frame in set(expected_path.discs) & set(images):
+        fitted = fit_disc(whole_image_cutout(images[frame]), expected_path.discs[frame], FORM, Motion())
+        if fitted is not None and shows_disc(fitted, expected_path.discs[frame]):
+            expected_path.discs[frame] = fitted.disc
+    for frames in (sorted(expected_path.times), sorted(expected_path.times, reverse=True)):
         for place, frame in enumerate(frames):
-            known = [one for one in frames[max(0, place - MEMORY) : place] if one in course.discs]
-            if frame in course.discs or frame not in pictures or not known:
+            known = [one for one in frames[max(0, place - MEMORY) : place] if one in expected_path.discs]
+            if frame in expected_path.discs or frame not in images or not known:
                 continue
-            expected = course.extrapolated(frame, known)
-            fitted = fit_disc(whole(pictures[frame]), expected, FORM, Motion())
+            expected = expected_path.extrapolated(frame, known)
+            fitted = fit_disc(whole_image_cutout(images[frame]), expected, FORM, Motion())
             if fitted is not None and shows_disc(fitted, expected):
-                course.discs[frame] = fitted.disc
+                expected_path.discs[frame] = fitted.disc
 
 
 def _disc(circle: Array) -> Disc:

@@ -1,4 +1,4 @@
-"""Where a disc is expected in each frame: along the path of a body, or from circle to circle."""
+"""Where a disc is expected in each frame: along the tracklet of a body, or from circle to circle."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from iris_sysid.types import Array
-from trackers._detection.detection import Glimpse
+from trackers._detection.detection import FrameDetections
 from trackers._disc.model import Disc, Motion
-from trackers._linking.frame_to_frame import Path
+from trackers._linking.frame_to_frame import Tracklet
 
-NEIGHBOURS = 2  # sightings on either side that tell the radius
+NEIGHBOURS = 2  # detections on either side that tell the radius
 LONGEST_BREAK_S = 0.3  # no velocity is told across a longer gap
 LESS_BENT = 0.5  # of the bend of the discs on both sides: from here on those of one side tell the motion
 
 
 @dataclass(eq=False, slots=True)
-class Course:
+class ExpectedPath:
     """Discs by the number of the frame, with the time of each frame in s."""
 
     times: dict[int, float]
@@ -79,11 +79,11 @@ class Course:
         return Disc(float(level[0]), float(level[1]), max(1.0, float(level[2])), blur=known[-1].blur)
 
 
-def course_of(path: Path, glimpses: Sequence[Glimpse]) -> Course:
-    """The course along a path; the radius is that of the area, by the median of a few sightings."""
-    radii = np.array([one.radius for one in path.sightings])
-    course = Course({glimpse.frame: glimpse.t_s for glimpse in glimpses})
-    for k, one in enumerate(path.sightings):
+def expected_path_of(tracklet: Tracklet, all_detections: Sequence[FrameDetections]) -> ExpectedPath:
+    """The course along a tracklet; the radius is that of the area, by the median of a few detections."""
+    radii = np.array([one.radius for one in tracklet.detections])
+    expected_path = ExpectedPath({frame_detections.frame: frame_detections.t_s for frame_detections in all_detections})
+    for k, one in enumerate(tracklet.detections):
         near: Array = radii[max(0, k - NEIGHBOURS) : k + NEIGHBOURS + 1]
-        course.discs[one.frame] = Disc(one.x, one.y, float(np.median(near)))
-    return course
+        expected_path.discs[one.frame] = Disc(one.x, one.y, float(np.median(near)))
+    return expected_path

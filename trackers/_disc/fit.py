@@ -30,7 +30,7 @@ LEAST_CONTRAST = 3.0  # grey levels
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Cutout:
-    """Grey levels (h, w) of a part of the picture whose corner is (left, top): frame, background, noise.
+    """Grey levels (h, w) of a part of the image whose corner is (left, top): frame, background, noise.
 
     ``usable`` (h, w) is false where another body is. ``travel`` is how far, px, the outline may move within the
     exposure: the pixels that count reach as far.
@@ -80,10 +80,10 @@ class DiscFit:
         return float(cost.mean()) + 2 * solution.parameters.size / cost.size
 
 
-def whole(picture: Bytes) -> Cutout:
-    """A whole picture of unknown background and noise as a cutout."""
-    image = picture.astype(np.float32)
-    return Cutout(image, np.zeros_like(image), np.ones_like(image), np.ones(image.shape, dtype=np.bool_), 0, 0)
+def whole_image_cutout(image: Bytes) -> Cutout:
+    """A whole image (h, w) of unknown background and noise as a cutout."""
+    grey = image.astype(np.float32)
+    return Cutout(grey, np.zeros_like(grey), np.ones_like(grey), np.ones(grey.shape, dtype=np.bool_), 0, 0)
 
 
 def shows_disc(fitted: DiscFit, expected: Disc) -> bool:

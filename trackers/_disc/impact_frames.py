@@ -1,4 +1,4 @@
-"""A body that is struck while the shutter is open: its picture is no longer that of one place."""
+"""A body that is struck while the shutter is open: its image is no longer that of one place."""
 
 from __future__ import annotations
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from iris_sysid.types import Array, Frame
 from trackers._background.median import Bytes
-from trackers._disc.background import Behind
-from trackers._disc.expected_position import Course
+from trackers._disc.background import KnownBackground
+from trackers._disc.expected_position import ExpectedPath
 from trackers._disc.fit import Cutout, DiscFit, band, fit_disc, shows_disc
 from trackers._disc.model import Disc, Form
 from trackers._frames.working_image import View
@@ -23,7 +23,7 @@ PLAIN = Form(3, 1)  # with which the shutter is found: an oval would take up a s
 INTERIORS = (1, 3, 4, 6)
 ROOM = 2.0  # px of radius for each further term of the shading
 SMALLEST_OVAL = 5.0  # px, radius
-STUDIED = 8  # frames
+FRAMES_STUDIED = 8  # frames
 FAST = 1.5  # px moved between two frames from which on the shutter shows
 TOO_FAST = 4.0  # radii moved between two frames: the way from one to the other is no longer known
 FEWEST_FAST = 3  # frames
@@ -43,7 +43,7 @@ MARGIN = 2.0  # px round the pixels that count
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Lesson:
+class DiscAppearance:
     """How to fit a disc in this clip: its form, exposure over frame time, correlation of the noise, plane of colour.
 
     ``longest_shutter`` decides which pixels count, so that trials of the shutter are about the same pixels.
@@ -57,45 +57,45 @@ class Lesson:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Workshop:
+class DiscFitter:
     """What turns a frame into fitted discs: the region, its background, and where each body is expected."""
 
     view: View
-    behind: Behind
-    courses: Sequence[Course]
-    lessons: Mapping[int, Lesson] = field(default_factory=dict)
+    background: KnownBackground
+    expected_paths: Sequence[ExpectedPath]
+    appearances: Mapping[int, DiscAppearance] = field(default_factory=dict)
 
-    def fit(self, body: int, number: int, picture: Bytes) -> DiscFit | None:
-        """The disc of a body in the picture of a frame; None where it is not expected or not seen."""
-        expected = self.courses[body].discs.get(number)
+    def fit(self, body: int, number: int, image: Bytes) -> DiscFit | None:
+        """The disc of a body in the image of a frame; None where it is not expected or not seen."""
+        expected = self.expected_paths[body].discs.get(number)
         if expected is None:
             return None
-        fitted = self._fit_from(body, number, picture, expected)
+        fitted = self._fit_from(body, number, image, expected)
         if fitted is None:
-            rough = self.rough(self._lesson(body), body, number, picture)
-            fitted = None if rough is None else self._fit_from(body, number, picture, rough)
+            rough = self.rough(self._appearance_of(body), body, number, image)
+            fitted = None if rough is None else self._fit_from(body, number, image, rough)
         return fitted if fitted is not None and shows_disc(fitted, expected) else None
 
-    def rough(self, lesson: Lesson, body: int, number: int, picture: Bytes) -> Disc | None:
+    def rough(self, appearance: DiscAppearance, body: int, number: int, image: Bytes) -> Disc | None:
         """The disc of a plain fit with a soft outline at first, which finds an edge that is farther off; None if none.
 
         A course may be off by what a shadow adds to the body.
         """
-        expected = self.courses[body].discs.get(number)
+        expected = self.expected_paths[body].discs.get(number)
         if expected is None:
             return None
         soft = replace(expected, blur=max(1.0, (SOFT * expected.radius) ** 2))
-        fitted = self.fit_as(replace(lesson, form=PLAIN), body, number, picture, soft)
+        fitted = self.fit_as(replace(appearance, form=PLAIN), body, number, image, soft)
         return fitted.disc if fitted is not None and shows_disc(fitted, expected) else None
 
-    def _lesson(self, body: int) -> Lesson:
-        return self.lessons.get(body, Lesson())
+    def _appearance_of(self, body: int) -> DiscAppearance:
+        return self.appearances.get(body, DiscAppearance())
 
-    def _fit_from(self, body: int, number: int, picture: Bytes, start: Disc) -> DiscFit | None:
+    def _fit_from(self, body: int, number: int, image: Bytes, start: Disc) -> DiscFit | None:
         """The disc fitted from a start, and again from what is found until it stays; None where it is not seen."""
         fitted = None
         for _ in range(REPEATS):
-            fitted = self.fit_as(self._lesson(body), body, number, picture, start)
+            fitted = self.fit_as(self._appearance_of(body), body, number, image, start)
             if fitted is None or not shows_disc(fitted, start):
                 return None
             last, start = start, fitted.disc
@@ -104,39 +104,39 @@ class Workshop:
         return fitted
 
     def fit_as(
-        self, lesson: Lesson, body: int, number: int, picture: Bytes, start: Disc | None = None
+        self, appearance: DiscAppearance, body: int, number: int, image: Bytes, start: Disc | None = None
     ) -> DiscFit | None:
         """One fit with a lesson of one's own, from ``start`` or from where the disc is expected, shown or not."""
-        start = start or self.courses[body].discs.get(number)
+        start = start or self.expected_paths[body].discs.get(number)
         if start is None:
             return None
-        cutout, form = self._cutout(body, number, picture, lesson, start)
+        cutout, form = self._cutout(body, number, image, appearance, start)
         if cutout is None:
             return None
-        motion = self.courses[body].motion(number, lesson.shutter)
-        return fit_disc(cutout, start, form, motion, lesson.correlation)
+        motion = self.expected_paths[body].motion(number, appearance.shutter)
+        return fit_disc(cutout, start, form, motion, appearance.correlation)
 
     def _cutout(
-        self, body: int, number: int, picture: Bytes, lesson: Lesson, start: Disc
+        self, body: int, number: int, image: Bytes, appearance: DiscAppearance, start: Disc
     ) -> tuple[Cutout | None, Form]:
-        """The pixels round a disc, and its form; None when it lies outside of the picture.
+        """The pixels round a disc, and its form; None when it lies outside of the image.
 
         Where much of the background was never seen, it counts as unknown.
         """
-        travel = self.courses[body].motion(number, max(lesson.shutter, lesson.longest_shutter)).length
+        travel = self.expected_paths[body].motion(number, max(appearance.shutter, appearance.longest_shutter)).length
         edge, _, outwards = band(start, travel)
         reach = start.radius + outwards + MARGIN
         x, y = start.x - self.view.left, start.y - self.view.top
-        left, right = max(0, int(x - reach)), min(picture.shape[1], int(x + reach) + 2)
-        top, bottom = max(0, int(y - reach)), min(picture.shape[0], int(y + reach) + 2)
+        left, right = max(0, int(x - reach)), min(image.shape[1], int(x + reach) + 2)
+        top, bottom = max(0, int(y - reach)), min(image.shape[0], int(y + reach) + 2)
         if right - left < 3 or bottom - top < 3:
-            return None, lesson.form
-        background, noise, known = self.behind.patch(top, bottom, left, right)
-        image = picture[top:bottom, left:right].astype(np.float32)
-        planes = [np.atleast_3d(part)[..., lesson.channel] for part in (image, background, noise)]
+            return None, appearance.form
+        background, noise, known = self.background.patch(top, bottom, left, right)
+        grey = image[top:bottom, left:right].astype(np.float32)
+        planes = [np.atleast_3d(part)[..., appearance.channel] for part in (grey, background, noise)]
         cutout = Cutout(planes[0], planes[1], planes[2], known, left + self.view.left, top + self.view.top, travel)
         outside = cutout.distance(start) < edge
-        form = lesson.form
+        form = appearance.form
         if form.known_background and known[outside].mean() < MOSTLY:
             form = replace(form, exterior=max(form.exterior, 3), known_background=False)
         usable = known | ~outside if form.known_background else np.ones_like(known)
@@ -145,70 +145,74 @@ class Workshop:
         return replace(cutout, usable=usable), form
 
     def _others(self, body: int, number: int) -> list[Disc]:
-        courses = [course for k, course in enumerate(self.courses) if k != body]
-        return [course.discs[number] for course in courses if number in course.discs]
+        expected_paths = [expected_path for k, expected_path in enumerate(self.expected_paths) if k != body]
+        return [expected_path.discs[number] for expected_path in expected_paths if number in expected_path.discs]
 
 
-def taught(workshop: Workshop, frames: Iterable[Frame]) -> Workshop:
-    """The workshop with what some frames, spread over the clip, teach about each body."""
-    pictures = {frame.index: workshop.view.picture(frame) for frame in frames}
-    lessons = {body: _lesson(workshop, body, pictures) for body in range(len(workshop.courses))}
-    return replace(workshop, lessons=lessons)
+def with_learned_appearance(fitter: DiscFitter, frames: Iterable[Frame]) -> DiscFitter:
+    """The fitter with what some frames, spread over the clip, teach about each body."""
+    images = {frame.index: fitter.view.image(frame) for frame in frames}
+    appearances = {body: _appearance_of(fitter, body, images) for body in range(len(fitter.expected_paths))}
+    return replace(fitter, appearances=appearances)
 
 
-def _lesson(workshop: Workshop, body: int, pictures: Mapping[int, Bytes]) -> Lesson:
+def _appearance_of(fitter: DiscFitter, body: int, images: Mapping[int, Bytes]) -> DiscAppearance:
     """The plane of colour first, then the shutter, which shows before any shading does, the shading, the noise."""
-    course = workshop.courses[body]
-    seen = sorted(number for number in pictures if number in course.discs)
+    expected_path = fitter.expected_paths[body]
+    seen = sorted(number for number in images if number in expected_path.discs)
     if not seen:
-        return Lesson()
-    spread = [seen[k] for k in np.unique(np.linspace(0, len(seen) - 1, STUDIED).astype(int))]
-    radius = float(np.median([course.discs[number].radius for number in seen]))
-    study = _Study(workshop, body, pictures, radius)
-    speed = {number: course.motion(number, 1.0).length for number in seen}
+        return DiscAppearance()
+    spread = [seen[k] for k in np.unique(np.linspace(0, len(seen) - 1, FRAMES_STUDIED).astype(int))]
+    radius = float(np.median([expected_path.discs[number].radius for number in seen]))
+    trials = _Trials(fitter, body, images, radius)
+    speed = {number: expected_path.motion(number, 1.0).length for number in seen}
     moves = float(np.median(list(speed.values()))) > FAST
-    lesson = _plane(study, spread, CLEARER_MOVING if moves else CLEARER_AT_REST)
-    fast = sorted((one for one in seen if FAST < speed[one] < TOO_FAST * radius), key=lambda one: -speed[one])[:STUDIED]
+    appearance = _plane(trials, spread, CLEARER_MOVING if moves else CLEARER_AT_REST)
+    fast = sorted((one for one in seen if FAST < speed[one] < TOO_FAST * radius), key=lambda one: -speed[one])[
+        :FRAMES_STUDIED
+    ]
     if len(fast) >= FEWEST_FAST:
-        lesson = replace(lesson, form=PLAIN, longest_shutter=max(SHUTTERS))
+        appearance = replace(appearance, form=PLAIN, longest_shutter=max(SHUTTERS))
         for shutters in (SHUTTERS, FINER):
-            lesson = study.best(_with_shutters(lesson, shutters), fast, evidence, shown=False)
-    lesson = _shaded(study, replace(lesson, longest_shutter=lesson.shutter), spread)
+            appearance = trials.best(_with_shutters(appearance, shutters), fast, evidence, shown=False)
+    appearance = _shaded(trials, replace(appearance, longest_shutter=appearance.shutter), spread)
     if len(fast) >= FEWEST_FAST:
-        longest = min(max(SHUTTERS), lesson.shutter + max(FINEST))
-        lesson = study.best(_with_shutters(replace(lesson, longest_shutter=longest), FINEST), fast, evidence)
-    lesson = replace(lesson, longest_shutter=0.0)
-    return replace(lesson, correlation=study.correlation(lesson, seen))
+        longest = min(max(SHUTTERS), appearance.shutter + max(FINEST))
+        appearance = trials.best(_with_shutters(replace(appearance, longest_shutter=longest), FINEST), fast, evidence)
+    appearance = replace(appearance, longest_shutter=0.0)
+    return replace(appearance, correlation=trials.correlation(appearance, seen))
 
 
-def _plane(study: _Study, numbers: Sequence[int], clearer: float) -> Lesson:
+def _plane(trials: _Trials, numbers: Sequence[int], clearer: float) -> DiscAppearance:
     """The plane that tells the centre best, its noise alike in neighbouring pixels as it may be.
 
     One of colour must do so ``clearer`` times as well as luma: it is coded at half the size, and where a body moves
     the coder leaves it behind by more than the noise shows.
     """
-    lessons = [Lesson(channel=channel) for channel in range(study.channels)]
-    if len(lessons) == 1:
-        return lessons[0]
-    alike = [replace(one, correlation=study.correlation(one, numbers)) for one in lessons]
-    worth = study.worth(alike, numbers, precision) - 2 * np.log(clearer) * (np.arange(len(lessons)) > 0)
-    return lessons[int(np.argmax(worth))]
+    appearances = [DiscAppearance(channel=channel) for channel in range(trials.channels)]
+    if len(appearances) == 1:
+        return appearances[0]
+    alike = [replace(one, correlation=trials.correlation(one, numbers)) for one in appearances]
+    score = trials.score(alike, numbers, precision) - 2 * np.log(clearer) * (np.arange(len(appearances)) > 0)
+    return appearances[int(np.argmax(score))]
 
 
-def _with_shutters(lesson: Lesson, steps: Sequence[float]) -> list[Lesson]:
+def _with_shutters(appearance: DiscAppearance, steps: Sequence[float]) -> list[DiscAppearance]:
     """The lesson with its shutter longer by each of some steps, as far as a shutter can be."""
-    shutters = [lesson.shutter + step for step in steps]
-    return [replace(lesson, shutter=one) for one in shutters if 0 <= one <= max(SHUTTERS)]
+    shutters = [appearance.shutter + step for step in steps]
+    return [replace(appearance, shutter=one) for one in shutters if 0 <= one <= max(SHUTTERS)]
 
 
-def _shaded(study: _Study, lesson: Lesson, numbers: Sequence[int]) -> Lesson:
+def _shaded(trials: _Trials, appearance: DiscAppearance, numbers: Sequence[int]) -> DiscAppearance:
     """The lesson with the surroundings, then the shading of the body, for which the frames speak."""
-    lesson = study.best([replace(lesson, form=form) for form in SURROUNDINGS], numbers, evidence)
-    room = 1 + study.radius / ROOM
-    forms = [replace(lesson.form, interior=interior) for interior in INTERIORS if interior <= room]
-    lesson = study.best([replace(lesson, form=form) for form in forms], numbers, evidence)
-    forms = [replace(lesson.form, oval=oval) for oval in (False, True) if not oval or study.radius >= SMALLEST_OVAL]
-    return study.best([replace(lesson, form=form) for form in forms], numbers, evidence)
+    appearance = trials.best([replace(appearance, form=form) for form in SURROUNDINGS], numbers, evidence)
+    room = 1 + trials.radius / ROOM
+    forms = [replace(appearance.form, interior=interior) for interior in INTERIORS if interior <= room]
+    appearance = trials.best([replace(appearance, form=form) for form in forms], numbers, evidence)
+    forms = [
+        replace(appearance.form, oval=oval) for oval in (False, True) if not oval or trials.radius >= SMALLEST_OVAL
+    ]
+    return trials.best([replace(appearance, form=form) for form in forms], numbers, evidence)
 
 
 def precision(fitted: DiscFit | None) -> float:
@@ -224,66 +228,68 @@ def evidence(fitted: DiscFit | None) -> float:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Study:
-    """One body, of about that radius (px), in the pictures of some frames."""
+class _Trials:
+    """One body, of about that radius (px), in the images of some frames."""
 
-    workshop: Workshop
+    fitter: DiscFitter
     body: int
-    pictures: Mapping[int, Bytes]
+    images: Mapping[int, Bytes]
     radius: float
     starts: dict[tuple[int, int], Disc | None] = field(default_factory=dict)
 
     @property
     def channels(self) -> int:
-        """How many planes of colour the pictures have."""
-        return int(np.atleast_3d(next(iter(self.pictures.values()))).shape[2])
+        """How many planes of colour the images have."""
+        return int(np.atleast_3d(next(iter(self.images.values()))).shape[2])
 
-    def fits(self, lesson: Lesson, numbers: Sequence[int], *, shown: bool = True) -> list[DiscFit | None]:
+    def fits(self, appearance: DiscAppearance, numbers: Sequence[int], *, shown: bool = True) -> list[DiscFit | None]:
         """The fits that a lesson gives in some frames; with ``shown`` those that are surely of a disc."""
-        discs = self.workshop.courses[self.body].discs
+        discs = self.fitter.expected_paths[self.body].discs
         fits = [
-            self.workshop.fit_as(lesson, self.body, number, self.pictures[number], self._start(lesson, number))
+            self.fitter.fit_as(appearance, self.body, number, self.images[number], self._start(appearance, number))
             for number in numbers
         ]
         pairs = zip(numbers, fits, strict=True)
         return [one if one and (not shown or shows_disc(one, discs[number])) else None for number, one in pairs]
 
-    def _start(self, lesson: Lesson, number: int) -> Disc | None:
+    def _start(self, appearance: DiscAppearance, number: int) -> Disc | None:
         """Where a fit begins: at the disc that a plain one finds in that plane, where it finds one."""
-        key = (lesson.channel, number)
+        key = (appearance.channel, number)
         if key not in self.starts:
-            plain = Lesson(channel=lesson.channel)
-            self.starts[key] = self.workshop.rough(plain, self.body, number, self.pictures[number])
+            plain = DiscAppearance(channel=appearance.channel)
+            self.starts[key] = self.fitter.rough(plain, self.body, number, self.images[number])
         return self.starts[key]
 
-    def correlation(self, lesson: Lesson, numbers: Sequence[int]) -> Array | None:
+    def correlation(self, appearance: DiscAppearance, numbers: Sequence[int]) -> Array | None:
         """Correlation of the noise of neighbouring pixels that the fits of some frames leave."""
-        return noise_correlation(_standardised(one) for one in self.fits(lesson, numbers) if one)
+        return noise_correlation(_standardised(one) for one in self.fits(appearance, numbers) if one)
 
-    def worth(
+    def score(
         self,
-        lessons: Sequence[Lesson],
+        appearances: Sequence[DiscAppearance],
         numbers: Sequence[int],
-        worth: Callable[[DiscFit | None], float],
+        score: Callable[[DiscFit | None], float],
         *,
         shown: bool = True,
     ) -> Array:
         """What each lesson is worth, by the mean over the frames but the worst."""
-        values = np.array([[worth(one) for one in self.fits(lesson, numbers, shown=shown)] for lesson in lessons])
+        values = np.array(
+            [[score(one) for one in self.fits(appearance, numbers, shown=shown)] for appearance in appearances]
+        )
         return np.asarray(np.sort(values, axis=1)[:, int(WORST * len(numbers)) :].mean(axis=1))
 
     def best(
         self,
-        lessons: Sequence[Lesson],
+        appearances: Sequence[DiscAppearance],
         numbers: Sequence[int],
-        worth: Callable[[DiscFit | None], float],
+        score: Callable[[DiscFit | None], float],
         *,
         shown: bool = True,
-    ) -> Lesson:
+    ) -> DiscAppearance:
         """The lesson that is worth most; the first of equals."""
-        if len(lessons) == 1:
-            return lessons[0]
-        return lessons[int(np.argmax(self.worth(lessons, numbers, worth, shown=shown)))]
+        if len(appearances) == 1:
+            return appearances[0]
+        return appearances[int(np.argmax(self.score(appearances, numbers, score, shown=shown)))]
 
 
 def _standardised(fitted: DiscFit) -> tuple[Array, Array]:

@@ -23,7 +23,7 @@ class Disc:
     """Where a disc is: centre and radius, px, and their standard errors (NaN where not fitted).
 
     ``blur`` is the variance of its edge, px^2; ``oval`` the parts of the radius by which it varies as cos 2 phi and
-    sin 2 phi (lens, rolling shutter); ``contrast`` against the surroundings and ``intensity``, in grey levels, are
+    sin 2 phi (detector, rolling shutter); ``contrast`` against the surroundings and ``intensity``, in grey levels, are
     means along the outline.
     """
 
@@ -124,18 +124,18 @@ class DiscModel:
     def predict(self, parameters: Array) -> tuple[Array, Array]:
         """Grey levels (n,) and their derivatives (n, p) by the ``parameters`` (p,)."""
         share, slopes = self._coverage(parameters[: self.form.outline])
-        body, behind = self._levels(parameters)
+        body, surroundings = self._levels(parameters)
         part = share[:, np.newaxis]
         inside, outside = self.terms[:, : self.form.interior], self.terms[:, : self.form.exterior]
-        jacobian = np.hstack([(body - behind)[:, np.newaxis] * slopes, part * inside, (1 - part) * outside])
-        return behind + share * (body - behind), jacobian
+        jacobian = np.hstack([(body - surroundings)[:, np.newaxis] * slopes, part * inside, (1 - part) * outside])
+        return surroundings + share * (body - surroundings), jacobian
 
     def contrast(self, parameters: Array) -> tuple[float, float]:
         """Mean of body minus surroundings, and of the body, along the outline; ``parameters`` (p,)."""
         share, _ = self._coverage(parameters[: self.form.outline])
         edge = share * (1 - share) + 1e-9
-        body, behind = self._levels(parameters)
-        return float(np.average(body - behind, weights=edge)), float(np.average(body, weights=edge))
+        body, surroundings = self._levels(parameters)
+        return float(np.average(body - surroundings, weights=edge)), float(np.average(body, weights=edge))
 
     def _levels(self, parameters: Array) -> tuple[Array, Array]:
         """Grey levels (n,) of the body and of what is behind it."""

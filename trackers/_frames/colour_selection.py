@@ -79,8 +79,8 @@ def colour_planes(frame: Frame, box: Box, step: int) -> tuple[Bytes, Bytes]:
     planes = frame.chroma()
     if planes is None:
         left, top, right, bottom = box
-        picture = cv2.cvtColor(np.ascontiguousarray(frame.bgr()[top:bottom, left:right]), cv2.COLOR_BGR2YCrCb)
-        return reduced(picture[..., 1], step), reduced(picture[..., 2], step)
+        image = cv2.cvtColor(np.ascontiguousarray(frame.bgr()[top:bottom, left:right]), cv2.COLOR_BGR2YCrCb)
+        return reduced(image[..., 1], step), reduced(image[..., 2], step)
     blue, red = (_coded(plane, frame.luma.shape, box, step) for plane in planes)
     return red, blue
 

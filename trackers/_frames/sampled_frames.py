@@ -1,4 +1,4 @@
-"""Frames sampled over a clip, held as they were decoded: only the windows that are asked for become pictures."""
+"""Frames sampled over a clip, held as they were decoded: only the windows that are asked for become images."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trackers._frames.working_image import View
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Samples:
+class SampledFrames:
     """Some frames as a view shows them, each pixel the mean of ``step`` x ``step``."""
 
     frames: Sequence[Frame]
@@ -34,6 +34,6 @@ class Samples:
         """A window (k, h, w) or (k, h, w, 3) of all frames."""
         return np.stack([self.view.part(frame, box, self.step) for frame in self.frames])
 
-    def reduced(self, step: int) -> Samples:
+    def reduced(self, step: int) -> SampledFrames:
         """The same frames with each pixel the mean of ``step`` x ``step`` of these."""
-        return Samples(self.frames, self.view, self.step * step)
+        return SampledFrames(self.frames, self.view, self.step * step)

@@ -1,8 +1,8 @@
-"""How a frame becomes the pictures that are worked on: cut to the region, with or without colour, and made smaller."""
+"""How a frame becomes the images that are worked on: cut to the region, with or without colour, and made smaller."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -13,14 +13,14 @@ from iris_sysid.types import Frame, FrameSource, TrackOptions
 from trackers._background.median import Box, Bytes, Flags
 from trackers._frames.colour_selection import Colour, colour_planes, read_colour, reduced
 
-WIDEST_DETECTION = 960  # px: wider pictures are searched at reduced size
+WIDEST_DETECTION = 960  # px: wider images are searched at reduced size
 
 
 @dataclass(frozen=True, slots=True)
 class View:
     """Region of the frame (px), whether colour counts, the colour wanted, and the reduction for detection.
 
-    ``coarser`` is how many times smaller than usual a large picture is searched.
+    ``coarser`` is how many times smaller than usual a large image is searched.
     """
 
     left: int
@@ -38,11 +38,11 @@ class View:
         return min(usual if usual == 1 else self.coarser * usual, self.height)
 
     @property
-    def small_size(self) -> tuple[int, int]:
-        """Width and height of the picture that is searched; pixels beyond a whole number of them are left out."""
+    def search_size(self) -> tuple[int, int]:
+        """Width and height of the image that is searched; pixels beyond a whole number of them are left out."""
         return (self.width // self.step, self.height // self.step)
 
-    def picture(self, frame: Frame) -> Bytes:
+    def image(self, frame: Frame) -> Bytes:
         """The frame's region, (h, w) luma or (h, w, 3) luma and chroma."""
         return self.part(frame, (0, 0, self.width, self.height))
 
@@ -59,14 +59,14 @@ class View:
         red, blue = colour_planes(frame, (x, y, right + self.left, bottom + self.top), step)
         return np.asarray(cv2.merge((luma, red, blue)), dtype=np.uint8)
 
-    def searched(self, frame: Frame) -> Bytes:
+    def search_image(self, frame: Frame) -> Bytes:
         """The frame's region at the size that is searched."""
-        return self.part(frame, (0, 0, *self.small_size), self.step)
+        return self.part(frame, (0, 0, *self.search_size), self.step)
 
-    def watched(self, frame: Frame, spacing: int) -> Bytes:
-        """Single pixels of the region, one for every ``spacing`` pixels a side of the picture that is searched."""
+    def sparse_image(self, frame: Frame, spacing: int) -> Bytes:
+        """Single pixels of the region, one for every ``spacing`` pixels a side of the image that is searched."""
         pace = self.step * spacing
-        height, width = (size // spacing for size in self.small_size[::-1])
+        height, width = (size // spacing for size in self.search_size[::-1])
         start = (self.top + pace // 2, self.left + pace // 2)
         planes = [frame.luma, *(frame.chroma() or ())[::-1]] if self.chroma else [frame.luma]
         chosen = []
@@ -76,20 +76,16 @@ class View:
             chosen.append(plane[rows :: pace // down, columns :: pace // across][:height, :width])
         return np.ascontiguousarray(chosen[0]) if len(chosen) == 1 else np.dstack(chosen)
 
-    def small(self, picture: Bytes) -> Bytes:
-        """A picture of the region at the size that is searched, each pixel the mean of those it stands for."""
-        width, height = (size * self.step for size in self.small_size)
-        return reduced(picture[:height, :width], self.step)
+    def small(self, image: Bytes) -> Bytes:
+        """A image of the region at the size that is searched, each pixel the mean of those it stands for."""
+        width, height = (size * self.step for size in self.search_size)
+        return reduced(image[:height, :width], self.step)
 
-    def smalls(self, pictures: Iterable[Bytes]) -> Bytes:
-        """Pictures (k, h, w[, 3]) at the size that is searched."""
-        return np.stack([self.small(picture) for picture in pictures])
-
-    def wanted(self, frame: Frame, box: Box | None = None) -> Flags | None:
-        """True for pixels of the colour asked for, in a box of the picture that is searched; None when none was."""
+    def colour_mask(self, frame: Frame, box: Box | None = None) -> Flags | None:
+        """True for pixels of the colour asked for, in a box of the image that is searched; None when none was."""
         if self.colour is None:
             return None
-        left, top, right, bottom = (side * self.step for side in box or (0, 0, *self.small_size))
+        left, top, right, bottom = (side * self.step for side in box or (0, 0, *self.search_size))
         bgr = frame.bgr()[top + self.top : bottom + self.top, left + self.left : right + self.left]
         return self.colour.mask(reduced(bgr, self.step))
 
@@ -114,7 +110,7 @@ def view_of(video: FrameSource, options: TrackOptions) -> View:
     inside = left >= 0 and top >= 0 and left + width <= video.width and top + height <= video.height
     if width < 1 or height < 1 or not inside:
         raise DataError(
-            f"the region x={left}, y={top}, width={width}, height={height} does not lie in the picture, "
+            f"the region x={left}, y={top}, width={width}, height={height} does not lie in the image, "
             f"which is {video.width} px wide and {video.height} px high"
         )
     colour = read_colour(options.colour) if options.colour else None

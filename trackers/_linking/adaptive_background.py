@@ -11,12 +11,12 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, Track, TrackOptions, with_progress
-from trackers._background.median import Background, Bytes, Flags, Still
-from trackers._detection.detect_frames import REPORT_EVERY, Stage, stage_of
-from trackers._detection.detection import Glimpse, Lens
-from trackers._detection.foreground import SMALLEST_AREA, SQUARE, Component, cores_of, most_of_channels
+from trackers._background.median import Background, BackgroundEstimate, Bytes, Flags
+from trackers._detection.detect_frames import REPORT_EVERY, DetectionSetup, detection_setup
+from trackers._detection.detection import Detector, FrameDetections
+from trackers._detection.foreground import SMALLEST_AREA, SQUARE, Component, blobs_of, most_of_channels
 from trackers._frames.working_image import view_of
-from trackers._linking.select_bodies import follow
+from trackers._linking.select_bodies import link_bodies
 from trackers._linking.to_track import track_of
 
 HISTORY = 500  # frames after which what was seen counts little, as OpenCV has it
@@ -37,33 +37,33 @@ class Subtractor(Protocol):
 class _Adaptive:
     """The subtractor at work on the frames of a clip, in order."""
 
-    stage: Stage
+    setup: DetectionSetup
     subtractor: Subtractor
 
-    def glimpse(self, frame: Frame) -> Glimpse:
+    def detect(self, frame: Frame) -> FrameDetections:
         """The candidates of the next frame."""
-        picture = self.stage.view.searched(frame)
-        shown = np.asarray(self.subtractor.apply(picture, None, 1 / HISTORY)) > 0
-        behind = np.asarray(self.subtractor.getBackgroundImage()).reshape(picture.shape)
-        level = most_of_channels(cv2.absdiff(picture, behind))
-        things = cores_of(_components(shown, level), shown.shape)
-        wanted = self.stage.view.wanted(frame)
-        bodies = things if wanted is None else cores_of(_components(shown & wanted, level), shown.shape)
-        return self._lens(behind).glimpse(frame, bodies, things)
+        image = self.setup.view.search_image(frame)
+        shown = np.asarray(self.subtractor.apply(image, None, 1 / HISTORY)) > 0
+        learned = np.asarray(self.subtractor.getBackgroundImage()).reshape(image.shape)
+        level = most_of_channels(cv2.absdiff(image, learned))
+        foreground = blobs_of(_components(shown, level), shown.shape)
+        colour_mask = self.setup.view.colour_mask(frame)
+        bodies = foreground if colour_mask is None else blobs_of(_components(shown & colour_mask, level), shown.shape)
+        return self._detector(learned).detect(frame, bodies, foreground)
 
-    def _lens(self, behind: Bytes) -> Lens:
-        """The lens before the background as it is now, where it is known pixel by pixel."""
-        lens = self.stage.lens
-        if lens.background.whole is None:
-            return lens
-        still = Still(behind.astype(np.float32), lens.background.whole.noise)
-        return replace(lens, background=Background(self.stage.stack, None, still))
+    def _detector(self, learned: Bytes) -> Detector:
+        """The detector before the background as it is now, where it is known pixel by pixel."""
+        detector = self.setup.detector
+        if detector.background.whole is None:
+            return detector
+        estimate = BackgroundEstimate(learned.astype(np.float32), detector.background.whole.noise)
+        return replace(detector, background=Background(self.setup.stack, None, estimate))
 
 
 def track_with(make: Callable[[int], Subtractor], name: str, video: FrameSource, options: TrackOptions) -> list[Track]:
     """Follow bodies before a background that a subtractor learns, at first from sampled frames, then frame by frame.
 
-    In a picture wider than the search the bodies are measured against the background by sampled frames.
+    In a image wider than the search the bodies are measured against the background by sampled frames.
 
     Parameters
     ----------
@@ -76,20 +76,22 @@ def track_with(make: Callable[[int], Subtractor], name: str, video: FrameSource,
     options
         As any tracker's.
     """
-    stage = stage_of(video, view_of(video, options))
+    setup = detection_setup(video, view_of(video, options))
     cv2.setRNGSeed(0)  # KNN draws at random which frames it keeps
     subtractor = make(HISTORY)
-    for count, picture in enumerate(stage.smalls, start=1):
-        subtractor.apply(picture, None, 1 / count)
-    adaptive, glimpses = _Adaptive(stage, subtractor), []
+    for count, image in enumerate(setup.search_images, start=1):
+        subtractor.apply(image, None, 1 / count)
+    adaptive, all_detections = _Adaptive(setup, subtractor), []
     for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
-        glimpses.append(adaptive.glimpse(frame))
-    if not glimpses:
+        all_detections.append(adaptive.detect(frame))
+    if not all_detections:
         raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
-    paths = follow(glimpses, options.bodies, float(np.hypot(video.width, video.height)))
-    asked = {"tracker": name, "bodies": options.bodies, "roi": options.roi, "colour": options.colour}
-    origin = {**asked, "colour_used": stage.view.chroma, "history": HISTORY}
-    return [track_of(path, glimpses, str(number), origin) for number, path in enumerate(paths, start=1)]
+    tracklets = link_bodies(all_detections, options.bodies, float(np.hypot(video.width, video.height)))
+    stated = {"tracker": name, "bodies": options.bodies, "roi": options.roi, "colour": options.colour}
+    origin = {**stated, "colour_used": setup.view.chroma, "history": HISTORY}
+    return [
+        track_of(tracklet, all_detections, str(number), origin) for number, tracklet in enumerate(tracklets, start=1)
+    ]
 
 
 def _components(shown: Flags, level: Bytes) -> Iterator[Component]:

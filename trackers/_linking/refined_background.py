@@ -7,49 +7,49 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackers._background.median import Flags
-from trackers._detection.detect_frames import Stage
+from trackers._detection.detect_frames import DetectionSetup
 from trackers._detection.foreground import WEAK_FLOOR, WEAK_SIGMAS
-from trackers._linking.frame_to_frame import Path
+from trackers._linking.frame_to_frame import Tracklet
 
 OFTEN = 0.4  # of the samples: where a body is more often, it may have become background
 ROUND_BODY = 1.1  # times the radius of the disc of the same area, for a disc; more for what is long
 FEWEST_SAMPLES = 3  # that must show what is behind
 
 
-def second_stage(stage: Stage, paths: Sequence[Path]) -> Stage | None:
-    """The stage with the background seen when the bodies are elsewhere; None when it shows nothing else.
+def refined_setup(setup: DetectionSetup, tracklets: Sequence[Tracklet]) -> DetectionSetup | None:
+    """The setup with the background seen when the bodies are elsewhere; None when it shows nothing else.
 
-    ``paths`` are the bodies as the first look gave them.
+    ``tracklets`` are the bodies as the first look gave them.
     """
-    free = _free(stage, paths)
+    free = _free(setup, tracklets)
     if free.mean(axis=0).min() > 1 - OFTEN:
         return None
-    known = stage.lens.background.usable
+    known = setup.detector.background.usable
     usable = free if known is None else free & known
     too_few = usable.sum(axis=0) < FEWEST_SAMPLES
-    again = stage.behind(usable | (too_few if known is None else too_few & known))
-    return again if _shows_another(stage, again) else None
+    again = setup.with_background_from(usable | (too_few if known is None else too_few & known))
+    return again if _shows_another(setup, again) else None
 
 
-def _shows_another(stage: Stage, again: Stage) -> bool:
+def _shows_another(setup: DetectionSetup, again: DetectionSetup) -> bool:
     """Whether the background is another one by so much that the first one would take it for part of a body."""
-    before, after = (one.lens.background.reduced(one.view.step).whole for one in (stage, again))
+    before, after = (one.detector.background.reduced(one.view.step).whole for one in (setup, again))
     if before is None or after is None:
         return True
     off = np.abs(after.background - before.background)
     return bool((off > np.maximum(WEAK_SIGMAS * before.noise, WEAK_FLOOR)).any())
 
 
-def _free(stage: Stage, paths: Sequence[Path]) -> Flags:
+def _free(setup: DetectionSetup, tracklets: Sequence[Tracklet]) -> Flags:
     """Where (k, h', w') no body is in each of the samples, at the size that is searched."""
-    view = stage.view
-    width, height = view.small_size
+    view = setup.view
+    width, height = view.search_size
     x = (np.arange(width) + 0.5) * view.width / width - 0.5 + view.left
     y = (np.arange(height) + 0.5) * view.height / height - 0.5 + view.top
-    free = np.ones((len(stage.numbers), height, width), dtype=np.bool_)
-    for path in paths:
-        seen = {one.frame: one for one in path.sightings}
-        for k, number in enumerate(stage.numbers):
+    free = np.ones((len(setup.numbers), height, width), dtype=np.bool_)
+    for tracklet in tracklets:
+        seen = {one.frame: one for one in tracklet.detections}
+        for k, number in enumerate(setup.numbers):
             if number in seen:
                 one = seen[number]
                 reach = ROUND_BODY * one.radius / np.sqrt(one.compactness) + view.step + 1

@@ -1,4 +1,4 @@
-"""Which paths are the bodies that are meant: not the shadow, not the hand, not the noise; and when a hand is there."""
+"""Which tracklets are the bodies that are meant: not the shadow, not the hand, not the noise; and when a hand is there."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from itertools import pairwise
 import numpy as np
 
 from iris_sysid.errors import TrackingError
-from trackers._detection.detection import HAND_SHARE, Box, Glimpse, Intruder, Sighting
-from trackers._linking.frame_to_frame import Path, link
+from trackers._detection.detection import HAND_SHARE, Box, Detection, EdgeObject, FrameDetections
+from trackers._linking.frame_to_frame import Tracklet, link
 
-FIRST_REACH = 0.25  # of the picture's diagonal: how far a body may go between its first two sightings
+FIRST_REACH = 0.25  # of the image's diagonal: how far a body may go between its first two detections
 CAUTIOUS_REACH = 0.03  # of the diagonal: how far from its prediction it may be among anything that moves
 BOLD_REACH = 0.25  # the same among what looks like it
-FEWEST_SIGHTINGS = 3
-LEAST_EXTENT = 3.0  # px, diagonal of the box that holds a path: less is not motion
-TOGETHER = 0.3  # of the shorter path: two paths seen together as long are two bodies
-SHADOW_TOGETHER = 0.6  # of the shadow's path
+FEWEST_DETECTIONS = 3
+LEAST_EXTENT = 3.0  # px, diagonal of the box that holds a tracklet: less is not motion
+LEAST_OVERLAP = 0.3  # of the shorter tracklet: two tracklets seen together as long are two bodies
+SHADOW_OVERLAP = 0.6  # of the shadow's tracklet
 SHADOW_SHARPNESS = 0.7  # of the body's: a shadow's outline is softer
 SHADOW_LIKENESS = 0.9  # correlation of a shadow's motion with its body's
 SAME = {
@@ -30,112 +30,125 @@ SAME = {
 }  # largest log ratios in one body
 ONE_SIGN = 0.5  # of the contrast: a body is brighter, or darker, than the background as a whole
 SPEED_MARGIN = 1.5  # times the fastest that the body was seen to go
-END_MARGIN = 1.5  # times the reach: how far off the first or last sighting may be
-LONE_END_MARGIN = 0.4  # the same after a gap: one sighting beyond it is soon a chance
+END_MARGIN = 1.5  # times the reach: how far off the first or last detection may be
+LONE_END_MARGIN = 0.4  # the same after a gap: one detection beyond it is soon a chance
 BIGGER = 1.5  # times the body's area: what reaches in is not the body itself
 BREAK = 3  # frames: shorter breaks in a hold are an arm that does not show
 NEARBY = 2.25  # radii round the body in which a hand holds it
 
 
-def extent(path: Path) -> float:
-    """Diagonal of the box that holds a path, px."""
-    return float(np.hypot(*np.ptp(path.xy, axis=0)))
+def extent(tracklet: Tracklet) -> float:
+    """Diagonal of the box that holds a tracklet, px."""
+    return float(np.hypot(*np.ptp(tracklet.xy, axis=0)))
 
 
-def score(path: Path) -> float:
-    """How much a path looks like the body that is meant: far-going, lasting, large, sharp, compact."""
-    looks = path.typical("radius") * path.typical("sharpness") * path.typical("compactness")
-    return extent(path) * len(path.sightings) * looks
+def score(tracklet: Tracklet) -> float:
+    """How much a tracklet looks like the body that is meant: far-going, lasting, large, sharp, compact."""
+    appearance = tracklet.typical("radius") * tracklet.typical("sharpness") * tracklet.typical("compactness")
+    return extent(tracklet) * len(tracklet.detections) * appearance
 
 
-def follow(glimpses: Sequence[Glimpse], count: int, diagonal: float) -> list[Path]:
-    """The paths of the ``count`` bodies that are meant, the best first, in a picture of that diagonal (px).
+def link_bodies(all_detections: Sequence[FrameDetections], count: int, diagonal: float) -> list[Tracklet]:
+    """The tracklets of the ``count`` bodies that are meant, the best first, in a image of that diagonal (px).
 
-    Linked twice: among all sightings, cautiously, to learn what the bodies look like; then boldly
-    among the sightings that look like one of them. Raises TrackingError when nothing moves or fewer
+    Linked twice: among all detections, cautiously, to learn what the bodies look like; then boldly
+    among the detections that look like one of them. Raises TrackingError when nothing moves or fewer
     bodies than asked for do.
     """
-    first = link(glimpses, FIRST_REACH * diagonal, CAUTIOUS_REACH * diagonal)
-    seeds = _seeds(first, count)
-    shadows = [path for path in first if any(is_shadow(path, seed) for seed in seeds if seed is not path)]
-    paths = link(_only_alike(glimpses, seeds, shadows), FIRST_REACH * diagonal, BOLD_REACH * diagonal)
-    bodies = _seeds(paths, count)
-    return joined(bodies, [path for path in paths if not any(path is one for one in bodies)])
+    first = link(all_detections, FIRST_REACH * diagonal, CAUTIOUS_REACH * diagonal)
+    main = _main_tracklets(first, count)
+    shadows = [
+        tracklet for tracklet in first if any(is_shadow(tracklet, seed) for seed in main if seed is not tracklet)
+    ]
+    tracklets = link(_only_alike(all_detections, main, shadows), FIRST_REACH * diagonal, BOLD_REACH * diagonal)
+    bodies = _main_tracklets(tracklets, count)
+    return with_fragments(bodies, [tracklet for tracklet in tracklets if not any(tracklet is one for one in bodies)])
 
 
-def _only_alike(glimpses: Sequence[Glimpse], bodies: Sequence[Path], shadows: Sequence[Path]) -> list[Glimpse]:
-    """The frames with only those sightings that are of one of the bodies, or look like it and are no shadow."""
-    of_bodies = {id(one) for body in bodies for one in body.sightings}
-    of_shadows = {id(one) for shadow in shadows for one in shadow.sightings}
-    looks = [_looks(body) for body in bodies]
+def _only_alike(
+    all_detections: Sequence[FrameDetections], bodies: Sequence[Tracklet], shadows: Sequence[Tracklet]
+) -> list[FrameDetections]:
+    """The frames with only those detections that are of one of the bodies, or look like it and are no shadow."""
+    of_bodies = {id(one) for body in bodies for one in body.detections}
+    of_shadows = {id(one) for shadow in shadows for one in shadow.detections}
+    appearance = [_appearance(body) for body in bodies]
 
-    def meant(one: Sighting) -> bool:
+    def meant(one: Detection) -> bool:
         if id(one) in of_bodies or id(one) in of_shadows:
             return id(one) in of_bodies
-        return any(_same(_looks(Path([one])), body) for body in looks)
+        return any(_alike(_appearance(Tracklet([one])), body) for body in appearance)
 
-    return [replace(glimpse, sightings=tuple(filter(meant, glimpse.sightings))) for glimpse in glimpses]
+    return [
+        replace(frame_detections, detections=tuple(filter(meant, frame_detections.detections)))
+        for frame_detections in all_detections
+    ]
 
 
-def _seeds(paths: Sequence[Path], count: int) -> list[Path]:
-    """The best path of each body: those that move most, seen together, not the shadow of one another."""
-    moving = [path for path in paths if len(path.sightings) >= FEWEST_SIGHTINGS and extent(path) >= LEAST_EXTENT]
+def _main_tracklets(tracklets: Sequence[Tracklet], count: int) -> list[Tracklet]:
+    """The best tracklet of each body: those that move most, seen together, not the shadow of one another."""
+    moving = [
+        tracklet
+        for tracklet in tracklets
+        if len(tracklet.detections) >= FEWEST_DETECTIONS and extent(tracklet) >= LEAST_EXTENT
+    ]
     if not moving:
         raise TrackingError(
-            "nothing moves in the clip beyond the noise of the picture; check that the camera stands still, "
+            "nothing moves in the clip beyond the noise of the image; check that the camera stands still, "
             "that the body differs in brightness from what is behind it, and --roi and --colour if given"
         )
-    chosen: list[Path] = []
-    for path in sorted(moving, key=score, reverse=True):
-        seen_with_all = all(_together(path, other) >= TOGETHER for other in chosen)
-        if len(chosen) < count and seen_with_all and not any(is_shadow(path, other) for other in chosen):
-            chosen.append(path)
+    chosen: list[Tracklet] = []
+    for tracklet in sorted(moving, key=score, reverse=True):
+        seen_with_all = all(_overlap_in_time(tracklet, other) >= LEAST_OVERLAP for other in chosen)
+        if len(chosen) < count and seen_with_all and not any(is_shadow(tracklet, other) for other in chosen):
+            chosen.append(tracklet)
     if len(chosen) < count:
         raise TrackingError(
             f"{count} bodies were asked for, but only {len(chosen)} move(s) at the same time; "
-            f"ask for fewer, or limit the picture with --roi or --colour"
+            f"ask for fewer, or limit the image with --roi or --colour"
         )
     return chosen
 
 
-def _together(one: Path, other: Path) -> float:
-    """Share of the shorter path's frames in which both are seen."""
+def _overlap_in_time(one: Tracklet, other: Tracklet) -> float:
+    """Share of the shorter tracklet's frames in which both are seen."""
     return len(one.frames & other.frames) / min(len(one.frames), len(other.frames))
 
 
-def is_shadow(path: Path, body: Path) -> bool:
-    """Whether a path is the shadow of a body: darker than the background, softer, and moving along with it."""
-    if path.typical("brightening") >= 0 or path.typical("sharpness") > SHADOW_SHARPNESS * body.typical("sharpness"):
+def is_shadow(tracklet: Tracklet, body: Tracklet) -> bool:
+    """Whether a tracklet is the shadow of a body: darker than the background, softer, and moving along with it."""
+    if tracklet.typical("brightening") >= 0 or tracklet.typical("sharpness") > SHADOW_SHARPNESS * body.typical(
+        "sharpness"
+    ):
         return False
-    common = path.frames & body.frames
-    if len(common) < max(FEWEST_SIGHTINGS, SHADOW_TOGETHER * len(path.frames)):
+    common = tracklet.frames & body.frames
+    if len(common) < max(FEWEST_DETECTIONS, SHADOW_OVERLAP * len(tracklet.frames)):
         return False
-    steps = [np.diff([(s.x, s.y) for s in one.sightings if s.frame in common], axis=0) for one in (path, body)]
+    steps = [np.diff([(s.x, s.y) for s in one.detections if s.frame in common], axis=0) for one in (tracklet, body)]
     lengths = np.linalg.norm(steps[0]) * np.linalg.norm(steps[1])
     return bool(lengths > 0 and (steps[0] * steps[1]).sum() / lengths > SHADOW_LIKENESS)
 
 
-def joined(bodies: list[Path], pieces: list[Path]) -> list[Path]:
+def with_fragments(bodies: list[Tracklet], fragments: list[Tracklet]) -> list[Tracklet]:
     """The bodies, each with the pieces that can only be more of it, the best pieces first."""
-    known = [_known(body) for body in bodies]
-    for piece in sorted(pieces, key=lambda path: -len(path.sightings)):
-        frames = piece.frames
-        free = [k for k, one in enumerate(known) if not one.frames & frames and _may_be(piece, bodies[k], one)]
+    properties = [_properties(body) for body in bodies]
+    for fragment in sorted(fragments, key=lambda tracklet: -len(tracklet.detections)):
+        frames = fragment.frames
+        free = [k for k, one in enumerate(properties) if not one.frames & frames and _may_be(fragment, bodies[k], one)]
         if free:
-            nearest = min(free, key=lambda k: _gap_px(piece, bodies[k]))
-            together = [*bodies[nearest].sightings, *piece.sightings]
-            bodies[nearest].sightings = sorted(together, key=lambda one: one.frame)
-            known[nearest] = _known(bodies[nearest])
+            nearest = min(free, key=lambda k: _gap_px(fragment, bodies[k]))
+            together = [*bodies[nearest].detections, *fragment.detections]
+            bodies[nearest].detections = sorted(together, key=lambda one: one.frame)
+            properties[nearest] = _properties(bodies[nearest])
     for body in bodies:
-        body.sightings = _trimmed(_trimmed(body.sightings)[::-1])[::-1]
+        body.detections = _trimmed(_trimmed(body.detections)[::-1])[::-1]
     return bodies
 
 
-def _trimmed(sightings: list[Sighting]) -> list[Sighting]:
-    """The sightings without those at the end that lie off where the ones before them lead."""
-    kept = list(sightings)
-    while len(kept) > FEWEST_SIGHTINGS:
-        before, end = Path(kept[-FEWEST_SIGHTINGS:-1]), kept[-1]
+def _trimmed(detections: list[Detection]) -> list[Detection]:
+    """The detections without those at the end that lie off where the ones before them lead."""
+    kept = list(detections)
+    while len(kept) > FEWEST_DETECTIONS:
+        before, end = Tracklet(kept[-FEWEST_DETECTIONS:-1]), kept[-1]
         miss = np.hypot(*(before.predicted(end.t_s) - (end.x, end.y)))
         adjacent = abs(end.frame - before.last.frame) == 1
         if miss <= (END_MARGIN if adjacent else LONE_END_MARGIN) * before.reach(end.t_s):
@@ -144,75 +157,81 @@ def _trimmed(sightings: list[Sighting]) -> list[Sighting]:
     return kept
 
 
-def _looks(path: Path) -> dict[str, float]:
-    """What a path looks like: the logarithms of what ``SAME`` names, and how much brighter it is, -1 to 1."""
-    looks = {name: float(np.log(path.typical(name))) for name in SAME}
-    return looks | {"side": path.typical("brightening") / path.typical("contrast")}
+def _appearance(tracklet: Tracklet) -> dict[str, float]:
+    """What a tracklet looks like: the logarithms of what ``SAME`` names, and how much brighter it is, -1 to 1."""
+    appearance = {name: float(np.log(tracklet.typical(name))) for name in SAME}
+    return appearance | {"side": tracklet.typical("brightening") / tracklet.typical("contrast")}
 
 
-def _same(looks: dict[str, float], other: dict[str, float]) -> bool:
-    """Whether two things are alike in size, contrast, sharpness and shape, and not opposite in brightness."""
-    sides = sorted([looks["side"], other["side"]])
+def _alike(appearance: dict[str, float], other: dict[str, float]) -> bool:
+    """Whether two foreground are alike in size, contrast, sharpness and shape, and not opposite in brightness."""
+    sides = sorted([appearance["side"], other["side"]])
     opposite = sides[0] < -ONE_SIGN and sides[1] > ONE_SIGN
-    return not opposite and all(abs(looks[name] - other[name]) < limit for name, limit in SAME.items())
+    return not opposite and all(abs(appearance[name] - other[name]) < limit for name, limit in SAME.items())
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Known:
-    """Of a body's path: the frames in which it is seen, its looks, and the fastest that it goes, px/s."""
+class _BodyProperties:
+    """Of a body's tracklet: the frames in which it is seen, its looks, and the fastest that it goes, px/s."""
 
     frames: set[int]
-    looks: dict[str, float]
+    appearance: dict[str, float]
     fastest: float
 
 
-def _known(body: Path) -> _Known:
-    steps = np.linalg.norm(np.diff(body.xy, axis=0), axis=1) / np.diff([one.t_s for one in body.sightings])
-    return _Known(body.frames, _looks(body), float(np.max(steps)))
+def _properties(body: Tracklet) -> _BodyProperties:
+    steps = np.linalg.norm(np.diff(body.xy, axis=0), axis=1) / np.diff([one.t_s for one in body.detections])
+    return _BodyProperties(body.frames, _appearance(body), float(np.max(steps)))
 
 
-def _may_be(piece: Path, body: Path, known: _Known) -> bool:
+def _may_be(fragment: Tracklet, body: Tracklet, properties: _BodyProperties) -> bool:
     """Whether a piece looks like the body and could be reached by it."""
-    if not _same(_looks(piece), known.looks):
+    if not _alike(_appearance(fragment), properties.appearance):
         return False
-    here, there = _ends(piece, body)
-    allowed = SPEED_MARGIN * known.fastest * abs(here.t_s - there.t_s) + 2 * np.exp(known.looks["radius"])
+    here, there = _ends(fragment, body)
+    allowed = SPEED_MARGIN * properties.fastest * abs(here.t_s - there.t_s) + 2 * np.exp(
+        properties.appearance["radius"]
+    )
     return bool(np.hypot(here.x - there.x, here.y - there.y) <= allowed)
 
 
-def _ends(piece: Path, body: Path) -> tuple[Sighting, Sighting]:
-    """The sighting of the piece and that of the body between which the gap lies."""
-    before = bisect_left(body.sightings, piece.first.frame, key=lambda one: one.frame)
-    after = bisect_right(body.sightings, piece.last.frame, key=lambda one: one.frame)
-    gaps = [(piece.first, one) for one in body.sightings[max(0, before - 1) : before]]
-    gaps += [(piece.last, one) for one in body.sightings[after : after + 1]]
+def _ends(fragment: Tracklet, body: Tracklet) -> tuple[Detection, Detection]:
+    """The detection of the piece and that of the body between which the gap lies."""
+    before = bisect_left(body.detections, fragment.first.frame, key=lambda one: one.frame)
+    after = bisect_right(body.detections, fragment.last.frame, key=lambda one: one.frame)
+    gaps = [(fragment.first, one) for one in body.detections[max(0, before - 1) : before]]
+    gaps += [(fragment.last, one) for one in body.detections[after : after + 1]]
     if not gaps:
-        return piece.first, body.first
+        return fragment.first, body.first
     return min(gaps, key=lambda pair: abs(pair[0].frame - pair[1].frame))
 
 
-def _gap_px(piece: Path, body: Path) -> float:
-    here, there = _ends(piece, body)
+def _gap_px(fragment: Tracklet, body: Tracklet) -> float:
+    here, there = _ends(fragment, body)
     return float(np.hypot(here.x - there.x, here.y - there.y))
 
 
-def held_frames(path: Path, glimpses: Sequence[Glimpse]) -> set[int]:
-    """Places in ``glimpses`` at which a hand is at the body, also where the body cannot be told from the hand.
+def held_frames(tracklet: Tracklet, all_detections: Sequence[FrameDetections]) -> set[int]:
+    """Places in ``all_detections`` at which a hand is at the body, also where the body cannot be told from the hand.
 
     From each gap's ends the search goes on outwards as long as something that reaches in from the
     edge, larger than the body, is where the body or the hand was in the frame before.
     """
-    seen = {one.frame: one for one in path.sightings}
-    larger = (BIGGER * path.typical("area"), HAND_SHARE * path.typical("radius"))
-    held = {k for k, glimpse in enumerate(glimpses) if glimpse.frame in seen and seen[glimpse.frame].hand}
-    for order in (range(len(glimpses)), range(len(glimpses) - 1, -1, -1)):
+    seen = {one.frame: one for one in tracklet.detections}
+    larger = (BIGGER * tracklet.typical("area"), HAND_SHARE * tracklet.typical("radius"))
+    held = {
+        k
+        for k, frame_detections in enumerate(all_detections)
+        if frame_detections.frame in seen and seen[frame_detections.frame].hand
+    }
+    for order in (range(len(all_detections)), range(len(all_detections) - 1, -1, -1)):
         place: Box | None = None
         for k in order:
-            sighting = seen.get(glimpses[k].frame)
-            if sighting is not None:
-                place = _round(sighting)
+            detection = seen.get(all_detections[k].frame)
+            if detection is not None:
+                place = _round(detection)
             elif place is not None:
-                hand = _hand_at(place, glimpses[k].intruders, *larger)
+                hand = _hand_at(place, all_detections[k].edge_objects, *larger)
                 place = hand.box if hand else None
                 held |= {k} if hand else set()
     return held | _between(held)
@@ -224,15 +243,15 @@ def _between(held: set[int]) -> set[int]:
     return {k for one, next_one in pairs if next_one - one <= BREAK for k in range(one, next_one)}
 
 
-def _round(sighting: Sighting) -> Box:
+def _round(detection: Detection) -> Box:
     """The box round a body in which a hand would be that holds it."""
-    reach = NEARBY * sighting.radius
-    return (sighting.x - reach, sighting.y - reach, sighting.x + reach, sighting.y + reach)
+    reach = NEARBY * detection.radius
+    return (detection.x - reach, detection.y - reach, detection.x + reach, detection.y + reach)
 
 
-def _hand_at(place: Box, intruders: Sequence[Intruder], area: float, inscribed: float) -> Intruder | None:
+def _hand_at(place: Box, edge_objects: Sequence[EdgeObject], area: float, inscribed: float) -> EdgeObject | None:
     """The first thing that reaches in there and has more than that area, px, and inscribed radius, px."""
-    for one in intruders:
+    for one in edge_objects:
         apart = one.box[0] > place[2] or one.box[2] < place[0] or one.box[1] > place[3] or one.box[3] < place[1]
         if not apart and one.area > area and one.inscribed > inscribed:
             return one

@@ -1,4 +1,4 @@
-"""From the sightings of a body to its Track."""
+"""From the detections of a body to its Track."""
 
 from __future__ import annotations
 
@@ -9,35 +9,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.types import Array, Track
-from trackers._detection.detection import Glimpse, Sighting
-from trackers._linking.frame_to_frame import Path
+from trackers._detection.detection import Detection, FrameDetections
+from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.select_bodies import held_frames
 from trackers._uncertainty.error_correlation import is_moving, outline_autocorrelation
 from trackers._uncertainty.excess_scatter import ErrorModel, with_scatter
 
 
-def track_of(path: Path, glimpses: Sequence[Glimpse], body: str, origin: dict[str, object]) -> Track:
-    """The Track of one path over all frames; gaps are NaN.
+def track_of(
+    tracklet: Tracklet, all_detections: Sequence[FrameDetections], body: str, origin: dict[str, object]
+) -> Track:
+    """The Track of one tracklet over all frames; gaps are NaN.
 
     Parameters
     ----------
-    path
-        The sightings of the body.
-    glimpses
+    tracklet
+        The detections of the body.
+    all_detections
         All frames of the clip, in order.
     body
         Name of the body.
     origin
         Where the track came from.
     """
-    place = {glimpse.frame: k for k, glimpse in enumerate(glimpses)}
-    table = np.full((len(glimpses), 8), np.nan)
-    table[[place[one.frame] for one in path.sightings]] = [_row(one) for one in path.sightings]
-    hand = np.zeros(len(glimpses), dtype=np.bool_)
-    hand[list(held_frames(path, glimpses))] = True
-    t_s = np.array([glimpse.t_s for glimpse in glimpses])
+    place = {frame_detections.frame: k for k, frame_detections in enumerate(all_detections)}
+    table = np.full((len(all_detections), 8), np.nan)
+    table[[place[one.frame] for one in tracklet.detections]] = [_row(one) for one in tracklet.detections]
+    hand = np.zeros(len(all_detections), dtype=np.bool_)
+    hand[list(held_frames(tracklet, all_detections))] = True
+    t_s = np.array([frame_detections.t_s for frame_detections in all_detections])
     radius = np.sqrt(table[:, 4] / np.pi)
-    free = [one for one in path.sightings if one.centre.lobes and not one.hand]
+    free = [one for one in tracklet.detections if one.centre.lobes and not one.hand]
     rows = np.array([place[one.frame] for one in free], dtype=np.int64)
     errors = error_model(rows, table[:, :2], radius, np.array([one.centre.lobes for one in free]))
     return Track(
@@ -45,7 +47,7 @@ def track_of(path: Path, glimpses: Sequence[Glimpse], body: str, origin: dict[st
         xy_px=table[:, 0:2],
         sigma_px=np.column_stack([with_scatter(t_s, table[:, axis], table[:, axis + 2], errors) for axis in (0, 1)]),
         valid=np.isfinite(table[:, 0]),
-        frame=np.array([glimpse.frame for glimpse in glimpses]),
+        frame=np.array([frame_detections.frame for frame_detections in all_detections]),
         body=body,
         radius_px=radius,
         sigma_radius_px=table[:, 5] / np.sqrt(4 * np.pi * table[:, 4]),
@@ -84,7 +86,7 @@ def error_model(
     return ErrorModel(moving, replace(measured, partial=partial))
 
 
-def _row(one: Sighting) -> tuple[float, ...]:
+def _row(one: Detection) -> tuple[float, ...]:
     """Position and its errors, area and its error, intensity and its error."""
     centre = one.centre
     errors = (centre.sigma_x, centre.sigma_y)

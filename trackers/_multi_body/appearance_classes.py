@@ -1,4 +1,4 @@
-"""What the bodies look like: kinds of one colour and size, and how many there are of each."""
+"""What the bodies look like: classes of one colour and size, and how many there are of each."""
 
 from __future__ import annotations
 
@@ -11,9 +11,17 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array
-from trackers._background.median import Background, Box, Bytes, Flags, Image, Stack, still_of
-from trackers._detection.detect_frames import Stage
-from trackers._detection.foreground import SQUARE, Core, Scene, components, cores, rounded, scene_of
+from trackers._background.median import Background, Box, Bytes, Flags, Image, Stack, estimate_background
+from trackers._detection.detect_frames import DetectionSetup
+from trackers._detection.foreground import (
+    SQUARE,
+    BackgroundRange,
+    Blob,
+    background_range_of,
+    blobs,
+    components,
+    rounded,
+)
 
 SOLID = 0.88  # of its convex hull: what fills less of it is several bodies, or a hand
 ROUND = 0.4  # of its area lies within the inscribed circle: less is a cord
@@ -27,7 +35,7 @@ RING = 4  # px round a part in which its surroundings are seen
 LIKE = 0.35  # of the contrast: a sample's pixel so near to a body's colour shows it, whatever the background is
 FEWEST_SAMPLES = 3  # that must show what is behind
 SMALLEST = 0.2  # of the area of the largest kind: what is smaller is a part of something
-FEWEST = 4  # sightings of a kind
+FEWEST = 4  # detections of a kind
 TOO_MUCH = 1.5  # times the area of all bodies
 INPAINT_RADIUS = 5  # px round what is never seen from which it is continued
 MOVED = 1.0  # px between two samples: less is one thing that stands still, counted once
@@ -35,7 +43,7 @@ SIZE_SPREAD = 0.08  # standard deviation of the log area of one body as it turns
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Kind:
+class AppearanceClass:
     """Bodies that look alike: colour (channels,), area in px at the size that is searched, and their number."""
 
     colour: Image
@@ -47,7 +55,7 @@ class Kind:
         """Radius of the disc of the same area, px at the size that is searched."""
         return float(np.sqrt(self.area / np.pi))
 
-    def coverage(self, picture: Image, background: Image) -> Image:
+    def coverage(self, image: Image, background: Image) -> Image:
         """Share of each pixel (..., channels) that such a body covers; 0 where something else is seen.
 
         With F the body's colour and B the background, a pixel I = a F + (1 - a) B has
@@ -55,14 +63,14 @@ class Kind:
         """
         contrast = self.colour - background
         squared = np.maximum((contrast**2).sum(axis=-1), 1.0)
-        difference = picture - background
+        difference = image - background
         share = (difference * contrast).sum(axis=-1) / squared
         off = ((difference - share[..., np.newaxis] * contrast) ** 2).sum(axis=-1)
         return np.where(off < OFF_COLOUR**2 * squared, np.clip(share, 0.0, 1.0), 0.0).astype(np.float32)
 
 
 @dataclass(frozen=True, slots=True)
-class _Lone:
+class _IsolatedPart:
     """A compact part of one sample: place and area in px, colour, contrast in grey levels."""
 
     x: float
@@ -72,13 +80,13 @@ class _Lone:
     contrast: float
 
 
-def studied(stage: Stage, count: int) -> tuple[Stage, list[Kind]]:
-    """The kinds of ``count`` bodies, and the stage with the background seen where none of them is.
+def learn_classes(setup: DetectionSetup, count: int) -> tuple[DetectionSetup, list[AppearanceClass]]:
+    """The classes of ``count`` bodies, and the setup with the background seen where none of them is.
 
     Parameters
     ----------
-    stage
-        Samples of the clip, and a background in which bodies may be that rested for long.
+    setup
+        SampledFrames of the clip, and a background in which bodies may be that rested for long.
     count
         How many bodies there are.
 
@@ -87,34 +95,34 @@ def studied(stage: Stage, count: int) -> tuple[Stage, list[Kind]]:
     TrackingError
         When so many cannot be seen.
     """
-    pictures = [np.atleast_3d(picture) for picture in stage.smalls]
-    background = behind(stage.scene)
-    known = _by_colour([one for picture in pictures for one in _lone(stage, picture, background)])[:count]
-    free = _free(pictures, known, background, count)
+    images = [np.atleast_3d(image) for image in setup.search_images]
+    background = background_level(setup.background_range)
+    known = _classes_by_colour([one for image in images for one in _isolated_parts(setup, image, background)])[:count]
+    free = _free(images, known, background, count)
     unseen = free.sum(axis=0) < FEWEST_SAMPLES
-    stage = stage.behind(free | unseen)
+    setup = setup.with_background_from(free | unseen)
     if unseen.any():
-        stage = _filled_in(stage, free | unseen, unseen)
-    return stage, _kinds_of(stage, pictures, count)
+        setup = _filled_in(setup, free | unseen, unseen)
+    return setup, _classes_of(setup, images, count)
 
 
-def _free(pictures: Sequence[Bytes], kinds: Sequence[Kind], background: Image, count: int) -> Flags:
+def _free(images: Sequence[Bytes], classes: Sequence[AppearanceClass], background: Image, count: int) -> Flags:
     """Where (k, h, w) the samples show none of the bodies, judged by colour alone.
 
     A kind of whose colour there is more than the bodies could cover is background, or a hand.
     """
-    free = np.ones((len(pictures), *background.shape[:2]), dtype=np.bool_)
-    for kind in kinds:
-        limit = LIKE * float(np.median(np.linalg.norm(background - kind.colour, axis=-1)))
-        like = np.stack([np.linalg.norm(picture - kind.colour, axis=-1) < limit for picture in pictures])
-        if like.sum(axis=(1, 2)).mean() < TOO_MUCH * count * kind.area:
+    free = np.ones((len(images), *background.shape[:2]), dtype=np.bool_)
+    for appearance in classes:
+        limit = LIKE * float(np.median(np.linalg.norm(background - appearance.colour, axis=-1)))
+        like = np.stack([np.linalg.norm(image - appearance.colour, axis=-1) < limit for image in images])
+        if like.sum(axis=(1, 2)).mean() < TOO_MUCH * count * appearance.area:
             free &= np.stack([cv2.dilate(one.astype(np.uint8), SQUARE, iterations=2) == 0 for one in like])
     return free
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Filled:
-    """Sampled pictures in which what is ``unseen`` (h', w'), at the size that is searched, has given ``values``."""
+    """Sampled images in which what is ``unseen`` (h', w'), at the size that is searched, has given ``values``."""
 
     stack: Stack
     values: Bytes
@@ -130,131 +138,141 @@ class _Filled:
         rows = np.arange(box[1], box[3]) * self.unseen.shape[0] // self.shape[1]
         columns = np.arange(box[0], box[2]) * self.unseen.shape[1] // self.shape[2]
         place = np.ix_(rows, columns)
-        pictures = self.stack.window(box).copy()
+        images = self.stack.window(box).copy()
         where = self.unseen[place]
-        pictures[:, where] = self.values[place][where].reshape(pictures[0][where].shape)
-        return pictures
+        images[:, where] = self.values[place][where].reshape(images[0][where].shape)
+        return images
 
     def reduced(self, step: int) -> _Filled:
         """The same with each pixel the mean of ``step`` x ``step``."""
         return _Filled(self.stack.reduced(step), self.values, self.unseen)
 
 
-def _filled_in(stage: Stage, usable: Flags, unseen: Flags) -> Stage:
-    """The stage with what is never seen (h, w) continued from its surroundings, in every sample.
+def _filled_in(setup: DetectionSetup, usable: Flags, unseen: Flags) -> DetectionSetup:
+    """The setup with what is never seen (h, w) continued from its surroundings, in every sample.
 
     The method is that of A. Telea, J. Graphics Tools 9 (2004) 23. ``usable`` (k, h, w) says which samples show the
     background.
     """
-    guess = cv2.inpaint(rounded(behind(stage.scene)), unseen.astype(np.uint8), INPAINT_RADIUS, cv2.INPAINT_TELEA)
-    step = stage.view.step
-    stack = _Filled(stage.stack, np.atleast_3d(guess), unseen)
-    smalls = stage.smalls.copy()
-    smalls[:, unseen] = guess[unseen]
-    still = still_of(smalls, usable)
-    background = Background(stack, usable, still)
+    guess = cv2.inpaint(
+        rounded(background_level(setup.background_range)), unseen.astype(np.uint8), INPAINT_RADIUS, cv2.INPAINT_TELEA
+    )
+    step = setup.view.step
+    stack = _Filled(setup.stack, np.atleast_3d(guess), unseen)
+    search_images = setup.search_images.copy()
+    search_images[:, unseen] = guess[unseen]
+    estimate = estimate_background(search_images, usable)
+    background = Background(stack, usable, estimate)
     if step > 1:
-        background = Background(stack, usable, None, {step: Background(stack.reduced(step), usable, still)})
-    return replace(stage, scene=scene_of(still), lens=replace(stage.lens, background=background))
+        background = Background(stack, usable, None, {step: Background(stack.reduced(step), usable, estimate)})
+    return replace(
+        setup, background_range=background_range_of(estimate), detector=replace(setup.detector, background=background)
+    )
 
 
-def _kinds_of(stage: Stage, pictures: Sequence[Bytes], count: int) -> list[Kind]:
-    """The kinds of ``count`` bodies from samples before a background without them.
+def _classes_of(setup: DetectionSetup, images: Sequence[Bytes], count: int) -> list[AppearanceClass]:
+    """The classes of ``count`` bodies from samples before a background without them.
 
     Parts that stand alone tell colour and size, those first whose contrast and area are greatest; how much of a
     colour there is over the area of one body is the number of such bodies.
     """
-    background = behind(stage.scene)
-    lone = [one for picture in pictures for one in _lone(stage, picture, background)]
-    inner = [_inner(stage.scene, picture) for picture in pictures]
-    kinds: list[Kind] = []
+    background = background_level(setup.background_range)
+    parts = [one for image in images for one in _isolated_parts(setup, image, background)]
+    inner = [_inner(setup.background_range, image) for image in images]
+    classes: list[AppearanceClass] = []
     found: list[float] = []
-    for kind in _by_colour(lone):
-        amounts = [_covered(kind, kinds, *pixels, background) / kind.area for pixels in inner]
+    for appearance in _classes_by_colour(parts):
+        amounts = [_covered(appearance, classes, *pixels, background) / appearance.area for pixels in inner]
         number = float(np.percentile(amounts, FULLEST))
-        if number > HALF_COVERED and (not kinds or kind.area > SMALLEST * max(one.area for one in kinds)):
-            kinds.append(kind)
+        if number > HALF_COVERED and (not classes or appearance.area > SMALLEST * max(one.area for one in classes)):
+            classes.append(appearance)
             found.append(number)
-    kinds, found = kinds[:count], found[:count]
+    classes, found = classes[:count], found[:count]
     numbers = _rounded(np.array(found), count)
     if numbers.sum() < count:
         raise TrackingError(
             f"{count} bodies were asked for, but what moves is enough for {int(numbers.sum())}; ask for fewer, "
-            f"limit the picture with --roi or --colour, or leave out with --start what comes before they are struck: "
+            f"limit the image with --roi or --colour, or leave out with --start what comes before they are struck: "
             f"bodies that rest in a pile for most of a clip hide what is behind them"
         )
-    return [replace(kind, count=int(number)) for kind, number in zip(kinds, numbers, strict=True) if number]
+    return [
+        replace(appearance, count=int(number)) for appearance, number in zip(classes, numbers, strict=True) if number
+    ]
 
 
-def behind(scene: Scene) -> Image:
+def background_level(background_range: BackgroundRange) -> Image:
     """The background (h, w, channels) at the size that is searched, grey levels: the middle of what it shows."""
-    return np.atleast_3d((scene.lowest.astype(np.float32) + scene.highest) / 2)
+    return np.atleast_3d((background_range.lowest.astype(np.float32) + background_range.highest) / 2)
 
 
-def shares(kinds: Sequence[Kind], picture: Image, background: Image) -> list[Image]:
+def class_coverages(classes: Sequence[AppearanceClass], image: Image, background: Image) -> list[Image]:
     """Coverage by each kind, each pixel given to the kind whose colour is nearest."""
-    nearest = np.stack([((picture - kind.colour) ** 2).sum(axis=-1) for kind in kinds]).argmin(axis=0)
-    return [np.where(nearest == k, kind.coverage(picture, background), 0.0) for k, kind in enumerate(kinds)]
+    nearest = np.stack([((image - appearance.colour) ** 2).sum(axis=-1) for appearance in classes]).argmin(axis=0)
+    return [np.where(nearest == k, appearance.coverage(image, background), 0.0) for k, appearance in enumerate(classes)]
 
 
-def _inner(scene: Scene, picture: Bytes) -> tuple[Image, Bytes]:
-    """A picture, and where (h, w) it differs from the background by something that does not reach the edge."""
-    height, width = picture.shape[:2]
+def _inner(background_range: BackgroundRange, image: Bytes) -> tuple[Image, Bytes]:
+    """A image, and where (h, w) it differs from the background by something that does not reach the edge."""
+    height, width = image.shape[:2]
     where = np.zeros((height, width), dtype=np.uint8)
-    for one in components(scene, picture):
+    for one in components(background_range, image):
         rows, columns = one.mask.shape
         if one.left > 1 and one.top > 1 and one.left + columns < width - 1 and one.top + rows < height - 1:
             where[one.top : one.top + rows, one.left : one.left + columns] |= one.mask
-    return picture.astype(np.float32), where
+    return image.astype(np.float32), where
 
 
-def _covered(kind: Kind, others: Sequence[Kind], picture: Image, where: Bytes, background: Image) -> float:
+def _covered(
+    appearance: AppearanceClass, others: Sequence[AppearanceClass], image: Image, where: Bytes, background: Image
+) -> float:
     """Area in px that bodies of a kind cover, without what is more like the others."""
     chosen = where > 0
-    return float(shares([kind, *others], picture[chosen], background[chosen])[0].sum())
+    return float(class_coverages([appearance, *others], image[chosen], background[chosen])[0].sum())
 
 
-def _lone(stage: Stage, picture: Bytes, background: Image) -> Iterator[_Lone]:
+def _isolated_parts(setup: DetectionSetup, image: Bytes, background: Image) -> Iterator[_IsolatedPart]:
     """The solid parts of one sample that do not reach in from the edge."""
-    for core in cores(stage.scene, picture):
-        if core.held or core.at_edge or core.inscribed < THINNEST or not _solid(core):
+    for blob in blobs(setup.background_range, image):
+        if blob.held or blob.at_edge or blob.inscribed < THINNEST or not _solid(blob):
             continue
-        left, top, right, bottom = core.box
-        heart = cv2.erode(core.mask, SQUARE, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
+        left, top, right, bottom = blob.box
+        heart = cv2.erode(blob.mask, SQUARE, borderType=cv2.BORDER_CONSTANT, borderValue=0) > 0
         if heart.any():
             window = (slice(top, bottom), slice(left, right))
-            image, still = picture[window].astype(np.float32), background[window]
-            colour = np.median(image[heart], axis=0)
+            window_image, estimate = image[window].astype(np.float32), background[window]
+            colour = np.median(window_image[heart], axis=0)
             contrast = min(
-                float(np.linalg.norm(colour - one)) for one in (still[heart].mean(axis=0), _around(picture, core))
+                float(np.linalg.norm(colour - one)) for one in (estimate[heart].mean(axis=0), _around(image, blob))
             )
-            area = float(Kind(colour, float(core.area)).coverage(image, still)[core.mask > 0].sum())
-            yield _Lone((left + right) / 2, (top + bottom) / 2, area, tuple(map(float, colour)), contrast)
+            area = float(
+                AppearanceClass(colour, float(blob.area)).coverage(window_image, estimate)[blob.mask > 0].sum()
+            )
+            yield _IsolatedPart((left + right) / 2, (top + bottom) / 2, area, tuple(map(float, colour)), contrast)
 
 
-def _around(picture: Bytes, core: Core) -> Image:
+def _around(image: Bytes, blob: Blob) -> Image:
     """Colour just outside of a part: where the background shows a body that has gone, it is the part's own."""
-    left, top, right, bottom = core.box
-    window = picture[max(0, top - RING) : bottom + RING, max(0, left - RING) : right + RING]
+    left, top, right, bottom = blob.box
+    window = image[max(0, top - RING) : bottom + RING, max(0, left - RING) : right + RING]
     inside = np.zeros(window.shape[:2], dtype=np.uint8)
     row, column = top - max(0, top - RING), left - max(0, left - RING)
-    inside[row : row + bottom - top, column : column + right - left] = core.mask
+    inside[row : row + bottom - top, column : column + right - left] = blob.mask
     near = cv2.dilate(inside, np.ones((2 * RING + 1, 2 * RING + 1), np.uint8))
     near -= cv2.dilate(inside, SQUARE)
     return np.asarray(np.median(window[near > 0], axis=0), dtype=np.float32)
 
 
-def _solid(core: Core) -> bool:
+def _solid(blob: Blob) -> bool:
     """Whether a part is convex and not long."""
-    contours, _ = cv2.findContours(core.mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    hull = cv2.fillConvexPoly(np.zeros_like(core.mask), cv2.convexHull(np.concatenate(contours)), 1)
-    return bool(core.area > SOLID * np.count_nonzero(hull) and np.pi * core.inscribed**2 > ROUND * core.area)
+    contours, _ = cv2.findContours(blob.mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    hull = cv2.fillConvexPoly(np.zeros_like(blob.mask), cv2.convexHull(np.concatenate(contours)), 1)
+    return bool(blob.area > SOLID * np.count_nonzero(hull) and np.pi * blob.inscribed**2 > ROUND * blob.area)
 
 
-def _by_colour(lone: Sequence[_Lone]) -> list[Kind]:
+def _classes_by_colour(parts: Sequence[_IsolatedPart]) -> list[AppearanceClass]:
     """Kinds by colour, those first that show most; the area is the commonest of those that stood alone."""
-    groups: list[list[_Lone]] = []
-    for one in sorted(lone, key=lambda part: -part.contrast * part.area):
+    groups: list[list[_IsolatedPart]] = []
+    for one in sorted(parts, key=lambda part: -part.contrast * part.area):
         alike = [
             group
             for group in groups
@@ -264,20 +282,20 @@ def _by_colour(lone: Sequence[_Lone]) -> list[Kind]:
             groups.append([one])
         elif not any(np.hypot(one.x - other.x, one.y - other.y) < MOVED for other in alike[0]):
             alike[0].append(one)
-    strongest = max((one.contrast for one in lone), default=0.0)
+    strongest = max((one.contrast for one in parts), default=0.0)
     groups = [group for group in groups if len(group) >= FEWEST and group[0].contrast > FAINTEST * strongest]
     groups.sort(key=lambda group: -sum(one.contrast * one.area for one in group))
-    return [_kind(group) for group in groups]
+    return [_class_of(group) for group in groups]
 
 
-def _kind(group: Sequence[_Lone]) -> Kind:
+def _class_of(group: Sequence[_IsolatedPart]) -> AppearanceClass:
     """The kind of some parts of one colour: the area is the mode of their log areas, fragments counting less."""
     areas = np.array([one.area for one in group])
     apart = np.log(areas)[:, np.newaxis] - np.log(areas)
     density = (np.sqrt(areas) * np.exp(-(apart**2) / (2 * SIZE_SPREAD**2))).sum(axis=1)
     typical = [one for one in group if abs(np.log(one.area / areas[np.argmax(density)])) < 2 * SIZE_SPREAD]
     colour = np.median([one.colour for one in typical], axis=0).astype(np.float32)
-    return Kind(colour, float(np.median([one.area for one in typical])))
+    return AppearanceClass(colour, float(np.median([one.area for one in typical])))
 
 
 def _rounded(found: Array, count: int) -> NDArray[np.int64]:

@@ -11,24 +11,24 @@ from numpy.typing import NDArray
 from iris_sysid.errors import DataError, TrackingError
 from iris_sysid.types import FrameSource, TrackOptions
 from trackers._background.median import Bytes
-from trackers._detection.detect_frames import Stage, stage_of
-from trackers._detection.detection import Glimpse
+from trackers._detection.detect_frames import DetectionSetup, detection_setup
+from trackers._detection.detection import FrameDetections
 from trackers._detection.foreground import SQUARE
 from trackers._frames.working_image import View
-from trackers._linking.frame_to_frame import Path
-from trackers._multi_body.appearance_classes import FEWEST_SAMPLES, Kind
-from trackers._multi_body.pixel_assignment import Shown
-from trackers._multi_body.predict_and_assign import Placed, followed
-from trackers._multi_body.track_together import measured
+from trackers._linking.frame_to_frame import Tracklet
+from trackers._multi_body.appearance_classes import FEWEST_SAMPLES, AppearanceClass
+from trackers._multi_body.pixel_assignment import CoveredPixels
+from trackers._multi_body.predict_and_assign import FrameAssignment, follow_bodies
+from trackers._multi_body.track_together import measure_bodies
 
 MOST_LABELS = 64  # in one mask: more are the grey levels of a lossy video
 SMALLEST = 6  # px of a label in a frame, at the size that is searched
 
 
-def masked(
+def track_with_masks(
     video: FrameSource, view: View, options: TrackOptions, mask: FrameSource
-) -> tuple[list[Glimpse], list[Path], View]:
-    """What each frame shows and the path of each body, where a mask says which pixels are bodies.
+) -> tuple[list[FrameDetections], list[Tracklet], View]:
+    """What each frame shows and the tracklet of each body, where a mask says which pixels are bodies.
 
     Masks with several values name the bodies by their values; in masks with one value the bodies are told apart as
     elsewhere, by assignment to where they are predicted. Centres come from the brightness about the masks.
@@ -42,7 +42,7 @@ def masked(
     options
         How many bodies; progress.
     mask
-        One picture for each frame of the clip, of its size; 0 is background.
+        One image for each frame of the clip, of its size; 0 is background.
 
     Raises
     ------
@@ -57,85 +57,85 @@ def masked(
             f"they must be of one size"
         )
     view = view.with_chroma()
-    times, pictures = _paired(video, view, mask)
-    values = _values(pictures)
+    times, images = _paired(video, view, mask)
+    values = _values(images)
     if options.bodies > 1 and len(values) not in (1, options.bodies):
         raise DataError(f"{options.bodies} bodies were asked for, but the masks hold {len(values)} different values")
-    small = (view.small_size[0], view.small_size[1])
-    frames = [_shown(one, values, *when, small) for one, when in zip(pictures, times, strict=True)]
-    stage = _without_bodies(
-        stage_of(video, view), {number: one for (number, _), one in zip(times, pictures, strict=True)}
+    small = (view.search_size[0], view.search_size[1])
+    frames = [_shown(one, values, *when, small) for one, when in zip(images, times, strict=True)]
+    setup = _without_bodies(
+        detection_setup(video, view), {number: one for (number, _), one in zip(times, images, strict=True)}
     )
     if options.bodies > 1 and len(values) == 1:
         area = float(np.median([len(one.xy) for one in frames if len(one.xy)])) / options.bodies
-        placed = followed(frames, [Kind(np.zeros(3, dtype=np.float32), area, options.bodies)])
+        placed = follow_bodies(frames, [AppearanceClass(np.zeros(3, dtype=np.float32), area, options.bodies)])
     else:
         placed = [_labelled(one, len(values)) for one in frames]
-    return *measured(video, stage, frames, placed, options), view
+    return *measure_bodies(video, setup, frames, placed, options), view
 
 
 def _paired(video: FrameSource, view: View, mask: FrameSource) -> tuple[list[tuple[int, float]], list[Bytes]]:
     """Number and time of each frame, and its mask at the size that is searched; the numbers must agree."""
-    times, pictures = [], []
-    wanted = {frame.index: frame.t_s for frame in video.frames()}
+    times, images = [], []
+    clip_times = {frame.index: frame.t_s for frame in video.frames()}
     count = 0
     for frame in mask.frames():
         count = frame.index + 1
-        if frame.index in wanted:
-            times.append((frame.index, wanted[frame.index]))
-            pictures.append(_small(frame.luma, view))
-    last = max(wanted, default=-1)
-    if len(pictures) != len(wanted) or (count > last + 1 and min(wanted) == 0):
+        if frame.index in clip_times:
+            times.append((frame.index, clip_times[frame.index]))
+            images.append(_small(frame.luma, view))
+    last = max(clip_times, default=-1)
+    if len(images) != len(clip_times) or (count > last + 1 and min(clip_times) == 0):
         raise DataError(
             f"there are {count} masks, but the clip has {last + 1} frames; there must be one for each frame"
         )
-    return times, pictures
+    return times, images
 
 
 def _small(luma: Bytes, view: View) -> Bytes:
     """The region of a mask at the size that is searched, each value one that is there."""
-    width, height = view.small_size
+    width, height = view.search_size
     region = luma[view.top : view.top + view.height, view.left : view.left + view.width]
     return region[view.step // 2 :: view.step, view.step // 2 :: view.step][:height, :width].copy()
 
 
-def _values(pictures: Sequence[Bytes]) -> list[int]:
-    """The values that stand for bodies, in order; pictures of many grey levels are made two-valued, in place."""
-    found = np.unique(np.concatenate([np.unique(one) for one in pictures]))
+def _values(images: Sequence[Bytes]) -> list[int]:
+    """The values that stand for bodies, in order; images of many grey levels are made two-valued, in place."""
+    found = np.unique(np.concatenate([np.unique(one) for one in images]))
     values = [int(value) for value in found if value]
     if not values:
         raise TrackingError("the masks are empty: every pixel of every mask is 0")
     if len(values) <= MOST_LABELS:
         return values
-    for one in pictures:
+    for one in images:
         one[:] = np.where(one > max(values) // 2, 255, 0)
     return [255]
 
 
-def _shown(picture: Bytes, values: Sequence[int], frame: int, t_s: float, size: tuple[int, int]) -> Shown:
+def _shown(image: Bytes, values: Sequence[int], frame: int, t_s: float, size: tuple[int, int]) -> CoveredPixels:
     """What a mask covers, the number of each pixel's value as its kind."""
-    rows, columns = np.nonzero(picture)
-    kind: NDArray[np.int8] = np.searchsorted(values, picture[rows, columns]).astype(np.int8)
+    rows, columns = np.nonzero(image)
+    class_index: NDArray[np.int8] = np.searchsorted(values, image[rows, columns]).astype(np.int8)
     xy = np.stack([columns, rows], axis=-1).astype(np.int16)
-    return Shown(frame, t_s, xy, np.ones(len(xy), dtype=np.float16), kind, size)
+    return CoveredPixels(frame, t_s, xy, np.ones(len(xy), dtype=np.float16), class_index, size)
 
 
-def _labelled(one: Shown, count: int) -> Placed:
+def _labelled(one: CoveredPixels, count: int) -> FrameAssignment:
     """The bodies of a frame where the values of the mask name them."""
-    filled = np.bincount(one.kind, minlength=count)
-    sums = [np.bincount(one.kind, weights=one.xy[:, axis], minlength=count) for axis in range(2)]
+    filled = np.bincount(one.class_index, minlength=count)
+    sums = [np.bincount(one.class_index, weights=one.xy[:, axis], minlength=count) for axis in range(2)]
     centres = np.stack(sums, axis=-1) / np.maximum(filled, 1)[:, np.newaxis]
-    return Placed(one.kind.astype(np.int64), centres, (filled >= SMALLEST).astype(np.float64))
+    return FrameAssignment(one.class_index.astype(np.int64), centres, (filled >= SMALLEST).astype(np.float64))
 
 
-def _without_bodies(stage: Stage, pictures: dict[int, Bytes]) -> Stage:
-    """The stage with the background seen where the masks say that no body is."""
+def _without_bodies(setup: DetectionSetup, images: dict[int, Bytes]) -> DetectionSetup:
+    """The setup with the background seen where the masks say that no body is."""
     usable = np.stack(
         [
-            cv2.dilate((pictures[number] > 0).astype(np.uint8), SQUARE, iterations=2) == 0
-            if number in pictures
-            else np.ones(stage.smalls.shape[1:3], dtype=np.bool_)
-            for number in stage.numbers
+            cv2.dilate((images[number] > 0).astype(np.uint8), SQUARE, iterations=2) == 0
+            if number in images
+            else np.ones(setup.search_images.shape[1:3], dtype=np.bool_)
+            for number in setup.numbers
         ]
     )
-    return stage.behind(usable | (usable.sum(axis=0) < FEWEST_SAMPLES))
+    return setup.with_background_from(usable | (usable.sum(axis=0) < FEWEST_SAMPLES))

@@ -19,7 +19,7 @@ SWEEPS = 6  # through the contacts of a pile
 
 
 @dataclass(eq=False, slots=True)
-class Motions:
+class MotionStates:
     """States of n bodies in units of px and frames: position and velocity (n, 2), covariance of each axis (n, 2, 2).
 
     The filter is Kalman's for white acceleration (Bar-Shalom, Li and Kirubarajan 2001, section 6.3.2); the
@@ -32,7 +32,7 @@ class Motions:
     radius: Array
 
     @classmethod
-    def at(cls, position: Array, radius: Array) -> Motions:
+    def at(cls, position: Array, radius: Array) -> MotionStates:
         """Bodies (n, 2) px of those radii (n,) px of whose velocity nothing is known."""
         covariance = np.zeros((len(position), 2, 2))
         covariance[:, 0, 0], covariance[:, 1, 1] = (MEASURED * radius) ** 2, (FIRST_SPEED * radius) ** 2
@@ -48,11 +48,11 @@ class Motions:
         growth = (ACCELERATION * self.radius) ** 2
         self.covariance = step @ self.covariance @ step.T + growth[:, np.newaxis, np.newaxis] * noise
 
-    def correct(self, measured: Array, seen: Mask, doubt: Array) -> None:
+    def correct(self, measure_bodies: Array, seen: Mask, doubt: Array) -> None:
         """Take in centres (n, 2) px of the bodies that are ``seen`` (n,), ``doubt`` (n,) times as unsure as usual."""
         variance = self.covariance[:, 0, 0] + (MEASURED * self.radius * doubt) ** 2
         gain = np.where(seen[:, np.newaxis], self.covariance[:, :, 0] / variance[:, np.newaxis], 0.0)
-        innovation = measured - self.position
+        innovation = measure_bodies - self.position
         self.position = self.position + np.where(seen[:, np.newaxis], gain[:, :1] * innovation, 0.0)
         self.velocity = self.velocity + np.where(seen[:, np.newaxis], gain[:, 1:] * innovation, 0.0)
         self.covariance = self.covariance - gain[:, :, np.newaxis] * self.covariance[:, np.newaxis, 0, :]

@@ -13,8 +13,8 @@ from scipy.spatial.distance import cdist
 
 from iris_sysid.types import Array
 from trackers._background.median import Bytes, Image
-from trackers._detection.foreground import Scene, any_channel
-from trackers._multi_body.appearance_classes import HALF_COVERED, Kind, shares
+from trackers._detection.foreground import BackgroundRange, any_channel
+from trackers._multi_body.appearance_classes import HALF_COVERED, AppearanceClass, class_coverages
 
 FAINTEST_SHARE = 0.25  # of a pixel: less is noise, shade or the blurred outline
 REACH = 1.6  # radii: a pixel farther from every body is of none
@@ -26,30 +26,30 @@ FULL, EMPTY = 1.45, 0.55  # of a body's area: two bodies in one portion, one bod
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Shown:
+class CoveredPixels:
     """What bodies cover in one frame: pixels ``xy`` (n, 2), the share of each (n,), and the number of its kind (n,).
 
-    ``size`` is width and height of the picture that is searched, px.
+    ``size`` is width and height of the image that is searched, px.
     """
 
     frame: int
     t_s: float
     xy: NDArray[np.int16]
     share: NDArray[np.float16]
-    kind: NDArray[np.int8]
+    class_index: NDArray[np.int8]
     size: tuple[int, int]
 
-    def pool(self, number: int, radius: float) -> Pool:
+    def pool(self, number: int, radius: float) -> ClassPixels:
         """The pixels of one kind, whose bodies have that radius, px."""
-        chosen = self.kind == number
-        return Pool(self.xy[chosen].astype(np.float64), self.share[chosen].astype(np.float64), radius, self.size)
+        chosen = self.class_index == number
+        return ClassPixels(self.xy[chosen].astype(np.float64), self.share[chosen].astype(np.float64), radius, self.size)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Portions:
+class PixelAssignment:
     """Pixels shared out among bodies: ``labels`` (n,) with -1 for none, ``centres`` (k, 2) px, ``areas`` (k,) px.
 
-    ``areas`` are seen, ``beyond`` (k,) px lie beyond the edge of the picture. ``energy`` is the spread of the pixels
+    ``areas`` are seen, ``beyond`` (k,) px lie beyond the edge of the image. ``energy`` is the spread of the pixels
     about their centres, 1 for each body that is a whole disc.
     """
 
@@ -59,29 +59,42 @@ class Portions:
     beyond: Array
     energy: float
 
-    def taken(self, order: NDArray[np.int64]) -> Portions:
-        """The same portions renumbered: body k gets what ``order[k]`` had."""
+    def taken(self, order: NDArray[np.int64]) -> PixelAssignment:
+        """The same assignments renumbered: body k gets what ``order[k]`` had."""
         back = np.full(len(order) + 1, -1)
         back[order] = np.arange(len(order))
-        return Portions(back[self.labels], self.centres[order], self.areas[order], self.beyond[order], self.energy)
+        return PixelAssignment(
+            back[self.labels], self.centres[order], self.areas[order], self.beyond[order], self.energy
+        )
 
 
-def shown(scene: Scene, kinds: Sequence[Kind], background: Image, picture: Bytes, frame: int, t_s: float) -> Shown:
-    """What bodies of some kinds cover in a picture (h, w, channels) before a background of that shape."""
-    where = any_channel(scene.excess(picture) > scene.weak)
-    size = (picture.shape[1], picture.shape[0])
+def covered_pixels(
+    background_range: BackgroundRange,
+    classes: Sequence[AppearanceClass],
+    background: Image,
+    image: Bytes,
+    frame: int,
+    t_s: float,
+) -> CoveredPixels:
+    """What bodies of some classes cover in a image (h, w, channels) before a background of that shape."""
+    where = any_channel(background_range.excess(image) > background_range.weak)
+    size = (image.shape[1], image.shape[0])
     if not where.any():
-        return Shown(frame, t_s, np.zeros((0, 2), np.int16), np.zeros(0, np.float16), np.zeros(0, np.int8), size)
+        return CoveredPixels(
+            frame, t_s, np.zeros((0, 2), np.int16), np.zeros(0, np.float16), np.zeros(0, np.int8), size
+        )
     x, y, width, height = cv2.boundingRect(where.astype(np.uint8))
     part = (slice(y, y + height), slice(x, x + width))
-    of_kinds = np.zeros((len(kinds), height, width), dtype=np.float32)
-    of_kinds[:, where[part]] = shares(kinds, picture[where].astype(np.float32), background[where])
-    for number, kind in enumerate(kinds):
-        of_kinds[number] *= _thick(of_kinds[number], kind.radius)
-    kind_of, share = of_kinds.argmax(axis=0), of_kinds.max(axis=0)
+    coverages = np.zeros((len(classes), height, width), dtype=np.float32)
+    coverages[:, where[part]] = class_coverages(classes, image[where].astype(np.float32), background[where])
+    for number, appearance in enumerate(classes):
+        coverages[number] *= _thick(coverages[number], appearance.radius)
+    class_of, share = coverages.argmax(axis=0), coverages.max(axis=0)
     rows, columns = np.nonzero(share > FAINTEST_SHARE)
     xy = np.stack([columns + x, rows + y], axis=-1).astype(np.int16)
-    return Shown(frame, t_s, xy, share[rows, columns].astype(np.float16), kind_of[rows, columns].astype(np.int8), size)
+    return CoveredPixels(
+        frame, t_s, xy, share[rows, columns].astype(np.float16), class_of[rows, columns].astype(np.int8), size
+    )
 
 
 def _thick(share: Image, radius: float) -> Image:
@@ -94,19 +107,19 @@ def _thick(share: Image, radius: float) -> Image:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Pool:
-    """Pixels (n, 2) that equal bodies of some radius (px) cover, the share of each (n,), and the picture's size, px."""
+class ClassPixels:
+    """Pixels (n, 2) that equal bodies of some radius (px) cover, the share of each (n,), and the image's size, px."""
 
     xy: Array
     share: Array
     radius: float
     size: tuple[int, int]
 
-    def divided(self, start: Array) -> Portions:
+    def assign(self, start: Array) -> PixelAssignment:
         """Share the pixels out by Lloyd's iteration, begun at ``start`` (k, 2) px, and mend what is uneven.
 
         Each pixel goes to the nearest centre within reach, each centre to the mean of its pixels. Of a body that the
-        edge of the picture cuts, what lies beyond counts as if it were a disc: the step of the EM algorithm for
+        edge of the image cuts, what lies beyond counts as if it were a disc: the step of the EM algorithm for
         data that are missing.
         """
         found = self._lloyd(start)
@@ -121,17 +134,17 @@ class Pool:
             found = other
         return found
 
-    def searched(self, count: int, rng: np.random.Generator) -> Portions:
+    def assign_without_prediction(self, count: int, rng: np.random.Generator) -> PixelAssignment:
         """Share the pixels out among ``count`` bodies without knowing where they are: the best of many starts."""
         starts = [kmeans2(self.xy, count, iter=3, minit="++", rng=rng)[0] for _ in range(TRIES)]
-        return min((self.divided(start) for start in starts), key=lambda one: one.energy)
+        return min((self.assign(start) for start in starts), key=lambda one: one.energy)
 
     @property
     def area(self) -> float:
         """Area of one body, px."""
         return float(np.pi * self.radius**2)
 
-    def _lloyd(self, start: Array) -> Portions:
+    def _lloyd(self, start: Array) -> PixelAssignment:
         centres, reach = start.astype(np.float64), (REACH * self.radius) ** 2
         for _ in range(ROUNDS):
             apart = cdist(self.xy, centres, "sqeuclidean")
@@ -146,7 +159,7 @@ class Pool:
             if np.abs(centres - before).max() < SETTLED:
                 break
         spread = float((self.share * np.minimum(distance, reach)).sum()) / (self.area * self.radius**2 / 2)
-        return Portions(labels, centres, areas, beyond, spread)
+        return PixelAssignment(labels, centres, areas, beyond, spread)
 
     def _beyond(self, centres: Array) -> tuple[Array, Array]:
         """Area (k,) of discs at some centres that lies beyond the edges, and the sum (k, 2) of its coordinates."""
@@ -160,7 +173,7 @@ class Pool:
         outside = ((points < -0.5) | (points > np.array(self.size) - 0.5)).any(axis=-1)
         return outside.sum(axis=1).astype(np.float64), (points * outside[..., np.newaxis]).sum(axis=1)
 
-    def _parted(self, found: Portions, full: int, empty: int) -> Array:
+    def _parted(self, found: PixelAssignment, full: int, empty: int) -> Array:
         """The centres with the emptiest moved into the fullest portion, which is cut across."""
         pixels = self.xy[found.labels == full] - found.centres[full]
         axis = np.linalg.eigh(pixels.T @ pixels)[1][:, -1] if len(pixels) else np.zeros(2)

@@ -11,9 +11,9 @@ from scipy.optimize import linear_sum_assignment
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Mask
-from trackers._multi_body.appearance_classes import Kind
-from trackers._multi_body.motion_model import Motions
-from trackers._multi_body.pixel_assignment import Pool, Portions, Shown
+from trackers._multi_body.appearance_classes import AppearanceClass
+from trackers._multi_body.motion_model import MotionStates
+from trackers._multi_body.pixel_assignment import ClassPixels, CoveredPixels, PixelAssignment
 
 COMPLETE = 0.2  # of the area of all bodies of a kind: by so little it may differ where all are seen
 AT_EDGE = 0.05  # of the area of one body may lie at the edge where all are seen
@@ -31,7 +31,7 @@ FAR = 1e6
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Placed:
+class FrameAssignment:
     """One frame: the body of each pixel (n,), -1 for none; centres (k, 2) px; share of each that is seen (k,)."""
 
     labels: NDArray[np.int64]
@@ -40,121 +40,130 @@ class Placed:
 
 
 @dataclass(eq=False, slots=True)
-class Crowd:
+class BodyGroup:
     """All bodies of a clip: the number of the kind of each (k,), and what is known of their motion."""
 
-    kinds: Sequence[Kind]
-    of_kind: NDArray[np.int64]
-    motions: Motions
+    classes: Sequence[AppearanceClass]
+    class_of: NDArray[np.int64]
+    motions: MotionStates
     unseen: NDArray[np.int64]
     t_s: float
 
     @property
     def here(self) -> Mask:
-        """Which bodies are expected in the picture."""
+        """Which bodies are expected in the image."""
         return self.unseen <= PATIENCE
 
 
-def followed(frames: Sequence[Shown], kinds: Sequence[Kind]) -> list[Placed]:
+def follow_bodies(frames: Sequence[CoveredPixels], classes: Sequence[AppearanceClass]) -> list[FrameAssignment]:
     """The bodies in every frame, from the frame in which they can best be told apart to both ends.
 
     Parameters
     ----------
     frames
         What bodies cover in each frame, in order.
-    kinds
-        The kinds of bodies, with their numbers.
+    classes
+        The classes of bodies, with their numbers.
 
     Raises
     ------
     TrackingError
         When in no frame all bodies are seen.
     """
-    best, start = _first(frames, kinds)
-    placed: list[Placed | None] = [None] * len(frames)
+    best, start = _first(frames, classes)
+    placed: list[FrameAssignment | None] = [None] * len(frames)
     placed[best] = start
     frame_s = float(np.median(np.diff([one.t_s for one in frames])))
     for order in (range(best + 1, len(frames)), range(best - 1, -1, -1)):
-        crowd = _crowd_at(kinds, start, frames[best].t_s)
+        group = _crowd_at(classes, start, frames[best].t_s)
         for k in order:
-            placed[k] = _step(crowd, frames[k], frame_s)
+            placed[k] = _step(group, frames[k], frame_s)
     return [one for one in placed if one is not None]
 
 
-def _first(frames: Sequence[Shown], kinds: Sequence[Kind]) -> tuple[int, Placed]:
+def _first(frames: Sequence[CoveredPixels], classes: Sequence[AppearanceClass]) -> tuple[int, FrameAssignment]:
     """The frame in which the bodies can best be told apart, and where they are there."""
-    complete = [k for k, one in enumerate(frames) if _is_complete(one, kinds)]
+    complete = [k for k, one in enumerate(frames) if _is_complete(one, classes)]
     if not complete:
-        bodies = sum(kind.count for kind in kinds)
+        bodies = sum(appearance.count for appearance in classes)
         raise TrackingError(
             f"{bodies} bodies were asked for, but in no frame so many are seen at once; ask for fewer, "
             f"or limit the clip with --start and --stop"
         )
     chosen = [complete[k] for k in np.unique(np.linspace(0, len(complete) - 1, CANDIDATES).astype(int))]
     rng = np.random.default_rng(0)
-    found = {k: _looked_for(frames[k], kinds, rng) for k in chosen}
+    found = {k: _looked_for(frames[k], classes, rng) for k in chosen}
     best = min(found, key=lambda k: found[k][1])
     return best, found[best][0]
 
 
-def _is_complete(one: Shown, kinds: Sequence[Kind]) -> bool:
-    """Whether each kind covers about the area of all its bodies, next to none of it at the edge of the picture."""
+def _is_complete(one: CoveredPixels, classes: Sequence[AppearanceClass]) -> bool:
+    """Whether each kind covers about the area of all its bodies, next to none of it at the edge of the image."""
     at_edge = (one.xy <= 1).any(axis=1) | (one.xy >= np.array(one.size) - 2).any(axis=1)
-    areas = [float(one.pool(k, kind.radius).share.sum()) / (kind.count * kind.area) for k, kind in enumerate(kinds)]
-    few = np.count_nonzero(at_edge) < AT_EDGE * min(kind.area for kind in kinds)
+    areas = [
+        float(one.pool(k, appearance.radius).share.sum()) / (appearance.count * appearance.area)
+        for k, appearance in enumerate(classes)
+    ]
+    few = np.count_nonzero(at_edge) < AT_EDGE * min(appearance.area for appearance in classes)
     return bool(few) and all(abs(area - 1) < COMPLETE for area in areas)
 
 
-def _looked_for(one: Shown, kinds: Sequence[Kind], rng: np.random.Generator) -> tuple[Placed, float]:
+def _looked_for(
+    one: CoveredPixels, classes: Sequence[AppearanceClass], rng: np.random.Generator
+) -> tuple[FrameAssignment, float]:
     """Bodies found in a frame without a prediction, the largest kind first, from the left; and how unevenly."""
-    labels, centres, filled = np.full(len(one.kind), -1), [np.zeros((0, 2))], [np.zeros(0)]
+    labels, centres, filled = np.full(len(one.class_index), -1), [np.zeros((0, 2))], [np.zeros(0)]
     spread = 0.0
-    for number, kind in enumerate(kinds):
-        found = one.pool(number, kind.radius).searched(kind.count, rng)
+    for number, appearance in enumerate(classes):
+        found = one.pool(number, appearance.radius).assign_without_prediction(appearance.count, rng)
         found = found.taken(np.argsort(found.centres[:, 0], kind="stable"))
-        labels[one.kind == number] = np.where(found.labels >= 0, found.labels + sum(map(len, centres)), -1)
+        labels[one.class_index == number] = np.where(found.labels >= 0, found.labels + sum(map(len, centres)), -1)
         centres.append(found.centres)
-        filled.append(found.areas / kind.area)
+        filled.append(found.areas / appearance.area)
         spread += found.energy
     areas = np.concatenate(filled)
-    return Placed(labels, np.concatenate(centres), areas), spread / len(areas) + float(np.abs(areas - 1).max())
+    return FrameAssignment(labels, np.concatenate(centres), areas), spread / len(areas) + float(np.abs(areas - 1).max())
 
 
-def _crowd_at(kinds: Sequence[Kind], start: Placed, t_s: float) -> Crowd:
-    of_kind = np.concatenate([np.full(kind.count, number) for number, kind in enumerate(kinds)])
-    radius = np.array([kinds[number].radius for number in of_kind])
-    return Crowd(kinds, of_kind, Motions.at(start.centres, radius), np.zeros(len(of_kind), dtype=np.int64), t_s)
+def _crowd_at(classes: Sequence[AppearanceClass], start: FrameAssignment, t_s: float) -> BodyGroup:
+    class_of = np.concatenate([np.full(appearance.count, number) for number, appearance in enumerate(classes)])
+    radius = np.array([classes[number].radius for number in class_of])
+    return BodyGroup(
+        classes, class_of, MotionStates.at(start.centres, radius), np.zeros(len(class_of), dtype=np.int64), t_s
+    )
 
 
-def _step(crowd: Crowd, one: Shown, frame_s: float) -> Placed:
-    """Take the crowd on to the next frame, and say where its bodies are there."""
-    elapsed = abs(one.t_s - crowd.t_s) / frame_s
-    crowd.t_s = one.t_s
-    motions = crowd.motions
+def _step(group: BodyGroup, one: CoveredPixels, frame_s: float) -> FrameAssignment:
+    """Take the group on to the next frame, and say where its bodies are there."""
+    elapsed = abs(one.t_s - group.t_s) / frame_s
+    group.t_s = one.t_s
+    motions = group.motions
     starts = [motions.position + elapsed * motions.velocity, motions.after_impacts(elapsed), motions.position]
     motions.advance(elapsed)
-    placed = Placed(np.full(len(one.kind), -1), motions.position.copy(), np.zeros(len(crowd.of_kind)))
-    for number, kind in enumerate(crowd.kinds):
-        bodies = np.flatnonzero((crowd.of_kind == number) & crowd.here)
-        pool = one.pool(number, kind.radius)
+    placed = FrameAssignment(np.full(len(one.class_index), -1), motions.position.copy(), np.zeros(len(group.class_of)))
+    for number, appearance in enumerate(group.classes):
+        bodies = np.flatnonzero((group.class_of == number) & group.here)
+        pool = one.pool(number, appearance.radius)
         if not len(bodies) or not len(pool.xy):
             continue
         found = _assigned(motions, bodies, _divided(motions, bodies, pool, starts))
-        placed.labels[one.kind == number] = np.where(found.labels >= 0, bodies[found.labels], -1)
-        placed.centres[bodies], placed.filled[bodies] = found.centres, found.areas / kind.area
-    _learn(crowd, placed, one.size)
+        placed.labels[one.class_index == number] = np.where(found.labels >= 0, bodies[found.labels], -1)
+        placed.centres[bodies], placed.filled[bodies] = found.centres, found.areas / appearance.area
+    _learn(group, placed, one.size)
     return placed
 
 
-def _divided(motions: Motions, bodies: NDArray[np.int64], pool: Pool, starts: Sequence[Array]) -> Portions:
-    """The best of the portions that the hypotheses about the motion lead to: flight, impact, rest."""
+def _divided(
+    motions: MotionStates, bodies: NDArray[np.int64], pool: ClassPixels, starts: Sequence[Array]
+) -> PixelAssignment:
+    """The best of the assignments that the hypotheses about the motion lead to: flight, impact, rest."""
     variance = motions.covariance[bodies, 0, 0]
-    found = [pool.divided(starts[0][bodies])]
+    found = [pool.assign(starts[0][bodies])]
     if _is_clear(found[0], motions, bodies, pool):
         return found[0]
-    found += [pool.divided(start[bodies]) for start in starts[1:]]
+    found += [pool.assign(start[bodies]) for start in starts[1:]]
 
-    def cost(one: Portions, start: Array) -> float:
+    def cost(one: PixelAssignment, start: Array) -> float:
         miss = ((one.centres - start[bodies]) ** 2).sum(axis=-1) / variance
         return one.energy + PULL * float(np.minimum(miss, GATE).sum())
 
@@ -162,26 +171,26 @@ def _divided(motions: Motions, bodies: NDArray[np.int64], pool: Pool, starts: Se
     return found[best]
 
 
-def _is_clear(found: Portions, motions: Motions, bodies: NDArray[np.int64], pool: Pool) -> bool:
+def _is_clear(found: PixelAssignment, motions: MotionStates, bodies: NDArray[np.int64], pool: ClassPixels) -> bool:
     """Whether every body fills its portion, near where free flight leads."""
     miss = np.linalg.norm(found.centres - motions.position[bodies], axis=-1)
     uneven = np.abs((found.areas + found.beyond) / pool.area - 1).max()
     return bool(uneven < UNEVEN and miss.max() < CLEAR * pool.radius)
 
 
-def _assigned(motions: Motions, bodies: NDArray[np.int64], found: Portions) -> Portions:
-    """The portions given to the bodies at the least total squared distance from the predictions (Kuhn-Munkres)."""
+def _assigned(motions: MotionStates, bodies: NDArray[np.int64], found: PixelAssignment) -> PixelAssignment:
+    """The assignments given to the bodies at the least total squared distance from the predictions (Kuhn-Munkres)."""
     variance = motions.covariance[bodies, 0, 0][:, np.newaxis]
     miss = ((motions.position[bodies][:, np.newaxis] - found.centres) ** 2).sum(axis=-1) / variance
     _, columns = linear_sum_assignment(np.minimum(miss, FAR))
     return found.taken(columns)
 
 
-def _learn(crowd: Crowd, placed: Placed, size: tuple[int, int]) -> None:
+def _learn(group: BodyGroup, placed: FrameAssignment, size: tuple[int, int]) -> None:
     """Correct the motion of the bodies that are seen; count for how long the others have not been."""
-    radius = crowd.motions.radius[:, np.newaxis]
+    radius = group.motions.radius[:, np.newaxis]
     outside = ((placed.centres < -radius) | (placed.centres > np.array(size) - 1 + radius)).any(axis=1)
     at_edge = ((placed.centres < radius) | (placed.centres > np.array(size) - 1 - radius)).any(axis=1)
-    seen = crowd.here & (placed.filled > np.where(at_edge, GONE, HIDDEN))
-    crowd.motions.correct(placed.centres, seen, np.where(placed.filled < WHOLE, DOUBT, 1.0))
-    crowd.unseen = np.where(seen, 0, np.where(outside, PATIENCE, crowd.unseen) + 1)
+    seen = group.here & (placed.filled > np.where(at_edge, GONE, HIDDEN))
+    group.motions.correct(placed.centres, seen, np.where(placed.filled < WHOLE, DOUBT, 1.0))
+    group.unseen = np.where(seen, 0, np.where(outside, PATIENCE, group.unseen) + 1)

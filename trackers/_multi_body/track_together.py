@@ -1,4 +1,4 @@
-"""Many bodies, or bodies that touch: what each covers in every frame by the crowd, then its centre at full size."""
+"""Many bodies, or bodies that touch: what each covers in every frame by the group, then its centre at full size."""
 
 from __future__ import annotations
 
@@ -11,22 +11,24 @@ from numpy.typing import NDArray
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Frame, FrameSource, TrackOptions, with_progress
 from trackers._background.median import Bytes
-from trackers._detection.detect_frames import REPORT_EVERY, Stage, stage_of
-from trackers._detection.detection import THINNEST_BODY, Glimpse, Sighting, touches
-from trackers._detection.foreground import SMALLEST_AREA, SQUARE, Core, padded
+from trackers._detection.detect_frames import REPORT_EVERY, DetectionSetup, detection_setup
+from trackers._detection.detection import THINNEST_BODY, Detection, FrameDetections, touches
+from trackers._detection.foreground import SMALLEST_AREA, SQUARE, Blob, padded
 from trackers._detection.subpixel_centroid import Centre
 from trackers._frames.working_image import View
-from trackers._linking.frame_to_frame import Path
-from trackers._multi_body.appearance_classes import HALF_COVERED, behind, studied
-from trackers._multi_body.pixel_assignment import Shown, shown
-from trackers._multi_body.predict_and_assign import Placed, followed
+from trackers._linking.frame_to_frame import Tracklet
+from trackers._multi_body.appearance_classes import HALF_COVERED, background_level, learn_classes
+from trackers._multi_body.pixel_assignment import CoveredPixels, covered_pixels
+from trackers._multi_body.predict_and_assign import FrameAssignment, follow_bodies
 
 SEAM = 0.08  # radii: how well the line is known along which two touching bodies part, standard deviation
 ROUNDING = 0.5  # px, of the outline of a body, standard deviation
 SEEN = 0.6  # of its area: of a body that is hidden more, the centre is not known
 
 
-def together(video: FrameSource, view: View, options: TrackOptions) -> tuple[list[Glimpse], list[Path], View]:
+def track_together(
+    video: FrameSource, view: View, options: TrackOptions
+) -> tuple[list[FrameDetections], list[Tracklet], View]:
     """All bodies followed at once, told apart by colour where they differ in it; also how the clip was viewed.
 
     Parameters
@@ -36,18 +38,20 @@ def together(video: FrameSource, view: View, options: TrackOptions) -> tuple[lis
     view
         How to look at it; colour is added.
     """
-    stage = stage_of(video, view.with_chroma())
-    return *many(video, stage, options), stage.view
+    setup = detection_setup(video, view.with_chroma())
+    return *track_many(video, setup, options), setup.view
 
 
-def many(video: FrameSource, stage: Stage, options: TrackOptions) -> tuple[list[Glimpse], list[Path]]:
-    """What each frame shows, and the path of each of ``options.bodies`` bodies; the clip is read twice.
+def track_many(
+    video: FrameSource, setup: DetectionSetup, options: TrackOptions
+) -> tuple[list[FrameDetections], list[Tracklet]]:
+    """What each frame shows, and the tracklet of each of ``options.bodies`` bodies; the clip is read twice.
 
     Parameters
     ----------
     video
         The clip.
-    stage
+    setup
         What its samples show, with colour.
     options
         How many bodies; progress.
@@ -57,80 +61,88 @@ def many(video: FrameSource, stage: Stage, options: TrackOptions) -> tuple[list[
     TrackingError
         When in no frame so many bodies are seen.
     """
-    stage, kinds = studied(stage, options.bodies)
-    background, view = behind(stage.scene), stage.view
+    setup, classes = learn_classes(setup, options.bodies)
+    background, view = background_level(setup.background_range), setup.view
     frames = [
-        shown(stage.scene, kinds, background, np.atleast_3d(view.searched(frame)), frame.index, frame.t_s)
+        covered_pixels(
+            setup.background_range, classes, background, np.atleast_3d(view.search_image(frame)), frame.index, frame.t_s
+        )
         for frame in video.frames()
     ]
     if len(frames) < 2:
         raise TrackingError(f"{len(frames)} frame(s) cannot tell bodies from one another; there must be at least 2")
-    return measured(video, stage, frames, followed(frames, kinds), options)
+    return measure_bodies(video, setup, frames, follow_bodies(frames, classes), options)
 
 
-def measured(
-    video: FrameSource, stage: Stage, frames: Sequence[Shown], placed: Sequence[Placed], options: TrackOptions
-) -> tuple[list[Glimpse], list[Path]]:
-    """What each frame shows, and the path of each body, once it is known which pixels each covers.
+def measure_bodies(
+    video: FrameSource,
+    setup: DetectionSetup,
+    frames: Sequence[CoveredPixels],
+    placed: Sequence[FrameAssignment],
+    options: TrackOptions,
+) -> tuple[list[FrameDetections], list[Tracklet]]:
+    """What each frame shows, and the tracklet of each body, once it is known which pixels each covers.
 
     Parameters
     ----------
     video
         The clip.
-    stage
+    setup
         What its samples show.
     frames, placed
         What is covered in each frame, and by which body.
     options
         Progress.
     """
-    glimpses: list[Glimpse] = []
-    paths = [Path() for _ in placed[0].filled]
-    attention = stage.attention()
+    all_detections: list[FrameDetections] = []
+    tracklets = [Tracklet() for _ in placed[0].filled]
+    search_windows = setup.search_windows()
     seen = with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY)
-    for frame, one, there in zip(seen, frames, placed, strict=True):
-        _, things = attention.cores(frame)
-        glimpse, sightings = _measured(stage, frame, one, there, things)
-        glimpses.append(glimpse)
-        for path, sighting in zip(paths, sightings, strict=True):
-            if sighting is not None:
-                path.sightings.append(sighting)
-    return glimpses, paths
+    for frame, one, assignment in zip(seen, frames, placed, strict=True):
+        _, foreground = search_windows.blobs(frame)
+        frame_detections, detections = _measured(setup, frame, one, assignment, foreground)
+        all_detections.append(frame_detections)
+        for tracklet, detection in zip(tracklets, detections, strict=True):
+            if detection is not None:
+                tracklet.detections.append(detection)
+    return all_detections, tracklets
 
 
 def _measured(
-    stage: Stage, frame: Frame, one: Shown, there: Placed, things: Sequence[Core]
-) -> tuple[Glimpse, list[Sighting | None]]:
+    setup: DetectionSetup, frame: Frame, one: CoveredPixels, assignment: FrameAssignment, foreground: Sequence[Blob]
+) -> tuple[FrameDetections, list[Detection | None]]:
     """The centre of each body of a frame; None for one that is hidden, cut off, or not there.
 
     A body that stands alone is measured at full size. Where bodies touch, the line that parts them decides, and a
     closer look at the rest of the outline would not help.
     """
-    bodies = [core_of(one, there, body) for body in range(len(there.filled))]
-    known = [core for core in bodies if core is not None]
-    reaching = [thing for thing in things if thing.held and not _is_of(thing, known)]
+    bodies = [core_of(one, assignment, body) for body in range(len(assignment.filled))]
+    known = [blob for blob in bodies if blob is not None]
+    reaching = [thing for thing in foreground if thing.held and not _is_of(thing, known)]
     labels = np.full((one.size[1], one.size[0]), -1)
-    labels[one.xy[:, 1], one.xy[:, 0]] = there.labels
-    sightings: list[Sighting | None] = []
-    for body, (core, filled) in enumerate(zip(bodies, there.filled, strict=True)):
-        if core is None or filled < SEEN or core.at_edge:
-            sightings.append(None)
-        elif (seams := seams_of(labels, body, core)).any():
-            hand = any(touches(core, thing) for thing in reaching)
-            sightings.append(_parted(stage, frame, core, there.centres[body], seams, hand))
+    labels[one.xy[:, 1], one.xy[:, 0]] = assignment.labels
+    detections: list[Detection | None] = []
+    for body, (blob, filled) in enumerate(zip(bodies, assignment.filled, strict=True)):
+        if blob is None or filled < SEEN or blob.at_edge:
+            detections.append(None)
+        elif (seams := seams_of(labels, body, blob)).any():
+            hand = any(touches(blob, thing) for thing in reaching)
+            detections.append(_parted(setup, frame, blob, assignment.centres[body], seams, hand))
         else:
-            sightings.append(stage.lens.sighting(frame, core, known, reaching))
-    seen = tuple(sighting for sighting in sightings if sighting is not None)
-    return Glimpse(frame.index, frame.t_s, seen, tuple(stage.lens.intruder(thing) for thing in reaching)), sightings
+            detections.append(setup.detector.detect_body(frame, blob, known, reaching))
+    seen = tuple(detection for detection in detections if detection is not None)
+    return FrameDetections(
+        frame.index, frame.t_s, seen, tuple(setup.detector.edge_object(thing) for thing in reaching)
+    ), detections
 
 
-def seams_of(labels: NDArray[np.int64], body: int, core: Core) -> Array:
+def seams_of(labels: NDArray[np.int64], body: int, blob: Blob) -> Array:
     """Moments (j, 2) px^2 of the lines along which the bodies of a frame (h, w) part from one: one row a neighbour.
 
     Each row is the sum over the line's pixels of their place about the body's middle: what the sum of the body's
     coordinates changes by when the line moves by a pixel.
     """
-    left, top, right, bottom = core.box
+    left, top, right, bottom = blob.box
     y0, x0 = max(0, top - 1), max(0, left - 1)
     window = labels[y0 : bottom + 1, x0 : right + 1]
     mine = (window == body).astype(np.uint8)
@@ -142,37 +154,37 @@ def seams_of(labels: NDArray[np.int64], body: int, core: Core) -> Array:
     return np.array([arms[whose == other].sum(axis=0) for other in np.unique(whose)]).reshape(-1, 2)
 
 
-def _parted(stage: Stage, frame: Frame, core: Core, middle: Array, seams: Array, hand: bool) -> Sighting:
+def _parted(setup: DetectionSetup, frame: Frame, blob: Blob, middle: Array, seams: Array, hand: bool) -> Detection:
     """A body that touches others: its middle at the size that is searched, as sure as the lines are that part them."""
-    view, step = stage.view, stage.view.step
-    inside = core.mask > 0
-    image = np.atleast_3d(view.part(frame, core.box, step)).astype(np.float32)
-    difference = image - behind(stage.scene.part(core.box))
-    radius = float(np.sqrt(core.area / np.pi))
+    view, step = setup.view, setup.view.step
+    inside = blob.mask > 0
+    image = np.atleast_3d(view.part(frame, blob.box, step)).astype(np.float32)
+    difference = image - background_level(setup.background_range.part(blob.box))
+    radius = float(np.sqrt(blob.area / np.pi))
     line = SEAM * radius
-    variance = (line * seams / core.area) ** 2
-    sigma_x, sigma_y = np.sqrt(variance.sum(axis=0) + ROUNDING**2 / core.area) * step
+    variance = (line * seams / blob.area) ** 2
+    sigma_x, sigma_y = np.sqrt(variance.sum(axis=0) + ROUNDING**2 / blob.area) * step
     x, y = middle * step + (step - 1) / 2
     centre = Centre(
         x=float(x),
         y=float(y),
         sigma_x=float(sigma_x),
         sigma_y=float(sigma_y),
-        area=float(core.area * step**2),
+        area=float(blob.area * step**2),
         sigma_area=float(line * np.abs(seams).sum() / radius * step**2),
         contrast=float(np.abs(difference)[inside].max(axis=-1).mean()),
         intensity=float(image[..., 0][inside].mean()),
-        sigma_intensity=float(image[..., 0][inside].std() / np.sqrt(core.area)),
+        sigma_intensity=float(image[..., 0][inside].std() / np.sqrt(blob.area)),
         cut=False,
     )
     brightening = float(difference[..., 0][inside].mean())
-    compactness = min(1.0, np.pi * core.inscribed**2 / core.area)
-    return Sighting(frame.index, frame.t_s, centre, view.left, view.top, brightening, 1.0, compactness, hand)
+    compactness = min(1.0, np.pi * blob.inscribed**2 / blob.area)
+    return Detection(frame.index, frame.t_s, centre, view.left, view.top, brightening, 1.0, compactness, hand)
 
 
-def core_of(one: Shown, there: Placed, body: int) -> Core | None:
+def core_of(one: CoveredPixels, assignment: FrameAssignment, body: int) -> Blob | None:
     """The part of a frame that a body covers, the largest piece of it; None when it is too small."""
-    chosen = (there.labels == body) & (one.share > HALF_COVERED)
+    chosen = (assignment.labels == body) & (one.share > HALF_COVERED)
     if np.count_nonzero(chosen) < SMALLEST_AREA:
         return None
     xy = one.xy[chosen].astype(np.int64)
@@ -190,10 +202,10 @@ def core_of(one: Shown, there: Placed, body: int) -> Core | None:
         return None
     box = (int(left) + x, int(top) + y, int(left) + x + columns, int(top) + y + rows)
     edge = box[0] <= 1 or box[1] <= 1 or box[2] >= one.size[0] - 1 or box[3] >= one.size[1] - 1
-    return Core(np.ascontiguousarray(piece), box[0], box[1], inscribed, edge, edge)
+    return Blob(np.ascontiguousarray(piece), box[0], box[1], inscribed, edge, edge)
 
 
-def _is_of(thing: Core, bodies: Sequence[Core]) -> bool:
+def _is_of(thing: Blob, bodies: Sequence[Blob]) -> bool:
     """Whether most of what reaches in is bodies: a pile at the edge is no hand."""
     covered: Bytes = thing.mask.copy()
     left, top, right, bottom = thing.box
@@ -202,6 +214,6 @@ def _is_of(thing: Core, bodies: Sequence[Core]) -> bool:
         inner = (max(left, x0), max(top, y0), min(right, x1), min(bottom, y1))
         if inner[0] < inner[2] and inner[1] < inner[3]:
             rows, columns = slice(inner[1] - top, inner[3] - top), slice(inner[0] - left, inner[2] - left)
-            there = body.mask[inner[1] - y0 : inner[3] - y0, inner[0] - x0 : inner[2] - x0]
-            covered[rows, columns] &= 1 - there
+            overlap = body.mask[inner[1] - y0 : inner[3] - y0, inner[0] - x0 : inner[2] - x0]
+            covered[rows, columns] &= 1 - overlap
     return bool(np.count_nonzero(covered) < 0.5 * thing.area)

@@ -22,7 +22,7 @@ class Region:
     """Pixels (h, w) that change together, and how far that explains what changes.
 
     ``together`` is the share of the change, beyond the noise, that follows the common course, in these pixels or in
-    the whole picture, whichever is less sure; ``clipped`` the share of these pixels that are cut off in some sample.
+    the whole image, whichever is less sure; ``clipped`` the share of these pixels that are cut off in some sample.
     """
 
     mask: Flags

@@ -50,7 +50,7 @@ class Lamp:
     clipped: float
 
     def reading(self, luma: Bytes) -> tuple[float, float]:
-        """Mean grey level of the region in a picture, and its standard error by how its pixels scatter."""
+        """Mean grey level of the region in a image, and its standard error by how its pixels scatter."""
         values = luma[self.rows, self.columns][self.mask].astype(np.float64)
         mean = float(values.mean())
         expected = _powers(np.array([mean]), self.range_, len(self.curves))[0] @ self.curves

@@ -23,7 +23,7 @@ WINDOW = 10  # px above and below the surface whose pixels are compared
 LEAST_ROOM = 3  # px that must show on either side of the surface
 TUKEY = 5.0  # standard deviations from which a strip does not count
 MOST_OFF = 0.5  # of the strips may not keep to the surface
-SMALLEST_SCATTER = 5e-3  # px: of strips that agree to the last digit in a picture without noise
+SMALLEST_SCATTER = 5e-3  # px: of strips that agree to the last digit in a image without noise
 LEAST_CONTRAST = 4.0  # grey levels, of a strip
 
 
@@ -61,7 +61,7 @@ def vessel_of(stack: Bytes) -> Vessel:
     if columns.size < LEAST_WIDTH or rows.size < LEAST_HEIGHT:
         raise TrackingError(
             f"no surface moves in the clip: what changes is {columns.size} px wide and {rows.size} px high; "
-            "limit the picture with --roi"
+            "limit the image with --roi"
         )
     return Vessel(int(columns[0]), int(columns[-1]) + 1, int(rows[0]), int(rows[-1]) + 1)
 
@@ -75,7 +75,7 @@ def rough_levels(course: Array) -> Array:
     if explained < STEPWISE:
         raise TrackingError(
             f"what changes is no surface: only {explained:.0%} of it changes once and for all, as when something "
-            "passes; limit the picture to the vessel with --roi, or use another tracker"
+            "passes; limit the image to the vessel with --roi, or use another tracker"
         )
     falls = np.polyfit(np.arange(steps.size), steps, 1)[0] > 0
     k = np.arange(len(course))[:, np.newaxis]
@@ -106,9 +106,9 @@ class Surface:
     x: Array
 
     def level(self, strips: Array) -> tuple[float, float]:
-        """Row of the surface midway between the walls and its standard error, px, in a picture (rows, strips).
+        """Row of the surface midway between the walls and its standard error, px, in a image (rows, strips).
 
-        NaN where the surface is not in the picture or does not keep to a straight line.
+        NaN where the surface is not in the image or does not keep to a straight line.
         """
         rough = self._rough(strips)
         for _ in range(2):
@@ -120,7 +120,7 @@ class Surface:
         return row, sigma
 
     def _rough(self, strips: Array) -> float:
-        """The row from which on the picture looks as below the surface, to about a pixel."""
+        """The row from which on the image looks as below the surface, to about a pixel."""
         above = ((strips - self.above) ** 2).sum(axis=1)
         below = ((strips - self.below) ** 2).sum(axis=1)
         cost = np.concatenate([[0.0], np.cumsum(above)]) + np.concatenate([np.cumsum(below[::-1])[::-1], [0.0]])
@@ -158,7 +158,7 @@ def surface_of(stack: Array, levels: Array, x: Array) -> Surface:
         seen = np.flatnonzero(count)
         if seen.size == 0:
             where = "above" if side < 0 else "below"
-            raise TrackingError(f"the picture shows nothing {where} the surface; give a taller region with --roi")
+            raise TrackingError(f"the image shows nothing {where} the surface; give a taller region with --roi")
         look = np.einsum("kr,krs->rs", clear, stack)[seen] / count[seen, np.newaxis]
         parts.append(look[np.argmin(np.abs(row[:, np.newaxis] - seen), axis=1)])
     return Surface(parts[0], parts[1], x)

@@ -11,12 +11,12 @@ import numpy as np
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array
 from trackers._background.median import Bytes, Image
-from trackers._detection.foreground import Scene, any_channel, most_of_channels
+from trackers._detection.foreground import BackgroundRange, any_channel, most_of_channels
 
 STRONGEST = 60  # grey levels: what differs more counts no more than this
-SPOKES, RINGS = 360, 24  # of the polar picture
+SPOKES, RINGS = 360, 24  # of the polar image
 QUARTER = SPOKES // 4  # a body may turn by less than this between two frames
-LEARNING = 0.1  # share of each new frame in the polar picture that the next is compared with
+LEARNING = 0.1  # share of each new frame in the polar image that the next is compared with
 REACH = 0.98  # of what differs lies within this radius of the axis
 FEWEST_PIXELS = 12  # that must differ
 TRIPLES = 400  # of frames that are tried for the circle of the middles
@@ -27,28 +27,28 @@ FEWEST_FRAMES = 3
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """The axis of a turning body and how far the body reaches from it, px of the picture that is searched."""
+    """The axis of a turning body and how far the body reaches from it, px of the image that is searched."""
 
     x: float
     y: float
     reach: float
 
 
-def activity(scene: Scene, small: Bytes) -> Image:
+def activity(background_range: BackgroundRange, small: Bytes) -> Image:
     """By how much each pixel (h, w) lies outside of what the background shows, grey levels, at most 60."""
-    excess = scene.excess(small)
-    level = np.where(any_channel(excess > scene.weak), most_of_channels(excess), 0)
+    excess = background_range.excess(small)
+    level = np.where(any_channel(excess > background_range.weak), most_of_channels(excess), 0)
     opened = cv2.morphologyEx(np.minimum(level, STRONGEST).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     return np.asarray(opened, dtype=np.float32)
 
 
-def axis_of(pictures: Sequence[Image]) -> Axis:
-    """The axis about which the middle of what differs goes round in some pictures (h, w).
+def axis_of(images: Sequence[Image]) -> Axis:
+    """The axis about which the middle of what differs goes round in some images (h, w).
 
     The middle of a turning body lies on a circle about the axis, or on the axis itself. Pictures in which something
     else shows, such as a hand, are outvoted. TrackingError when nothing differs, or its middle keeps to no circle.
     """
-    shown = [one for one in pictures if np.count_nonzero(one) >= FEWEST_PIXELS]
+    shown = [one for one in images if np.count_nonzero(one) >= FEWEST_PIXELS]
     if len(shown) < FEWEST_FRAMES:
         raise TrackingError(
             "nothing in the clip moves, so nothing turns; check --start and --stop, and --roi and --colour if given"
@@ -57,22 +57,22 @@ def axis_of(pictures: Sequence[Image]) -> Axis:
     size = float(np.median([_reach(one, middle) for one, middle in zip(shown, middles, strict=True)]))
     centre = np.median(middles, axis=0)
     if np.median(np.hypot(*(middles - centre).T)) > OWN_AXIS * size:
-        centre = _circle(middles, pictures[0].shape)
+        centre = _circle(middles, images[0].shape)
     reach = float(np.median([_reach(one, centre) for one in shown]))
     return Axis(float(centre[0]), float(centre[1]), reach)
 
 
-def _middle(picture: Image) -> Array:
-    rows, columns = np.nonzero(picture)
-    return np.average(np.column_stack([columns, rows]).astype(np.float64), axis=0, weights=picture[rows, columns])
+def _middle(image: Image) -> Array:
+    rows, columns = np.nonzero(image)
+    return np.average(np.column_stack([columns, rows]).astype(np.float64), axis=0, weights=image[rows, columns])
 
 
-def _reach(picture: Image, centre: Array) -> float:
+def _reach(image: Image, centre: Array) -> float:
     """Radius about a centre within which most of what differs lies."""
-    rows, columns = np.nonzero(picture)
+    rows, columns = np.nonzero(image)
     away = np.hypot(columns - centre[0], rows - centre[1])
     order = np.argsort(away)
-    share = np.cumsum(picture[rows, columns][order])
+    share = np.cumsum(image[rows, columns][order])
     return float(away[order][np.searchsorted(share, REACH * share[-1])])
 
 
@@ -91,8 +91,8 @@ def _circle(middles: Array, shape: tuple[int, ...]) -> Array:
     in_picture = -0.5 <= best[0] < shape[1] and -0.5 <= best[1] < shape[0]
     if not in_picture or scatter > ROUND * best[2]:
         raise TrackingError(
-            "what moves does not turn about a point in the picture: its middle keeps to no circle there "
-            f"(scatter {scatter:.2g} px, radius {best[2]:.3g} px); limit the picture with --roi, or use the tracker "
+            "what moves does not turn about a point in the image: its middle keeps to no circle there "
+            f"(scatter {scatter:.2g} px, radius {best[2]:.3g} px); limit the image with --roi, or use the tracker "
             "median-background"
         )
     return best[:2]
@@ -124,10 +124,10 @@ class Middle:
     sigma: float
 
 
-def middle_of(pictures: Sequence[Image], axis: Axis, angles: Array) -> Middle:
-    """The middle of what differs in pictures turned by some angles (k,) rad, at angle zero."""
-    shown = [k for k, one in enumerate(pictures) if np.count_nonzero(one) >= FEWEST_PIXELS]
-    x, y = (np.array([_middle(pictures[k]) for k in shown]) - np.array([axis.x, axis.y])).T
+def middle_of(images: Sequence[Image], axis: Axis, angles: Array) -> Middle:
+    """The middle of what differs in images turned by some angles (k,) rad, at angle zero."""
+    shown = [k for k, one in enumerate(images) if np.count_nonzero(one) >= FEWEST_PIXELS]
+    x, y = (np.array([_middle(images[k]) for k in shown]) - np.array([axis.x, axis.y])).T
     cosine, sine = np.cos(angles[shown]), np.sin(angles[shown])
     back = np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
     right, down = np.median(back, axis=0)
@@ -136,7 +136,7 @@ def middle_of(pictures: Sequence[Image], axis: Axis, angles: Array) -> Middle:
 
 
 class Turns:
-    """Follows the angle from frame to frame by the polar picture of what differs, to about a degree."""
+    """Follows the angle from frame to frame by the polar image of what differs, to about a degree."""
 
     def __init__(self, axis: Axis) -> None:
         angle = 2 * np.pi * np.arange(SPOKES) / SPOKES
@@ -147,9 +147,9 @@ class Turns:
         self.known = np.zeros((RINGS, SPOKES))
         self.angle = self.rate = 0.0
 
-    def follow(self, picture: Image) -> float:
+    def follow(self, image: Image) -> float:
         """Angle in spokes, counted on through full turns, anticlockwise, of the next frame (h, w)."""
-        polar = cv2.remap(picture, self.columns, self.rows, cv2.INTER_LINEAR) * self.weight
+        polar = cv2.remap(image, self.columns, self.rows, cv2.INTER_LINEAR) * self.weight
         if not self.known.any():
             self.known = polar
             return self.angle

@@ -15,7 +15,7 @@ from trackers._regions.rotation_axis import Axis
 
 FINEST = 120  # points from the axis to the end of the body, at most
 MOST_POINTS = 6000  # that are compared in every frame: those that tell most about the angle
-BLOCK = 0.5  # of the reach: side of the blocks whose errors are taken to be independent: light and lens vary slowly
+BLOCK = 0.5  # of the reach: side of the blocks whose errors are taken to be independent: light and detector vary slowly
 TUKEY = 5.0  # standard deviations from which a residual does not count
 LEAST_NOISE = 1.0  # grey levels
 STEPS = 8  # of Gauss and Newton, at most
@@ -27,7 +27,7 @@ RIDGE = 1e-9  # of the diagonal
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Pattern:
-    """Grey levels of a body about its ``axis``, at angle zero, px of the picture that is searched.
+    """Grey levels of a body about its ``axis``, at angle zero, px of the image that is searched.
 
     ``place`` (n, 2) are points from the axis, x right and y down; ``level`` (n,) their grey level, ``slope`` (n, 2)
     its derivatives, ``spread`` (n,) by how much they differ from frame to frame beside the body's turning.
@@ -75,10 +75,10 @@ def rotation(angle: float) -> Array:
     return np.array([[cosine, sine], [-sine, cosine]])
 
 
-def pattern_of(pictures: Sequence[Image], angles: Array, axis: Axis) -> Pattern:
-    """The look of a body at angle zero from pictures (h, w) in which it is turned by known angles (k,).
+def pattern_of(images: Sequence[Image], angles: Array, axis: Axis) -> Pattern:
+    """The look of a body at angle zero from images (h, w) in which it is turned by known angles (k,).
 
-    It is the median over the pictures, each with its own brightness, so that what does not turn leaves no trace.
+    It is the median over the images, each with its own brightness, so that what does not turn leaves no trace.
     """
     side = min(FINEST, int(axis.reach))
     step = axis.reach / side
@@ -86,7 +86,7 @@ def pattern_of(pictures: Sequence[Image], angles: Array, axis: Axis) -> Pattern:
     x, y = np.meshgrid(grid, grid)
     place = np.column_stack([x.ravel(), y.ravel()])
     turned = [place @ rotation(angle).T for angle in angles]
-    values = np.stack([_seen(one, axis, (0.0, 0.0), where) for one, where in zip(pictures, turned, strict=True)])
+    values = np.stack([_seen(one, axis, (0.0, 0.0), where) for one, where in zip(images, turned, strict=True)])
     level = np.median(values, axis=0)
     for _ in range(ROUNDS):
         even = np.stack([_evened(*pair, level) for pair in zip(values, turned, strict=True)])
@@ -98,12 +98,12 @@ def pattern_of(pictures: Sequence[Image], angles: Array, axis: Axis) -> Pattern:
     return Pattern(axis, place[inside], level[inside], slope[inside], spread[inside])
 
 
-def _seen(picture: Image, axis: Axis, shift: tuple[float, float], place: Array) -> Array:
-    """Grey levels (n,) of a picture at places (n, 2) from the axis."""
+def _seen(image: Image, axis: Axis, shift: tuple[float, float], place: Array) -> Array:
+    """Grey levels (n,) of a image at places (n, 2) from the axis."""
     where = (place + np.array([axis.x + shift[0], axis.y + shift[1]])).astype(np.float32)
     columns = -(-len(where) // 256)  # a map must not be longer than 32767 pixels
     padded = np.resize(where, (256 * columns, 2)).reshape(256, columns, 2)
-    seen = cv2.remap(picture, padded, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    seen = cv2.remap(image, padded, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(seen.ravel()[: len(where)], dtype=np.float64)
 
 
@@ -124,27 +124,27 @@ def _evened(values: Array, place: Array, level: Array) -> Array:
     return np.asarray((values - gain[3]) / light)
 
 
-def turned(pattern: Pattern, picture: Image, start: float, *, loose: bool = False) -> Turned:
-    """The angle at which a picture (h, w) shows a pattern, by weighted least squares from a start within a step of it.
+def turned(pattern: Pattern, image: Image, start: float, *, loose: bool = False) -> Turned:
+    """The angle at which a image (h, w) shows a pattern, by weighted least squares from a start within a step of it.
 
     Every point is predicted by the pattern's grey level times the brightness of the frame, which may slope, plus an
     offset. The standard error is the jackknife's over blocks of points (Efron and Tibshirani 1993, ch. 11), so that
-    noise which is alike within a block, and parts of the picture that differ from the pattern, count as they should.
+    noise which is alike within a block, and parts of the image that differ from the pattern, count as they should.
 
     Parameters
     ----------
     pattern
         What is sought.
-    picture
+    image
         Where.
     start
         Angle to begin with, rad.
     loose
-        Whether the axis may be elsewhere in this picture; no standard error is worked out then.
+        Whether the axis may be elsewhere in this image; no standard error is worked out then.
     """
     angle, shift = start, np.zeros(2)
     for _ in range(STEPS):
-        linear = _linear(pattern, picture, angle, shift, loose=loose)
+        linear = _linear(pattern, image, angle, shift, loose=loose)
         step = np.clip(linear.solution[0], -LONGEST_STEP, LONGEST_STEP)
         angle += float(step)
         if loose:
@@ -169,10 +169,10 @@ class _Linear:
     weight: Array
 
 
-def _linear(pattern: Pattern, picture: Image, angle: float, shift: Array, *, loose: bool) -> _Linear:
+def _linear(pattern: Pattern, image: Image, angle: float, shift: Array, *, loose: bool) -> _Linear:
     turn = rotation(angle)
     place = pattern.place @ turn.T
-    values = _seen(picture, pattern.axis, (float(shift[0]), float(shift[1])), place)
+    values = _seen(image, pattern.axis, (float(shift[0]), float(shift[1])), place)
     terms = np.column_stack([-pattern.by_angle, _lighting(pattern.level, place)])
     if loose:
         terms = np.column_stack([terms, -pattern.slope @ turn.T])
@@ -230,5 +230,5 @@ def centred(axis: Axis, angles: Array, shifts: Array) -> Axis:
 
 
 def luma_of(small: Bytes) -> Image:
-    """The plane of a picture (h, w) or (h, w, 3) that is compared: luma, as it is sharpest."""
+    """The plane of a image (h, w) or (h, w, 3) that is compared: luma, as it is sharpest."""
     return np.asarray(small if small.ndim == 2 else small[..., 0], dtype=np.float32)

@@ -78,6 +78,6 @@ def pooled(sigma: Array) -> Array:
 def persistent(sigma: Array) -> Array:
     """Standard errors (n,) of which none is below the median of all.
 
-    Where a course is slow, a compressed picture stays behind it as far as elsewhere, but smoothly: nothing scatters.
+    Where a course is slow, a compressed image stays behind it as far as elsewhere, but smoothly: nothing scatters.
     """
     return np.asarray(np.maximum(sigma, np.median(sigma)))
