@@ -1,1 +1,4 @@
-"""What the numbers in the README come from: ``python -m benchmarks`` lists the tables it can print."""
+"""Programs that measure how well the package works; their tables are in ``docs/validation``.
+
+``python -m validation`` lists them. ``--write-docs`` writes a program's tables into their page; see ``validation.pages``.
+"""

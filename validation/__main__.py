@@ -1,4 +1,4 @@
-"""List the validation, each a module that prints its own table."""
+"""List the programs of ``validation``: each is a module that prints its own tables."""
 
 import ast
 import pkgutil
@@ -6,8 +6,20 @@ from pathlib import Path
 
 import validation
 
-for info in pkgutil.iter_modules(validation.__path__):
-    if not info.name.startswith("_"):
-        source = (Path(validation.__path__[0]) / f"{info.name}.py").read_text(encoding="utf-8")
-        summary = (ast.get_docstring(ast.parse(source)) or "").partition("\n")[0]
-        print(f"python -m validation.{info.name:<12} {summary}")
+FOLDER = Path(validation.__file__).parent
+
+
+def programs() -> dict[str, str]:
+    """First line of the docstring of every program by its name; a package is a program that has a ``__main__``."""
+    sources = {}
+    for info in pkgutil.iter_modules([str(FOLDER)]):
+        path = FOLDER / info.name / "__main__.py" if info.ispkg else FOLDER / f"{info.name}.py"
+        text = path.read_text(encoding="utf-8") if path.is_file() else ""
+        if "\ndef main(" in text:
+            sources[info.name] = (ast.get_docstring(ast.parse(text)) or "").partition("\n")[0]
+    return sources
+
+
+if __name__ == "__main__":
+    for name, summary in programs().items():
+        print(f"python -m validation.{name:<18} {summary}")

@@ -19,8 +19,9 @@ from iris_sysid.diagnosis.screening import SINGLE_LEVEL
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.types import Array, Diagnosis, Effect, Estimate, OdeModel, Trajectory
+from validation import pages
 
-Found = TypeVar("Found")
+Result = TypeVar("Result")
 
 FRAME_RATE_HZ = 60.0
 # by model: length of the clip, s; noise, in the observed unit (0.1 px of a 720-line picture); ranges of the truth
@@ -275,37 +276,55 @@ def percent(flags: Sequence[bool] | Array) -> str:
     return f"{100 * np.mean(flags):.1f} %" if len(flags) else ""
 
 
-def in_all_cases(case: Callable[[int, int], Found | None], about: str, cases: int) -> tuple[list[Found], int]:
-    """Run every case in processes, as the command line asks; what was found, and how many gave nothing.
+def print_all_cases(
+    case: Callable[[int, int], Result | None],
+    show: Callable[[list[Result], int], None],
+    *,
+    about: str,
+    cases: int,
+    name: str,
+) -> list[Result]:
+    """Run every case in parallel processes, as the command line says, and print the table of their results.
 
     Parameters
     ----------
     case
-        From a seed and a count of hidden effects.
+        Result of a seed and a number of hidden effects; None where the case cannot be used.
+    show
+        Prints the table, from the results and the number of cases without one.
     about
         What the command does.
     cases
-        How many, unless asked otherwise.
+        How many, unless the command line says otherwise.
+    name
+        Of the table in the docs.
     """
     parser = argparse.ArgumentParser(description=about)
     parser.add_argument("--cases", type=int, default=cases)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    seeds = np.arange(asked.cases) + 10_000 * asked.seed
-    counts = np.random.default_rng(asked.seed).integers(0, 3, asked.cases)
-    with ProcessPoolExecutor(asked.workers) as pool:
-        every = list(pool.map(case, seeds.tolist(), counts.tolist()))
-    found = [outcome for outcome in every if outcome is not None]
-    return found, len(every) - len(found)
+    pages.add_option(parser)
+    options = parser.parse_args()
+    seeds = np.arange(options.cases) + 10_000 * options.seed
+    counts = np.random.default_rng(options.seed).integers(0, 3, options.cases)
+    with pages.table(name, options.write_docs):
+        with ProcessPoolExecutor(options.workers) as pool:
+            outcomes = list(pool.map(case, seeds.tolist(), counts.tolist()))
+        results = [result for result in outcomes if result is not None]
+        show(results, len(outcomes) - len(results))
+    return results
 
 
 def main() -> None:
     """Print the table, and the cases that went wrong."""
-    outcomes, gone = in_all_cases(case, str(__doc__), 300)
-    print(f"{len(outcomes)} cases; {gone} ran away or could not be fitted")
-    print(table(outcomes).to_string(index=False))
+    outcomes = print_all_cases(case, print_table, about=str(__doc__), cases=300, name="blind")
     print("\n".join(wrong_cases(outcomes)))
+
+
+def print_table(outcomes: list[Outcome], unusable: int) -> None:
+    """Print the rates, and how many cases could not be used."""
+    print(f"{len(outcomes)} cases; {unusable} diverged or could not be fitted")
+    print(pages.markdown(table(outcomes)))
 
 
 def wrong_cases(outcomes: Sequence[Outcome]) -> list[str]:

@@ -34,6 +34,7 @@ from iris_sysid.synthetic import SCENES, render_clip
 from iris_sysid.synthetic.effects import FORCING_HZ
 from iris_sysid.synthetic.plan import Plan, plan_clip
 from iris_sysid.types import Effect, FitResult, OdeModel, Score, Trajectory
+from validation import pages
 from validation.blind import FACTORS, Outcome, outcome_of, share_apart, table, wrong_cases
 
 SIZE, FPS, DURATION_S = (960, 540), 60.0, 5.0
@@ -231,14 +232,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--clips", type=int, default=40)
     parser.add_argument("--folder", type=Path, required=True, help="where clips and tracks stay")
     parser.add_argument("--workers", type=int, default=2)
-    asked = parser.parse_args(arguments)
-    asked.folder.mkdir(parents=True, exist_ok=True)
-    done = side_by_side(partial(case, folder=asked.folder), range(asked.clips), asked.workers, lambda seed: None)
-    every = dict(done)
+    pages.add_option(parser)
+    options = parser.parse_args(arguments)
+    options.folder.mkdir(parents=True, exist_ok=True)
+    with pages.table("blind-video", options.write_docs):
+        outcomes = _print_outcomes(options.folder, options.clips, options.workers)
+    print("\n".join(wrong_cases(outcomes)))
+
+
+def _print_outcomes(folder: Path, clips: int, workers: int) -> list[Outcome]:
+    """Diagnose every clip in parallel, and print the table."""
+    every = dict(side_by_side(partial(case, folder=folder), range(clips), workers, lambda seed: None))
     outcomes = [one for _, one in sorted(every.items()) if one is not None]
     print(f"{len(outcomes)} clips; {len(every) - len(outcomes)} could not be measured or fitted")
-    print(table(outcomes).to_string(index=False))
-    print("\n".join(wrong_cases(outcomes)))
+    print(pages.markdown(table(outcomes)))
+    return outcomes
 
 
 if __name__ == "__main__":

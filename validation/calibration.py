@@ -24,6 +24,7 @@ from iris_sysid.calibration.plane import to_plane
 from iris_sysid.synthetic import Look, render_checkerboard, render_clip
 from iris_sysid.synthetic.plan import plan_clip
 from tests.calibration.test_camera import scored
+from validation import pages
 
 PICTURES = Path("..") / "shared" / "data" / "opencv_checkerboard"
 PHONE_LENS = (0.10, -0.15)  # k1, k2 of a phone's main camera before its own correction
@@ -149,6 +150,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=200, help="seeds of the coverage")
     parser.add_argument("--falls", type=int, default=1, help="pairs of clips")
     parser.add_argument("--size", default="3840x2160", help="of those clips, px")
+    pages.add_option(parser)
     options = parser.parse_args()
     width, height = (int(side) for side in options.size.split("x"))
     parts = {
@@ -157,9 +159,12 @@ def main() -> None:
         "coverage": lambda: coverage(range(options.first, options.first + options.seeds)),
         "fall": lambda: fall((width, height), range(options.first, options.first + options.falls)),
     }
+    tables = {name: f"calibration-{name}" for name in parts}
+    tables["fall"] += "-4k" if (width, height) == (3840, 2160) else f"-{width}"
     for name, part in parts.items():
         if options.part in (None, name):
-            part()
+            with pages.table(tables[name], options.write_docs):
+                part()
             print()
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from iris_sysid.errors import IrisError
 from tests._experiments import EXPERIMENTS, repeated
+from validation import pages
 
 
 def row(name: str, rho: float, seeds: int) -> str:
@@ -29,15 +30,18 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=400, help="experiments for each model and noise")
     parser.add_argument("--models", nargs="*", default=list(EXPERIMENTS), help="names of models")
     parser.add_argument("--rho", nargs="*", type=float, default=[0.0, 0.9], help="correlation from sample to sample")
+    pages.add_option(parser)
     arguments = parser.parse_args()
-    print(f"{arguments.seeds} experiments for each row")
-    print(
-        "| model | rho | covered / % | each value / % | scatter / standard error | scatter / Cramer-Rao, worst value |"
-    )
-    print("|---|---|---|---|---|---|")
-    for name in arguments.models:
-        for rho in arguments.rho:
-            print(row(name, rho, arguments.seeds), flush=True)
+    with pages.table("coverage", arguments.write_docs):
+        print(f"{arguments.seeds} experiments for each row")
+        print(
+            "| model | rho | covered / % | each value / % | scatter / standard error | scatter / "
+            "Cramer-Rao, worst value |"
+        )
+        print("|---|---|---|---|---|---|")
+        for name in arguments.models:
+            for rho in arguments.rho:
+                print(row(name, rho, arguments.seeds), flush=True)
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from iris_sysid.registry import MODELS
 from iris_sysid.report.text import discovery_sentence
 from iris_sysid.types import Discovery, Quantity, Trajectory
 from tests import _real_data as real
+from validation import pages
 
 PX_PER_M = 500.0  # a 4K frame of about 8 m, or 720p of 2.5 m
 ARM_M = 0.5  # from pivot to bob: 0.2 px are 0.8 mrad
@@ -318,26 +319,32 @@ def degradation(motion: Motion, sweep: str, seeds: int) -> tuple[dict[str, list[
     return shares, errors
 
 
-def print_degradation(motions: Sequence[Motion], seeds: int, picture: Path | None) -> None:
-    """Print the shares, and draw them."""
+def print_degradation(motions: Sequence[Motion], seeds: int, picture: Path | None, write_docs: bool) -> None:
+    """Print the shares, and draw them; ``write_docs`` writes a table of the docs for each model and sweep."""
     curves: dict[str, dict[str, dict[str, list[float]]]] = {}
     for motion in motions:
         curves[motion.model] = {}
         for sweep, (points, _) in SWEEPS.items():
-            shares, errors = degradation(motion, sweep, seeds)
-            curves[motion.model][sweep] = shares
-            print(f"\n| {motion.model}, {sweep} | " + " | ".join(f"{p:g}" for p in points) + " |")
-            print("|---" * (len(points) + 1) + "|")
-            for name, values in shares.items():
-                print(f"| {name} | " + " | ".join(f"{100 * v:.0f} %" for v in values) + " |")
-            print(
-                "| ours, worst parameter off by | "
-                + " | ".join(f"{100 * v:.2g} %" if np.isfinite(v) else "-" for v in errors)
-                + " |",
-                flush=True,
-            )
+            with pages.table(f"discovery-{motion.model.rpartition('-')[2]}-{sweep_name(sweep)}", write_docs):
+                shares, errors = degradation(motion, sweep, seeds)
+                curves[motion.model][sweep] = shares
+                print(f"\n| {motion.model}, {sweep} | " + " | ".join(f"{p:g}" for p in points) + " |")
+                print("|---" * (len(points) + 1) + "|")
+                for name, values in shares.items():
+                    print(f"| {name} | " + " | ".join(f"{100 * v:.0f} %" for v in values) + " |")
+                print(
+                    "| ours, worst parameter off by | "
+                    + " | ".join(f"{100 * v:.2g} %" if np.isfinite(v) else "-" for v in errors)
+                    + " |",
+                    flush=True,
+                )
     if picture is not None:
         draw_degradation(curves, picture)
+
+
+def sweep_name(sweep: str) -> str:
+    """One word for a sweep, as the tables of the docs are named: noise, rate or length."""
+    return sweep.partition(" (")[0].split()[-1]
 
 
 def draw_degradation(curves: dict[str, dict[str, dict[str, list[float]]]], picture: Path) -> None:
@@ -409,19 +416,21 @@ def main() -> None:
     parser.add_argument("--curve-seeds", type=int, default=10, help="motions at each point of a degradation curve")
     parser.add_argument("--others-seeds", type=int, default=10, help="how many of them pysindy's own methods see")
     parser.add_argument("--picture", type=Path, help="PNG file for the degradation curves")
+    pages.add_option(parser)
     asked = parser.parse_args()
     parts = asked.part or ["structure", "degradation", "real", "speed"]
     motions = [motion for motion in MOTIONS if not asked.model or motion.model in asked.model]
     with threadpool_limits(limits=1):
         if "structure" in parts:
-            print_structure(motions, asked.seeds, asked.others_seeds)
+            with pages.table("discovery-structure", asked.write_docs):
+                print_structure(motions, asked.seeds, asked.others_seeds)
         if "degradation" in parts:
             wanted = asked.model or ("pendulum", "linear-oscillator")
-            print_degradation(
-                [motion for motion in motions if motion.model in wanted], asked.curve_seeds, asked.picture
-            )
+            chosen = [motion for motion in motions if motion.model in wanted]
+            print_degradation(chosen, asked.curve_seeds, asked.picture, asked.write_docs)
         if "real" in parts:
-            print_real(list(RECORDINGS))
+            with pages.table("discovery-real", asked.write_docs):
+                print_real(list(RECORDINGS))
         if "speed" in parts:
             print_speed()
 

@@ -25,6 +25,7 @@ from iris_sysid.io.json_documents import write_document
 from iris_sysid.io.schemas import number
 from iris_sysid.io.schemas.groundtruth import MeasuredDocument, ParametersDocument
 from iris_sysid.types import Estimate
+from validation import pages
 
 CALIPERS = 1e-5  # m, resolution of the calipers
 FULL_FRAMES, FULL_PIXELS = 372_600, 3840 * 2160  # of the published data set
@@ -162,6 +163,7 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=Path("groundtruth.work"), help="folder of the measurements")
     parser.add_argument("--trials", type=int, default=None, help="only so many clips of each setting")
     parser.add_argument("-o", "--output", type=Path, default=None, help="parameters.json, to be kept")
+    pages.add_option(parser)
     options = parser.parse_args()
     by_hand, began = by_calipers(options.dataset), time.process_time()
     found = measure(
@@ -172,12 +174,13 @@ def main() -> None:
     if options.output is not None:
         write_document(document, options.output, overwrite=True)
     failed = [clip.clip.place for clip in found.clips if clip.document.status == "failed"]
-    print(f"{len(found.clips)} clips, {len(failed)} failed")
-    report("Each clip that its equation fits", list(clip_rows(found.clips, "ok")))
-    report("Each clip with a residual above the noise", list(clip_rows(found.clips, "misfit")))
-    report("Each setting, pooled", list(pooled_rows(document, found.clips)))
-    width, height = json.loads((options.dataset / "manifest.json").read_text("utf-8"))["origin"]["options"]["size"]
-    report_time(found, seconds, width * height)
+    with pages.table("groundtruth", options.write_docs):
+        print(f"{len(found.clips)} clips, {len(failed)} failed")
+        report("Each clip that its equation fits", list(clip_rows(found.clips, "ok")))
+        report("Each clip with a residual above the noise", list(clip_rows(found.clips, "misfit")))
+        report("Each setting, pooled", list(pooled_rows(document, found.clips)))
+        width, height = json.loads((options.dataset / "manifest.json").read_text("utf-8"))["origin"]["options"]["size"]
+        report_time(found, seconds, width * height)
 
 
 if __name__ == "__main__":

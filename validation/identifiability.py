@@ -9,6 +9,7 @@ sizes.
 
 from __future__ import annotations
 
+import argparse
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ from fitters.ode.identifiability import identifiability
 from iris_sysid.registry import MODELS
 from iris_sysid.synthetic.plan import plan_clip
 from iris_sysid.types import Trajectory
+from validation import pages
 
 LONGEST_S = 8.0
 COUPLED = "coupled-pendulums"  # as the paper has them; the clips have impacts, which R shows
@@ -65,9 +67,18 @@ def trajectory_of(row: Row, seed: int = 0) -> Trajectory:
 
 def main() -> None:
     """Print the table."""
-    print(__doc__.partition("\n")[0])
-    head = f"{'phenomenon':22} {'setting':12} {'G first':>9} {'middle':>9} {'last':>9} {'R':>9} {'noise':>9}"
-    print(f"{head} {'Fisher':>9} {'Hessian':>9}  status, published (latent units)")
+    parser = argparse.ArgumentParser(description=__doc__)
+    pages.add_option(parser)
+    options = parser.parse_args()
+    with pages.table("identifiability", options.write_docs):
+        print_table()
+
+
+def print_table() -> None:
+    """Print a row for each clip, with the combination of values that is least determined."""
+    columns = ("phenomenon", "setting", "G first", "G middle", "G last", "R", "R of the noise", "condition (Fisher)")
+    columns += ("condition (Hessian)", "least determined", "status", "paper (latent units)")
+    print(f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
     for row in ROWS:
         clip = trajectory_of(row)
         result = fit(clip, MODELS[row.model])
@@ -76,10 +87,9 @@ def main() -> None:
         steps = [path[0], path[len(path) // 2], path[-1]]
         numbers = [*steps, *(np.sum(residual) for residual in (found.ode_residual, found.ode_residual_noise))]
         numbers += [found.condition, found.hessian_condition]
-        text = " ".join(f"{number:9.2e}" for number in numbers)
-        print(f"{row.scene:22} {row.setting:12} {text}  {result.status}, {row.published}", flush=True)
-        if found.weakest or found.undetermined:
-            print(f"{'':35} {'; '.join([*found.undetermined, found.weakest])}")
+        text = " | ".join(f"{number:.2e}" for number in numbers)
+        weak = "; ".join(filter(None, [*found.undetermined, found.weakest]))
+        print(f"| {row.scene} | {row.setting} | {text} | {weak} | {result.status} | {row.published} |", flush=True)
 
 
 if __name__ == "__main__":

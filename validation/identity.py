@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
@@ -27,6 +28,7 @@ from iris_sysid.io.csv_read import read_track
 from iris_sysid.registry import PHENOMENA, TRACKERS
 from iris_sysid.synthetic import SCENES, Truth, read_truth, render_clip
 from iris_sysid.types import Track, TrackOptions
+from validation import pages
 
 CLASSES = ("two-moving-pendulums", "two-moving-pendulum-one-static", "hitting-cones")
 SECONDS = 5.0  # of each clip: in half of that a hand, or a pile that stands, covers a body for too much of it
@@ -162,7 +164,7 @@ def run_clip(phenomenon: str, number: int, size: tuple[int, int], duration_s: fl
         tracker = TRACKERS[PHENOMENA[benchmark_classes()[SCENES[phenomenon].folder][0]].tracker]
         tracks = tracker.track(open_video(clip), TrackOptions(bodies=truth.table["body"].nunique()))
     except IrisError as error:
-        print(f"{phenomenon}, clip {number}: {error}", flush=True)
+        print(f"{phenomenon}, clip {number}: {error}", file=sys.stderr, flush=True)
         usable = int(np.isfinite(usable_truth(truth, list(truth.table["body"].unique()))[0][..., 0]).sum())
         return Score(1, 0, 0, usable, 0.0, 0.0, np.nan)
     return score(truth, tracks)
@@ -207,7 +209,11 @@ def kept(phenomenon: str, dataset: Path, tracks: Path) -> Iterator[Score]:
         if path.exists() and (truth := read_truth(clip.path)).phenomenon == phenomenon:
             result = score(truth, read_track(path))
             if result.switches or result.seen < result.usable:
-                print(f"{clip.place}: {result.switches} switches, {result.seen} of {result.usable}", flush=True)
+                print(
+                    f"{clip.place}: {result.switches} switches, {result.seen} of {result.usable}",
+                    file=sys.stderr,
+                    flush=True,
+                )
             yield result
 
 
@@ -222,24 +228,27 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=np.inf, help="begin no clip of a phenomenon after so long")
     parser.add_argument("--dataset", type=Path, help="data set of the twin whose tracks were kept")
     parser.add_argument("--tracks", type=Path, help="folder of the tracks that were kept")
+    pages.add_option(parser)
     options = parser.parse_args()
     if (options.dataset is None) != (options.tracks is None):
         parser.error("--dataset and --tracks go together")
-    print(
-        "| phenomenon | clips | identity switches | coverage | HOTA | IDF1 | RMSE px |\n|---|---|---|---|---|---|---|"
-    )
-    for phenomenon in options.phenomenon or CLASSES:
-        if options.dataset is None:
-            scores = list(rendered(options, phenomenon))
-        else:
-            scores = list(kept(phenomenon, options.dataset, options.tracks))
-        if scores:
-            all_of = together(scores)
-            print(
-                f"| {phenomenon} | {all_of.clips} | {all_of.switches} | {all_of.seen / all_of.usable:.4f} "
-                f"| {all_of.hota:.4f} | {all_of.idf1:.4f} | {all_of.rmse_px:.3f} |",
-                flush=True,
-            )
+    with pages.table("identity" if options.dataset is None else "identity-dataset", options.write_docs):
+        print(
+            "| phenomenon | clips | identity switches | coverage | HOTA | IDF1 | RMSE px |\n"
+            "|---|---|---|---|---|---|---|"
+        )
+        for phenomenon in options.phenomenon or CLASSES:
+            if options.dataset is None:
+                scores = list(rendered(options, phenomenon))
+            else:
+                scores = list(kept(phenomenon, options.dataset, options.tracks))
+            if scores:
+                all_of = together(scores)
+                print(
+                    f"| {phenomenon} | {all_of.clips} | {all_of.switches} | {all_of.seen / all_of.usable:.4f} "
+                    f"| {all_of.hota:.4f} | {all_of.idf1:.4f} | {all_of.rmse_px:.3f} |",
+                    flush=True,
+                )
 
 
 if __name__ == "__main__":

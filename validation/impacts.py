@@ -17,6 +17,7 @@ from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.synthetic import read_truth, render_clip
 from iris_sysid.types import FitResult, TrackOptions, Trajectory
 from iris_sysid.video.reader import open_video
+from validation import pages
 
 FOOTAGE = Path("..") / "shared" / "data" / "iris_footage" / "Two_Moving_Pendulums.gif"
 PAIRS = ("two-moving-pendulums", "two-moving-pendulum-one-static")
@@ -98,14 +99,18 @@ def print_linear_bias() -> None:
 
 def main() -> None:
     """Print the tables as Markdown."""
-    argparse.ArgumentParser(description=__doc__).parse_args()
-    print_linear_bias()
-    if FOOTAGE.is_file():
-        print()
-        name = "two-moving-pendulums"
-        print_comparison([("the benchmark's footage, 10 frames a second", tracked(FOOTAGE, name), name)])
-    with tempfile.TemporaryDirectory() as temporary:
-        print_twin(Path(temporary))
+    parser = argparse.ArgumentParser(description=__doc__)
+    pages.add_option(parser)
+    options = parser.parse_args()
+    with pages.table("impacts-linear-pendulum", options.write_docs):
+        print_linear_bias()
+    with pages.table("impacts", options.write_docs):
+        if FOOTAGE.is_file():
+            print()
+            name = "two-moving-pendulums"
+            print_comparison([("the benchmark's footage, 10 frames a second", tracked(FOOTAGE, name), name)])
+        with tempfile.TemporaryDirectory() as temporary:
+            print_twin(Path(temporary))
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from iris_sysid.benchmark.studies.losses import BENDS, HORIZONS, INTEGRATORS, st
 from iris_sysid.registry import MODELS
 from iris_sysid.synthetic.plan import plan_clip
 from iris_sysid.types import Array, Trajectory
+from validation import pages
 from validation.recovery import NOISE_PX, SIZE, best_latent, through_phenomenon
 
 GRAVITY = 9.80665
@@ -77,25 +78,31 @@ def main() -> None:
     """Print both tables as Markdown."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=5, help="clips of each setting")
-    seeds = range(parser.parse_args().trials)
-    print(f"Error of the length / %, median of {len(seeds)} tracked pendulums of {FRAMES} frames, {NOISE_PX} px noise")
-    print("| loss | integrator | equation | 20° | 45° | 90° |\n|---|---|---|---|---|---|")
-    for loss in HORIZONS:
-        for name in INTEGRATORS:
-            for equation in BENDS:
-                print(
-                    f"| {loss} | {name} | {equation} | {' | '.join(loss_row(name, loss, equation, seeds))} |",
-                    flush=True,
-                )
-    for equation, model in (("linear", "linear-pendulum"), ("sine", "pendulum")):
-        print(f"| whole trajectory | order 8 | {equation} | {' | '.join(engine_row(model, seeds))} |")
-    published = [f"{100 * best_latent('Pendulum', setting, 'length') / 0.5:.0f}" for setting in SETTINGS]
-    print(f"| published, best of both losses | with the encoder | linear | {' | '.join(published)} |")
-    print(f"\nError k frames beyond the first {TRAINED} / mrad, mean ± sd of {len(seeds)} clips")
-    print("| setting | equation | k = 10 | k = 25 | k = 50 |\n|---|---|---|---|---|")
-    for setting in SETTINGS:
+    pages.add_option(parser)
+    options = parser.parse_args()
+    seeds = range(options.trials)
+    with pages.table("losses", options.write_docs):
+        print(
+            f"Error of the length / %, median of {len(seeds)} tracked pendulums of {FRAMES} frames, {NOISE_PX} px noise"
+        )
+        print("| loss | integrator | equation | 20° | 45° | 90° |\n|---|---|---|---|---|---|")
+        for loss in HORIZONS:
+            for name in INTEGRATORS:
+                for equation in BENDS:
+                    print(
+                        f"| {loss} | {name} | {equation} | {' | '.join(loss_row(name, loss, equation, seeds))} |",
+                        flush=True,
+                    )
         for equation, model in (("linear", "linear-pendulum"), ("sine", "pendulum")):
-            print(f"| {setting} | {equation} | {' | '.join(extrapolated(setting, seeds, model))} |", flush=True)
+            print(f"| whole trajectory | order 8 | {equation} | {' | '.join(engine_row(model, seeds))} |")
+        published = [f"{100 * best_latent('Pendulum', setting, 'length') / 0.5:.0f}" for setting in SETTINGS]
+        print(f"| published, best of both losses | with the encoder | linear | {' | '.join(published)} |")
+    with pages.table("losses-extrapolation", options.write_docs):
+        print(f"\nError k frames beyond the first {TRAINED} / mrad, mean ± sd of {len(seeds)} clips")
+        print("| setting | equation | k = 10 | k = 25 | k = 50 |\n|---|---|---|---|---|")
+        for setting in SETTINGS:
+            for equation, model in (("linear", "linear-pendulum"), ("sine", "pendulum")):
+                print(f"| {setting} | {equation} | {' | '.join(extrapolated(setting, seeds, model))} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from iris_sysid.io.csv_write import write_trajectory
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import DiagnosisDocument
 from tests._real_data import wooden_bob
+from validation import pages
 
 DATA = Path("..") / "shared" / "data"
 CLEAN = 18_000  # samples of alexiev's 001 before single-frame false detections
@@ -162,12 +163,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="only recordings whose name contains this")
     parser.add_argument("--folder", type=Path, help="where tracks, tables and pages stay")
+    pages.add_option(parser)
     asked = parser.parse_args()
-    print("| recording | what was found | fitted, before → after | held out | noise |\n|---|---|---|---|---|")
-    with tempfile.TemporaryDirectory() as temporary:
-        for recording in RECORDINGS:
-            if asked.only in recording.name:
-                print(row(recording, (asked.folder or Path(temporary)) / recording.name), flush=True)
+    with pages.table("measured", asked.write_docs):
+        print("| recording | what was found | fitted, before → after | held out | noise |\n|---|---|---|---|---|")
+        with tempfile.TemporaryDirectory() as temporary:
+            for recording in RECORDINGS:
+                if asked.only in recording.name:
+                    print(row(recording, (asked.folder or Path(temporary)) / recording.name), flush=True)
 
 
 if __name__ == "__main__":

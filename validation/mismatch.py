@@ -22,7 +22,8 @@ from iris_sysid.diagnosis.score_test import shaped
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
 from iris_sysid.types import Array, Effect, OdeModel, Trajectory
-from validation.blind import Outcome, hidden_case, in_all_cases, outcome, percent
+from validation import pages
+from validation.blind import Outcome, hidden_case, outcome, percent, print_all_cases
 
 THRESHOLDS = np.geomspace(1e-3, 1.0, 13)  # of a column's share, in units of the largest mismatch
 WINDOW = 11  # samples of the smoothing before each derivative, pysindy's own default
@@ -160,9 +161,13 @@ def _row(label: str, pairs: Sequence[Pair], low: float, high: float, *, forces_o
 
 def main() -> None:
     """Print the table."""
-    pairs, _ = in_all_cases(pair, str(__doc__), 60)
-    print(f"{len(pairs)} cases")
-    print(table(pairs).to_string(index=False))
+    print_all_cases(pair, print_table, about=str(__doc__), cases=60, name="mismatch")
+
+
+def print_table(pairs: list[Pair], unusable: int) -> None:
+    """Print how often each method names the hidden effect."""
+    print(f"{len(pairs)} cases; {unusable} diverged or could not be fitted")
+    print(pages.markdown(table(pairs)))
 
 
 if __name__ == "__main__":

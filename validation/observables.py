@@ -19,6 +19,7 @@ from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.pipeline import observe
 from iris_sysid.synthetic import Truth, render_clip
 from iris_sysid.types import Array, Track, TrackOptions
+from validation import pages
 
 
 @dataclass(frozen=True)
@@ -116,14 +117,17 @@ def main() -> None:
     parser.add_argument("--size", type=int, nargs=2, default=(640, 360), help="width and height, px")
     parser.add_argument("--seeds", type=int, default=1, help="clips of each setting")
     parser.add_argument("--only", choices=[observable.name for observable in OBSERVABLES], help="one observable alone")
+    pages.add_option(parser)
     options = parser.parse_args()
-    print(
-        "| observable | setting | seed | samples | RMSE | target | sd of error / sigma |\n|---|---|---|---|---|---|---|"
-    )
-    for observable in OBSERVABLES:
-        if options.only in (None, observable.name):
-            for row in rows(observable, tuple(options.size), options.seeds):
-                print(row, flush=True)
+    with pages.table("observables", options.write_docs):
+        print(
+            "| observable | setting | seed | samples | RMSE | target | sd of error / sigma |\n"
+            "|---|---|---|---|---|---|---|"
+        )
+        for observable in OBSERVABLES:
+            if options.only in (None, observable.name):
+                for row in rows(observable, tuple(options.size), options.seeds):
+                    print(row, flush=True)
 
 
 if __name__ == "__main__":

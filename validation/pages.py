@@ -23,6 +23,10 @@ from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import TextIO
 
+import pandas as pd
+
+from iris_sysid.benchmark.tables.table import frame_table, render
+
 ROOT = Path(__file__).parent.parent
 PAGES = ROOT / "docs" / "validation"
 OPTION = "--write-docs"
@@ -114,6 +118,11 @@ def page_with(name: str, pages: Path = PAGES) -> Path:
         where = ", ".join(path.name for path in matches) or "no page"
         raise LookupError(f"{where} of {pages.relative_to(ROOT)} has <!-- table: {name} -->; exactly one should")
     return matches[0]
+
+
+def markdown(frame: pd.DataFrame) -> str:
+    """A table of numbers and texts as Markdown, numbers to the right."""
+    return render(frame_table(frame, ""), "markdown")
 
 
 def names_in(page: Path) -> list[str]:

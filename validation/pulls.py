@@ -9,6 +9,7 @@ beyond 1.96 standard errors of their mean, of which 5 % is true. Frames in which
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
@@ -22,6 +23,7 @@ from iris_sysid.errors import IrisError
 from iris_sysid.registry import PHENOMENA, TRACKERS
 from iris_sysid.synthetic import Truth, read_truth
 from iris_sysid.types import Array, Track, TrackOptions
+from validation import pages
 
 FAR = 1.0  # of the radius: a track that is farther off in the median is not that body's
 
@@ -75,22 +77,25 @@ def main() -> None:
     parser.add_argument("--dataset", type=Path, required=True, help="data set of the twin")
     parser.add_argument("--number", type=int, nargs="+", default=[1], help="clips of each setting, from 1")
     parser.add_argument("--classes", nargs="+", help="only these folders of the data set")
+    pages.add_option(parser)
     options = parser.parse_args()
-    print(
-        "| clip | body | frames | sd of errors, px | told, px | pull sd | beyond 1.96 |\n|---|---|---|---|---|---|---|"
-    )
-    for clip in clips_of(options.dataset, options.number):
-        if options.classes and clip.class_name not in options.classes:
-            continue
-        truth = read_truth(clip.path)
-        try:
-            tracks = tracked(truth, clip)
-        except IrisError as error:
-            print(f"{clip.place}: {error}", flush=True)
-            continue
-        for track, true_px, radius in matched(truth, tracks):
-            line = row(track, true_px, radius)
-            print(f"| {clip.place} | {track.body} | {line or 'not that body'} |", flush=True)
+    with pages.table("pulls", options.write_docs):
+        print(
+            "| clip | body | frames | sd of errors, px | told, px | pull sd | beyond 1.96 |\n"
+            "|---|---|---|---|---|---|---|"
+        )
+        for clip in clips_of(options.dataset, options.number):
+            if options.classes and clip.class_name not in options.classes:
+                continue
+            truth = read_truth(clip.path)
+            try:
+                tracks = tracked(truth, clip)
+            except IrisError as error:
+                print(f"{clip.place}: {error}", file=sys.stderr, flush=True)
+                continue
+            for track, true_px, radius in matched(truth, tracks):
+                line = row(track, true_px, radius)
+                print(f"| {clip.place} | {track.body} | {line or 'not that body'} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from iris_sysid.registry import TRACKERS
 from iris_sysid.report.overlay import draw_body
 from iris_sysid.types import Track, TrackOptions
 from iris_sysid.video.reader import Video, open_video
+from validation import pages
 
 DATA = Path("..") / "shared" / "data"
 COLUMNS, ROWS, WIDTH = 4, 6, 480  # pictures of a contact sheet, and their width in px
@@ -92,11 +93,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sheets", type=Path, help="folder for contact sheets")
     parser.add_argument("--only", default="", help="only clips whose name contains this")
+    pages.add_option(parser)
     asked = parser.parse_args()
-    print("| clip | bodies | frames | tracked of usable frames |\n|---|---|---|---|")
-    for clip in CLIPS:
-        if asked.only in clip.path:
-            print(row(clip, asked.sheets), flush=True)
+    with pages.table("real-tracks", asked.write_docs):
+        print("| clip | bodies | frames | tracked of usable frames |\n|---|---|---|---|")
+        for clip in CLIPS:
+            if asked.only in clip.path:
+                print(row(clip, asked.sheets), flush=True)
 
 
 if __name__ == "__main__":

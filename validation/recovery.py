@@ -18,6 +18,7 @@ from iris_sysid.synthetic.plan import plan_clip
 from iris_sysid.synthetic.truth import Truth
 from iris_sysid.types import Estimate, FitResult, OdeModel, Quantity, Segment, Trajectory
 from tests._experiments import EXPERIMENTS, NOISE, clip
+from validation import pages
 
 SIZE = (3840, 2160)  # the benchmark's clips
 NOISE_PX = 0.1  # of a tracked centre; rendered clips of any size give 0.03 to 0.1
@@ -232,18 +233,20 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=10, help="clips of each setting")
     parser.add_argument("--starts", type=int, default=100, help="starts 50 %% off for each model; 0 for none")
     parser.add_argument("--scenes", nargs="*", default=list(ROWS), help="names of scenes")
+    pages.add_option(parser)
     arguments = parser.parse_args()
-    print(f"Median error of {arguments.trials} trials, {SIZE[0]} x {SIZE[1]}, {NOISE_PX} px noise")
-    print("| scene | setting | parameter | truth | median error / % | best latent error | times smaller |")
-    print("|---|---|---|---|---|---|---|")
-    for scene in arguments.scenes:
-        for setting in SCENES[scene].settings:
-            print("\n".join(table_row(scene, setting, range(arguments.trials))), flush=True)
-    print(f"\n{one_unknown_scale()}")
-    if arguments.starts:
-        print("\n| model | global minimum found, starts 50 % off |\n|---|---|")
-        for name in EXPERIMENTS:
-            print(f"| {name} | {from_starts_half_off(name, arguments.starts)} of {arguments.starts} |", flush=True)
+    with pages.table("recovery", arguments.write_docs):
+        print(f"Median error of {arguments.trials} trials, {SIZE[0]} x {SIZE[1]}, {NOISE_PX} px noise")
+        print("| scene | setting | parameter | truth | median error / % | best latent error | times smaller |")
+        print("|---|---|---|---|---|---|---|")
+        for scene in arguments.scenes:
+            for setting in SCENES[scene].settings:
+                print("\n".join(table_row(scene, setting, range(arguments.trials))), flush=True)
+        print(f"\n{one_unknown_scale()}")
+        if arguments.starts:
+            print("\n| model | global minimum found, starts 50 % off |\n|---|---|")
+            for name in EXPERIMENTS:
+                print(f"| {name} | {from_starts_half_off(name, arguments.starts)} of {arguments.starts} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from fitters.ode import fit, simulate
 from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.types import Trajectory
+from validation import pages
 
 MODEL = MODELS["pendulum"]
 FRAME_RATE_HZ, NOISE_RAD = 60.0, 5e-4
@@ -64,13 +65,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--samples", type=int, nargs="+", default=[600, 9000])
+    pages.add_option(parser)
     asked = parser.parse_args(arguments)
     fit(clip(600, {}), MODEL)  # compiled before anything is timed
-    print("| samples | hidden | added | first run, s | second run, s | fits of the model in that time |")
-    print("|---|---|---|---|---|---|")
-    for samples in asked.samples:
-        for hidden in HIDDEN:
-            print(row(samples, hidden), flush=True)
+    with pages.table("search", asked.write_docs):
+        print("| samples | hidden | added | first run, s | second run, s | fits of the model in that time |")
+        print("|---|---|---|---|---|---|")
+        for samples in asked.samples:
+            for hidden in HIDDEN:
+                print(row(samples, hidden), flush=True)
 
 
 if __name__ == "__main__":

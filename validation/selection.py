@@ -12,6 +12,7 @@ With ``--dataset DATASET --tracks WORK`` the same is asked of clips that were re
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 import zlib
 from collections.abc import Callable, Iterable, Iterator
@@ -22,7 +23,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from fitters.selection.select import Choice, select_model
+from fitters.selection.select import select_model
 from iris_sysid.benchmark.dataset import list_clips
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
 from iris_sysid.benchmark.sources.published import values_at
@@ -33,7 +34,8 @@ from iris_sysid.io.schemas.groundtruth import ClipDocument
 from iris_sysid.synthetic import SCENES
 from iris_sysid.synthetic.plan import Plan, plan_clip
 from iris_sysid.trajectory.segmentation import segment
-from iris_sysid.types import Quantity, Trajectory
+from iris_sysid.types import ModelChoice, Quantity, Trajectory
+from validation import pages
 
 NOISE_PX = 0.05  # of a tracked centre and radius: what the twin's tests find for the trackers
 SIZE = (1920, 1080)
@@ -57,7 +59,7 @@ class Asked:
     phenomenon: str
     setting: str
     clip: str
-    choose: Callable[[], Choice]
+    choose: Callable[[], ModelChoice]
 
 
 def trial(name: str, setting: str, number: int) -> Plan:
@@ -119,7 +121,7 @@ def cut(world: Trajectory, held: np.ndarray) -> Trajectory:
     return world.with_(segments=found.segments, valid=found.valid)
 
 
-def chosen_for(name: str, setting: str, number: int) -> Choice:
+def chosen_for(name: str, setting: str, number: int) -> ModelChoice:
     """The choice for one trial."""
     return select_model(tracked(trial(name, setting, number), number))
 
@@ -156,7 +158,11 @@ def rows(asked: Iterable[Asked]) -> pd.DataFrame:
         seconds = time.process_time() - began
         found.append((clip.phenomenon, clip.setting, clip.clip, nearest, adequate, *margins, seconds))
         right = nearest in ACCEPTED[clip.phenomenon]
-        print(f"  {clip.phenomenon}/{clip.setting}/{clip.clip}: {nearest}{'' if right else ', WRONG'}", flush=True)
+        print(
+            f"  {clip.phenomenon}/{clip.setting}/{clip.clip}: {nearest}{'' if right else ', WRONG'}",
+            file=sys.stderr,
+            flush=True,
+        )
     columns = ["phenomenon", "setting", "trial", "model", "adequate", "heldout_margin", "bic_margin", "seconds"]
     return pd.DataFrame(found, columns=columns)
 
@@ -165,24 +171,24 @@ def print_result(table: pd.DataFrame) -> None:
     """Print the confusion matrix and the accuracies."""
     right = np.array([model in ACCEPTED[name] for name, model in zip(table["phenomenon"], table["model"], strict=True)])
     print("\nConfusion: phenomena down, equations across (first of the ranking)")
-    print(pd.crosstab(table["phenomenon"], table["model"]).to_string())
+    print(pages.markdown(pd.crosstab(table["phenomenon"], table["model"]).reset_index()))
     both = right & table["adequate"].to_numpy()
     none = ~table["adequate"].to_numpy()
     print(f"\nright equation first: {right.sum()} of {len(right)} ({100 * right.mean():.1f} %)")
     print(f"right equation, and it fits: {both.sum()} ({100 * both.mean():.1f} %); 'none of these': {none.sum()}")
-    print("by phenomenon: right, and fits")
+    print("\n| phenomenon | clips | right equation first | right, and it fits |\n|---|---|---|---|")
     for name in dict.fromkeys(table["phenomenon"]):
         here = (table["phenomenon"] == name).to_numpy()
-        print(f"  {name:22} {right[here].sum():3d} {both[here].sum():3d} of {here.sum()}")
+        print(f"| {name} | {here.sum()} | {right[here].sum()} | {both[here].sum()} |")
     print(f"median processor time a clip: {table['seconds'].median():.2f} s")
 
 
 def print_published() -> None:
     """Print what the benchmark published for its classifiers, which saw the pixels."""
-    print("\nPublished on 240 IRIS clips (%):")
+    print("\n| published on 240 IRIS clips | right / % |\n|---|---|")
     for value in values_at("tab:summary_vlm_methods"):
         if value.dataset == "iris":
-            print(f"  {value.column:14} {value.printed}")
+            print(f"| {value.column} | {value.printed} |")
 
 
 def main() -> None:
@@ -192,15 +198,17 @@ def main() -> None:
     parser.add_argument("--phenomenon", action="append", choices=list(ACCEPTED), help="only these")
     parser.add_argument("--dataset", type=Path, help="data set of the twin that was measured")
     parser.add_argument("--tracks", type=Path, help="folder of what was measured")
+    pages.add_option(parser)
     options = parser.parse_args()
     if (options.dataset is None) != (options.tracks is None):
         parser.error("--dataset and --tracks go together")
-    phenomena = options.phenomenon or list(ACCEPTED)
-    if options.dataset is None:
-        print_result(rows(drawn(options.trials, phenomena)))
-    else:
-        print_result(rows(kept(options.dataset, options.tracks, options.trials, phenomena)))
-    print_published()
+    with pages.table("selection", options.write_docs):
+        phenomena = options.phenomenon or list(ACCEPTED)
+        if options.dataset is None:
+            print_result(rows(drawn(options.trials, phenomena)))
+        else:
+            print_result(rows(kept(options.dataset, options.tracks, options.trials, phenomena)))
+        print_published()
 
 
 if __name__ == "__main__":

@@ -22,6 +22,8 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
+from validation import pages
+
 # nothing of the project is imported here: a process begins with the peak memory of the one that started it
 PROGRAM = Path(sys.executable).parent / "iris-sysid"
 
@@ -165,6 +167,7 @@ def main() -> None:
     parser.add_argument("--only", choices=list(TITLES), nargs="+", default=list(TITLES), help="rows to run")
     parser.add_argument("--repeat", type=int, default=1, help="run on the clip so many times over")
     parser.add_argument("--row", choices=list(ROWS), help=argparse.SUPPRESS)
+    pages.add_option(parser)
     asked = parser.parse_args()
     if asked.row:
         run_row(asked.row, asked.clip)
@@ -179,8 +182,12 @@ def main() -> None:
             with ProcessPoolExecutor(1) as pool:
                 pool.submit(write_repeated, clip, asked.repeat, longer).result()
             clip = longer
-        print(f"{Path(clip).name}: {Path(clip).stat().st_size / 1e6:.1f} MB, {os.cpu_count()} processors\n", flush=True)
-        table(clip, asked.turns, asked.only)
+        with pages.table("speed", asked.write_docs):
+            print(
+                f"{Path(clip).name}: {Path(clip).stat().st_size / 1e6:.1f} MB, {os.cpu_count()} processors\n",
+                flush=True,
+            )
+            table(clip, asked.turns, asked.only)
 
 
 if __name__ == "__main__":

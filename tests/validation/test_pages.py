@@ -4,8 +4,11 @@ import re
 
 import pytest
 
+from iris_sysid.benchmark.sources.rows import flat_rows, rows_text
 from tests._project import ROOT
-from validation import pages
+from validation import benchmark_tables, pages
+from validation.__main__ import programs
+from validation.benchmark_tables import TABLES
 
 PAGE = """# Title
 
@@ -95,3 +98,33 @@ def test_failed_run_leaves_the_page_as_it_was(folder):
 def test_command_names_no_folder_of_this_machine():
     given = ["--dataset", str(ROOT / "dataset"), "--seeds", "4", "--write-docs"]
     assert pages.command_line(given).endswith(" --dataset dataset --seeds 4")
+
+
+SOURCES = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / "validation").rglob("*.py")}
+WRITTEN = [
+    name
+    for source in SOURCES.values()
+    for names in re.findall(r"pages\.table\(((?:\"[\w-]+\"|[\w .]| if | else )+),", source)
+    for name in re.findall(r"\"([\w-]+)\"", names)
+]
+
+
+@pytest.mark.parametrize("name", sorted({*WRITTEN, *TABLES.values(), "blind", "mismatch", "calibration-reference"}))
+def test_every_table_that_a_program_writes_has_one_place_in_the_docs(name):
+    assert page_with(name).suffix == ".md"
+
+
+def test_benchmark_tables_are_printed_from_rows(tmp_path, monkeypatch, capsys):
+    row = {"dataset": "iris", "phenomenon": "Pendulum", "setting": "pendulum_20", "clip": "01", "method": "ode"}
+    row |= {"parameter": "length", "value": 0.51, "unit": "m", "truth": 0.5, "status": "ok"}
+    (tmp_path / "rows.csv").write_text(rows_text(flat_rows([row])), encoding="utf-8")
+    monkeypatch.setattr("sys.argv", ["benchmark_tables", str(tmp_path / "rows.csv")])
+    benchmark_tables.main()
+    assert "| Pendulum | pendulum_20 | length |" in capsys.readouterr().out
+
+
+def test_programs_are_listed_with_what_they_do():
+    listed = programs()
+    assert {"audit", "coverage", "groundtruth"} <= set(listed)
+    assert "pages" not in listed
+    assert all(listed.values())

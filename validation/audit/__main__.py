@@ -7,7 +7,9 @@ import sys
 from pathlib import Path
 
 from iris_sysid.errors import IrisError
-from validation.audit.write import NAMES, write_audit
+from validation import pages
+from validation.audit.reproduce import audit, verdicts
+from validation.audit.write import NAMES, outcomes, write_audit
 
 
 def main() -> None:
@@ -16,6 +18,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path, help="the released result files, e.g. ../shared/data/iris_published")
     parser.add_argument("-o", "--output", type=Path, required=True, help=f"folder for {', '.join(NAMES)}")
     parser.add_argument("--force", action="store_true", help="replace the files of an earlier audit")
+    pages.add_option(parser)
     arguments = parser.parse_args()
     try:
         written = write_audit(arguments.folder, arguments.output, overwrite=arguments.force)
@@ -23,6 +26,9 @@ def main() -> None:
         sys.exit(f"validation.audit: {error}")
     for path in written.values():
         print(path)
+    if arguments.write_docs:
+        with pages.table("audit", True):
+            print(pages.markdown(outcomes(verdicts(audit(arguments.folder)))))
 
 
 if __name__ == "__main__":

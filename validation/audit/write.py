@@ -148,6 +148,13 @@ def counts(numbers: pd.DataFrame) -> pd.DataFrame:
     return table.reset_index(names="place")
 
 
+def outcomes(numbers: pd.DataFrame) -> pd.DataFrame:
+    """How many of all published numbers are reproduced, and how; ``numbers`` come from :func:`verdicts`."""
+    total = counts(numbers).iloc[-1].drop("place")
+    names = [f"reproduced, {way}" if " from " in way else way for way in total.index]
+    return pd.DataFrame({"outcome": names, "numbers": total.to_numpy(dtype=int)})
+
+
 def unreproduced(numbers: pd.DataFrame) -> pd.DataFrame:
     """The numbers that a released run or prediction does not give as stated; ``numbers`` come from :func:`verdicts`."""
     plain = numbers["way"].isin([f"as stated, from {kind}" for kind in ("result files", "printed numbers", "metadata")])
