@@ -34,9 +34,7 @@ def diagnose(
     effect: Effects = None,
     known: Settings = None,
     free: Free = None,
-    holdout: Annotated[
-        float, typer.Option(help="Fraction of each clip held out for validation.", min=0.0, max=0.9)
-    ] = 0.3,
+    holdout: Holdout = 0.3,
     trials: Annotated[int | None, typer.Option(help="Number of clips of each setting of a data set.")] = None,
     board: Annotated[str | None, typer.Option(help="Inner corners of a data set's checkerboards: 9x6.")] = None,
     square: Annotated[str | None, typer.Option(help="Side of their squares: 25mm or 25.0+-0.1mm.")] = None,

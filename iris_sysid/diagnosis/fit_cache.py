@@ -101,10 +101,11 @@ class FitCache:
 
     def refits(self, current: ModelWithEffects, candidates: Sequence[Candidate]) -> list[ModelWithEffects]:
         """The model with each of the candidates that are worth a refit, best first."""
-        worth = [one for one in candidates if one.ratio > WORTH_REFITTING and self.library.allows(one)]
+        allowed = [candidate for candidate in candidates if self.library.allows(candidate)]
+        worth = [candidate for candidate in allowed if candidate.ratio > WORTH_REFITTING]
         models = [self.with_added(current, candidate) for candidate in worth[:REFITTED]]
-        allowed = [model for model in models if model.usable and self.library.allows_fit(model)]
-        return sorted(allowed, key=lambda model: model.cost)
+        usable = [model for model in models if model.usable and self.library.allows_fit(model)]
+        return sorted(usable, key=lambda model: model.cost)
 
     def testable(self, current: ModelWithEffects) -> frozenset[str]:
         """The effects that neither this model nor the base can imitate, whatever else is added."""

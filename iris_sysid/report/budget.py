@@ -14,7 +14,7 @@ from iris_sysid.report.text import with_error
 from iris_sysid.types import Calibration, Estimate, FitResult, Track
 
 RANDOM = "random"
-SPELLED = {RANDOM: "tracking noise and other errors that vary from sample to sample"}
+SPELLED = {RANDOM: "tracking noise and other random errors"}
 NOTE = (
     "Standard errors in each parameter's unit. The parts are independent and add in squares (GUM 5.1.2). Systematic "
     "parts are common to all samples of the clip: more samples do not reduce them."

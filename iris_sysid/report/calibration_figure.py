@@ -1,4 +1,4 @@
-"""The pictures of a calibration: corners with their residuals, how they cover the picture, the world's grid on a frame.
+"""Figures of a calibration: corners with their residuals, their coverage of the image, the world's grid on a frame.
 
 Each function returns a matplotlib ``Figure``; nothing here shows or saves one.
 """
@@ -19,17 +19,17 @@ from iris_sysid.report.text import with_error
 from iris_sysid.types import Array, Calibration
 
 USED, LEFT_OUT, GRID, ORIGIN = "#0072B2", "#D55E00", "#56B4E9", "#E69F00"
-ARROW_PART = 0.03  # a typical residual is drawn this long, of the picture's width
-LINES = 12  # about so many lines of the grid across the picture
+ARROW_PART = 0.03  # a typical residual is drawn this long, of the image's width
+LINES = 12  # about so many lines of the grid across the image
 POINTS_A_LINE = 60
 NAMES_SHOWN = 40
-LABEL_PART = 0.06  # of the picture
+LABEL_PART = 0.06  # of the image
 
 
 def camera_figure(camera: CameraCalibration) -> Figure:
-    """All corners in the frame of the picture with their residuals, and the error of each view.
+    """All corners in image coordinates with their residuals, and the error of each view.
 
-    ``camera`` must have been fitted to views. Arrows go from where a corner should be to where it was seen, enlarged;
+    ``camera`` must have been fitted to views. Arrows go from the predicted to the detected corner, enlarged;
     views that were left out are in another colour. Raises CalibrationError where there are no views to draw.
     """
     if not camera.views:
@@ -40,21 +40,19 @@ def camera_figure(camera: CameraCalibration) -> Figure:
     for fitted in camera.views:
         _draw_residuals(left, fitted, enlarged, size=8)
     _frame(left, camera.image_size)
-    left.set_title(
-        f"corners cover {100 * camera.coverage:.0f} % of the picture; residuals enlarged {enlarged:.0f} times"
-    )
+    left.set_title(f"corners cover {100 * camera.coverage:.0f} % of the image; residuals × {enlarged:.0f}")
     _draw_errors(right, camera)
     return figure
 
 
-def view_figure(fitted: FittedView, picture: NDArray[np.uint8]) -> Figure:
-    """One view's corners over its own picture with residual arrows.
+def view_figure(fitted: FittedView, image: NDArray[np.uint8]) -> Figure:
+    """One view's corners over its own image with residual arrows.
 
     Parameters
     ----------
     fitted
         The view, from ``CameraCalibration.views``.
-    picture
+    image
         Grey (h, w) or BGR (h, w, 3), uint8.
 
     Returns
@@ -63,9 +61,9 @@ def view_figure(fitted: FittedView, picture: NDArray[np.uint8]) -> Figure:
         The first corner is marked; rows run from it along the arrow.
     """
     enlarged = _enlargement(fitted.rms_px, fitted.view.image_size)
-    figure = Figure(figsize=(9, 9 * picture.shape[0] / picture.shape[1] + 0.6), layout="constrained")
+    figure = Figure(figsize=(9, 9 * image.shape[0] / image.shape[1] + 0.6), layout="constrained")
     axes = figure.subplots()
-    _show(axes, picture)
+    _show(axes, image)
     _draw_residuals(axes, fitted, enlarged, size=14)
     first, *_, last = fitted.view.corners_px
     axes.plot(*first, "o", color=ORIGIN, fillstyle="none", markersize=12)
@@ -73,39 +71,39 @@ def view_figure(fitted: FittedView, picture: NDArray[np.uint8]) -> Figure:
     axes.annotate("", xy=along, xytext=first, arrowprops={"arrowstyle": "->", "color": ORIGIN, "linewidth": 1.5})
     axes.plot(*last, "s", color=ORIGIN, fillstyle="none", markersize=9)
     why = f"; left out: {fitted.left_out}" if fitted.left_out else ""
-    axes.set_title(f"{fitted.view.name}: rms {fitted.rms_px:.3f} px, arrows {enlarged:.0f} times{why}", wrap=True)
+    axes.set_title(f"{fitted.view.name}: rms {fitted.rms_px:.3f} px, residuals × {enlarged:.0f}{why}", wrap=True)
     return figure
 
 
-def grid_figure(calibration: Calibration, picture: NDArray[np.uint8], *, step_m: float | None = None) -> Figure:
+def grid_figure(calibration: Calibration, image: NDArray[np.uint8], *, step_m: float | None = None) -> Figure:
     """The world's grid over a frame of the clip: lines of equal x and z, bent as the lens bends them.
 
     Parameters
     ----------
     calibration
         Of the plane of motion.
-    picture
+    image
         A frame of the clip, grey (h, w) or BGR (h, w, 3), uint8.
     step_m
-        Distance of the lines, m; a round number of about a twelfth of the picture when not given.
+        Distance of the lines, m; a round number of about a twelfth of the image when not given.
 
     Returns
     -------
     Figure
-        With the origin marked, and the scale at the place where it was calibrated.
+        With the origin marked, and the scale at the position where it was calibrated.
 
     Raises
     ------
     CalibrationError
         When the grid's step is not positive.
     """
-    size = picture.shape[1], picture.shape[0]
+    size = image.shape[1], image.shape[0]
     step = _round_step(size[0] / calibration.scale.value / LINES) if step_m is None else step_m
     if not (math.isfinite(step) and step > 0):
         raise CalibrationError(f"the grid's step must be above zero, not {step:g} m")
     figure = Figure(figsize=(10, 10 * size[1] / size[0] + 0.6), layout="constrained")
     axes = figure.subplots()
-    _show(axes, picture)
+    _show(axes, image)
     low, high = _reach(calibration, size)
     for axis in (0, 1):
         first, last = (int(bound) for bound in (np.ceil(low[axis] / step), np.floor(high[axis] / step)))
@@ -133,13 +131,13 @@ def _round_step(value: float) -> float:
     return min((1, 2, 5, 10), key=lambda digit: abs(math.log(digit * power / value))) * power
 
 
-def _show(axes: Axes, picture: NDArray[np.uint8]) -> None:
-    shown = picture if picture.ndim == 2 else picture[:, :, ::-1]
+def _show(axes: Axes, image: NDArray[np.uint8]) -> None:
+    shown = image if image.ndim == 2 else image[:, :, ::-1]
     axes.imshow(shown, cmap="gray", vmin=0, vmax=255, interpolation="nearest")
 
 
 def _frame(axes: Axes, image_size: tuple[int, int]) -> None:
-    """Limits of the picture, y down, in px."""
+    """Limits of the image, y down, in px."""
     axes.set_xlim(-0.5, image_size[0] - 0.5)
     axes.set_ylim(image_size[1] - 0.5, -0.5)
     axes.set_aspect("equal")
@@ -149,19 +147,19 @@ def _frame(axes: Axes, image_size: tuple[int, int]) -> None:
 
 def _draw_residuals(axes: Axes, fitted: FittedView, enlarged: float, size: float) -> None:
     colour = LEFT_OUT if fitted.left_out else USED
-    places = fitted.view.corners_px - fitted.residual_px
+    predicted = fitted.view.corners_px - fitted.residual_px
     arrows = fitted.residual_px * enlarged
-    (x, y), (right, down) = places.T, arrows.T
+    (x, y), (right, down) = predicted.T, arrows.T
     axes.scatter(x, y, s=size, color=colour, linewidths=0, alpha=0.6)
     axes.quiver(x, y, right, down, angles="xy", scale_units="xy", scale=1, color=colour, width=0.0018, headwidth=3.5)
 
 
 def _draw_errors(axes: Axes, camera: CameraCalibration) -> None:
     """One bar a view, the worst on top, with its name."""
-    views = sorted(camera.views, key=lambda one: one.rms_px)[-NAMES_SHOWN:]
-    colours = [LEFT_OUT if one.left_out else USED for one in views]
-    axes.barh(range(len(views)), [one.rms_px for one in views], color=colours)
-    axes.set_yticks(range(len(views)), [one.view.name for one in views], fontsize=7)
+    views = sorted(camera.views, key=lambda view: view.rms_px)[-NAMES_SHOWN:]
+    colours = [LEFT_OUT if view.left_out else USED for view in views]
+    axes.barh(range(len(views)), [view.rms_px for view in views], color=colours)
+    axes.set_yticks(range(len(views)), [view.view.name for view in views], fontsize=7)
     axes.axvline(camera.rms_px, color="#000000", linewidth=0.8, linestyle="--")
     axes.set_xlabel("rms distance of a view's corners (px)")
     left_out = len(camera.left_out)
@@ -171,16 +169,16 @@ def _draw_errors(axes: Axes, camera: CameraCalibration) -> None:
 
 
 def _reach(calibration: Calibration, size: tuple[int, int]) -> tuple[Array, Array]:
-    """Least and largest x and z (2,) that the edge of the picture shows, as far as the calibration reaches."""
+    """Least and largest x and z (2,) that the edge of the image shows, as far as the calibration reaches."""
     x, y = np.linspace(0, size[0] - 1, 9), np.linspace(0, size[1] - 1, 9)
     inside = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    seen = [place for place in (_place(calibration, one) for one in inside) if place is not None]
+    seen = [position for position in (_position(calibration, point) for point in inside) if position is not None]
     if not seen:
-        raise CalibrationError("no part of this picture shows the calibrated plane; does the calibration belong to it?")
+        raise CalibrationError("no part of this image shows the calibrated plane; does the calibration belong to it?")
     return np.min(seen, axis=0), np.max(seen, axis=0)
 
 
-def _place(calibration: Calibration, point: Array) -> Array | None:
+def _position(calibration: Calibration, point: Array) -> Array | None:
     try:
         return np.asarray(to_plane(calibration, point[None])[0][0])
     except CalibrationError:  # beyond the horizon or the lens model: there is no grid there
@@ -195,7 +193,7 @@ def _draw_line(
     reach: tuple[Array, Array],
     size: tuple[int, int],
 ) -> None:
-    """One line of the grid, with its value at the edge of the picture where it leaves."""
+    """One line of the grid, with its value at the edge of the image where it leaves."""
     other = np.linspace(reach[0][1 - axis], reach[1][1 - axis], POINTS_A_LINE)
     points = np.empty((POINTS_A_LINE, 2))
     points[:, axis], points[:, 1 - axis] = value, other
@@ -207,6 +205,6 @@ def _draw_line(
     axes.plot(*line.T, color=ORIGIN if zero else GRID, linewidth=1.1 if zero else 0.7, alpha=0.9)
     x, y = line[inside][0]
     if (x > LABEL_PART * size[0]) if axis == 1 else (y < (1 - LABEL_PART) * size[1]):
-        return  # only at the picture's left and bottom edge, where one reads them
+        return  # only at the image's left and bottom edge, where one reads them
     label = axes.text(x, y, f"{value:g}", fontsize=7, color="#000000", clip_on=True)
     label.set_bbox({"facecolor": "#ffffff", "alpha": 0.6, "linewidth": 0, "pad": 0.8})

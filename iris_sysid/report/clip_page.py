@@ -86,7 +86,7 @@ def clip_page(run: Run) -> Page:
             Section("Checks", lines=_checks(trajectory, fit)),
         ],
         origin=fit.origin,
-        notes=[*run.notes, *(as_sentence(problem.text) for problem in fit.problems)],
+        notes=[as_sentence(note) for note in (*run.notes, *(problem.text for problem in fit.problems))],
     )
 
 

@@ -30,6 +30,7 @@ from iris_sysid.types import Array, Diagnosis, FitResult, Limit, Score, Trajecto
 FILES = ("diagnosis.json", "residual.png", "state.png", "report.html")
 MARKERS = ".x+1"  # of the observed quantities, in their order
 WITHOUT, WITH = "without the added effects", "with the added effects"
+ENLARGED_BELOW = 0.1  # of the residual without the effects: below, one scale for both shows nothing
 BEFORE, AFTER = "#D55E00", "#0072B2"  # Okabe and Ito (2008)
 
 
@@ -109,16 +110,14 @@ def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Page:
     model = diagnosis.base.model
     name = _name(clips[0]) + (f" and {len(clips) - 1} more" if len(clips) > 1 else "")
     return Page(
-        title=f"{name}: effects missing from the model {model.name}",
+        title=f"{name}: diagnosis of the model {model.name}",
         headline=diagnosis_sentence(diagnosis),
         summary=model.summary,
         images=_images(diagnosis),
         sections=[
             *_added_section(diagnosis),
             *_notes_section(diagnosis),
-            Section(
-                "Error before and after", ("", "#fitted samples", "#held-out samples", "#noise"), _errors(diagnosis)
-            ),
+            _error_section(diagnosis),
             *_suggested_section(diagnosis),
             *_changed_section(diagnosis),
             *_fit_sections(diagnosis),
@@ -214,12 +213,18 @@ def _rms(fit: FitResult) -> float:
     return float(np.sqrt(np.nanmean(fit.residual[fit.used] ** 2)))
 
 
-def _errors(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
-    noise, unit = diagnosis.noise_floor, diagnosis.unit
-    return [
-        (when, *(_error_text(error, unit) for error in (errors.fitted, errors.heldout, noise)))
+def _error_section(diagnosis: Diagnosis) -> Section:
+    rows = [
+        (
+            when,
+            *(_error_text(error, diagnosis.unit) for error in (errors.fitted, errors.heldout, diagnosis.noise_floor)),
+        )
         for when, errors in (("before", diagnosis.before), ("after", diagnosis.after))
     ]
+    columns = ("", "#fitted samples", "#held-out samples", "#noise")
+    if diagnosis.added:
+        return Section("Error before and after", columns, rows)
+    return Section("Error", columns[1:], [row[1:] for row in rows[:1]])
 
 
 def _error_text(error: float, unit: str) -> str:
@@ -266,23 +271,37 @@ def _limit_text(limit: Limit) -> str:
 
 
 def residual_figure(diagnosis: Diagnosis) -> Figure:
-    """The residual over time, without the effects above and with them below; the noise is a band."""
-    fits = _fits(diagnosis)[::-1]
+    """The residual over time, without the effects above and with them below; the noise is a band.
+
+    The last panel enlarges a residual that the effects have made much smaller.
+    """
+    fits = [(fit, which, False) for fit, which in _fits(diagnosis)[::-1]]
+    if _largest_residual(diagnosis.final) < ENLARGED_BELOW * _largest_residual(diagnosis.base):
+        fits.append((diagnosis.final, f"{WITH}, enlarged", True))
     figure = Figure(figsize=(9, 1 + 2 * len(fits)), layout="constrained")
-    panels = figure.subplots(len(fits), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
-    for axes, (fit, which), colour in zip(panels, fits, (BEFORE, AFTER), strict=False):
-        noise = diagnosis.noise_floor
-        axes.axhspan(-2 * noise, 2 * noise, color="#009E73", alpha=0.2, label="± 2 noise")
-        for k in range(fit.residual.shape[1]):
-            name = fit.model.observed[k].name if fit.residual.shape[1] > 1 else None
-            marker, size = MARKERS[k % len(MARKERS)], _size_of_dots(fit)
-            axes.plot(fit.t_s, fit.residual[:, k], marker, color=colour, markersize=size, label=name)
+    panels = figure.subplots(len(fits), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, (fit, which, enlarged) in zip(panels, fits, strict=True):
+        _draw_residual(axes, fit, AFTER if fit is diagnosis.final and diagnosis.added else BEFORE, diagnosis)
         axes.set_title(which, loc="left", fontsize=10)
-        axes.set_ylabel(f"residual ({diagnosis.unit})")
-        axes.margins(x=0.01)
-    panels[0].legend(loc="upper right", framealpha=0.8)
+        if not enlarged and axes is not panels[0]:
+            axes.set_ylim(panels[0].get_ylim())
+    panels[0].legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=1 + len(MARKERS), frameon=False)
     panels[-1].set_xlabel("time (s)")
     return figure
+
+
+def _largest_residual(fit: FitResult) -> float:
+    return float(np.nanmax(np.abs(fit.residual)))
+
+
+def _draw_residual(axes: Axes, fit: FitResult, colour: str, diagnosis: Diagnosis) -> None:
+    noise, size = diagnosis.noise_floor, _size_of_dots(fit)
+    axes.axhspan(-2 * noise, 2 * noise, color="#009E73", alpha=0.2, label="± 2 noise")
+    for k, quantity in enumerate(fit.model.observed):
+        name = quantity.name if len(fit.model.observed) > 1 else None
+        axes.plot(fit.t_s, fit.residual[:, k], MARKERS[k % len(MARKERS)], color=colour, markersize=size, label=name)
+    axes.set_ylabel(f"residual ({diagnosis.unit})")
+    axes.margins(x=0.01)
 
 
 def state_figure(diagnosis: Diagnosis) -> Figure:

@@ -1,4 +1,4 @@
-"""The picture of a discovery: how sure each term is, and the motion that the equation makes."""
+"""Figure of a discovery: inclusion and interval of each term, and the simulated motion."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TERM_HEIGHT = 0.3  # inches a term
 OTHER_COLOUR = "#999999"
 
 
-def discovery_figure(found: Discovery, clips: Sequence[Trajectory]) -> Figure:
+def discovery_figure(discovery: Discovery, clips: Sequence[Trajectory]) -> Figure:
     """Every candidate with its inclusion and interval, then the data of the longest clip with the equation's motion.
 
     Intervals are drawn relative to their own half width, so that terms of all units fit in: what matters is whether
@@ -23,7 +23,7 @@ def discovery_figure(found: Discovery, clips: Sequence[Trajectory]) -> Figure:
 
     Parameters
     ----------
-    found
+    discovery
         The discovery.
     clips
         What it was made from.
@@ -33,15 +33,15 @@ def discovery_figure(found: Discovery, clips: Sequence[Trajectory]) -> Figure:
     Figure
         Terms above, data and residual below.
     """
-    longest = int(np.argmax([one.n for one in found.fits]))
-    fit, clip = found.fits[longest], clips[longest]
-    d, rows = len(fit.model.observed), len(found.terms)
-    heights = [max(2.0, TERM_HEIGHT * rows + 0.8), *([2.4, 1.2] * d)]
+    longest = int(np.argmax([fit.n for fit in discovery.fits]))
+    fit, clip = discovery.fits[longest], clips[longest]
+    d = len(fit.model.observed)
+    heights = [max(2.0, TERM_HEIGHT * len(discovery.terms) + 0.8), *([2.4, 1.2] * d)]
     figure = Figure(figsize=(9, sum(heights) + 0.4), layout="constrained")
     parts = figure.add_gridspec(1 + 2 * d, 2, height_ratios=heights)
-    figure.suptitle("\n".join(f"${one.latex}$" for one in found.equations), fontsize=12)
-    _draw_inclusion(figure.add_subplot(parts[0, 0]), found.terms)
-    _draw_intervals(figure.add_subplot(parts[0, 1]), found.terms)
+    figure.suptitle("\n".join(f"${equation.latex}$" for equation in discovery.equations), fontsize=12)
+    _draw_inclusion(figure.add_subplot(parts[0, 0]), discovery.terms)
+    _draw_intervals(figure.add_subplot(parts[0, 1]), discovery.terms)
     for k in range(d):
         _draw_motion(figure.add_subplot(parts[1 + 2 * k, :]), fit, clip, k)
         _draw_residual(figure.add_subplot(parts[2 + 2 * k, :]), fit, k, last=k == d - 1)
@@ -53,34 +53,34 @@ def _label(term: DiscoveredTerm) -> str:
 
 
 def _draw_inclusion(axes: Axes, terms: Sequence[DiscoveredTerm]) -> None:
-    places = np.arange(len(terms))[::-1]
+    rows = np.arange(len(terms))[::-1]
     colours = [COLOURS["motion"] if term.selected else OTHER_COLOUR for term in terms]
-    axes.barh(places, [term.inclusion for term in terms], color=colours, height=0.6)
-    axes.set_yticks(places, [_label(term) for term in terms], fontsize=8)
+    axes.barh(rows, [term.inclusion for term in terms], color=colours, height=0.6)
+    axes.set_yticks(rows, [_label(term) for term in terms], fontsize=8)
     axes.set(xlim=(0, 1.02), xlabel="inclusion in resampled data", title="blue: selected")
     axes.title.set_fontsize(9)
 
 
 def _draw_intervals(axes: Axes, terms: Sequence[DiscoveredTerm]) -> None:
     """Coefficients in units of their 95 % half width, on a scale that is linear near zero."""
-    places = np.arange(len(terms))[::-1]
-    for place, term in zip(places, terms, strict=True):
+    rows = np.arange(len(terms))[::-1]
+    for row, term in zip(rows, terms, strict=True):
         lower, upper = term.coefficient.interval
         half = (upper - lower) / 2
         if not (np.isfinite(half) and half > 0):
             continue
         centre = term.coefficient.value / half
         colour = COLOURS["motion"] if term.selected else OTHER_COLOUR
-        axes.plot([centre - 1, centre + 1], [place, place], color=colour, linewidth=2)
-        axes.plot(centre, place, "o", color=colour, markersize=4)
+        axes.plot([centre - 1, centre + 1], [row, row], color=colour, linewidth=2)
+        axes.plot(centre, row, "o", color=colour, markersize=4)
         text = f"{term.coefficient.value:.4g} ± {half:.1g}" if term.selected else ""
-        axes.annotate(text, (centre, place), textcoords="offset points", xytext=(0, 5), ha="center", fontsize=7)
+        axes.annotate(text, (centre, row), textcoords="offset points", xytext=(0, 5), ha="center", fontsize=7)
     axes.axvline(0, color="#444444", linewidth=0.8)
     axes.set_xscale("symlog", linthresh=10)
     axes.set_xticks([-1e4, -1e2, -10, 0, 10, 1e2, 1e4])
-    axes.set_yticks(places, [""] * len(terms))
+    axes.set_yticks(rows, [""] * len(terms))
     axes.set(xlabel="coefficient / half width of its 95 % interval", ylim=(-0.7, len(terms) - 0.3))
-    axes.set_title("interval (grey: if it were added)", fontsize=9)
+    axes.set_title("95 % interval (grey: if added)", fontsize=9)
     axes.margins(x=0.15)
 
 

@@ -1,4 +1,4 @@
-"""The pictures of a report: the track on the clip, the trajectory with its fit, the residual.
+"""Figures of a report: the track on the clip, the trajectory with its fit, the residual.
 
 Each function returns a matplotlib ``Figure``; nothing here shows or saves one.
 """
@@ -44,12 +44,12 @@ def sample_labels(trajectory: Trajectory) -> list[str]:
 def track_figure(
     video: FrameSource, tracks: Sequence[Track], trajectory: Trajectory, calibration: Calibration
 ) -> Figure:
-    """The clip's phases in one picture with the track over it, coloured by what happens when.
+    """Multiple exposure of the clip with the track over it, coloured by segment.
 
     Parameters
     ----------
     video
-        The clip; a few of its frames are laid over one another.
+        The clip; a few of its frames are superposed.
     tracks
         One a body, in px.
     trajectory
@@ -62,11 +62,11 @@ def track_figure(
     Figure
         As wide as a page, in the clip's own aspect.
     """
-    picture = multiple_exposure(video)
-    height, width = picture.shape[:2]
+    image = multiple_exposure(video)
+    height, width = image.shape[:2]
     figure = Figure(figsize=(9, 9 * height / width), layout="constrained")
     axes = figure.add_subplot()
-    axes.imshow(picture)
+    axes.imshow(image)
     labels = np.array(sample_labels(trajectory))
     for body in tracks:
         axes.plot(*body.xy_px.T, color="white", linewidth=0.6, alpha=0.6)
@@ -87,9 +87,9 @@ def multiple_exposure(video: FrameSource) -> NDArray[np.uint8]:
     background = np.median(stack, axis=0)
     change = np.abs(stack - background).max(axis=3)
     strongest = change.argmax(axis=0)
-    picture = np.take_along_axis(stack, strongest[None, :, :, None], axis=0)[0]
+    image = np.take_along_axis(stack, strongest[None, :, :, None], axis=0)[0]
     # 24 of 255 grey levels: well above sensor noise, so that only what moved is laid over
-    return np.where(change.max(axis=0)[..., None] > 24, picture, background).astype(np.uint8)
+    return np.where(change.max(axis=0)[..., None] > 24, image, background).astype(np.uint8)
 
 
 def _draw_pivot(axes: Axes, trajectory: Trajectory, calibration: Calibration) -> None:
@@ -141,7 +141,7 @@ def fitted_curve(fit: FitResult) -> tuple[Array, Array]:
     if not fit.usable or used.size < 2 or used.size > CURVE_POINTS or fit.model.inputs:
         return fit.t_s, fit.predicted
     t_s = np.linspace(fit.t0_s, fit.t_s[used[-1]], CURVE_POINTS)
-    return t_s, simulate(fit.model, t_s, {name: one.value for name, one in fit.estimates.items()}).observed
+    return t_s, simulate(fit.model, t_s, {name: estimate.value for name, estimate in fit.estimates.items()}).observed
 
 
 def _draw_measured(axes: Axes, trajectory: Trajectory, measured: Array, labels: NDArray[np.str_]) -> None:

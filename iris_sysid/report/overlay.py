@@ -56,35 +56,35 @@ def write_overlay(
         stream.codec_context.time_base = TIME_BASE
         stream.codec_context.thread_count = 1
         for frame in with_progress(video.frames(), progress, video.n_expected):
-            picture = np.ascontiguousarray(frame.bgr()[:height, :width])
+            image = np.ascontiguousarray(frame.bgr()[:height, :width])
             for k, body in enumerate(tracks):
-                draw_body(picture, body, frame.t_s, BODY_COLOURS[k % len(BODY_COLOURS)])
-            encoded = av.VideoFrame.from_ndarray(picture, format="bgr24")
+                draw_body(image, body, frame.t_s, BODY_COLOURS[k % len(BODY_COLOURS)])
+            encoded = av.VideoFrame.from_ndarray(image, format="bgr24")
             encoded.pts, encoded.time_base = round(frame.t_s / TIME_BASE), TIME_BASE
             container.mux(stream.encode(encoded))
         container.mux(stream.encode())
 
 
-def draw_body(picture: NDArray[np.uint8], body: Track, t_s: float, colour: tuple[int, int, int]) -> None:
-    """Draw one body's ring and tail at a time into a picture, in place, to 1/16 px.
+def draw_body(image: NDArray[np.uint8], body: Track, t_s: float, colour: tuple[int, int, int]) -> None:
+    """Draw one body's ring and tail at a time into an image, in place, to 1/16 px.
 
     Parameters
     ----------
-    picture
+    image
         (h, w, 3) uint8 BGR, written.
     body
         Its track.
     t_s
-        The time of the picture, s.
+        The time of the image, s.
     colour
         BGR.
     """
     now = int(np.searchsorted(body.t_s, t_s + 1e-9)) - 1
     tail = body.xy_px[(body.t_s > t_s - TAIL_S) & (body.t_s <= t_s + 1e-9) & body.valid]
-    thick = max(1, round(picture.shape[0] / 400))
+    thick = max(1, round(image.shape[0] / 400))
     if len(tail) > 1:
-        cv2.polylines(picture, [np.round(tail * 16).astype(np.int32)], False, colour, thick, cv2.LINE_AA, shift=4)
+        cv2.polylines(image, [np.round(tail * 16).astype(np.int32)], False, colour, thick, cv2.LINE_AA, shift=4)
     if now >= 0 and body.valid[now] and abs(body.t_s[now] - t_s) < 1e-6:
         radius = 8.0 if body.radius_px is None or np.isnan(body.radius_px[now]) else 1.3 * body.radius_px[now] + 2
         centre = tuple(int(value) for value in np.round(body.xy_px[now] * 16))
-        cv2.circle(picture, centre, round(radius * 16), colour, thick, cv2.LINE_AA, shift=4)
+        cv2.circle(image, centre, round(radius * 16), colour, thick, cv2.LINE_AA, shift=4)

@@ -6,12 +6,13 @@ import pytest
 from iris_sysid.cli.demo import HIDDEN, compare, render_demo
 from iris_sysid.synthetic import read_truth
 from iris_sysid.synthetic.plan import plan_clip
-from iris_sysid.types import Estimate, FitResult, OdeModel
+from iris_sysid.types import Estimate, FitResult, OdeModel, Quantity
 
 
 def fit_with(estimates, free):
     """A fit result that holds only estimates."""
-    model = OdeModel("pendulum", "", "", "", (), (), (), lambda t, s, p: s, lambda trajectory: {})
+    states = (Quantity("theta", "rad"), Quantity("omega", "rad/s"))
+    model = OdeModel("pendulum", "", "", "", states, (), (), lambda t, s, p: s, lambda trajectory: {})
     nothing = np.empty((0, 0))
     return FitResult(
         model=model,

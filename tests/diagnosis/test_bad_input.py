@@ -66,7 +66,7 @@ def is_nan_later(t, state, params):
         (mine(is_nan), r"rhs of model 'mine' gives no finite rate of v at the start \(drag = 0.5"),
         (
             mine(is_nan_later),
-            r"the base model cannot be diagnosed, its fit failed \(diverged\): the solution runs away",
+            r"the base model cannot be diagnosed, its fit failed \(diverged\): the solution diverges",
         ),
         (mine(observe=lambda t_s, states, params: states[:, 0]), r"observe .* must return an array \(120, 1\), not"),
         (mine(observe=raises), r"observe of model 'mine' raises KeyError: 'mass'; it is called as observe\(t_s"),

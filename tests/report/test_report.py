@@ -228,7 +228,7 @@ def test_diagnosis_page_is_safe_and_complete(diagnosed, tmp_path):
     assert set(listing(tmp_path)) == set(FILES)
     found = assert_safe_and_alone(page.read_text("utf-8"))
     assert HOSTILE in found.text
-    headings = ("Error before and after", "Fit", "Score tests, round 1", "Upper limits on other effects")
+    headings = ("Error", "Fit", "Score tests, round 1", "Upper limits on other effects")
     for part in (*headings, "quadratic-drag"):
         assert part in found.text, part
 

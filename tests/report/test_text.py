@@ -135,7 +135,7 @@ def test_table_of_a_failed_fit_shows_no_nan(failed_fit):
     text = fit_table(failed_fit)
     assert "nan" not in text
     assert "undetermined" in text
-    assert text.endswith("theta: residual not known")
+    assert text.endswith("theta: residual unknown")
 
 
 def a_diagnosis(

@@ -1,4 +1,4 @@
-"""What a model lacks."""
+"""What a model lacks (diagnosis.json)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class FitError(Part):
 
 
 class ErrorTable(Part):
-    """The error before and after, against the noise of the measurement."""
+    """The error before and after, and the noise of the measurement."""
 
     before: FitError
     after: FitError
@@ -57,7 +57,7 @@ class DiagnosisDocument(Document):
     document: Literal["diagnosis"] = "diagnosis"
     version: Literal[1] = 1
     sentence: str
-    """The result as a person would write it."""
+    """The result in at most three sentences."""
     base: FitDocument
     """Of the first clip, as ``final``."""
     final: FitDocument
@@ -68,8 +68,8 @@ class DiagnosisDocument(Document):
     ruled_out: list[Excluded]
     error: ErrorTable
     proposed: list[TermEntry] = []
-    """Terms without a named effect, for what is left above the noise floor; coefficients to first order."""
+    """Terms without a named effect that the remaining residual suggests; coefficients to first order."""
     notes: list[str] = []
-    """What could not be asked or answered, and why."""
+    """What could not be tested, and which effects were rejected, with the reason."""
     further_clips: list[FurtherClip] = []
     origin: dict[str, JsonValue]
