@@ -81,6 +81,20 @@ def fit_clips(
     ------
     FitError
         With fewer than two clips, for an unknown name, or one that is both shared and not.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from iris_sysid import MODELS, Trajectory, fit_clips, simulate
+    >>> fall, t_s, rng = MODELS["free-fall"], np.arange(40) / 60, np.random.default_rng(0)
+    >>> clips = []
+    >>> for z_0 in (1.0, 1.2, 1.4):
+    ...     z = simulate(fall, t_s, {"gravity": 9.81, "z_0": z_0, "vz_0": 0.0}).observed
+    ...     z += 1e-3 * rng.standard_normal(z.shape)
+    ...     clips.append(Trajectory(t_s, fall.observed, z, np.full_like(z, np.nan), np.ones(40, bool)))
+    >>> pooled = fit_clips(clips, fall, shared=["gravity"])
+    >>> f"{pooled.shared['gravity'].value:.1f}"
+    '9.8'
     """
     _check(trajectories, model, shared, per_clip, fixed)
     freed = _free(free, shared, model)

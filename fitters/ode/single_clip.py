@@ -98,6 +98,13 @@ def simulate(
         When a value is missing or unknown, or the right-hand side does not return what it must.
     DataError
         When times do not increase or inputs have the wrong shape.
+
+    Examples
+    --------
+    >>> from iris_sysid import MODELS, simulate
+    >>> values = {"length": 0.5, "damping": 0.1, "theta_0": 0.2, "omega_0": 0.0}
+    >>> simulate(MODELS["pendulum"], [0.0, 0.5, 1.0], values).observed[:, 0].round(4)
+    array([ 0.2   , -0.1145, -0.0573])
     """
     problem, vector = _problem_at(model, t_s, values, inputs, hold)
     problem = problem.planned(vector, tolerance)
@@ -209,6 +216,22 @@ def fit(
         When the call makes no sense: a quantity or an input that the trajectory lacks or has in another unit, an
         unknown name or way to an interval, an exact value both fixed and free, a right-hand side that does not return
         one number a state.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from iris_sysid import MODELS, Trajectory, estimates_frame, fit, simulate
+    >>> pendulum, t_s = MODELS["pendulum"], np.arange(300) / 60
+    >>> truth = {"length": 0.5, "damping": 0.1, "theta_0": 0.8, "omega_0": 0.0}
+    >>> theta = simulate(pendulum, t_s, truth).observed
+    >>> theta += 1e-3 * np.random.default_rng(0).standard_normal(theta.shape)
+    >>> clip = Trajectory(t_s, pendulum.observed, theta, np.full_like(theta, np.nan), np.ones(300, bool))
+    >>> result = fit(clip, pendulum)
+    >>> result.status
+    'ok'
+    >>> length = result.estimates["length"]
+    >>> f"{length.value:.3f} {length.unit}"
+    '0.500 m'
     """
     return solve(FitRequest(trajectory, model, fixed, free, start, uncertainty, options))
 

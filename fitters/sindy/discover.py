@@ -85,6 +85,17 @@ def discover(
         When there are too few samples, a quantity does not move, is unknown, or differs between clips.
     FitError
         When no proposed equation could be fitted, or the model of ``residual_of`` is none of these quantities.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from iris_sysid import MODELS, Trajectory, discover, simulate
+    >>> spring, t_s = MODELS["linear-oscillator"], np.arange(300) / 60
+    >>> z = simulate(spring, t_s, {"stiffness": 20.0, "damping": 0.3, "z_0": 0.2, "vz_0": 0.0}).observed
+    >>> z += 1e-4 * np.random.default_rng(0).standard_normal(z.shape)
+    >>> clip = Trajectory(t_s, spring.observed, z, np.full_like(z, np.nan), np.ones(300, bool))
+    >>> [term.term for term in discover(clip).selected]
+    ['z', "z'"]
     """
     clips = _clips(trajectories, quantities)
     library = library_of(clips[0].quantities, clips[0].input_quantities)

@@ -69,6 +69,18 @@ def diagnose(
     ------
     FitError
         When the base model cannot be fitted to a clip, so that there is no residual to explain.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from iris_sysid import EFFECTS, MODELS, Trajectory, diagnose, simulate, with_effects
+    >>> pendulum, drag, t_s = MODELS["pendulum"], EFFECTS["quadratic-drag"], np.arange(300) / 60
+    >>> truth = {"length": 0.5, "damping": 0.1, "quadratic_drag": 0.2, "theta_0": 0.8, "omega_0": 0.0}
+    >>> theta = simulate(with_effects(pendulum, [drag]), t_s, truth).observed
+    >>> theta += 1e-3 * np.random.default_rng(0).standard_normal(theta.shape)
+    >>> clip = Trajectory(t_s, pendulum.observed, theta, np.full_like(theta, np.nan), np.ones(300, bool))
+    >>> [effect.name for effect in diagnose(clip, pendulum).added]
+    ['quadratic-drag']
     """
     measured = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
     requests = [FitRequest(clip, model, fixed=dict(fixed or {}), free=free) for clip in measured]

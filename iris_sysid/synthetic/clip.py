@@ -78,6 +78,13 @@ def render_clip(
         For a size, rate, length or number that makes no clip.
     OutputError
         When the clip cannot be written, or exists.
+
+    Examples
+    --------
+    >>> from iris_sysid import render_clip
+    >>> truth = render_clip("pendulum", "clip.mp4", size=(320, 180), duration_s=0.5)
+    >>> truth.parameters["length"].unit
+    'm'
     """
     clip = check_paths(path, overwrite=overwrite)
     plan = plan_clip(
