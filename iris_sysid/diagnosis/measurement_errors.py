@@ -18,7 +18,7 @@ RESOLVED_SAMPLES = 3  # that must show it: one or two may be outliers
 
 
 def unit_noise(fitted: FitResult, trajectory: Trajectory) -> Array:
-    """The noise (n, d) that residuals are divided by: of each quantity, scaled by each sample's stated error.
+    """The noise (n, d) that residuals are divided by, in observed units: scaled by each sample's stated error.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def unit_noise(fitted: FitResult, trajectory: Trajectory) -> Array:
 
 
 def stated_errors(fitted: FitResult, trajectory: Trajectory) -> Array:
-    """The error (n, d) that each sample may have: the stated one, or the noise of the fit where that is larger.
+    """The error (n, d) of each sample, in observed units: the stated one, or the noise of the fit where that is larger.
 
     0 where the trajectory states none: then only the residual tells its errors.
 

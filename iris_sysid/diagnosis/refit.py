@@ -253,7 +253,7 @@ def pooled(sizes: Sequence[Estimate]) -> Estimate:
 
 
 def predicted_by(fitted: FitResult, trajectory: Trajectory, values: Mapping[str, float], stop: int) -> Array:
-    """What the model of a fit predicts with these values for the first samples (stop, d), NaN before it begins."""
+    """Predict the first samples (stop, d), in observed units, with the model of a fit; NaN before it begins."""
     begin = int(np.searchsorted(trajectory.t_s, fitted.t0_s))
     known = trajectory.inputs[begin:stop] if trajectory.inputs is not None else None
     _, predicted = simulate(fitted.model, trajectory.t_s[begin:stop], values, inputs=known)

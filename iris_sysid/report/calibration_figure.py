@@ -53,7 +53,7 @@ def view_figure(fitted: FittedView, image: NDArray[np.uint8]) -> Figure:
     fitted
         The view, from ``CameraCalibration.views``.
     image
-        Grey (h, w) or BGR (h, w, 3), uint8.
+        Grey (h, w) or BGR (h, w, 3), uint8, in grey levels.
 
     Returns
     -------

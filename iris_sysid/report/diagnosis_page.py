@@ -11,8 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
+from iris_sysid.io.discovery_json import term_entry
 from iris_sysid.io.files import check_writable
-from iris_sysid.io.json_documents import checked, entries_of, fit_document, plain_origin, term_entry, write_document
+from iris_sysid.io.json_documents import checked, entries_of, fit_document, plain_origin, write_document
 from iris_sysid.io.schemas import DiagnosisDocument, known_number
 from iris_sysid.report.clip_page import write_page
 from iris_sysid.report.page import Page, PageImage, Section, estimates_section, png_of

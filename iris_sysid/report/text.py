@@ -183,10 +183,10 @@ def _suggested_sentence(diagnosis: Diagnosis) -> str:
 
 def _errors(diagnosis: Diagnosis) -> tuple[str, float, float]:
     """The held-out error before and after, or the residual where nothing could be held out; and what it is called."""
-    both = diagnosis.before, diagnosis.after
-    if all(math.isfinite(errors.heldout) for errors in both):
-        return ("held-out error", *(errors.heldout for errors in both))
-    return ("residual", *(errors.fitted for errors in both))
+    before, after = diagnosis.before, diagnosis.after
+    if math.isfinite(before.heldout) and math.isfinite(after.heldout):
+        return "held-out error", before.heldout, after.heldout
+    return "residual", before.fitted, after.fitted
 
 
 def _effect_text(effect: Effect, diagnosis: Diagnosis) -> str:

@@ -8,14 +8,14 @@ from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
 from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.errors import IrisError
 from iris_sysid.registry import MODELS, PHENOMENA
-from iris_sysid.report.text import diagnosis_sentence
+from iris_sysid.report.text import diagnosis_text
 from iris_sysid.types import Estimate, Trajectory
 
 MOST_CLIPS = 3  # of a setting; the loop refits each of them for every effect it tries
 
 
 def lacking_effects(clips: Sequence[ClipMeasurement]) -> list[str]:
-    """Ask the loop about the first clips of a setting together.
+    """Diagnose the first clips of a setting jointly.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def lacking_effects(clips: Sequence[ClipMeasurement]) -> list[str]:
     Returns
     -------
     list of str
-        One sentence; why nothing could be asked, where that is so.
+        The sentence of the diagnosis with its notes; the reason where there is none.
     """
     usable = [clip for clip in clips if clip.document.usable][:MOST_CLIPS]
     trajectories: list[Trajectory] = [trajectory for clip in usable if (trajectory := clip.trajectory()) is not None]
@@ -40,7 +40,7 @@ def lacking_effects(clips: Sequence[ClipMeasurement]) -> list[str]:
     except IrisError as error:
         return [f"not diagnosed: {error}"]
     names = ", ".join(clip.clip.clip for clip in usable)
-    return [f"clips {names}: {diagnosis_sentence(found)}"]
+    return [f"clips {names}: {' '.join(diagnosis_text(found).splitlines())}"]
 
 
 def _held(clip: ClipMeasurement, names: set[str]) -> dict[str, Estimate]:
