@@ -23,7 +23,7 @@ FIXED = {"k1": cv2.CALIB_FIX_K1, "k2": cv2.CALIB_FIX_K2, "k3": cv2.CALIB_FIX_K3}
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Points:
-    """Corners of one view: ``board_m`` (n, 2) on the board and ``seen_px`` (n, 2) in the picture."""
+    """Corners of one view: ``board_m`` (n, 2) on the board and ``seen_px`` (n, 2) in the image."""
 
     board_m: Array
     seen_px: Array
@@ -83,8 +83,8 @@ class CameraFit:
         shares = np.linalg.solve(total, self.information)
         p, views = total.shape[0], len(self.poses)
         expected = self.noise_px**2 * (p - np.trace(shares @ shares, axis1=1, axis2=2).sum())
-        found = float(np.einsum("vi,vi->", self.gradients, np.linalg.solve(total, self.gradients.T).T))
-        ratio = found / expected if expected > 0 else 1.0
+        observed = float(np.einsum("vi,vi->", self.gradients, np.linalg.solve(total, self.gradients.T).T))
+        ratio = observed / expected if expected > 0 else 1.0
         return ratio if ratio > 1 + 2 * np.sqrt(2 / max(p * (views - 1), 1)) else 1.0
 
     @property

@@ -1,4 +1,4 @@
-"""A camera's focal length, principal point and lens from views of a board, with what the views do not fix said."""
+"""A camera's focal length, principal point and distortion from views of a board, or what the views do not determine."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from iris_sysid.errors import CalibrationError
 from iris_sysid.types import Array, Estimate, frozen_array
 
 FEWEST_VIEWS = 3
-ALIKE_DIAGONALS = 0.005  # outlines this near, of the picture's diagonal, are one view
+ALIKE_DIAGONALS = 0.005  # outlines this near, of the image's diagonal, are one view
 OUTLIER_DEVIATIONS = 4.5
 MOST_LEFT_OUT = 1 / 3
 FULL_LENS = CAMERA_PARAMETERS[4:]
@@ -35,11 +35,11 @@ FULL_LENS = CAMERA_PARAMETERS[4:]
 # they do, and its error bars are too short.
 LENSES = (("k1", "k2", "p1", "p2"), FULL_LENS)
 POOR_FOCAL = 0.05  # relative standard error above which the focal length counts as not determined
-POOR_CENTRE = 0.05  # of the picture's width
+POOR_CENTRE = 0.05  # of the image's width
 EXPECTED_NOISE_PX = 0.2
 USUAL_FOCAL = 0.8  # of the longer side: a field of view of 64 degrees
 TILT_HELP = (
-    "tilt the board by 20 to 40 degrees about both axes, differently in each view, and move it over the whole picture"
+    "tilt the board by 20 to 40 degrees about both axes, differently in each view, and move it over the whole image"
 )
 
 
@@ -64,10 +64,10 @@ class CameraCalibration:
     """A camera as views of a board fix it.
 
     ``camera_matrix`` (3, 3) px and ``distortion`` (5,) k1, k2, p1, p2, k3 as OpenCV defines them; ``covariance`` (9, 9)
-    of ``lens.CAMERA_PARAMETERS``, zero where one was not fitted (``fitted`` names those that were).
+    of ``distortion.CAMERA_PARAMETERS``, zero where one was not fitted (``fitted`` names those that were).
     ``rms_px`` is the root mean square distance of the corners from where they should be, ``noise_px`` the standard
-    deviation of a coordinate; ``clustering`` how much the corners' errors go together within views (1: they do not).
-    ``coverage`` is the part of the picture within reach of corners; ``notes`` say what a user should know.
+    deviation of a coordinate; ``clustering`` how strongly the corners' errors correlate within views (1: they do not).
+    ``coverage`` is the part of the image within reach of corners; ``notes`` say what a user should know.
     """
 
     camera_matrix: Array
@@ -89,7 +89,7 @@ class CameraCalibration:
 
     @property
     def parameters(self) -> Array:
-        """The nine parameters (9,), in the order of ``lens.CAMERA_PARAMETERS``."""
+        """The nine parameters (9,), in the order of ``distortion.CAMERA_PARAMETERS``."""
         return np.concatenate([np.diag(self.camera_matrix)[:2], self.camera_matrix[:2, 2], self.distortion])
 
     @property
@@ -110,12 +110,12 @@ class CameraCalibration:
     @property
     def used(self) -> tuple[FittedView, ...]:
         """The views that the camera was fitted to."""
-        return tuple(one for one in self.views if not one.left_out)
+        return tuple(view for view in self.views if not view.left_out)
 
     @property
     def left_out(self) -> dict[str, str]:
         """Why a view was not used, by its name."""
-        return {one.view.name: one.left_out for one in self.views if one.left_out}
+        return {view.view.name: view.left_out for view in self.views if view.left_out}
 
 
 def calibrate_camera(
@@ -131,7 +131,7 @@ def calibrate_camera(
     Views that are nearly the same as another, and views whose corners do not agree with the rest, are left out and
     named: a view is an outlier when the logarithm of its rms lies more than 4.5 robust standard deviations above the
     median. Standard errors are those of least squares (as OpenCV's ``calibrateCameraExtended``), enlarged where the
-    corners' errors go together within views.
+    corners' errors correlate within views.
 
     Parameters
     ----------
@@ -155,7 +155,7 @@ def calibrate_camera(
     Raises
     ------
     CalibrationError
-        When pictures differ in size, are fewer than three different ones, or do not fix the camera, as when all show
+        When images differ in size, are fewer than three different ones, or do not fix the camera, as when all show
         the board in the same attitude; it names what is not determined.
     """
     lenses = LENSES if lens is None else (_checked_lens(lens),)
@@ -168,7 +168,8 @@ def calibrate_camera(
     if drop_outliers:
         reasons |= _outliers(points, image_size, lenses[-1], square_pixels)
     kept = [points[name] for name in points if name not in reasons]
-    fit = min((fit_camera(kept, image_size, one, square_pixels) for one in lenses), key=lambda fit: fit.bic)
+    fits = [fit_camera(kept, image_size, coefficients, square_pixels) for coefficients in lenses]
+    fit = min(fits, key=lambda fit: fit.bic)
     _check_determined(fit, image_size)
     return _calibration(fit, views, board, reasons)
 
@@ -188,12 +189,12 @@ def _common_size(views: Sequence[BoardView]) -> tuple[int, int]:
     names = [view.name for view in views]
     double = next((name for name in names if names.count(name) > 1), None)
     if double is not None:
-        raise CalibrationError(f"two views are named {double!r}; give each picture once")
+        raise CalibrationError(f"two views are named {double!r}; give each image once")
     first = views[0]
     for view in views:
         if view.image_size != first.image_size:
             raise CalibrationError(
-                f"pictures differ in size: {first.name} is {_size_text(first.image_size)} px, {view.name} is "
+                f"images differ in size: {first.name} is {_size_text(first.image_size)} px, {view.name} is "
                 f"{_size_text(view.image_size)} px; a camera is calibrated at one resolution, crop and orientation: "
                 "leave out those of the other size"
             )
@@ -226,7 +227,7 @@ def _check_count(given: int, distinct: int) -> None:
     what = f"all {given} views are alike" if distinct == 1 and given > 1 else few
     raise CalibrationError(
         f"{what}, at least {FEWEST_VIEWS} are needed: focal length, principal point and distortion are not determined; "
-        f"{TILT_HELP}, or calibrate the plane of motion alone, from one picture: --one-picture"
+        f"{TILT_HELP}, or calibrate the plane of motion alone, from one image: --one-image"
     )
 
 
@@ -243,7 +244,7 @@ def _check_determined(fit: CameraFit, image_size: tuple[int, int]) -> None:
     focal = fit.parameters[0] / max(image_size)
     if not 0.1 < focal < 50:
         raise CalibrationError(
-            f"the views give a focal length of {fit.parameters[0]:.0f} px for a picture {max(image_size)} px wide, "
+            f"the views give a focal length of {fit.parameters[0]:.0f} px for an image {max(image_size)} px wide, "
             f"which no camera has; {TILT_HELP}"
         )
 
@@ -338,12 +339,10 @@ def fitted_view(parameters: Array, view: BoardView, board: Board, left_out: str 
 def _notes(fit: CameraFit, image_size: tuple[int, int], coverage: float) -> tuple[str, ...]:
     notes = []
     if coverage < 0.5:
-        notes.append(
-            f"corners cover only {100 * coverage:.0f} % of the picture; distortion beyond them is extrapolated"
-        )
+        notes.append(f"corners cover only {100 * coverage:.0f} % of the image; distortion beyond them is extrapolated")
     if fit.clustering > 1:
         notes.append(
-            f"errors of corners go together within views, so standard errors are {math.sqrt(fit.clustering):.1f} times "
+            f"errors of corners correlate within views, so standard errors are {math.sqrt(fit.clustering):.1f} times "
             "those of independent corners; is the board flat?"
         )
     width, height = image_size
@@ -351,12 +350,12 @@ def _notes(fit: CameraFit, image_size: tuple[int, int], coverage: float) -> tupl
     try:
         undistort_px(edges, matrix_of(fit.parameters), fit.parameters[4:])
     except CalibrationError:
-        notes.append("the lens model does not reach the corners of the picture; positions there will be refused")
+        notes.append("the lens model does not reach the corners of the image; positions there will be refused")
     return tuple(notes)
 
 
 def covered_part(views: Sequence[BoardView], cells: int = 8) -> float:
-    """Part of the picture's ``cells`` x ``cells`` fields that hold a corner of one of the ``views``."""
+    """Part of the image's ``cells`` x ``cells`` fields that hold a corner of one of the ``views``."""
     width, height = views[0].image_size
     corners = np.concatenate([view.corners_px for view in views])
     column = np.clip((corners[:, 0] + 0.5) / width * cells, 0, cells - 1).astype(int)

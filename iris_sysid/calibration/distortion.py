@@ -78,7 +78,7 @@ def undistort_px(xy_px: Array, camera_matrix: Array, distortion: Array) -> tuple
     Raises
     ------
     CalibrationError
-        When a pixel lies where the lens model folds back, so that it has no undistorted place.
+        When a pixel lies where the lens model folds back, so that it has no undistorted position.
     """
     known = np.isfinite(xy_px).all(axis=1)
     if not known.all():
@@ -103,7 +103,7 @@ def undistort_px(xy_px: Array, camera_matrix: Array, distortion: Array) -> tuple
 
 
 def _solve(seen: Array, distortion: Array, xy_px: Array) -> Array:
-    """Normalised points whose distorted places are ``seen``."""
+    """Normalised points whose distorted positions are ``seen``."""
     if not np.any(distortion):
         return seen.copy()
     flat = seen.copy()
@@ -120,7 +120,7 @@ def _solve(seen: Array, distortion: Array, xy_px: Array) -> Array:
         x, y = xy_px[np.argmax(wrong)]
         raise CalibrationError(
             f"the lens model of the calibration does not reach pixel ({x:.1f}, {y:.1f}): its distortion folds back "
-            "before; calibrate with views of the board that reach the edges of the picture"
+            "before; calibrate with views of the board that reach the edges of the image"
         )
     return flat
 

@@ -82,7 +82,7 @@ def _normaliser(points: Array) -> Array:
     centre = points.mean(axis=0)
     spread = float(np.linalg.norm(points - centre, axis=1).mean())
     if not spread > 0:
-        raise CalibrationError("the points of the board all lie at one place; mark them again")
+        raise CalibrationError("the points of the board all lie at one position; mark them again")
     scale = np.sqrt(2) / spread
     return np.array([[scale, 0, -scale * centre[0]], [0, scale, -scale * centre[1]], [0, 0, 1]])
 

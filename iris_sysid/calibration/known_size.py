@@ -28,7 +28,7 @@ def plane_from_size(
     image_size: tuple[int, int] | None = None,
     source: str = "object of known size",
 ) -> Calibration:
-    """Calibrate by one length that is known in the picture and in the plane of motion.
+    """Calibrate by one length that is known in the image and in the plane of motion.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def plane_from_size(
     size_px_stderr, size_m_stderr
         Their standard errors.
     image_size
-        (width, height) of the picture, px; None where the length does not come from a picture.
+        (width, height) of the image, px; None where the length does not come from an image.
     source
         Where the length comes from, in words.
 
@@ -52,8 +52,8 @@ def plane_from_size(
         When a length is not positive or not known better than to itself.
     """
     calibration = scale(size_px, size_m, px_stderr=size_px_stderr, metres_stderr=size_m_stderr)
-    said = f"{source}: {size_px:.2f} px are {size_m:g} m"
-    return replace(calibration, scale=replace(calibration.scale, source=said), image_size=image_size, source=said)
+    text = f"{source}: {size_px:.2f} px are {size_m:g} m"
+    return replace(calibration, scale=replace(calibration.scale, source=text), image_size=image_size, source=text)
 
 
 def plane_from_ball(
@@ -65,9 +65,9 @@ def plane_from_ball(
     xy_px: Array | None = None,
     image_size: tuple[int, int] | None = None,
 ) -> Calibration:
-    """Calibrate by a ball of known radius that was tracked: the median of its radius in the picture.
+    """Calibrate by a ball of known radius that was tracked: the median of its radius in the image.
 
-    Frames scatter by what the median's standard error says; where the edge of the ball is put is common to all frames
+    The scatter of the frames gives the median's standard error; the error of the ball's edge is common to all frames
     and does not average out.
 
     Parameters
@@ -79,16 +79,16 @@ def plane_from_ball(
     radius_m_stderr
         Its standard error.
     edge_stderr_px
-        Standard error common to all frames of where the ball's edge is put, 0.1 px in sharp pictures.
+        Standard error of the position of the ball's edge, common to all frames; 0.1 px in sharp images.
     xy_px
-        Places of the ball (n, 2): a radius that depends on the place is noted.
+        Positions of the ball (n, 2): a radius that depends on the position is noted.
     image_size
-        (width, height) of the picture, px.
+        (width, height) of the image, px.
 
     Returns
     -------
     Calibration
-        As :func:`plane_from_size`, with a note where the apparent radius changes over the picture.
+        As :func:`plane_from_size`, with a note where the apparent radius changes over the image.
 
     Raises
     ------
@@ -118,15 +118,15 @@ def plane_from_ball(
 
 
 def _growth_note(radius_px: Array, xy_px: Array, middle: float) -> str:
-    """Say so when the radius depends on the place by more than chance and by more than 1 %."""
+    """A note where the radius depends on the position by more than chance and by more than 1 %."""
     known = np.isfinite(radius_px) & np.isfinite(xy_px).all(axis=1)
     if known.sum() < 8:
         return ""
-    places = xy_px[known] - xy_px[known].mean(axis=0)
-    slopes, *_ = np.linalg.lstsq(places, radius_px[known] - radius_px[known].mean(), rcond=None)
-    left = radius_px[known] - radius_px[known].mean() - places @ slopes
-    change = float(np.ptp(places @ slopes))
-    if change < 0.01 * middle or change < 5 * float(np.std(left)) / math.sqrt(known.sum()):
+    positions = xy_px[known] - xy_px[known].mean(axis=0)
+    slopes, *_ = np.linalg.lstsq(positions, radius_px[known] - radius_px[known].mean(), rcond=None)
+    residual = radius_px[known] - radius_px[known].mean() - positions @ slopes
+    change = float(np.ptp(positions @ slopes))
+    if change < 0.01 * middle or change < 5 * float(np.std(residual)) / math.sqrt(known.sum()):
         return ""
     return (
         f"the ball looks {100 * change / middle:.1f} % larger at one end of its path than at the other: it moves "
@@ -155,7 +155,7 @@ def camera_from_field_of_view(
     across
         What the angle is measured across.
     centre_stderr
-        Standard error of the principal point about the middle of the picture, of its longer side.
+        Standard error of the principal point about the middle of the image, of its longer side.
 
     Returns
     -------
@@ -258,7 +258,7 @@ def _distance_budget(
     tilt = np.zeros((N_VALUES, N_VALUES))
     for row in (np.array([0, 1 / fy, -cy / fy]), np.array([1 / fx, 0, -cx / fx])):
         turn = np.zeros(N_VALUES)
-        turn[6:9] = row  # a small tilt divides by 1 + tilt * (place on the image plane)
+        turn[6:9] = row  # a small tilt divides by 1 + tilt * (position on the image plane)
         tilt += tilt_stderr_rad**2 * np.outer(turn, turn)
     return {
         "distance": distance_stderr_m**2 * np.outer(by_distance, by_distance),

@@ -1,6 +1,6 @@
-"""How many pixels a metre has, and the one place where pixels become metres and y down becomes z up.
+"""Pixels per metre, and the one function by which pixels become metres and y down becomes z up.
 
-A calibration is a homography from the picture to the plane of motion. A plain scale, a scale bar and the axes of an
+A calibration is a homography from the image to the plane of motion. A plain scale, a scale bar and the axes of an
 Open Source Physics Tracker file are homographies too, so :func:`to_world` knows one case only.
 """
 
@@ -50,14 +50,14 @@ class TrackerAxes(Protocol):
 def scale(
     px: float, metres: float, *, px_stderr: float = 0.0, metres_stderr: float = 0.0, source: str = "stated scale"
 ) -> Calibration:
-    """Calibrate by a plain scale: ``px`` pixels in the picture are ``metres`` in the plane of motion.
+    """Calibrate by a plain scale: ``px`` pixels in the image are ``metres`` in the plane of motion.
 
     The relative standard error is ``sqrt((px_stderr/px)^2 + (metres_stderr/metres)^2)`` (GUM, 5.1.6).
 
     Parameters
     ----------
     px
-        Length in the picture, px.
+        Length in the image, px.
     metres
         The same length, m.
     px_stderr, metres_stderr
@@ -74,6 +74,12 @@ def scale(
     ------
     CalibrationError
         When a length is not positive and finite, or not larger than its standard error.
+
+    Examples
+    --------
+    >>> from iris_sysid import scale
+    >>> scale(640.0, 1.0, px_stderr=1.0).unit
+    'm'
     """
     for name, length, stderr, unit in (("px", px, px_stderr, "px"), ("metres", metres, metres_stderr, "m")):
         _check_length(name, length, stderr, unit)
@@ -168,6 +174,12 @@ def scale_from_text(text: str) -> Calibration:
 
     ``398.7(5)px`` is 398.7 with 0.5 in its last digit; ``640+-3px`` and ``640±3px`` are the same in full. Raises
     CalibrationError with an example of what is right.
+
+    Examples
+    --------
+    >>> from iris_sysid import scale_from_text
+    >>> scale_from_text("640px=1m").unit
+    'm'
     """
     try:
         px, metres = parse_scale(text)
@@ -305,4 +317,4 @@ def check_homography(homography: Array) -> None:
     """CalibrationError when a ``homography`` (3, 3) has no inverse."""
     # 1e-12: a homography of rank 2 has a condition number of 1e16, one of a tilted camera below 1e9
     if not np.all(np.isfinite(homography)) or 1 / np.linalg.cond(homography) < 1e-12:
-        raise CalibrationError("the calibration's homography has no inverse, so it maps the picture on a line; redo it")
+        raise CalibrationError("the calibration's homography has no inverse, so it maps the image on a line; redo it")

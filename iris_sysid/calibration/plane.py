@@ -108,14 +108,14 @@ def common_errors(calibration: Calibration, xy_px: Array) -> dict[str, Array]:
     seen = xy_px[np.isfinite(xy_px).all(axis=1)]
     sensitivity = to_plane(calibration, seen)[2].reshape(-1, N_VALUES)
     normal = sensitivity.T @ sensitivity
-    found = {}
+    by_source = {}
     for source, part in calibration.budget.items():
         root = _root(part)
         squares, turns = np.linalg.eigh(root.T @ normal @ root)
         shown = squares > max(NEGLIGIBLE**2 * squares.max(initial=0.0), np.finfo(np.float64).tiny)
         if shown.any():
-            found[source] = (root @ turns[:, shown]).T[::-1]
-    return found
+            by_source[source] = (root @ turns[:, shown]).T[::-1]
+    return by_source
 
 
 def changed(calibration: Calibration, change: Array) -> Calibration:
@@ -131,11 +131,11 @@ def changed(calibration: Calibration, change: Array) -> Calibration:
     )
 
 
-# --------------------------------------------------------------------------- at one place
+# --------------------------------------------------------------------------- at one position
 
 
 def local_scale(calibration: Calibration, at_px: tuple[float, float]) -> Estimate:
-    """Pixels a metre at a place ``at_px`` of the picture, as the mean of all directions: ``|det A|^(-1/2)``.
+    """Pixels a metre at a position ``at_px`` of the image, as the mean of all directions: ``|det A|^(-1/2)``.
 
     Its standard error is common to all samples; it is ``assumed`` where nothing says how well it is known.
     """
@@ -144,10 +144,10 @@ def local_scale(calibration: Calibration, at_px: tuple[float, float]) -> Estimat
 
 
 def local_geometry(calibration: Calibration, at_px: tuple[float, float]) -> dict[str, Estimate]:
-    """Scale and its departures at a place ``at_px`` of the picture, each with the error common to all samples.
+    """Scale and its departures at a position ``at_px`` of the image, each with the error common to all samples.
 
-    ``stretch`` is the ratio of the scales along the picture's x and y, ``shear_rad`` how far the picture's right angle
-    is off a right angle in the plane, ``turn_rad`` how far the picture's up is turned clockwise from z.
+    ``stretch`` is the ratio of the scales along the image's x and y, ``shear_rad`` how far the image's right angle
+    is off a right angle in the plane, ``turn_rad`` how far the image's up is turned clockwise from z.
     """
     values, stderrs = _geometry(calibration, at_px)
     names = (("scale", "px/m"), ("stretch", "1"), ("shear_rad", "rad"), ("turn_rad", "rad"))
@@ -158,7 +158,7 @@ def local_geometry(calibration: Calibration, at_px: tuple[float, float]) -> dict
 
 
 def _geometry(calibration: Calibration, at_px: tuple[float, float]) -> tuple[Array, Array]:
-    """Scale, stretch, shear and turn (4,) at a place, and their standard errors (4,).
+    """Scale, stretch, shear and turn (4,) at a position, and their standard errors (4,).
 
     The errors come from steps along each axis of the calibration's covariance.
     """
@@ -381,21 +381,21 @@ def positions_of(values: Array, xy_px: Array) -> Array:
 def check_image_size(calibrated: tuple[int, int] | None, clip: tuple[int, int]) -> None:
     """Refuse a calibration made at another resolution or crop than the clip's; sizes are (width, height) px.
 
-    ``calibrated`` None stands for a calibration that was not made from pictures. Raises CalibrationError.
+    ``calibrated`` None stands for a calibration that was not made from images. Raises CalibrationError.
     """
     if calibrated is None or tuple(calibrated) == tuple(clip):
         return
     (width, height), (clip_width, clip_height) = calibrated, clip
-    sizes = f"the calibration was made from pictures of {width}x{height} px, the clip is {clip_width}x{clip_height} px"
+    sizes = f"the calibration was made from images of {width}x{height} px, the clip is {clip_width}x{clip_height} px"
     if (clip_height, clip_width) == (width, height):
         raise CalibrationError(f"{sizes}: one of them is turned by 90 degrees; calibrate with the camera held alike")
     if abs(clip_width * height - clip_height * width) <= max(width, height, clip_width, clip_height):
         raise CalibrationError(
             f"{sizes}, of the same shape: a camera often uses another part of its sensor at another resolution; "
-            f"calibrate at {clip_width}x{clip_height} px, or, if the pictures were only resized, calibrate with "
+            f"calibrate at {clip_width}x{clip_height} px, or, if the images were only resized, calibrate with "
             f"--camera and --resized {clip_width}x{clip_height}"
         )
     raise CalibrationError(
-        f"{sizes}, of another shape: the pictures were cropped; calibrate at {clip_width}x{clip_height} px, or, where "
-        "the place of the crop is known, with --camera and --cropped x,y,w,h"
+        f"{sizes}, of another shape: the images were cropped; calibrate at {clip_width}x{clip_height} px, or, where "
+        "the position of the crop is known, with --camera and --cropped x,y,w,h"
     )

@@ -1,4 +1,4 @@
-"""The same camera after its pictures were resized or cropped: what a calibration becomes then."""
+"""The same camera after its images were resized or cropped: what a calibration becomes then."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from iris_sysid.types import Array
 
 
 def resized_camera(camera: CameraCalibration, image_size: tuple[int, int]) -> CameraCalibration:
-    """The ``camera`` of pictures resized as a whole to ``image_size`` (width, height) px, nothing cut off.
+    """The ``camera`` of images resized as a whole to ``image_size`` (width, height) px, nothing cut off.
 
     Lengths grow by the ratio r of the sizes and ``cx' = r (cx + 1/2) - 1/2``: the origin is the centre of a pixel.
     Raises CalibrationError when the shape differs, for then something was cut off.
@@ -22,7 +22,7 @@ def resized_camera(camera: CameraCalibration, image_size: tuple[int, int]) -> Ca
     # a whole number of px each way: half a px of rounding
     if not np.all(ratio > 0) or abs(ratio[0] - ratio[1]) > 0.51 / min(camera.image_size):
         raise CalibrationError(
-            f"pictures of {camera.image_size[0]}x{camera.image_size[1]} px cannot be resized to "
+            f"images of {camera.image_size[0]}x{camera.image_size[1]} px cannot be resized to "
             f"{image_size[0]}x{image_size[1]} px without cutting or stretching; calibrate at that resolution"
         )
     growth = np.array([*ratio, *ratio, 1, 1, 1, 1, 1])
@@ -32,14 +32,14 @@ def resized_camera(camera: CameraCalibration, image_size: tuple[int, int]) -> Ca
 
 
 def cropped_camera(camera: CameraCalibration, crop: tuple[int, int, int, int]) -> CameraCalibration:
-    """The ``camera`` of pictures from which the part ``crop`` (x, y, width, height) px was cut out, not resized.
+    """The ``camera`` of images from which the part ``crop`` (x, y, width, height) px was cut out, not resized.
 
-    Raises CalibrationError when the part does not lie in the picture.
+    Raises CalibrationError when the part does not lie in the image.
     """
     x, y, width, height = crop
     if min(x, y) < 0 or min(width, height) < 1 or x + width > camera.image_size[0] or y + height > camera.image_size[1]:
         raise CalibrationError(
-            f"the part {x},{y},{width},{height} does not lie in a picture of "
+            f"the part {x},{y},{width},{height} does not lie in an image of "
             f"{camera.image_size[0]}x{camera.image_size[1]} px; give x,y,width,height"
         )
     parameters = camera.parameters

@@ -234,7 +234,7 @@ def metres_of(scale: str | None, scale_bar: str | None, file: Path | None, *, ne
     scale, scale_bar, file
         As for :func:`calibration_of`; gravity gives no scale here.
     needed
-        Whether positions in m were asked for.
+        Whether positions in m are requested.
     """
     from_gravity, calibration = calibration_of(scale, scale_bar, file)
     if from_gravity is not None:
@@ -247,7 +247,7 @@ def metres_of(scale: str | None, scale_bar: str | None, file: Path | None, *, ne
 def track_options(
     bodies: int, roi: str | None, colour: str | None, progress: Callable[[int, int], None] | None = None
 ) -> TrackOptions:
-    """What any tracker is told.
+    """The options of any tracker.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ def check_outputs(source: Path, paths: Sequence[Path | None], *, overwrite: bool
 
 
 def check_suffix(path: Path | None, suffix: str) -> None:
-    """Raise OutputError when a result is asked for under a name that hides its format; None is passed over."""
+    """Raise OutputError when the name of a result does not have the suffix of its format; None is passed over."""
     if path is not None and path.suffix.lower() != suffix:
         raise OutputError(f"cannot write {path}: it will be a {suffix} file; end its name with {suffix}")
 
@@ -101,7 +101,7 @@ def progress(what: str) -> Iterator[Callable[[int, int], None]]:
 
 def one_line(text: str) -> str:
     """The text on one line, control characters (a file may be named with them) shown as escapes."""
-    return "".join(one if one.isprintable() else repr(one)[1:-1] for one in text)
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
 
 def replace_unprintable() -> None:

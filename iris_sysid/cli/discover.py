@@ -31,7 +31,7 @@ def discover(
     """
     from fitters.sindy import discover as find
     from iris_sysid.cli import _parsing
-    from iris_sysid.io import files, json_documents
+    from iris_sysid.io import discovery_json, files, json_documents
     from iris_sysid.io.csv_read import read_trajectory
     from iris_sysid.registry import MODELS
     from iris_sysid.report.text import discovery_sentence, discovery_text
@@ -44,7 +44,7 @@ def discover(
     asked = {"quantity": quantity, "set": known, "residual_of": residual_of, "seed": seed}
     clips = [_parsing.with_options(read_trajectory(table), **asked) for table in tables]
     found = find(clips, quantities=quantity or (), known=constants, residual_of=residual_of, seed=seed)
-    document = json_documents.discovery_document(found, discovery_sentence(found))
+    document = discovery_json.discovery_document(found, discovery_sentence(found))
     json_documents.write_document(document, output, overwrite=force)
     if plot is not None:
         from iris_sysid.report.discovery_figure import discovery_figure

@@ -109,7 +109,7 @@ def read_sheet(path: str | Path) -> Sheet:
     label = str(path)
     text = _decode(_read(path, label), label)
     header_line = re.split(r"[\r\n]", text.lstrip(), maxsplit=1)[0]
-    separator = next((one for one in ",;\t" if one in header_line), ",")
+    separator = next((character for character in ",;\t" if character in header_line), ",")
     rows = list(_rows(text, separator, label))
     if not rows:
         raise DataError(f"{label} is empty: it needs a header line, e.g. t_s,theta_rad, and a line a sample")

@@ -98,11 +98,11 @@ def column_of(quantity: Quantity, *, is_input: bool = False) -> str:
 def state_columns(quantities: Sequence[Quantity]) -> list[str]:
     """Columns of the smoothed state: the value of every quantity, then the rate of every quantity."""
     rates = [Quantity(quantity.name, rate_of(quantity.unit)) for quantity in quantities]
-    return [f"smooth_{one.column}" for one in quantities] + [f"d_{one.column}" for one in rates]
+    return [f"smooth_{quantity.column}" for quantity in quantities] + [f"d_{quantity.column}" for quantity in rates]
 
 
 def covariance_columns(quantities: Sequence[Quantity]) -> dict[str, tuple[int, int]]:
     """Columns of the covariance between two parts of the smoothed state, and which two."""
     headers = state_columns(quantities)
     pairs = combinations(range(len(headers)), 2)
-    return {f"cov_{headers[one]}_{headers[other]}": (one, other) for one, other in pairs}
+    return {f"cov_{headers[first]}_{headers[second]}": (first, second) for first, second in pairs}

@@ -168,29 +168,40 @@ def read_trajectory(path: str | Path) -> Trajectory:
 
     A blank cell is a gap. Columns in another unit of the same kind (deg, cm, mm, ms, mV, ...) are converted to rad, m,
     s, V, ..., which ``origin["converted"]`` says. Raises DataError that names line, column and cell.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> from iris_sysid import read_trajectory
+    >>> text = "t_s,theta_rad\\n0.0,0.2\\n0.1,0.15\\n0.2,\\n0.3,-0.05\\n"
+    >>> _ = Path("angles.csv").write_text(text)
+    >>> trajectory = read_trajectory("angles.csv")
+    >>> trajectory.quantities[0].name, trajectory.valid.tolist()
+    ('theta', [True, True, False, True])
     """
     sheet = read_sheet(path)
     if "x_px" in sheet and ("body" in sheet or "frame" in sheet):
         raise DataError(f"{sheet.label} is a track, in pixels; it needs read_track and to_world, or iris-sysid run")
     _require(sheet, ("t_s",), "a trajectory has t_s in s and columns such as theta_rad, x_m")
     columns = _columns(sheet)
-    measured = [one for one in columns.values() if one.part == "measured" and not one.is_sigma and not one.is_input]
-    inputs = [one for one in columns.values() if one.part == "measured" and not one.is_sigma and one.is_input]
+    plain = [column for column in columns.values() if column.part == "measured" and not column.is_sigma]
+    measured = [column for column in plain if not column.is_input]
+    inputs = [column for column in plain if column.is_input]
     if not measured:
         raise DataError(f"{sheet.label} has no quantity beside t_s; add a column such as theta_rad or x_m")
     document, origin = _read_beside(path)
-    converted = {one.header: one.unit for one in columns.values() if one.factor != 1}
+    converted = {column.header: column.unit for column in columns.values() if column.factor != 1}
     t_s = _times(sheet)
-    positions = {one.header: _values(sheet, one) for one in measured}
+    positions = {column.header: _values(sheet, column) for column in measured}
     stated = document.error_autocorrelation if document else None
     return Trajectory(
         t_s=t_s,
         quantities=_restored(measured, document),
         position=np.column_stack(list(positions.values())),
-        sigma=_side_by_side(sheet, columns, [("measured", True, one.name) for one in measured]),
+        sigma=_side_by_side(sheet, columns, [("measured", True, column.name) for column in measured]),
         valid=_some_valid(sheet, positions),
         input_quantities=_restored(inputs, document),
-        inputs=np.column_stack([_values(sheet, one) for one in inputs]) if inputs else None,
+        inputs=np.column_stack([_values(sheet, column) for column in inputs]) if inputs else None,
         segments=_segments(sheet, document),
         geometry={name: entry.estimate() for name, entry in document.geometry.items()} if document else {},
         smoothed=_smoothed(sheet, columns, measured, document),
@@ -203,15 +214,15 @@ def read_trajectory(path: str | Path) -> Trajectory:
 
 def _systematic(sheet: Sheet, document: OriginDocument | None, shape: tuple[int, int]) -> dict[str, Array]:
     """What errors have in common, by source (r, n, d); DataError when it is not of the table's shape (n, d)."""
-    found = {}
+    by_source = {}
     for source, patterns in document.systematic.items() if document else ():
         if any(len(rows) != shape[0] or any(len(row) != shape[1] for row in rows) for rows in patterns):
             raise DataError(
                 f"{sheet.label}: systematic[{source!r}] in the file beside it does not have {shape[1]} numbers for "
                 f"each of {shape[0]} samples; delete that file, or write the table again"
             )
-        found[source] = np.array(patterns, dtype=np.float64).reshape(len(patterns), *shape)
-    return found
+        by_source[source] = np.array(patterns, dtype=np.float64).reshape(len(patterns), *shape)
+    return by_source
 
 
 def _columns(sheet: Sheet) -> dict[Key, Column]:
@@ -286,7 +297,8 @@ def _segments(sheet: Sheet, document: OriginDocument | None) -> tuple[Segment, .
         if label is not None and label not in known:
             sheet.refuse("segment", row, f"is no segment; there are {', '.join(known)}, or blank")
     stated = tuple(entry.segment() for entry in document.segments) if document else ()
-    if all(one.start < one.stop <= len(labels) for one in stated) and segment_labels(stated, len(labels)) == labels:
+    inside = all(segment.start < segment.stop <= len(labels) for segment in stated)
+    if inside and segment_labels(stated, len(labels)) == labels:
         return stated
     edges = [0, *(row for row in range(1, len(labels)) if labels[row] != labels[row - 1]), len(labels)]
     runs = ((labels[start], start, stop) for start, stop in pairwise(edges))
@@ -299,7 +311,7 @@ def _smoothed(
     measured: Sequence[Column],
     document: OriginDocument | None,
 ) -> Smoothed | None:
-    names = [one.name for one in measured]
+    names = [column.name for column in measured]
     values, rates = ([(part, False, name) for name in names] for part in ("smooth", "rate"))
     missing = [key for key in (*values, *rates) if key not in columns]
     covariances = [header for header in sheet.columns if header.startswith("cov_")]
@@ -325,18 +337,18 @@ def _covariance(
     headers: Sequence[str],
 ) -> Array:
     """Covariance (n, 2d, 2d) of the smoothed state: squares of its ``sigma_`` columns, and the ``cov_`` columns."""
-    keys = [(part, True, one.name) for part in ("smooth", "rate") for one in measured]
+    keys = [(part, True, column.name) for part in ("smooth", "rate") for column in measured]
     variance = np.square(_side_by_side(sheet, columns, keys))
     covariance = np.zeros((variance.shape[0], len(keys), len(keys)))
     covariance[:, range(len(keys)), range(len(keys))] = variance
-    places = covariance_columns([one.quantity for one in measured])
+    pairs = covariance_columns([column.quantity for column in measured])
     for header in headers:
-        if header not in places:
+        if header not in pairs:
             raise DataError(
-                f"{sheet.label}: {header} is no covariance of this table; there could be {', '.join(places)}"
+                f"{sheet.label}: {header} is no covariance of this table; there could be {', '.join(pairs)}"
             )
-        one, other = places[header]
-        covariance[:, one, other] = covariance[:, other, one] = sheet.numbers(header)
+        first, second = pairs[header]
+        covariance[:, first, second] = covariance[:, second, first] = sheet.numbers(header)
     return covariance
 
 
@@ -349,4 +361,4 @@ def _smoothing(sheet: Sheet, d: int, document: OriginDocument | None) -> tuple[A
         raise DataError(
             f"{side_car_of(sheet.label)} is of another table: smoothing of {d} quantities is wanted; delete it"
         )
-    return np.array([number(one) for one in smoothing.psd]), np.array([number(one) for one in smoothing.nis])
+    return np.array([number(value) for value in smoothing.psd]), np.array([number(value) for value in smoothing.nis])

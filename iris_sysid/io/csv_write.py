@@ -92,11 +92,11 @@ def write_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: boo
     """
     smoothed = trajectory.smoothed
     beside = {
-        "quantities": [asdict(one) for one in trajectory.quantities],
-        "inputs": [asdict(one) for one in trajectory.input_quantities],
-        "segments": [asdict(one) for one in trajectory.segments],
+        "quantities": [asdict(quantity) for quantity in trajectory.quantities],
+        "inputs": [asdict(quantity) for quantity in trajectory.input_quantities],
+        "segments": [asdict(segment) for segment in trajectory.segments],
         "geometry": entries_of(trajectory.geometry),
-        "systematic": {source: np.nan_to_num(one).tolist() for source, one in trajectory.systematic.items()},
+        "systematic": {source: np.nan_to_num(patterns).tolist() for source, patterns in trajectory.systematic.items()},
         "smoothing": None if smoothed is None else {k: known_numbers(getattr(smoothed, k)) for k in ("psd", "nis")},
         "origin": plain_origin(trajectory.origin),
         "error_autocorrelation": _entry_of(trajectory.error_autocorrelation),

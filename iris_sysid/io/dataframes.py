@@ -43,7 +43,21 @@ def to_frame(box: Track | Sequence[Track] | Trajectory | FitResult) -> pd.DataFr
 
 
 def estimates_frame(result: FitResult) -> pd.DataFrame:
-    """The estimates of a fit: one row a name, with value, stderr, 95 % interval, unit, type and whether it was free."""
+    """The estimates of a fit: one row a name, with value, stderr, 95 % interval, unit, type and whether it was free.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from iris_sysid import MODELS, Trajectory, estimates_frame, fit, simulate
+    >>> pendulum, t_s = MODELS["pendulum"], np.arange(300) / 60
+    >>> truth = {"length": 0.5, "damping": 0.1, "theta_0": 0.8, "omega_0": 0.0}
+    >>> theta = simulate(pendulum, t_s, truth).observed
+    >>> theta += 1e-3 * np.random.default_rng(0).standard_normal(theta.shape)
+    >>> clip = Trajectory(t_s, pendulum.observed, theta, np.full_like(theta, np.nan), np.ones(300, bool))
+    >>> frame = estimates_frame(fit(clip, pendulum))
+    >>> frame.loc[["length", "damping"], "unit"].to_list()
+    ['m', '1/s']
+    """
     rows = {
         name: {
             "value": estimate.value,
@@ -81,7 +95,7 @@ def _track_frame(tracks: Sequence[Track]) -> pd.DataFrame:
         **{
             name: _joined(tracks, name)
             for name in TRACK_SIGMAS
-            if any(getattr(one, name) is not None for one in tracks)
+            if any(getattr(track, name) is not None for track in tracks)
         },
     }
     return pd.DataFrame(columns).sort_values("t_s", kind="stable", ignore_index=True)
@@ -128,9 +142,9 @@ def _smoothed_columns(trajectory: Trajectory, smoothed: Smoothed) -> dict[str, A
     sigmas = np.sqrt(np.diagonal(smoothed.covariance, axis1=1, axis2=2))
     columns = dict(zip(headers, states.T, strict=True))
     columns |= {f"sigma_{header}": sigma for header, sigma in zip(headers, sigmas.T, strict=True)}
-    for header, (one, other) in covariance_columns(trajectory.quantities).items():
-        if smoothed.covariance[:, one, other].any():
-            columns[header] = smoothed.covariance[:, one, other]
+    for header, (first, second) in covariance_columns(trajectory.quantities).items():
+        if smoothed.covariance[:, first, second].any():
+            columns[header] = smoothed.covariance[:, first, second]
     return columns
 
 

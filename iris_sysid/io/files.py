@@ -156,7 +156,7 @@ def sha256_of(path: str | Path) -> str:
 
 def _sha256_of_folder(folder: Path) -> str:
     digest = hashlib.sha256()
-    for file in sorted(one for one in folder.rglob("*") if one.is_file()):
+    for file in sorted(path for path in folder.rglob("*") if path.is_file()):
         digest.update(f"{os.fspath(file.relative_to(folder))}\0{sha256_of(file)}\n".encode("utf-8", "surrogateescape"))
     return digest.hexdigest()
 
@@ -192,11 +192,11 @@ def origin_of(source: str | Path | None, options: Mapping[str, Any]) -> dict[str
 
 @cache
 def _versions() -> tuple[tuple[str, str], ...]:
-    found = []
+    versions = []
     for package in PACKAGES:
         with suppress(PackageNotFoundError):
-            found.append((package, version(package)))
-    return tuple(found)
+            versions.append((package, version(package)))
+    return tuple(versions)
 
 
 # --------------------------------------------------------------------------- JSON

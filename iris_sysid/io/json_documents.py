@@ -15,30 +15,22 @@ from iris_sysid.errors import DataError, UnknownNameError
 from iris_sysid.io.files import json_text, write_atomic
 from iris_sysid.io.schemas import (
     DOCUMENTS,
-    DiscoveryDocument,
     Document,
-    EquationEntry,
     EstimateEntry,
     FitDocument,
     FittedQuantity,
     FittedSegment,
     IdentifiabilityEntry,
-    MatchEntry,
-    NearestEntry,
     Number,
-    TermEntry,
     UsedSamples,
     known_number,
     known_numbers,
 )
 from iris_sysid.types import (
     Array,
-    DiscoveredTerm,
-    Discovery,
     Estimate,
     FitResult,
     FitStatus,
-    Match,
     Segment,
     Trajectory,
 )
@@ -202,11 +194,11 @@ def fit_document(result: FitResult, trajectory: Trajectory | None = None) -> Fit
         budget={name: {key: known_number(part) for key, part in row.items()} for name, row in result.budget.items()},
         **_goodness(result),
         samples=_samples(result, trajectory),
-        segments=[] if trajectory is None else [_segment(one, result) for one in trajectory.segments],
+        segments=[] if trajectory is None else [_segment(segment, result) for segment in trajectory.segments],
         geometry={} if trajectory is None else entries_of(trajectory.geometry),
         intervals={
-            method: {name: known_numbers(ends) for name, ends in found.items()}
-            for method, found in result.intervals.items()
+            method: {name: known_numbers(ends) for name, ends in intervals.items()}
+            for method, intervals in result.intervals.items()
         },
         identifiability=_identifiability(result),
         origin=plain_origin(result.origin or (trajectory.origin if trajectory else {})),
@@ -247,11 +239,6 @@ def write_fit(result: FitResult, trajectory: Trajectory, path: str | Path, *, ov
     return write_document(fit_document(result, trajectory), path, overwrite=overwrite)
 
 
-def read_fit(path: str | Path) -> FitDocument:
-    """Read and check a fit.json file; DataError names the first key that is wrong."""
-    return read_document(path, FitDocument)
-
-
 def plain_origin(origin: Mapping[str, Any]) -> dict[str, Any]:
     """The origin in the types that JSON knows; DataError when it holds anything else."""
     plain: dict[str, Any] = json.loads(json_text(origin))
@@ -259,20 +246,20 @@ def plain_origin(origin: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _identifiability(result: FitResult) -> IdentifiabilityEntry | None:
-    found = result.identifiability
-    if found is None:
+    identifiability = result.identifiability
+    if identifiability is None:
         return None
     return IdentifiabilityEntry(
-        names=list(found.names),
+        names=list(identifiability.names),
         fisher=[known_numbers(row) for row in result.fisher],
-        condition=known_number(found.condition),
-        undetermined=list(found.undetermined),
-        weakest=found.weakest,
-        hessian=None if found.hessian is None else [known_numbers(row) for row in found.hessian],
-        hessian_condition=known_number(found.hessian_condition),
-        gradients=known_numbers(list(found.gradients)),
-        ode_residual=known_numbers(found.ode_residual),
-        ode_residual_noise=known_numbers(found.ode_residual_noise),
+        condition=known_number(identifiability.condition),
+        undetermined=list(identifiability.undetermined),
+        weakest=identifiability.weakest,
+        hessian=None if identifiability.hessian is None else [known_numbers(row) for row in identifiability.hessian],
+        hessian_condition=known_number(identifiability.hessian_condition),
+        gradients=known_numbers(list(identifiability.gradients)),
+        ode_residual=known_numbers(identifiability.ode_residual),
+        ode_residual_noise=known_numbers(identifiability.ode_residual_noise),
     )
 
 
@@ -280,8 +267,8 @@ def _goodness(result: FitResult) -> dict[str, Any]:
     observed = result.model.observed
     one_unit = len({quantity.unit for quantity in observed}) == 1
     return {
-        "noise": _together(result.noise) if one_unit else None,
-        "rms": _together(result.rms) if one_unit else None,
+        "noise": _root_mean_square(result.noise) if one_unit else None,
+        "rms": _root_mean_square(result.rms) if one_unit else None,
         "n": result.n,
         "quantities": [
             FittedQuantity(
@@ -296,7 +283,7 @@ def _goodness(result: FitResult) -> dict[str, Any]:
     } | {name: known_number(getattr(result, name)) for name in ("aic", "bic", "condition", "correlation", "t0_s")}
 
 
-def _together(parts: Array) -> Number:
+def _root_mean_square(parts: Array) -> Number:
     return known_number(np.sqrt(np.mean(np.square(parts))))
 
 
@@ -328,56 +315,3 @@ def _segment(segment: Segment, result: FitResult) -> FittedSegment:
         stop_s=float(result.t_s[segment.stop - 1]),
         n_used=int(result.used[segment.start : segment.stop].sum()),
     )
-
-
-# --------------------------------------------------------------------------- discovery.json
-
-
-def discovery_document(found: Discovery, sentence: str) -> DiscoveryDocument:
-    """The content of discovery.json for a discovery, with the ``sentence`` that says what it is."""
-    matched, nearest = found.matched, found.nearest
-    return checked(
-        DiscoveryDocument,
-        sentence=sentence,
-        status=found.status,
-        message=found.message,
-        equations=[EquationEntry(lhs=one.lhs, rhs=one.rhs, latex=one.latex) for one in found.equations],
-        terms=[term_entry(one) for one in found.terms],
-        matched=None if matched is None else _match(matched),
-        nearest=None
-        if nearest is None
-        else NearestEntry(
-            model=nearest.model,
-            missing=list(nearest.missing),
-            extra=list(nearest.extra),
-            parameters=entries_of(nearest.parameters),
-            note=nearest.note,
-        ),
-        alternatives=list(found.alternatives),
-        proposed=list(found.proposed),
-        noise=[known_number(value) for one in found.fits for value in one.noise],
-        rms=[known_number(value) for one in found.fits for value in one.rms],
-        n=[one.n for one in found.fits],
-        origin=plain_origin(found.origin),
-    )
-
-
-def term_entry(one: DiscoveredTerm) -> TermEntry:
-    """A term as it is written to a file."""
-    return TermEntry(
-        equation=one.equation,
-        term=one.term,
-        coefficient=known_number(one.coefficient.value),
-        ci95=known_numbers(one.coefficient.interval),
-        inclusion=one.inclusion,
-        selected=one.selected,
-        stderr=known_number(one.coefficient.stderr),
-        unit=one.coefficient.unit,
-        latex=one.latex,
-        parameter=one.parameter,
-        effect=one.effect,
-    )
-
-
-def _match(one: Match) -> MatchEntry:
-    return MatchEntry(model=one.model, parameters=entries_of(one.parameters), same=list(one.same), note=one.note)

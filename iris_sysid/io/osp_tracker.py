@@ -50,7 +50,7 @@ class OspProject:
     ``delta_t_ms`` is the time from frame to frame, NaN where not stated; ``start_frame`` and ``step`` say
     which frames were stepped through. ``marks`` holds for each body the frame numbers in the file (n,)
     and positions (n, 2) px in our convention, x right, y down. ``video`` is the name of the video, or of
-    the first picture, as the project names it (None: it names none).
+    the first image, as the project names it (None: it names none).
     """
 
     scale_px_per_m: float
@@ -165,12 +165,13 @@ def _read(path: Path, label: str) -> tuple[bytes, Sequence[str]]:
 
 
 def _only_project(archive: zipfile.ZipFile, label: str) -> zipfile.ZipInfo:
-    found = [one for one in archive.infolist() if PurePosixPath(one.filename).suffix.lower() == ".trk"]
-    if len(found) != 1:
-        listed = f"{len(found)} projects ({', '.join(one.filename for one in found[:5])})" if found else "no project"
+    projects = [entry for entry in archive.infolist() if PurePosixPath(entry.filename).suffix.lower() == ".trk"]
+    if len(projects) != 1:
+        names = ", ".join(entry.filename for entry in projects[:5])
+        listed = f"{len(projects)} projects ({names})" if projects else "no project"
         raise CalibrationError(f"{label} holds {listed}; unpack it and give one .trk file")
-    _check_size(found[0].file_size, f"{label}:{found[0].filename}")
-    return found[0]
+    _check_size(projects[0].file_size, f"{label}:{projects[0].filename}")
+    return projects[0]
 
 
 def _check_size(size: int, label: str) -> None:
@@ -209,8 +210,8 @@ def _property(parent: Element | None, name: str) -> Element | None:
 
 def _object(parent: Element | None, name: str) -> Element | None:
     """The object that the property of that name holds."""
-    found = _property(parent, name)
-    return None if found is None else found.find("object")
+    element = _property(parent, name)
+    return None if element is None else element.find("object")
 
 
 def _items(parent: Element | None, name: str) -> Iterator[tuple[str, Element]]:
@@ -222,8 +223,8 @@ def _items(parent: Element | None, name: str) -> Iterator[tuple[str, Element]]:
 
 
 def _text(parent: Element | None, name: str) -> str:
-    found = _property(parent, name)
-    return "" if found is None else (found.text or "").strip()
+    element = _property(parent, name)
+    return "" if element is None else (element.text or "").strip()
 
 
 def _number(parent: Element | None, name: str, label: str, default: float | None = None) -> float:
@@ -272,9 +273,9 @@ def _scale_px_per_m(axes: Element, unit: str, label: str) -> float:
 
 
 def _check_filters(video: Element | None, label: str) -> None:
-    for _, one in _items(video, "filters"):
-        kind = one.get("class", "").rpartition(".")[2]
-        if kind.removesuffix("Filter") in MOVING_FILTERS and _text(one, "enabled") != "false":
+    for _, element in _items(video, "filters"):
+        kind = element.get("class", "").rpartition(".")[2]
+        if kind.removesuffix("Filter") in MOVING_FILTERS and _text(element, "enabled") != "false":
             raise CalibrationError(
                 f"{label}: the video is shown through a {kind}, so scale and marks do not hold for the file's own "
                 "pixels; remove the filter in Tracker and calibrate again"
@@ -283,12 +284,12 @@ def _check_filters(video: Element | None, label: str) -> None:
 
 def _video_name(video: Element | None, packed: Sequence[str]) -> str | None:
     """The video as the project names it, or the packed file that is meant."""
-    paths = _property(video, "paths")  # of a picture sequence, in newer versions
+    paths = _property(video, "paths")  # of an image sequence, in newer versions
     first = (paths.findtext("property") or "").strip() if paths is not None else ""
     name = (_text(video, "path") or first).replace("\\", "/")
     if not name:
         return None
-    same = [one for one in packed if PurePosixPath(one).name == PurePosixPath(name).name]
+    same = [file for file in packed if PurePosixPath(file).name == PurePosixPath(name).name]
     return same[0] if name not in packed and len(same) == 1 else name
 
 

@@ -113,16 +113,16 @@ def outliers(t_s: Array, values: Array, scale: Array, threshold: float) -> NDArr
     threshold
         Deviation, in standard deviations, from the parabola through three neighbours on each side.
     """
-    found = np.zeros(t_s.size, dtype=np.bool_)
+    outlying = np.zeros(t_s.size, dtype=np.bool_)
     for size in (1, 2, 3):
-        kept = np.flatnonzero(~found)
-        for group in _strange_groups(t_s[kept], values[kept], scale, threshold, size):
-            found[kept[group]] = True
-    return found
+        kept = np.flatnonzero(~outlying)
+        for group in _outlying_groups(t_s[kept], values[kept], scale, threshold, size):
+            outlying[kept[group]] = True
+    return outlying
 
 
-def _strange_groups(t_s: Array, values: Array, scale: Array, threshold: float, size: int) -> NDArray[np.int64]:
-    """Numbers (k, size) of the samples of each strange group."""
+def _outlying_groups(t_s: Array, values: Array, scale: Array, threshold: float, size: int) -> NDArray[np.int64]:
+    """Numbers (k, size) of the samples of each group of outliers."""
     around = compact(t_s, windows(t_s.size, 6 + size))
     middle, outer = around[:, 3 : 3 + size], np.delete(around, np.arange(3, 3 + size), axis=1)
     if not len(around):
@@ -134,8 +134,8 @@ def _strange_groups(t_s: Array, values: Array, scale: Array, threshold: float, s
     typical = np.hypot(scale * np.hypot(1.0, gain[:, :1]), usual)[:, None]
     rest = np.sqrt(np.sum(residual**2, axis=1) / 3)  # six neighbours, three coefficients
     agree = np.all(rest < AGREE * np.hypot(scale, np.median(rest, axis=0)), axis=1)
-    strange = np.any((miss > threshold * typical) & (miss > threshold * rest[:, None]), axis=2)
-    return middle[agree & strange[:, 0] & strange[:, -1]]
+    outlying = np.any((miss > threshold * typical) & (miss > threshold * rest[:, None]), axis=2)
+    return middle[agree & outlying[:, 0] & outlying[:, -1]]
 
 
 def jumps(t_s: Array, values: Array, scale: Array, width: int) -> tuple[Array, Array, Array]:

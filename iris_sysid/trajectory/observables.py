@@ -1,4 +1,4 @@
-"""What a phenomenon takes from a track, as a trajectory with segments: a place, a height, a size, an angle, a light."""
+"""The quantity that a phenomenon measures of a track, with segments: position, height, radius, angle, intensity."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.trajectory.segmentation import segment
 from iris_sysid.types import Array, Calibration, Phenomenon, Quantity, Track, Trajectory
 
-# what a track may measure beside places -> the quantity, its column, and that of its standard error
+# what a track may measure beside positions -> the quantity, its column, and that of its standard error
 OF_TRACK = {
     "radius": (Quantity("r", "px", "r"), "radius_px", "sigma_radius_px"),
     "angle": (Quantity("phi", "rad", r"\varphi"), "angle_rad", "sigma_angle_rad"),

@@ -71,7 +71,8 @@ def body_of(world: Trajectory, usable: Mask) -> Body:
     index = np.flatnonzero(usable)
     scatter = local.noise(world.t_s[index], position[index])
     stated = world.sigma[usable, :2]
-    known = np.array([np.median(one[np.isfinite(one)]) if np.isfinite(one).any() else 0.0 for one in stated.T])
+    finite = [column[np.isfinite(column)] for column in stated.T]
+    known = np.array([np.median(column) if column.size else 0.0 for column in finite])
     smallest = 1e-9 * (np.ptp(position[index], axis=0).max() if index.size else 1.0) + np.finfo(float).tiny
     scale = np.maximum(np.maximum(scatter, known), smallest)
     missing_s = lost_time(world.t_s[index], position[index], scale)
@@ -128,13 +129,13 @@ def _rest(inside: Body, start: int, stop: int, limit: float) -> Stretch:
 
 
 def _fastest(speed: Array) -> float:
-    return float(np.percentile(speed, 95))  # one wild sample must not set the scale
+    return float(np.percentile(speed, 95))  # a single outlier must not set the scale
 
 
 def _while_in_place(body: Body, start: int, stop: int) -> tuple[int, int]:
     """First and last sample of a rest: as far as neighbours stay within the noise of where it rests."""
-    place = np.median(body.position[start:stop], axis=0)
-    near = np.all(np.abs(body.position - place) < SLOW * body.scale, axis=1)
+    position = np.median(body.position[start:stop], axis=0)
+    near = np.all(np.abs(body.position - position) < SLOW * body.scale, axis=1)
     first, last = start, stop - 1
     while first > 0 and near[first - 1]:
         first -= 1
@@ -144,13 +145,13 @@ def _while_in_place(body: Body, start: int, stop: int) -> tuple[int, int]:
 
 
 def between(part: Stretch, resting: list[Stretch]) -> list[Stretch]:
-    """What is left of a stretch when the rests in it are taken out."""
-    left, start, begin = [], part.start, part.begin
-    for rest in (one for one in resting if part.start <= one.start < part.stop):
+    """The parts of a stretch between the rests in it."""
+    parts, start, begin = [], part.start, part.begin
+    for rest in (interval for interval in resting if part.start <= interval.start < part.stop):
         if rest.start > start:
-            left.append(Stretch(start, rest.start, begin, "until it rests"))
+            parts.append(Stretch(start, rest.start, begin, "until it rests"))
         start, begin = rest.stop, "it starts from rest"
-    return [*left, Stretch(start, part.stop, begin, part.end)] if start < part.stop else left
+    return [*parts, Stretch(start, part.stop, begin, part.end)] if start < part.stop else parts
 
 
 # --------------------------------------------------------------------------- contact
@@ -168,10 +169,10 @@ def split_at_impacts(body: Body, moving: list[Stretch]) -> tuple[list[Stretch], 
     """Cut stretches of the body's motion at every impact; returns the parts, and the impacts in time order."""
     stretches, impacts = [], []
     for part in moving:
-        found = _impacts(body, part)
-        impacts += found
-        edges = [part.start, *[one.sample for one in found], part.stop]
-        texts = [part.begin, *[one.reason for one in found], part.end]
+        inside = _impacts(body, part)
+        impacts += inside
+        edges = [part.start, *[impact.sample for impact in inside], part.stop]
+        texts = [part.begin, *[impact.reason for impact in inside], part.end]
         for (start, stop), (begin, end) in zip(pairwise(edges), pairwise(texts), strict=True):
             ending = end if stop == part.stop else f"until {end}"
             stretches.append(Stretch(start, stop, begin if start == part.start else f"after the {begin}", ending))
@@ -185,21 +186,21 @@ def _impacts(body: Body, part: Stretch) -> list[Impact]:
         return []
     rate, _ = local.velocity(inside.t_s, inside.position, FEWEST)
     smallest = SMALLEST_JUMP * _fastest(np.hypot.reduce(rate, axis=1))
-    found: dict[int, float] = {}
+    sizes: dict[int, float] = {}
     seen = [local.jumps(inside.t_s, inside.position, inside.scale, width) for width in JUMP_WIDTHS]
     widest = seen[-1][0]
     for width, (jump, score, misfit) in zip(JUMP_WIDTHS, seen, strict=True):
         size = np.hypot.reduce(jump, axis=1)
         for step in _peaks(score, misfit, width):
-            far = all(abs(step - other) >= width for other in found)
+            far = all(abs(step - other) >= width for other in sizes)
             if far and size[step] > smallest and _lasts(jump[step], widest[step]):
-                found[step] = float(size[step])
+                sizes[step] = float(size[step])
     return [
         Impact(
             int(inside.index[step + 1]),
             f"velocity jumps by {size:.3g} {body.unit}/s at {inside.stamp_s[step : step + 2].mean():.3g} s",
         )
-        for step, size in sorted(found.items())
+        for step, size in sorted(sizes.items())
     ]
 
 
@@ -211,7 +212,7 @@ def _lasts(jump: Array, wider: Array) -> bool:
 def _peaks(score: Array, misfit: Array, width: int) -> list[int]:
     """Steps at which the velocity jumps: highest first, each moved to where both sides fit best within half a width.
 
-    Where only the acceleration starts, that place has no jump, though its neighbours seem to have one.
+    Where only the acceleration starts, there is no jump, though its neighbours seem to have one.
     """
     open_score = np.nan_to_num(score)
     peaks = []

@@ -54,7 +54,7 @@ def segment(world: Trajectory, *, hand: Mask | None = None, kind: MotionKind = "
     world
         Trajectory of x and z, in m or px; gaps are not valid.
     hand
-        (n,) true where something that reaches in from the edge of the picture touches the body.
+        (n,) true where something that reaches in from the edge of the image touches the body.
     kind
         What motion to look for.
 
@@ -104,22 +104,22 @@ def _held(hand: Mask) -> Mask:
 
 
 def _outliers(body: Body, held: Mask) -> Mask:
-    found = np.zeros(body.index.size, dtype=np.bool_)
+    outliers = np.zeros(body.index.size, dtype=np.bool_)
     for start, stop in runs(~held):
         inside = (body.index >= start) & (body.index < stop)
-        found[inside] = local.outliers(body.t_s[inside], body.position[inside], body.scale, SIGNIFICANT)
-    return found
+        outliers[inside] = local.outliers(body.t_s[inside], body.position[inside], body.scale, SIGNIFICANT)
+    return outliers
 
 
 def _between_hands(world: Trajectory, held: Mask) -> list[Stretch]:
     """Stretches free of a hand, from the first to the last sample in which the body is found."""
     parts = []
     for start, stop in runs(~held):
-        found = np.flatnonzero(world.valid[start:stop])
-        if found.size:
+        seen = np.flatnonzero(world.valid[start:stop])
+        if seen.size:
             begin = f"the hand lets go at {world.t_s[start]:.3g} s" if start else "from first sight"
             end = f"until a hand touches it at {world.t_s[stop]:.3g} s" if stop < world.n else "to the last sample"
-            parts.append(Stretch(start + int(found[0]), start + int(found[-1]) + 1, begin, end))
+            parts.append(Stretch(start + int(seen[0]), start + int(seen[-1]) + 1, begin, end))
     return parts
 
 
@@ -128,18 +128,19 @@ def _between_hands(world: Trajectory, held: Mask) -> list[Stretch]:
 
 def _choose(body: Body, stretches: list[Stretch], kind: MotionKind) -> Stretch | None:
     goes_down = kind in ("flight", "slide")
-    candidates = [one for one in stretches if body.part(one.start, one.stop).index.size]
+    candidates = [stretch for stretch in stretches if body.part(stretch.start, stretch.stop).index.size]
     if kind == "slide":
-        candidates = [_straight(body, one) for one in candidates]
+        candidates = [_straight(body, stretch) for stretch in candidates]
     if goes_down:
-        candidates = [one for one in candidates if _falls(body.part(one.start, one.stop))] or candidates
+        candidates = [stretch for stretch in candidates if _falls(body.part(stretch.start, stretch.stop))] or candidates
     if not candidates:
         return None
     if kind == "flight":
-        candidates = [one for one in candidates if _is_parabola(body.part(one.start, one.stop))] or candidates
-    sizes = np.array([body.part(one.start, one.stop).index.size for one in candidates])
+        parabolas = [stretch for stretch in candidates if _is_parabola(body.part(stretch.start, stretch.stop))]
+        candidates = parabolas or candidates
+    sizes = np.array([body.part(stretch.start, stretch.stop).index.size for stretch in candidates])
     first = int(np.argmax(sizes >= (0.5 if goes_down else 1.0) * sizes.max()))
-    return _without_strange_ends(body, candidates[first])
+    return _without_outlying_ends(body, candidates[first])
 
 
 def _falls(inside: Body) -> bool:
@@ -165,28 +166,28 @@ def _parabola(inside: Body) -> tuple[Array, Array, Array]:
     return fitted[0], gain[0], residual[0]
 
 
-def _straight(body: Body, one: Stretch) -> Stretch:
-    inside = body.part(one.start, one.stop)
+def _straight(body: Body, stretch: Stretch) -> Stretch:
+    inside = body.part(stretch.start, stretch.stop)
     if inside.index.size < FEWEST or inside.position.shape[1] < 2:
-        return one
+        return stretch
     part = straight_part(inside.t_s, inside.position, inside.scale)
     start, stop = int(inside.index[part.start]), int(inside.index[part.stop - 1]) + 1
-    begin = one.begin if start == inside.index[0] else f"{part.begin} at {inside.stamp_s[part.start]:.3g} s"
-    end = one.end if stop == inside.index[-1] + 1 else f"until {part.end} at {inside.stamp_s[part.stop - 1]:.3g} s"
+    begin = stretch.begin if start == inside.index[0] else f"{part.begin} at {inside.stamp_s[part.start]:.3g} s"
+    end = stretch.end if stop == inside.index[-1] + 1 else f"until {part.end} at {inside.stamp_s[part.stop - 1]:.3g} s"
     return Stretch(start, stop, begin, end)
 
 
-def _without_strange_ends(body: Body, one: Stretch) -> Stretch:
+def _without_outlying_ends(body: Body, stretch: Stretch) -> Stretch:
     """Cut the last (and first) few samples from where they leave the course of those before (after) them."""
-    inside = body.part(one.start, one.stop)
+    inside = body.part(stretch.start, stretch.stop)
     if inside.index.size < 2 * EDGE + FEWEST:
-        return one
+        return stretch
     ahead = local.surprises(inside.t_s, inside.position, inside.scale, EDGE)[-EDGE:]
     back = local.surprises(-inside.t_s[::-1], inside.position[::-1], inside.scale, EDGE)[-EDGE:]
     cut_end = int(EDGE - np.argmax(ahead > SIGNIFICANT)) if np.any(ahead > SIGNIFICANT) else 0
     cut_start = int(EDGE - np.argmax(back > SIGNIFICANT)) if np.any(back > SIGNIFICANT) else 0
     kept = inside.index[cut_start : inside.index.size - cut_end]
-    begin, end = one.begin, one.end
+    begin, end = stretch.begin, stretch.end
     if cut_start:
         begin = f"from {inside.stamp_s[cut_start]:.3g} s, where it comes onto its course"
     if cut_end:
@@ -199,7 +200,7 @@ def _nothing_moves(world: Trajectory, held: Mask, resting: list[Stretch]) -> str
         return f"the body does not move: {resting[0].begin}; choose another part of the clip or another body"
     return (
         f"the body is in a hand in all of the {int((world.valid & held).sum())} samples in which it was found; "
-        "does something else touch the edge of the picture? give --roi or --start and --stop"
+        "does something else touch the edge of the image? give --roi or --start and --stop"
     )
 
 
@@ -214,24 +215,24 @@ def _labelled(
     motion: Stretch,
     body: Body,
 ) -> list[Segment]:
-    """Segments in time order: hand, rest and motion as found, what is left before motion release, after it contact."""
-    found = [_hand_segment(world, start, stop) for start, stop in runs(held)]
-    found += [Segment("rest", one.start, one.stop, one.begin) for one in resting]
-    found.append(Segment("motion", motion.start, motion.stop, _motion_reason(world, motion, body)))
-    found.sort(key=lambda one: one.start)
+    """Segments in time order: hand, rest and motion; before the motion the remainder is release, after it contact."""
+    segments = [_hand_segment(world, start, stop) for start, stop in runs(held)]
+    segments += [Segment("rest", rest.start, rest.stop, rest.begin) for rest in resting]
+    segments.append(Segment("motion", motion.start, motion.stop, _motion_reason(world, motion, body)))
+    segments.sort(key=lambda segment: segment.start)
     seen = np.flatnonzero(world.valid)
     first, last = int(seen[0]), int(seen[-1]) + 1
-    starts = [min(first, found[0].start), *[one.stop for one in found]]
-    stops = [*[one.start for one in found], max(last, found[-1].stop)]
-    left: list[Segment] = []
+    starts = [min(first, segments[0].start), *[segment.stop for segment in segments]]
+    stops = [*[segment.start for segment in segments], max(last, segments[-1].stop)]
+    remainder: list[Segment] = []
     for start, stop in zip(starts, stops, strict=True):
-        left += _left_over(start, min(stop, last), motion, impacts)
-    return sorted(found + left, key=lambda one: one.start)
+        remainder += _remainder(start, min(stop, last), motion, impacts)
+    return sorted(segments + remainder, key=lambda segment: segment.start)
 
 
 def _hand_segment(world: Trajectory, start: int, stop: int) -> Segment:
     until = f"from {world.t_s[start]:.3g} to {world.t_s[stop - 1]:.3g} s"
-    return Segment("hand", start, stop, f"something that reaches in from the edge of the picture touches it {until}")
+    return Segment("hand", start, stop, f"something that reaches in from the edge of the image touches it {until}")
 
 
 def _left_out(world: Trajectory, body: Body) -> Mask:
@@ -254,14 +255,14 @@ def _motion_reason(world: Trajectory, motion: Stretch, body: Body) -> str:
 
 
 def _times(t_s: Array) -> str:
-    return ", ".join(f"{one:.3g}" for one in t_s[:5]) + (", ..." if t_s.size > 5 else "") + " s"
+    return ", ".join(f"{time:.3g}" for time in t_s[:5]) + (", ..." if t_s.size > 5 else "") + " s"
 
 
-def _left_over(start: int, stop: int, motion: Stretch, impacts: list[Impact]) -> list[Segment]:
-    """Cut what is left at its impacts: before the motion it is release, unless an impact begins it."""
+def _remainder(start: int, stop: int, motion: Stretch, impacts: list[Impact]) -> list[Segment]:
+    """Cut the remainder at its impacts: before the motion it is release, unless an impact begins it."""
     if start >= stop:
         return []
-    inside = {one.sample: one.reason for one in impacts if start <= one.sample < stop}
+    inside = {impact.sample: impact.reason for impact in impacts if start <= impact.sample < stop}
     edges = sorted({start, stop, *inside})
     label: SegmentLabel = "release" if stop <= motion.start else "contact"
     default = motion.begin if label == "release" else motion.end.removeprefix("until ")

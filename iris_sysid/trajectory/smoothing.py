@@ -57,6 +57,17 @@ def smooth(trajectory: Trajectory, *, psd: float | Sequence[float] | None = None
     ------
     DataError
         When no sample is valid, a standard error is not above zero, or psd is negative.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from iris_sysid import Quantity, Trajectory, smooth
+    >>> t_s = np.arange(60) / 60
+    >>> z = (1.5 - 4.9 * t_s**2)[:, None]
+    >>> fall = Trajectory(t_s, (Quantity("z", "m", "z"),), z, np.full_like(z, 1e-3), np.ones(60, bool))
+    >>> smoothed = smooth(fall).smoothed
+    >>> float(smoothed.velocity[30, 0].round(1))
+    -4.9
     """
     if not trajectory.valid.any():
         raise DataError(
@@ -148,7 +159,7 @@ class _Column:
         keep = [np.flatnonzero(trajectory.valid[piece]) + piece.start for piece in judged]
         times = trajectory.t_s[trajectory.valid]
         return cls(
-            pieces=[(trajectory.t_s[one], values[one], variance[one]) for one in keep],
+            pieces=[(trajectory.t_s[samples], values[samples], variance[samples]) for samples in keep],
             variance=variance,
             known=known,
             unit=float(np.sqrt(np.median(variance[trajectory.valid]))),
@@ -233,8 +244,8 @@ def _best_ratio(column: _Column, scale_of: Callable[[float, Array, Array], float
     if best == 0:
         return float(10.0 ** grid[0])
     bounds = (grid[best - 1], grid[min(best + 1, grid.size - 1)])
-    found = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 0.01})
-    return float(10.0**found.x)
+    optimum = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 0.01})
+    return float(10.0**optimum.x)
 
 
 # --------------------------------------------------------------------------- smoothing
@@ -279,10 +290,10 @@ def _smooth_piece(trajectory: Trajectory, piece: slice, fitted: list[_Noise]) ->
     state, covariance = _filterpy(scaled, valid, third)
     states = np.empty((valid.size, len(fitted), ORDER))
     spread = np.zeros((valid.size, 2 * len(fitted), 2 * len(fitted)))
-    for column, one in enumerate(scaled):
+    for column, part in enumerate(scaled):
         block = slice(ORDER * column, ORDER * (column + 1))
-        x, p = one.with_start(state[:, block], covariance[:, block, block], third)
-        units = one.unit / one.tau ** np.arange(ORDER)
+        x, p = part.with_start(state[:, block], covariance[:, block, block], third)
+        units = part.unit / part.tau ** np.arange(ORDER)
         states[:, column] = x * units
         p = (p + p.transpose(0, 2, 1)) / 2 * np.outer(units, units) * fitted[column].scale
         rows = np.array([column, len(fitted) + column])
@@ -329,12 +340,12 @@ def _filterpy(scaled: list[_Scaled], valid: Mask, third: int) -> tuple[Array, Ar
     kalman = KalmanFilter(dim_x=size, dim_z=len(scaled))
     kalman.H = np.zeros((len(scaled), size))
     kalman.H[np.arange(len(scaled)), ORDER * np.arange(len(scaled))] = 1.0
-    kalman.x = np.concatenate([one.start.state for one in scaled])
-    kalman.P = _block_diagonal([one.start.covariance[None] for one in scaled])[0]
-    steps = [np.diff(one.t[third:], prepend=one.t[third]) for one in scaled]
+    kalman.x = np.concatenate([part.start.state for part in scaled])
+    kalman.P = _block_diagonal([part.start.covariance[None] for part in scaled])[0]
+    steps = [np.diff(part.t[third:], prepend=part.t[third]) for part in scaled]
     transitions = _block_diagonal([transition(dt) for dt in steps])
-    noises = _block_diagonal([process_noise(dt, one.psd) for dt, one in zip(steps, scaled, strict=True)])
-    variances = _block_diagonal([one.variance[third:, None, None] for one in scaled])
+    noises = _block_diagonal([process_noise(dt, part.psd) for dt, part in zip(steps, scaled, strict=True)])
+    variances = _block_diagonal([part.variance[third:, None, None] for part in scaled])
     measured = list(_measurements(scaled, valid, third))
     first_x, first_p = kalman.x.copy(), kalman.P.copy()
     later = slice(1, None)
@@ -347,7 +358,7 @@ def _filterpy(scaled: list[_Scaled], valid: Mask, third: int) -> tuple[Array, Ar
 
 
 def _measurements(scaled: list[_Scaled], valid: Mask, third: int) -> Iterator[Array | None]:
-    values = np.stack([one.z[third:] for one in scaled], axis=1)
+    values = np.stack([part.z[third:] for part in scaled], axis=1)
     return (value if seen else None for value, seen in zip(values, valid[third:], strict=True))
 
 

@@ -13,8 +13,8 @@ from iris_sysid.types import Array, Calibration, Phenomenon, Trajectory
 
 TIME_BASE = "time base"
 EDGE, AXIS, PIVOTS = "edge of the ball", "axis of the turn", "pivots"
-EDGE_PX = 0.1  # what blur, shading and compression do to a radius in all frames alike; on the twin 0.02 to 0.16
-AXIS_SHARE = 1e-3  # how far the axis is off, over the arm it turns; on the twin 0.08 px of 101, by uneven light
+EDGE_PX = 0.1  # what blur, shading and compression do to a radius in all frames alike; on synthetic clips 0.02 to 0.16
+AXIS_SHARE = 1e-3  # how far the axis is off, over the arm it turns; on synthetic clips 0.08 px of 101, by uneven light
 # of the range of the positions: below it a pattern is rounding, as that of a scale's error in an angle
 ROUNDING = 1e-9
 VERTICALS = ("vertical", "assumed vertical")
@@ -43,17 +43,19 @@ def from_calibration(
         That of the vertical has one of second order too, ``f'' u^2 / sqrt(2)`` (GUM, 5.1.2, note): a vertical that
         is off shortens a fall whichever way it leans.
     """
-    found = {}
+    by_source = {}
     for name, changes in common_errors(calibration, seen_px).items():
-        patterns = [(_tried(observe, calibration, one) - _tried(observe, calibration, -one)) / 2 for one in changes]
+        patterns = [
+            (_tried(observe, calibration, change) - _tried(observe, calibration, -change)) / 2 for change in changes
+        ]
         if name in VERTICALS:
             angle = vertical_stderr(calibration, name)
             more, less = (observe(turned(calibration, turn)) for turn in (angle, -angle))
             patterns.append((more + less - 2 * observe(calibration)) / np.sqrt(2))
         stacked = np.nan_to_num(np.array(patterns))
         if np.abs(stacked).max() > ROUNDING * np.ptp(trajectory.position[trajectory.valid]):
-            found[common_source(name)] = stacked
-    return found
+            by_source[common_source(name)] = stacked
+    return by_source
 
 
 def _tried(observe: Callable[[Calibration], Array], calibration: Calibration, change: Array) -> Array:

@@ -22,7 +22,7 @@ from iris_sysid.types import Array, Calibration, Estimate, MotionKind, Phenomeno
 
 FEWEST = 5
 LEVEL_STDERR_DEG = 1.0  # standard uncertainty of a camera or a board that is levelled by eye
-LARGEST_STDERR = 0.1  # rad: beyond it the picture's own vertical is the better guess
+LARGEST_STDERR = 0.1  # rad: beyond it the image's own vertical is the better guess
 
 
 def with_motion_vertical(calibration: Calibration, body: Track, kind: MotionKind) -> Calibration:
@@ -148,7 +148,7 @@ def gravity_calibration(body: Track, phenomenon: Phenomenon, gravity: Estimate) 
     if acceleration < 3 * stderr:
         raise CalibrationError(
             f"gravity cannot give the scale: the body accelerates downwards by {acceleration:.3g} +- {stderr:.3g} "
-            "px/s^2; is the true frame rate given (--fps), and is down really down in the picture?"
+            "px/s^2; is the true frame rate given (--fps), and is down really down in the image?"
         )
     source = f"scale at which the body falls with g = {gravity.value:.6g} m/s^2"
     first = scale(acceleration / gravity.value, 1.0, px_stderr=stderr / gravity.value, source=source)

@@ -10,14 +10,12 @@ noise ``Q`` (Bar-Shalom, Li and Kirubarajan 2001, Estimation with Applications t
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
+from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 
 ORDER = 3  # numbers in the state: as many samples fix it when nothing is known beforehand
@@ -27,8 +25,8 @@ _BACKWARDS = np.array([1.0, -1.0, 1.0])  # value, rate, second derivative of the
 def transition(dt: ArrayLike) -> Array:
     """F (..., 3, 3) over times dt (...); dt < 0 goes back."""
     dt = np.asarray(dt, dtype=np.float64)
-    one, zero = np.ones_like(dt), np.zeros_like(dt)
-    return _stacked([[one, dt, dt**2 / 2], [zero, one, dt], [zero, zero, one]])
+    ones, zeros = np.ones_like(dt), np.zeros_like(dt)
+    return _stacked([[ones, dt, dt**2 / 2], [zeros, ones, dt], [zeros, zeros, ones]])
 
 
 def process_noise(dt: ArrayLike, psd: float) -> Array:
@@ -68,10 +66,10 @@ class Start:
             Smoothed, at the third measurement, given all data.
         """
         before = self.t[2] - self.t[:2]
-        design = np.array([transition(-one)[0] for one in before])
+        design = np.array([transition(-dt)[0] for dt in before])
         noise = _values_covariance(before, self.psd) + np.diag(self.variance[:2])
         step = self.t[2] - t
-        cross = np.array([_shared_noise(step, one, self.psd)[:, 0] for one in before]).T
+        cross = np.array([_shared_noise(step, dt, self.psd)[:, 0] for dt in before]).T
         gain = np.linalg.solve(noise, cross.T).T
         matrix = transition(-step) - gain @ design
         spread = _shared_noise(step, step, self.psd) - gain @ cross.T
@@ -93,7 +91,7 @@ def diffuse_start(t: Array, z: Array, variance: Array, psd: float) -> Start:
         Power spectral density of the jerk.
     """
     before = t[2] - t[:3]
-    inverse = np.linalg.inv(np.array([transition(-one)[0] for one in before]))
+    inverse = np.linalg.inv(np.array([transition(-dt)[0] for dt in before]))
     noise = _values_covariance(before, psd) + np.diag(variance[:3])
     return Start(t[:3], z[:3], variance[:3], psd, inverse @ z[:3], inverse @ noise @ inverse.T)
 
@@ -107,18 +105,10 @@ def _shared_noise(first: float, second: float, psd: float) -> Array:
 
 
 def _values_covariance(before: Array, psd: float) -> Array:
-    return np.array([[_shared_noise(one, other, psd)[0, 0] for other in before] for one in before])
+    return np.array([[_shared_noise(first, second, psd)[0, 0] for second in before] for first in before])
 
 
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function, keeping the machine code on disk where a folder can be written."""
-    try:
-        return njit(cache=True)(function)
-    except RuntimeError:  # neither the package's folder nor the user's can be written
-        return njit(function)
-
-
-@compiled
+@kernel(error_model="python")
 def innovations(
     t: Array, z: Array, variance: Array, psd: float, state: Array, covariance: Array
 ) -> tuple[Array, Array]:  # pragma: no cover - compiled

@@ -155,10 +155,10 @@ def test_measure_refuses_numbers_that_make_no_sense(work, dataset, changes, mess
 def test_fit_is_told_nothing_that_it_is_to_find():
     known = {"gravity": Estimate(9.8, 0.01, "m/s^2"), "length": Estimate(0.5, 0.1, "m"), "angle": Estimate(1, 0, "rad")}
     uncalibrated = clip.uncalibrated()
-    assert clip.told(PHENOMENA["dropping-ball"], known, uncalibrated) == ({}, [])
-    assert list(clip.told(PHENOMENA["pendulum"], known, uncalibrated)[0]) == ["gravity"]
-    assert list(clip.told(PHENOMENA["sliding-cone"], known, scale(400.0, 1.0))[0]) == ["gravity"]
-    assert clip.told(PHENOMENA["sliding-cone"], known, uncalibrated) == ({}, [])  # metres mean nothing in px
+    assert clip.known_to_fit(PHENOMENA["dropping-ball"], known, uncalibrated) == ({}, [])
+    assert list(clip.known_to_fit(PHENOMENA["pendulum"], known, uncalibrated)[0]) == ["gravity"]
+    assert list(clip.known_to_fit(PHENOMENA["sliding-cone"], known, scale(400.0, 1.0))[0]) == ["gravity"]
+    assert clip.known_to_fit(PHENOMENA["sliding-cone"], known, uncalibrated) == ({}, [])  # metres mean nothing in px
 
 
 # --------------------------------------------------------------------------- boards

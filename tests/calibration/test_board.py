@@ -174,9 +174,9 @@ def cut_at(seen, side):
         (lambda seen: seen, Board(8, 6, 0.03), "9x6.*not 8x6|beyond 8x6 inner corners: it has at least 9x6"),
         (lambda seen: seen, Board(7, 5, 0.03), "9x6.*not 7x5|beyond 7x5"),
         (lambda seen: seen, Board(10, 7, 0.03), "has 9x6 inner corners, not 10x7: write the inner corners"),
-        (lambda seen: cut_at(seen, "left"), BOARD, "cut off at the left edge of the picture"),
-        (lambda seen: cut_at(seen, "right"), BOARD, "cut off at the right edge of the picture"),
-        (lambda seen: cut_at(seen, "bottom"), BOARD, "cut off at the bottom edge of the picture"),
+        (lambda seen: cut_at(seen, "left"), BOARD, "cut off at the left edge of the image"),
+        (lambda seen: cut_at(seen, "right"), BOARD, "cut off at the right edge of the image"),
+        (lambda seen: cut_at(seen, "bottom"), BOARD, "cut off at the bottom edge of the image"),
         (lambda seen: blurred(seen, 9), BOARD, "blurred: edges of the board are .* px wide"),
         (
             lambda seen: cv2.resize(seen, None, fx=0.13, fy=0.13, interpolation=cv2.INTER_AREA),

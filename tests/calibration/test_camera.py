@@ -308,7 +308,7 @@ def test_cropped_camera_sees_the_cropped_picture():
     where = pose((0.2, 0.1))
     assert np.allclose(corners(where) - [100, 50], projected(part.parameters, where, BOARD.points_m)[0])
     assert part.image_size == (640, 400)
-    with pytest.raises(CalibrationError, match="does not lie in a picture"):
+    with pytest.raises(CalibrationError, match="does not lie in an image"):
         cropped_camera(known(PHONE), (500, 0, 640, 400))
 
 
@@ -316,8 +316,8 @@ def test_cropped_camera_sees_the_cropped_picture():
     ("calibrated", "match"),
     [
         ((540, 960), "turned by 90 degrees"),
-        ((1920, 1080), "of the same shape.*calibrate at 960x540 px, or, if the pictures were only resized"),
-        ((960, 720), "of another shape: the pictures were cropped"),
+        ((1920, 1080), "of the same shape.*calibrate at 960x540 px, or, if the images were only resized"),
+        ((960, 720), "of another shape: the images were cropped"),
     ],
 )
 def test_calibration_of_another_resolution_or_crop_is_refused(calibrated, match):

@@ -96,10 +96,10 @@ def test_positions_undistort_the_lens(calibration):
 
 def test_calibration_of_another_resolution_is_refused_before_any_frame_is_read(calibration, monkeypatch):
     monkeypatch.setattr(pipeline, "open_video", lambda *_, **__: SimpleNamespace(width=1920, height=1080))
-    with pytest.raises(CalibrationError, match=r"made from pictures of 960x540 px, the clip is 1920x1080 px"):
+    with pytest.raises(CalibrationError, match=r"made from images of 960x540 px, the clip is 1920x1080 px"):
         pipeline.run("drop.mp4", "dropping-ball", calibration=calibration)
     monkeypatch.setattr(pipeline, "open_video", lambda *_, **__: SimpleNamespace(width=900, height=540))
-    with pytest.raises(CalibrationError, match="of another shape: the pictures were cropped"):
+    with pytest.raises(CalibrationError, match="of another shape: the images were cropped"):
         pipeline.run("drop.mp4", "dropping-ball", calibration=calibration)
 
 
@@ -460,7 +460,7 @@ def same(folder):
             r"cut off at the right edge of the image \(.* of 9x6 inner corners are seen\); show the whole board",
             marks=pytest.mark.slow,
         ),
-        ("same", (), "all 4 views are alike.*focal length.*not determined.*tilt the board.*--one-picture"),
+        ("same", (), "all 4 views are alike.*focal length.*not determined.*tilt the board.*--one-image"),
         (
             lambda k, one: one if k < 2 else np.full_like(one, 128),
             (),

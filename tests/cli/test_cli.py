@@ -15,11 +15,12 @@ import typer
 from iris_sysid.cli import app
 from iris_sysid.io.csv_read import read_track, read_trajectory
 from iris_sysid.io.files import sha256_of
-from iris_sysid.io.json_documents import read_document, read_fit
+from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import DOCUMENTS, DiagnosisDocument, OriginDocument
 from iris_sysid.registry import EFFECTS, MODELS, PHENOMENA, TRACKERS
 from iris_sysid.synthetic import read_truth
 from iris_sysid.synthetic.scene import SCENES
+from tests._documents import read_fit
 from tests.conftest import listing
 
 COMMANDS = typer.main.get_command(app).commands

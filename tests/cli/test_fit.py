@@ -9,8 +9,8 @@ from typer.testing import CliRunner
 
 from fitters.ode import simulate
 from iris_sysid.cli import app
-from iris_sysid.io.json_documents import read_fit
 from iris_sysid.registry import MODELS
+from tests._documents import read_fit
 
 RUN = CliRunner()
 KEYS = {"model", "status", "message", "parameters", "noise", "rms", "n"}

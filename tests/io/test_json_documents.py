@@ -17,12 +17,12 @@ from iris_sysid.io.json_documents import (
     fit_document,
     fit_json,
     read_document,
-    read_fit,
     schema,
     write_fit,
 )
 from iris_sysid.io.schemas import DOCUMENTS, CalibrationDocument, EstimateEntry, FitDocument
 from iris_sysid.types import Estimate, FitResult, OdeModel, Parameter, Quantity, Segment, Trajectory
+from tests._documents import read_fit
 
 THETA = Quantity("theta", "rad", r"\theta")
 LENGTH = Estimate(1.7, 0.01, "m")

@@ -53,10 +53,10 @@ def board_of(clip: Path, class_name: str, measured: MeasuredDocument) -> BoardEn
 
 def _read_board(path: Path) -> BoardEntry:
     try:
-        told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["board"]
+        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["board"]
         return BoardEntry.model_validate(
-            {"inner_corners": tuple(told["inner_corners"]), "square_m": told["square_m"]}
-            | ({"stderr_m": told["stderr_m"]} if "stderr_m" in told else {})
+            {"inner_corners": tuple(content["inner_corners"]), "square_m": content["square_m"]}
+            | ({"stderr_m": content["stderr_m"]} if "stderr_m" in content else {})
         )
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise DataError(
@@ -129,7 +129,7 @@ def _kept(path: Path, beside: Path, origin: dict[str, Any]) -> bool:
     """Whether the calibration on file is of this clip, by these options."""
     try:
         read_calibration(path)
-        told = json.loads(beside.read_text(encoding="utf-8"))
-        return bool(told == {**origin, "calibration_sha256": sha256_of(path)})
+        content = json.loads(beside.read_text(encoding="utf-8"))
+        return bool(content == {**origin, "calibration_sha256": sha256_of(path)})
     except (IrisError, OSError, ValueError):
         return False

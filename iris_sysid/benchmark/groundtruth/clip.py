@@ -26,10 +26,9 @@ from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.types import Calibration, Estimate, FitResult, Phenomenon, Track, TrackOptions, Trajectory
 from iris_sysid.video.reader import open_video
 
-UNEXPECTED = "unexpected "  # begins the message of a failure that is not a stated one; it is tried again
-FOCAL = 9  # place of the focal lengths among the values of a calibration
+FOCAL = 9  # index of the focal lengths among the values of a calibration
 RADIUS, GRAVITY, PROJECTED = "ball_radius", "gravity", "r0_f"
-KNOWN = (GRAVITY, RADIUS, "h0")  # what fits may be told; the rest is what they are to find
+KNOWN = (GRAVITY, RADIUS, "h0")  # values that fits may use; all others are to be estimated
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -75,7 +74,7 @@ def measure_clip(job: Job) -> tuple[bool, str]:
     -------
     now : bool
         Whether it was measured now.
-    why : str
+    reason : str
         Why it failed; empty when it did not.
 
     Raises
@@ -97,11 +96,14 @@ def measure_clip(job: Job) -> tuple[bool, str]:
     except IrisError as error:
         return True, _failed(job, origin, str(error))
     except Exception as error:  # one clip must not end the run of all
-        return True, _failed(job, origin, f"{UNEXPECTED}{type(error).__name__}: {error}")
+        return True, _failed(job, {}, f"unexpected {type(error).__name__}: {error}")  # no origin: it is tried again
 
 
 def _origin(job: Job) -> dict[str, Any]:
-    known = {name: {"value": one.value, "stderr": one.stderr, "unit": one.unit} for name, one in job.known.items()}
+    known = {
+        name: {"value": estimate.value, "stderr": estimate.stderr, "unit": estimate.unit}
+        for name, estimate in job.known.items()
+    }
     calibration = None if job.calibration is None else sha256_of(job.calibration)
     more = {"known": known, "calibration_sha256": calibration, "clock_stderr": job.clock_stderr}
     return plain_origin(origin_of(job.clip.path, {**job.options(), **more}))
@@ -110,18 +112,18 @@ def _origin(job: Job) -> dict[str, Any]:
 def _earlier(job: Job, origin: Mapping[str, Any]) -> ClipDocument | None:
     """The document of an earlier run with the same input, whole."""
     try:
-        found = read_document(job.path(".json"), ClipDocument)
+        document = read_document(job.path(".json"), ClipDocument)
     except IrisError:
         return None
-    whole = all((job.path(".json").parent / name).is_file() for name in (found.track, found.trajectory) if name)
-    return found if whole and found.origin == origin and not found.message.startswith(UNEXPECTED) else None
+    whole = all((job.path(".json").parent / name).is_file() for name in (document.track, document.trajectory) if name)
+    return document if whole and document.origin == origin else None
 
 
 def _measured(job: Job, origin: Mapping[str, Any]) -> str:
     phenomenon = PHENOMENA[job.clip.phenomenon]
     tracks = _tracks(job, origin)
     calibration = _calibration(job)
-    settings, free = told(phenomenon, job.known, calibration)
+    settings, free = known_to_fit(phenomenon, job.known, calibration)
     try:
         _, trajectory, fit = observe_and_fit(
             tracks, calibration, phenomenon, settings, free, clock_stderr=job.clock_stderr
@@ -139,7 +141,7 @@ def _tracks(job: Job, origin: Mapping[str, Any]) -> list[Track]:
     path = job.path(".track.csv")
     try:
         earlier = read_track(path)
-        if all(one.origin.get(key) == value for one in earlier for key, value in expected.items()):
+        if all(body.origin.get(key) == value for body in earlier for key, value in expected.items()):
             return earlier
     except IrisError:
         pass  # not there, or not whole
@@ -159,10 +161,10 @@ def _calibration(job: Job) -> Calibration:
     return calibration
 
 
-def told(
+def known_to_fit(
     phenomenon: Phenomenon, known: Mapping[str, Estimate], calibration: Calibration
 ) -> tuple[dict[str, Estimate], list[str]]:
-    """What the fit of a clip is told of what is known, and what it estimates beyond the usual.
+    """The known values that the fit of a clip uses, and what it estimates in addition.
 
     A ball's radius times the focal length of a calibrated camera is the constant of its apparent size; with it the
     fall itself gives gravity.
@@ -176,15 +178,15 @@ def told(
     calibration
         Perhaps with a camera.
     """
-    sought = {one.name for one in MODELS[phenomenon.model].parameters if not one.constant}
+    sought = {parameter.name for parameter in MODELS[phenomenon.model].parameters if not parameter.constant}
     accepted = accepted_settings(phenomenon)
-    in_px = calibration.unit == "px" and any(one.unit == "m" for one in MODELS[phenomenon.model].observed)
+    in_px = calibration.unit == "px" and any(quantity.unit == "m" for quantity in MODELS[phenomenon.model].observed)
     usable = () if in_px else KNOWN  # metres say nothing of a motion in px
     settings = {name: known[name] for name in usable if name in known and name in accepted and name not in sought}
     if PROJECTED not in accepted or RADIUS not in known or "camera" not in calibration.budget:
         return settings, []
     constant = _projected(known[RADIUS], calibration)
-    return {name: one for name, one in settings.items() if name != GRAVITY} | {PROJECTED: constant}, [GRAVITY]
+    return {name: value for name, value in settings.items() if name != GRAVITY} | {PROJECTED: constant}, [GRAVITY]
 
 
 def _projected(radius: Estimate, calibration: Calibration) -> Estimate:
@@ -230,14 +232,14 @@ def _head(job: Job, tracks: Sequence[Track]) -> dict[str, Any]:
     }
 
 
-def _failed(job: Job, origin: Mapping[str, Any], why: str, tracks: Sequence[Track] = ()) -> str:
-    """Write that the clip gave nothing, and why."""
-    said = why.replace(str(job.clip.path), job.clip.path.name)  # the same on every machine
-    document = checked(ClipDocument, **_head(job, tracks), status="failed", message=said, origin=origin)
+def _failed(job: Job, origin: Mapping[str, Any], reason: str, tracks: Sequence[Track] = ()) -> str:
+    """Write that the clip gave nothing, and the reason."""
+    message = reason.replace(str(job.clip.path), job.clip.path.name)  # the same on every machine
+    document = checked(ClipDocument, **_head(job, tracks), status="failed", message=message, origin=origin)
     write_document(document, job.path(".json"), overwrite=True)
-    return said
+    return message
 
 
-def record_failure(job: Job, why: str) -> str:
+def record_failure(job: Job, reason: str) -> str:
     """Write that a clip failed for a reason that may not hold another time; the reason is returned."""
-    return _failed(job, {}, f"{UNEXPECTED}end: {why}")
+    return _failed(job, {}, f"unexpected end: {reason}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from iris_sysid.benchmark.dataset import benchmark_classes
 from iris_sysid.benchmark.sources.published import truths
 from iris_sysid.calibration.board.board import Board
 from iris_sysid.errors import DataError
@@ -48,7 +49,7 @@ def template() -> MeasuredDocument:
     published = truths()
     direct = published[(published["dataset"] == "iris") & (published["measurement_type"] == "direct")]
     values = [
-        _value(row["phenomenon"], row["setting"], _their_name(row["parameter"]), row["value"], row["uncertainty"],
+        _value(row["phenomenon"], row["setting"], _published_name(row["phenomenon"], row["parameter"]), row["value"], row["uncertainty"],
                row["unit"], instrument=INSTRUMENTS[row["unit"]], source=row["source"])
         for row in direct.to_dict("records")
     ]  # fmt: skip
@@ -62,8 +63,9 @@ def template() -> MeasuredDocument:
     return MeasuredDocument(values=[gravity, *radii, *values])
 
 
-def _their_name(parameter: str) -> str:
-    return f"rope_{parameter}" if parameter.startswith("length") else parameter
+def _published_name(class_name: str, parameter: str) -> str:
+    """The name that a parameter of ours has in ``parameters.json``."""
+    return benchmark_classes()[class_name][1].parameters.get(parameter, parameter)
 
 
 def _value(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from iris_sysid.benchmark.groundtruth.clip import told
+from iris_sysid.benchmark.groundtruth.clip import known_to_fit
 from iris_sysid.benchmark.sources.rows import FAILED, ROBUSTNESS
 from iris_sysid.benchmark.studies.degraded_clips import CHANGES, as_in, changed
 from iris_sysid.benchmark.studies.studies import ODE, why
@@ -52,5 +52,5 @@ def _refitted(subject: Subject, measured: MeasuredDocument, condition: str, seed
         tracks = track(video, phenomenon.tracker, TrackOptions(bodies=phenomenon.bodies))
         tracks = as_in(video, tracks, (original.width, original.height))
     calibration = subject.measured.calibration()
-    settings, free = told(phenomenon, measured.of(clip.class_name, clip.setting), calibration)
+    settings, free = known_to_fit(phenomenon, measured.of(clip.class_name, clip.setting), calibration)
     return observe_and_fit(tracks, calibration, phenomenon, settings, free)[2]

@@ -1,1 +1,1 @@
-"""Calibration boards: find a checkerboard or ChArUco board in pictures, and calibrate the camera from it."""
+"""Calibration boards: find a checkerboard or ChArUco board in images, and calibrate the camera from it."""

@@ -1,4 +1,4 @@
-"""What a calibration board is, and what one picture of it shows."""
+"""What a calibration board is, and what one image of it shows."""
 
 from __future__ import annotations
 
@@ -91,14 +91,14 @@ def _check_side(name: str, side_m: float, stderr_m: float) -> None:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BoardView:
-    """A board as one picture shows it.
+    """A board as one image shows it.
 
     ``image_size`` is (width, height) px. ``ids`` (n,) number the inner corners found, row by row of the board;
-    ``corners_px`` (n, 2) are their places, y down, origin at the centre of pixel (0, 0); ``stderr_px`` (n,) the
+    ``corners_px`` (n, 2) are their positions, y down, origin at the centre of pixel (0, 0); ``stderr_px`` (n,) the
     standard error of each coordinate by the grey levels' noise, NaN where unknown. ``square_px`` is the shortest side
-    of a square in the picture, ``blur_px`` the standard deviation of the edges' blur (NaN where not measured).
+    of a square in the image, ``blur_px`` the standard deviation of the edges' blur (NaN where not measured).
     ``oriented`` says whether the first corner is known to be the board's first: not for a board that looks the same
-    turned by 180 degrees. ``t_s`` is the time of the frame, None for a picture.
+    turned by 180 degrees. ``t_s`` is the time of the frame, None for an image.
     """
 
     name: str
@@ -120,10 +120,10 @@ class BoardView:
         object.__setattr__(self, "corners_px", frozen_array(self.corners_px, (ids.size, 2), "corners_px"))
         object.__setattr__(self, "stderr_px", frozen_array(self.stderr_px, (ids.size,), "stderr_px"))
         if not np.all(np.isfinite(self.corners_px)):
-            raise DataError("a corner has a place that is not finite; leave it out of the view")
+            raise DataError("a corner has a position that is not finite; leave it out of the view")
 
     def points_m(self, board: Board) -> Array:
-        """The corners' places (n, 2) on the ``board``, m."""
+        """The corners' positions (n, 2) on the ``board``, m."""
         if self.ids.size and not 0 <= self.ids.min() <= self.ids.max() < board.columns * board.rows:
             raise CalibrationError(
                 f"{self.name} has corner number {self.ids.max()}, but a {board.label} board has "

@@ -180,7 +180,7 @@ def first_image(sources: Sequence[Path]) -> Luma:
 
 
 def _clip_of(sources: Sequence[Path]) -> Video | None:
-    clips = [one for one in sources if not one.is_dir() and one.suffix.lower() not in IMAGE_CODECS]
+    clips = [source for source in sources if not source.is_dir() and source.suffix.lower() not in IMAGE_CODECS]
     if not clips:
         return None
     if len(sources) > 1:
@@ -190,17 +190,17 @@ def _clip_of(sources: Sequence[Path]) -> Video | None:
 
 def _images_of(sources: Sequence[Path]) -> list[Path]:
     """Image files in the order given, those of a folder by name."""
-    found: list[Path] = []
+    images: list[Path] = []
     for source in sources:
-        inside = (
-            sorted(one for one in source.iterdir() if one.suffix.lower() in IMAGE_CODECS)
+        files = (
+            sorted(file for file in source.iterdir() if file.suffix.lower() in IMAGE_CODECS)
             if source.is_dir()
             else [source]
         )
-        found += inside
-    if not found:
+        images += files
+    if not images:
         raise CalibrationError(f"there is no image in {', '.join(map(str, sources))}; give images or a clip of a board")
-    return found
+    return images
 
 
 def _views(

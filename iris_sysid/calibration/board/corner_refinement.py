@@ -41,7 +41,7 @@ def refine_by_window(
     Parameters
     ----------
     grey
-        Picture (h, w).
+        Image (h, w).
     xy_px
         Corners to start from (n, 2).
     half_px
@@ -64,12 +64,12 @@ def refine_by_model(grey: NDArray[np.uint8], xy_px: Array, squares_px: Array, cl
 
     d1 and d2 are distances from the corner's two edges, E the error function: a step blurred by a Gaussian of
     standard deviation s. The edges' directions, blurs, the levels m and c, and a slope g of the light are fitted with
-    the place. Unlike the classical window, this takes no pixel of another corner, and says how well it is known.
+    the position. Unlike the classical window, this takes no pixel of another corner, and says how well it is known.
 
     Parameters
     ----------
     grey
-        Picture (h, w).
+        Image (h, w).
     xy_px
         Corners to start from (n, 2).
     squares_px
@@ -108,16 +108,16 @@ def _refine_one(
 
 
 def _patch(grey: NDArray[np.uint8], start: Array, sides: Array, clear: float) -> tuple[Array, Array]:
-    """Places of the pixels near a corner (n, 2), relative to it, and their levels (n,)."""
+    """Positions of the pixels near a corner (n, 2), relative to it, and their levels (n,)."""
     reach = int(min(np.ceil(REACH_SQUARES * np.abs(sides).sum(axis=1).max()), LARGEST_REACH_PX))
     column, row = np.round(start).astype(int)
     x = np.arange(max(column - reach, 0), min(column + reach + 1, grey.shape[1]))
     y = np.arange(max(row - reach, 0), min(row + reach + 1, grey.shape[0]))
-    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    squares = np.abs((places - start) @ np.linalg.inv(sides).T)
+    positions = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    squares = np.abs((positions - start) @ np.linalg.inv(sides).T)
     near = (squares.max(axis=1) < REACH_SQUARES) & (squares.min(axis=1) < clear)
-    places = places[near]
-    return places - start, grey[places[:, 1], places[:, 0]].astype(np.float64)
+    positions = positions[near]
+    return positions - start, grey[positions[:, 1], positions[:, 0]].astype(np.float64)
 
 
 def _guess(pixels: Array, levels: Array, sides: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Look for a board's inner corners in a picture, roughly, and say why when they are not there."""
+"""Look for a board's inner corners in an image, roughly, and say why when they are not there."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from iris_sysid.types import Array
 
 Grey = NDArray[np.uint8]
 
-# Longer side of the picture that is searched, px: OpenCV's detector misses squares above about 120 px.
+# Longer side of the image that is searched, px: OpenCV's detector misses squares above about 120 px.
 SEARCH_SIDES_PX = (960, 1920)
 CLASSICAL = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
 SECTORS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
@@ -26,19 +26,19 @@ SMALLEST_SEEN = 12  # inner corners, 4x3: fewer are found in any clutter
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Found:
-    """Corners as first found: numbers on the board (n,) and places (n, 2) px, in no particular orientation."""
+    """Corners as first found: numbers on the board (n,) and positions (n, 2) px, in no particular orientation."""
 
     ids: NDArray[np.int64]
     corners_px: Array
 
 
 def locate(grey: Grey, board: Board, thorough: bool) -> Found | None:
-    """Find the board's corners in a grey picture (h, w), or None.
+    """Find the board's corners in a grey image (h, w), or None.
 
     Parameters
     ----------
     grey
-        Picture (h, w).
+        Image (h, w).
     board
         What to look for.
     thorough
@@ -47,7 +47,7 @@ def locate(grey: Grey, board: Board, thorough: bool) -> Found | None:
     Returns
     -------
     Found or None
-        Places good to about a pixel of the scale at which the board was found.
+        Positions good to about a pixel of the scale at which the board was found.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def _grown(grey: Grey, board: Board) -> Found | None:
 
 
 def _scales(grey: Grey, thorough: bool) -> Iterator[tuple[float, Grey]]:
-    """The picture at each size that is searched, with how many of its pixels one pixel covers."""
+    """The image at each size that is searched, with how many of its pixels one pixel covers."""
     longer = max(grey.shape)
     for side in SEARCH_SIDES_PX if thorough else SEARCH_SIDES_PX[:1]:
         if longer > side:
@@ -113,7 +113,7 @@ def _at_full_size(corners: Array, small: Grey, scale: float, board: Board) -> Fo
 
 
 def locate_markers(grey: Grey, board: Board) -> Found | None:
-    """Find the corners between the markers of a ChArUco ``board`` in a ``grey`` picture; None when fewer than six."""
+    """Find the corners between the markers of a ChArUco ``board`` in a ``grey`` image; None when fewer than six."""
     for legacy in (False, True):  # boards printed by OpenCV before 4.6 may begin with a marker
         corners, ids, _ = _markers(grey, board, legacy)
         if len(ids) >= 6:
@@ -136,7 +136,8 @@ def _markers(grey: Grey, board: Board, legacy: bool = False) -> tuple[Array, NDA
 
 def dictionary_of(name: str) -> cv2.aruco.Dictionary:
     """OpenCV's dictionary of that ``name``, e.g. ``4x4_50``; CalibrationError lists the names there are."""
-    known = {one.removeprefix("DICT_").lower(): one for one in dir(cv2.aruco) if one.startswith("DICT_")}
+    constants = [name for name in dir(cv2.aruco) if name.startswith("DICT_")]
+    known = {constant.removeprefix("DICT_").lower(): constant for constant in constants}
     if name.lower() not in known:
         raise CalibrationError(f"no dictionary of markers is named {name!r}; there are: {', '.join(sorted(known))}")
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, known[name.lower()]))
@@ -190,7 +191,7 @@ def _why_no_checkerboard(grey: Grey, board: Board) -> tuple[str, bool]:
 
 
 def part_of_board(grey: Grey) -> Array | None:
-    """The largest grid of corners to be seen in a ``grey`` picture (rows, columns, 2), px; None when hardly any."""
+    """The largest grid of corners to be seen in a ``grey`` image (rows, columns, 2), px; None when hardly any."""
     scale, small = next(_scales(grey, thorough=True))
     found, corners, grid = cv2.findChessboardCornersSBWithMeta(small, (3, 3), SECTORS | cv2.CALIB_CB_LARGER)
     if not found or grid is None:
@@ -203,7 +204,7 @@ def part_of_board(grey: Grey) -> Array | None:
 
 
 def check_ends(grey: Grey, corners_px: Array, board: Board) -> None:
-    """Refuse a board that goes on beyond the corners (columns * rows, 2) found in a ``grey`` picture."""
+    """Refuse a board that goes on beyond the corners (columns * rows, 2) found in a ``grey`` image."""
     beyond = [side for side, more in goes_on(grey, corners_px.reshape(board.rows, board.columns, 2)).items() if more]
     if beyond:
         columns = board.columns + sum(side in SIDES[:2] for side in beyond)

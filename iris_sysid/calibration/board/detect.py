@@ -1,4 +1,4 @@
-"""Find the inner corners of a checkerboard or ChArUco board in pictures, to a hundredth of a pixel or with a reason."""
+"""Find the inner corners of a checkerboard or ChArUco board in images, to a hundredth of a pixel or with a reason."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from iris_sysid.calibration.homography import apply_homography, fit_homography, 
 from iris_sysid.errors import CalibrationError
 from iris_sysid.types import Array, Progress, with_progress
 
-Picture = str | Path | NDArray[np.uint8]
+Image = str | Path | NDArray[np.uint8]
 
 # Beyond this blur (standard deviation, squares) the edges of neighbouring corners run into one another.
 BLUR_LIMIT_SQUARES = 0.2
@@ -29,7 +29,7 @@ FEWEST_KEPT = 0.8  # of the corners found
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BoardSearch:
-    """What was found in several pictures: ``views``, and by name why a picture gave none (``missing``)."""
+    """What was found in several images: ``views``, and by name why an image gave none (``missing``)."""
 
     views: tuple[BoardView, ...]
     missing: Mapping[str, str] = field(default_factory=dict)
@@ -39,9 +39,9 @@ class BoardSearch:
 
 
 def find_board(
-    picture: Picture, board: Board, *, window_px: int | None = None, name: str = "", thorough: bool = True
+    image: Image, board: Board, *, window_px: int | None = None, name: str = "", thorough: bool = True
 ) -> BoardView:
-    """Find a board's inner corners in one picture and fit each to the grey levels around it.
+    """Find a board's inner corners in one image and fit each to the grey levels around it.
 
     Rough positions come from OpenCV's detectors; then a model of a blurred corner is fitted in a window that follows
     the board's squares, so that it never holds a second corner; see
@@ -50,7 +50,7 @@ def find_board(
 
     Parameters
     ----------
-    picture
+    image
         Path of an image file, or an array: grey (h, w) or BGR (h, w, 3), uint8.
     board
         What to look for.
@@ -58,14 +58,14 @@ def find_board(
         Use the classical method instead, with windows of this half side in px, as OpenCV's calibration sample does with
         11. A window larger than half a square jumps to other corners.
     name
-        What to call the picture in messages; its file name when not given.
+        What to call the image in messages; its file name when not given.
     thorough
         Look at every scale, by a slower method too, and say why a board was not found.
 
     Returns
     -------
     BoardView
-        Places, standard errors and blur. A mirrored picture of a plain checkerboard cannot be told from a true one.
+        Positions, standard errors and blur. A mirrored image of a plain checkerboard cannot be told from a true one.
 
     Raises
     ------
@@ -73,75 +73,75 @@ def find_board(
         When there is no board, only part of one, another one than stated, or it is blurred, too small, or mirrored; the
         message says what to do.
     """
-    grey = grey_image(picture)
-    name = name or (Path(picture).name if isinstance(picture, str | Path) else "the picture")
-    found = locate(grey, board, thorough)
-    if found is None:
+    grey = grey_image(image)
+    name = name or (Path(image).name if isinstance(image, str | Path) else "the image")
+    rough = locate(grey, board, thorough)
+    if rough is None:
         reason, seen = why_not_found(grey, board) if thorough else ("no board is seen", False)
         raise BoardError(name, reason, seen=seen)
     try:
-        return _refined(grey, found, board, name, window_px)
+        return _refined(grey, rough, board, name, window_px)
     except CalibrationError as error:
         raise BoardError(name, str(error), seen=True) from error
 
 
 def find_boards(
-    pictures: Iterable[str | Path] | Mapping[str, NDArray[np.uint8]],
+    images: Iterable[str | Path] | Mapping[str, NDArray[np.uint8]],
     board: Board,
     *,
     window_px: int | None = None,
     progress: Progress | None = None,
 ) -> BoardSearch:
-    """Find a board in several pictures; a picture that gives none is named with the reason.
+    """Find a board in several images; an image that gives none is named with the reason.
 
     Parameters
     ----------
-    pictures
+    images
         Paths of image files, or arrays by name.
     board
         What to look for.
     window_px
         As :func:`find_board`.
     progress
-        Called with (pictures done, pictures).
+        Called with (images done, images).
 
     Returns
     -------
     BoardSearch
-        Views in the order of the pictures.
+        Views in the order of the images.
 
     Raises
     ------
     CalibrationError
-        When no picture shows the board; it gives the first picture's reason.
+        When no image shows the board; it gives the first image's reason.
     """
-    items: list[tuple[str, Picture]] = (
-        list(pictures.items()) if isinstance(pictures, Mapping) else [(Path(one).name, one) for one in pictures]
+    items: list[tuple[str, Image]] = (
+        list(images.items()) if isinstance(images, Mapping) else [(Path(path).name, path) for path in images]
     )
     views, missing = [], {}
-    for name, picture in with_progress(items, progress, len(items)):
+    for name, image in with_progress(items, progress, len(items)):
         try:
-            views.append(find_board(picture, board, window_px=window_px, name=name))
+            views.append(find_board(image, board, window_px=window_px, name=name))
         except CalibrationError as error:
             missing[name] = str(error)
     if not views:
-        first = next(iter(missing.values()), "no picture was given")
+        first = next(iter(missing.values()), "no image was given")
         raise CalibrationError(f"none of {len(items)} images shows the board; {first}")
     return BoardSearch(tuple(views), missing)
 
 
-def grey_image(picture: Picture) -> NDArray[np.uint8]:
-    """The ``picture`` in grey levels (h, w); CalibrationError for what is no picture."""
-    if isinstance(picture, str | Path):
-        return _read_grey(Path(picture))
-    array = np.asarray(picture)
+def grey_image(image: Image) -> NDArray[np.uint8]:
+    """The ``image`` in grey levels (h, w); CalibrationError for what is no image."""
+    if isinstance(image, str | Path):
+        return _read_grey(Path(image))
+    array = np.asarray(image)
     if array.dtype != np.uint8 or array.ndim not in (2, 3) or (array.ndim == 3 and array.shape[2] != 3):
         raise CalibrationError(
-            f"a picture must be uint8, grey (h, w) or BGR (h, w, 3), not {array.dtype} {array.shape}; convert it first"
+            f"an image must be uint8, grey (h, w) or BGR (h, w, 3), not {array.dtype} {array.shape}; convert it first"
         )
     grey = array if array.ndim == 2 else cv2.cvtColor(array, cv2.COLOR_BGR2GRAY)
     if min(grey.shape) < 32:
-        raise CalibrationError(f"a picture of {grey.shape[1]}x{grey.shape[0]} px is too small for a board")
+        raise CalibrationError(f"an image of {grey.shape[1]}x{grey.shape[0]} px is too small for a board")
     return np.ascontiguousarray(grey)
 
 
@@ -150,14 +150,14 @@ def _read_grey(path: Path) -> NDArray[np.uint8]:
         data = np.fromfile(path, dtype=np.uint8)
     except OSError as error:
         raise CalibrationError(f"cannot read {path}: {error.strerror or error}") from error
-    picture = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
-    if picture is None:
+    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    if image is None:
         raise CalibrationError(f"{path} is no image that can be read; give PNG, JPEG, TIFF or BMP files")
-    return np.asarray(picture, np.uint8)
+    return np.asarray(image, np.uint8)
 
 
-def _refined(grey: NDArray[np.uint8], found: Found, board: Board, name: str, window_px: int | None) -> BoardView:
-    ids, rough_px, oriented = found.ids, found.corners_px, True
+def _refined(grey: NDArray[np.uint8], rough: Found, board: Board, name: str, window_px: int | None) -> BoardView:
+    ids, rough_px, oriented = rough.ids, rough.corners_px, True
     if board.marker_m is None:
         grid = rough_px.reshape(board.rows, board.columns, 2)
         check_ends(grey, rough_px, board)
@@ -191,19 +191,19 @@ def _refined(grey: NDArray[np.uint8], found: Found, board: Board, name: str, win
 
 def _classical(grey: NDArray[np.uint8], rough_px: Array, window_px: int) -> Saddles:
     if not 1 <= window_px <= min(grey.shape) // 2 - 4:
-        raise CalibrationError(f"a window of {window_px} px to each side does not fit the picture; take e.g. 5")
+        raise CalibrationError(f"a window of {window_px} px to each side does not fit the image; take e.g. 5")
     unknown = np.full(len(rough_px), np.nan)
     return Saddles(refine_by_window(grey, rough_px, window_px), unknown, unknown, unknown)
 
 
 def _checked(saddles: Saddles, square_px: float) -> NDArray[np.bool_]:
-    """Which corners to keep; CalibrationError when the picture is blurred or too many corners are lost."""
+    """Which corners to keep; CalibrationError when the image is blurred or too many corners are lost."""
     kept = np.asarray(np.isfinite(saddles.xy_px).all(axis=1))
     blurs = saddles.blur_px[np.isfinite(saddles.blur_px)]
     limit_px = BLUR_LIMIT_SQUARES * min(square_px, LARGEST_REACH_PX / 0.42)
     if blurs.size and np.median(blurs) > limit_px:
         raise CalibrationError(
-            f"the picture is blurred: edges of the board are {2 * np.median(blurs):.1f} px wide, at most "
+            f"the image is blurred: edges of the board are {2 * np.median(blurs):.1f} px wide, at most "
             f"{2 * limit_px:.1f} px can be used with squares of {square_px:.0f} px; hold the board still and focus"
         )
     if kept.mean() < FEWEST_KEPT:

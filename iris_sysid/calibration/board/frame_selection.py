@@ -1,4 +1,4 @@
-"""Choose the frames of a clip from which a camera is calibrated: sharp, all over the picture, none nearly twice."""
+"""Choose the frames of a clip from which a camera is calibrated: sharp, all over the image, none nearly twice."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from iris_sysid.calibration.board.detect import find_board
 from iris_sysid.errors import CalibrationError
 from iris_sysid.types import Array, Frame, FrameSource, Progress, with_progress
 
-NEARLY_ALIKE = 0.02  # of the picture's diagonal
+NEARLY_ALIKE = 0.02  # of the image's diagonal
 SEARCHED_SLOWLY = 4  # frames
 BLURRED_TIMES = 2.0  # the median blur of the sharper half
 
@@ -48,8 +48,9 @@ def choose_frames(
 ) -> ChosenFrames:
     """Find the board in frames spread over a clip and choose those that say most about the camera.
 
-    Frames whose edges are more than twice as wide as usual are dropped; of frames in which the board lies in nearly
-    the same place, the sharpest stays; of the rest, each next one is that whose outline differs most from all chosen.
+    Frames whose edges are more than twice as wide as usual are dropped. Of frames in which the board has nearly the
+    same position, the sharpest stays. Of the rest, each next view is the one whose outline differs most from all
+    chosen.
 
     Parameters
     ----------
@@ -76,23 +77,23 @@ def choose_frames(
     """
     if count < 1 or examine < count:
         raise CalibrationError(f"cannot choose {count} of {examine} frames; examine at least as many as are chosen")
-    found: list[BoardView] = []
+    seen: list[BoardView] = []
     n_examined, rejected, some = 0, Counter[str](), []
     for n_examined, frame in enumerate(_spread(video, examine, progress), start=1):
         view = _view_of(frame, board, rejected)
         if view is not None:
-            found.append(view)
-        elif not found and n_examined % max(1, examine // SEARCHED_SLOWLY) == 1:
+            seen.append(view)
+        elif not seen and n_examined % max(1, examine // SEARCHED_SLOWLY) == 1:
             some.append(frame)
-    if not found:
+    if not seen:
         raise CalibrationError(_why_none(n_examined, rejected, some[:SEARCHED_SLOWLY], board))
-    sharp = _sharp(found)
+    sharp = _sharp(seen)
     outlines = np.array([view.outline_px(board) for view in sharp])
     different = _different(sharp, outlines)
     chosen = _spread_out(outlines[different], count)
     views = sorted((sharp[different[k]] for k in chosen), key=lambda view: view.t_s or 0.0)
     n_alike = len(sharp) - len(different)
-    return ChosenFrames(tuple(views), n_examined, len(found), n_alike, len(found) - len(sharp))
+    return ChosenFrames(tuple(views), n_examined, len(seen), n_alike, len(seen) - len(sharp))
 
 
 def _spread(video: FrameSource, examine: int, progress: Progress | None) -> Iterator[Frame]:
@@ -142,7 +143,7 @@ def _different(views: list[BoardView], outlines: Array) -> list[int]:
     limit_px = NEARLY_ALIKE * math.hypot(*views[0].image_size)
     kept: list[int] = []
     for k, outline in enumerate(outlines):
-        if all(np.abs(outline - outlines[one]).max() >= limit_px for one in kept):
+        if all(np.abs(outline - outlines[other]).max() >= limit_px for other in kept):
             kept.append(k)
     return kept
 

@@ -12,7 +12,7 @@ from iris_sysid.types import Array, Mask
 Grey = NDArray[np.uint8]
 
 SIDES = ("start of its rows", "end of its rows", "start of its columns", "end of its columns")
-PICTURE_SIDES = ("left edge", "right edge", "top edge", "bottom edge")
+IMAGE_SIDES = ("left edge", "right edge", "top edge", "bottom edge")
 # Of an inner corner's contrast. A corner where the board ends has three light quarters: below zero.
 CONTRAST_OF_CORNER = 0.3
 FAINTEST_STEP = 3.0  # grey levels
@@ -38,7 +38,7 @@ def _homography(grid_px: Array) -> Array:
 def goes_on(grey: Grey, grid_px: Array) -> dict[str, bool]:
     """Whether there are more inner corners beyond a grid of them, by side of the board.
 
-    ``grid_px`` (rows, columns, 2) are the corners in the ``grey`` picture.
+    ``grid_px`` (rows, columns, 2) are the corners in the ``grey`` image.
     """
     real = _real_corners(grey, grid_px)
     rings = (real[1:-1, 0], real[1:-1, -1], real[0, 1:-1], real[-1, 1:-1])
@@ -48,36 +48,36 @@ def goes_on(grey: Grey, grid_px: Array) -> dict[str, bool]:
 def _real_corners(grey: Grey, grid_px: Array) -> Mask:
     """Which corners of the grid and of one ring around it (rows + 2, columns + 2) alternate as inner corners do."""
     rows, columns = grid_px.shape[:2]
-    places = numbered(rows, columns, beyond=1)[:, None, None] + QUARTERS[:, None] + _spots(0.1)
-    quarters = _levels(grey, apply_homography(_homography(grid_px), places.reshape(-1, 2)).reshape(*places.shape))
+    positions = numbered(rows, columns, beyond=1)[:, None, None] + QUARTERS[:, None] + _spots(0.1)
+    quarters = _levels(grey, apply_homography(_homography(grid_px), positions.reshape(-1, 2)).reshape(*positions.shape))
     sign = 1 - 2 * (np.indices((rows + 2, columns + 2)).sum(axis=0).ravel() % 2)
-    one, other = sign[:, None] * quarters[:, :2], sign[:, None] * quarters[:, 2:]
-    light = (one.min(axis=1) - other.max(axis=1)).reshape(rows + 2, columns + 2)
-    dark = (other.min(axis=1) - one.max(axis=1)).reshape(rows + 2, columns + 2)
+    first, second = sign[:, None] * quarters[:, :2], sign[:, None] * quarters[:, 2:]
+    light = (first.min(axis=1) - second.max(axis=1)).reshape(rows + 2, columns + 2)
+    dark = (second.min(axis=1) - first.max(axis=1)).reshape(rows + 2, columns + 2)
     step = max(light, dark, key=lambda steps: float(np.median(steps[1:-1, 1:-1])))
     typical = float(np.median(step[1:-1, 1:-1]))
     return np.asarray(step > max(CONTRAST_OF_CORNER * typical, FAINTEST_STEP))
 
 
 def _spots(reach: float) -> Array:
-    """A square of 5x5 places (25, 2) that reaches so far to each side."""
+    """A square of 5x5 positions (25, 2) that reaches so far to each side."""
     return np.stack(np.meshgrid(INNER, INNER), axis=-1).reshape(-1, 2) * reach / INNER[-1]
 
 
 def _levels(grey: Grey, places_px: Array) -> Array:
-    """Mean grey level over the last but one axis of places (..., k, 2); 0 outside the picture."""
+    """Mean grey level over the last but one axis of positions (..., k, 2); 0 outside the image."""
     x, y = np.moveaxis(places_px.astype(np.float32), -1, 0).reshape(2, -1, places_px.shape[-2])
     levels = cv2.remap(grey, np.ascontiguousarray(x), np.ascontiguousarray(y), cv2.INTER_LINEAR)
     return levels.mean(axis=1, dtype=np.float64).reshape(places_px.shape[:-2])
 
 
 def is_board(grey: Grey, grid_px: Array) -> bool:
-    """Whether nearly all corners of a grid ``grid_px`` (rows, columns, 2) in a ``grey`` picture are inner corners."""
+    """Whether nearly all corners of a grid ``grid_px`` (rows, columns, 2) in a ``grey`` image are inner corners."""
     return bool(_real_corners(grey, grid_px)[1:-1, 1:-1].mean() > 0.9)
 
 
 def whole_grid(grey: Grey, grid_px: Array) -> Array:
-    """The whole grid of inner corners (rows, columns, 2) of which ``grid_px`` is a part in the picture ``grey``.
+    """The whole grid of inner corners (rows, columns, 2) of which ``grid_px`` is a part in the image ``grey``.
 
     False lines of corners at the ends of the part are dropped.
     """
@@ -106,7 +106,7 @@ def _with_side(grid_px: Array, side: int) -> Array:
 
 
 def sides_outside(grid_px: Array, shape: tuple[int, ...]) -> list[str]:
-    """Sides of the picture of that ``shape`` (h, w) beyond which the board's next corners would be.
+    """Sides of the image of that ``shape`` (h, w) beyond which the board's next corners would be.
 
     ``grid_px`` (rows, columns, 2) are the corners that are seen.
     """
@@ -115,7 +115,7 @@ def sides_outside(grid_px: Array, shape: tuple[int, ...]) -> list[str]:
     side_px = np.linalg.norm(np.diff(grid_px, axis=1), axis=2).mean() / 2  # a corner this near the edge is not found
     x, y = ring.T
     across = (x.min() < side_px, x.max() > shape[1] - side_px, y.min() < side_px, y.max() > shape[0] - side_px)
-    return [side for side, one in zip(PICTURE_SIDES, across, strict=True) if one]
+    return [side for side, light in zip(IMAGE_SIDES, across, strict=True) if light]
 
 
 # --------------------------------------------------------------------------- which way round it is
@@ -125,16 +125,16 @@ def oriented_grid(grey: Grey, grid_px: Array) -> tuple[Array, bool]:
     """The corners (rows, columns, 2) in the board's own order, the same in every view, and whether that is certain.
 
     Seen from the front, the columns run clockwise of the rows, and the square outside the first corner is dark. Where
-    the board looks the same turned, the turn is taken in which its rows run most to the right in the picture.
+    the board looks the same turned, the turn is taken in which its rows run most to the right in the image.
     """
     if _handedness(grid_px) < 0:
         grid_px = grid_px[:, ::-1]
     rows, columns = grid_px.shape[:2]
     turns = (0, 1, 2, 3) if rows == columns else (0, 2)
     turned = [np.rot90(grid_px, turn) for turn in turns]
-    dark = [one for one in turned if _first_square_contrast(grey, one) < 0]
+    dark = [grid for grid in turned if _first_square_contrast(grey, grid) < 0]
     choices = dark or turned
-    rightward = [float(np.diff(one[..., 0], axis=1).mean()) for one in choices]
+    rightward = [float(np.diff(grid[..., 0], axis=1).mean()) for grid in choices]
     return np.ascontiguousarray(choices[int(np.argmax(rightward))]), len(choices) == 1
 
 
@@ -147,7 +147,7 @@ def _first_square_contrast(grey: Grey, grid_px: Array) -> float:
     """How much lighter the squares are that have the colour of the one between the first corners, grey levels."""
     rows, columns = grid_px.shape[:2]
     centres = numbered(rows - 1, columns - 1) + 0.5
-    places = apply_homography(_homography(grid_px), (centres[:, None] + _spots(0.2)).reshape(-1, 2))
-    levels = _levels(grey, places.reshape(len(centres), -1, 2))
+    positions = apply_homography(_homography(grid_px), (centres[:, None] + _spots(0.2)).reshape(-1, 2))
+    levels = _levels(grey, positions.reshape(len(centres), -1, 2))
     even = (centres - 0.5).sum(axis=1) % 2 == 0
     return float(levels[even].mean() - levels[~even].mean())

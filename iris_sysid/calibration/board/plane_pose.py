@@ -1,4 +1,4 @@
-"""Calibrate the plane of motion from one picture of a board held in it, or parallel to it."""
+"""Calibrate the plane of motion from one image of a board held in it, or parallel to it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from iris_sysid.types import Array, Calibration
 
 Up = Literal["image", "board"]
 
-LENS_CENTRED = "the lens is centred in the picture"
+LENS_CENTRED = "the lens is centred in the image"
 PARALLEL = "the board is parallel to the plane of motion"
 BOW_DEVIATIONS = 5.0
 GAUSS_NEWTON_STEPS = 30
@@ -38,22 +38,22 @@ def plane_from_board(
     distance_stderr_m: float = 0.0,
     up: Up = "image",
 ) -> Calibration:
-    """Calibrate the plane of motion from one picture of a board held in it, or parallel to it.
+    """Calibrate the plane of motion from one image of a board held in it, or parallel to it.
 
     With a camera, the board's pose R = [r1 r2 r3], t is fitted, the plane is moved along its normal by the offset, and
     the map from undistorted px to the board's axes is ``(K [r1 r2 t - offset r3])^-1`` (Zhang 2000, eq. 2). Without
-    one, the homography is fitted to the corners, with k1 of a lens centred in the picture where they show it by five
-    standard errors, and an offset changes the scale about the middle of the picture by
+    one, the homography is fitted to the corners, with k1 of a lens centred in the image where they show it by five
+    standard errors, and an offset changes the scale about the middle of the image by
     ``(distance - offset) / distance``.
 
     Parameters
     ----------
     view
-        The board in the picture.
+        The board in the image.
     board
         Its squares, with their standard error.
     camera
-        The camera that took the picture and the clip; without it, only what one picture shows is corrected.
+        The camera that took the image and the clip; without it, only what one image shows is corrected.
     offset_m
         How far the board is behind the plane of motion, away from the camera; negative in front of it.
     offset_stderr_m
@@ -160,10 +160,10 @@ def _with_camera(
 def _homography(pose: Array, parameters: Array, behind_m: float, size: float, centre_m: Array) -> Array:
     """Undistorted px to metres, z up along the board, origin at its middle: nine entries, the last 1."""
     axes = rotation_of(pose)
-    place = size * pose[3:] - behind_m * axes[:, 2]
+    translation = size * pose[3:] - behind_m * axes[:, 2]
     to_board = np.array([[1, 0, size * centre_m[0]], [0, -1, size * centre_m[1]], [0, 0, 1]])
-    to_picture = matrix_of(parameters) @ np.column_stack([axes[:, :2], place]) @ to_board
-    homography = np.linalg.inv(to_picture)
+    to_image = matrix_of(parameters) @ np.column_stack([axes[:, :2], translation]) @ to_board
+    homography = np.linalg.inv(to_image)
     return np.asarray(homography / homography[2, 2]).ravel()
 
 
@@ -183,12 +183,12 @@ def _slopes(function: Callable[[Array], Array], steps: Array) -> Array:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _OneView:
-    """A map of the board to one picture: homography to undistorted px, camera matrix, k1, and what is left (n, 2).
+    """A map of the board to one image: homography to undistorted px, camera matrix, k1, and the residual (n, 2) px.
 
     ``unit`` (9, 9) is the covariance of the homography's first eight entries and of k1 for corners of variance 1.
     """
 
-    to_picture: Array
+    to_image: Array
     camera_matrix: Array
     k1: float
     residual: Array
@@ -211,7 +211,7 @@ def _without_camera(
 
     def numbers(change: Array) -> Array:
         """The 18 numbers after a change of nine fitted ones, relative size of the squares, offset and 1/distance."""
-        homography = np.linalg.inv(fit.to_picture + np.append(change[:8], 0.0).reshape(3, 3))
+        homography = np.linalg.inv(fit.to_image + np.append(change[:8], 0.0).reshape(3, 3))
         nearer = 1 - (offset[0] + change[10]) * (1 / distance[0] + change[11])
         x, z = apply_homography(homography, middle[None])[0]
         shrink = np.array([[nearer, 0, (1 - nearer) * x], [0, nearer, (1 - nearer) * z], [0, 0, 1]])
@@ -247,13 +247,13 @@ def _without_camera(
 
 
 def _one_view(world: Array, seen: Array, image_size: tuple[int, int]) -> _OneView:
-    """Fit a homography, and k1 of a lens centred in the picture where the corners show it beyond doubt."""
+    """Fit a homography, and k1 of a lens centred in the image where the corners show it beyond doubt."""
     focal = USUAL_FOCAL * max(image_size)  # only gives k1 its unit
     camera_matrix = matrix_of(np.array([focal, focal, (image_size[0] - 1) / 2, (image_size[1] - 1) / 2]))
-    to_picture, covariance = fit_homography(world, seen)
+    to_image, covariance = fit_homography(world, seen)
     unit = np.zeros((9, 9))
     unit[:8, :8] = covariance[:8, :8]
-    plain = _OneView(to_picture, camera_matrix, 0.0, seen - apply_homography(to_picture, world), unit)
+    plain = _OneView(to_image, camera_matrix, 0.0, seen - apply_homography(to_image, world), unit)
     bowed = _with_lens(world, seen, plain)
     known = math.sqrt(bowed.variance * bowed.unit[8, 8])
     return bowed if abs(bowed.k1) > BOW_DEVIATIONS * known else plain
@@ -261,13 +261,13 @@ def _one_view(world: Array, seen: Array, image_size: tuple[int, int]) -> _OneVie
 
 def _with_lens(world: Array, seen: Array, start: _OneView) -> _OneView:
     focal, middle = start.camera_matrix[0, 0], start.camera_matrix[:2, 2]
-    params = np.append(start.to_picture.ravel()[:8], 0.0)
+    params = np.append(start.to_image.ravel()[:8], 0.0)
     for _ in range(GAUSS_NEWTON_STEPS):
-        to_picture = np.append(params[:8], 1.0).reshape(3, 3)
-        flat = (apply_homography(to_picture, world) - middle) / focal
+        to_image = np.append(params[:8], 1.0).reshape(3, 3)
+        flat = (apply_homography(to_image, world) - middle) / focal
         distorted, by_point, by_lens = distort(flat, np.array([params[8], 0, 0, 0, 0]))
         residual = seen - distorted * focal - middle
-        by_entries = by_point @ homography_sensitivity(to_picture, world)[..., :8]
+        by_entries = by_point @ homography_sensitivity(to_image, world)[..., :8]
         slopes = np.concatenate([by_entries, focal * by_lens[..., :1]], axis=2).reshape(-1, 9)
         size = np.linalg.norm(slopes, axis=0)
         step = np.linalg.lstsq(slopes / size, residual.ravel(), rcond=None)[0]
@@ -275,7 +275,7 @@ def _with_lens(world: Array, seen: Array, start: _OneView) -> _OneView:
             break
         params = params + step / size
     unit = np.linalg.inv((slopes / size).T @ (slopes / size)) / np.outer(size, size)
-    return _OneView(to_picture, start.camera_matrix, float(params[8]), residual, unit)
+    return _OneView(to_image, start.camera_matrix, float(params[8]), residual, unit)
 
 
 def _variance(residual: Array, unknowns: int) -> float:

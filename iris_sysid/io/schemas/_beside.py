@@ -1,4 +1,4 @@
-"""What a table, a tensor or a picture cannot say of itself: origin, tensor, calibration."""
+"""What a table, a tensor or an image cannot say of itself: origin, tensor, calibration."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _columns(rows: Sequence[tuple[float, float]]) -> dict[str, list[float]] | No
 
 
 class TensorDocument(Document):
-    """What a tensor of pictures cannot say (the .npy.json file beside it)."""
+    """What a tensor of images cannot say (the .npy.json file beside it)."""
 
     document: Literal["tensor"] = "tensor"
     version: Literal[1] = 1

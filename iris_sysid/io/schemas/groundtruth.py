@@ -62,7 +62,7 @@ class ScaleEntry(Part):
 
     class_name: Annotated[str, Field(alias="class")] = ANY
     scale: str
-    """640px=1m, or the ends of a length in the picture: x1,y1,x2,y2=0.84m."""
+    """640px=1m, or the ends of a length in the image: x1,y1,x2,y2=0.84m."""
 
 
 class MeasuredDocument(Document):
