@@ -73,26 +73,26 @@ def _detections_of(view: View, frame: Frame) -> FrameDetections:
     image, colour_mask = view.search_image(frame), np.asarray(view.colour_mask(frame))
     bodies = blobs_of(_components(colour_mask.astype(np.uint8)), colour_mask.shape)
     covered = cv2.dilate(colour_mask.astype(np.uint8), np.ones((GAP, GAP), np.uint8))
-    found = FrameDetections(frame.index, frame.t_s, (), ())
+    detected = FrameDetections(frame.index, frame.t_s, (), ())
     for blob in bodies:
         detector = _detector(view, frame, image, covered, blob)
         if detector is not None:
             seen = detector.detect(frame, [blob], [blob])
-            found = replace(found, detections=found.detections + seen.detections)
-    return found
+            detected = replace(detected, detections=detected.detections + seen.detections)
+    return detected
 
 
 def _components(mask: Bytes) -> list[Component]:
     """The connected parts of a mask, all of one strength."""
     closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
     count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
-    found = []
+    components = []
     for label in range(1, count):
         left, top, width, height, area = (int(value) for value in stats[label])
         if area >= SMALLEST_AREA:
-            one = (labels[top : top + height, left : left + width] == label).astype(np.uint8)
-            found.append(Component(one, 255 * one, left, top))
-    return found
+            body = (labels[top : top + height, left : left + width] == label).astype(np.uint8)
+            components.append(Component(body, 255 * body, left, top))
+    return components
 
 
 def _detector(view: View, frame: Frame, image: Bytes, covered: Bytes, blob: Blob) -> Detector | None:
@@ -115,15 +115,15 @@ def _detector(view: View, frame: Frame, image: Bytes, covered: Bytes, blob: Blob
 
 
 def _even(middle: Image, noise: Image, size: tuple[int, int]) -> BackgroundEstimate:
-    """The same colour and noise everywhere in a image of that height and width."""
-    return BackgroundEstimate(*(np.broadcast_to(one.astype(np.float32), (*size, 3)) for one in (middle, noise)))
+    """The same colour and noise everywhere in an image of that height and width."""
+    return BackgroundEstimate(*(np.broadcast_to(level.astype(np.float32), (*size, 3)) for level in (middle, noise)))
 
 
 def _largest(tracklets: list[Tracklet], options: TrackOptions) -> list[Tracklet]:
     """The bodies that are largest and seen longest, seen together, each with the pieces that can only be more of it."""
     seen = [tracklet for tracklet in tracklets if len(tracklet.detections) >= FEWEST_DETECTIONS]
     chosen: list[Tracklet] = []
-    for tracklet in sorted(seen, key=lambda one: -sum(detection.area for detection in one.detections)):
+    for tracklet in sorted(seen, key=lambda tracklet: -sum(detection.area for detection in tracklet.detections)):
         with_all = all(
             len(tracklet.frames & other.frames) >= LEAST_OVERLAP * min(len(tracklet.frames), len(other.frames))
             for other in chosen
@@ -135,7 +135,7 @@ def _largest(tracklets: list[Tracklet], options: TrackOptions) -> list[Tracklet]
             f"{options.bodies} bodies of the colour {options.colour} were asked for, but {len(chosen)} can be seen at "
             "the same time; give the colour as it is in the image, e.g. '#c8e61e', or limit the image with --roi"
         )
-    return with_fragments(chosen, [tracklet for tracklet in tracklets if not any(tracklet is one for one in chosen)])
+    return with_fragments(chosen, [tracklet for tracklet in tracklets if not any(tracklet is body for body in chosen)])
 
 
 TRACKER = Tracker(

@@ -186,13 +186,13 @@ def _origin(appearance: DiscAppearance, options: TrackOptions) -> dict[str, obje
 
 def _track_of(
     body: int,
-    found: tuple[dict[int, DiscFit], DiscAppearance],
+    fits_and_appearance: tuple[dict[int, DiscFit], DiscAppearance],
     all_detections: Sequence[FrameDetections],
     held: set[int],
     options: TrackOptions,
 ) -> Track:
     """The Track of one body; gaps are NaN."""
-    fits, appearance = found
+    fits, appearance = fits_and_appearance
     rows = [
         _row(fits[frame_detections.frame]) if frame_detections.frame in fits else EMPTY
         for frame_detections in all_detections
@@ -201,7 +201,10 @@ def _track_of(
     hand = np.zeros(len(all_detections), dtype=np.bool_)
     hand[list(held)] = True
     t_s = np.array([frame_detections.t_s for frame_detections in all_detections])
-    free = np.array([k for k, one in enumerate(all_detections) if one.frame in fits and not hand[k]], dtype=np.int64)
+    free = np.array(
+        [k for k, frame_detections in enumerate(all_detections) if frame_detections.frame in fits and not hand[k]],
+        dtype=np.int64,
+    )
     lobes = np.array([fits[all_detections[k].frame].lobes for k in free])
     errors = error_model(free, columns[:, :2], columns[:, 4], lobes, CORRELATION_ABSORBED)
     sigma = np.column_stack([with_scatter(t_s, columns[:, axis], columns[:, axis + 2], errors) for axis in (0, 1)])

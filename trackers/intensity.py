@@ -86,20 +86,20 @@ def _regions(view: View, samples: Sequence[Frame], options: TrackOptions) -> lis
     free = np.ones(stack.shape[1:], dtype=np.bool_)
     if view.colour is not None:
         free = np.any(np.stack([np.asarray(view.colour_mask(frame)) for frame in samples]), axis=0)
-    found: list[Region] = []
-    while len(found) < options.bodies:
+    regions: list[Region] = []
+    while len(regions) < options.bodies:
         region = region_that_changes(stack, free)
         if region is None:
-            raise TrackingError(_too_few(len(found), options.bodies))
+            raise TrackingError(_too_few(len(regions), options.bodies))
         if region.together < LEAST_TOGETHER:
             raise TrackingError(
                 f"what changes does not change as a whole: only {region.together:.0%} of it follows the course of "
                 "the region that changes most, as when something moves; limit the image with --roi, or use another "
                 "tracker"
             )
-        found.append(region)
+        regions.append(region)
         free = free & ~region.mask
-    return found
+    return regions
 
 
 def _too_few(count: int, requested: int) -> str:

@@ -58,8 +58,8 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     levels = strips.swept.start + rough_levels(stack[:, strips.swept].mean(axis=2))
     for _ in range(ROUNDS):
         surface = surface_of(stack, levels, strips.x)
-        found = np.array([surface.level(one)[0] for one in stack])
-        levels = np.where(np.isfinite(found), found, levels)
+        rows_found = np.array([surface.level(sample)[0] for sample in stack])
+        levels = np.where(np.isfinite(rows_found), rows_found, levels)
     times, rows = list[tuple[int, float]](), list[tuple[float, float]]()
     for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
         times.append((frame.index, frame.t_s))
@@ -108,9 +108,9 @@ def _strips_of(view: View, vessel: Vessel) -> _Strips:
     )
 
 
-def _track_of(times: list[tuple[int, float]], found: Array, strips: _Strips, options: TrackOptions) -> Track:
-    row, sigma = found.T
-    t_s, valid = np.array([one for _, one in times]), np.isfinite(row)
+def _track_of(times: list[tuple[int, float]], measured: Array, strips: _Strips, options: TrackOptions) -> Track:
+    row, sigma = measured.T
+    t_s, valid = np.array([time for _, time in times]), np.isfinite(row)
     if not valid.any():
         raise TrackingError("the surface is in the image in no frame; give a taller region with --roi")
     sigma[valid] = pooled(sigma[valid])

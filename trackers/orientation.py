@@ -69,7 +69,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     if options.bodies != 1:
         raise DataError(f"bodies = {options.bodies}: the tracker orientation follows one body; choose it with --roi")
     setup = detection_setup(video, view)
-    shown = [activity(setup.background_range, one) for one in setup.search_images]
+    shown = [activity(setup.background_range, image) for image in setup.search_images]
     axis = axis_of(shown)
     clip = _roughly(video, setup, axis, options)
     if np.ptp(clip.angle) < LEAST_TURN:
@@ -79,8 +79,8 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         )
     lesson = _lesson(setup, axis, clip.angle[clip.places(setup)])
     better = clip.angle + np.interp(clip.number, setup.numbers, lesson.angles - clip.angle[clip.places(setup)])
-    found = _finely(video, setup, lesson.pattern, better, options)
-    return [_track_of(clip, found, lesson, middle_of(shown, lesson.pattern.axis, lesson.angles), setup, options)]
+    measured = _finely(video, setup, lesson.pattern, better, options)
+    return [_track_of(clip, measured, lesson, middle_of(shown, lesson.pattern.axis, lesson.angles), setup, options)]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -116,13 +116,13 @@ def _roughly(video: FrameSource, setup: DetectionSetup, axis: Axis, options: Tra
 
 def _lesson(setup: DetectionSetup, axis: Axis, angles: Array) -> _LearnedTemplate:
     """Learn look, angles and axis from the sampled frames, from rough to fine."""
-    small = [luma_of(one) for one in setup.search_images]
+    small = [luma_of(image) for image in setup.search_images]
     for blur in BLURS:
-        images = [_blurred(one, blur) for one in small]
+        images = [_blurred(image, blur) for image in small]
         pattern = pattern_of(images, angles, axis).telling()
-        found = [turned(pattern, one, angle, loose=True) for one, angle in zip(images, angles, strict=True)]
-        angles = np.array([one.angle for one in found])
-        axis = centred(axis, angles, np.array([one.shift for one in found]))
+        fits = [turned(pattern, image, angle, loose=True) for image, angle in zip(images, angles, strict=True)]
+        angles = np.array([fit.angle for fit in fits])
+        axis = centred(axis, angles, np.array([fit.shift for fit in fits]))
     pattern = pattern_of(images, angles, axis)
     _check_turns(pattern, images)
     return _LearnedTemplate(pattern.telling(), angles)
@@ -135,9 +135,9 @@ def _blurred(image: Image, sigma: float) -> Image:
 def _check_turns(pattern: Pattern, images: Sequence[Image]) -> None:
     """TrackingError when what changes in the images does not turn with the pattern."""
     axis = pattern.axis
-    rows = np.clip(np.rint(pattern.place[:, 1] + axis.y), 0, images[0].shape[0] - 1).astype(int)
-    columns = np.clip(np.rint(pattern.place[:, 0] + axis.x), 0, images[0].shape[1] - 1).astype(int)
-    standing = np.stack([one[rows, columns] for one in images]).var(axis=0)
+    rows = np.clip(np.rint(pattern.offset[:, 1] + axis.y), 0, images[0].shape[0] - 1).astype(int)
+    columns = np.clip(np.rint(pattern.offset[:, 0] + axis.x), 0, images[0].shape[1] - 1).astype(int)
+    standing = np.stack([image[rows, columns] for image in images]).var(axis=0)
     explained = 1 - float((pattern.spread**2).sum() / max(float(standing.sum()), 1e-9))
     if explained < EXPLAINED:
         raise TrackingError(
@@ -151,16 +151,16 @@ def _finely(video: FrameSource, setup: DetectionSetup, pattern: Pattern, start: 
     rows: list[tuple[float, float]] = []
     frames = with_progress(video.frames(), part_of_progress(options.progress, 1, 2), len(start), every=REPORT_EVERY)
     for frame, angle in zip(frames, start, strict=True):
-        found = turned(pattern, _blurred(luma_of(setup.view.search_image(frame)), BLURS[-1]), float(angle))
-        seen = found.share > SHOWN and found.sigma < LARGEST_ERROR
-        rows.append((found.angle, found.sigma) if seen else (np.nan, np.nan))
+        fit = turned(pattern, _blurred(luma_of(setup.view.search_image(frame)), BLURS[-1]), float(angle))
+        seen = fit.share > SHOWN and fit.sigma < LARGEST_ERROR
+        rows.append((fit.angle, fit.sigma) if seen else (np.nan, np.nan))
     return np.array(rows)
 
 
 def _track_of(
-    clip: _Clip, found: Array, lesson: _LearnedTemplate, middle: Middle, setup: DetectionSetup, options: TrackOptions
+    clip: _Clip, measured: Array, lesson: _LearnedTemplate, middle: Middle, setup: DetectionSetup, options: TrackOptions
 ) -> Track:
-    angle, sigma = found.T
+    angle, sigma = measured.T
     valid = np.isfinite(angle)
     if not valid.any():
         raise TrackingError("the body that turns shows in no frame as it was learnt; limit the image with --roi")
@@ -183,7 +183,7 @@ def _track_of(
             "bodies": options.bodies,
             "roi": options.roi,
             "colour": options.colour,
-            "axis_px": [float(one) for one in axis_px],
+            "axis_px": [float(coordinate) for coordinate in axis_px],
             "reach_px": view.step * axis.reach,
         },
     )

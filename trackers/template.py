@@ -152,15 +152,15 @@ def _expected(rows: list[tuple[float, ...]]) -> tuple[float, float] | None:
     return 2 * x - rows[-2][0], 2 * y - rows[-2][1]
 
 
-def _track_of(found: Array, times: list[tuple[int, float]], options: TrackOptions) -> Track:
+def _track_of(corners: Array, times: list[tuple[int, float]], options: TrackOptions) -> Track:
     """The Track of the patch's middle from its corners (n, 5)."""
     assert options.roi is not None
     _, _, width, height = options.roi
     return Track(
         t_s=np.array([t_s for _, t_s in times]),
-        xy_px=found[:, :2] + np.array([(width - 1) / 2, (height - 1) / 2]),
-        sigma_px=found[:, 2:4],
-        valid=np.isfinite(found[:, 0]),
+        xy_px=corners[:, :2] + np.array([(width - 1) / 2, (height - 1) / 2]),
+        sigma_px=corners[:, 2:4],
+        valid=np.isfinite(corners[:, 0]),
         frame=np.array([index for index, _ in times]),
         origin={"tracker": TRACKER.name, "roi": options.roi, "least_correlation": LEAST_CORRELATION},
     )

@@ -101,7 +101,7 @@ class ImageSource:
 
 def open_folder(folder: Path, label: str) -> ImageSource:
     """The pictures that lie in a folder; VideoError when there are none, or of several kinds."""
-    names = [one.name for one in folder.iterdir() if one.is_file() and not one.name.startswith(".")]
+    names = [entry.name for entry in folder.iterdir() if entry.is_file() and not entry.name.startswith(".")]
     pictures = _of_one_kind([name for name in names if _suffix(name) in IMAGE_CODECS], label)
     if not pictures:
         videos = sorted(name for name in names if _suffix(name) in VIDEO_SUFFIXES)
@@ -199,8 +199,8 @@ def _members(archive: zipfile.ZipFile, label: str) -> dict[str, zipfile.ZipInfo]
     listed = archive.infolist()
     if len(listed) > MAX_MEMBERS:
         raise VideoError(f"{label} holds {len(listed)} files; at most {MAX_MEMBERS} are read")
-    shown = [one for one in listed if not one.is_dir() and not _hidden(one.filename)]
-    return {one.filename: one for one in shown}
+    shown = [member for member in listed if not member.is_dir() and not _hidden(member.filename)]
+    return {member.filename: member for member in shown}
 
 
 def _hidden(name: str) -> bool:

@@ -192,14 +192,16 @@ class Video:
         affordable = SAMPLING_PIXELS // (self.width * self.height)
         if wanted[-1] < affordable or len(keys) < max(FEWEST_KEY_FRAMES, count // 3):
             chosen = {wanted[(2 * k + 1) * len(wanted) // (2 * count)] for k in range(count)}
-            return [self._frame(*one) for one in self._wanted(max(chosen)) if one[0] in chosen]
+            return [self._frame(*time) for time in self._wanted(max(chosen)) if time[0] in chosen]
         return self._sample_near_keys(survey, _near_keys(keys, wanted, count, affordable))
 
     def _sample_near_keys(self, survey: Sequence[tuple[int, bool]], near: Mapping[int, Sequence[int]]) -> list[Frame]:
         number = {stamp: k for k, (stamp, _) in enumerate(survey)}
         bursts = [(survey[key][0], [survey[k][0] for k in chosen]) for key, chosen in near.items()]
         times = {
-            stamp: self._clock.time(number[stamp], self._source.seconds(stamp)) for _, one in bursts for stamp in one
+            stamp: self._clock.time(number[stamp], self._source.seconds(stamp))
+            for _, burst in bursts
+            for stamp in burst
         }
         picked = self._source.pick(bursts)
         frames = [self._frame(number[stamp], times[stamp], picture) for stamp, picture in picked]

@@ -71,7 +71,7 @@ class TensorSource:
 
     def pick(self, bursts: Sequence[tuple[int, Sequence[int]]]) -> Iterator[tuple[int, av.VideoFrame]]:
         """The frames of those numbers."""
-        for number in (one for _, wanted in bursts for one in wanted):
+        for number in (index for _, wanted in bursts for index in wanted):
             window, at = self.places[number].tolist()
             yield number, self._picture(window, at)
 
@@ -246,7 +246,7 @@ def repeats(tensor: NDArray[np.generic], step: int, stride: int) -> bool:
     if later >= len(tensor) or along >= tensor.shape[1]:
         return True  # no frame is in two windows
     starts = np.unique(np.linspace(0, len(tensor) - 1 - later, 9).astype(int)).tolist()
-    return all(np.array_equal(tensor[one + later, :-along], tensor[one, along:]) for one in starts)
+    return all(np.array_equal(tensor[start + later, :-along], tensor[start, along:]) for start in starts)
 
 
 # --------------------------------------------------------------------------- making

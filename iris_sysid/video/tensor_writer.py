@@ -76,8 +76,8 @@ def write_tensor(
     """
     path = Path(path)
     _check(path, frames, step, stride, size)
-    for one in (path, sidecar(path)):
-        check_writable(one, overwrite=overwrite)
+    for file in (path, sidecar(path)):
+        check_writable(file, overwrite=overwrite)
     pictures, t_s = _pictures(clip, size, progress)
     windows = (len(pictures) - (frames - 1) * step - 1) // stride + 1
     if windows < 1:

@@ -160,7 +160,7 @@ def test_two_discs_are_fitted_side_by_side():
     ]
     tracks = track(DrawnClip(noisy(images, 2.0)), TrackOptions(bodies=2))
     for path, radius in zip(paths, (9.0, 6.0), strict=True):
-        nearest = min(tracks, key=lambda one: rms(one.xy_px - path))
+        nearest = min(tracks, key=lambda track: rms(track.xy_px - path))
         assert rms(nearest.xy_px - path) < 0.03
         assert np.median(nearest.radius_px) == pytest.approx(radius, abs=0.03)
 
@@ -177,7 +177,7 @@ def test_ball_that_hangs_at_rest_and_then_sways_less_than_its_radius_is_fitted_b
     ]
     tracks = track(DrawnClip(noisy(images, 2.0)), TrackOptions(bodies=2))
     for path in (swings, hangs):
-        nearest = min(tracks, key=lambda one: rms(one.xy_px - path))
+        nearest = min(tracks, key=lambda track: rms(track.xy_px - path))
         assert nearest.n_valid == k.size
         assert rms(nearest.xy_px - path) < 0.02
 

@@ -35,7 +35,7 @@ def test_a_dark_and_a_light_ball_that_strike_one_another_keep_their_paths():
     paths = link(meeting(-50.0, 50.0), 200.0, 100.0)
     assert [len(path.detections) for path in paths] == [20, 20]
     for path in paths:
-        assert len({one.brightening for one in path.detections}) == 1
+        assert len({detection.brightening for detection in path.detections}) == 1
 
 
 def test_balls_that_look_alike_go_where_they_were_predicted():

@@ -26,28 +26,28 @@ def two_that_cross(n=40):
 
 
 def errors_of(tracks, paths):
-    return [np.sqrt(np.mean((one.xy_px - path) ** 2)) for one, path in zip(tracks, paths, strict=True)]
+    return [np.sqrt(np.mean((track.xy_px - path) ** 2)) for track, path in zip(tracks, paths, strict=True)]
 
 
 def test_values_of_the_masks_name_the_bodies_and_brightness_gives_the_centres():
     clip, masks, paths = two_that_cross()
     tracks = track(clip, TrackOptions(bodies=2, mask=DrawnClip(masks)))
-    assert [one.n_valid for one in tracks] == [40, 40]
+    assert [track.n_valid for track in tracks] == [40, 40]
     assert max(errors_of(tracks, paths)) < 0.1
-    assert all(np.isfinite(one.sigma_px).all() for one in tracks)
+    assert all(np.isfinite(track.sigma_px).all() for track in tracks)
 
 
 def test_bodies_of_masks_with_one_value_are_told_apart_by_assignment():
     clip, masks, paths = two_that_cross()
-    tracks = track(clip, TrackOptions(bodies=2, mask=DrawnClip([(one > 0).astype(np.uint8) * 255 for one in masks])))
-    order = np.argsort([np.linalg.norm(one.xy_px[0] - paths[0][0]) for one in tracks])
+    tracks = track(clip, TrackOptions(bodies=2, mask=DrawnClip([(mask > 0).astype(np.uint8) * 255 for mask in masks])))
+    order = np.argsort([np.linalg.norm(track.xy_px[0] - paths[0][0]) for track in tracks])
     assert max(errors_of([tracks[k] for k in order], paths)) < 0.1
 
 
 def test_folder_of_label_pictures_is_read_with_its_values(tmp_path):
     clip, masks, paths = two_that_cross()
-    for k, one in enumerate(masks):
-        cv2.imwrite(str(tmp_path / f"{k:04d}.png"), one)
+    for k, mask in enumerate(masks):
+        cv2.imwrite(str(tmp_path / f"{k:04d}.png"), mask)
     tracks = track(clip, TrackOptions(bodies=2, mask=open_video(tmp_path, fps=60.0)))
     assert max(errors_of(tracks, paths)) < 0.1
 
@@ -55,9 +55,9 @@ def test_folder_of_label_pictures_is_read_with_its_values(tmp_path):
 BAD = [
     (lambda masks: masks[:-3], {"bodies": 2}, DataError, "37 masks, but the clip has 40 frames"),
     (lambda masks: [*masks, masks[0]], {"bodies": 2}, DataError, "41 masks, but the clip has 40 frames"),
-    (lambda masks: [one[:-2] for one in masks], {"bodies": 2}, DataError, "140x78 px, but the clip is 140x80"),
+    (lambda masks: [mask[:-2] for mask in masks], {"bodies": 2}, DataError, "140x78 px, but the clip is 140x80"),
     (lambda masks: masks, {"bodies": 3}, DataError, "3 bodies were asked for, but the masks hold 2"),
-    (lambda masks: [0 * one for one in masks], {"bodies": 1}, TrackingError, "masks are empty"),
+    (lambda masks: [0 * mask for mask in masks], {"bodies": 1}, TrackingError, "masks are empty"),
 ]
 
 

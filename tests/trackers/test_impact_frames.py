@@ -1,4 +1,4 @@
-"""What an impact does to the motion within an exposure, and to the place that a image shows."""
+"""What an impact does to the motion within an exposure, and to the place that an image shows."""
 
 from __future__ import annotations
 

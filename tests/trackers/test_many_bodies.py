@@ -1,4 +1,4 @@
-"""Many bodies at once: they keep their names in a row that is struck, through crossings, and on twin clips."""
+"""Many bodies at once: they keep their names in a row that is struck, through crossings, and on synthetic clips."""
 
 import numpy as np
 import pytest
@@ -22,9 +22,9 @@ def row_clip(n=40, struck_at=14):
     places[:, 0, 0] = np.minimum(18 + 4 * frames, 18 + 4 * struck_at)
     places[:, 4, 0] += 2 * np.maximum(frames - struck_at, 0)
     images = []
-    for one in places:
+    for position in places:
         image = np.full(shape, 110.0)
-        for k, (x, y) in enumerate(one):
+        for k, (x, y) in enumerate(position):
             image = paint(image, disc(shape, x, y, radius, lines=8), 30.0 if k == 0 else 220.0)
         images.append(image)
     return DrawnClip(noisy(images, 2.0)), places
@@ -32,7 +32,7 @@ def row_clip(n=40, struck_at=14):
 
 def owners(tracks, places, radius):
     """The body that each track is on in each frame (n, tracks), -1 where none."""
-    found = np.stack([one.xy_px for one in tracks], axis=1)
+    found = np.stack([track.xy_px for track in tracks], axis=1)
     apart = np.linalg.norm(found[:, :, np.newaxis] - places[:, np.newaxis], axis=-1)
     near = np.nan_to_num(apart, nan=np.inf)
     return np.where(near.min(axis=2) < radius / 2, near.argmin(axis=2), -1)
@@ -55,7 +55,7 @@ def test_touching_discs_are_shared_out_at_their_centres():
     rows, columns = np.nonzero(covered > 0.25)
     pool = ClassPixels(np.stack([columns, rows], axis=-1).astype(float), covered[rows, columns], 8.0, (60, 60))
     found = pool.assign_without_prediction(3, np.random.default_rng(0))
-    order = [int(np.argmin(np.linalg.norm(found.centres - one, axis=1))) for one in centres]
+    order = [int(np.argmin(np.linalg.norm(found.centres - centre, axis=1))) for centre in centres]
     assert sorted(order) == [0, 1, 2]
     np.testing.assert_allclose(found.centres[order], centres, atol=0.15)
 
@@ -113,7 +113,7 @@ def test_measures_of_identity_are_one_for_perfect_tracks_and_fall_with_gaps():
     assert hota(alike, ten, np.array([8, 10])) == pytest.approx(np.sqrt((8 * 0.8 + 10) / 20))
 
 
-# --------------------------------------------------------------------------- the twin
+# --------------------------------------------------------------------------- synthetic clips
 
 
 CLIP_S = 5.0  # in half of that a hand that has let go still covers a ball, and a pile stands, for too much of the clip
@@ -123,5 +123,5 @@ CLIP_S = 5.0  # in half of that a hand that has let go still covers a ball, and 
 @pytest.mark.parametrize("phenomenon", ["two-moving-pendulums", "two-moving-pendulum-one-static", "hitting-cones"])
 def test_bodies_of_ten_twin_clips_keep_their_names(phenomenon, tmp_path):
     scores = [run_clip(phenomenon, number, (640, 360), CLIP_S, tmp_path) for number in range(10)]
-    assert sum(one.switches for one in scores) == 0
-    assert min(one.seen / one.usable for one in scores) > 0.95
+    assert sum(score.switches for score in scores) == 0
+    assert min(score.seen / score.usable for score in scores) > 0.95

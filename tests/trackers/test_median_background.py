@@ -175,7 +175,7 @@ def test_mark_that_a_hand_hides_for_a_while_is_not_taken_for_a_body():
         images.append(paint(image, disc(SHAPE, x, y, 8), 200.0))
     clip = DrawnClip(noisy(images, 2.0))
     all_detections = observe(clip, detection_setup(clip, view_of(clip, TrackOptions())), TrackOptions())
-    assert all(len(one.detections) == 1 for one in all_detections[24:])
+    assert all(len(detection.detections) == 1 for detection in all_detections[24:])
 
 
 def test_body_that_rests_for_most_of_the_clip_is_found_moving_and_at_rest():
@@ -202,7 +202,7 @@ def test_body_that_rests_before_a_floor_as_bright_as_itself_does_not_become_back
     floor = np.full((*SHAPE, 3), 133.0)  # as bright as orange
     floor[:, :50] = WALL
     x = np.concatenate([np.linspace(20, 110, moving), np.full(n - moving, 110.0)])
-    images = [paint(floor, disc(SHAPE, one, 48, 8), ORANGE) for one in x]
+    images = [paint(floor, disc(SHAPE, x_px, 48, 8), ORANGE) for x_px in x]
     found = one_track(DrawnClip(noisy(images, 2.0)))
     assert found.n_valid == n
     assert rms(errors_px(found, np.column_stack([x, np.full(n, 48.0)]))) < 0.1
@@ -290,9 +290,9 @@ def two_bodies(n=90):
 def test_two_bodies_keep_their_identity():
     clip, paths = two_bodies()
     tracks = track(clip, TrackOptions(bodies=2))
-    assert [one.body for one in tracks] == ["1", "2"]
+    assert [track.body for track in tracks] == ["1", "2"]
     for path in paths:
-        assert min(rms(errors_px(one, path)) for one in tracks) < 0.05
+        assert min(rms(errors_px(track, path)) for track in tracks) < 0.05
 
 
 def test_region_limits_the_search():
@@ -325,7 +325,7 @@ def test_body_as_bright_as_the_wall_is_found_by_its_colour_unasked():
     tracks = track(clip, TrackOptions(bodies=2))
     assert tracks[0].origin["colour_used"]
     for path in paths:
-        assert min(rms(errors_px(one, path)) for one in tracks) < 0.1
+        assert min(rms(errors_px(track, path)) for track in tracks) < 0.1
 
 
 def test_progress_is_reported_and_the_clip_is_decoded_once():

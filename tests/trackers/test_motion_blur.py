@@ -1,4 +1,4 @@
-"""A disc that moves far in an exposure: its centre from the shape of the streak, against a image drawn otherwise."""
+"""A disc that moves far in an exposure: its centre from the shape of the streak, against an image drawn otherwise."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def drawn(way, where=(50.3, 48.8), shape="disc", seed=0):
     image = cv2.resize(shown, (SIZE, SIZE), interpolation=cv2.INTER_AREA) + NOISE * rng.standard_normal((SIZE, SIZE))
     background = cv2.resize(wall, (SIZE, SIZE), interpolation=cv2.INTER_AREA)
     core = (np.abs(image - background) > 40).astype(np.uint8)
-    planes = [one.astype(np.float32)[..., np.newaxis] for one in (image, background, np.full_like(image, NOISE))]
+    planes = [plane.astype(np.float32)[..., np.newaxis] for plane in (image, background, np.full_like(image, NOISE))]
     return Window(*planes, core, np.zeros_like(core))
 
 
@@ -45,7 +45,9 @@ def test_standard_error_of_a_streak_is_that_of_its_scatter():
     found = [
         streak_centre(window, coverage_centre(window)) for window in (drawn((18.0, 6.0), seed=k) for k in range(12))
     ]
-    pulls = [((one.x - 50.3) / one.sigma_x, (one.y - 48.8) / one.sigma_y) for one in found]
+    pulls = [
+        ((detection.x - 50.3) / detection.sigma_x, (detection.y - 48.8) / detection.sigma_y) for detection in found
+    ]
     assert 0.5 < np.sqrt(np.mean(np.square(pulls))) < 1.6
 
 

@@ -55,10 +55,10 @@ def test_iris_sliding_cone_is_the_same_by_brightness_and_by_colour():
     (found,) = real_track("iris_footage/Sliding_cone.gif")
     (red,) = real_track("iris_footage/Sliding_cone.gif", colour="red")
     slide = slice(13, 30)
-    for one in (found, red):
-        assert one.hand[1:13].all()
-        assert not one.hand[slide].any()
-        assert one.valid[slide].all()
+    for body in (found, red):
+        assert body.hand[1:13].all()
+        assert not body.hand[slide].any()
+        assert body.valid[slide].all()
     np.testing.assert_allclose(found.xy_px[slide], red.xy_px[slide], atol=1.0)
     slope = np.polynomial.Polynomial.fit(*red.xy_px[slide].T, 1).convert().coef[1]
     assert np.degrees(np.arctan(-slope)) == pytest.approx(29, abs=1)  # the board as it stands in the image
@@ -67,10 +67,10 @@ def test_iris_sliding_cone_is_the_same_by_brightness_and_by_colour():
 @pytest.mark.slow
 def test_iris_two_pendulums_are_the_light_and_the_dark_ball_throughout():
     tracks = real_track("iris_footage/Two_Moving_Pendulums.gif", bodies=2)
-    dark, light = sorted(tracks, key=lambda one: np.nanmedian(one.intensity))
-    for one in (dark, light):
-        assert one.valid[10:].all()
-        assert one.hand[:10].all()
+    dark, light = sorted(tracks, key=lambda body: np.nanmedian(body.intensity))
+    for body in (dark, light):
+        assert body.valid[10:].all()
+        assert body.hand[:10].all()
     assert np.all(dark.intensity[10:] < light.intensity[10:])
     assert np.all(dark.xy_px[10:, 0] < light.xy_px[10:, 0])
 
@@ -105,7 +105,7 @@ def test_block_on_the_incline_is_followed_smoothly(name, slide):
 
 @pytest.mark.slow
 def test_pucks_are_followed_through_their_collision_to_rest():
-    resting, struck = sorted(real_track("phystrack/CaromPuck_HeadOn.MP4", bodies=2), key=lambda one: -one.n_valid)
+    resting, struck = sorted(real_track("phystrack/CaromPuck_HeadOn.MP4", bodies=2), key=lambda track: -track.n_valid)
     assert resting.n_valid == 752
     assert struck.valid[:274].all()
     assert np.ptp(resting.xy_px[320:], axis=0).max() < 0.7  # at rest where it stopped

@@ -50,7 +50,7 @@ def test_picture_is_searched_at_half_the_usual_size_where_the_body_is_large(radi
 
 def test_picture_with_a_small_body_beside_a_large_one_is_searched_at_the_usual_size():
     path, small = across(90.0), disc((21, 21), 10, 10, 8, 8)
-    images = [one.copy() for one in clip_of(path, 76).images]
+    images = [image.copy() for image in clip_of(path, 76).images]
     for (x, _), image in zip(path, images, strict=True):
         left = (int(x) + 300) % 1900
         image[10:31, left : left + 21] = np.rint(paint(image[10:31, left : left + 21].astype(float), small, 180.0))

@@ -86,9 +86,9 @@ def test_windows_without_the_file_beside_them_are_put_together_by_their_overlap(
     with pytest.raises(VideoError, match="without times; give the frame rate"):
         open_video(tmp_path / "bare.npy")
     bare, whole = open_video(tmp_path / "bare.npy", fps=30), open_video(tensor[0])
-    for one, other in zip(bare.frames(), whole.frames(), strict=True):
-        assert one.t_s == pytest.approx(other.t_s, abs=1e-9)
-        assert np.array_equal(one.luma, other.luma)
+    for frame, other in zip(bare.frames(), whole.frames(), strict=True):
+        assert frame.t_s == pytest.approx(other.t_s, abs=1e-9)
+        assert np.array_equal(frame.luma, other.luma)
     assert "6 apart" in bare.warning
 
 

@@ -85,7 +85,7 @@ def read_by_opencv(path):
     while True:
         ok, picture = capture.read()
         if not ok:
-            return [t for t, _ in found], [one for _, one in found]
+            return [t for t, _ in found], [frame for _, frame in found]
         found.append((capture.get(cv2.CAP_PROP_POS_MSEC) / 1000, picture))
 
 
@@ -234,8 +234,8 @@ def test_luma_is_no_copy(tmp_path):
 
 def test_frames_can_be_read_again_and_side_by_side(tmp_path):
     video = open_video(write_clip(tmp_path / "a.mp4", 12))
-    for one, other in zip(video.frames(), video.frames(), strict=True):
-        np.testing.assert_array_equal(one.luma, other.luma)
+    for frame, other in zip(video.frames(), video.frames(), strict=True):
+        np.testing.assert_array_equal(frame.luma, other.luma)
     assert len(list(video.frames())) == 12
 
 

@@ -46,9 +46,9 @@ def usable_samples(stack: Bytes, estimate: BackgroundEstimate) -> Flags | None:
                     slice(max(0, left - MARGIN), left + width + MARGIN),
                 )
                 part = np.ascontiguousarray(image[window]).astype(np.float32)
-                found = _holes(np.ascontiguousarray(level[window]), edges[window], _edges(part))
-                if found.any():
-                    holes[k][window] |= _without_hidden(found, _reaching_in(background_range, image)[window])
+                window_holes = _holes(np.ascontiguousarray(level[window]), edges[window], _edges(part))
+                if window_holes.any():
+                    holes[k][window] |= _without_hidden(window_holes, _reaching_in(background_range, image)[window])
     holes &= holes.sum(axis=0) > AS_HOLE * differs
     if holes.sum(axis=0).max() < FEWEST_SAMPLES:
         return None
@@ -74,10 +74,10 @@ def _without_hidden(holes: Flags, reaching: Flags) -> Flags:
     count, labels = cv2.connectedComponents(holes.astype(np.uint8), connectivity=8)
     kept = holes.copy()
     for label in range(1, count):
-        one = labels == label
-        ring = (cv2.dilate(one.astype(np.uint8), RIM) > 0) & ~one
+        shape = labels == label
+        ring = (cv2.dilate(shape.astype(np.uint8), RIM) > 0) & ~shape
         if reaching[ring].mean() > SURROUNDED:
-            kept[one] = False
+            kept[shape] = False
     return kept
 
 
@@ -93,7 +93,7 @@ def _edges(image: Image) -> Image:
 
 def _holes(level: Bytes, edges: Image, edges_now: Image) -> Flags:
     """Those parts of what differs whose outline is an edge of the background rather than of the frame."""
-    found = np.zeros(level.shape, dtype=np.bool_)
+    holes = np.zeros(level.shape, dtype=np.bool_)
     closed = cv2.morphologyEx((level > 0).astype(np.uint8), cv2.MORPH_CLOSE, SQUARE)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
     for label in range(1, count):
@@ -102,15 +102,15 @@ def _holes(level: Bytes, edges: Image, edges_now: Image) -> Flags:
             continue
         y0, x0 = max(0, top - 2), max(0, left - 2)
         window = (slice(y0, top + height + 2), slice(x0, left + width + 2))
-        one = _without_shade(level[window], labels[window] == label)
-        outline = cv2.morphologyEx(one, cv2.MORPH_GRADIENT, SQUARE) > 0
+        shape = _without_shade(level[window], labels[window] == label)
+        outline = cv2.morphologyEx(shape, cv2.MORPH_GRADIENT, SQUARE) > 0
         only_behind = edges[window][outline] > EDGE_RATIO * edges_now[window][outline] + LEAST_EDGE
         if np.count_nonzero(only_behind) > OUTLINE_SHARE * np.count_nonzero(outline):
-            found[window] |= one > 0
-    return found
+            holes[window] |= shape > 0
+    return holes
 
 
-def _without_shade(level: Bytes, one: Flags) -> Bytes:
+def _without_shade(level: Bytes, shape: Flags) -> Bytes:
     """A component without what is faint beside its strongest contrast."""
-    faint = SHADE * float(cv2.blur(level, (3, 3))[one].max())
-    return (one & (level >= faint)).astype(np.uint8)
+    faint = SHADE * float(cv2.blur(level, (3, 3))[shape].max())
+    return (shape & (level >= faint)).astype(np.uint8)

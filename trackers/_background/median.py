@@ -28,12 +28,12 @@ POOL = 9  # px, side of the square over which the noise is averaged
 TILE = 128  # px
 BLOCK = 4  # px, side of the blocks over which noise is summed
 PASSING_SIGMAS = 5.0  # of noise: a larger difference is a body that passes
-LARGE = 300_000  # px: in so large a image every third frame tells the noise
+LARGE = 300_000  # px: in so large an image every third frame tells the noise
 WIDE = 33  # px: noise that varies over more is flicker
 
 
 class BackgroundEstimate(NamedTuple):
-    """What a image shows where nothing moves: background and noise, (h, w) or (h, w, 3), grey levels."""
+    """What an image shows where nothing moves: background and noise, (h, w) or (h, w, 3), grey levels."""
 
     background: Image
     noise: Image

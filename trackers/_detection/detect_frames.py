@@ -123,7 +123,7 @@ def luma_misses(stack: Bytes) -> bool:
     """
     estimate = estimate_background(stack)
     background_range, luma_range = background_range_of(estimate), background_range_of(estimate.channel(0))
-    seen = [one for image in stack if (one := _in_colour(background_range, luma_range, image)) is not None]
+    seen = [evidence for image in stack if (evidence := _in_colour(background_range, luma_range, image)) is not None]
     if not seen:
         return False
     missed, in_luma, in_colour, shaded = np.array(seen).T

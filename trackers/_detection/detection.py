@@ -120,7 +120,7 @@ class Detector:
         detections = [self.detect_body(frame, blob, bodies, reaching, before) for blob in inside]
         edge_objects = tuple(self.edge_object(blob) for blob in reaching)
         return FrameDetections(
-            frame.index, frame.t_s, tuple(one for one in detections if one is not None), edge_objects
+            frame.index, frame.t_s, tuple(detection for detection in detections if detection is not None), edge_objects
         )
 
     def edge_object(self, blob: Blob) -> EdgeObject:
@@ -194,7 +194,7 @@ class Detector:
         estimate = self.background.reduced(size).patch(top, bottom, left, right)
         within = (top, bottom, left, right)
         mask = _pasted([blob], within, finer)
-        other = _pasted([one for one in bodies if one is not blob], within, finer)
+        other = _pasted([other_blob for other_blob in bodies if other_blob is not blob], within, finer)
         image, background, noise = (np.atleast_3d(part) for part in (image, estimate.background, estimate.noise))
         background = background + _level(image - background, mask, other)
         if finer > 1:
@@ -210,7 +210,7 @@ def _hardly_moved(centre: Centre, left: int, top: int, before: Sequence[Detectio
     An exposure is no longer than the time between two frames, and so is the way in it.
     """
     least = STILL * np.sqrt(centre.area / np.pi)
-    return any(np.hypot(left + centre.x - one.x, top + centre.y - one.y) < least for one in before)
+    return any(np.hypot(left + centre.x - detection.x, top + centre.y - detection.y) < least for detection in before)
 
 
 def _in_pixels(centre: Centre, size: int) -> Centre:
@@ -261,7 +261,7 @@ def _sharpened(mask: Bytes, difference: Image, noise: Image, step: int) -> Bytes
 
 
 def _shaded(image: Image, background: Image, noise: Image) -> Bytes:
-    """1 where a image (h, w, channels) shows the background with less light: all its colours scaled by one factor.
+    """1 where an image (h, w, channels) shows the background with less light: all its colours scaled by one factor.
 
     Without colour a shadow cannot be told from a dark body: 0.
     """

@@ -135,12 +135,12 @@ def components(
 
 
 def any_channel(flags: Flags) -> Flags:
-    """Flags of a image (h, w) from those of its channels (h, w) or (h, w, 3)."""
+    """Flags of an image (h, w) from those of its channels (h, w) or (h, w, 3)."""
     return flags if flags.ndim == 2 else np.logical_or(flags[..., 0], flags[..., 1] | flags[..., 2])
 
 
 def most_of_channels(image: Bytes) -> Bytes:
-    """The largest of the channels of a image (h, w) or (h, w, 3), pixel by pixel."""
+    """The largest of the channels of an image (h, w) or (h, w, 3), pixel by pixel."""
     return image if image.ndim == 2 else np.maximum(image[..., 0], np.maximum(image[..., 1], image[..., 2]))
 
 
@@ -166,15 +166,15 @@ def blobs(background_range: BackgroundRange, image: Bytes, colour_mask: Flags | 
 
 
 def blobs_of(parts: Iterable[Component], shape: tuple[int, ...]) -> list[Blob]:
-    """The compact parts of some components of a image of that shape; see :func:`blobs`."""
-    found: list[Blob] = []
+    """The compact parts of some components of an image of that shape; see :func:`blobs`."""
+    found_blobs: list[Blob] = []
     for component in parts:
         peak = float(cv2.blur(component.level, (3, 3))[component.mask > 0].max())
         faint, bold = (_blobs_at(component, share * peak, shape) for share in CONTRAST_SHARES)
         edges = _edges(component.level)
         clearness, clearer = (_clearness(component, edges, parts) for parts in (faint, bold))
-        found += bold if clearer > IN_DOUBT * clearness else faint
-    return sorted(found, key=lambda blob: -blob.area)[:MOST_BLOBS]
+        found_blobs += bold if clearer > IN_DOUBT * clearness else faint
+    return sorted(found_blobs, key=lambda blob: -blob.area)[:MOST_BLOBS]
 
 
 def stout(component: Component) -> Component:
@@ -195,7 +195,7 @@ def stout(component: Component) -> Component:
 
 
 def _edges(level: Bytes) -> Image:
-    """Gradient of a image, grey levels a px."""
+    """Gradient of an image, grey levels a px."""
     fine = level.astype(np.float32)
     across, down = (cv2.Sobel(fine, cv2.CV_32F, *order, scale=1 / 8) for order in ((1, 0), (0, 1)))
     return np.asarray(np.hypot(across, down), dtype=np.float32)
@@ -220,13 +220,13 @@ def _blobs_at(component: Component, faintest: float, shape: tuple[int, ...]) -> 
     x0, y0, width, height = cv2.boundingRect(mask)
     mask = filled(mask[y0 : y0 + height, x0 : x0 + width])
     count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
-    found: list[Blob] = []
+    found_blobs: list[Blob] = []
     for label in range(1, count):
         x, y, width, height, area = (int(value) for value in stats[label])
         if area >= SMALLEST_AREA:
             part = (labels[y : y + height, x : x + width] == label).astype(np.uint8)
-            found += _split(part, component.left + x0 + x, component.top + y0 + y, shape)
-    return found
+            found_blobs += _split(part, component.left + x0 + x, component.top + y0 + y, shape)
+    return found_blobs
 
 
 def _split(component: Bytes, left: int, top: int, shape: tuple[int, ...]) -> list[Blob]:
@@ -245,13 +245,13 @@ def _split(component: Bytes, left: int, top: int, shape: tuple[int, ...]) -> lis
     seeds = [labels == label for label in range(1, count)]
     away = [cv2.distanceTransform((~s).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) for s in seeds]
     nearest, near = np.argmin(away, axis=0), np.min(away, axis=0) <= cut + 1.0
-    found = []
+    found_blobs = []
     for k, seed in enumerate(seeds):
         mask = ((nearest == k) & near & (wider > 0)).astype(np.uint8)[1:-1, 1:-1]
         edge = _at_edge(_box(mask, left, top), shape)
         held = edge or (not inland and _hangs_on_edge(depth, seed, left - 1, top - 1, shape))
-        found.append(_blob(mask, left, top, float(depth[seed].max()), (edge, held)))
-    return found
+        found_blobs.append(_blob(mask, left, top, float(depth[seed].max()), (edge, held)))
+    return found_blobs
 
 
 def _lone(mask: Bytes, depth: Image, cut: float, corner: tuple[int, int]) -> Blob:
@@ -276,7 +276,7 @@ def _hangs_on_edge(depth: Image, seed: Flags, left: int, top: int, shape: tuple[
 
 
 def _near_edge(box: Box, arm: float, shape: tuple[int, ...]) -> bool:
-    """Whether a box comes as near to the edge of a image of that shape as an arm is thick."""
+    """Whether a box comes as near to the edge of an image of that shape as an arm is thick."""
     reach = int(arm) + 1
     return _at_edge((box[0] - reach, box[1] - reach, box[2] + reach, box[3] + reach), shape)
 
@@ -288,7 +288,7 @@ def _box(mask: Bytes, left: int, top: int) -> Box:
 
 
 def _at_edge(box: Box, shape: tuple[int, ...]) -> bool:
-    """Whether a box comes within a pixel of the edge of a image of that shape."""
+    """Whether a box comes within a pixel of the edge of an image of that shape."""
     return box[0] <= 1 or box[1] <= 1 or box[2] >= shape[1] - 1 or box[3] >= shape[0] - 1
 
 

@@ -113,11 +113,11 @@ def streak_centre(window: Window, centre: Centre) -> Centre:
     if not sweep.is_streak or few.unexplained(sweep) > DOUBTFUL:
         return centre
     kept = pixels.only(_plain(pixels.left_over(sweep)))
-    found = _swept(kept, sweep, PRECISE)
-    sweep = _sweep(found.x)
+    solution = _swept(kept, sweep, PRECISE)
+    sweep = _sweep(solution.x)
     if not sweep.is_streak or pixels.unexplained(sweep) > UNEXPLAINED:
         return centre
-    errors = np.sqrt(np.diag(_covariance(kept, found)))
+    errors = np.sqrt(np.diag(_covariance(kept, solution)))
     return replace(
         centre,
         x=sweep.x,
@@ -134,9 +134,9 @@ def _guess(window: Window) -> Sweep:
     near = cv2.dilate(window.mask, np.ones((2 * FRINGE + 1, 2 * FRINGE + 1), np.uint8)) > window.other
     level = largest(np.abs((window.image - window.background) / window.noise))
     usual = max(float(np.median(level[window.mask > 0])), 1e-6)
-    rows, columns = (one.astype(np.float64) for one in np.nonzero(near))
+    rows, columns = (indices.astype(np.float64) for indices in np.nonzero(near))
     weight = np.minimum(level[near] / usual, 1.0)
-    x, y = (float(np.average(one, weights=weight)) for one in (columns, rows))
+    x, y = (float(np.average(coordinates, weights=weight)) for coordinates in (columns, rows))
     moments = np.cov(np.stack([columns, rows]), aweights=weight)
     (narrow, wide), axes = np.linalg.eigh(moments)
     way = np.sqrt(12.0 * max(wide - narrow, 0.0)) * axes[:, 1]
@@ -177,7 +177,7 @@ def _pixels(window: Window, sweep: Sweep) -> _Pixels:
     near = cv2.dilate(covered.astype(np.uint8), np.ones((2 * FRINGE + 1, 2 * FRINGE + 1), np.uint8))
     use = np.nonzero((near > 0) & (cv2.dilate(window.other, np.ones((3, 3), np.uint8)) == 0))
     noise = window.noise[use].mean(axis=0, dtype=np.float64)
-    image, background = (one[use].astype(np.float64) / noise for one in (window.image, window.background))
+    image, background = (plane[use].astype(np.float64) / noise for plane in (window.image, window.background))
     return _Pixels(columns[use[1]], rows[use[0]], image - background, background)
 
 
@@ -198,18 +198,18 @@ def _swept(pixels: _Pixels, start: Sweep, enough: float, evaluations: int = EVAL
     return least_squares(left_over, first, method="lm", diff_step=steps, ftol=enough, max_nfev=evaluations)
 
 
-def _covariance(pixels: _Pixels, found: OptimizeResult) -> Array:
+def _covariance(pixels: _Pixels, solution: OptimizeResult) -> Array:
     """Of the five numbers of a sweep that was found, (5, 5).
 
     What is left over is alike within the blocks of a coder: the covariance is the one that is robust to clusters (Liang
     and Zeger 1986, Biometrika 73, 13), H^-1 (sum over blocks of s s') H^-1 with H = J'J and s = J'r of a block.
     """
-    jacobian = np.asarray(found.jac)
+    jacobian = np.asarray(solution.jac)
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     across, down = ((places // BLOCK).astype(np.int64) for places in (pixels.columns, pixels.rows))
     _, block = np.unique(across * (int(down.max()) + 1) + down, return_inverse=True)
-    moved = (found.fun[:, np.newaxis] * jacobian).reshape(block.size, -1, found.x.size).sum(axis=1) @ inverse
-    of_blocks = np.zeros((int(block.max()) + 1, found.x.size))
+    moved = (solution.fun[:, np.newaxis] * jacobian).reshape(block.size, -1, solution.x.size).sum(axis=1) @ inverse
+    of_blocks = np.zeros((int(block.max()) + 1, solution.x.size))
     np.add.at(of_blocks, block, moved)
     return of_blocks.T @ of_blocks
 

@@ -1,6 +1,6 @@
 """Where in a frame to look closely: where something was a moment ago, where a coarse watch sees a change, or all over.
 
-A image that is searched at full size is searched all over. In a larger one every frame is watched at a sparse grid
+An image that is searched at full size is searched all over. In a larger one every frame is watched at a sparse grid
 of pixels, which costs little; the images round what that shows, and round what was there in the frame before, are
 searched, and every few frames the whole.
 """
@@ -60,31 +60,38 @@ class SearchWindows:
             parts, foreground = self._found(frame, [self._whole])
         followed = _followed(foreground)
         self._count = len(followed)
-        found = [one.box for ones in parts.values() for one in ones]
-        self._boxes = [box for box in found if any(_overlap(box, one) for one in followed)]
+        boxes = [part.box for ones in parts.values() for part in ones]
+        self._boxes = [box for box in boxes if any(_overlap(box, blob_box) for blob_box in followed)]
         self._until_whole = WHOLE_EVERY if self._whole in parts else self._until_whole - 1
         if self.view.colour is None:
             return foreground, foreground
-        chosen = [one for box in parts for one in self._components(frame, box, self.view.colour_mask(frame, box))]
+        chosen = [part for box in parts for part in self._components(frame, box, self.view.colour_mask(frame, box))]
         return blobs_of(chosen, self._shape), foreground
 
     def _found(self, frame: Frame, boxes: list[Box]) -> tuple[dict[Box, list[Component]], list[Blob]]:
         """The components in some boxes, which grow until none cuts one, and their blobs."""
         parts = {box: self._components(frame, box) for box in boxes}
         for _ in range(GROWTHS):
-            cut = {box for box, ones in parts.items() if any(self._leaves(one.box, box) for one in ones)}
+            cut = {
+                box
+                for box, found_components in parts.items()
+                if any(self._leaves(part.box, box) for part in found_components)
+            }
             if not cut:
                 break
             boxes = merged([self._grown(box) if box in cut else box for box in parts])
             parts = {box: parts[box] if box in parts else self._components(frame, box) for box in boxes}
         else:
             parts = {self._whole: self._components(frame, self._whole)}
-        return parts, blobs_of((one for ones in parts.values() for one in ones), self._shape)
+        return parts, blobs_of((part for found_components in parts.values() for part in found_components), self._shape)
 
     def _components(self, frame: Frame, box: Box, colour_mask: Flags | None = None) -> list[Component]:
         image = self.view.part(frame, box, self.view.step)
-        found = (one.moved(box[0], box[1]) for one in components(self.background_range.part(box), image, colour_mask))
-        return list(found if self.sparse_range is None else map(stout, found))
+        moved = (
+            component.moved(box[0], box[1])
+            for component in components(self.background_range.part(box), image, colour_mask)
+        )
+        return list(moved if self.sparse_range is None else map(stout, moved))
 
     @property
     def _shape(self) -> tuple[int, ...]:
@@ -123,14 +130,14 @@ class SearchWindows:
         _, _, width, height = self._whole
         return (max(0, box[0] - across), max(0, box[1] - down), min(width, box[2] + across), min(height, box[3] + down))
 
-    def _leaves(self, one: Box, box: Box) -> bool:
+    def _leaves(self, part: Box, box: Box) -> bool:
         """Whether something reaches a side of its box that is no side of the image."""
-        return any(end == limit != edge for end, limit, edge in zip(one, box, self._whole, strict=True))
+        return any(end == limit != edge for end, limit, edge in zip(part, box, self._whole, strict=True))
 
 
 def _followed(foreground: list[Blob]) -> list[Box]:
     """The boxes of those foreground that are thick enough for a body."""
-    return [one.box for one in foreground if one.inscribed > THINNEST_BODY]
+    return [blob.box for blob in foreground if blob.inscribed > THINNEST_BODY]
 
 
 def merged(boxes: Iterable[Box]) -> list[Box]:
@@ -145,8 +152,8 @@ def merged(boxes: Iterable[Box]) -> list[Box]:
     return apart
 
 
-def _overlap(one: Box, other: Box) -> bool:
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+def _overlap(box: Box, other: Box) -> bool:
+    return box[0] < other[2] and other[0] < box[2] and box[1] < other[3] and other[1] < box[3]
 
 
 def sparse_range_of(
@@ -165,8 +172,8 @@ def sparse_range_of(
         stack, None if usable is None else usable[:, rows, columns][:, : stack.shape[1], : stack.shape[2]]
     )
     lowest, highest = (
-        one[rows, columns][: stack.shape[1], : stack.shape[2]]
-        for one in (background_range.lowest, background_range.highest)
+        limit[rows, columns][: stack.shape[1], : stack.shape[2]]
+        for limit in (background_range.lowest, background_range.highest)
     )
     noticed = rounded(np.maximum(WATCH_SIGMAS * estimate.noise, WATCH_FLOOR))
     background = rounded(estimate.background)

@@ -187,9 +187,9 @@ def _strength(image: Image, window: Window) -> Image:
     return np.sqrt(_inner(off, off), dtype=np.float32)
 
 
-def _inner(one: Image, other: Image) -> Image:
+def _inner(first: Image, other: Image) -> Image:
     """Sum over the channels of the product of two images; several times as fast as by np.sum."""
-    return np.asarray(np.einsum("hwc,hwc->hw", one, other))
+    return np.asarray(np.einsum("hwc,hwc->hw", first, other))
 
 
 def _shading(image: Image, inside: Flags) -> Image:
@@ -217,7 +217,7 @@ def _shading(image: Image, inside: Flags) -> Image:
         if spread < (1 - EXPLAINED) * left:
             best, left = solved, spread
     across, down = ((np.arange(n) - middle) / scale for n, middle in zip(image.shape[1::-1], (x0, y0), strict=True))
-    limits = (np.tile(one.astype(np.float32), image.shape[1]) for one in (values.min(axis=1), values.max(axis=1)))
+    limits = (np.tile(limit.astype(np.float32), image.shape[1]) for limit in (values.min(axis=1), values.max(axis=1)))
     return np.clip(_polynomial(best, across, down), *limits).reshape(image.shape)
 
 
@@ -333,7 +333,7 @@ def _half_width(share: Image, distance: Image, axes: int) -> Image:
     if axes == 1 or distance.max() < SMALLEST_STREAK:
         alike = _reach(share, distance, np.ones(share.shape, dtype=np.bool_), _trimmed_mean)
         return np.full(share.shape, alike, dtype=np.float32)
-    row, column = (float(one.mean()) for one in np.nonzero(distance > 0))
+    row, column = (float(indices.mean()) for indices in np.nonzero(distance > 0))
     y, x = np.indices(share.shape, dtype=np.float64)
     turns = np.arctan2(y - row, x - column) / np.pi * axes
     near = np.rint(turns).astype(int) % axes

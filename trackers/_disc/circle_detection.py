@@ -62,7 +62,7 @@ def circles(image: Bytes) -> Array:
     HOUGH_GRADIENT_ALT: what it returns is already tested for a closed outline.
     """
     smooth = cv2.GaussianBlur(image, (0, 0), SMOOTHING)
-    found = cv2.HoughCircles(
+    detected = cv2.HoughCircles(
         smooth,
         cv2.HOUGH_GRADIENT_ALT,
         dp=CELL,
@@ -72,9 +72,9 @@ def circles(image: Bytes) -> Array:
         minRadius=SMALLEST,
         maxRadius=max(image.shape),
     )
-    if found is None:
+    if detected is None:
         return np.empty((0, 3))
-    return np.asarray(found, dtype=np.float64).reshape(-1, found.shape[-1])[:MOST_CIRCLES, :3]
+    return np.asarray(detected, dtype=np.float64).reshape(-1, detected.shape[-1])[:MOST_CIRCLES, :3]
 
 
 def path_of_circles(video: FrameSource, view: View) -> ExpectedPath | None:
@@ -112,10 +112,10 @@ def _longest_chain(nodes: list[tuple[int, Array]], allowed: Iterable[int]) -> Ch
     best: dict[int, float] = {}
     before: dict[int, int | None] = {}
     order = sorted(allowed)
-    for place, k in enumerate(order):
+    for index, k in enumerate(order):
         frame, circle = nodes[k]
         best[k], before[k] = 1.0, None
-        for j in reversed(order[:place]):
+        for j in reversed(order[:index]):
             gap = frame - nodes[j][0]
             if gap > LONGEST_GAP:
                 break
@@ -130,10 +130,10 @@ def _longest_chain(nodes: list[tuple[int, Array]], allowed: Iterable[int]) -> Ch
     return chain[::-1]
 
 
-def _cost(one: Array, other: Array, gap: int) -> float:
+def _cost(circle: Array, other: Array, gap: int) -> float:
     """How unlike two circles are that are ``gap`` frames apart: infinite where they cannot be one disc."""
-    moved = float(np.hypot(*(other[:2] - one[:2]))) / (CENTRE_CHANGE * min(one[2], other[2]) * gap + 1.0)
-    grown = abs(float(np.log(other[2] / one[2]))) / (RADIUS_CHANGE * gap)
+    moved = float(np.hypot(*(other[:2] - circle[:2]))) / (CENTRE_CHANGE * min(circle[2], other[2]) * gap + 1.0)
+    grown = abs(float(np.log(other[2] / circle[2]))) / (RADIUS_CHANGE * gap)
     return max(moved, grown) if max(moved, grown) < 1.0 else np.inf
 
 
@@ -148,7 +148,7 @@ def _images(video: FrameSource, search: Search, wanted: Iterable[int]) -> dict[i
     numbers = set(wanted)
     if not numbers:
         return {}
-    return {one.index: search.small(search.view.image(one)) for one in video.frames() if one.index in numbers}
+    return {frame.index: search.small(search.view.image(frame)) for frame in video.frames() if frame.index in numbers}
 
 
 def _refine(expected_path: ExpectedPath, images: Mapping[int, Bytes]) -> None:
@@ -158,8 +158,8 @@ def _refine(expected_path: ExpectedPath, images: Mapping[int, Bytes]) -> None:
         if fitted is not None and shows_disc(fitted, expected_path.discs[frame]):
             expected_path.discs[frame] = fitted.disc
     for frames in (sorted(expected_path.times), sorted(expected_path.times, reverse=True)):
-        for place, frame in enumerate(frames):
-            known = [one for one in frames[max(0, place - MEMORY) : place] if one in expected_path.discs]
+        for index, frame in enumerate(frames):
+            known = [earlier for earlier in frames[max(0, index - MEMORY) : index] if earlier in expected_path.discs]
             if frame in expected_path.discs or frame not in images or not known:
                 continue
             expected = expected_path.extrapolated(frame, known)

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
+from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 from trackers._disc.edge_coverage import BLUR_REACH, edge_coverage
 
@@ -16,7 +16,7 @@ HALF_DIAGONAL = math.sqrt(0.5)  # px
 SMALLEST_RHO = 1e-9  # px: the centre of a disc has no direction
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel(nogil=True)
 def disc_coverage(x: Array, y: Array, outline: Array, way: Array, count: int) -> tuple[Array, Array]:
     """Mean share of pixels that a disc covers while it moves evenly accelerated through an exposure.
 

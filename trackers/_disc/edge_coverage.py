@@ -5,8 +5,9 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
+
+from iris_sysid.io.kernels import kernel
 
 NARROWEST = 1e-3  # px: side of a box that is taken for a line, so that no difference cancels
 SHARPEST = 1e-12  # px^2: variance of the blur of a sharp edge
@@ -15,7 +16,7 @@ ROOT_HALF, NORMAL_PEAK = math.sqrt(0.5), 1 / math.sqrt(2 * math.pi)
 BLUR_REACH = 5.0  # standard deviations after which a blurred edge has ended
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel(nogil=True)
 def edge_coverage(distance: float, cos: float, sin: float, variance: float) -> tuple[float, float, float]:
     """Share of a square pixel that lies inside of an edge blurred by a Gaussian.
 
@@ -53,7 +54,7 @@ def edge_coverage(distance: float, cos: float, sin: float, variance: float) -> t
     return share / (2 * a * b), slope / (a * b), spread / (2 * a * b)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@kernel(nogil=True, inline="always")
 def _antiderivatives(u: float, v: float, s: float) -> tuple[float, float, float]:
     """2 g, g' and 2 dg/dv of :func:`edge_coverage`; beyond the reach of the blur the edge is sharp."""
     if u > ENDED * s:

@@ -35,9 +35,11 @@ class ExpectedPath:
         elapsed = self.times[near[-1]] - self.times[near[0]] if near else 0.0
         if exposure_share == 0 or not 0 < elapsed <= LONGEST_BREAK_S or not near[0] <= frame <= near[-1]:
             return Motion()
-        t_s = (np.array([self.times[one] for one in near]) - self.times[frame]) / elapsed
-        places = np.array([(self.discs[one].x, self.discs[one].y, self.discs[one].radius) for one in near])
-        slope = np.polyfit(t_s, places, len(near) - 1)[::-1]
+        t_s = (np.array([self.times[number] for number in near]) - self.times[frame]) / elapsed
+        positions = np.array(
+            [(self.discs[number].x, self.discs[number].y, self.discs[number].radius) for number in near]
+        )
+        slope = np.polyfit(t_s, positions, len(near) - 1)[::-1]
         share = exposure_share * self.frame_time() / elapsed
         bend = 2 * share**2 * slope[2, :2] if len(near) == 3 else np.zeros(2)
         return Motion(*(share * slope[1]), *bend)
@@ -57,10 +59,10 @@ class ExpectedPath:
         """How far the middle one of three discs lies off the line through the others, px; infinite if far apart."""
         if len(frames) < 3 or self.times[frames[-1]] - self.times[frames[0]] > LONGEST_BREAK_S:
             return np.inf
-        (first, one, last), (a, b, c) = (self.discs[k] for k in frames), (self.times[k] for k in frames)
+        (first, middle, last), (a, b, c) = (self.discs[k] for k in frames), (self.times[k] for k in frames)
         share = (b - a) / (c - a)
         return float(
-            np.hypot(one.x - first.x - share * (last.x - first.x), one.y - first.y - share * (last.y - first.y))
+            np.hypot(middle.x - first.x - share * (last.x - first.x), middle.y - first.y - share * (last.y - first.y))
         )
 
     def frame_time(self) -> float:
@@ -69,10 +71,10 @@ class ExpectedPath:
 
     def extrapolated(self, frame: int, frames: Sequence[int]) -> Disc:
         """The disc at a frame from those at some others, by a straight line through them."""
-        known = [self.discs[one] for one in frames]
+        known = [self.discs[number] for number in frames]
         if len(known) == 1:
             return known[0]
-        t_s = np.array([self.times[one] for one in frames])
+        t_s = np.array([self.times[number] for number in frames])
         values = np.array([(disc.x, disc.y, disc.radius) for disc in known])
         slope, level = np.polyfit(t_s - self.times[frame], values, 1)
         del slope
@@ -81,9 +83,9 @@ class ExpectedPath:
 
 def expected_path_of(tracklet: Tracklet, all_detections: Sequence[FrameDetections]) -> ExpectedPath:
     """The course along a tracklet; the radius is that of the area, by the median of a few detections."""
-    radii = np.array([one.radius for one in tracklet.detections])
+    radii = np.array([detection.radius for detection in tracklet.detections])
     expected_path = ExpectedPath({frame_detections.frame: frame_detections.t_s for frame_detections in all_detections})
-    for k, one in enumerate(tracklet.detections):
+    for k, detection in enumerate(tracklet.detections):
         near: Array = radii[max(0, k - NEIGHBOURS) : k + NEIGHBOURS + 1]
-        expected_path.discs[one.frame] = Disc(one.x, one.y, float(np.median(near)))
+        expected_path.discs[detection.frame] = Disc(detection.x, detection.y, float(np.median(near)))
     return expected_path

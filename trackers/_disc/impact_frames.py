@@ -33,7 +33,7 @@ def struck_within(t_s: Array, xy: Array, sigma: Array, shutter: float) -> Array:
     known = np.flatnonzero(np.isfinite(xy).all(axis=1) & np.isfinite(sigma).all(axis=1))
     if known.size < 2 * SIDE + 1 or shutter <= 0:
         return added
-    t, x, y = (sliding_window_view(one[known], 2 * SIDE + 1) for one in (t_s, *xy.T))
+    t, x, y = (sliding_window_view(samples[known], 2 * SIDE + 1) for samples in (t_s, *xy.T))
     middle = known[SIDE:-SIDE]
     frame_s = float(np.median(np.diff(t_s)))
     u = (t - t[:, SIDE, np.newaxis]) / frame_s
@@ -55,5 +55,5 @@ def struck_within(t_s: Array, xy: Array, sigma: Array, shutter: float) -> Array:
 def _led_to(u: Array, values: Array) -> tuple[Array, Array, Array]:
     """Place and velocity at u = 0 by parabolas through samples (n, 3), (n, 3, 2), and that of errors of 1."""
     inverse = np.linalg.inv(u[..., np.newaxis] ** np.arange(SIDE))
-    found = inverse @ values
-    return found[:, 0], found[:, 1], np.linalg.norm(inverse[:, 1], axis=1)
+    coefficients = inverse @ values
+    return coefficients[:, 0], coefficients[:, 1], np.linalg.norm(inverse[:, 1], axis=1)

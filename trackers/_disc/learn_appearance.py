@@ -168,9 +168,9 @@ def _appearance_of(fitter: DiscFitter, body: int, images: Mapping[int, Bytes]) -
     speed = {number: expected_path.motion(number, 1.0).length for number in seen}
     moves = float(np.median(list(speed.values()))) > FAST
     appearance = _plane(trials, spread, CLEARER_MOVING if moves else CLEARER_AT_REST)
-    fast = sorted((one for one in seen if FAST < speed[one] < TOO_FAST * radius), key=lambda one: -speed[one])[
-        :FRAMES_STUDIED
-    ]
+    fast = sorted(
+        (number for number in seen if FAST < speed[number] < TOO_FAST * radius), key=lambda number: -speed[number]
+    )[:FRAMES_STUDIED]
     if len(fast) >= FEWEST_FAST:
         appearance = replace(appearance, form=PLAIN, longest_shutter=max(SHUTTERS))
         for shutters in (SHUTTERS, FINER):
@@ -192,7 +192,7 @@ def _plane(trials: _Trials, numbers: Sequence[int], clearer: float) -> DiscAppea
     appearances = [DiscAppearance(channel=channel) for channel in range(trials.channels)]
     if len(appearances) == 1:
         return appearances[0]
-    alike = [replace(one, correlation=trials.correlation(one, numbers)) for one in appearances]
+    alike = [replace(appearance, correlation=trials.correlation(appearance, numbers)) for appearance in appearances]
     score = trials.score(alike, numbers, precision) - 2 * np.log(clearer) * (np.arange(len(appearances)) > 0)
     return appearances[int(np.argmax(score))]
 
@@ -200,7 +200,7 @@ def _plane(trials: _Trials, numbers: Sequence[int], clearer: float) -> DiscAppea
 def _with_shutters(appearance: DiscAppearance, steps: Sequence[float]) -> list[DiscAppearance]:
     """The lesson with its shutter longer by each of some steps, as far as a shutter can be."""
     shutters = [appearance.shutter + step for step in steps]
-    return [replace(appearance, shutter=one) for one in shutters if 0 <= one <= max(SHUTTERS)]
+    return [replace(appearance, shutter=shutter) for shutter in shutters if 0 <= shutter <= max(SHUTTERS)]
 
 
 def _shaded(trials: _Trials, appearance: DiscAppearance, numbers: Sequence[int]) -> DiscAppearance:
@@ -250,7 +250,9 @@ class _Trials:
             for number in numbers
         ]
         pairs = zip(numbers, fits, strict=True)
-        return [one if one and (not shown or shows_disc(one, discs[number])) else None for number, one in pairs]
+        return [
+            fitted if fitted and (not shown or shows_disc(fitted, discs[number])) else None for number, fitted in pairs
+        ]
 
     def _start(self, appearance: DiscAppearance, number: int) -> Disc | None:
         """Where a fit begins: at the disc that a plain one finds in that plane, where it finds one."""
@@ -262,7 +264,7 @@ class _Trials:
 
     def correlation(self, appearance: DiscAppearance, numbers: Sequence[int]) -> Array | None:
         """Correlation of the noise of neighbouring pixels that the fits of some frames leave."""
-        return noise_correlation(_standardised(one) for one in self.fits(appearance, numbers) if one)
+        return noise_correlation(_standardised(fitted) for fitted in self.fits(appearance, numbers) if fitted)
 
     def score(
         self,
@@ -274,7 +276,7 @@ class _Trials:
     ) -> Array:
         """What each lesson is worth, by the mean over the frames but the worst."""
         values = np.array(
-            [[score(one) for one in self.fits(appearance, numbers, shown=shown)] for appearance in appearances]
+            [[score(fitted) for fitted in self.fits(appearance, numbers, shown=shown)] for appearance in appearances]
         )
         return np.asarray(np.sort(values, axis=1)[:, int(WORST * len(numbers)) :].mean(axis=1))
 

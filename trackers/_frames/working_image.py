@@ -77,7 +77,7 @@ class View:
         return np.ascontiguousarray(chosen[0]) if len(chosen) == 1 else np.dstack(chosen)
 
     def small(self, image: Bytes) -> Bytes:
-        """A image of the region at the size that is searched, each pixel the mean of those it stands for."""
+        """An image of the region at the size that is searched, each pixel the mean of those it stands for."""
         width, height = (size * self.step for size in self.search_size)
         return reduced(image[:height, :width], self.step)
 
@@ -94,7 +94,7 @@ class View:
         if self.colour is None:
             return self
         region = slice(self.top, self.top + self.height), slice(self.left, self.left + self.width)
-        pixels = [self.small(one.bgr()[region])[where] for one, where in zip(frames, moving, strict=True)]
+        pixels = [self.small(frame.bgr()[region])[where] for frame, where in zip(frames, moving, strict=True)]
         return replace(self, colour=self.colour.fitted(np.concatenate(pixels)))
 
     def with_chroma(self) -> View:

@@ -63,7 +63,7 @@ class _Adaptive:
 def track_with(make: Callable[[int], Subtractor], name: str, video: FrameSource, options: TrackOptions) -> list[Track]:
     """Follow bodies before a background that a subtractor learns, at first from sampled frames, then frame by frame.
 
-    In a image wider than the search the bodies are measured against the background by sampled frames.
+    In an image wider than the search the bodies are measured against the background by sampled frames.
 
     Parameters
     ----------

@@ -37,18 +37,18 @@ class Tracklet:
     @property
     def xy(self) -> Array:
         """Positions (n, 2), px."""
-        return np.array([(one.x, one.y) for one in self.detections])
+        return np.array([(detection.x, detection.y) for detection in self.detections])
 
     @property
     def frames(self) -> set[int]:
         """Numbers of the frames in which the body was seen."""
-        return {one.frame for one in self.detections}
+        return {detection.frame for detection in self.detections}
 
     def typical(self, name: str) -> float:
         """Median over the tracklet of a property of its detections."""
         if len(self.detections) == 1:
             return float(getattr(self.last, name))
-        return float(np.median([getattr(one, name) for one in self.detections]))
+        return float(np.median([getattr(detection, name) for detection in self.detections]))
 
     def velocity(self) -> Array:
         """Velocity (2,) between the last two detections, px/s; zero when there is one."""
@@ -67,17 +67,17 @@ class Tracklet:
         return max(3.0 * self.last.radius, change)
 
 
-def dissimilarity(one: Detection, other: Detection) -> float:
+def dissimilarity(detection: Detection, other: Detection) -> float:
     """How different two detections look: log ratios of area, contrast and, weighing half, compactness; and the side.
 
     The side is -1 for a body darker than what is behind it, 1 for a brighter one: two balls that strike one another are
     where the other one is predicted, and may differ in nothing else.
     """
-    sides = (one.brightening / one.contrast, other.brightening / other.contrast)
+    sides = (detection.brightening / detection.contrast, other.brightening / other.contrast)
     return float(
-        abs(np.log(one.area / other.area))
-        + abs(np.log(one.contrast / other.contrast))
-        + 0.5 * abs(np.log(one.compactness / other.compactness))
+        abs(np.log(detection.area / other.area))
+        + abs(np.log(detection.contrast / other.contrast))
+        + 0.5 * abs(np.log(detection.compactness / other.compactness))
         + 0.5 * abs(sides[0] - sides[1])
     )
 
@@ -116,7 +116,7 @@ def _assign(
     """Which live tracklet (row) takes which detection (column)."""
     if not live or not frame_detections.detections:
         return {}
-    seen = np.array([(one.x, one.y) for one in frame_detections.detections])
+    seen = np.array([(detection.x, detection.y) for detection in frame_detections.detections])
     cost = np.full((len(live), len(seen)), FORBIDDEN)
     for row, tracklet in enumerate(live):
         reach = max(tracklet.reach(frame_detections.t_s), first_reach if len(tracklet.detections) < 2 else least_reach)

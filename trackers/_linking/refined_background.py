@@ -33,7 +33,7 @@ def refined_setup(setup: DetectionSetup, tracklets: Sequence[Tracklet]) -> Detec
 
 def _shows_another(setup: DetectionSetup, again: DetectionSetup) -> bool:
     """Whether the background is another one by so much that the first one would take it for part of a body."""
-    before, after = (one.detector.background.reduced(one.view.step).whole for one in (setup, again))
+    before, after = (model.detector.background.reduced(model.view.step).whole for model in (setup, again))
     if before is None or after is None:
         return True
     off = np.abs(after.background - before.background)
@@ -48,10 +48,10 @@ def _free(setup: DetectionSetup, tracklets: Sequence[Tracklet]) -> Flags:
     y = (np.arange(height) + 0.5) * view.height / height - 0.5 + view.top
     free = np.ones((len(setup.numbers), height, width), dtype=np.bool_)
     for tracklet in tracklets:
-        seen = {one.frame: one for one in tracklet.detections}
+        seen = {shown.frame: shown for shown in tracklet.detections}
         for k, number in enumerate(setup.numbers):
             if number in seen:
-                one = seen[number]
-                reach = ROUND_BODY * one.radius / np.sqrt(one.compactness) + view.step + 1
-                free[k] &= (x - one.x) ** 2 + (y[:, np.newaxis] - one.y) ** 2 > reach**2
+                detection = seen[number]
+                reach = ROUND_BODY * detection.radius / np.sqrt(detection.compactness) + view.step + 1
+                free[k] &= (x - detection.x) ** 2 + (y[:, np.newaxis] - detection.y) ** 2 > reach**2
     return free

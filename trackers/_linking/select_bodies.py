@@ -49,7 +49,7 @@ def score(tracklet: Tracklet) -> float:
 
 
 def link_bodies(all_detections: Sequence[FrameDetections], count: int, diagonal: float) -> list[Tracklet]:
-    """The tracklets of the ``count`` bodies that are meant, the best first, in a image of that diagonal (px).
+    """The tracklets of the ``count`` bodies that are meant, the best first, in an image of that diagonal (px).
 
     Linked twice: among all detections, cautiously, to learn what the bodies look like; then boldly
     among the detections that look like one of them. Raises TrackingError when nothing moves or fewer
@@ -62,21 +62,21 @@ def link_bodies(all_detections: Sequence[FrameDetections], count: int, diagonal:
     ]
     tracklets = link(_only_alike(all_detections, main, shadows), FIRST_REACH * diagonal, BOLD_REACH * diagonal)
     bodies = _main_tracklets(tracklets, count)
-    return with_fragments(bodies, [tracklet for tracklet in tracklets if not any(tracklet is one for one in bodies)])
+    return with_fragments(bodies, [tracklet for tracklet in tracklets if not any(tracklet is body for body in bodies)])
 
 
 def _only_alike(
     all_detections: Sequence[FrameDetections], bodies: Sequence[Tracklet], shadows: Sequence[Tracklet]
 ) -> list[FrameDetections]:
     """The frames with only those detections that are of one of the bodies, or look like it and are no shadow."""
-    of_bodies = {id(one) for body in bodies for one in body.detections}
-    of_shadows = {id(one) for shadow in shadows for one in shadow.detections}
+    of_bodies = {id(detection) for body in bodies for detection in body.detections}
+    of_shadows = {id(detection) for shadow in shadows for detection in shadow.detections}
     appearance = [_appearance(body) for body in bodies]
 
-    def meant(one: Detection) -> bool:
-        if id(one) in of_bodies or id(one) in of_shadows:
-            return id(one) in of_bodies
-        return any(_alike(_appearance(Tracklet([one])), body) for body in appearance)
+    def meant(detection: Detection) -> bool:
+        if id(detection) in of_bodies or id(detection) in of_shadows:
+            return id(detection) in of_bodies
+        return any(_alike(_appearance(Tracklet([detection])), body) for body in appearance)
 
     return [
         replace(frame_detections, detections=tuple(filter(meant, frame_detections.detections)))
@@ -109,9 +109,9 @@ def _main_tracklets(tracklets: Sequence[Tracklet], count: int) -> list[Tracklet]
     return chosen
 
 
-def _overlap_in_time(one: Tracklet, other: Tracklet) -> float:
+def _overlap_in_time(tracklet: Tracklet, other: Tracklet) -> float:
     """Share of the shorter tracklet's frames in which both are seen."""
-    return len(one.frames & other.frames) / min(len(one.frames), len(other.frames))
+    return len(tracklet.frames & other.frames) / min(len(tracklet.frames), len(other.frames))
 
 
 def is_shadow(tracklet: Tracklet, body: Tracklet) -> bool:
@@ -123,7 +123,7 @@ def is_shadow(tracklet: Tracklet, body: Tracklet) -> bool:
     common = tracklet.frames & body.frames
     if len(common) < max(FEWEST_DETECTIONS, SHADOW_OVERLAP * len(tracklet.frames)):
         return False
-    steps = [np.diff([(s.x, s.y) for s in one.detections if s.frame in common], axis=0) for one in (tracklet, body)]
+    steps = [np.diff([(s.x, s.y) for s in path.detections if s.frame in common], axis=0) for path in (tracklet, body)]
     lengths = np.linalg.norm(steps[0]) * np.linalg.norm(steps[1])
     return bool(lengths > 0 and (steps[0] * steps[1]).sum() / lengths > SHADOW_LIKENESS)
 
@@ -133,11 +133,13 @@ def with_fragments(bodies: list[Tracklet], fragments: list[Tracklet]) -> list[Tr
     properties = [_properties(body) for body in bodies]
     for fragment in sorted(fragments, key=lambda tracklet: -len(tracklet.detections)):
         frames = fragment.frames
-        free = [k for k, one in enumerate(properties) if not one.frames & frames and _may_be(fragment, bodies[k], one)]
+        free = [
+            k for k, body in enumerate(properties) if not body.frames & frames and _may_be(fragment, bodies[k], body)
+        ]
         if free:
             nearest = min(free, key=lambda k: _gap_px(fragment, bodies[k]))
-            together = [*bodies[nearest].detections, *fragment.detections]
-            bodies[nearest].detections = sorted(together, key=lambda one: one.frame)
+            detections = [*bodies[nearest].detections, *fragment.detections]
+            bodies[nearest].detections = sorted(detections, key=lambda detection: detection.frame)
             properties[nearest] = _properties(bodies[nearest])
     for body in bodies:
         body.detections = _trimmed(_trimmed(body.detections)[::-1])[::-1]
@@ -180,7 +182,7 @@ class _BodyProperties:
 
 
 def _properties(body: Tracklet) -> _BodyProperties:
-    steps = np.linalg.norm(np.diff(body.xy, axis=0), axis=1) / np.diff([one.t_s for one in body.detections])
+    steps = np.linalg.norm(np.diff(body.xy, axis=0), axis=1) / np.diff([detection.t_s for detection in body.detections])
     return _BodyProperties(body.frames, _appearance(body), float(np.max(steps)))
 
 
@@ -197,10 +199,10 @@ def _may_be(fragment: Tracklet, body: Tracklet, properties: _BodyProperties) -> 
 
 def _ends(fragment: Tracklet, body: Tracklet) -> tuple[Detection, Detection]:
     """The detection of the piece and that of the body between which the gap lies."""
-    before = bisect_left(body.detections, fragment.first.frame, key=lambda one: one.frame)
-    after = bisect_right(body.detections, fragment.last.frame, key=lambda one: one.frame)
-    gaps = [(fragment.first, one) for one in body.detections[max(0, before - 1) : before]]
-    gaps += [(fragment.last, one) for one in body.detections[after : after + 1]]
+    before = bisect_left(body.detections, fragment.first.frame, key=lambda detection: detection.frame)
+    after = bisect_right(body.detections, fragment.last.frame, key=lambda detection: detection.frame)
+    gaps = [(fragment.first, detection) for detection in body.detections[max(0, before - 1) : before]]
+    gaps += [(fragment.last, detection) for detection in body.detections[after : after + 1]]
     if not gaps:
         return fragment.first, body.first
     return min(gaps, key=lambda pair: abs(pair[0].frame - pair[1].frame))
@@ -217,7 +219,7 @@ def held_frames(tracklet: Tracklet, all_detections: Sequence[FrameDetections]) -
     From each gap's ends the search goes on outwards as long as something that reaches in from the
     edge, larger than the body, is where the body or the hand was in the frame before.
     """
-    seen = {one.frame: one for one in tracklet.detections}
+    seen = {detection.frame: detection for detection in tracklet.detections}
     larger = (BIGGER * tracklet.typical("area"), HAND_SHARE * tracklet.typical("radius"))
     held = {
         k
@@ -225,14 +227,14 @@ def held_frames(tracklet: Tracklet, all_detections: Sequence[FrameDetections]) -
         if frame_detections.frame in seen and seen[frame_detections.frame].hand
     }
     for order in (range(len(all_detections)), range(len(all_detections) - 1, -1, -1)):
-        place: Box | None = None
+        position: Box | None = None
         for k in order:
             detection = seen.get(all_detections[k].frame)
             if detection is not None:
-                place = _round(detection)
-            elif place is not None:
-                hand = _hand_at(place, all_detections[k].edge_objects, *larger)
-                place = hand.box if hand else None
+                position = _round(detection)
+            elif position is not None:
+                hand = _hand_at(position, all_detections[k].edge_objects, *larger)
+                position = hand.box if hand else None
                 held |= {k} if hand else set()
     return held | _between(held)
 
@@ -240,7 +242,7 @@ def held_frames(tracklet: Tracklet, all_detections: Sequence[FrameDetections]) -
 def _between(held: set[int]) -> set[int]:
     """The places in short breaks between held ones: a hand does not let go for a frame."""
     pairs = pairwise(sorted(held))
-    return {k for one, next_one in pairs if next_one - one <= BREAK for k in range(one, next_one)}
+    return {k for first, next_one in pairs if next_one - first <= BREAK for k in range(first, next_one)}
 
 
 def _round(detection: Detection) -> Box:
@@ -249,10 +251,15 @@ def _round(detection: Detection) -> Box:
     return (detection.x - reach, detection.y - reach, detection.x + reach, detection.y + reach)
 
 
-def _hand_at(place: Box, edge_objects: Sequence[EdgeObject], area: float, inscribed: float) -> EdgeObject | None:
+def _hand_at(box: Box, edge_objects: Sequence[EdgeObject], area: float, inscribed: float) -> EdgeObject | None:
     """The first thing that reaches in there and has more than that area, px, and inscribed radius, px."""
-    for one in edge_objects:
-        apart = one.box[0] > place[2] or one.box[2] < place[0] or one.box[1] > place[3] or one.box[3] < place[1]
-        if not apart and one.area > area and one.inscribed > inscribed:
-            return one
+    for edge_object in edge_objects:
+        apart = (
+            edge_object.box[0] > box[2]
+            or edge_object.box[2] < box[0]
+            or edge_object.box[1] > box[3]
+            or edge_object.box[3] < box[1]
+        )
+        if not apart and edge_object.area > area and edge_object.inscribed > inscribed:
+            return edge_object
     return None

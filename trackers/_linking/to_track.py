@@ -32,16 +32,18 @@ def track_of(
     origin
         Where the track came from.
     """
-    place = {frame_detections.frame: k for k, frame_detections in enumerate(all_detections)}
+    row_of = {frame_detections.frame: k for k, frame_detections in enumerate(all_detections)}
     table = np.full((len(all_detections), 8), np.nan)
-    table[[place[one.frame] for one in tracklet.detections]] = [_row(one) for one in tracklet.detections]
+    table[[row_of[detection.frame] for detection in tracklet.detections]] = [
+        _row(detection) for detection in tracklet.detections
+    ]
     hand = np.zeros(len(all_detections), dtype=np.bool_)
     hand[list(held_frames(tracklet, all_detections))] = True
     t_s = np.array([frame_detections.t_s for frame_detections in all_detections])
     radius = np.sqrt(table[:, 4] / np.pi)
-    free = [one for one in tracklet.detections if one.centre.lobes and not one.hand]
-    rows = np.array([place[one.frame] for one in free], dtype=np.int64)
-    errors = error_model(rows, table[:, :2], radius, np.array([one.centre.lobes for one in free]))
+    free = [detection for detection in tracklet.detections if detection.centre.lobes and not detection.hand]
+    rows = np.array([row_of[detection.frame] for detection in free], dtype=np.int64)
+    errors = error_model(rows, table[:, :2], radius, np.array([detection.centre.lobes for detection in free]))
     return Track(
         t_s=t_s,
         xy_px=table[:, 0:2],
@@ -86,8 +88,8 @@ def error_model(
     return ErrorModel(moving, replace(measured, partial=partial))
 
 
-def _row(one: Detection) -> tuple[float, ...]:
+def _row(detection: Detection) -> tuple[float, ...]:
     """Position and its errors, area and its error, intensity and its error."""
-    centre = one.centre
+    centre = detection.centre
     errors = (centre.sigma_x, centre.sigma_y)
-    return (one.x, one.y, *errors, centre.area, centre.sigma_area, centre.intensity, centre.sigma_intensity)
+    return (detection.x, detection.y, *errors, centre.area, centre.sigma_area, centre.intensity, centre.sigma_intensity)

@@ -97,7 +97,7 @@ def learn_classes(setup: DetectionSetup, count: int) -> tuple[DetectionSetup, li
     """
     images = [np.atleast_3d(image) for image in setup.search_images]
     background = background_level(setup.background_range)
-    known = _classes_by_colour([one for image in images for one in _isolated_parts(setup, image, background)])[:count]
+    known = _classes_by_colour([part for image in images for part in _isolated_parts(setup, image, background)])[:count]
     free = _free(images, known, background, count)
     unseen = free.sum(axis=0) < FEWEST_SAMPLES
     setup = setup.with_background_from(free | unseen)
@@ -116,7 +116,7 @@ def _free(images: Sequence[Bytes], classes: Sequence[AppearanceClass], backgroun
         limit = LIKE * float(np.median(np.linalg.norm(background - appearance.colour, axis=-1)))
         like = np.stack([np.linalg.norm(image - appearance.colour, axis=-1) < limit for image in images])
         if like.sum(axis=(1, 2)).mean() < TOO_MUCH * count * appearance.area:
-            free &= np.stack([cv2.dilate(one.astype(np.uint8), SQUARE, iterations=2) == 0 for one in like])
+            free &= np.stack([cv2.dilate(pixels.astype(np.uint8), SQUARE, iterations=2) == 0 for pixels in like])
     return free
 
 
@@ -137,10 +137,10 @@ class _Filled:
         """A window of all of them."""
         rows = np.arange(box[1], box[3]) * self.unseen.shape[0] // self.shape[1]
         columns = np.arange(box[0], box[2]) * self.unseen.shape[1] // self.shape[2]
-        place = np.ix_(rows, columns)
+        pixels = np.ix_(rows, columns)
         images = self.stack.window(box).copy()
-        where = self.unseen[place]
-        images[:, where] = self.values[place][where].reshape(images[0][where].shape)
+        where = self.unseen[pixels]
+        images[:, where] = self.values[pixels][where].reshape(images[0][where].shape)
         return images
 
     def reduced(self, step: int) -> _Filled:
@@ -177,18 +177,18 @@ def _classes_of(setup: DetectionSetup, images: Sequence[Bytes], count: int) -> l
     colour there is over the area of one body is the number of such bodies.
     """
     background = background_level(setup.background_range)
-    parts = [one for image in images for one in _isolated_parts(setup, image, background)]
+    parts = [part for image in images for part in _isolated_parts(setup, image, background)]
     inner = [_inner(setup.background_range, image) for image in images]
     classes: list[AppearanceClass] = []
-    found: list[float] = []
+    amounts_found: list[float] = []
     for appearance in _classes_by_colour(parts):
         amounts = [_covered(appearance, classes, *pixels, background) / appearance.area for pixels in inner]
         number = float(np.percentile(amounts, FULLEST))
-        if number > HALF_COVERED and (not classes or appearance.area > SMALLEST * max(one.area for one in classes)):
+        if number > HALF_COVERED and (not classes or appearance.area > SMALLEST * max(known.area for known in classes)):
             classes.append(appearance)
-            found.append(number)
-    classes, found = classes[:count], found[:count]
-    numbers = _rounded(np.array(found), count)
+            amounts_found.append(number)
+    classes, amounts_found = classes[:count], amounts_found[:count]
+    numbers = _rounded(np.array(amounts_found), count)
     if numbers.sum() < count:
         raise TrackingError(
             f"{count} bodies were asked for, but what moves is enough for {int(numbers.sum())}; ask for fewer, "
@@ -212,13 +212,18 @@ def class_coverages(classes: Sequence[AppearanceClass], image: Image, background
 
 
 def _inner(background_range: BackgroundRange, image: Bytes) -> tuple[Image, Bytes]:
-    """A image, and where (h, w) it differs from the background by something that does not reach the edge."""
+    """An image, and where (h, w) it differs from the background by something that does not reach the edge."""
     height, width = image.shape[:2]
     where = np.zeros((height, width), dtype=np.uint8)
-    for one in components(background_range, image):
-        rows, columns = one.mask.shape
-        if one.left > 1 and one.top > 1 and one.left + columns < width - 1 and one.top + rows < height - 1:
-            where[one.top : one.top + rows, one.left : one.left + columns] |= one.mask
+    for component in components(background_range, image):
+        rows, columns = component.mask.shape
+        if (
+            component.left > 1
+            and component.top > 1
+            and component.left + columns < width - 1
+            and component.top + rows < height - 1
+        ):
+            where[component.top : component.top + rows, component.left : component.left + columns] |= component.mask
     return image.astype(np.float32), where
 
 
@@ -242,7 +247,8 @@ def _isolated_parts(setup: DetectionSetup, image: Bytes, background: Image) -> I
             window_image, estimate = image[window].astype(np.float32), background[window]
             colour = np.median(window_image[heart], axis=0)
             contrast = min(
-                float(np.linalg.norm(colour - one)) for one in (estimate[heart].mean(axis=0), _around(image, blob))
+                float(np.linalg.norm(colour - surrounding))
+                for surrounding in (estimate[heart].mean(axis=0), _around(image, blob))
             )
             area = float(
                 AppearanceClass(colour, float(blob.area)).coverage(window_image, estimate)[blob.mask > 0].sum()
@@ -272,37 +278,37 @@ def _solid(blob: Blob) -> bool:
 def _classes_by_colour(parts: Sequence[_IsolatedPart]) -> list[AppearanceClass]:
     """Kinds by colour, those first that show most; the area is the commonest of those that stood alone."""
     groups: list[list[_IsolatedPart]] = []
-    for one in sorted(parts, key=lambda part: -part.contrast * part.area):
+    for part in sorted(parts, key=lambda shown: -shown.contrast * shown.area):
         alike = [
             group
             for group in groups
-            if np.linalg.norm(np.subtract(one.colour, group[0].colour)) < SAME_COLOUR * group[0].contrast
+            if np.linalg.norm(np.subtract(part.colour, group[0].colour)) < SAME_COLOUR * group[0].contrast
         ]
         if not alike:
-            groups.append([one])
-        elif not any(np.hypot(one.x - other.x, one.y - other.y) < MOVED for other in alike[0]):
-            alike[0].append(one)
-    strongest = max((one.contrast for one in parts), default=0.0)
+            groups.append([part])
+        elif not any(np.hypot(part.x - other.x, part.y - other.y) < MOVED for other in alike[0]):
+            alike[0].append(part)
+    strongest = max((part.contrast for part in parts), default=0.0)
     groups = [group for group in groups if len(group) >= FEWEST and group[0].contrast > FAINTEST * strongest]
-    groups.sort(key=lambda group: -sum(one.contrast * one.area for one in group))
+    groups.sort(key=lambda group: -sum(part.contrast * part.area for part in group))
     return [_class_of(group) for group in groups]
 
 
 def _class_of(group: Sequence[_IsolatedPart]) -> AppearanceClass:
     """The kind of some parts of one colour: the area is the mode of their log areas, fragments counting less."""
-    areas = np.array([one.area for one in group])
+    areas = np.array([part.area for part in group])
     apart = np.log(areas)[:, np.newaxis] - np.log(areas)
     density = (np.sqrt(areas) * np.exp(-(apart**2) / (2 * SIZE_SPREAD**2))).sum(axis=1)
-    typical = [one for one in group if abs(np.log(one.area / areas[np.argmax(density)])) < 2 * SIZE_SPREAD]
-    colour = np.median([one.colour for one in typical], axis=0).astype(np.float32)
-    return AppearanceClass(colour, float(np.median([one.area for one in typical])))
+    typical = [part for part in group if abs(np.log(part.area / areas[np.argmax(density)])) < 2 * SIZE_SPREAD]
+    colour = np.median([part.colour for part in typical], axis=0).astype(np.float32)
+    return AppearanceClass(colour, float(np.median([part.area for part in typical])))
 
 
-def _rounded(found: Array, count: int) -> NDArray[np.int64]:
-    """Whole numbers near ``found`` that add up to ``count``, or to as many as there may be."""
-    numbers = np.maximum(np.rint(found), 1).astype(np.int64)
+def _rounded(amounts: Array, count: int) -> NDArray[np.int64]:
+    """Whole numbers near ``amounts`` that add up to ``count``, or to as many as there may be."""
+    numbers = np.maximum(np.rint(amounts), 1).astype(np.int64)
     while numbers.sum() > count and np.any(numbers > 1):
-        numbers[np.argmax(np.where(numbers > 1, (numbers - found) / found, -np.inf))] -= 1
-    while found.size and numbers.sum() < count and np.max(found / numbers) > 1:
-        numbers[np.argmax((found - numbers) / found)] += 1
+        numbers[np.argmax(np.where(numbers > 1, (numbers - amounts) / amounts, -np.inf))] -= 1
+    while amounts.size and numbers.sum() < count and np.max(amounts / numbers) > 1:
+        numbers[np.argmax((amounts - numbers) / amounts)] += 1
     return numbers

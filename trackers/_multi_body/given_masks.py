@@ -62,15 +62,15 @@ def track_with_masks(
     if options.bodies > 1 and len(values) not in (1, options.bodies):
         raise DataError(f"{options.bodies} bodies were asked for, but the masks hold {len(values)} different values")
     small = (view.search_size[0], view.search_size[1])
-    frames = [_shown(one, values, *when, small) for one, when in zip(images, times, strict=True)]
+    frames = [_shown(mask, values, *when, small) for mask, when in zip(images, times, strict=True)]
     setup = _without_bodies(
-        detection_setup(video, view), {number: one for (number, _), one in zip(times, images, strict=True)}
+        detection_setup(video, view), {number: mask for (number, _), mask in zip(times, images, strict=True)}
     )
     if options.bodies > 1 and len(values) == 1:
-        area = float(np.median([len(one.xy) for one in frames if len(one.xy)])) / options.bodies
+        area = float(np.median([len(pixels.xy) for pixels in frames if len(pixels.xy)])) / options.bodies
         placed = follow_bodies(frames, [AppearanceClass(np.zeros(3, dtype=np.float32), area, options.bodies)])
     else:
-        placed = [_labelled(one, len(values)) for one in frames]
+        placed = [_labelled(pixels, len(values)) for pixels in frames]
     return *measure_bodies(video, setup, frames, placed, options), view
 
 
@@ -101,14 +101,14 @@ def _small(luma: Bytes, view: View) -> Bytes:
 
 def _values(images: Sequence[Bytes]) -> list[int]:
     """The values that stand for bodies, in order; images of many grey levels are made two-valued, in place."""
-    found = np.unique(np.concatenate([np.unique(one) for one in images]))
-    values = [int(value) for value in found if value]
+    levels = np.unique(np.concatenate([np.unique(mask) for mask in images]))
+    values = [int(value) for value in levels if value]
     if not values:
         raise TrackingError("the masks are empty: every pixel of every mask is 0")
     if len(values) <= MOST_LABELS:
         return values
-    for one in images:
-        one[:] = np.where(one > max(values) // 2, 255, 0)
+    for mask in images:
+        mask[:] = np.where(mask > max(values) // 2, 255, 0)
     return [255]
 
 
@@ -120,12 +120,12 @@ def _shown(image: Bytes, values: Sequence[int], frame: int, t_s: float, size: tu
     return CoveredPixels(frame, t_s, xy, np.ones(len(xy), dtype=np.float16), class_index, size)
 
 
-def _labelled(one: CoveredPixels, count: int) -> FrameAssignment:
+def _labelled(pixels: CoveredPixels, count: int) -> FrameAssignment:
     """The bodies of a frame where the values of the mask name them."""
-    filled = np.bincount(one.class_index, minlength=count)
-    sums = [np.bincount(one.class_index, weights=one.xy[:, axis], minlength=count) for axis in range(2)]
+    filled = np.bincount(pixels.class_index, minlength=count)
+    sums = [np.bincount(pixels.class_index, weights=pixels.xy[:, axis], minlength=count) for axis in range(2)]
     centres = np.stack(sums, axis=-1) / np.maximum(filled, 1)[:, np.newaxis]
-    return FrameAssignment(one.class_index.astype(np.int64), centres, (filled >= SMALLEST).astype(np.float64))
+    return FrameAssignment(pixels.class_index.astype(np.int64), centres, (filled >= SMALLEST).astype(np.float64))
 
 
 def _without_bodies(setup: DetectionSetup, images: dict[int, Bytes]) -> DetectionSetup:

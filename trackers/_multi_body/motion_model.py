@@ -75,10 +75,10 @@ class MotionStates:
         """
         mass, velocity = self.radius**3, self.velocity.copy()
         pairs = np.argwhere(np.triu(self._apart() < 2 * TOUCHING * (self.radius[:, np.newaxis] + self.radius), 1))
-        place = self.position + frames * velocity
+        position = self.position + frames * velocity
         for _ in range(SWEEPS):
             for i, j in pairs:
-                way = place[j] - place[i]
+                way = position[j] - position[i]
                 distance = float(np.hypot(*way))
                 least = OVERLAP * (self.radius[i] + self.radius[j])
                 if distance >= least or distance == 0:
@@ -89,6 +89,6 @@ class MotionStates:
                 if closing > 0:
                     velocity[i] -= (1 + RESTITUTION) * share[0] * closing * normal
                     velocity[j] += (1 + RESTITUTION) * share[1] * closing * normal
-                place[i] = place[i] - share[0] * (least - distance) * normal
-                place[j] = place[j] + share[1] * (least - distance) * normal
-        return place
+                position[i] = position[i] - share[0] * (least - distance) * normal
+                position[j] = position[j] + share[1] * (least - distance) * normal
+        return position

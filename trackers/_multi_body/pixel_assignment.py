@@ -76,7 +76,7 @@ def covered_pixels(
     frame: int,
     t_s: float,
 ) -> CoveredPixels:
-    """What bodies of some classes cover in a image (h, w, channels) before a background of that shape."""
+    """What bodies of some classes cover in an image (h, w, channels) before a background of that shape."""
     where = any_channel(background_range.excess(image) > background_range.weak)
     size = (image.shape[1], image.shape[0])
     if not where.any():
@@ -122,22 +122,22 @@ class ClassPixels:
         edge of the image cuts, what lies beyond counts as if it were a disc: the step of the EM algorithm for
         data that are missing.
         """
-        found = self._lloyd(start)
+        assignment = self._lloyd(start)
         for _ in range(len(start)):
-            areas = found.areas + found.beyond
+            areas = assignment.areas + assignment.beyond
             full, empty = int(areas.argmax()), int(areas.argmin())
             if areas[full] < FULL * self.area or areas[empty] > EMPTY * self.area:
                 break
-            other = self._lloyd(self._parted(found, full, empty))
-            if other.energy >= found.energy:
+            other = self._lloyd(self._parted(assignment, full, empty))
+            if other.energy >= assignment.energy:
                 break
-            found = other
-        return found
+            assignment = other
+        return assignment
 
     def assign_without_prediction(self, count: int, rng: np.random.Generator) -> PixelAssignment:
         """Share the pixels out among ``count`` bodies without knowing where they are: the best of many starts."""
         starts = [kmeans2(self.xy, count, iter=3, minit="++", rng=rng)[0] for _ in range(TRIES)]
-        return min((self.assign(start) for start in starts), key=lambda one: one.energy)
+        return min((self.assign(start) for start in starts), key=lambda assignment: assignment.energy)
 
     @property
     def area(self) -> float:
@@ -173,12 +173,12 @@ class ClassPixels:
         outside = ((points < -0.5) | (points > np.array(self.size) - 0.5)).any(axis=-1)
         return outside.sum(axis=1).astype(np.float64), (points * outside[..., np.newaxis]).sum(axis=1)
 
-    def _parted(self, found: PixelAssignment, full: int, empty: int) -> Array:
+    def _parted(self, assignment: PixelAssignment, full: int, empty: int) -> Array:
         """The centres with the emptiest moved into the fullest portion, which is cut across."""
-        pixels = self.xy[found.labels == full] - found.centres[full]
+        pixels = self.xy[assignment.labels == full] - assignment.centres[full]
         axis = np.linalg.eigh(pixels.T @ pixels)[1][:, -1] if len(pixels) else np.zeros(2)
-        centres = found.centres.copy()
-        centres[empty], centres[full] = (found.centres[full] + side * self.radius * axis for side in (-0.7, 0.7))
+        centres = assignment.centres.copy()
+        centres[empty], centres[full] = (assignment.centres[full] + side * self.radius * axis for side in (-0.7, 0.7))
         return centres
 
 

@@ -73,17 +73,17 @@ def follow_bodies(frames: Sequence[CoveredPixels], classes: Sequence[AppearanceC
     best, start = _first(frames, classes)
     placed: list[FrameAssignment | None] = [None] * len(frames)
     placed[best] = start
-    frame_s = float(np.median(np.diff([one.t_s for one in frames])))
+    frame_s = float(np.median(np.diff([pixels.t_s for pixels in frames])))
     for order in (range(best + 1, len(frames)), range(best - 1, -1, -1)):
         group = _crowd_at(classes, start, frames[best].t_s)
         for k in order:
             placed[k] = _step(group, frames[k], frame_s)
-    return [one for one in placed if one is not None]
+    return [assignment for assignment in placed if assignment is not None]
 
 
 def _first(frames: Sequence[CoveredPixels], classes: Sequence[AppearanceClass]) -> tuple[int, FrameAssignment]:
     """The frame in which the bodies can best be told apart, and where they are there."""
-    complete = [k for k, one in enumerate(frames) if _is_complete(one, classes)]
+    complete = [k for k, pixels in enumerate(frames) if _is_complete(pixels, classes)]
     if not complete:
         bodies = sum(appearance.count for appearance in classes)
         raise TrackingError(
@@ -92,16 +92,16 @@ def _first(frames: Sequence[CoveredPixels], classes: Sequence[AppearanceClass]) 
         )
     chosen = [complete[k] for k in np.unique(np.linspace(0, len(complete) - 1, CANDIDATES).astype(int))]
     rng = np.random.default_rng(0)
-    found = {k: _looked_for(frames[k], classes, rng) for k in chosen}
-    best = min(found, key=lambda k: found[k][1])
-    return best, found[best][0]
+    attempts = {k: _looked_for(frames[k], classes, rng) for k in chosen}
+    best = min(attempts, key=lambda k: attempts[k][1])
+    return best, attempts[best][0]
 
 
-def _is_complete(one: CoveredPixels, classes: Sequence[AppearanceClass]) -> bool:
+def _is_complete(pixels: CoveredPixels, classes: Sequence[AppearanceClass]) -> bool:
     """Whether each kind covers about the area of all its bodies, next to none of it at the edge of the image."""
-    at_edge = (one.xy <= 1).any(axis=1) | (one.xy >= np.array(one.size) - 2).any(axis=1)
+    at_edge = (pixels.xy <= 1).any(axis=1) | (pixels.xy >= np.array(pixels.size) - 2).any(axis=1)
     areas = [
-        float(one.pool(k, appearance.radius).share.sum()) / (appearance.count * appearance.area)
+        float(pixels.pool(k, appearance.radius).share.sum()) / (appearance.count * appearance.area)
         for k, appearance in enumerate(classes)
     ]
     few = np.count_nonzero(at_edge) < AT_EDGE * min(appearance.area for appearance in classes)
@@ -109,18 +109,20 @@ def _is_complete(one: CoveredPixels, classes: Sequence[AppearanceClass]) -> bool
 
 
 def _looked_for(
-    one: CoveredPixels, classes: Sequence[AppearanceClass], rng: np.random.Generator
+    pixels: CoveredPixels, classes: Sequence[AppearanceClass], rng: np.random.Generator
 ) -> tuple[FrameAssignment, float]:
     """Bodies found in a frame without a prediction, the largest kind first, from the left; and how unevenly."""
-    labels, centres, filled = np.full(len(one.class_index), -1), [np.zeros((0, 2))], [np.zeros(0)]
+    labels, centres, filled = np.full(len(pixels.class_index), -1), [np.zeros((0, 2))], [np.zeros(0)]
     spread = 0.0
     for number, appearance in enumerate(classes):
-        found = one.pool(number, appearance.radius).assign_without_prediction(appearance.count, rng)
-        found = found.taken(np.argsort(found.centres[:, 0], kind="stable"))
-        labels[one.class_index == number] = np.where(found.labels >= 0, found.labels + sum(map(len, centres)), -1)
-        centres.append(found.centres)
-        filled.append(found.areas / appearance.area)
-        spread += found.energy
+        assignment = pixels.pool(number, appearance.radius).assign_without_prediction(appearance.count, rng)
+        assignment = assignment.taken(np.argsort(assignment.centres[:, 0], kind="stable"))
+        labels[pixels.class_index == number] = np.where(
+            assignment.labels >= 0, assignment.labels + sum(map(len, centres)), -1
+        )
+        centres.append(assignment.centres)
+        filled.append(assignment.areas / appearance.area)
+        spread += assignment.energy
     areas = np.concatenate(filled)
     return FrameAssignment(labels, np.concatenate(centres), areas), spread / len(areas) + float(np.abs(areas - 1).max())
 
@@ -133,23 +135,25 @@ def _crowd_at(classes: Sequence[AppearanceClass], start: FrameAssignment, t_s: f
     )
 
 
-def _step(group: BodyGroup, one: CoveredPixels, frame_s: float) -> FrameAssignment:
+def _step(group: BodyGroup, pixels: CoveredPixels, frame_s: float) -> FrameAssignment:
     """Take the group on to the next frame, and say where its bodies are there."""
-    elapsed = abs(one.t_s - group.t_s) / frame_s
-    group.t_s = one.t_s
+    elapsed = abs(pixels.t_s - group.t_s) / frame_s
+    group.t_s = pixels.t_s
     motions = group.motions
     starts = [motions.position + elapsed * motions.velocity, motions.after_impacts(elapsed), motions.position]
     motions.advance(elapsed)
-    placed = FrameAssignment(np.full(len(one.class_index), -1), motions.position.copy(), np.zeros(len(group.class_of)))
+    placed = FrameAssignment(
+        np.full(len(pixels.class_index), -1), motions.position.copy(), np.zeros(len(group.class_of))
+    )
     for number, appearance in enumerate(group.classes):
         bodies = np.flatnonzero((group.class_of == number) & group.here)
-        pool = one.pool(number, appearance.radius)
+        pool = pixels.pool(number, appearance.radius)
         if not len(bodies) or not len(pool.xy):
             continue
-        found = _assigned(motions, bodies, _divided(motions, bodies, pool, starts))
-        placed.labels[one.class_index == number] = np.where(found.labels >= 0, bodies[found.labels], -1)
-        placed.centres[bodies], placed.filled[bodies] = found.centres, found.areas / appearance.area
-    _learn(group, placed, one.size)
+        assignment = _assigned(motions, bodies, _divided(motions, bodies, pool, starts))
+        placed.labels[pixels.class_index == number] = np.where(assignment.labels >= 0, bodies[assignment.labels], -1)
+        placed.centres[bodies], placed.filled[bodies] = assignment.centres, assignment.areas / appearance.area
+    _learn(group, placed, pixels.size)
     return placed
 
 
@@ -158,32 +162,32 @@ def _divided(
 ) -> PixelAssignment:
     """The best of the assignments that the hypotheses about the motion lead to: flight, impact, rest."""
     variance = motions.covariance[bodies, 0, 0]
-    found = [pool.assign(starts[0][bodies])]
-    if _is_clear(found[0], motions, bodies, pool):
-        return found[0]
-    found += [pool.assign(start[bodies]) for start in starts[1:]]
+    assignments = [pool.assign(starts[0][bodies])]
+    if _is_clear(assignments[0], motions, bodies, pool):
+        return assignments[0]
+    assignments += [pool.assign(start[bodies]) for start in starts[1:]]
 
-    def cost(one: PixelAssignment, start: Array) -> float:
-        miss = ((one.centres - start[bodies]) ** 2).sum(axis=-1) / variance
-        return one.energy + PULL * float(np.minimum(miss, GATE).sum())
+    def cost(assignment: PixelAssignment, start: Array) -> float:
+        miss = ((assignment.centres - start[bodies]) ** 2).sum(axis=-1) / variance
+        return assignment.energy + PULL * float(np.minimum(miss, GATE).sum())
 
-    best = min(range(len(starts)), key=lambda k: cost(found[k], starts[k]))
-    return found[best]
+    best = min(range(len(starts)), key=lambda k: cost(assignments[k], starts[k]))
+    return assignments[best]
 
 
-def _is_clear(found: PixelAssignment, motions: MotionStates, bodies: NDArray[np.int64], pool: ClassPixels) -> bool:
+def _is_clear(assignment: PixelAssignment, motions: MotionStates, bodies: NDArray[np.int64], pool: ClassPixels) -> bool:
     """Whether every body fills its portion, near where free flight leads."""
-    miss = np.linalg.norm(found.centres - motions.position[bodies], axis=-1)
-    uneven = np.abs((found.areas + found.beyond) / pool.area - 1).max()
+    miss = np.linalg.norm(assignment.centres - motions.position[bodies], axis=-1)
+    uneven = np.abs((assignment.areas + assignment.beyond) / pool.area - 1).max()
     return bool(uneven < UNEVEN and miss.max() < CLEAR * pool.radius)
 
 
-def _assigned(motions: MotionStates, bodies: NDArray[np.int64], found: PixelAssignment) -> PixelAssignment:
+def _assigned(motions: MotionStates, bodies: NDArray[np.int64], assignment: PixelAssignment) -> PixelAssignment:
     """The assignments given to the bodies at the least total squared distance from the predictions (Kuhn-Munkres)."""
     variance = motions.covariance[bodies, 0, 0][:, np.newaxis]
-    miss = ((motions.position[bodies][:, np.newaxis] - found.centres) ** 2).sum(axis=-1) / variance
+    miss = ((motions.position[bodies][:, np.newaxis] - assignment.centres) ** 2).sum(axis=-1) / variance
     _, columns = linear_sum_assignment(np.minimum(miss, FAR))
-    return found.taken(columns)
+    return assignment.taken(columns)
 
 
 def _learn(group: BodyGroup, placed: FrameAssignment, size: tuple[int, int]) -> None:

@@ -98,9 +98,9 @@ def measure_bodies(
     tracklets = [Tracklet() for _ in placed[0].filled]
     search_windows = setup.search_windows()
     seen = with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY)
-    for frame, one, assignment in zip(seen, frames, placed, strict=True):
+    for frame, pixels, assignment in zip(seen, frames, placed, strict=True):
         _, foreground = search_windows.blobs(frame)
-        frame_detections, detections = _measured(setup, frame, one, assignment, foreground)
+        frame_detections, detections = _measured(setup, frame, pixels, assignment, foreground)
         all_detections.append(frame_detections)
         for tracklet, detection in zip(tracklets, detections, strict=True):
             if detection is not None:
@@ -109,18 +109,18 @@ def measure_bodies(
 
 
 def _measured(
-    setup: DetectionSetup, frame: Frame, one: CoveredPixels, assignment: FrameAssignment, foreground: Sequence[Blob]
+    setup: DetectionSetup, frame: Frame, pixels: CoveredPixels, assignment: FrameAssignment, foreground: Sequence[Blob]
 ) -> tuple[FrameDetections, list[Detection | None]]:
     """The centre of each body of a frame; None for one that is hidden, cut off, or not there.
 
     A body that stands alone is measured at full size. Where bodies touch, the line that parts them decides, and a
     closer look at the rest of the outline would not help.
     """
-    bodies = [core_of(one, assignment, body) for body in range(len(assignment.filled))]
+    bodies = [core_of(pixels, assignment, body) for body in range(len(assignment.filled))]
     known = [blob for blob in bodies if blob is not None]
     reaching = [thing for thing in foreground if thing.held and not _is_of(thing, known)]
-    labels = np.full((one.size[1], one.size[0]), -1)
-    labels[one.xy[:, 1], one.xy[:, 0]] = assignment.labels
+    labels = np.full((pixels.size[1], pixels.size[0]), -1)
+    labels[pixels.xy[:, 1], pixels.xy[:, 0]] = assignment.labels
     detections: list[Detection | None] = []
     for body, (blob, filled) in enumerate(zip(bodies, assignment.filled, strict=True)):
         if blob is None or filled < SEEN or blob.at_edge:
@@ -182,12 +182,12 @@ def _parted(setup: DetectionSetup, frame: Frame, blob: Blob, middle: Array, seam
     return Detection(frame.index, frame.t_s, centre, view.left, view.top, brightening, 1.0, compactness, hand)
 
 
-def core_of(one: CoveredPixels, assignment: FrameAssignment, body: int) -> Blob | None:
+def core_of(pixels: CoveredPixels, assignment: FrameAssignment, body: int) -> Blob | None:
     """The part of a frame that a body covers, the largest piece of it; None when it is too small."""
-    chosen = (assignment.labels == body) & (one.share > HALF_COVERED)
+    chosen = (assignment.labels == body) & (pixels.share > HALF_COVERED)
     if np.count_nonzero(chosen) < SMALLEST_AREA:
         return None
-    xy = one.xy[chosen].astype(np.int64)
+    xy = pixels.xy[chosen].astype(np.int64)
     left, top = xy.min(axis=0)
     width, height = xy.max(axis=0) - (left, top) + 1
     mask = np.zeros((height, width), dtype=np.uint8)
@@ -201,7 +201,7 @@ def core_of(one: CoveredPixels, assignment: FrameAssignment, body: int) -> Blob 
     if area < SMALLEST_AREA or inscribed < THINNEST_BODY:
         return None
     box = (int(left) + x, int(top) + y, int(left) + x + columns, int(top) + y + rows)
-    edge = box[0] <= 1 or box[1] <= 1 or box[2] >= one.size[0] - 1 or box[3] >= one.size[1] - 1
+    edge = box[0] <= 1 or box[1] <= 1 or box[2] >= pixels.size[0] - 1 or box[3] >= pixels.size[1] - 1
     return Blob(np.ascontiguousarray(piece), box[0], box[1], inscribed, edge, edge)
 
 

@@ -50,7 +50,7 @@ class Lamp:
     clipped: float
 
     def reading(self, luma: Bytes) -> tuple[float, float]:
-        """Mean grey level of the region in a image, and its standard error by how its pixels scatter."""
+        """Mean grey level of the region in an image, and its standard error by how its pixels scatter."""
         values = luma[self.rows, self.columns][self.mask].astype(np.float64)
         mean = float(values.mean())
         expected = _powers(np.array([mean]), self.range_, len(self.curves))[0] @ self.curves
@@ -66,7 +66,7 @@ def lamp_of(region: Region, view: View, samples: Sequence[Frame]) -> Lamp:
     mask = _enlarged(region.mask, view)
     rows, columns = (_extent(np.any(mask, axis=axis)) for axis in (1, 0))
     mask = mask[rows, columns]
-    values = np.stack([luma_of(view, one)[rows, columns][mask] for one in samples]).astype(np.float64)
+    values = np.stack([luma_of(view, frame)[rows, columns][mask] for frame in samples]).astype(np.float64)
     mean = values.mean(axis=1)
     range_ = (float(mean.min()), float(mean.max()))
     terms = _powers(mean, range_, min(MOST_TERMS, len(samples) - 1))
@@ -105,17 +105,17 @@ def _enlarged(mask: Flags, view: View) -> Flags:
 
 def _extent(flags: ArrayLike) -> slice:
     """From the first to the last that is set."""
-    found = np.flatnonzero(flags)
-    return slice(int(found[0]), int(found[-1]) + 1)
+    indices = np.flatnonzero(flags)
+    return slice(int(indices[0]), int(indices[-1]) + 1)
 
 
 def _middle(mask: Flags, strength: Array, variance: Array) -> tuple[Array, Array]:
     """Centre of a change of some strength (m,) in the pixels of a mask, and its standard error; px in the mask."""
     rows, columns = np.nonzero(mask)
-    place = np.column_stack([columns, rows]).astype(np.float64)
+    position = np.column_stack([columns, rows]).astype(np.float64)
     whole = strength.sum()
-    centre = (strength[:, np.newaxis] * place).sum(axis=0) / whole
-    spread = ((place - centre) ** 2 * variance[:, np.newaxis]).sum(axis=0)
+    centre = (strength[:, np.newaxis] * position).sum(axis=0) / whole
+    spread = ((position - centre) ** 2 * variance[:, np.newaxis]).sum(axis=0)
     return centre, np.sqrt(spread) / abs(whole)
 
 
@@ -123,8 +123,8 @@ def _images(residual: Array, mask: Flags) -> list[tuple[Array, Array]]:
     """Residuals (k, m) of the pixels of a mask as images over their standard deviation, and which are known."""
     known = mask.astype(np.float64)
     images = []
-    for one in residual / max(float(residual.std()), 1e-9):
+    for values in residual / max(float(residual.std()), 1e-9):
         image = np.zeros(mask.shape)
-        image[mask] = one
+        image[mask] = values
         images.append((image, known))
     return images

@@ -23,7 +23,7 @@ WINDOW = 10  # px above and below the surface whose pixels are compared
 LEAST_ROOM = 3  # px that must show on either side of the surface
 TUKEY = 5.0  # standard deviations from which a strip does not count
 MOST_OFF = 0.5  # of the strips may not keep to the surface
-SMALLEST_SCATTER = 5e-3  # px: of strips that agree to the last digit in a image without noise
+SMALLEST_SCATTER = 5e-3  # px: of strips that agree to the last digit in an image without noise
 LEAST_CONTRAST = 4.0  # grey levels, of a strip
 
 
@@ -106,7 +106,7 @@ class Surface:
     x: Array
 
     def level(self, strips: Array) -> tuple[float, float]:
-        """Row of the surface midway between the walls and its standard error, px, in a image (rows, strips).
+        """Row of the surface midway between the walls and its standard error, px, in an image (rows, strips).
 
         NaN where the surface is not in the image or does not keep to a straight line.
         """

@@ -48,17 +48,17 @@ def axis_of(images: Sequence[Image]) -> Axis:
     The middle of a turning body lies on a circle about the axis, or on the axis itself. Pictures in which something
     else shows, such as a hand, are outvoted. TrackingError when nothing differs, or its middle keeps to no circle.
     """
-    shown = [one for one in images if np.count_nonzero(one) >= FEWEST_PIXELS]
+    shown = [image for image in images if np.count_nonzero(image) >= FEWEST_PIXELS]
     if len(shown) < FEWEST_FRAMES:
         raise TrackingError(
             "nothing in the clip moves, so nothing turns; check --start and --stop, and --roi and --colour if given"
         )
-    middles = np.array([_middle(one) for one in shown])
-    size = float(np.median([_reach(one, middle) for one, middle in zip(shown, middles, strict=True)]))
+    middles = np.array([_middle(image) for image in shown])
+    size = float(np.median([_reach(image, middle) for image, middle in zip(shown, middles, strict=True)]))
     centre = np.median(middles, axis=0)
     if np.median(np.hypot(*(middles - centre).T)) > OWN_AXIS * size:
         centre = _circle(middles, images[0].shape)
-    reach = float(np.median([_reach(one, centre) for one in shown]))
+    reach = float(np.median([_reach(image, centre) for image in shown]))
     return Axis(float(centre[0]), float(centre[1]), reach)
 
 
@@ -126,7 +126,7 @@ class Middle:
 
 def middle_of(images: Sequence[Image], axis: Axis, angles: Array) -> Middle:
     """The middle of what differs in images turned by some angles (k,) rad, at angle zero."""
-    shown = [k for k, one in enumerate(images) if np.count_nonzero(one) >= FEWEST_PIXELS]
+    shown = [k for k, image in enumerate(images) if np.count_nonzero(image) >= FEWEST_PIXELS]
     x, y = (np.array([_middle(images[k]) for k in shown]) - np.array([axis.x, axis.y])).T
     cosine, sine = np.cos(angles[shown]), np.sin(angles[shown])
     back = np.column_stack([cosine * x - sine * y, sine * x + cosine * y])
@@ -159,8 +159,8 @@ class Turns:
         best = int(np.argmax(likeness[steps % SPOKES]))
         before, now, after = (float(likeness[(steps[best] + side) % SPOKES]) for side in (-1, 0, 1))
         bend = before - 2 * now + after
-        found = float(steps[best]) + (float(np.clip((before - after) / (2 * bend), -0.5, 0.5)) if bend < 0 else 0.0)
-        self.rate, self.angle = found - self.angle, found
-        turned = np.roll(polar, -round(found), axis=1)
+        angle = float(steps[best]) + (float(np.clip((before - after) / (2 * bend), -0.5, 0.5)) if bend < 0 else 0.0)
+        self.rate, self.angle = angle - self.angle, angle
+        turned = np.roll(polar, -round(angle), axis=1)
         self.known = (1 - LEARNING) * self.known + LEARNING * turned
-        return found
+        return angle

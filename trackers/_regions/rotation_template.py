@@ -34,7 +34,7 @@ class Pattern:
     """
 
     axis: Axis
-    place: Array
+    offset: Array
     level: Array
     slope: Array
     spread: Array
@@ -42,20 +42,20 @@ class Pattern:
     @property
     def block(self) -> NDArray[np.int64]:
         """Number (n,) of the block in which each point lies."""
-        cells = np.floor(self.place / (BLOCK * self.axis.reach)).astype(np.int64)
+        cells = np.floor(self.offset / (BLOCK * self.axis.reach)).astype(np.int64)
         return np.asarray(np.unique(cells, axis=0, return_inverse=True)[1].ravel(), dtype=np.int64)
 
     @property
     def by_angle(self) -> Array:
         """Derivative (n,) of the grey level, at a fixed place of the body, by the angle."""
-        return np.asarray(self.slope[:, 0] * self.place[:, 1] - self.slope[:, 1] * self.place[:, 0])
+        return np.asarray(self.slope[:, 0] * self.offset[:, 1] - self.slope[:, 1] * self.offset[:, 0])
 
     def telling(self) -> Pattern:
         """The same pattern with no more points than are compared in every frame: those that tell most."""
         worth = self.by_angle**2 / (self.spread**2 + LEAST_NOISE**2)
         best = np.sort(np.argsort(-worth)[:MOST_POINTS])
         return replace(
-            self, place=self.place[best], level=self.level[best], slope=self.slope[best], spread=self.spread[best]
+            self, offset=self.offset[best], level=self.level[best], slope=self.slope[best], spread=self.spread[best]
         )
 
 
@@ -84,9 +84,9 @@ def pattern_of(images: Sequence[Image], angles: Array, axis: Axis) -> Pattern:
     step = axis.reach / side
     grid = step * np.arange(-side, side + 1, dtype=np.float64)
     x, y = np.meshgrid(grid, grid)
-    place = np.column_stack([x.ravel(), y.ravel()])
-    turned = [place @ rotation(angle).T for angle in angles]
-    values = np.stack([_seen(one, axis, (0.0, 0.0), where) for one, where in zip(images, turned, strict=True)])
+    offsets = np.column_stack([x.ravel(), y.ravel()])
+    turned = [offsets @ rotation(angle).T for angle in angles]
+    values = np.stack([_seen(image, axis, (0.0, 0.0), where) for image, where in zip(images, turned, strict=True)])
     level = np.median(values, axis=0)
     for _ in range(ROUNDS):
         even = np.stack([_evened(*pair, level) for pair in zip(values, turned, strict=True)])
@@ -94,38 +94,38 @@ def pattern_of(images: Sequence[Image], angles: Array, axis: Axis) -> Pattern:
     spread = MAD_TO_SD * np.median(np.abs(even - level), axis=0)
     slopes = np.gradient(level.reshape(x.shape), step)
     slope = np.column_stack([slopes[1].ravel(), slopes[0].ravel()])
-    inside = np.hypot(*place.T) < axis.reach
-    return Pattern(axis, place[inside], level[inside], slope[inside], spread[inside])
+    inside = np.hypot(*offsets.T) < axis.reach
+    return Pattern(axis, offsets[inside], level[inside], slope[inside], spread[inside])
 
 
-def _seen(image: Image, axis: Axis, shift: tuple[float, float], place: Array) -> Array:
-    """Grey levels (n,) of a image at places (n, 2) from the axis."""
-    where = (place + np.array([axis.x + shift[0], axis.y + shift[1]])).astype(np.float32)
+def _seen(image: Image, axis: Axis, shift: tuple[float, float], offsets: Array) -> Array:
+    """Grey levels (n,) of an image at places (n, 2) from the axis."""
+    where = (offsets + np.array([axis.x + shift[0], axis.y + shift[1]])).astype(np.float32)
     columns = -(-len(where) // 256)  # a map must not be longer than 32767 pixels
     padded = np.resize(where, (256 * columns, 2)).reshape(256, columns, 2)
     seen = cv2.remap(image, padded, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(seen.ravel()[: len(where)], dtype=np.float64)
 
 
-def _lighting(level: Array, place: Array) -> Array:
+def _lighting(level: Array, offsets: Array) -> Array:
     """What brightness, its slopes and an offset add to the grey levels (n, 4)."""
-    return np.column_stack([level, level * place[:, 0], level * place[:, 1], np.ones_like(level)])
+    return np.column_stack([level, level * offsets[:, 0], level * offsets[:, 1], np.ones_like(level)])
 
 
-def _evened(values: Array, place: Array, level: Array) -> Array:
+def _evened(values: Array, offsets: Array, level: Array) -> Array:
     """Grey levels (n,) seen at places (n, 2), brought to the brightness of the pattern."""
-    terms = _lighting(level, place)
+    terms = _lighting(level, offsets)
     use = np.ones(values.size, dtype=np.bool_)
     for _ in range(2):
         gain = _solved(*_normal(terms, values, use.astype(np.float64)))
         off = np.abs(values - terms @ gain)
         use = off <= TUKEY * MAD_TO_SD * np.median(off) + LEAST_NOISE
-    light = np.maximum(gain[0] + place @ gain[1:3], 0.2)
+    light = np.maximum(gain[0] + offsets @ gain[1:3], 0.2)
     return np.asarray((values - gain[3]) / light)
 
 
 def turned(pattern: Pattern, image: Image, start: float, *, loose: bool = False) -> Turned:
-    """The angle at which a image (h, w) shows a pattern, by weighted least squares from a start within a step of it.
+    """The angle at which an image (h, w) shows a pattern, by weighted least squares from a start within a step of it.
 
     Every point is predicted by the pattern's grey level times the brightness of the frame, which may slope, plus an
     offset. The standard error is the jackknife's over blocks of points (Efron and Tibshirani 1993, ch. 11), so that
@@ -171,9 +171,9 @@ class _Linear:
 
 def _linear(pattern: Pattern, image: Image, angle: float, shift: Array, *, loose: bool) -> _Linear:
     turn = rotation(angle)
-    place = pattern.place @ turn.T
-    values = _seen(image, pattern.axis, (float(shift[0]), float(shift[1])), place)
-    terms = np.column_stack([-pattern.by_angle, _lighting(pattern.level, place)])
+    offsets = pattern.offset @ turn.T
+    values = _seen(image, pattern.axis, (float(shift[0]), float(shift[1])), offsets)
+    terms = np.column_stack([-pattern.by_angle, _lighting(pattern.level, offsets)])
     if loose:
         terms = np.column_stack([terms, -pattern.slope @ turn.T])
     noise = np.sqrt(pattern.spread**2 + LEAST_NOISE**2)
@@ -205,7 +205,7 @@ def _jackknifed(linear: _Linear, block: NDArray[np.int64]) -> float:
     weighted = linear.terms * linear.weight[:, np.newaxis]
     p, count = linear.terms.shape[1], int(block.max()) + 1
     products = np.einsum("ni,nj->nij", weighted, np.column_stack([linear.terms, linear.values])).reshape(len(block), -1)
-    sums = np.stack([np.bincount(block, weights=one, minlength=count) for one in products.T], axis=1)
+    sums = np.stack([np.bincount(block, weights=product, minlength=count) for product in products.T], axis=1)
     without = (sums.sum(axis=0) - sums).reshape(count, p, p + 1)
     angles = _solved(without[..., :p], without[..., p])[:, 0]
     return float(np.sqrt((count - 1) / count * ((angles - angles.mean()) ** 2).sum()))
@@ -223,12 +223,12 @@ def centred(axis: Axis, angles: Array, shifts: Array) -> Axis:
     for _ in range(5):
         twice = np.repeat(weight, 2)[:, np.newaxis]
         ridge = 1e-3 * np.eye(4) * len(angles)  # an arc too short to tell one from the other leaves the axis there
-        found = np.linalg.solve((terms * twice).T @ terms + ridge, (terms * twice).T @ shifts.ravel())
-        off = np.hypot(*(shifts.ravel() - terms @ found).reshape(-1, 2).T)
+        solution = np.linalg.solve((terms * twice).T @ terms + ridge, (terms * twice).T @ shifts.ravel())
+        off = np.hypot(*(shifts.ravel() - terms @ solution).reshape(-1, 2).T)
         weight = 1 / np.maximum(1.0, off / (MAD_TO_SD * np.median(off) + 1e-6)) ** 2
-    return replace(axis, x=axis.x + float(found[0]), y=axis.y + float(found[1]))
+    return replace(axis, x=axis.x + float(solution[0]), y=axis.y + float(solution[1]))
 
 
 def luma_of(small: Bytes) -> Image:
-    """The plane of a image (h, w) or (h, w, 3) that is compared: luma, as it is sharpest."""
+    """The plane of an image (h, w) or (h, w, 3) that is compared: luma, as it is sharpest."""
     return np.asarray(small if small.ndim == 2 else small[..., 0], dtype=np.float32)

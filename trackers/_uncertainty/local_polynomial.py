@@ -53,7 +53,7 @@ def _residuals(t_s: Array, values: Array, sigma: Array, half: int, degree: int) 
     """Residual (n,) of each sample from the polynomial through its window, over its standard deviation."""
     n = values.size
     blocks = [np.arange(start, min(start + BLOCK, n)) for start in range(0, n, BLOCK)]
-    return np.concatenate([_residuals_of(t_s, values, sigma, one, half, degree) for one in blocks])
+    return np.concatenate([_residuals_of(t_s, values, sigma, block, half, degree) for block in blocks])
 
 
 def _residuals_of(t_s: Array, values: Array, sigma: Array, which: NDArray[np.int64], half: int, degree: int) -> Array:

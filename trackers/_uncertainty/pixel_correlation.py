@@ -37,7 +37,7 @@ def _lagged(image: Array) -> Array:
     padded = np.pad(image, LAGS)
     shifts = range(-LAGS, LAGS + 1)
     shifted = [[np.roll(padded, (row, column), (0, 1)) for column in shifts] for row in shifts]
-    return np.array([[float((padded * one).sum()) for one in line] for line in shifted])
+    return np.array([[float((padded * image).sum()) for image in line] for line in shifted])
 
 
 def variance_of_sum(weights: Array, correlation: Array | None) -> float:
