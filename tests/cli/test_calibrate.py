@@ -490,7 +490,7 @@ def test_calibration_that_belongs_to_another_clip_is_refused_where_it_is_made(ma
 
 
 @pytest.mark.slow
-def test_gravity_from_a_checkerboard_clip_and_a_drop_clip_alone_is_right_to_three_thousandths(tmp_path):
+def test_gravity_from_a_checkerboard_clip_and_a_drop_clip_alone_is_right_within_half_a_percent(tmp_path):
     look = Look(tilt_deg=(4.0, -5.0), roll_deg=0.5, distortion=(0.05, -0.05))
     size = {"size": (960, 540), "look": look, "seed": 3}
     render_clip("dropping-ball", tmp_path / "drop.mp4", **size)
@@ -500,4 +500,6 @@ def test_gravity_from_a_checkerboard_clip_and_a_drop_clip_alone_is_right_to_thre
     options = ["--phenomenon", "dropping-ball", "--calibration", str(tmp_path / "c.json"), "-o", str(tmp_path / "out")]
     CliRunner().invoke(app, ["run", str(tmp_path / "drop.mp4"), *options], catch_exceptions=False)
     found = json.loads((tmp_path / "out" / "fit.json").read_text())["parameters"]["gravity"]
-    assert found["value"] == pytest.approx(GRAVITY, rel=3e-3)
+    # The standard error is 0.4 % at this size: the limit of 99 % finds a scale wrong by 1.5 % in nine of ten clips.
+    assert found["stderr"] < 0.005 * GRAVITY
+    assert abs(found["value"] - GRAVITY) < 2.576 * found["stderr"]
