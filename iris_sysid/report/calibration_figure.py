@@ -71,7 +71,9 @@ def view_figure(fitted: FittedView, image: NDArray[np.uint8]) -> Figure:
     axes.annotate("", xy=along, xytext=first, arrowprops={"arrowstyle": "->", "color": ORIGIN, "linewidth": 1.5})
     axes.plot(*last, "s", color=ORIGIN, fillstyle="none", markersize=9)
     why = f"; left out: {fitted.left_out}" if fitted.left_out else ""
-    axes.set_title(f"{fitted.view.name}: rms {fitted.rms_px:.3f} px, residuals × {enlarged:.0f}{why}", wrap=True)
+    axes.set_title(
+        f"{fitted.view.name}: reprojection error {fitted.rms_px:.3f} px rms, residuals × {enlarged:.0f}{why}", wrap=True
+    )
     return figure
 
 
@@ -161,11 +163,9 @@ def _draw_errors(axes: Axes, camera: CameraCalibration) -> None:
     axes.barh(range(len(views)), [view.rms_px for view in views], color=colours)
     axes.set_yticks(range(len(views)), [view.view.name for view in views], fontsize=7)
     axes.axvline(camera.rms_px, color="#000000", linewidth=0.8, linestyle="--")
-    axes.set_xlabel("rms distance of a view's corners (px)")
-    left_out = len(camera.left_out)
-    axes.set_title(
-        f"{camera.rms_px:.3f} px over all; {left_out} left out" if left_out else f"{camera.rms_px:.3f} px over all"
-    )
+    axes.set_xlabel("reprojection error of the view, rms (px)")
+    left_out = f"; {len(camera.left_out)} left out" if camera.left_out else ""
+    axes.set_title(f"all views: {camera.rms_px:.3f} px{left_out}")
 
 
 def _reach(calibration: Calibration, size: tuple[int, int]) -> tuple[Array, Array]:
