@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numba.extending import register_jitable
 
+from fitters.integrator.codegen import generated, row
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array, Effect, Event, OdeModel, Parameter, Trajectory
 
@@ -26,6 +27,13 @@ def with_effects(model: OdeModel, effects: Sequence[Effect]) -> OdeModel:
     """The model with each effect added in turn; its parameters are the model's, then the effects'.
 
     Raises FitError when an effect does not apply to the model, or brings a parameter that is there already.
+
+    Examples
+    --------
+    >>> from iris_sysid import EFFECTS, MODELS, with_effects
+    >>> dragged = with_effects(MODELS["pendulum"], [EFFECTS["quadratic-drag"]])
+    >>> dragged.name, dragged.parameters[-1].unit
+    ('pendulum + quadratic-drag', '1/rad')
     """
     for effect in effects:
         model = with_effect(model, effect)
@@ -66,13 +74,9 @@ def within(model: OdeModel) -> tuple[Event, ...]:
 
 @functools.lru_cache(maxsize=512)
 def _own(function: Callable[..., Any], n_params: int, n_inputs: int) -> Callable[..., Any]:
-    params = f"({''.join(f'params[{k}], ' for k in range(n_params))})"
-    inputs = f", ({''.join(f'inputs[{k}], ' for k in range(n_inputs))})" if n_inputs else ""
-    source = f"def own(t, state, params, inputs=()):\n    return base(t, state, {params}{inputs})\n"
-    namespace: dict[str, Any] = {"base": register_jitable(function)}
-    exec(compile(source, "<event>", "exec"), namespace)
-    made: Callable[..., Any] = namespace["own"]
-    return made
+    inputs = f", {row('inputs', n_inputs)}" if n_inputs else ""
+    source = f"def own(t, state, params, inputs=()):\n    return base(t, state, {row('params', n_params)}{inputs})\n"
+    return generated(source, {"base": register_jitable(function)})
 
 
 def _in_units_of(model: OdeModel, parameter: Parameter) -> Parameter:
@@ -128,16 +132,14 @@ def _compiled(
     count, added, takes_inputs = shape
     source = _SOURCE.format(
         inputs=", inputs" if takes_inputs else "",
-        model_params=f"({''.join(f'params[{k}], ' for k in range(count))})",
-        effect_params=f"({''.join(f'params[{k}], ' for k in range(count, count + added))})",
+        model_params=row("params", count),
+        effect_params=row("params", added, first=count),
         slopes=f"({', '.join(lines)},)",
     )
-    namespace: dict[str, Any] = {"base": register_jitable(base), "root": np.sqrt}
+    values: dict[str, Any] = {"base": register_jitable(base), "root": np.sqrt}
     if term is not None:
-        namespace["term"] = register_jitable(term)
-    exec(compile(source, "<model with an effect>", "exec"), namespace)
-    composed: Callable[..., tuple[float, ...]] = namespace["rhs"]
-    return composed
+        values["term"] = register_jitable(term)
+    return generated(source, values)
 
 
 def _observe(model: OdeModel, effect: Effect) -> Callable[[Array, Array, Array], Array] | None:

@@ -19,6 +19,7 @@ from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicSpline
 
 from fitters.compose_effects import bodies_of, plain_observation, within
+from fitters.integrator.codegen import generated, row
 from fitters.ode import simulate
 from iris_sysid.types import Array, Effect, FitResult, OdeModel, Quantity, Trajectory
 
@@ -256,12 +257,9 @@ def _forced_rhs(rhs: Callable[..., Any], n_states: int, n_forced: int, n_inputs:
     free = n_states - n_forced
     lines = [f"slopes[{k}]" for k in range(free)]
     lines += [f"slopes[{free + k}] + inputs[{n_inputs + k}]" for k in range(n_forced)]
-    own = f", ({''.join(f'inputs[{k}], ' for k in range(n_inputs))})" if n_inputs else ""
+    own = f", {row('inputs', n_inputs)}" if n_inputs else ""
     source = _FORCED.format(inputs=own, slopes=f"({', '.join(lines)},)")
-    namespace: dict[str, Any] = {"base": register_jitable(rhs)}
-    exec(compile(source, "<forced>", "exec"), namespace)
-    made: Callable[..., Any] = namespace["rhs"]
-    return made
+    return generated(source, {"base": register_jitable(rhs)})
 
 
 def forced(model: OdeModel) -> OdeModel:

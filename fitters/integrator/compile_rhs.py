@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import cfunc, njit
+from numba import njit
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 
-from fitters.integrator.dormand_prince import COLUMNS_SIGNATURE, integrate
+from fitters.integrator.codegen import generated, row
+from fitters.integrator.dormand_prince import integrate
+from fitters.integrator.machine_code import compiled_columns
 from iris_sysid.errors import FitError
 from iris_sysid.types import OdeModel
 
@@ -24,11 +26,12 @@ def columns(t, states, params, inputs, out):
 """
 
 # Crossing functions and resets of a model with events: its state ends with the mode, out with the event's number.
-_EVENTS = """
+_CROSSINGS = """
 def crossings(t, states, params, inputs, out):
     for c in range(states.shape[1]):
         {crossings}
-
+"""
+_RESETS = """
 def resets(t, states, params, inputs, out):
     for c in range(states.shape[1]):
         {resets}
@@ -74,38 +77,24 @@ def _jitted(rhs: Callable[..., Any]) -> Any:
 def _compile(rhs: Callable[..., Any], n_states: int, n_params: int, n_inputs: int) -> CompiledRhs:
     source = _loop_source(n_states, n_params, n_inputs)
     try:
-        columns = cfunc(COLUMNS_SIGNATURE)(_loop(source, callable_in_kernels(rhs)))
+        columns = compiled_columns(generated(source, {"rhs": callable_in_kernels(rhs)}))
     except (NumbaError, NotImplementedError, TypeError) as error:
         reason = next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
         note = f"numba cannot compile the model's rhs ({reason[:120]}): it ran in plain Python, which is slower"
-        return CompiledRhs(integrate.py_func, _quiet(_loop(source, rhs)), note)
+        return CompiledRhs(integrate.py_func, _quiet(generated(source, {"rhs": rhs})), note)
     return CompiledRhs(integrate, columns)
-
-
-def _row(name: str, count: int, index: str = ", c") -> str:
-    return "(" + "".join(f"{name}[{i}{index}], " for i in range(count)) + ")"
 
 
 def _arguments(n_states: int, n_params: int, n_inputs: int) -> dict[str, str]:
     return {
-        "states": _row("states", n_states),
-        "params": _row("params", n_params),
-        "inputs": f", {_row('inputs', n_inputs, '')}" if n_inputs else "",
+        "states": row("states", n_states, ", c"),
+        "params": row("params", n_params, ", c"),
+        "inputs": f", {row('inputs', n_inputs)}" if n_inputs else "",
     }
 
 
 def _loop_source(n_states: int, n_params: int, n_inputs: int, modes: int = 0) -> str:
-    return _LOOP.format(slopes=_row("out", n_states), **_arguments(n_states + modes, n_params, n_inputs))
-
-
-def _loop(source: str, rhs: Callable[..., Any]) -> Callable[..., None]:
-    loop: Callable[..., None] = _defined(source, {"rhs": rhs})["columns"]
-    return loop
-
-
-def _defined(source: str, namespace: dict[str, Any]) -> dict[str, Any]:
-    exec(compile(source, "<columns>", "exec"), namespace)
-    return namespace
+    return _LOOP.format(slopes=row("out", n_states, ", c"), **_arguments(n_states + modes, n_params, n_inputs))
 
 
 def _with_events(model: OdeModel) -> CompiledRhs:
@@ -134,19 +123,23 @@ def _with_events(model: OdeModel) -> CompiledRhs:
 @functools.lru_cache(maxsize=512)
 def _compile_events(functions: tuple[Callable[..., Any], ...], n_states: int, n_params: int, n_inputs: int) -> Any:
     """Three functions: dstate/dt, crossing functions, resets; from the model's rhs, its crossings and its resets."""
-    rhs, *others = (callable_in_kernels(one) for one in functions)
+    rhs, *others = (callable_in_kernels(function) for function in functions)
     count = len(others) // 2
     call = "(t, {states}, {params}{inputs})".format(**_arguments(n_states + 1, n_params, n_inputs))
-    cases = [f"if out[{n_states + 1}, c] == {k}: {_row('out', n_states + 1)} = reset_{k}{call}" for k in range(count)]
-    source = _EVENTS.format(
-        crossings="; ".join(f"out[{k}, c] = crossing_{k}{call}" for k in range(count)),
-        resets="\n        ".join(cases),
+    after = row("out", n_states + 1, ", c")
+    cases = [f"if out[{n_states + 1}, c] == {k}: {after} = reset_{k}{call}" for k in range(count)]
+    crossings = "; ".join(f"out[{k}, c] = crossing_{k}{call}" for k in range(count))
+    resets = "\n        ".join(cases)
+    loops = (
+        generated(_loop_source(n_states, n_params, n_inputs, modes=1), {"rhs": rhs}),
+        generated(_CROSSINGS.format(crossings=crossings), _numbered("crossing", others[:count])),
+        generated(_RESETS.format(resets=resets), _numbered("reset", others[count:])),
     )
-    named = {f"crossing_{k}": one for k, one in enumerate(others[:count])}
-    named |= {f"reset_{k}": one for k, one in enumerate(others[count:])}
-    defined = _defined(source, named)
-    columns = _loop(_loop_source(n_states, n_params, n_inputs, modes=1), rhs)
-    return tuple(cfunc(COLUMNS_SIGNATURE)(one) for one in (columns, defined["crossings"], defined["resets"]))
+    return tuple(compiled_columns(loop) for loop in loops)
+
+
+def _numbered(name: str, functions: Sequence[Any]) -> dict[str, Any]:
+    return {f"{name}_{k}": function for k, function in enumerate(functions)}
 
 
 def _quiet(columns: Callable[..., None]) -> Callable[..., None]:

@@ -11,15 +11,14 @@ The integrator takes the right-hand side as a function pointer, so that it is co
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
-from typing import Any, Literal
 
 import numpy as np
-from numba import boolean, float64, int64, njit, types
+from numba import boolean, float64, int64, types
 from numpy.typing import NDArray
 from scipy.integrate import DOP853
 
+from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 
 # Writes dstate/dt of every column: (t, states (s, c), params (p, c), inputs (m,), out (s, c)).
@@ -37,19 +36,6 @@ _MATRIX = float64[:, ::1]
 _CUBE = float64[:, :, ::1]
 COLUMNS_SIGNATURE = types.void(float64, _MATRIX, _MATRIX, _VECTOR, _MATRIX)
 _COLUMNS = types.FunctionType(COLUMNS_SIGNATURE)
-
-
-def kernel(*signature: Any, inline: Literal["never", "always"] = "never") -> Callable[[Callable[..., Any]], Any]:
-    """Compile with numba and keep the machine code on disk, or only in memory where no disk can be written."""
-
-    def decorate(function: Callable[..., Any]) -> Any:
-        compile_with = functools.partial(njit, *signature, error_model="numpy", inline=inline)
-        try:
-            return compile_with(cache=True)(function)
-        except RuntimeError:  # numba: no locator available, i.e. no folder in which to keep it
-            return compile_with()(function)
-
-    return decorate
 
 
 @kernel(inline="always")

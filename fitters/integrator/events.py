@@ -27,8 +27,8 @@ from fitters.integrator.dormand_prince import (
     STAGES,
     _inputs_at,
     _weighted,
-    kernel,
 )
+from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 
 _FUNCTIONS = types.Tuple((int64, _COLUMNS, _COLUMNS, _COLUMNS))

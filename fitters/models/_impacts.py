@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import argrelmin
 
 from fitters.models._gravity import STANDARD_GRAVITY
-from fitters.models._guess import solved, start_of, weak_system
+from fitters.starting_values import solved, start_of, weak_system
 from iris_sysid.types import Array
 
 NEAR = 0.3  # share of the range of the distance above its smallest value that still counts as near

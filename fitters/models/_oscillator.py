@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitters.models._guess import samples, start_of, weak_regression
+from fitters.starting_values import samples, start_of, weak_regression
 from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory
 
 

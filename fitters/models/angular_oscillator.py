@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fitters.models._guess import samples, weak_regression
 from fitters.models._oscillator import linear_oscillator
+from fitters.starting_values import samples, weak_regression
 from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 

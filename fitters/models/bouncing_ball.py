@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
-from fitters.models._guess import samples
 from fitters.models._impacts import bounces
+from fitters.starting_values import samples
 from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 SETTLING = 1e-3  # m/s; a slower rebound leaves the ball on the floor: it would rise by 50 nm

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 
-from fitters.models._guess import samples, start_of, weak_regression
+from fitters.integrator.codegen import generated
+from fitters.starting_values import samples, start_of, weak_regression
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
@@ -55,10 +55,7 @@ def _rhs(bodies: int) -> Callable[..., tuple[float, ...]]:
         velocities=", ".join(f"state[{bodies + k}]" for k in range(bodies)),
         accelerations=", ".join(lines),
     )
-    namespace: dict[str, Any] = {}
-    exec(compile(source, "<contact chain>", "exec"), namespace)
-    rhs: Callable[..., tuple[float, ...]] = namespace["rhs"]
-    return rhs
+    return generated(source, {})
 
 
 def _guess(bodies: int) -> Callable[[Trajectory], Mapping[str, float]]:

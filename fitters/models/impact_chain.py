@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitters.models._guess import samples, start_of
+from fitters.starting_values import samples, start_of
 from iris_sysid.types import Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 SETTLING = 1e-4  # m/s; a slower rebound is none: the two go on together for this moment

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
-from fitters.models._guess import parabola, samples
+from fitters.starting_values import parabola, samples
 from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 

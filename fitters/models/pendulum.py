@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitters.models._gravity import GRAVITY, STANDARD_GRAVITY
-from fitters.models._guess import samples, start_of, weak_regression
+from fitters.starting_values import samples, start_of, weak_regression
 from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 # A ball's moment of inertia about its centre over m r^2: 2/5 solid to 2/3 hollow; the middle is right to 0.13.

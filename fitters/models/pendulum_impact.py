@@ -10,8 +10,8 @@ import numpy as np
 from numba.extending import register_jitable
 
 from fitters.models._gravity import GRAVITY, STANDARD_GRAVITY
-from fitters.models._guess import samples, start_of
 from fitters.models._impacts import between_contacts, pieces_regression
+from fitters.starting_values import samples, start_of
 from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 SETTLING = 1e-3  # m/s; a slower rebound does not part them: they stay together until they are pulled apart

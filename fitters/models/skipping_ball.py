@@ -8,8 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
-from fitters.models._guess import line, samples
 from fitters.models._impacts import bounces
+from fitters.starting_values import line, samples
 from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 SETTLING = 1e-3  # m/s; a slower rebound leaves the ball on the floor: it would rise by 50 nm

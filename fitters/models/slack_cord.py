@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitters.models._gravity import GRAVITY
-from fitters.models._guess import samples, start_of
+from fitters.starting_values import samples, start_of
 from iris_sysid.types import Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 TAUT = 1.0  # mode; 0 is slack

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitters.models._gravity import GRAVITY, MAGNIFICATION
-from fitters.models._guess import samples, start_of
+from fitters.starting_values import samples, start_of
 from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 # Modes: what the friction does.

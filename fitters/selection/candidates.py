@@ -1,4 +1,4 @@
-"""One candidate for the governing equation: a model of the bank fitted to a reading of a track, and how it predicts."""
+"""One candidate for the governing equation: a model of the bank fitted to an observable, and its prediction error."""
 
 from __future__ import annotations
 
@@ -10,59 +10,39 @@ import numpy as np
 from fitters.compose_effects import with_effect
 from fitters.integrator.event_times import event_times
 from fitters.ode import FitOptions, FitRequest, simulate, solve
-from fitters.selection.observables import TILTED, UPRIGHT, Reading, as_trajectory, moves_with_its_zero, suits
+from fitters.selection.observables import (
+    TILTED,
+    UPRIGHT,
+    ObservableCandidate,
+    as_trajectory,
+    moves_with_its_zero,
+    suits,
+)
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
-from iris_sysid.types import Array, Estimate, FitResult, Mask, OdeModel
+from iris_sysid.types import Array, Estimate, FitResult, Mask, ModelCandidate, OdeModel
 
 ENOUGH = 400  # samples for a first fit: of more than twice that every second is taken, and so on
 ADEQUATE_NOISE, ADEQUATE_MOTION = 3.0, 0.02  # residual below 3 times the noise, or 2 % of the motion
-FAR = 1e6  # in units of the noise: a prediction that has run away
+FAR = 1e6  # in units of the noise: a prediction that has diverged
 NEAR = 10.0  # times the best held-out error: what predicts worse is not fitted to all samples
-SHOWN = 4  # samples on either side of an event: a place, a velocity, and two that agree with them
+SHOWN = 4  # samples on either side of an event: a position, a velocity, and two that agree with them
 MOST_FITTED = 3  # models fitted to all samples in any case
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Candidate:
-    """One model of the bank under one reading of the track.
-
-    ``heldout`` and ``residual``: root mean square, in units of the measurement's noise, of all raw channels over the
-    samples held out and over all of them; ``bic`` over all samples. ``fit`` is that of all samples, None when it
-    failed; ``adequate`` when its residual is near the noise. ``count`` numbers describe the samples: those of the model
-    and of the reading. ``idle``: the model has events, and none happens in these samples, which so say nothing of them.
-    """
-
-    model: str
-    reading: str
-    heldout: float
-    residual: float
-    bic: float
-    adequate: bool
-    fit: FitResult | None
-    note: str = ""
-    count: int = 0
-    idle: bool = False
-
-    @property
-    def unknowns(self) -> int:
-        """How many of the numbers are the equation's own."""
-        return 0 if self.fit is None else len(self.fit.free)
-
-
-@dataclass(frozen=True, eq=False, slots=True)
 class Trial:
-    """A reading at its times (n,), of which ``known`` (n,) are fitted first; ``motion`` in units of the noise."""
+    """An observable at its times (n,), of which ``known`` (n,) are fitted first; ``motion`` in units of the noise."""
 
     t_s: Array
     known: Mask
     motion: float
-    reading: Reading
+    observable: ObservableCandidate
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Begun:
-    """A model fitted to the first part of a reading, and the error of what it predicts.
+    """A model fitted to the first part of an observable, and the error of what it predicts.
 
     ``request`` asks for all samples, ``first`` is the fit of the first part.
     """
@@ -74,13 +54,13 @@ class _Begun:
     heldout: float
 
 
-def all_tried(trials: Sequence[Trial], bank: Mapping[str, OdeModel], free: Sequence[str]) -> list[Candidate]:
-    """Fit every model that suits a reading to its first part; those that predict best, to all of it."""
-    tried: list[Candidate] = []
+def all_tried(trials: Sequence[Trial], bank: Mapping[str, OdeModel], free: Sequence[str]) -> list[ModelCandidate]:
+    """Fit every model that suits an observable to its first part; those that predict best, to all of it."""
+    tried: list[ModelCandidate] = []
     begun: list[_Begun] = []
     for trial in trials:
         for model in bank.values():
-            if suits(model, trial.reading):
+            if suits(model, trial.observable):
                 one = _begun(model, trial, free)
                 if isinstance(one, _Begun):
                     begun.append(one)
@@ -93,39 +73,39 @@ def all_tried(trials: Sequence[Trial], bank: Mapping[str, OdeModel], free: Seque
     return tried
 
 
-def _begun(model: OdeModel, trial: Trial, free: Sequence[str]) -> _Begun | Candidate:
-    adapted, known, opened = _adapted(model, trial.reading, free)
+def _begun(model: OdeModel, trial: Trial, free: Sequence[str]) -> _Begun | ModelCandidate:
+    adapted, known, opened = _adapted(model, trial.observable, free)
     every = max(1, trial.t_s.size // ENOUGH)
-    whole = as_trajectory(trial.t_s, trial.reading, adapted)
+    whole = as_trajectory(trial.t_s, trial.observable, adapted)
     some = {name: getattr(whole, name)[::every] for name in ("t_s", "position", "sigma")}
     part = whole.with_(**some, valid=trial.known[::every])
     request = FitRequest(whole, adapted, fixed=known, free=opened, options=FitOptions(multistart=0))
     try:
         first = solve(request.with_(trajectory=part))
     except FitError as error:
-        return _no_candidate(model, trial.reading, str(error))
+        return _no_candidate(model, trial.observable, str(error))
     if not first.usable and first.status != "not-converged":  # what it predicts will show how far it got
-        return _no_candidate(model, trial.reading, f"{first.status}: {first.message}")
-    heldout = _rms(trial.reading, _prediction(adapted, first, trial.t_s), ~trial.known)
+        return _no_candidate(model, trial.observable, f"{first.status}: {first.message}")
+    heldout = _rms(trial.observable, _prediction(adapted, first, trial.t_s), ~trial.known)
     return _Begun(trial, request, model.name, first, heldout)
 
 
-def _finished(begun: _Begun) -> Candidate:
+def _finished(begun: _Begun) -> ModelCandidate:
     """Fit all samples, from where the first part led."""
-    trial, reading = begun.trial, begun.trial.reading
+    trial, observable = begun.trial, begun.trial.observable
     start = {name: begun.first.estimates[name].value for name in begun.first.free}
     full = solve(begun.request.from_near(start))
     if not full.usable:
-        return Candidate(
-            begun.name, reading.name, begun.heldout, np.inf, np.inf, False, None, f"{full.status}: {full.message}"
+        return ModelCandidate(
+            begun.name, observable.name, begun.heldout, np.inf, np.inf, False, None, f"{full.status}: {full.message}"
         )
-    residual = _rms(reading, full.predicted, np.ones_like(trial.known))
-    n = reading.quantities.size + reading.rest.size
-    count = len(full.free) + reading.count
+    residual = _rms(observable, full.predicted, np.ones_like(trial.known))
+    n = observable.quantities.size + observable.rest.size
+    count = len(full.free) + observable.count
     bic = n * float(np.log(max(residual, 1e-6) ** 2)) + count * float(np.log(n)) + _pulls(full, begun.request.fixed)
     adequate = residual <= max(ADEQUATE_NOISE, ADEQUATE_MOTION * trial.motion)
     idle = _idle(begun.request.model, full, trial.t_s)
-    return Candidate(begun.name, reading.name, begun.heldout, residual, bic, adequate, full, "", count, idle)
+    return ModelCandidate(begun.name, observable.name, begun.heldout, residual, bic, adequate, full, "", count, idle)
 
 
 def _idle(model: OdeModel, full: FitResult, t_s: Array) -> bool:
@@ -136,31 +116,31 @@ def _idle(model: OdeModel, full: FitResult, t_s: Array) -> bool:
     return not any(t_s[SHOWN - 1] < one.t_s < t_s[-SHOWN] for one in happened)
 
 
-def _left_behind(begun: _Begun) -> Candidate:
+def _left_behind(begun: _Begun) -> ModelCandidate:
     """What predicts far worse than others is not fitted any further."""
-    reading = begun.trial.reading
+    observable = begun.trial.observable
     residual = _rms(
-        reading, _prediction(begun.request.model, begun.first, begun.trial.t_s), np.ones_like(begun.trial.known)
+        observable, _prediction(begun.request.model, begun.first, begun.trial.t_s), np.ones_like(begun.trial.known)
     )
-    return Candidate(
-        begun.name, reading.name, begun.heldout, residual, np.inf, False, begun.first, "predicts far worse"
+    return ModelCandidate(
+        begun.name, observable.name, begun.heldout, residual, np.inf, False, begun.first, "predicts far worse"
     )
 
 
-def _no_candidate(model: OdeModel, reading: Reading, why: str) -> Candidate:
-    return Candidate(model.name, reading.name, np.inf, np.inf, np.inf, False, None, why)
+def _no_candidate(model: OdeModel, observable: ObservableCandidate, why: str) -> ModelCandidate:
+    return ModelCandidate(model.name, observable.name, np.inf, np.inf, np.inf, False, None, why)
 
 
 def _adapted(
-    model: OdeModel, reading: Reading, free: Sequence[str]
+    model: OdeModel, observable: ObservableCandidate, free: Sequence[str]
 ) -> tuple[OdeModel, dict[str, float | Estimate], list[str]]:
-    """The model with its zero left open; the values that the reading knows; the names that it leaves open."""
+    """The model with its zero left open; the values that the observable knows; the names that it leaves open."""
     names = {parameter.name for parameter in model.parameters}
-    fixed: dict[str, float | Estimate] = {name: one for name, one in reading.known.items() if name in names}
+    fixed: dict[str, float | Estimate] = {name: one for name, one in observable.known.items() if name in names}
     pivot = {parameter.name for parameter in model.with_role("pivot")}  # the model estimates it itself
     fixed = {name: value for name, value in fixed.items() if name not in pivot}
     opened = [name for name in free if name in names and name not in fixed]
-    if reading.name in ("height", TILTED, "place"):
+    if observable.name in ("height", TILTED, "position"):
         opened += _held_gravity(model)
     upright = sorted(parameter.name for parameter in model.with_role("vertical"))
     fixed |= {name: Estimate(0.0, UPRIGHT, "rad", source="a camera held upright") for name in upright}
@@ -195,10 +175,10 @@ def _prediction(model: OdeModel, first: FitResult, t_s: Array) -> Array:
     return simulate(model, t_s, values).observed
 
 
-def _rms(reading: Reading, predicted: Array, wanted: Mask) -> float:
+def _rms(observable: ObservableCandidate, predicted: Array, wanted: Mask) -> float:
     """Root mean square of all raw channels in units of their noise."""
     with np.errstate(all="ignore"):
-        moved = (reading.quantities - predicted)[wanted] * reading.lever
-        every = np.concatenate([moved.ravel(), reading.rest[wanted].ravel()])
+        moved = (observable.quantities - predicted)[wanted] * observable.lever
+        every = np.concatenate([moved.ravel(), observable.rest[wanted].ravel()])
         every = np.where(np.isfinite(every), np.clip(every, -FAR, FAR), FAR)
     return float(np.sqrt(np.mean(every**2)))

@@ -1,14 +1,15 @@
-"""What the raw track of a body may be seen as: a height, a way along a line, an angle about a pivot, a size.
+"""What a track may be an observation of: a height, a distance along a line, an angle about a pivot, an apparent radius.
 
-A reading turns the raw channels (x, z, apparent radius, one set a body) into the quantities that models observe, and
-keeps what is left over: the part of the raw channels that the reading takes for constant. Only both together can be
-compared between readings, and they have the units of the raw channels, so that the noise is that of the tracker.
+An observable turns the raw channels (x, z, apparent radius, one set a body) into the quantities that models observe,
+and keeps the rest: the part of the raw channels that the observable takes for constant. Only both together can be
+compared between observables, and they have the units of the raw channels, so that the noise is that of the tracker.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -17,7 +18,10 @@ from fitters.noise.measurement_noise import noise_from_differences
 from iris_sysid.types import Array, Mask, OdeModel, Quantity, Trajectory
 
 LARGEST_RADIUS = 30.0  # times the extent of a track: a circle that large is a line
-TILTED = "height, tilted"
+ObservableName = Literal[
+    "as given", "position", "height", "tilted height", "distance", "angle", "apparent radius", "angles", "distances"
+]
+TILTED: ObservableName = "tilted height"
 INCLINATION = "angle"  # the constant of models that move along a line: its angle from the horizontal
 UPRIGHT = 0.05  # rad: how far a camera's vertical may be off, and its horizontal with it
 
@@ -48,20 +52,20 @@ class Raw:
 
     @property
     def unit(self) -> str:
-        """Unit of the place."""
+        """Unit of the position."""
         return self.quantities[self._index("x" if self.has("x") else self.quantities[0].name)].unit
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Reading:
-    """Quantities (n, q) for a model; what they mean for the raw channels; and what is left over.
+class ObservableCandidate:
+    """Quantities (n, q) for a model; what they mean for the raw channels; and the rest of those.
 
-    ``lever`` (q,): raw noise units by which one unit of each quantity moves the body; ``rest`` (n, m) left over, in
-    noise units; ``count`` numbers that describe the reading, e.g. 3 for a circle. ``known`` are constants that models
-    may take from it by name.
+    ``lever`` (q,): raw noise units by which one unit of each quantity moves the body; ``rest`` (n, m) of the raw
+    channels, in noise units; ``count`` numbers that describe the observable, e.g. 3 for a circle. ``known`` are
+    constants that models may take from it by name.
     """
 
-    name: str
+    name: ObservableName
     quantities: Array
     units: tuple[str, ...]
     lever: Array
@@ -87,8 +91,8 @@ def raw_of(trajectory: Trajectory, used: Mask) -> Raw:
     return Raw(t_s, trajectory.quantities, channels, np.maximum(np.nan_to_num(noise), floor))
 
 
-def readings(raw: Raw, known: Mask) -> list[Reading]:
-    """Every reading that the channels admit, its own constants from the ``known`` samples (n,) alone."""
+def observables_of(raw: Raw, known: Mask) -> list[ObservableCandidate]:
+    """Every observable that the channels admit, its own constants from the ``known`` samples (n,) alone."""
     if not raw.has("x", "z"):
         return [_as_given(raw)]
     circle = _circle(raw, known)
@@ -97,61 +101,67 @@ def readings(raw: Raw, known: Mask) -> list[Reading]:
     return [*found, _size(raw, known)] if raw.has("r") else found
 
 
-def _as_given(raw: Raw) -> Reading:
+def _as_given(raw: Raw) -> ObservableCandidate:
     units = tuple(quantity.unit for quantity in raw.quantities)
-    return Reading("as given", raw.channels, units, 1 / raw.noise, np.empty((raw.t_s.size, 0)), 0)
+    return ObservableCandidate("as given", raw.channels, units, 1 / raw.noise, np.empty((raw.t_s.size, 0)), 0)
 
 
-def _plane(raw: Raw) -> Reading:
+def _plane(raw: Raw) -> ObservableCandidate:
     sigma = raw.sigma("x", "z")
-    place = np.column_stack([raw.column("x"), raw.column("z")])
-    return Reading("place", place, (raw.unit,) * 2, np.full(2, 1 / sigma), np.empty((raw.t_s.size, 0)), 0)
+    position = np.column_stack([raw.column("x"), raw.column("z")])
+    return ObservableCandidate(
+        "position", position, (raw.unit,) * 2, np.full(2, 1 / sigma), np.empty((raw.t_s.size, 0)), 0
+    )
 
 
-def _height(raw: Raw, known: Mask) -> Reading:
+def _height(raw: Raw, known: Mask) -> ObservableCandidate:
     sigma, x = raw.sigma("x", "z"), raw.column("x")
     rest = (x - np.mean(x[known])) / sigma
-    return Reading("height", raw.column("z")[:, None], (raw.unit,), np.array([1 / sigma]), rest[:, None], 1)
+    return ObservableCandidate("height", raw.column("z")[:, None], (raw.unit,), np.array([1 / sigma]), rest[:, None], 1)
 
 
-def _line(raw: Raw, known: Mask) -> Reading:
-    """Way along the line of least squares, forwards in time; the height on one that may be upright."""
-    sigma, place = raw.sigma("x", "z"), np.column_stack([raw.column("x"), raw.column("z")])
-    middle = place[known].mean(axis=0)
-    along = np.linalg.svd(place[known] - middle, full_matrices=False)[2]
-    way, across = ((place - middle) @ along.T).T
+def _line(raw: Raw, known: Mask) -> ObservableCandidate:
+    """Distance along the line of least squares, forwards in time; the height on one that may be upright."""
+    sigma, position = raw.sigma("x", "z"), np.column_stack([raw.column("x"), raw.column("z")])
+    middle = position[known].mean(axis=0)
+    along = np.linalg.svd(position[known] - middle, full_matrices=False)[2]
+    distance, across = ((position - middle) @ along.T).T
     lever, rest = np.array([1 / sigma]), across[:, None] / sigma
     steep = abs(float(np.arctan2(along[0, 1], along[0, 0])))
     angle = min(steep, np.pi - steep)
     if np.pi / 2 - angle < UPRIGHT:
-        return Reading(TILTED, (middle[1] + np.sign(along[0, 1]) * way)[:, None], (raw.unit,), lever, rest, 2)
-    ahead = 1.0 if way[known][-1] >= way[known][0] else -1.0
-    return Reading("way", ahead * way[:, None], (raw.unit,), lever, rest, 2, {INCLINATION: angle})
+        return ObservableCandidate(
+            TILTED, (middle[1] + np.sign(along[0, 1]) * distance)[:, None], (raw.unit,), lever, rest, 2
+        )
+    ahead = 1.0 if distance[known][-1] >= distance[known][0] else -1.0
+    return ObservableCandidate("distance", ahead * distance[:, None], (raw.unit,), lever, rest, 2, {INCLINATION: angle})
 
 
-def _circle(raw: Raw, known: Mask) -> Reading | None:
+def _circle(raw: Raw, known: Mask) -> ObservableCandidate | None:
     """Angle from straight down about the centre of the circle of least squares; None for a straight track."""
-    sigma, place = raw.sigma("x", "z"), np.column_stack([raw.column("x"), raw.column("z")])
-    found = circle_of(place[known])
-    extent = float(np.max(np.ptp(place[known], axis=0)))
+    sigma, position = raw.sigma("x", "z"), np.column_stack([raw.column("x"), raw.column("z")])
+    found = circle_of(position[known])
+    extent = float(np.max(np.ptp(position[known], axis=0)))
     if found is None or not 0 < found[2] < LARGEST_RADIUS * extent:
         return None
     x, z, radius = found
-    angle = np.unwrap(np.arctan2(place[:, 0] - x, z - place[:, 1]))
-    rest = (np.hypot(place[:, 0] - x, place[:, 1] - z) - radius) / sigma
+    angle = np.unwrap(np.arctan2(position[:, 0] - x, z - position[:, 1]))
+    rest = (np.hypot(position[:, 0] - x, position[:, 1] - z) - radius) / sigma
     known_here = {"pivot_x": x, "pivot_z": z, "radius": radius}
-    return Reading("angle", angle[:, None], ("rad",), np.array([radius / sigma]), rest[:, None], 3, known_here)
+    return ObservableCandidate(
+        "angle", angle[:, None], ("rad",), np.array([radius / sigma]), rest[:, None], 3, known_here
+    )
 
 
-def circle_of(place: Array) -> tuple[float, float, float] | None:
+def circle_of(position: Array) -> tuple[float, float, float] | None:
     """Centre and radius of the circle with the least sum of squared distances to points (n, 2); None on a line.
 
     Starts from the algebraic fit of Kasa (1976, IEEE Trans. Instrum. Meas. 25, 8).
     """
-    middle, size = place.mean(axis=0), float(np.max(np.ptp(place, axis=0)))
+    middle, size = position.mean(axis=0), float(np.max(np.ptp(position, axis=0)))
     if not size > 0:
         return None
-    near = (place - middle) / size
+    near = (position - middle) / size
     matrix = np.column_stack([2 * near, np.ones(len(near))])
     first, _, rank, _ = np.linalg.lstsq(matrix, np.sum(near**2, axis=1), rcond=1e-10)
     square = float(first[2] + first[:2] @ first[:2])
@@ -166,31 +176,31 @@ def circle_of(place: Array) -> tuple[float, float, float] | None:
     return float(x), float(z), float(abs(found[2]) * size)
 
 
-def _with_constant_size(one: Reading, raw: Raw, known: Mask) -> Reading:
+def _with_constant_size(one: ObservableCandidate, raw: Raw, known: Mask) -> ObservableCandidate:
     radius = raw.column("r")
     rest = (radius - np.mean(radius[known])) / raw.sigma("r")
-    return Reading(
+    return ObservableCandidate(
         one.name, one.quantities, one.units, one.lever, np.column_stack([one.rest, rest]), one.count + 1, one.known
     )
 
 
-def _size(raw: Raw, known: Mask) -> Reading:
-    """The apparent radius; the place moves with it on a line through where the camera looks."""
+def _size(raw: Raw, known: Mask) -> ObservableCandidate:
+    """The apparent radius; the position moves with it on a line through where the camera looks."""
     radius = raw.column("r")
     basis = np.column_stack([np.ones(radius.size), radius])
-    place = np.column_stack([raw.column("x"), raw.column("z")])
-    coefficients = np.linalg.lstsq(basis[known], place[known], rcond=None)[0]
-    rest = (place - basis @ coefficients) / raw.sigma("x", "z")
+    position = np.column_stack([raw.column("x"), raw.column("z")])
+    coefficients = np.linalg.lstsq(basis[known], position[known], rcond=None)[0]
+    rest = (position - basis @ coefficients) / raw.sigma("x", "z")
     lever = np.sqrt(raw.sigma("r") ** -2 + np.sum((coefficients[1] / raw.sigma("x", "z")) ** 2))
-    return Reading("size", radius[:, None], ("px",), np.array([lever]), rest, 4)
+    return ObservableCandidate("apparent radius", radius[:, None], ("px",), np.array([lever]), rest, 4)
 
 
 # --------------------------------------------------------------------------- several bodies
 
 
-def together(parts: Sequence[Reading], name: str) -> Reading:
-    """The same reading of several bodies as one, a column a body."""
-    return Reading(
+def combined(parts: Sequence[ObservableCandidate], name: ObservableName) -> ObservableCandidate:
+    """The same observable of several bodies as one, a column a body."""
+    return ObservableCandidate(
         name=name,
         quantities=np.column_stack([one.quantities for one in parts]),
         units=tuple(unit for one in parts for unit in one.units),
@@ -201,7 +211,7 @@ def together(parts: Sequence[Reading], name: str) -> Reading:
     )
 
 
-def _between(parts: Sequence[Reading]) -> dict[str, float]:
+def _between(parts: Sequence[ObservableCandidate]) -> dict[str, float]:
     """The distance of the second pivot from the first, over the first radius."""
     if len(parts) != 2 or not all("pivot_x" in one.known for one in parts):
         return {}
@@ -212,16 +222,16 @@ def _between(parts: Sequence[Reading]) -> dict[str, float]:
 # --------------------------------------------------------------------------- models
 
 
-def suits(model: OdeModel, reading: Reading) -> bool:
-    """Whether a model may observe a reading: as many quantities of the same units, upright or sloping as it says."""
-    if model.inputs or len(model.observed) != len(reading.units):
+def suits(model: OdeModel, observable: ObservableCandidate) -> bool:
+    """Whether a model admits an observable: as many quantities of the same units, upright or sloping as it says."""
+    if model.inputs or len(model.observed) != len(observable.units):
         return False
     same = all(
         quantity.unit == unit or (quantity.unit == "m" and unit == "px")
-        for quantity, unit in zip(model.observed, reading.units, strict=True)
+        for quantity, unit in zip(model.observed, observable.units, strict=True)
     )
-    only = ONLY.get(reading.name)
-    slopes = reading.known.get(INCLINATION, np.pi / 2) > UPRIGHT  # a level line is no incline
+    only = ONLY.get(observable.name)
+    slopes = observable.known.get(INCLINATION, np.pi / 2) > UPRIGHT  # a level line is no incline
     return same and (only is None or only(model)) and (slopes or not model.with_role("inclination"))
 
 
@@ -236,25 +246,25 @@ def _sloping(model: OdeModel) -> bool:
     return model.observed[0].name == "s" or (model.observed[0].name == "z" and not falls)
 
 
-ONLY: Mapping[str, Callable[[OdeModel], bool]] = {
+ONLY: Mapping[ObservableName, Callable[[OdeModel], bool]] = {
     "height": _upright,
     TILTED: _upright,
-    "way": _sloping,
-    "place": lambda model: {quantity.name for quantity in model.observed} == {"x", "z"},
-    "size": lambda model: model.observed[0].name == "r",
-    "ways": lambda model: all(quantity.name.startswith("z") for quantity in model.observed),
+    "distance": _sloping,
+    "position": lambda model: {quantity.name for quantity in model.observed} == {"x", "z"},
+    "apparent radius": lambda model: model.observed[0].name == "r",
+    "distances": lambda model: all(quantity.name.startswith("z") for quantity in model.observed),
 }
 
 
-def as_trajectory(raw_times: Array, reading: Reading, model: OdeModel) -> Trajectory:
-    """The reading as the trajectory that a model observes."""
+def as_trajectory(raw_times: Array, observable: ObservableCandidate, model: OdeModel) -> Trajectory:
+    """The observable as the trajectory that a model observes."""
     quantities = tuple(
         Quantity(quantity.name, unit, quantity.symbol)
-        for quantity, unit in zip(model.observed, reading.units, strict=True)
+        for quantity, unit in zip(model.observed, observable.units, strict=True)
     )
-    n, d = reading.quantities.shape
+    n, d = observable.quantities.shape
     every = np.ones(n, dtype=np.bool_)
-    return Trajectory(raw_times, quantities, reading.quantities, np.full((n, d), np.nan), every)
+    return Trajectory(raw_times, quantities, observable.quantities, np.full((n, d), np.nan), every)
 
 
 def moves_with_its_zero(model: OdeModel) -> bool:

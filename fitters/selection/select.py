@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitters.ode.fit_problem import select
-from fitters.selection.candidates import Candidate, Trial, all_tried
-from fitters.selection.observables import Raw, Reading, raw_of, readings, together
+from fitters.selection.candidates import Trial, all_tried
+from fitters.selection.observables import ObservableCandidate, Raw, combined, observables_of, raw_of
 from iris_sysid.errors import FitError
 from iris_sysid.registry import MODELS
-from iris_sysid.types import Mask, OdeModel, Trajectory, departure
+from iris_sysid.types import Mask, ModelCandidate, ModelChoice, OdeModel, Trajectory, departure
 
 FITTED = 0.7  # share of the samples, from the first on; the rest is held out
 LONGEST = 900  # samples: what tells models apart shows in the first 15 s at 60 Hz
@@ -23,40 +23,21 @@ CORRELATED = 0.9  # at lag one, and beyond: what is left has the form of a motio
 STRONG = 6.0  # BIC, of independent samples: less is no strong evidence (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Choice:
-    """Models ranked, the best first, and what that says.
-
-    ``chosen`` is None when none of them fits. ``heldout_margin`` is the held-out error of the next model over that of
-    the first, ``bic_margin`` how much larger its BIC is.
-    """
-
-    chosen: Candidate | None
-    ranking: tuple[Candidate, ...]
-    heldout_margin: float
-    bic_margin: float
-    message: str
-
-    @property
-    def nearest(self) -> Candidate:
-        """The first of the ranking, adequate or not."""
-        return self.ranking[0]
-
-
 def select_model(
     bodies: Trajectory | Sequence[Trajectory], bank: Mapping[str, OdeModel] = MODELS, *, free: Sequence[str] = ()
-) -> Choice:
+) -> ModelChoice:
     """Fit the models that the observable admits, and rank them by what they predict of the held-out end.
 
-    A track of x and z (and apparent radius r) in m or px is read as a place, a height, a way along a line, an angle
-    about the centre of a circle, and a size. Other quantities are taken as they are, whatever their names: an angle
-    may be the angle of any model that observes one. Zeros are not known but for straight down, which is known to 3
-    degrees. Of the models whose held-out errors cannot be told apart the one with the smallest BIC is first. One whose
+    A track of x and z (and apparent radius r) in m or px is taken for a position, a height, a distance along a line, an
+    angle about the centre of a circle, and an apparent radius. Other quantities are taken as they are, whatever their
+    names: an angle may be the angle of any model that observes one. Zeros are not known but for straight down, which
+    is known to 3 degrees. Of the models whose held-out errors cannot be told apart the one with the smallest BIC is first. One whose
     events never happen comes after the others, and a BIC that is smaller by less than 6 does not pay for more numbers,
     nor for an equation with more unknowns of its own.
 
-    A body that stays in its place is left out, and of more than three those that move farthest are looked at. When
-    no equation fits several bodies, one is chosen for the first that moves, until others move too; the reading says so.
+    A body that stays in its position is left out, and of more than three those that move farthest are looked at. When
+    no equation fits several bodies, one is chosen for the first that moves, until others move too; the observable
+    says so.
 
     Parameters
     ----------
@@ -69,13 +50,24 @@ def select_model(
 
     Returns
     -------
-    Choice
+    ModelChoice
         The ranking, and the chosen model unless none of them fits.
 
     Raises
     ------
     FitError
         When there are too few samples, or no model of the bank can observe this.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from iris_sysid import MODELS, Trajectory, select_model, simulate
+    >>> fall, t_s = MODELS["free-fall"], np.arange(60) / 60
+    >>> z = simulate(fall, t_s, {"gravity": 9.81, "z_0": 5.0, "vz_0": 0.0}).observed
+    >>> z += 1e-3 * np.random.default_rng(0).standard_normal(z.shape)
+    >>> clip = Trajectory(t_s, fall.observed, z, np.full_like(z, np.nan), np.ones(60, bool))
+    >>> select_model(clip, {name: MODELS[name] for name in ("free-fall", "linear-oscillator")}).nearest.model
+    'free-fall'
     """
     tracks = [bodies] if isinstance(bodies, Trajectory) else list(bodies)
     left = _departures(tracks)
@@ -85,10 +77,10 @@ def select_model(
     return together if alone is None else _until_others_move(_choice([alone], bank, free), together)
 
 
-def _choice(raws: Sequence[Raw], bank: Mapping[str, OdeModel], free: Sequence[str]) -> Choice:
+def _choice(raws: Sequence[Raw], bank: Mapping[str, OdeModel], free: Sequence[str]) -> ModelChoice:
     """The choice for one body, or for several with the same samples."""
     known = np.arange(raws[0].t_s.size) < FITTED * raws[0].t_s.size
-    trials = [Trial(raws[0].t_s, known, _motion(raws), reading) for reading in _readings_of(raws, known)]
+    trials = [Trial(raws[0].t_s, known, _motion(raws), observable) for observable in _observables_of(raws, known)]
     tried = all_tried(trials, bank, free)
     tried += _each_alone(raws, known, bank, free) if len(raws) > 1 else []
     if not tried:
@@ -122,7 +114,7 @@ def _first_of(used: Mask) -> Mask:
 
 
 def _departures(tracks: Sequence[Trajectory]) -> NDArray[np.intp]:
-    """Sample at which each body leaves its place; their number for one that stays, or is hardly seen."""
+    """Sample at which each body leaves its position; their number for one that stays, or is hardly seen."""
     seen = [select(track, ("motion",)).used for track in tracks]
     noise = [np.max(raw_of(*one).noise) for one in zip(tracks, seen, strict=True) if one[1].sum() >= FEWEST]
     left = np.full(len(tracks), tracks[0].n)
@@ -141,50 +133,52 @@ def _most_moving(tracks: Sequence[Trajectory], moving: Sequence[int]) -> list[in
 
 
 def _first_mover(tracks: Sequence[Trajectory], left: NDArray[np.intp]) -> Raw | None:
-    """The body that leaves its place first, until the exposure before another does; None when that is too short."""
+    """The body that leaves its position first, until the exposure before another does; None when that is too short."""
     first, second = np.argsort(left, kind="stable")[:2]
     used = select(tracks[first], ("motion",)).used.copy()
     used[: left[first]] = used[max(left[second] - 1, 0) :] = False
     return raw_of(tracks[first], _first_of(used)) if used.sum() >= FEWEST else None
 
 
-def _until_others_move(alone: Choice, together: Choice) -> Choice:
+def _until_others_move(alone: ModelChoice, together: ModelChoice) -> ModelChoice:
     """What the first body does alone, and named so; where nothing fits that either, what was found of all."""
     if alone.chosen is None:
         return together
-    ranking = tuple(replace(one, reading=f"{one.reading}, until others move") for one in alone.ranking)
+    ranking = tuple(replace(one, observable=f"{one.observable}, until others move") for one in alone.ranking)
     return replace(alone, chosen=ranking[0], ranking=ranking, message=_sentence(ranking, ranking[0]))
 
 
-def _readings_of(raws: Sequence[Raw], known: Mask) -> list[Reading]:
+def _observables_of(raws: Sequence[Raw], known: Mask) -> list[ObservableCandidate]:
     """Readings of one body; of several bodies those that they have in common."""
     if len(raws) == 1:
-        return readings(raws[0], known)
-    bodies = [{one.name: one for one in readings(raw, known)} for raw in raws]
+        return observables_of(raws[0], known)
+    bodies = [{one.name: one for one in observables_of(raw, known)} for raw in raws]
     found = []
     if all("angle" in body for body in bodies):
-        found.append(together([body["angle"] for body in bodies], "angles"))
-    if all("way" in body for body in bodies) and len(raws) == MOST_BODIES:
-        found.append(_common_ways(raws))
+        found.append(combined([body["angle"] for body in bodies], "angles"))
+    if all("distance" in body for body in bodies) and len(raws) == MOST_BODIES:
+        found.append(_common_distances(raws))
     return found
 
 
-def _common_ways(raws: Sequence[Raw]) -> Reading:
-    """Sideways places of bodies, in the order of their places."""
+def _common_distances(raws: Sequence[Raw]) -> ObservableCandidate:
+    """Sideways positions of bodies, in the order of their positions."""
     parts = []
     for raw in sorted(raws, key=lambda one: float(one.column("x")[0])):
         sigma, x, z = raw.sigma("x", "z"), raw.column("x"), raw.column("z")
         rest = (z - z.mean())[:, None] / sigma
-        parts.append(Reading("way", x[:, None], (raw.unit,), np.array([1 / sigma]), rest, 1))
-    return together(parts, "ways")
+        parts.append(ObservableCandidate("distance", x[:, None], (raw.unit,), np.array([1 / sigma]), rest, 1))
+    return combined(parts, "distances")
 
 
-def _each_alone(raws: Sequence[Raw], known: Mask, bank: Mapping[str, OdeModel], free: Sequence[str]) -> list[Candidate]:
+def _each_alone(
+    raws: Sequence[Raw], known: Mask, bank: Mapping[str, OdeModel], free: Sequence[str]
+) -> list[ModelCandidate]:
     """One-body models for each body by itself: bodies that have nothing to do with one another."""
     per_body = []
     for raw in raws:
-        trials = [Trial(raw.t_s, known, _motion([raw]), reading) for reading in readings(raw, known)]
-        per_body.append({(one.model, one.reading): one for one in all_tried(trials, bank, free)})
+        trials = [Trial(raw.t_s, known, _motion([raw]), observable) for observable in observables_of(raw, known)]
+        per_body.append({(one.model, one.observable): one for one in all_tried(trials, bank, free)})
     found = []
     for key in per_body[0]:
         parts = [body[key] for body in per_body if key in body]
@@ -193,14 +187,14 @@ def _each_alone(raws: Sequence[Raw], known: Mask, bank: Mapping[str, OdeModel], 
     return found
 
 
-def _all_of(key: tuple[str, str], parts: Sequence[Candidate]) -> Candidate:
-    """One model under one reading, for each body by itself."""
+def _all_of(key: tuple[str, str], parts: Sequence[ModelCandidate]) -> ModelCandidate:
+    """One model under one observable, for each body by itself."""
     heldout, residual = (
         float(np.sqrt(np.mean([getattr(one, name) ** 2 for one in parts]))) for name in ("heldout", "residual")
     )
-    return Candidate(
+    return ModelCandidate(
         model=key[0],
-        reading=f"{key[1]}, each alone",
+        observable=f"{key[1]}, each alone",
         heldout=heldout,
         residual=residual,
         bic=float(np.sum([one.bic for one in parts])),
@@ -214,7 +208,7 @@ def _all_of(key: tuple[str, str], parts: Sequence[Candidate]) -> Candidate:
 # --------------------------------------------------------------------------- the choice
 
 
-def _chosen(tried: Sequence[Candidate], n_heldout: int) -> Choice:
+def _chosen(tried: Sequence[ModelCandidate], n_heldout: int) -> ModelChoice:
     """Rank: held-out error first, then what the samples show, then BIC."""
     fitted = [one for one in tried if np.isfinite(one.bic)] or tried  # to all samples, not only to the first
     best = min(one.heldout for one in fitted)
@@ -229,27 +223,25 @@ def _chosen(tried: Sequence[Candidate], n_heldout: int) -> Choice:
     heldout_margin = others[0].heldout / max(first.heldout, 1e-12) if others else np.inf
     bic_margin = others[0].bic - first.bic if others else np.inf
     chosen = first if first.adequate else None
-    return Choice(chosen, ranking, float(heldout_margin), float(bic_margin), _sentence(ranking, chosen))
+    return ModelChoice(chosen, ranking, float(heldout_margin), float(bic_margin), _sentence(ranking, chosen))
 
 
-def _independent(one: Candidate) -> float:
+def _independent(one: ModelCandidate) -> float:
     """Share of a residual's samples that are independent of one another, by its autocorrelation at lag one."""
     correlation = 0.0 if one.fit is None else float(np.clip(one.fit.correlation, 0.0, CORRELATED))
     return (1.0 - correlation) / (1.0 + correlation)
 
 
-def _sentence(ranking: Sequence[Candidate], chosen: Candidate | None) -> str:
+def _sentence(ranking: Sequence[ModelCandidate], chosen: ModelCandidate | None) -> str:
     first = ranking[0]
     if chosen is None:
         return (
-            f"none of these: the nearest, {first.model} ({first.reading}), leaves {first.residual:.3g} times the noise "
-            f"and {first.heldout:.3g} times where it predicts; the bank lacks this equation, or the track is not one "
-            "motion"
+            f"none of these: the nearest, {first.model} ({first.observable}), has a residual of {first.residual:.3g} "
+            f"times the noise and a prediction error of {first.heldout:.3g} times; the bank lacks this equation, or the "
+            "track is not one motion"
         )
-    text = (
-        f"{first.model} ({first.reading}): residual {first.residual:.3g}, held out {first.heldout:.3g} times the noise"
-    )
+    text = f"{first.model} ({first.observable}): residual {first.residual:.3g}, held out {first.heldout:.3g} times the noise"
     others = [one for one in ranking if one.model != first.model]
     if others and np.isfinite(others[0].heldout):
-        text += f"; next {others[0].model} ({others[0].reading}), held out {others[0].heldout:.3g}"
+        text += f"; next {others[0].model} ({others[0].observable}), held out {others[0].heldout:.3g}"
     return text

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from fitters.compose_effects import bodies_of
-from fitters.models._guess import samples, start_of
+from fitters.starting_values import samples, start_of
 from iris_sysid.errors import DataError
 from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory, symbol_of
 from iris_sysid.units import rate_of

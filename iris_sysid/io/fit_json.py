@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,10 +19,7 @@ from iris_sysid.io.schemas import (
     known_number,
     known_numbers,
 )
-from iris_sysid.types import Array, FitResult, PooledFit, Population, Trajectory
-
-if TYPE_CHECKING:
-    from fitters.selection.select import Choice
+from iris_sysid.types import Array, FitResult, ModelChoice, PooledFit, Population, Trajectory
 
 
 def pooled_document(pooled: PooledFit, tables: Sequence[str], trajectory: Trajectory) -> FitDocument:
@@ -124,7 +120,7 @@ def _together(fits: Sequence[FitResult], name: str) -> float | None:
     return known_number(np.sqrt(np.mean(_parts(fits, name) ** 2))) if one_unit else None
 
 
-def selection_document(choice: Choice, origin: Trajectory) -> FitDocument:
+def selection_document(choice: ModelChoice, origin: Trajectory) -> FitDocument:
     """The content of fit.json for a model chosen from the bank: the first of the ranking, and how it was chosen.
 
     Parameters
@@ -140,7 +136,7 @@ def selection_document(choice: Choice, origin: Trajectory) -> FitDocument:
     ranking = [
         CandidateEntry(
             model=one.model,
-            reading=one.reading,
+            reading=one.observable,
             heldout=known_number(one.heldout),
             residual=known_number(one.residual),
             bic=known_number(one.bic),

@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 
 Plane = NDArray[np.float32]
@@ -128,7 +128,7 @@ def blend_pair(planes: tuple[Plane, Plane], canvas: Canvas, tones: tuple[float, 
 # --------------------------------------------------------------------------- kernels
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel(nogil=True)
 def _add_polygons(
     area: Array, first: Rows, last: Rows, width: int, height: int, polygons: Array, weights: Array
 ) -> None:
@@ -144,7 +144,7 @@ def _add_polygons(
                 _add_edge(area, first, last, (width, height), stop, start, -weights[k])
 
 
-@numba.njit(cache=True, nogil=True, inline="always", error_model="numpy")
+@kernel(nogil=True, inline="always")
 def _add_edge(
     area: Array,
     first: Rows,
@@ -172,7 +172,7 @@ def _add_edge(
         y = y_cut
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel(nogil=True)
 def _next_border(start: tuple[float, float], slope: float, y: float, width: float) -> float:
     """Where below y an edge next crosses x = 0 or x = width; infinity when it does not."""
     nearest = np.inf
@@ -184,12 +184,12 @@ def _next_border(start: tuple[float, float], slope: float, y: float, width: floa
     return nearest
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel(nogil=True)
 def _clip(x: float, width: int) -> float:
     return min(max(x, 0.0), float(width))
 
 
-@numba.njit(cache=True, nogil=True, inline="always", error_model="numpy")
+@kernel(nogil=True, inline="always")
 def _add_inside(
     area: Array, first: Rows, last: Rows, x: float, y: float, x_stop: float, y_stop: float, weight: float
 ) -> None:
@@ -203,7 +203,7 @@ def _add_inside(
         x, y, row = x_next, below, row + 1
 
 
-@numba.njit(cache=True, nogil=True, inline="always", error_model="numpy")
+@kernel(nogil=True, inline="always")
 def _add_row(area: Array, first: Rows, last: Rows, row: int, low: float, high: float, height: float) -> None:
     """Spread an edge piece of signed height, from x = low to high within one row, over that row's pixels."""
     start = max(math.floor(low), 0)  # a rounding error may lie left of the border
@@ -229,7 +229,7 @@ def _add_row(area: Array, first: Rows, last: Rows, row: int, low: float, high: f
         area[row, column + 1] += carried
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel(nogil=True)
 def _blend_rows(
     plane: Plane,
     area: Array,
@@ -260,7 +260,7 @@ def _blend_rows(
         last[row] = -1
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@kernel(nogil=True)
 def _blend_pair_rows(
     plane_a: Plane,
     plane_b: Plane,

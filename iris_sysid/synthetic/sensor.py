@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from iris_sysid.io.kernels import kernel
 from iris_sysid.synthetic.backdrop import Planes
 from iris_sysid.synthetic.coverage import Plane
 from iris_sysid.synthetic.look import Look
@@ -48,7 +48,7 @@ class Sensor:
                 _rounded(plane, target)
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(nogil=True, error_model="python")
 def _with_noise(
     plane: Plane,
     pool: NDArray[np.float32],
@@ -69,7 +69,7 @@ def _with_noise(
             out[row, column] = np.uint8(min(max(value, zero), top))
 
 
-@numba.njit(cache=True, nogil=True)
+@kernel(nogil=True, error_model="python")
 def _rounded(plane: Plane, out: NDArray[np.uint8]) -> None:
     for row in range(plane.shape[0]):
         for column in range(plane.shape[1]):

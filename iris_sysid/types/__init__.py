@@ -66,3 +66,5 @@ from iris_sysid.types._result import Population as Population
 from iris_sysid.types._run import ClipOptions as ClipOptions
 from iris_sysid.types._run import GeometryOptions as GeometryOptions
 from iris_sysid.types._run import Run as Run
+from iris_sysid.types._selection import ModelCandidate as ModelCandidate
+from iris_sysid.types._selection import ModelChoice as ModelChoice

@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from fitters.curves import fit_curve
 from iris_sysid.errors import FitError
 from tests._project import recording
+from tests.fitters.curve_fit import fit_curve
 
 
 def decays(x, b):

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from fitters.ode import simulate
-from fitters.selection.candidates import Candidate
-from fitters.selection.observables import circle_of, raw_of, readings
+from fitters.selection.observables import circle_of, observables_of, raw_of
 from fitters.selection.select import _chosen, select_model
 from iris_sysid.errors import FitError
 from iris_sysid.registry import MODELS
-from iris_sysid.types import Quantity, Trajectory
+from iris_sysid.types import ModelCandidate, Quantity, Trajectory
 
 NOISE = 2e-4  # m
 SWING = {"length": 0.5, "damping": 0.06, "theta_0": 0.6, "omega_0": 0.0}
@@ -28,9 +27,9 @@ def on_arc(t_s, model="pendulum", values=SWING):
 
 
 @pytest.mark.slow
-def test_place_of_a_bob_is_read_as_the_angle_of_a_pendulum_about_a_pivot_that_nobody_gave():
+def test_position_of_a_bob_is_taken_for_the_angle_of_a_pendulum_about_a_pivot_that_nobody_gave():
     choice = select_model(track(np.arange(240) / 60, on_arc(np.arange(240) / 60), ["m", "m"]))
-    assert (choice.chosen.model, choice.chosen.reading) == ("pendulum", "angle")
+    assert (choice.chosen.model, choice.chosen.observable) == ("pendulum", "angle")
     assert choice.chosen.fit.estimates["length"].value == pytest.approx(0.5, rel=0.01)
     linear = next(one for one in choice.ranking if one.model == "linear-pendulum")
     assert linear.heldout > 5 * choice.chosen.heldout
@@ -91,11 +90,11 @@ def test_circle_of_least_squares_finds_centre_and_radius_of_a_short_arc():
     assert circle_of(np.column_stack([angle, 2 * angle])) is None
 
 
-def test_every_reading_of_a_track_counts_the_same_channels():
+def test_every_observable_of_a_track_counts_the_same_channels():
     t_s = np.arange(60) / 60
     clip = track(t_s, {**on_arc(t_s), "r": 40 + t_s}, ["m", "m", "px"], [NOISE, NOISE, 0.05])
-    found = readings(raw_of(clip, np.ones(60, bool)), np.arange(60) < 40)
-    assert {one.name for one in found} == {"place", "height", "way", "angle", "size"}
+    found = observables_of(raw_of(clip, np.ones(60, bool)), np.arange(60) < 40)
+    assert {one.name for one in found} == {"position", "height", "distance", "angle", "apparent radius"}
     assert all(one.quantities.shape[1] + one.rest.shape[1] == 3 for one in found)
 
 
@@ -119,7 +118,7 @@ def test_fall_seen_by_a_camera_that_leans_is_still_a_fall():
     drop = 9.8 * t_s**2 / 2
     fall = track(t_s, {"x": 0.3 + drop * np.sin(lean), "z": 1.5 - drop * np.cos(lean)}, ["m", "m"])
     chosen = select_model(fall, few("free-fall", "incline", "projectile")).chosen
-    assert (chosen.model, chosen.reading) == ("free-fall", "height, tilted")
+    assert (chosen.model, chosen.observable) == ("free-fall", "tilted height")
 
 
 def test_two_pendulums_that_strike_one_another_are_chosen_by_the_motion_of_both():
@@ -134,7 +133,7 @@ def test_two_pendulums_that_strike_one_another_are_chosen_by_the_motion_of_both(
         for seed, (one, pivot) in enumerate(zip(theta.T, (0.0, 0.04), strict=True))
     ]
     choice = select_model(bodies, few("pendulum", "pendulum-impact", "linear-pendulum"))
-    assert (choice.chosen.model, choice.chosen.reading) == ("pendulum-impact", "angles")
+    assert (choice.chosen.model, choice.chosen.observable) == ("pendulum-impact", "angles")
     assert choice.heldout_margin > 10
 
 
@@ -156,15 +155,15 @@ def rolling_at_cups():
 
 def test_where_no_equation_fits_all_bodies_one_is_chosen_for_the_first_until_the_others_move():
     choice = select_model(rolling_at_cups(), few("coasting-ball", "incline", "stopping-block", "projectile"))
-    assert (choice.chosen.model, choice.chosen.reading) == ("coasting-ball", "way, until others move")
+    assert (choice.chosen.model, choice.chosen.observable) == ("coasting-ball", "distance, until others move")
     assert choice.chosen.fit.estimates["damping"].value == pytest.approx(0.8, rel=0.02)
 
 
-def test_body_that_stays_in_its_place_has_no_say():
+def test_body_at_rest_has_no_say():
     bodies = rolling_at_cups()
     alone = bodies[0].with_(valid=np.arange(120) < 50)
     choice = select_model([alone, bodies[3]], few("coasting-ball", "incline"))
-    assert (choice.chosen.model, choice.chosen.reading) == ("coasting-ball", "way")
+    assert (choice.chosen.model, choice.chosen.observable) == ("coasting-ball", "distance")
 
 
 def test_level_line_is_no_incline():
@@ -177,7 +176,7 @@ def test_level_line_is_no_incline():
 
 
 def candidate(model, heldout, bic):
-    return Candidate(model, "way", heldout, 1.0, bic, bool(np.isfinite(bic)), None, "", 5)
+    return ModelCandidate(model, "distance", heldout, 1.0, bic, bool(np.isfinite(bic)), None, "", 5)
 
 
 def test_model_whose_fit_to_all_samples_failed_comes_after_those_that_were_fitted():

@@ -21,7 +21,7 @@ from iris_sysid.io.json_documents import (
     write_fit,
 )
 from iris_sysid.io.schemas import DOCUMENTS, CalibrationDocument, EstimateEntry, FitDocument
-from iris_sysid.types import Estimate, FitResult, OdeModel, Parameter, Quantity, Segment, Trajectory
+from iris_sysid.types import Estimate, FitProblem, FitResult, OdeModel, Parameter, Quantity, Segment, Trajectory
 from tests._documents import read_fit
 
 THETA = Quantity("theta", "rad", r"\theta")
@@ -141,7 +141,7 @@ def test_failed_fit_is_written_with_nulls_that_say_why(tmp_path):
     failed = fit_result(
         used=slice(0, 0),
         status="too-short",
-        message="0 samples; track more frames",
+        problems=(FitProblem("too-few-samples", "0 samples", remedy="Track more frames"),),
         estimates={"length": nothing, "gravity": Estimate(9.8, math.nan, "m/s^2")},
         covariance=np.full((1, 1), np.nan),
         noise=[np.nan],
@@ -185,7 +185,7 @@ def test_fit_document_of_another_trajectory_is_a_data_error():
         ({"status": "fine"}, r"status: .*'fine'"),
         ({"estimates": {"length": Estimate(1.0, 0.1, "m", "guessed")}}, "length: measurement_type: .*'guessed'"),
         ({"origin": {"camera": object()}}, "as JSON"),
-        ({"message": None}, "message: .*not None"),
+        ({"t0_s": "soon"}, "t0_s: .*not .soon."),
     ],
 )
 def test_fit_document_of_values_that_do_not_fit_the_schema_is_a_data_error(changes, message):

@@ -1,4 +1,4 @@
-"""How much of each pixel a moving disc covers over an exposure, and how that changes with its outline (numba)."""
+"""Coverage of pixels by a disc that moves during the exposure, with derivatives by its outline (numba)."""
 
 # mypy: disallow-untyped-decorators=False
 from __future__ import annotations

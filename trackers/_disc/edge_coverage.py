@@ -1,4 +1,4 @@
-"""How much of a pixel lies behind a straight, perhaps blurred, edge: exact, smooth, with its derivatives (numba)."""
+"""Coverage of a pixel by a straight, perhaps blurred edge: exact and smooth, with derivatives (numba)."""
 
 # mypy: disallow-untyped-decorators=False
 from __future__ import annotations

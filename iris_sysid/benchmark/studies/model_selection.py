@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fitters.selection.select import Choice, select_model
+from fitters.selection.select import select_model
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
 from iris_sysid.benchmark.sources.predictions import EQUATION
 from iris_sysid.benchmark.sources.rows import FAILED, OK, SELECTION
@@ -22,7 +22,7 @@ from iris_sysid.calibration.pixel_scale import to_world
 from iris_sysid.errors import DataError
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.trajectory.observables import measured
-from iris_sysid.types import Calibration, Phenomenon, Track, Trajectory
+from iris_sysid.types import Calibration, ModelChoice, Phenomenon, Track, Trajectory
 
 BANK, NEAREST = "bank", "bank, nearest"
 NONE_FITS = "none of these"
@@ -48,7 +48,7 @@ def selection_rows(subject: Subject) -> list[dict[str, Any]]:
     return [_row(subject, BANK, chosen, OK), _row(subject, NEAREST, choice.nearest.model, OK)]
 
 
-def choice_for(clip: ClipMeasurement) -> Choice:
+def choice_for(clip: ClipMeasurement) -> ModelChoice:
     """The choice from the whole bank for a measured clip, from the places of its bodies while they move.
 
     Raises

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array, Mask
 
 STEP_S = 5e-4
@@ -20,7 +20,7 @@ WAKING_SPEED = 0.05  # m/s, of a body that strikes one at rest
 SAGGING_M = 2e-3  # a body falls once one that carried it has moved this far
 STATIC_SPEED = 0.15  # m/s; slower contacts do not bounce
 
-compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+compiled = kernel(nogil=True)
 
 
 class Pile(NamedTuple):

@@ -1,0 +1,41 @@
+"""Compile with numba and keep the machine code on disk: beside the package, or in the user's cache directory."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from typing import Any, Literal
+
+from numba import njit
+
+
+def kernel(
+    *signature: Any,
+    inline: Literal["never", "always"] = "never",
+    nogil: bool = False,
+    error_model: Literal["numpy", "python"] = "numpy",
+) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a function with numba, and keep the machine code where a folder can be written, else in memory.
+
+    Numba takes the folder of the source file if it can be written, otherwise the user's cache directory.
+
+    Parameters
+    ----------
+    signature
+        Types of the arguments, where it is to be compiled when it is defined.
+    inline
+        Whether the text goes into each caller.
+    nogil
+        Let other threads run meanwhile.
+    error_model
+        ``numpy``: a division by zero gives inf or NaN; ``python``: it raises.
+    """
+
+    def decorate(function: Callable[..., Any]) -> Any:
+        compile_with = functools.partial(njit, *signature, error_model=error_model, nogil=nogil, inline=inline)
+        try:
+            return compile_with(cache=True)(function)
+        except RuntimeError:  # numba: no locator available, i.e. no folder in which to keep it
+            return compile_with()(function)
+
+    return decorate

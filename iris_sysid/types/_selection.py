@@ -1,0 +1,55 @@
+"""What model selection gives: the models of the bank ranked by what they predict."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from iris_sysid.types._result import FitResult
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ModelCandidate:
+    """One model of the bank under one observable of the track.
+
+    ``observable`` names what the track was taken for, e.g. ``angle``. ``heldout`` and ``residual``: root mean square,
+    in units of the measurement's noise, of all raw channels over the samples held out and over all of them; ``bic``
+    over all samples. ``fit`` is that of all samples, None when it failed; ``adequate`` when its residual is near the
+    noise. ``count`` numbers describe the samples: those of the model and of the observable. ``idle``: the model has
+    events, and none happens in these samples, which so say nothing of them.
+    """
+
+    model: str
+    observable: str
+    heldout: float
+    residual: float
+    bic: float
+    adequate: bool
+    fit: FitResult | None
+    note: str = ""
+    count: int = 0
+    idle: bool = False
+
+    @property
+    def unknowns(self) -> int:
+        """How many of the numbers are the equation's own."""
+        return 0 if self.fit is None else len(self.fit.free)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ModelChoice:
+    """Models ranked, the best first, and what that says.
+
+    ``chosen`` is None when none of them fits. ``heldout_margin`` is the held-out error of the next model over that of
+    the first, ``bic_margin`` how much larger its BIC is.
+    """
+
+    chosen: ModelCandidate | None
+    ranking: tuple[ModelCandidate, ...]
+    heldout_margin: float
+    bic_margin: float
+    message: str
+
+    @property
+    def nearest(self) -> ModelCandidate:
+        """The first of the ranking, adequate or not."""
+        return self.ranking[0]
