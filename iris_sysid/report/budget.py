@@ -9,7 +9,7 @@ import numpy as np
 
 from iris_sysid.calibration.plane import assumptions, fixed_by_data, local_geometry
 from iris_sysid.errors import CalibrationError
-from iris_sysid.report.page import Section, estimates_section
+from iris_sysid.report.page import Section, estimates_section, numbers, words
 from iris_sysid.report.text import with_error
 from iris_sysid.types import Calibration, Estimate, FitResult, Track
 
@@ -29,7 +29,7 @@ def budget_sections(fit: FitResult) -> list[Section]:
             rows += _rows(name, fit.estimates[name], parts, fit.estimates)
     if not rows:
         return []
-    columns = ("parameter", "source", "kind", "#standard error", "#of the variance")
+    columns = (*words("parameter", "source", "kind"), *numbers("standard error", "of the variance"))
     return [Section("Uncertainty budget", columns, rows, lines=[NOTE])]
 
 

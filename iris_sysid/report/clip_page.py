@@ -8,7 +8,7 @@ from iris_sysid.io.files import check_writable, write_atomic
 from iris_sysid.report.budget import budget_sections, calibration_section
 from iris_sysid.report.figures import fit_figure, track_figure
 from iris_sysid.report.identifiability import identifiability_sections
-from iris_sysid.report.page import Page, PageImage, Section, estimates_section, html_of, png_of
+from iris_sysid.report.page import Page, PageImage, Section, estimates_section, html_of, png_of, words
 from iris_sysid.report.text import as_sentence, fit_headline, residual_text, samples_text, shown_estimates
 from iris_sysid.types import FitResult, Run, Trajectory
 
@@ -92,7 +92,7 @@ def clip_page(run: Run) -> Page:
 
 def _segment_sections(trajectory: Trajectory) -> list[Section]:
     rows = [(segment.label, samples_text(segment, trajectory), segment.reason) for segment in trajectory.segments]
-    return [Section("Segments", ("segment", "samples", "reason"), rows)] if rows else []
+    return [Section("Segments", words("segment", "samples", "reason"), rows)] if rows else []
 
 
 def _checks(trajectory: Trajectory, fit: FitResult) -> list[str]:

@@ -16,7 +16,7 @@ from iris_sysid.io.files import check_writable
 from iris_sysid.io.json_documents import checked, entries_of, fit_document, plain_origin, write_document
 from iris_sysid.io.schemas import DiagnosisDocument, known_number
 from iris_sysid.report.clip_page import write_page
-from iris_sysid.report.page import Page, PageImage, Section, estimates_section, png_of
+from iris_sysid.report.page import Page, PageImage, Section, estimates_section, numbers, png_of, words
 from iris_sysid.report.text import (
     as_sentence,
     changed_parameters,
@@ -154,13 +154,8 @@ def _added_section(diagnosis: Diagnosis) -> list[Section]:
         for parameter in effect.parameters
         if diagnosis.sizes[parameter.name].stderr > 0
     ]
-    columns = (
-        "effect",
-        "parameter",
-        "#value ± standard error",
-        "#95 % interval (model-averaged)",
-        "indistinguishable from",
-    )
+    sizes = numbers("value ± standard error", "95 % interval (model-averaged)")
+    columns = (*words("effect", "parameter"), *sizes, *words("indistinguishable from"))
     return [Section("Missing effects", columns, rows)] if rows else []
 
 
@@ -186,7 +181,7 @@ def _fit_sections(diagnosis: Diagnosis) -> list[Section]:
 def _changed_section(diagnosis: Diagnosis) -> list[Section]:
     """Parameters of the model that the added effects move."""
     rows = [(name, with_error(base), with_error(final)) for name, base, final in changed_parameters(diagnosis)]
-    columns = ("parameter", f"#{WITHOUT}", f"#{WITH}")
+    columns = (*words("parameter"), *numbers(WITHOUT, WITH))
     return [Section("Parameters that change", columns, rows)] if rows else []
 
 
@@ -207,7 +202,7 @@ def _clips_section(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> list[Se
         )
         for clip, base, final in zip(clips, diagnosis.bases, diagnosis.finals, strict=True)
     ]
-    return [Section("Clips", ("clip", "#residual before", "#residual after", *(f"#{name}" for name in names)), rows)]
+    return [Section("Clips", (*words("clip"), *numbers("residual before", "residual after", *names)), rows)]
 
 
 def _rms(fit: FitResult) -> float:
@@ -222,7 +217,7 @@ def _error_section(diagnosis: Diagnosis) -> Section:
         )
         for when, errors in (("before", diagnosis.before), ("after", diagnosis.after))
     ]
-    columns = ("", "#fitted samples", "#held-out samples", "#noise")
+    columns = (*words(""), *numbers("fitted samples", "held-out samples", "noise"))
     if diagnosis.added:
         return Section("Error before and after", columns, rows)
     return Section("Error", columns[1:], [row[1:] for row in rows[:1]])
@@ -238,13 +233,16 @@ def _suggested_section(diagnosis: Diagnosis) -> list[Section]:
         (f"{term.term} in {term.equation}", with_error(term.coefficient), f"{100 * term.inclusion:.0f} %")
         for term in diagnosis.proposed
     ]
-    columns = ("term without a named effect", "#coefficient, to first order", "#selected in resampled data")
+    columns = (
+        *words("term without a named effect"),
+        *numbers("coefficient, to first order", "selected in resampled data"),
+    )
     return [Section("Suggested terms", columns, rows)] if rows else []
 
 
 def _limits_section(diagnosis: Diagnosis) -> Section:
     rows = [(limit.effect, _limit_text(limit)) for limit in diagnosis.ruled_out]
-    return Section("Upper limits on other effects", ("effect", "#largest size, at 95 %"), rows)
+    return Section("Upper limits on other effects", (*words("effect"), *numbers("largest size, at 95 %")), rows)
 
 
 def _score_section(number: int, scores: tuple[Score, ...]) -> Section:
@@ -257,7 +255,10 @@ def _score_section(number: int, scores: tuple[Score, ...]) -> Section:
         )
         for score in scores
     ]
-    columns = ("effect", "#of the residual explained", "#size, to first order", "#size / standard error")
+    columns = (
+        *words("effect"),
+        *numbers("of the residual explained", "size, to first order", "size / standard error"),
+    )
     return Section(f"Score tests, round {number}", columns, rows, folded=True)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from iris_sysid.report.page import Section
+from iris_sysid.report.page import Section, numbers, words
 from iris_sysid.report.text import as_sentence
 from iris_sysid.types import FitResult
 
@@ -22,7 +22,7 @@ def identifiability_sections(fit: FitResult) -> list[Section]:
     lines += [as_sentence(known.weakest)] if known.weakest and not known.undetermined else []
     lines += _one_step_lines(fit)
     rows = [(first, second, f"{value:+.3f}") for value, first, second in correlations(fit)[:MOST]]
-    columns = ("value", "correlates with", "#correlation") if rows else ()
+    columns = (*words("value", "correlates with"), *numbers("correlation")) if rows else ()
     return [Section("Identifiability", columns, rows, lines=lines)]
 
 

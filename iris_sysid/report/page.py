@@ -29,14 +29,32 @@ class PageImage:
 
 
 @dataclass(frozen=True, slots=True)
+class Column:
+    """The head of a table's column; a column of numbers is aligned on the right."""
+
+    title: str
+    number: bool = False
+
+
+def words(*titles: str) -> tuple[Column, ...]:
+    """Columns of text with these heads."""
+    return tuple(Column(title) for title in titles)
+
+
+def numbers(*titles: str) -> tuple[Column, ...]:
+    """Columns of numbers with these heads."""
+    return tuple(Column(title, number=True) for title in titles)
+
+
+@dataclass(frozen=True, slots=True)
 class Section:
-    """One part of a page: a table whose number columns are marked with ``#``, lines of text, an equation.
+    """One part of a page: a table, lines of text, an equation.
 
     A ``folded`` section shows its title only, until it is opened.
     """
 
     title: str
-    columns: Sequence[str] = ()
+    columns: Sequence[Column] = ()
     rows: Sequence[Sequence[str]] = ()
     lines: Sequence[str] = ()
     equation: str = ""
@@ -85,11 +103,10 @@ def html_of(page: Page) -> str:
 
 
 def _section(section: Section) -> dict[str, Any]:
-    columns = [{"title": title.lstrip("#"), "number": title.startswith("#")} for title in section.columns]
     equation = _base64(png_of(equation_figure(section.equation))) if section.equation else ""
     return {
         "title": section.title,
-        "columns": columns,
+        "columns": section.columns,
         "rows": section.rows,
         "lines": section.lines,
         "equation": equation,
@@ -124,5 +141,5 @@ def estimates_section(title: str, estimates: Mapping[str, Estimate], equation: s
         )
         for name, estimate in estimates.items()
     ]
-    columns = ("quantity", "#value ± standard error", "#95 % interval", "kind", "source")
+    columns = (*words("quantity"), *numbers("value ± standard error", "95 % interval"), *words("kind", "source"))
     return Section(title, columns, rows, equation=equation)
