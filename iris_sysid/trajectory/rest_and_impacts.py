@@ -28,12 +28,12 @@ FEWEST = 5  # samples that a stretch of motion needs: a parabola and two to spar
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """Samples ``start`` to ``stop - 1``, and why it begins and ends there."""
+    """Samples ``start`` to ``stop - 1``, and why it begins and ends there; ``end`` is empty at the last sample."""
 
     start: int
     stop: int
     begin: str = "from first sight"
-    end: str = "to the last sample"
+    end: str = ""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -149,7 +149,7 @@ def between(part: Stretch, resting: list[Stretch]) -> list[Stretch]:
     parts, start, begin = [], part.start, part.begin
     for rest in (interval for interval in resting if part.start <= interval.start < part.stop):
         if rest.start > start:
-            parts.append(Stretch(start, rest.start, begin, "until it rests"))
+            parts.append(Stretch(start, rest.start, begin, "it rests"))
         start, begin = rest.stop, "it starts from rest"
     return [*parts, Stretch(start, part.stop, begin, part.end)] if start < part.stop else parts
 
@@ -174,8 +174,7 @@ def split_at_impacts(body: Body, moving: list[Stretch]) -> tuple[list[Stretch], 
         edges = [part.start, *[impact.sample for impact in inside], part.stop]
         texts = [part.begin, *[impact.reason for impact in inside], part.end]
         for (start, stop), (begin, end) in zip(pairwise(edges), pairwise(texts), strict=True):
-            ending = end if stop == part.stop else f"until {end}"
-            stretches.append(Stretch(start, stop, begin if start == part.start else f"after the {begin}", ending))
+            stretches.append(Stretch(start, stop, begin if start == part.start else f"after the {begin}", end))
     return stretches, impacts
 
 

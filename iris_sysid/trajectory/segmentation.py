@@ -29,6 +29,7 @@ from iris_sysid.trajectory.straight_line import straight_part
 from iris_sysid.types import Array, Mask, MotionKind, Segment, SegmentLabel, Trajectory, frozen_mask
 
 PARABOLA = 0.05  # of its extent: what a flight leaves of a parabola is less, two flights with a bounce between more
+TO_THE_END = "to the last sample"
 EDGE = 6  # samples at either end that have too few neighbours for a jump, and are compared with an extrapolation
 
 
@@ -118,7 +119,7 @@ def _between_hands(world: Trajectory, held: Mask) -> list[Stretch]:
         seen = np.flatnonzero(world.valid[start:stop])
         if seen.size:
             begin = f"the hand lets go at {world.t_s[start]:.3g} s" if start else "from first sight"
-            end = f"until a hand touches it at {world.t_s[stop]:.3g} s" if stop < world.n else "to the last sample"
+            end = f"a hand touches it at {world.t_s[stop]:.3g} s" if stop < world.n else ""
             parts.append(Stretch(start + int(seen[0]), start + int(seen[-1]) + 1, begin, end))
     return parts
 
@@ -173,7 +174,7 @@ def _straight(body: Body, stretch: Stretch) -> Stretch:
     part = straight_part(inside.t_s, inside.position, inside.scale)
     start, stop = int(inside.index[part.start]), int(inside.index[part.stop - 1]) + 1
     begin = stretch.begin if start == inside.index[0] else f"{part.begin} at {inside.stamp_s[part.start]:.3g} s"
-    end = stretch.end if stop == inside.index[-1] + 1 else f"until {part.end} at {inside.stamp_s[part.stop - 1]:.3g} s"
+    end = stretch.end if stop == inside.index[-1] + 1 else f"{part.end} at {inside.stamp_s[part.stop - 1]:.3g} s"
     return Stretch(start, stop, begin, end)
 
 
@@ -191,7 +192,7 @@ def _without_outlying_ends(body: Body, stretch: Stretch) -> Stretch:
     if cut_start:
         begin = f"from {inside.stamp_s[cut_start]:.3g} s, where it comes onto its course"
     if cut_end:
-        end = f"until it leaves its course at {inside.stamp_s[-cut_end]:.3g} s"
+        end = f"it leaves its course at {inside.stamp_s[-cut_end]:.3g} s"
     return Stretch(int(kept[0]), int(kept[-1]) + 1, begin, end)
 
 
@@ -246,7 +247,7 @@ def _motion_reason(world: Trajectory, motion: Stretch, body: Body) -> str:
     inside = body.part(motion.start, motion.stop)
     gone = np.flatnonzero(_left_out(world, body)[motion.start : motion.stop]) + motion.start
     lost = 1 + np.flatnonzero(np.diff(inside.missing_s))
-    reason = f"{motion.begin}; {motion.end}"
+    reason = f"{motion.begin}; {f'until {motion.end}' if motion.end else TO_THE_END}"
     if gone.size:
         reason += f"; {gone.size} left out that disagree with their neighbours, at {_times(world.t_s[gone])}"
     if lost.size:
@@ -265,7 +266,7 @@ def _remainder(start: int, stop: int, motion: Stretch, impacts: list[Impact]) ->
     inside = {impact.sample: impact.reason for impact in impacts if start <= impact.sample < stop}
     edges = sorted({start, stop, *inside})
     label: SegmentLabel = "release" if stop <= motion.start else "contact"
-    default = motion.begin if label == "release" else motion.end.removeprefix("until ")
+    default = motion.begin if label == "release" else motion.end or TO_THE_END
     return [
         Segment("contact", a, b, inside[a]) if a in inside else Segment(label, a, b, default)
         for a, b in pairwise(edges)
