@@ -9,11 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from iris_sysid import MODELS, diagnose, estimates_frame, fit, observe, open_video, track
-from iris_sysid.calibration.pixel_scale import uncalibrated
-from iris_sysid.report.diagnosis_page import write_diagnosis
-from iris_sysid.report.text import diagnosis_sentence
-from iris_sysid.synthetic import render_clip
+from iris_sysid import (
+    MODELS,
+    diagnose,
+    diagnosis_sentence,
+    estimates_frame,
+    fit,
+    observe,
+    open_video,
+    render_clip,
+    track,
+    uncalibrated,
+    write_diagnosis,
+)
 
 HIDDEN = (("quadratic-drag", 0.15), ("coulomb-friction", 0.15), ("zero-offset", 0.03))  # 1/rad; rad/s^2; rad
 

@@ -7,8 +7,7 @@ Run it: python examples/one_clip.py [folder]
 import sys
 from pathlib import Path
 
-from iris_sysid import estimates_frame, run, save
-from iris_sysid.synthetic import render_clip
+from iris_sysid import estimates_frame, render_clip, run, save
 
 
 def main(folder: Path) -> None:

@@ -11,8 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.integrate import solve_ivp
 
-from iris_sysid import MODELS, diagnose, estimates_frame, fit, read_trajectory
-from iris_sysid.report.text import diagnosis_sentence
+from iris_sysid import MODELS, diagnose, diagnosis_sentence, estimates_frame, fit, read_trajectory
 
 
 def write_measured_angles(path: Path) -> None:

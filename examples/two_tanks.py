@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from iris_sysid import (
+    Array,
     FitOptions,
     FitResult,
     OdeModel,
@@ -24,13 +25,12 @@ from iris_sysid import (
     Quantity,
     Trajectory,
     diagnose,
+    diagnosis_sentence,
     estimates_frame,
     fit,
     read_trajectory,
     simulate,
 )
-from iris_sysid.report.text import diagnosis_sentence
-from iris_sysid.types import Array
 
 FULL_SCALE_V = 10.0  # the sensor reads no more
 SETTLED = 50  # samples before the score counts, as its publishers ask

@@ -1,4 +1,4 @@
-"""The clips that a diagnosis is asked about: tables, folders of them, folders of ``run``, or a whole data set."""
+"""Find the clips to diagnose: tables, folders of tables, folders of ``run``, or a whole data set."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 from iris_sysid.benchmark.dataset import benchmark_classes
-from iris_sysid.benchmark.groundtruth.measure import Conditions, measure
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_read import read_trajectory
 from iris_sysid.io.schemas.groundtruth import MeasuredDocument
@@ -32,13 +31,13 @@ def tables_in(path: Path) -> list[Path]:
     if not path.is_dir():
         return [path]
     own = [path / TRAJECTORY] if (path / TRAJECTORY).is_file() else sorted(_tables(path))
-    found = own or sorted(folder / TRAJECTORY for folder in path.iterdir() if (folder / TRAJECTORY).is_file())
-    if not found:
+    tables = own or sorted(folder / TRAJECTORY for folder in path.iterdir() if (folder / TRAJECTORY).is_file())
+    if not tables:
         raise DataError(
             f"{path} holds no clip: it has no trajectory (*.csv), no folder of iris-sysid run (*/{TRAJECTORY}), and "
             f"no class of a data set ({', '.join(sorted(benchmark_classes()))})"
         )
-    return found
+    return tables
 
 
 def _tables(path: Path) -> Iterator[Path]:
@@ -84,10 +83,14 @@ def clips_of_dataset(
     DataError
         When the data set has no clip of the phenomenon that could be fitted.
     """
-    asked = Conditions(trials=trials, phenomenon=phenomenon)
-    found = measure(folder, work, measured=board, conditions=asked, progress=progress, tell=tell)
-    clips = [clip.trajectory() for clip in found.clips if clip.document.usable]
-    usable = [clip for clip in clips if clip is not None]
+    from iris_sysid.benchmark.groundtruth.measure import Conditions, measure  # loads trackers and calibration
+
+    conditions = Conditions(trials=trials, phenomenon=phenomenon)
+    measurements = measure(folder, work, measured=board, conditions=conditions, progress=progress, tell=tell)
+    trajectories = [clip.trajectory() for clip in measurements.clips if clip.document.usable]
+    usable = [trajectory for trajectory in trajectories if trajectory is not None]
     if not usable:
-        raise DataError(f"{folder} has no clip of {phenomenon} that could be fitted; {len(found.clips)} were tried")
+        raise DataError(
+            f"{folder} has no clip of {phenomenon} that could be fitted; {len(measurements.clips)} were tried"
+        )
     return usable

@@ -51,17 +51,20 @@ def diagnose(
       iris-sysid diagnose trajectory.csv --model pendulum -o diagnosis/
     """
     from iris_sysid.cli import _parsing
-    from iris_sysid.diagnosis.diagnose import diagnose as find_missing_effects
     from iris_sysid.io.json_documents import document_text
     from iris_sysid.registry import EFFECTS
-    from iris_sysid.report.diagnosis_page import check_folder, diagnosis_document, write_diagnosis
-    from iris_sysid.report.text import diagnosis_text
+    from iris_sysid.report.diagnosis_files import check_folder
 
     equation, usually_free = _equation(model, phenomenon)
     check_folder(output, overwrite=force)
     fixed = _parsing.settings(known or (), equation.units())
     options = {"model": equation.name if model is None else model, "set": known, "free": free, "holdout": holdout}
     measured = _measured(clips, phenomenon, output, trials, board, square)
+    # imported after the clips are read: a file that cannot be read is told at once
+    from iris_sysid.diagnosis.diagnose import diagnose as find_missing_effects
+    from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
+    from iris_sysid.report.text import diagnosis_text
+
     trajectories = [_parsing.with_options(clip, **options) for clip in measured]
     freed = [*(name for name in usually_free if name not in fixed), *(free or ())]
     diagnosis = find_missing_effects(
@@ -96,13 +99,14 @@ def _measured(
 ) -> "list[Trajectory]":
     """The trajectories of tables and folders; clips of a data set are measured, and kept beside the output."""
     from iris_sysid.benchmark.clip_folders import clips_of, clips_of_dataset, is_dataset
-    from iris_sysid.benchmark.groundtruth.direct import with_board
     from iris_sysid.cli import _parsing
     from iris_sysid.errors import DataError
     from iris_sysid.io.schemas.groundtruth import MeasuredDocument
 
     shown = MeasuredDocument()
     if board is not None or square is not None:
+        from iris_sysid.benchmark.groundtruth.direct import with_board
+
         shown = with_board(shown, _parsing.board(board, square))
     trajectories: list[Trajectory] = []
     for path in clips:

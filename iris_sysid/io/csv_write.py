@@ -1,6 +1,6 @@
 """Tracks and trajectories as CSV files, read back exactly; what a CSV cannot say goes into ``<file>.origin.json``.
 
-``track.csv`` is long, one row per frame and body; ``trajectory.csv`` is wide, ``t_s`` and a column a quantity, whose
+``track.csv`` is long, one row per frame and body; ``trajectory.csv`` is wide, ``t_s`` and a column per quantity, whose
 names :mod:`iris_sysid.io.csv_columns` explains. A blank cell is a gap. The file beside it (where the data come from,
 geometry, why each segment was cut) is optional: a table typed by hand reads as well.
 """
@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from iris_sysid.io.csv_read import read_track, read_trajectory, side_car_of
 from iris_sysid.io.dataframes import estimates_frame, to_frame
@@ -21,6 +20,9 @@ from iris_sysid.io.files import check_writable, sha256_of, write_atomic
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, write_document
 from iris_sysid.io.schemas import ErrorAutocorrelationEntry, OriginDocument, known_numbers
 from iris_sysid.types import ErrorAutocorrelation, Track, Trajectory
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["estimates_frame", "read_track", "read_trajectory", "to_frame", "write_track", "write_trajectory"]
 
@@ -31,7 +33,7 @@ def write_track(tracks: Sequence[Track] | Track, path: str | Path, *, overwrite:
     Parameters
     ----------
     tracks
-        One a body, each of another name.
+        One per body, each of another name.
     path
         File to write; ``<path>.origin.json`` is written beside it.
     overwrite
@@ -67,7 +69,7 @@ def _entry_of(stated: ErrorAutocorrelation | None) -> ErrorAutocorrelationEntry 
 
 
 def write_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: bool = False) -> Path:
-    """Write a trajectory to a CSV file, one row a sample: what was measured, and the smoothed state where there is one.
+    """Write a trajectory to a CSV file, one row per sample: the measurement, and the smoothed state where there is one.
 
     Parameters
     ----------

@@ -1,16 +1,21 @@
-"""Every box as a pandas table, with units in the column names; the CSV files are these tables."""
+"""Every box as a pandas table, with units in the column names; the CSV files are these tables.
+
+pandas is imported by the functions that make a table: reading a CSV file needs none.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_columns import column_of, covariance_columns, state_columns
 from iris_sysid.types import TRACK_SIGMAS, Array, FitResult, Segment, Smoothed, Track, Trajectory
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 OPTIONAL_TRACK_COLUMNS = ("radius_px", "angle_rad", "intensity", "area_px", *TRACK_SIGMAS)
 
@@ -58,6 +63,8 @@ def estimates_frame(result: FitResult) -> pd.DataFrame:
     >>> frame.loc[["length", "damping"], "unit"].to_list()
     ['m', '1/s']
     """
+    import pandas as pd
+
     rows = {
         name: {
             "value": estimate.value,
@@ -77,6 +84,8 @@ def estimates_frame(result: FitResult) -> pd.DataFrame:
 
 
 def _track_frame(tracks: Sequence[Track]) -> pd.DataFrame:
+    import pandas as pd
+
     names = [track.body for track in tracks]
     if len(set(names)) < len(names):
         raise DataError(f"two tracks are of the same body: {', '.join(map(repr, names))}; name each differently")
@@ -119,6 +128,8 @@ def _joined(tracks: Sequence[Track], name: str) -> Array:
 
 
 def _trajectory_frame(trajectory: Trajectory) -> pd.DataFrame:
+    import pandas as pd
+
     headers = [column_of(quantity) for quantity in trajectory.quantities]
     columns: dict[str, Any] = {"t_s": trajectory.t_s, **dict(zip(headers, trajectory.position.T, strict=True))}
     for header, sigma in zip(headers, trajectory.sigma.T, strict=True):
@@ -166,6 +177,8 @@ def segment_labels(segments: Sequence[Segment], n: int) -> list[str | None]:
 
 
 def _fit_frame(result: FitResult) -> pd.DataFrame:
+    import pandas as pd
+
     columns: dict[str, Any] = {"t_s": result.t_s, "used": result.used}
     parts = {
         "observed": result.predicted + result.residual,

@@ -12,10 +12,10 @@ from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
 from iris_sysid.io.discovery_json import term_entry
-from iris_sysid.io.files import check_writable
 from iris_sysid.io.json_documents import checked, entries_of, fit_document, plain_origin, write_document
 from iris_sysid.io.schemas import DiagnosisDocument, known_number
 from iris_sysid.report.clip_page import write_page
+from iris_sysid.report.diagnosis_files import check_folder
 from iris_sysid.report.page import Page, PageImage, Section, estimates_section, numbers, png_of, words
 from iris_sysid.report.text import (
     as_sentence,
@@ -28,18 +28,10 @@ from iris_sysid.report.text import (
 )
 from iris_sysid.types import Array, Diagnosis, FitResult, Limit, Score, Trajectory
 
-FILES = ("diagnosis.json", "residual.png", "state.png", "report.html")
 MARKERS = ".x+1"  # of the observed quantities, in their order
 WITHOUT, WITH = "without the added effects", "with the added effects"
 ENLARGED_BELOW = 0.1  # of the residual without the effects: below, one scale for both shows nothing
 BEFORE, AFTER = "#D55E00", "#0072B2"  # Okabe and Ito (2008)
-
-
-def check_folder(folder: str | Path, *, overwrite: bool = False) -> Path:
-    """Raise OutputError when :func:`write_diagnosis` could not write into the folder: to be called before the work."""
-    for name in FILES:
-        check_writable(Path(folder) / name, overwrite=overwrite)
-    return Path(folder)
 
 
 def write_diagnosis(

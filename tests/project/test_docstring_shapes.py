@@ -9,7 +9,8 @@ from tests._project import ROOT, python_files
 STATED_AT_LEAST = 0.35  # share of those functions
 ARRAY = re.compile(r"\b(Array|ndarray|NDArray|ArrayLike|Image)\b")
 MASK = re.compile(r"\bMask\b")
-SHAPE = re.compile(r"\(\s*(?:\w+|\.\.\.)\s*,(?:\s*[\w .*+-]+,?)*\s*\)")  # (n,)  (n, 2)  (h, w, 3)  (..., 2)
+AXIS = r"(?:\.\.\.|[a-z_0-9]+(?: [*+-] [a-z_0-9]+)*)"
+SHAPE = re.compile(rf"\({AXIS},(?: {AXIS}(?:, {AXIS})*)?\)")  # (n,)  (n, 2)  (h, w, 3)  (..., 2)  (n * d, k)
 SYMBOLS = r"px|m|s|rad|Hz|kg|N|deg|mm|ms"
 NAMES = r"dimensionless|pixels?|metres?|seconds?|radians?|degrees?|hertz|grey levels?|units?"
 COUNTS = r"frames?|counts?|ind(?:ex|ices)|booleans?|bytes"
@@ -64,14 +65,14 @@ def function(docstring: str, signature: str = "x_px: Array") -> ast.FunctionDef:
 
 def test_docstring_with_shape_and_unit_is_accepted():
     assert states_shape_and_unit(function("Shift positions (n, 2), in px."))
-    assert states_shape_and_unit(function("Shift the ratios (n,), dimensionless."))
+    assert states_shape_and_unit(function("Shift the ratios (n * d + j, k), dimensionless."))
     assert states_shape_and_unit(function("Invert the mask (h, w).", signature="valid: Mask"))
 
 
 def test_docstring_without_shape_or_without_unit_is_missed():
     assert not states_shape_and_unit(function("Shift positions, in px."))
     assert not states_shape_and_unit(function("Shift the body's positions (n, 2)."))
-    assert not states_shape_and_unit(function("Shift positions (if any), in px."))
+    assert not states_shape_and_unit(function("Shift positions (if any), in px (Burg 1967, Durbin 1960)."))
 
 
 def test_functions_with_arrays_are_found_by_their_annotations():

@@ -91,8 +91,15 @@ def test_registry_foreign_package_of_the_same_name_is_refused(monkeypatch):
         check_ours(foreign)
 
 
-def test_registry_package_shared_with_another_distribution_is_refused(monkeypatch):
-    monkeypatch.setattr("iris_sysid.registry.packages_distributions", lambda: {"trackers": ["iris-sysid", "trackers"]})
+def test_registry_package_shared_with_another_distribution_is_refused(tmp_path, monkeypatch):
+    for name, files in (
+        ("iris_sysid-0.1.0", "trackers/disc.py"),
+        ("trackers-2.0", "trackers/utils.py"),
+        ("other-1", "x.py"),
+    ):
+        (tmp_path / f"{name}.dist-info").mkdir()
+        (tmp_path / f"{name}.dist-info" / "RECORD").write_text(f"other/file.py,,\n{files},sha256=0,1\n")
+    monkeypatch.setattr(trackers, "__path__", [str(tmp_path / "trackers")])
     with pytest.raises(PluginError, match="pip uninstall trackers iris-sysid"):
         check_ours(trackers)
 

@@ -14,7 +14,8 @@ from iris_sysid.errors import IrisError, OutputError
 from iris_sysid.io.csv_read import read_trajectory
 from iris_sysid.registry import EFFECTS
 from iris_sysid.report import clip_page, figures
-from iris_sysid.report.diagnosis_page import FILES, write_diagnosis
+from iris_sysid.report.diagnosis_files import FILES
+from iris_sysid.report.diagnosis_page import write_diagnosis
 from iris_sysid.report.overlay import draw_body, write_overlay
 from iris_sysid.report.page import Page, PageImage, Section, estimates_section, html_of, numbers, png_of, words
 from iris_sysid.types import Diagnosis, Estimate, Quantity, Segment, Track, Trajectory
