@@ -133,7 +133,7 @@ def _largest(tracklets: list[Tracklet], options: TrackOptions) -> list[Tracklet]
     if len(chosen) < options.bodies:
         raise TrackingError(
             f"{options.bodies} bodies of the colour {options.colour} were asked for, but {len(chosen)} can be seen at "
-            "the same time; give the colour as it is in the image, e.g. '#c8e61e', or limit the image with --roi"
+            "the same time; give the colour as it is in the image, e.g. '#c8e61e', or restrict the region with --roi"
         )
     return with_fragments(chosen, [tracklet for tracklet in tracklets if not any(tracklet is body for body in chosen)])
 

@@ -86,8 +86,8 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
                 found[frame.index] = fitted
     if not all(fits):
         raise TrackingError(
-            "what moves is not round: no disc could be fitted to it; use the tracker median-background, "
-            "or limit the image with --roi"
+            "the moving body is not round: no disc fits it; use the tracker median-background, or restrict the region "
+            "with --roi"
         )
     held = [held_frames(tracklet, all_detections) for tracklet in tracklets] or [set[int]()] * len(fits)
     return [
@@ -120,7 +120,7 @@ def _linked(
 
 
 def _least_seen(tracklets: Sequence[Tracklet]) -> int:
-    """Sightings of the body that has fewest; 0 where there is none."""
+    """Number of detections of the body that has fewest; 0 where there is none."""
     return min((len(tracklet.detections) for tracklet in tracklets), default=0)
 
 

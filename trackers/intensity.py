@@ -21,7 +21,7 @@ from trackers._uncertainty.local_polynomial import excess_scatter, persistent, p
 
 SAMPLES = 40  # frames in which the region is sought
 FEWEST_FRAMES = 3
-LEAST_TOGETHER = 0.8  # of what changes in the image must follow the course of the region
+LEAST_EXPLAINED = 0.8  # of what changes in the image must follow the course of the region
 SLOW = 45  # frames on either side: compression is late over so many, while the light fades smoothly
 REPORT_EVERY = 10  # frames between two calls of the progress function
 
@@ -74,6 +74,8 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
 def linear_light(grey: Array) -> Array:
     """Light, 0 to 1, of sRGB ``grey`` levels of full range (0 to 255), element by element.
 
+    Any shape, such as (h, w); light is dimensionless.
+
     IEC 61966-2-1: c/12.92 up to c = 0.04045, else ((c + 0.055)/1.055)^2.4, with c = grey/255.
     """
     c = np.asarray(grey, dtype=np.float64) / 255.0
@@ -91,11 +93,11 @@ def _regions(view: View, samples: Sequence[Frame], options: TrackOptions) -> lis
         region = region_that_changes(stack, free)
         if region is None:
             raise TrackingError(_too_few(len(regions), options.bodies))
-        if region.together < LEAST_TOGETHER:
+        if region.explained_share < LEAST_EXPLAINED:
             raise TrackingError(
-                f"what changes does not change as a whole: only {region.together:.0%} of it follows the course of "
-                "the region that changes most, as when something moves; limit the image with --roi, or use another "
-                "tracker"
+                f"the region does not change as a whole: only {region.explained_share:.0%} of the change follows "
+                "the region that changes most, as when something moves; restrict the region with --roi, or use "
+                "another tracker"
             )
         regions.append(region)
         free = free & ~region.mask

@@ -1,4 +1,4 @@
-"""Bodies that move before a background that changes slowly: nearest samples [1]_, blobs, sub-pixel centres, tracklets.
+"""Bodies that move before a background that changes slowly: nearest samples [1]_, blobs, sub-pixel centres, linking.
 
 The background is learnt from the clip as it goes; a body that rests becomes background. The centres are measured,
 and the bodies linked, as by ``median-background``.

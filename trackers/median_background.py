@@ -1,10 +1,10 @@
-"""Bodies that move before a background that does not: median background, blobs, sub-pixel centres, tracklets.
+"""Moving bodies in front of a still background: median background, blobs, sub-pixel centroids, tracklets.
 
-Frames sampled over the clip give the background and its noise. In each frame the parts that differ
-are cut into compact bodies (cords and hands come off), each is measured to a fraction of a pixel, and
-the bodies are linked over the frames. The clip is read once beside the sampling, twice where a body stayed so
-long in one place that it became background; frames are not kept. More than two bodies, and two that are
-not both seen throughout, are followed all at once, also where they touch: the clip is then read twice more.
+Frames sampled over the clip give the background and its noise. In each frame the foreground is cut into compact blobs
+without cords and hands, the centroid of each is measured to a fraction of a pixel, and the detections are linked over
+the frames. The clip is read once beside the sampling, twice where a body stayed so long in one position that it became
+background; frames are not kept. More than two bodies, and two that are not both seen throughout, are tracked together,
+also where they touch: the clip is then read twice more.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def _bodies(
 
 
 def _seen(tracklets: Sequence[Tracklet]) -> int:
-    """Sightings of all bodies."""
+    """Number of detections of all bodies."""
     return sum(len(tracklet.detections) for tracklet in tracklets)
 
 

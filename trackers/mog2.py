@@ -1,4 +1,4 @@
-"""Bodies that move before a background that changes slowly: mixture of Gaussians [1]_, blobs, sub-pixel centres, tracklets.
+"""Moving bodies in front of a slowly changing background: mixture of Gaussians [1]_, blobs, sub-pixel centroids.
 
 The background is learnt from the clip as it goes, so that light which drifts does not matter; a body that rests
 becomes background. The centres are measured, and the bodies linked, as by ``median-background``.

@@ -28,8 +28,8 @@ from iris_sysid.types import (
 from trackers._background.median import Image
 from trackers._detection.detect_frames import DetectionSetup, detection_setup
 from trackers._frames.working_image import view_of
-from trackers._regions.rotation_axis import Axis, Middle, Turns, activity, axis_of, middle_of
-from trackers._regions.rotation_template import Pattern, centred, luma_of, pattern_of, turned
+from trackers._regions.rotation_axis import Axis, Middle, RotationFollower, activity, axis_of, middle_of
+from trackers._regions.rotation_template import Pattern, centred, learn_pattern, luma_of, match_rotation
 from trackers._uncertainty.local_polynomial import excess_scatter, persistent, pooled
 
 BLURS = (6.0, 3.0, 1.5, 0.7, 0.7)  # px, from rough to fine: how far off the angles may be before each
@@ -74,13 +74,13 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     clip = _roughly(video, setup, axis, options)
     if np.ptp(clip.angle) < LEAST_TURN:
         raise TrackingError(
-            f"what moves does not turn: its angle varies by {np.degrees(np.ptp(clip.angle)):.2g} degrees over the "
-            "clip; choose another tracker, or another part of the clip"
+            f"the moving body does not rotate: its angle varies by {np.degrees(np.ptp(clip.angle)):.2g} degrees over "
+            "the clip; choose another tracker, or another part of the clip"
         )
-    lesson = _lesson(setup, axis, clip.angle[clip.places(setup)])
-    better = clip.angle + np.interp(clip.number, setup.numbers, lesson.angles - clip.angle[clip.places(setup)])
-    measured = _finely(video, setup, lesson.pattern, better, options)
-    return [_track_of(clip, measured, lesson, middle_of(shown, lesson.pattern.axis, lesson.angles), setup, options)]
+    learned = _learn_template(setup, axis, clip.angle[clip.places(setup)])
+    better = clip.angle + np.interp(clip.number, setup.numbers, learned.angles - clip.angle[clip.places(setup)])
+    measured = _finely(video, setup, learned.pattern, better, options)
+    return [_track_of(clip, measured, learned, middle_of(shown, learned.pattern.axis, learned.angles), setup, options)]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -105,7 +105,7 @@ class _LearnedTemplate:
 
 
 def _roughly(video: FrameSource, setup: DetectionSetup, axis: Axis, options: TrackOptions) -> _Clip:
-    turns, numbers, times, spokes = Turns(axis), list[int](), list[float](), list[float]()
+    turns, numbers, times, spokes = RotationFollower(axis), list[int](), list[float](), list[float]()
     first_half = part_of_progress(options.progress, 0, 2)
     for frame in with_progress(video.frames(), first_half, video.n_expected, every=REPORT_EVERY):
         numbers.append(frame.index)
@@ -114,16 +114,16 @@ def _roughly(video: FrameSource, setup: DetectionSetup, axis: Axis, options: Tra
     return _Clip(np.array(numbers), np.array(times), np.radians(spokes))
 
 
-def _lesson(setup: DetectionSetup, axis: Axis, angles: Array) -> _LearnedTemplate:
+def _learn_template(setup: DetectionSetup, axis: Axis, angles: Array) -> _LearnedTemplate:
     """Learn look, angles and axis from the sampled frames, from rough to fine."""
     small = [luma_of(image) for image in setup.search_images]
     for blur in BLURS:
         images = [_blurred(image, blur) for image in small]
-        pattern = pattern_of(images, angles, axis).telling()
-        fits = [turned(pattern, image, angle, loose=True) for image, angle in zip(images, angles, strict=True)]
+        pattern = learn_pattern(images, angles, axis).telling()
+        fits = [match_rotation(pattern, image, angle, loose=True) for image, angle in zip(images, angles, strict=True)]
         angles = np.array([fit.angle for fit in fits])
         axis = centred(axis, angles, np.array([fit.shift for fit in fits]))
-    pattern = pattern_of(images, angles, axis)
+    pattern = learn_pattern(images, angles, axis)
     _check_turns(pattern, images)
     return _LearnedTemplate(pattern.telling(), angles)
 
@@ -141,8 +141,8 @@ def _check_turns(pattern: Pattern, images: Sequence[Image]) -> None:
     explained = 1 - float((pattern.spread**2).sum() / max(float(standing.sum()), 1e-9))
     if explained < EXPLAINED:
         raise TrackingError(
-            f"what moves does not turn about a point in the image: turning explains {max(explained, 0.0):.0%} of "
-            "what changes; limit the image with --roi, or use the tracker median-background"
+            f"the moving body does not rotate about a point in the image: rotation explains {max(explained, 0.0):.0%} "
+            "of the change; restrict the region with --roi, or use the tracker median-background"
         )
 
 
@@ -151,22 +151,27 @@ def _finely(video: FrameSource, setup: DetectionSetup, pattern: Pattern, start: 
     rows: list[tuple[float, float]] = []
     frames = with_progress(video.frames(), part_of_progress(options.progress, 1, 2), len(start), every=REPORT_EVERY)
     for frame, angle in zip(frames, start, strict=True):
-        fit = turned(pattern, _blurred(luma_of(setup.view.search_image(frame)), BLURS[-1]), float(angle))
+        fit = match_rotation(pattern, _blurred(luma_of(setup.view.search_image(frame)), BLURS[-1]), float(angle))
         seen = fit.share > SHOWN and fit.sigma < LARGEST_ERROR
         rows.append((fit.angle, fit.sigma) if seen else (np.nan, np.nan))
     return np.array(rows)
 
 
 def _track_of(
-    clip: _Clip, measured: Array, lesson: _LearnedTemplate, middle: Middle, setup: DetectionSetup, options: TrackOptions
+    clip: _Clip,
+    measured: Array,
+    learned: _LearnedTemplate,
+    middle: Middle,
+    setup: DetectionSetup,
+    options: TrackOptions,
 ) -> Track:
     angle, sigma = measured.T
     valid = np.isfinite(angle)
     if not valid.any():
-        raise TrackingError("the body that turns shows in no frame as it was learnt; limit the image with --roi")
+        raise TrackingError("no frame shows the rotating body as it was learned; restrict the region with --roi")
     sigma[valid] = pooled(sigma[valid])
     sigma[valid] = persistent(sigma[valid] * excess_scatter(clip.t_s[valid], angle[valid], sigma[valid]))
-    view, axis = setup.view, lesson.pattern.axis
+    view, axis = setup.view, learned.pattern.axis
     axis_px = (np.array([axis.x, axis.y]) + 0.5) * view.step - 0.5 + np.array([view.left, view.top])
     way = view.step * middle.radius
     along = np.column_stack([np.cos(angle + middle.direction), -np.sin(angle + middle.direction)])

@@ -138,7 +138,7 @@ def _patch(luma: Bytes) -> Patch:
     slopes = np.stack([np.gradient(image.astype(np.float64), axis=axis).ravel() for axis in (1, 0)])
     information = slopes @ slopes.T
     if np.linalg.cond(information) > 1e6:
-        raise TrackingError("what is in the region is the same all along a line; include a corner or an end of it")
+        raise TrackingError("the region looks the same all along a line; include a corner or an end of it")
     return Patch(image, information)
 
 

@@ -24,7 +24,7 @@ class Frame:
     """One decoded frame. ``luma`` is (h, w) uint8; ``bgr()`` converts to (h, w, 3) uint8 when asked.
 
     ``chroma()`` gives the two colour planes (cb, cr) as coded, uint8, each as large as luma or smaller; None where
-    the picture is not coded so.
+    the image is not coded so.
     """
 
     index: int
@@ -61,7 +61,7 @@ class TrackOptions:
     """What a user may tell any tracker.
 
     ``roi`` is (x, y, width, height) in px. ``colour`` is a name or ``#rrggbb``: only pixels of about
-    that hue count. ``progress`` is called with (frames done, frames expected). ``mask`` gives a picture for each
+    that hue count. ``progress`` is called with (frames done, frames expected). ``mask`` gives an image for each
     frame in which 0 is background and every other value a body: it takes the place of the detector.
     """
 
@@ -82,7 +82,7 @@ class Track:
     ``t_s`` (n,) s; ``xy_px`` and ``sigma_px`` (n, 2) px, standard error of each coordinate;
     ``valid`` (n,). Optional (n,): ``radius_px`` apparent radius, ``angle_rad`` orientation
     (anticlockwise as seen), ``intensity`` grey levels, ``area_px`` pixels in the blob, ``hand``
-    (true where something that reaches in from the edge of the picture touches the body), and the standard
+    (true where something that reaches in from the edge of the image touches the body), and the standard
     errors ``sigma_radius_px``, ``sigma_angle_rad``, ``sigma_intensity`` of what they are named after.
     ``frame`` (n,) is the number of each frame in the file. A gap is NaN and not valid.
     ``error_autocorrelation`` says how long the errors of the position last, None where the tracker cannot tell.

@@ -11,17 +11,17 @@ import av
 from av.container import InputContainer
 from av.video.stream import VideoStream
 
-EMPTY_PACKET_BYTES = 8  # an MPEG-4 "not coded" picture, which repeats the last one, has 7
+EMPTY_PACKET_BYTES = 8  # an MPEG-4 "not coded" image, which repeats the last one, has 7
 _STATE_DURATION = ("matroska", "mov", "flv", "asf")  # others have it guessed, from what is there or the bit rate
-_DECODER_DELAY = 64  # pictures; beyond that of any decoder
+_DECODER_DELAY = 64  # images; beyond that of any decoder
 
 
 @dataclass(frozen=True, slots=True)
 class Promise:
     """What a file says that it holds.
 
-    ``packets`` are those in its index, ``frames`` the pictures to be shown (0 where it does not say),
-    ``end_s`` the end of its last picture, where known only from a duration.
+    ``packets`` are those in its index, ``frames`` the images to be shown (0 where it does not say),
+    ``end_s`` the end of its last image, where known only from a duration.
     """
 
     packets: int = 0
@@ -31,11 +31,11 @@ class Promise:
 
 @dataclass(slots=True)
 class Tally:
-    """What was read so far: packets, those of them without a picture of their own, and pictures."""
+    """What was read so far: packets, those of them without an image of their own, and images."""
 
     packets: int = 0
     silent: int = 0
-    pictures: int = 0
+    images: int = 0
     interlaced: bool = False
     cut_off: bool = False
     end_s: float = float("-inf")
@@ -51,21 +51,21 @@ class Tally:
         if packet.pts is not None and len(self.early_pts) < _DECODER_DELAY:
             self.early_pts.append(packet.pts)
 
-    def count_picture(self, picture: av.VideoFrame, seconds: float | None) -> None:
-        """Count a picture from the decoder, with its time."""
-        self.pictures += 1
-        self.interlaced |= picture.interlaced_frame
+    def count_image(self, image: av.VideoFrame, seconds: float | None) -> None:
+        """Count an image from the decoder, with its time."""
+        self.images += 1
+        self.interlaced |= image.interlaced_frame
         if self.first_pts is None:
-            self.first_pts = picture.pts
+            self.first_pts = image.pts
         if seconds is not None:
-            self.longest_s = max(self.longest_s, seconds - self.end_s) if self.pictures > 1 else 0.0
+            self.longest_s = max(self.longest_s, seconds - self.end_s) if self.images > 1 else 0.0
             self.end_s = seconds
 
     @property
     def lost(self) -> int:
-        """Packets that should have given a picture and did not; those before the first key frame are no loss."""
+        """Packets that should have given an image and did not; those before the first key frame are no loss."""
         lead = 0 if self.first_pts is None else sum(pts < self.first_pts for pts in self.early_pts)
-        return self.packets - self.silent - lead - self.pictures
+        return self.packets - self.silent - lead - self.images
 
 
 def promise_of(container: InputContainer, stream: VideoStream, path: Path) -> Promise:
@@ -77,7 +77,7 @@ def promise_of(container: InputContainer, stream: VideoStream, path: Path) -> Pr
     if kind == "gif":  # its header says nothing; the count is of what could be found
         return Promise(frames=stream.frames)
     duration, rate = _duration_s(container, stream), stream.average_rate
-    if kind == "avi" and stream.frames:  # the header counts repeated pictures too, which the index leaves out
+    if kind == "avi" and stream.frames:  # the header counts repeated images too, which the index leaves out
         whole = listed > 1 and stream.index_entries[listed - 1].timestamp + 1 >= stream.frames
         return Promise(listed, listed) if whole else Promise(0, stream.frames, duration)
     frames = round(duration * rate) if duration and rate else 0
@@ -97,7 +97,7 @@ def what_is_missing(promise: Promise, tally: Tally, stream: VideoStream, path: P
             return f"it ends at {tally.end_s:.3f} s, its header says {promise.end_s:.3f} s"
     if stream.codec_context.name == "gif" and not _gif_is_whole(path):
         return "its end is missing or damaged"
-    # VP8 has packets that are never shown; an interlaced picture may come in two packets
+    # VP8 has packets that are never shown; an interlaced image may come in two packets
     countable = stream.codec_context.name != "vp8" and not tally.interlaced
     if countable and tally.lost > max(2, stream.codec_context.reorder_depth):
         return f"{tally.lost} frames could not be decoded"

@@ -32,22 +32,22 @@ _OPTIONS = {
     "protocol_whitelist": "file",
     "max_pixels": str(MAX_PIXELS),
 }
-DECODED_AHEAD = 4  # pictures beside one a processor: what is done with one must not keep the decoder waiting
+DECODED_AHEAD = 4  # images beside one a processor: what is done with one must not keep the decoder waiting
 MOST_DECODED = 16  # at once, 12 MB each of 3840x2160
-_NO_TIMESTAMPS = 0x0080  # AVFMT_NOTIMESTAMPS: a bare stream of pictures, such as .h264
+_NO_TIMESTAMPS = 0x0080  # AVFMT_NOTIMESTAMPS: a bare stream of images, such as .h264
 
 
 class DamageError(Exception):
-    """The rest of the file cannot be read, and why; the pictures before it are good."""
+    """The rest of the file cannot be read, and why; the images before it are good."""
 
 
 @dataclass(eq=False)
 class ContainerSource:
-    """A video file that was opened, checked, and whose first picture was decoded.
+    """A video file that was opened, checked, and whose first image was decoded.
 
     ``width`` and ``height`` are as displayed. ``rate`` is the header's average in 1/s, None when it does
     not say; ``time_base`` is the unit of the file's stamps in s. ``first_s`` is the time of the first
-    picture as the container has it (it need not be 0).
+    image as the container has it (it need not be 0).
     """
 
     path: Path
@@ -69,21 +69,21 @@ class ContainerSource:
         """Number of frames that the header promises, or about so many by its duration; 0 when neither is there."""
         return self.promise.frames
 
-    def pictures(self) -> Generator[tuple[float | None, av.VideoFrame]]:
-        """Every picture in display order with its time in s (None where the file has none).
+    def images(self) -> Generator[tuple[float | None, av.VideoFrame]]:
+        """Every image in display order with its time in s (None where the file has none).
 
-        Raises DamageError where the file stops being readable, or at its end when pictures are missing.
+        Raises DamageError where the file stops being readable, or at its end when images are missing.
         """
         tally = Tally()
         with _opened_again(self.path, self.label) as (container, stream):
             stream.thread_type = "AUTO"
             stream.codec_context.thread_count = min((os.cpu_count() or 1) + DECODED_AHEAD, MOST_DECODED)
-            for picture in _decoded(container, stream, tally):
-                seconds = None if self.timeless or picture.pts is None else self.seconds(picture.pts)
-                tally.count_picture(picture, seconds)
-                if (picture.width, picture.height) != self.coded_size:
-                    raise DamageError(f"the picture's size changes to {picture.width}x{picture.height} px")
-                yield seconds, picture
+            for image in _decoded(container, stream, tally):
+                seconds = None if self.timeless or image.pts is None else self.seconds(image.pts)
+                tally.count_image(image, seconds)
+                if (image.width, image.height) != self.coded_size:
+                    raise DamageError(f"the image's size changes to {image.width}x{image.height} px")
+                yield seconds, image
             reason = what_is_missing(self.promise, tally, stream, self.path)
         if reason:
             raise DamageError(reason)
@@ -104,12 +104,12 @@ class ContainerSource:
         """The time in s of a stamp."""
         return None if self.time_base is None else _seconds(stamp, self.time_base)
 
-    def orientation_for(self, picture: av.VideoFrame) -> Orientation:
-        """How that picture is turned for display: all as the first."""
+    def orientation_for(self, image: av.VideoFrame) -> Orientation:
+        """How that image is turned for display: all as the first."""
         return self.orientation
 
     def pick(self, bursts: Sequence[tuple[int, Sequence[int]]]) -> Iterator[tuple[int, av.VideoFrame]]:
-        """Pictures with the wanted stamps, by seeking: each burst is a key frame's stamp and the wanted ones after it.
+        """Images with the wanted stamps, by seeking: each burst is a key frame's stamp and the wanted ones after it.
 
         What cannot be read is left out. Two decoders share the work: one decoder of several threads decodes ahead of
         every seek for nothing.
@@ -131,32 +131,32 @@ class ContainerSource:
 
 
 def open_container(path: Path, label: str) -> ContainerSource:
-    """Open a video file: check what it is and how large its pictures are, then decode the first one.
+    """Open a video file: check what it is and how large its images are, then decode the first one.
 
     Raises VideoError, which says what the file is instead, or what is wrong with it.
     """
     try:
         with _opened(path, label) as (container, stream):
             promise = promise_of(container, stream, path)
-            picture = _first_picture(container, stream, promise, label)
-            timeless = bool(container.format.flags & _NO_TIMESTAMPS) or picture.pts is None
-            orientation = orientation_of(picture)
-            width, height = orientation.size(picture.width, picture.height)
-            check_size(picture.width, picture.height, label)
+            image = _first_image(container, stream, promise, label)
+            timeless = bool(container.format.flags & _NO_TIMESTAMPS) or image.pts is None
+            orientation = orientation_of(image)
+            width, height = orientation.size(image.width, image.height)
+            check_size(image.width, image.height, label)
             rate = stream.average_rate
             return ContainerSource(
                 path=path,
                 label=label,
                 width=width,
                 height=height,
-                coded_size=(picture.width, picture.height),
+                coded_size=(image.width, image.height),
                 orientation=orientation,
                 time_base=stream.time_base,
                 rate=float(rate) if rate and not timeless else None,
-                first_s=None if timeless or not stream.time_base else _seconds(picture.pts or 0, stream.time_base),
+                first_s=None if timeless or not stream.time_base else _seconds(image.pts or 0, stream.time_base),
                 promise=promise,
-                facts=_facts(container, stream, picture),
-                note=_rotation_note(picture),
+                facts=_facts(container, stream, image),
+                note=_rotation_note(image),
                 timeless=timeless,
             )
     except av.FFmpegError as error:
@@ -164,12 +164,12 @@ def open_container(path: Path, label: str) -> ContainerSource:
 
 
 def check_size(width: int, height: int, label: str) -> None:
-    """Raise VideoError for pictures without a size, or too large to be meant."""
+    """Raise VideoError for images without a size, or too large to be meant."""
     if width < 1 or height < 1:
-        raise VideoError(f"{label} gives no size of its pictures, or one beyond {MAX_PIXELS} px; no frame was read")
+        raise VideoError(f"{label} gives no size of its images, or one beyond {MAX_PIXELS} px; no frame was read")
     if max(width, height) > MAX_SIDE_PX or width * height > MAX_PIXELS:
         raise VideoError(
-            f"{label} claims pictures of {width}x{height} px; at most {MAX_SIDE_PX} px a side and {MAX_PIXELS} px "
+            f"{label} claims images of {width}x{height} px; at most {MAX_SIDE_PX} px a side and {MAX_PIXELS} px "
             "in all are read: make it smaller, if the size is right; no frame was read"
         )
 
@@ -211,15 +211,15 @@ def _video_stream(container: InputContainer, label: str) -> VideoStream:
     return stream
 
 
-def _first_picture(container: InputContainer, stream: VideoStream, promise: Promise, label: str) -> av.VideoFrame:
+def _first_image(container: InputContainer, stream: VideoStream, promise: Promise, label: str) -> av.VideoFrame:
     promised = f"{promise.frames} frames are promised" if promise.frames else "the file promises none"
     try:
-        picture = next(_decoded(container, stream, Tally()), None)
+        image = next(_decoded(container, stream, Tally()), None)
     except DamageError as damage:
         raise VideoError(f"{label}: no frame could be read, {promised}: {damage}") from damage
-    if picture is None:
+    if image is None:
         raise VideoError(f"{label}: it is a video with no frame in it that can be decoded, {promised}")
-    return picture
+    return image
 
 
 def _why(path: Path, error: av.FFmpegError) -> str:
@@ -264,7 +264,7 @@ def _packets(container: InputContainer, stream: VideoStream) -> Iterator[av.Pack
 
 
 def _decoded(container: InputContainer, stream: VideoStream, tally: Tally) -> Iterator[av.VideoFrame]:
-    """Pictures in display order up to the end or the first damage, which is raised as DamageError."""
+    """Images in display order up to the end or the first damage, which is raised as DamageError."""
     try:
         for packet in _packets(container, stream):
             tally.count_packet(packet)
@@ -279,21 +279,21 @@ def _decoded(container: InputContainer, stream: VideoStream, tally: Tally) -> It
         raise DamageError(f"packet {tally.packets} is cut off or damaged")
 
 
-def _sound(pictures: Sequence[av.VideoFrame]) -> Iterator[av.VideoFrame]:
-    """Pictures that decoded without an error that had to be concealed."""
-    for picture in pictures:
-        if picture.is_corrupt:
+def _sound(images: Sequence[av.VideoFrame]) -> Iterator[av.VideoFrame]:
+    """Images that decoded without an error that had to be concealed."""
+    for image in images:
+        if image.is_corrupt:
             raise DamageError("the data of a frame is damaged")
-        yield picture
+        yield image
 
 
-def _wanted(pictures: Iterator[av.VideoFrame], stamps: Sequence[int]) -> Iterator[tuple[int, av.VideoFrame]]:
+def _wanted(images: Iterator[av.VideoFrame], stamps: Sequence[int]) -> Iterator[tuple[int, av.VideoFrame]]:
     left = set(stamps)
-    for picture in pictures:
-        if picture.pts in left:
-            left.remove(picture.pts)
-            yield picture.pts, picture
-        if not left or (picture.pts is not None and picture.pts > max(left)):
+    for image in images:
+        if image.pts in left:
+            left.remove(image.pts)
+            yield image.pts, image
+        if not left or (image.pts is not None and image.pts > max(left)):
             return
 
 
@@ -302,18 +302,18 @@ def _seconds(stamp: int, time_base: Fraction) -> float:
     return stamp * time_base.numerator / time_base.denominator
 
 
-def _rotation_note(picture: av.VideoFrame) -> str:
-    if picture.rotation % 90 == 0:
+def _rotation_note(image: av.VideoFrame) -> str:
+    if image.rotation % 90 == 0:
         return ""
-    return f"the file asks to be shown turned by {picture.rotation} degrees; the nearest right angle was used"
+    return f"the file asks to be shown turned by {image.rotation} degrees; the nearest right angle was used"
 
 
-def _facts(container: InputContainer, stream: VideoStream, picture: av.VideoFrame) -> dict[str, object]:
+def _facts(container: InputContainer, stream: VideoStream, image: av.VideoFrame) -> dict[str, object]:
     aspect = stream.sample_aspect_ratio
     return {
         "format": container.format.name,
         "codec": stream.codec_context.name,
-        "pixel_format": picture.format.name,
-        "luma_range": {1: "limited", 2: "full"}.get(picture.color_range, "not stated"),
+        "pixel_format": image.format.name,
+        "luma_range": {1: "limited", 2: "full"}.get(image.color_range, "not stated"),
         "pixel_aspect": float(aspect) if aspect else 1.0,
     }

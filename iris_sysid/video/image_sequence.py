@@ -25,7 +25,7 @@ from iris_sysid.io.osp_tracker import read_osp
 from iris_sysid.video.container import MAX_PIXELS, ContainerSource, DamageError, check_size, open_container
 from iris_sysid.video.pixel_formats import UPRIGHT, Orientation, orientation_of
 
-# Decoder of each kind of picture, by the end of the name
+# Decoder of each kind of image, by the end of the name
 IMAGE_CODECS = {
     ".png": "png", ".jpg": "mjpeg", ".jpeg": "mjpeg", ".bmp": "bmp", ".tif": "tiff", ".tiff": "tiff",
     ".webp": "webp", ".pgm": "pgm", ".ppm": "ppm",
@@ -46,7 +46,7 @@ Read = Callable[[str], bytes]
 
 @dataclass(eq=False)
 class ImageSource:
-    """Pictures in natural order of their names, all of one size; they carry no times."""
+    """Images in natural order of their names, all of one size; they carry no times."""
 
     label: str
     names: Sequence[str]
@@ -62,60 +62,60 @@ class ImageSource:
 
     @property
     def expected(self) -> int:
-        """Number of pictures."""
+        """Number of images."""
         return len(self.names)
 
-    def pictures(self) -> Generator[tuple[float | None, av.VideoFrame]]:
-        """Every picture in order; raises DamageError at one that cannot be read, or has another size."""
-        for _, picture in self._decoded(range(len(self.names))):
-            yield None, picture
+    def images(self) -> Generator[tuple[float | None, av.VideoFrame]]:
+        """Every image in order; raises DamageError at one that cannot be read, or has another size."""
+        for _, image in self._decoded(range(len(self.names))):
+            yield None, image
 
     def survey(self) -> list[tuple[int, bool]]:
-        """The number of each picture; each stands for itself, like a key frame."""
+        """The number of each image; each stands for itself, like a key frame."""
         return [(number, True) for number in range(len(self.names))]
 
     def seconds(self, stamp: int) -> float | None:
-        """None: pictures have no times."""
+        """None: images have no times."""
         return None
 
-    def orientation_for(self, picture: av.VideoFrame) -> Orientation:
-        """How that picture is turned for display; each may differ."""
-        return orientation_of(picture)
+    def orientation_for(self, image: av.VideoFrame) -> Orientation:
+        """How that image is turned for display; each may differ."""
+        return orientation_of(image)
 
     def pick(self, bursts: Sequence[tuple[int, Sequence[int]]]) -> Iterator[tuple[int, av.VideoFrame]]:
-        """The pictures of those numbers."""
+        """The images of those numbers."""
         return self._decoded([number for _, wanted in bursts for number in wanted])
 
     def _decoded(self, numbers: Sequence[int]) -> Iterator[tuple[int, av.VideoFrame]]:
         with contextmanager(self.reading)() as read:
             for number in numbers:
                 name = self.names[number]
-                picture = _decode_image(name, read)
-                size = orientation_of(picture).size(picture.width, picture.height)
+                image = _decode_image(name, read)
+                size = orientation_of(image).size(image.width, image.height)
                 if self.width and size != (self.width, self.height):
                     raise DamageError(
                         f"{name} is {size[0]}x{size[1]} px, not {self.width}x{self.height} like the first"
                     )
-                yield number, picture
+                yield number, image
 
 
 def open_folder(folder: Path, label: str) -> ImageSource:
-    """The pictures that lie in a folder; VideoError when there are none, or of several kinds."""
+    """The images that lie in a folder; VideoError when there are none, or of several kinds."""
     names = [entry.name for entry in folder.iterdir() if entry.is_file() and not entry.name.startswith(".")]
-    pictures = _of_one_kind([name for name in names if _suffix(name) in IMAGE_CODECS], label)
-    if not pictures:
+    images = _of_one_kind([name for name in names if _suffix(name) in IMAGE_CODECS], label)
+    if not images:
         videos = sorted(name for name in names if _suffix(name) in VIDEO_SUFFIXES)
         hint = f"give the video in it: {videos[0]}" if videos else f"it holds {len(names)} other files"
-        raise VideoError(f"{label} is a folder without pictures ({', '.join(IMAGE_CODECS)}); {hint}")
+        raise VideoError(f"{label} is a folder without images ({', '.join(IMAGE_CODECS)}); {hint}")
 
     def reading() -> Iterator[Read]:
         yield lambda name: (folder / name).read_bytes()
 
-    return _open_images(label, pictures, reading)
+    return _open_images(label, images, reading)
 
 
 def open_archive(path: Path, label: str) -> ContainerSource | ImageSource:
-    """The one video, or else the one folder of pictures, in a ``.zip`` or ``.trz``.
+    """The one video, or else the one folder of images, in a ``.zip`` or ``.trz``.
 
     A video is unpacked into a temporary folder, under a name of ours, which goes when the source goes.
     Raises VideoError for an archive that is damaged, encrypted or too large, or does not hold one of either.
@@ -128,27 +128,27 @@ def open_archive(path: Path, label: str) -> ContainerSource | ImageSource:
                 return _open_member(archive, members[video], f"{label}:{video}")
     except _ZIP_TROUBLE as error:
         raise VideoError(f"{label} is no archive that can be unpacked: {error}; no frame was read") from error
-    pictures = _the_pictures(members, path, label)
+    images = _the_images(members, path, label)
 
     def reading() -> Iterator[Read]:
         with zipfile.ZipFile(path) as archive:
             yield lambda name: _read_member(archive, members[name])
 
-    return _open_images(label, pictures, reading)
+    return _open_images(label, images, reading)
 
 
-# --------------------------------------------------------------------------- pictures
+# --------------------------------------------------------------------------- images
 
 
 def _open_images(label: str, names: list[str], reading: Callable[[], Iterator[Read]]) -> ImageSource:
     try:
         _, first = next(ImageSource(label, names, reading)._decoded([0]))
     except DamageError as damage:
-        raise VideoError(f"{label}: none of its {len(names)} pictures was read: {damage}") from damage
+        raise VideoError(f"{label}: none of its {len(names)} images was read: {damage}") from damage
     orientation = orientation_of(first)
     width, height = orientation.size(first.width, first.height)
     check_size(width, height, label)
-    facts = {"format": "pictures", "codec": IMAGE_CODECS[_suffix(names[0])], "pixel_format": first.format.name}
+    facts = {"format": "images", "codec": IMAGE_CODECS[_suffix(names[0])], "pixel_format": first.format.name}
     note = _gap_note(names)
     return ImageSource(label, names, reading, width, height, orientation, facts=facts, note=note)
 
@@ -158,12 +158,12 @@ def _decode_image(name: str, read: Read) -> av.VideoFrame:
     decoder.options = {"max_pixels": str(MAX_PIXELS), "err_detect": "explode"}
     try:
         data = read(name)
-        pictures = decoder.decode(av.Packet(data)) if data else []
+        images = decoder.decode(av.Packet(data)) if data else []
     except (av.FFmpegError, *_ZIP_TROUBLE) as error:
         raise DamageError(f"{name} cannot be read ({getattr(error, 'strerror', None) or error})") from error
-    if len(pictures) != 1 or pictures[0].is_corrupt:
+    if len(images) != 1 or images[0].is_corrupt:
         raise DamageError(f"{name} is empty or damaged")
-    return pictures[0]
+    return images[0]
 
 
 def natural_order(name: str) -> tuple[list[int | str], str]:
@@ -173,13 +173,13 @@ def natural_order(name: str) -> tuple[list[int | str], str]:
 
 
 def _gap_note(names: Sequence[str]) -> str:
-    """Say so when the pictures' numbers jump: the times are then wrong from there on."""
+    """Say so when the images' numbers jump: the times are then wrong from there on."""
     numbers = [int((re.findall(r"\d+", name) or ["0"])[-1]) for name in names]
     steps = Counter(after - before for before, after in pairwise(numbers))
     usual = steps.most_common(1)[0][0] if steps else 0
     for k in range(1, len(numbers)):
         if numbers[k] - numbers[k - 1] > usual > 0:
-            return f"the pictures' numbers jump from {names[k - 1]} to {names[k]}: times after it are too early"
+            return f"the images' numbers jump from {names[k - 1]} to {names[k]}: times after it are too early"
     return ""
 
 
@@ -187,7 +187,7 @@ def _of_one_kind(names: Sequence[str], label: str) -> list[str]:
     kinds = Counter(IMAGE_CODECS[_suffix(name)] for name in names)
     if len(kinds) > 1:
         have = " and ".join(f"{count} {kind}" for kind, count in kinds.most_common())
-        raise VideoError(f"{label} holds pictures of several kinds, {have}; leave one kind in it")
+        raise VideoError(f"{label} holds images of several kinds, {have}; leave one kind in it")
     return sorted(names, key=natural_order)
 
 
@@ -217,16 +217,16 @@ def _the_video(members: Mapping[str, zipfile.ZipInfo], path: Path, label: str) -
     raise VideoError(f"{label} holds {len(videos)} videos ({', '.join(sorted(videos)[:5])}); unpack it and give one")
 
 
-def _the_pictures(members: Mapping[str, zipfile.ZipInfo], path: Path, label: str) -> list[str]:
-    pictures = [name for name in members if _suffix(name) in IMAGE_CODECS]
-    folders = {str(PurePosixPath(name).parent) for name in pictures}
+def _the_images(members: Mapping[str, zipfile.ZipInfo], path: Path, label: str) -> list[str]:
+    images = [name for name in members if _suffix(name) in IMAGE_CODECS]
+    folders = {str(PurePosixPath(name).parent) for name in images}
     if len(folders) > 1:
         named = _named_by_project(path)
         folders &= {str(PurePosixPath(named).parent)} if named else folders
     if len(folders) != 1:
-        what = f"pictures in {len(folders)} folders" if folders else "no video and no pictures"
-        raise VideoError(f"{label} holds {what}; it must hold one video, or pictures in one folder")
-    return _of_one_kind([name for name in pictures if str(PurePosixPath(name).parent) in folders], label)
+        what = f"images in {len(folders)} folders" if folders else "no video and no images"
+        raise VideoError(f"{label} holds {what}; it must hold one video, or images in one folder")
+    return _of_one_kind([name for name in images if str(PurePosixPath(name).parent) in folders], label)
 
 
 def _named_by_project(path: Path) -> str | None:
@@ -257,7 +257,7 @@ def _open_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, label: str) 
 
 def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
     if member.file_size > MAX_IMAGE_BYTES:
-        raise DamageError(f"{member.filename} claims {member.file_size} bytes; a picture may have {MAX_IMAGE_BYTES}")
+        raise DamageError(f"{member.filename} claims {member.file_size} bytes; an image may have {MAX_IMAGE_BYTES}")
     return archive.read(member)
 
 

@@ -1,4 +1,4 @@
-"""From a decoded picture to arrays: the luma plane as it is coded, BGR when asked, both turned as displayed."""
+"""From a decoded image to arrays: the luma plane as it is coded, BGR when asked, both turned as displayed."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ _COUNTERCLOCKWISE = {
 
 @dataclass(frozen=True, slots=True)
 class Orientation:
-    """How the coded picture is turned for display: transposed first, then mirrored in x, in y."""
+    """How the coded image is turned for display: transposed first, then mirrored in x, in y."""
 
     transposed: bool = False
     mirrored_x: bool = False
@@ -77,16 +77,16 @@ class Orientation:
 
     @property
     def rotation_deg(self) -> int:
-        """Clockwise rotation from the coded to the displayed picture: 0, 90, 180 or 270 (after mirroring, if any)."""
+        """Clockwise rotation from the coded to the displayed image: 0, 90, 180 or 270 (after mirroring, if any)."""
         return self._turn[1]
 
     @property
     def mirrored(self) -> bool:
-        """Whether the displayed picture is a mirror image of the coded one."""
+        """Whether the displayed image is a mirror image of the coded one."""
         return self._turn[2]
 
     def size(self, width: int, height: int) -> tuple[int, int]:
-        """Displayed width and height of a coded picture of that width and height."""
+        """Displayed width and height of a coded image of that width and height."""
         return (height, width) if self.transposed else (width, height)
 
     def turn(self, array: Bytes) -> Bytes:
@@ -98,16 +98,16 @@ class Orientation:
 UPRIGHT = Orientation()
 
 
-def orientation_of(picture: VideoFrame) -> Orientation:
-    """The orientation in the picture's display matrix; angles between are taken to the nearest right angle.
+def orientation_of(image: VideoFrame) -> Orientation:
+    """The orientation in the image's display matrix; angles between are taken to the nearest right angle.
 
     The matrix ((a, b, u), (c, d, v), (x, y, w)) sends the coded point (p, q) to (a p + c q, b p + d q),
     y down (ISO 14496-12, 8.2.2).
     """
     try:
-        matrix = cast(Any, picture.side_data).get("DISPLAYMATRIX")
+        matrix = cast(Any, image.side_data).get("DISPLAYMATRIX")
     except ValueError:  # PyAV refuses all side data when it does not know the type of one, e.g. EXIF
-        return Orientation(*_COUNTERCLOCKWISE[90 * round(picture.rotation / 90) % 360])
+        return Orientation(*_COUNTERCLOCKWISE[90 * round(image.rotation / 90) % 360])
     if matrix is None:
         return UPRIGHT
     (a, b, _), (c, d, _) = np.frombuffer(memoryview(matrix), np.int32).reshape(3, 3)[:2].tolist()
@@ -116,45 +116,45 @@ def orientation_of(picture: VideoFrame) -> Orientation:
     return Orientation(True, c < 0, b < 0)
 
 
-def luma_of(picture: VideoFrame, orientation: Orientation) -> Bytes:
-    """The picture's brightness, (h, w) uint8, read-only.
+def luma_of(image: VideoFrame, orientation: Orientation) -> Bytes:
+    """The image's brightness, (h, w) uint8, read-only.
 
-    Where the picture has a luma plane, this is that plane as coded, without a copy (unless the picture
+    Where the image has a luma plane, this is that plane as coded, without a copy (unless the image
     is turned): 16-235 in limited range, 0-255 in full range; deeper planes give their upper 8 bits. The
-    array keeps the decoder's buffer alive and is never written to again. Other pictures (GIF, PNG) are
+    array keeps the decoder's buffer alive and is never written to again. Other images (GIF, PNG) are
     converted: 0.299 R + 0.587 G + 0.114 B (ITU-R BT.601).
     """
-    layout = _luma_layout(picture.format.name)
-    if layout is None or picture.planes[0].line_size <= 0:
+    layout = _luma_layout(image.format.name)
+    if layout is None or image.planes[0].line_size <= 0:
         import cv2
 
-        luma = np.asarray(cv2.cvtColor(picture.to_ndarray(format="bgr24"), cv2.COLOR_BGR2GRAY))
+        luma = np.asarray(cv2.cvtColor(image.to_ndarray(format="bgr24"), cv2.COLOR_BGR2GRAY))
     else:
-        luma = _plane(picture, 0, *layout)
+        luma = _plane(image, 0, *layout)
     luma = orientation.turn(luma)
     luma.flags.writeable = False
     return luma
 
 
-def bgr_of(picture: VideoFrame, orientation: Orientation) -> Bytes:
-    """The picture in colour, (h, w, 3) uint8 in the order blue, green, red; an array of its own."""
-    return orientation.turn(np.ascontiguousarray(picture.to_ndarray(format="bgr24"), dtype=np.uint8))
+def bgr_of(image: VideoFrame, orientation: Orientation) -> Bytes:
+    """The image in colour, (h, w, 3) uint8 in the order blue, green, red; an array of its own."""
+    return orientation.turn(np.ascontiguousarray(image.to_ndarray(format="bgr24"), dtype=np.uint8))
 
 
-def chroma_of(picture: VideoFrame, orientation: Orientation) -> tuple[Bytes, Bytes] | None:
+def chroma_of(image: VideoFrame, orientation: Orientation) -> tuple[Bytes, Bytes] | None:
     """The colour planes (cb, cr) as coded, uint8, at their own size; None where there are not two planes beside luma.
 
-    Without a copy, unless the picture is turned or deeper than 8 bits.
+    Without a copy, unless the image is turned or deeper than 8 bits.
     """
-    layout = _luma_layout(picture.format.name)
-    if layout is None or len(picture.planes) < 3 or any(plane.line_size <= 0 for plane in picture.planes):
+    layout = _luma_layout(image.format.name)
+    if layout is None or len(image.planes) < 3 or any(plane.line_size <= 0 for plane in image.planes):
         return None
-    blue, red = (orientation.turn(_plane(picture, number, *layout)) for number in (1, 2))
+    blue, red = (orientation.turn(_plane(image, number, *layout)) for number in (1, 2))
     return blue, red
 
 
-def _plane(picture: VideoFrame, number: int, dtype: str, shift: int) -> Bytes:
-    plane = picture.planes[number]
+def _plane(image: VideoFrame, number: int, dtype: str, shift: int) -> Bytes:
+    plane = image.planes[number]
     rows = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)[: plane.height]
     samples = rows[:, : plane.width * np.dtype(dtype).itemsize].view(dtype)
     return samples if shift == 0 else np.right_shift(samples, shift).astype(np.uint8)

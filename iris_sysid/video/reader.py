@@ -36,7 +36,7 @@ GOLDEN = (math.sqrt(5) - 1) / 2
 
 
 class _Source(Protocol):
-    """Where pictures come from: a container, a folder, an archive."""
+    """Where images come from: a container, a folder, an archive."""
 
     label: str
     width: int
@@ -51,10 +51,10 @@ class _Source(Protocol):
     def expected(self) -> int: ...
     @property
     def facts(self) -> Mapping[str, object]: ...
-    def pictures(self) -> Generator[tuple[float | None, av.VideoFrame]]: ...
+    def images(self) -> Generator[tuple[float | None, av.VideoFrame]]: ...
     def survey(self) -> list[tuple[int, bool]]: ...
     def seconds(self, stamp: int) -> float | None: ...
-    def orientation_for(self, picture: av.VideoFrame) -> Orientation: ...
+    def orientation_for(self, image: av.VideoFrame) -> Orientation: ...
     def pick(self, bursts: Sequence[tuple[int, Sequence[int]]]) -> Iterator[tuple[int, av.VideoFrame]]: ...
 
 
@@ -97,9 +97,9 @@ class Video:
     width, height
         Size in px as displayed, rotation applied.
     rotation_deg
-        Clockwise rotation from the coded to the displayed picture; it is applied to every frame.
+        Clockwise rotation from the coded to the displayed image; it is applied to every frame.
     time_base
-        The unit of the file's time stamps in s; None for pictures.
+        The unit of the file's time stamps in s; None for images.
     rate
         The frame rate that the header states, 1/s, on average; None when it does not. No time is computed from it.
     facts
@@ -165,8 +165,8 @@ class Video:
             ``keep_partial``: then the frames end there and ``warning`` says why. Also when a frame has no
             time, and when no frame lies in the part that is wanted.
         """
-        for index, t_s, picture in self._wanted():
-            yield self._frame(index, t_s, picture)
+        for index, t_s, image in self._wanted():
+            yield self._frame(index, t_s, image)
 
     def sample(self, count: int) -> list[Frame]:
         """About ``count`` frames spread evenly over the wanted part, in order, for the background.
@@ -204,29 +204,29 @@ class Video:
             for stamp in burst
         }
         picked = self._source.pick(bursts)
-        frames = [self._frame(number[stamp], times[stamp], picture) for stamp, picture in picked]
+        frames = [self._frame(number[stamp], times[stamp], image) for stamp, image in picked]
         return frames or _thinned(self.frames(), len(times))
 
     def _is_wanted(self, index: int, seconds: float | None) -> bool:
         return self._clock.start_s <= self._clock.time(index, seconds) <= self._clock.stop_s
 
-    def _frame(self, index: int, t_s: float, picture: av.VideoFrame) -> Frame:
-        orientation = self._source.orientation_for(picture)
-        luma = luma_of(picture, orientation)
-        return Frame(index, t_s, luma, partial(bgr_of, picture, orientation), partial(chroma_of, picture, orientation))
+    def _frame(self, index: int, t_s: float, image: av.VideoFrame) -> Frame:
+        orientation = self._source.orientation_for(image)
+        luma = luma_of(image, orientation)
+        return Frame(index, t_s, luma, partial(bgr_of, image, orientation), partial(chroma_of, image, orientation))
 
     def _wanted(self, last: int | None = None) -> Iterator[tuple[int, float, av.VideoFrame]]:
-        """Number, time and picture of each wanted frame, up to number ``last``."""
+        """Number, time and image of each wanted frame, up to number ``last``."""
         self._damage, self._repeated, self.decoded, found = "", [], 0, 0
         t_s = -math.inf
         try:
             with closing(self._timed()) as timed:
-                for index, t_s, picture in timed:
+                for index, t_s, image in timed:
                     if t_s > self._clock.stop_s or (last is not None and index > last):
                         break
                     if t_s >= self._clock.start_s:
                         found += 1
-                        yield index, t_s, picture
+                        yield index, t_s, image
         except DamageError as damage:
             self._damage = self._said(str(damage))
             if not found:
@@ -240,10 +240,10 @@ class Video:
             )
 
     def _timed(self) -> Generator[tuple[int, float, av.VideoFrame]]:
-        """Number, time and picture of every frame; times strictly increase."""
+        """Number, time and image of every frame; times strictly increase."""
         before = -math.inf
-        with closing(self._source.pictures()) as pictures:
-            for index, (seconds, picture) in enumerate(pictures):
+        with closing(self._source.images()) as images:
+            for index, (seconds, image) in enumerate(images):
                 self.decoded = index + 1
                 t_s = self._clock.time(index, seconds)
                 if t_s < before:
@@ -252,7 +252,7 @@ class Video:
                     self._repeated.append(index)
                     continue
                 before = t_s
-                yield index, t_s, picture
+                yield index, t_s, image
 
     def _said(self, reason: str) -> str:
         expected = self._source.expected
@@ -269,20 +269,20 @@ def open_video(
     stop_s: float | None = None,
     keep_partial: bool = False,
 ) -> Video:
-    """Open a clip: a video file, a GIF, a folder of pictures, a ``.zip``/``.trz`` of these, or a ``.npy`` tensor.
+    """Open a clip: a video file, a GIF, a folder of images, a ``.zip``/``.trz`` of these, or a ``.npy`` tensor.
 
     ``luma`` of a frame is the plane as it is coded, without conversion or copy: 16-235 in limited range,
-    0-255 in full range (``facts["luma_range"]`` says which), the upper 8 bits of deeper video. Pictures
-    without such a plane (GIF, PNG) and turned ones are converted once. Pictures in a folder are taken in
+    0-255 in full range (``facts["luma_range"]`` says which), the upper 8 bits of deeper video. Images
+    without such a plane (GIF, PNG) and turned ones are converted once. Images in a folder are taken in
     the natural order of their names; hidden files are passed over. A delay of 0 in a GIF is 0.1 s, as in browsers.
 
     Parameters
     ----------
     path
-        A file, or a folder of pictures of one kind.
+        A file, or a folder of images of one kind.
     fps
         True frame rate in 1/s: the time of frame k of the file is then exactly k / fps. For slow motion,
-        and for pictures, which carry no times.
+        and for images, which carry no times.
     start_s, stop_s
         Only frames with start <= t <= stop are given, in s of the times that the frames get (with ``fps``:
         the overridden ones). The whole clip when None.
@@ -297,8 +297,8 @@ def open_video(
     Raises
     ------
     VideoError
-        When there is no such file; when it is no video, is empty, holds no picture that can be decoded, or
-        claims pictures beyond 16384 px a side or 2^28 px; for pictures without ``fps``; for an archive that
+        When there is no such file; when it is no video, is empty, holds no image that can be decoded, or
+        claims images beyond 16384 px a side or 2^28 px; for images without ``fps``; for an archive that
         is damaged, encrypted, or too large; for a rate or times that make no sense.
     """
     path = Path(path)
@@ -326,7 +326,7 @@ def _open_source(path: Path, label: str, fps: float | None) -> _Source:
     except (OSError, ValueError) as error:  # ValueError: a NUL character in the name
         raise VideoError(f"cannot read {label}: {getattr(error, 'strerror', None) or error}") from error
     if fps is None and source.first_s is None:
-        raise VideoError(f"{label} holds pictures without times; give the frame rate (--fps)")
+        raise VideoError(f"{label} holds images without times; give the frame rate (--fps)")
     return source
 
 

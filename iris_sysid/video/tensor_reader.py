@@ -1,4 +1,4 @@
-"""The benchmark's tensors (N, n_f, C, H, W) as pictures again: each frame of the clip once, with its time."""
+"""The benchmark's tensors (N, n_f, C, H, W) as images again: each frame of the clip once, with its time."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from iris_sysid.video.pixel_formats import UPRIGHT, Bytes, Orientation
 
 AXES = "(windows, frames, channels, height, width)"
 CHANNELS = (1, 3)
-NUMBERS = ("f2", "f4", "f8", "u1")  # little- or big-endian; anything else is no picture
+NUMBERS = ("f2", "f4", "f8", "u1")  # little- or big-endian; anything else is no image
 MAX_WINDOWS, MAX_FRAMES = 2_000_000, 100_000  # 9 h at 60 fps; no clip is longer
-LONGEST_STEP = 240  # frames between two pictures of a window that are looked for where nothing says how many
+LONGEST_STEP = 240  # frames between two images of a window that are looked for where nothing says how many
 GREY = 255.0
 ROUNDING = 1e-3  # in the range from 0 to 1: half-precision numbers, and a resize that overshoots by rounding
 
@@ -52,10 +52,10 @@ class TensorSource:
         """Number of different frames."""
         return len(self.places)
 
-    def pictures(self) -> Generator[tuple[float | None, av.VideoFrame]]:
+    def images(self) -> Generator[tuple[float | None, av.VideoFrame]]:
         """Every frame in order with its time in s; DamageError where values are no brightness."""
         for k, (window, at) in enumerate(self.places.tolist()):
-            yield None if self.times_s is None else self.times_s[k], self._picture(window, at)
+            yield None if self.times_s is None else self.times_s[k], self._image(window, at)
 
     def survey(self) -> list[tuple[int, bool]]:
         """The number of each frame; each stands for itself, like a key frame."""
@@ -65,7 +65,7 @@ class TensorSource:
         """The time in s of the frame of that number; None where no times are known."""
         return None if self.times_s is None else self.times_s[stamp]
 
-    def orientation_for(self, picture: av.VideoFrame) -> Orientation:
+    def orientation_for(self, image: av.VideoFrame) -> Orientation:
         """Tensors are as displayed."""
         return self.orientation
 
@@ -73,23 +73,23 @@ class TensorSource:
         """The frames of those numbers."""
         for number in (index for _, wanted in bursts for index in wanted):
             window, at = self.places[number].tolist()
-            yield number, self._picture(window, at)
+            yield number, self._image(window, at)
 
-    def _picture(self, window: int, at: int) -> av.VideoFrame:
+    def _image(self, window: int, at: int) -> av.VideoFrame:
         levels = _levels(self.tensor[window, at], window, at)
         if levels.shape[0] == 1:
             return av.VideoFrame.from_ndarray(np.ascontiguousarray(levels[0]), format="gray")
         return av.VideoFrame.from_ndarray(np.ascontiguousarray(levels.transpose(1, 2, 0)), format="rgb24")
 
 
-def _levels(picture: NDArray[np.generic], window: int, at: int) -> Bytes:
+def _levels(image: NDArray[np.generic], window: int, at: int) -> Bytes:
     """Brightness (C, H, W) as whole levels from 0 to 255."""
-    if picture.dtype == np.uint8:
-        return np.asarray(picture)
-    values = np.asarray(picture, dtype=np.float64)
+    if image.dtype == np.uint8:
+        return np.asarray(image)
+    values = np.asarray(image, dtype=np.float64)
     if not (np.isfinite(values).all() and values.min() >= -ROUNDING and values.max() <= 1 + ROUNDING):
         low, high = float(np.min(values)), float(np.max(values))
-        raise DamageError(f"picture {at} of window {window} has values from {low:g} to {high:g}, not from 0 to 1")
+        raise DamageError(f"image {at} of window {window} has values from {low:g} to {high:g}, not from 0 to 1")
     return np.asarray(np.rint(np.clip(values, 0.0, 1.0) * GREY), dtype=np.uint8)
 
 
@@ -229,9 +229,11 @@ def places_of(windows: int, frames: int, step: int, stride: int) -> tuple[NDArra
 
 
 def found_step(tensor: NDArray[np.generic]) -> int | None:
-    """How many frames apart the pictures of a window are when each window starts one frame later; None if unknown.
+    """How many frames apart the images of a window are when each window starts one frame later; None if unknown.
 
-    Where the picture does not change for longer than the step, the smallest step that agrees everywhere is found.
+    The tensor is (windows, frames, channels, height, width), as in the file.
+
+    Where the image does not change for longer than the step, the smallest step that agrees everywhere is found.
     """
     for step in range(1, min(len(tensor) - 1, LONGEST_STEP) + 1):
         if repeats(tensor, step, 1):
@@ -240,7 +242,10 @@ def found_step(tensor: NDArray[np.generic]) -> int | None:
 
 
 def repeats(tensor: NDArray[np.generic], step: int, stride: int) -> bool:
-    """Whether pictures that should be the same frame are the same, in up to nine pairs of windows over the whole."""
+    """Whether images that should be the same frame are the same, in up to nine pairs of windows over the whole.
+
+    The tensor is (windows, frames, channels, height, width), as in the file.
+    """
     later = step // math.gcd(step, stride)  # windows, after which a frame is met again
     along = later * stride // step  # that many places earlier
     if later >= len(tensor) or along >= tensor.shape[1]:

@@ -1,7 +1,7 @@
 """The benchmark's tensor format (N, n_f, C, H, W), written from any clip with its true time step beside it.
 
-A tensor holds windows of grey pictures from 0 to 1. Window i begins with frame i * stride of the clip, and its
-pictures are ``step`` frames apart: with the benchmark's 10 pictures 6 frames apart at 60 fps, 0.1 s from one to the
+A tensor holds windows of grey images from 0 to 1. Window i begins with frame i * stride of the clip, and its
+images are ``step`` frames apart: with the benchmark's 10 images 6 frames apart at 60 fps, 0.1 s from one to the
 next. The benchmark's own script (video2npy.py of the pipeline that it builds on) makes one window a frame and leaves
 out the last ``step``; its tensor is the beginning of this one. :func:`iris_sysid.open_video` reads a tensor back.
 """
@@ -25,7 +25,7 @@ from iris_sysid.video.container import check_size
 from iris_sysid.video.reader import Video
 from iris_sysid.video.tensor_reader import GREY, grey_levels, places_of, sidecar
 
-FRAMES, STEP, SIZE = 10, 6, (100, 56)  # pictures a window, frames between them, width and height in px
+FRAMES, STEP, SIZE = 10, 6, (100, 56)  # images a window, frames between them, width and height in px
 
 
 def write_tensor(
@@ -48,13 +48,13 @@ def write_tensor(
     path
         ``.npy`` file: float32 from 0 to 1, one channel (grey).
     frames
-        Pictures in a window.
+        Images in a window.
     step
-        Frames of the clip from one picture of a window to the next.
+        Frames of the clip from one image of a window to the next.
     stride
         Frames of the clip from the start of a window to that of the next.
     size
-        Width and height of the pictures in px.
+        Width and height of the images in px.
     overwrite
         Replace files that exist.
     progress
@@ -78,18 +78,18 @@ def write_tensor(
     _check(path, frames, step, stride, size)
     for file in (path, sidecar(path)):
         check_writable(file, overwrite=overwrite)
-    pictures, t_s = _pictures(clip, size, progress)
-    windows = (len(pictures) - (frames - 1) * step - 1) // stride + 1
+    images, t_s = _images(clip, size, progress)
+    windows = (len(images) - (frames - 1) * step - 1) // stride + 1
     if windows < 1:
         raise DataError(
-            f"{clip.path.name} has {len(pictures)} frames; a window of {frames}, {step} apart, needs "
+            f"{clip.path.name} has {len(images)} frames; a window of {frames}, {step} apart, needs "
             f"{(frames - 1) * step + 1}"
         )
     used, _ = places_of(windows, frames, step, stride)
     shape = (windows, frames, 1, size[1], size[0])
     told = _document(shape, step, stride, t_s, used, _origin(clip, frames, step, stride, size))
     with atomic_path(path, overwrite=overwrite) as temporary, temporary.open("wb") as file:
-        _write_windows(file, pictures, shape, step, stride)
+        _write_windows(file, images, shape, step, stride)
     write_document(told, sidecar(path), overwrite=overwrite)
     return told
 
@@ -103,22 +103,22 @@ def _check(path: Path, frames: int, step: int, stride: int, size: tuple[int, int
     check_size(*size, "the tensor")
 
 
-def _pictures(clip: Video, size: tuple[int, int], progress: Progress | None) -> tuple[list[NDArray[np.uint8]], Array]:
-    """Grey pictures (h, w) of all frames, and their times (n,) in s."""
-    pictures, times = [], []
+def _images(clip: Video, size: tuple[int, int], progress: Progress | None) -> tuple[list[NDArray[np.uint8]], Array]:
+    """Grey images (h, w) of all frames, and their times (n,) in s."""
+    images, times = [], []
     for frame in with_progress(clip.frames(), progress, clip.n_expected):
-        pictures.append(grey_levels(frame, size))
+        images.append(grey_levels(frame, size))
         times.append(frame.t_s)
-    return pictures, np.array(times)
+    return images, np.array(times)
 
 
 def _write_windows(
-    file: BinaryIO, pictures: Sequence[NDArray[np.uint8]], shape: tuple[int, ...], step: int, stride: int
+    file: BinaryIO, images: Sequence[NDArray[np.uint8]], shape: tuple[int, ...], step: int, stride: int
 ) -> None:
     npy.write_array_header_1_0(file, {"descr": "<f4", "fortran_order": False, "shape": shape})
     for window in range(shape[0]):
         start = window * stride
-        chosen = np.stack(pictures[start : start + (shape[1] - 1) * step + 1 : step])
+        chosen = np.stack(images[start : start + (shape[1] - 1) * step + 1 : step])
         file.write((chosen / GREY).astype("<f4").tobytes())
 
 

@@ -135,7 +135,7 @@ RUN_TABLE = [
     # forms
     (f"run pendulum.mp4 {RUN} --roi 1,2,3", "cannot read '1,2,3': it must be x,y,width,height"),
     (f"run pendulum.mp4 {RUN} --roi 0,0,0,9", "the region '0,0,0,9' is empty"),
-    (f"run pendulum.mp4 {RUN} --roi 0,0,999,9", "does not lie in the picture, which is 160 px wide and 90 px high"),
+    (f"run pendulum.mp4 {RUN} --roi 0,0,999,9", "does not lie in the image, which is 160 px wide and 90 px high"),
     (f"run pendulum.mp4 {RUN} --mark pivot=1", "cannot read '1': it must be x,y"),
     (f"run pendulum.mp4 {RUN} --mark pivot=1,2 --mark pivot=3,4", "the mark 'pivot' is given twice"),
     (f"run pendulum.mp4 {RUN} --set gravity", "cannot read the setting 'gravity': write it as gravity=9.79"),

@@ -46,10 +46,10 @@ def test_colour_is_followed_before_a_camera_that_moves():
 
 
 def test_colour_is_followed_at_rest():
-    estimate = np.tile([50.3, 40.6], (10, 1))
-    (track,) = TRACKERS["colour"].track(wandering(estimate), TrackOptions(colour="red"))
+    still = np.tile([50.3, 40.6], (10, 1))
+    (track,) = TRACKERS["colour"].track(wandering(still), TrackOptions(colour="red"))
     assert track.n_valid == 10
-    assert error(track, estimate) < 0.3
+    assert error(track, still) < 0.3
 
 
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def test_orientation_follows_a_swing_to_and_fro():
 
 def test_orientation_refuses_what_moves_without_turning():
     path = np.column_stack([np.linspace(20, 140, 40), np.full(40, 50.0)])
-    with pytest.raises(TrackingError, match="does not turn about a point in the picture"):
+    with pytest.raises(TrackingError, match="does not rotate about a point in the image"):
         tracked("orientation", moving_disc(path, 8, SHAPE))
 
 
@@ -78,7 +78,7 @@ def test_clip_in_which_nothing_changes_is_refused(name):
 
 
 def test_level_refuses_what_passes_by():
-    with pytest.raises(TrackingError, match="no surface"):
+    with pytest.raises(TrackingError, match="no surface of a liquid"):
         tracked("level", moving_disc(swing(40, (80, 60), (60, 0), period=20), 14, SHAPE))
 
 

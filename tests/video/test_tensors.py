@@ -20,8 +20,8 @@ FRAMES = 60
 def clip(tmp_path_factory):
     """A bright disc that moves 1.2 px a frame, 60 frames at 30 fps; its centres (n, 2) in px."""
     centres = np.column_stack([25 + 1.2 * np.arange(FRAMES), np.full(FRAMES, 48.0)])
-    pictures = noisy([paint(WALL, disc(SHAPE, x, y, 9.0), 220.0) for x, y in centres], 1.0)
-    return write_video(tmp_path_factory.mktemp("tensor") / "disc.mp4", pictures), centres
+    images = noisy([paint(WALL, disc(SHAPE, x, y, 9.0), 220.0) for x, y in centres], 1.0)
+    return write_video(tmp_path_factory.mktemp("tensor") / "disc.mp4", images), centres
 
 
 @pytest.fixture(scope="module")
@@ -32,11 +32,11 @@ def tensor(clip, tmp_path_factory):
 
 def by_the_benchmarks_recipe(path, size, frames, step):
     """Resized, grey, over 255, one window a frame but for the last ``step``: as its video2npy.py does."""
-    capture, pictures = cv2.VideoCapture(str(path)), []
+    capture, images = cv2.VideoCapture(str(path)), []
     while (read := capture.read())[0]:
-        pictures.append(cv2.cvtColor(cv2.resize(read[1], size), cv2.COLOR_BGR2GRAY) / 255.0)
-    windows = len(pictures) - frames * step
-    return np.array([np.stack(pictures[i : i + frames * step : step])[:, None] for i in range(windows)])
+        images.append(cv2.cvtColor(cv2.resize(read[1], size), cv2.COLOR_BGR2GRAY) / 255.0)
+    windows = len(images) - frames * step
+    return np.array([np.stack(images[i : i + frames * step : step])[:, None] for i in range(windows)])
 
 
 def test_tensor_is_the_one_that_the_benchmarks_recipe_makes(clip, tmp_path):
@@ -48,7 +48,7 @@ def test_tensor_is_the_one_that_the_benchmarks_recipe_makes(clip, tmp_path):
     assert np.max(np.abs(ours[:30] - theirs)) <= 1.01 / 255  # the decoders round colour differently by one level
 
 
-def test_time_step_is_that_between_two_pictures_of_a_window(clip, tmp_path):
+def test_time_step_is_that_between_two_images_of_a_window(clip, tmp_path):
     told = write_tensor(open_video(clip[0]), tmp_path / "a.npy", frames=4, step=3)
     assert told.time_step_s == pytest.approx(3 / 30, abs=1e-12)
     assert told.time_step_spread_s == pytest.approx(0, abs=1e-12)
@@ -142,7 +142,7 @@ GOOD = np.full((2, 3, 1, 8, 9), 0.5, np.float32)
         (header("(2, 3, 8, 9, 1)"), "a tensor is"),
         (header("(2, 3, 1, -8, -9)"), "a tensor is"),
         (header("(0, 3, 1, 8, 9)"), "a tensor is"),
-        (header("(2, 3, 1, 99999999, 9)"), "claims pictures of 9x99999999"),
+        (header("(2, 3, 1, 99999999, 9)"), "claims images of 9x99999999"),
         (header("(99999999999, 3, 1, 8, 9)"), "more than any clip has"),
         (header("(1000000, 90000, 1, 8000, 9000)"), "its header promises"),
         (header("(" * 400 + "2" + ")" * 400), "no .npy file that can be read|a tensor is"),
@@ -161,7 +161,7 @@ def test_values_that_are_no_brightness_are_refused_with_their_place(value, tmp_p
     bad = GOOD.copy()
     bad[0, 1, 0, 3, 3] = value
     np.save(tmp_path / "bad.npy", bad)
-    with pytest.raises(VideoError, match=r"picture 1 of window 0 has values from .* not from 0 to 1"):
+    with pytest.raises(VideoError, match=r"image 1 of window 0 has values from .* not from 0 to 1"):
         list(open_video(tmp_path / "bad.npy", fps=60).frames())
 
 
@@ -184,7 +184,7 @@ def test_a_file_beside_the_tensor_that_is_not_its_own_is_refused(change, message
         open_video(tmp_path / "a.npy")
 
 
-def test_a_step_that_the_pictures_contradict_is_refused(tensor, tmp_path):
+def test_a_step_that_the_images_contradict_is_refused(tensor, tmp_path):
     np.save(tmp_path / "a.npy", np.load(tensor[0])[:, ::-1])
     (tmp_path / "a.npy.json").write_bytes(tensor[0].with_name("disc.npy.json").read_bytes())
     with pytest.raises(VideoError, match="do not overlap as"):

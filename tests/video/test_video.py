@@ -23,11 +23,11 @@ from iris_sysid.video.reader import open_video
 from tests._project import recording
 
 MILLISECONDS = Fraction(1, 1000)
-WIDTH, HEIGHT = 94, 70  # 94: rows of the decoder's buffer are longer than the picture's
+WIDTH, HEIGHT = 94, 70  # 94: rows of the decoder's buffer are longer than the image's
 
 
-def picture_of(number, width=WIDTH, height=HEIGHT):
-    """A picture that tells its number: texture, and a bright block at a place of its own."""
+def image_of(number, width=WIDTH, height=HEIGHT):
+    """An image that tells its number: texture, and a bright block at a place of its own."""
     texture = np.random.default_rng(5).integers(40, 120, (height, width), dtype=np.uint8)
     x, y = (7 * number) % (width - 12), (3 * number) % (height - 10)
     texture[y : y + 10, x : x + 12] = 200 + number % 20
@@ -49,7 +49,7 @@ def write_clip(
     size=(WIDTH, HEIGHT),
     container_format=None,
 ):
-    """Encode numbered grey pictures, at the stamps given or at a rate; x264 is lossless unless told otherwise."""
+    """Encode numbered grey images, at the stamps given or at a rate; x264 is lossless unless told otherwise."""
     options = {"qp": "0", "g": "10"} | (options or {}) if codec == "libx264" else options or {}
     with av.open(str(path), "w", format=container_format, options=container_options or {}) as container:
         stream = container.add_stream(codec, rate=rate, options=options)
@@ -59,7 +59,7 @@ def write_clip(
         if rotation is not None:
             stream.set_display_rotation(*rotation)
         for number in range(count):
-            frame = grey_frame(picture_of(number, *size)).reformat(format=pixel_format)
+            frame = grey_frame(image_of(number, *size)).reformat(format=pixel_format)
             if stamps is not None:
                 frame.pts, frame.time_base = stamps[number], time_base
             container.mux(stream.encode(frame))
@@ -68,7 +68,7 @@ def write_clip(
 
 
 def grey_frame(luma):
-    """The grey picture as yuv420p, so that the luma plane is kept to the bit."""
+    """The grey image as yuv420p, so that the luma plane is kept to the bit."""
     height, width = luma.shape
     chroma = np.full((height // 2, width), 128, np.uint8)
     return av.VideoFrame.from_ndarray(np.vstack([luma, chroma]), format="yuv420p")
@@ -79,14 +79,14 @@ def times(path, **options):
 
 
 def read_by_opencv(path):
-    """Times in s and BGR pictures, in order."""
+    """Times in s and BGR images, in order."""
     capture = cv2.VideoCapture(str(path))
     found = []
     while True:
-        ok, picture = capture.read()
+        ok, image = capture.read()
         if not ok:
             return [t for t, _ in found], [frame for _, frame in found]
-        found.append((capture.get(cv2.CAP_PROP_POS_MSEC) / 1000, picture))
+        found.append((capture.get(cv2.CAP_PROP_POS_MSEC) / 1000, image))
 
 
 # --------------------------------------------------------------------------- times
@@ -119,14 +119,14 @@ def test_times_of_a_broken_rate_are_the_nearest_floats(tmp_path, rate, name):
 
 def test_times_of_a_gif_are_its_delays(tmp_path):
     delays_ms = [100, 50, 200, 10, 30, 100]
-    pictures = [Image.fromarray(picture_of(k)) for k in range(6)]
-    pictures[0].save(tmp_path / "a.gif", save_all=True, append_images=pictures[1:], duration=delays_ms, optimize=False)
+    images = [Image.fromarray(image_of(k)) for k in range(6)]
+    images[0].save(tmp_path / "a.gif", save_all=True, append_images=images[1:], duration=delays_ms, optimize=False)
     assert times(tmp_path / "a.gif") == pytest.approx(np.cumsum([0, *delays_ms[:-1]]) / 1000, abs=1e-12)
 
 
 def test_gif_delay_of_zero_is_a_tenth_of_a_second(tmp_path):
-    pictures = [Image.fromarray(picture_of(k)) for k in range(4)]
-    pictures[0].save(tmp_path / "a.gif", save_all=True, append_images=pictures[1:], duration=70, optimize=False)
+    images = [Image.fromarray(image_of(k)) for k in range(4)]
+    images[0].save(tmp_path / "a.gif", save_all=True, append_images=images[1:], duration=70, optimize=False)
     data = (tmp_path / "a.gif").read_bytes()
     second = data.index(b"!\xf9\x04", data.index(b"!\xf9\x04") + 1)
     written(tmp_path / "a.gif", data[: second + 4] + bytes(2) + data[second + 6 :])
@@ -198,7 +198,7 @@ def test_times_that_run_backwards_are_an_error(tmp_path):
 
 def test_clip_without_times_needs_fps(tmp_path):
     path = write_clip(tmp_path / "a.h264", 12)
-    with pytest.raises(VideoError, match=r"a.h264 holds pictures without times; give the frame rate \(--fps\)"):
+    with pytest.raises(VideoError, match=r"a.h264 holds images without times; give the frame rate \(--fps\)"):
         open_video(path)
     assert times(path, fps=50) == [k / 50 for k in range(12)]
 
@@ -214,7 +214,7 @@ def test_luma_is_the_coded_plane_to_the_bit_and_in_order(tmp_path, size):
     assert (video.width, video.height, video.n_expected, video.decoded) == (*size, 25, 25)
     assert [frame.index for frame in frames] == list(range(25))
     for frame in frames:
-        np.testing.assert_array_equal(frame.luma, picture_of(frame.index, *size))
+        np.testing.assert_array_equal(frame.luma, image_of(frame.index, *size))
 
 
 def test_luma_may_be_kept_after_everything_else_is_gone(tmp_path):
@@ -222,7 +222,7 @@ def test_luma_may_be_kept_after_everything_else_is_gone(tmp_path):
     gc.collect()
     (tmp_path / "a.mp4").unlink()
     for number, luma in enumerate(kept):
-        np.testing.assert_array_equal(luma, picture_of(number))
+        np.testing.assert_array_equal(luma, image_of(number))
         assert not luma.flags.writeable
 
 
@@ -327,18 +327,18 @@ def test_mirrored_clip_is_given_as_its_matrix_says(tmp_path, turn, flip):
     np.testing.assert_array_equal(next(open_video(path).frames()).luma, by_matrix(path, upright))
 
 
-def by_matrix(path, picture):
-    """The picture moved point by point by the file's own display matrix (ISO 14496-12, 8.2.2)."""
+def by_matrix(path, image):
+    """The image moved point by point by the file's own display matrix (ISO 14496-12, 8.2.2)."""
     with av.open(str(path)) as container:
         matrix = next(container.decode(video=0)).side_data.get("DISPLAYMATRIX")
     if matrix is None:
-        return picture
+        return image
     (a, b, _), (c, d, _) = np.sign(np.frombuffer(matrix, np.int32).reshape(3, 3))[:2].tolist()
-    y, x = np.indices(picture.shape)
+    y, x = np.indices(image.shape)
     moved_x, moved_y = a * x + c * y, b * x + d * y
     moved_x, moved_y = moved_x - moved_x.min(), moved_y - moved_y.min()
     displayed = np.zeros((moved_y.max() + 1, moved_x.max() + 1), np.uint8)
-    displayed[moved_y, moved_x] = picture
+    displayed[moved_y, moved_x] = image
     return displayed
 
 
@@ -351,7 +351,7 @@ def test_sample_is_spread_evenly_over_the_clip(tmp_path):
     assert [frame.index for frame in found] == [5, 15, 25, 35, 45, 55]
     assert [frame.t_s for frame in found] == [k / 30 for k in (5, 15, 25, 35, 45, 55)]
     for frame in found:
-        np.testing.assert_array_equal(frame.luma, picture_of(frame.index))
+        np.testing.assert_array_equal(frame.luma, image_of(frame.index))
 
 
 def test_sample_of_a_short_clip_is_the_clip(tmp_path):
@@ -436,7 +436,7 @@ def test_clip_cut_by_an_edit_list_is_whole(tmp_path):
     video = open_video(cut)
     found = list(video.frames())
     assert [frame.t_s for frame in found] == [k / 10 for k in range(20)]
-    np.testing.assert_array_equal(found[0].luma, picture_of(10))
+    np.testing.assert_array_equal(found[0].luma, image_of(10))
     assert (video.n_expected, video.warning) == (20, "")
 
 
@@ -484,14 +484,14 @@ def test_healthy_file_is_read_without_complaint(tmp_path, name, codec, options):
 def test_clip_with_sound_is_read(tmp_path):
     path = tmp_path / "a.mkv"
     with av.open(str(path), "w") as container:
-        pictures, sound = container.add_stream("ffv1", rate=10), container.add_stream("pcm_s16le", rate=8000)
-        pictures.width, pictures.height, pictures.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        images, sound = container.add_stream("ffv1", rate=10), container.add_stream("pcm_s16le", rate=8000)
+        images.width, images.height, images.pix_fmt = WIDTH, HEIGHT, "yuv420p"
         for number in range(10):
-            container.mux(pictures.encode(grey_frame(picture_of(number))))
+            container.mux(images.encode(grey_frame(image_of(number))))
         samples = av.AudioFrame.from_ndarray(np.zeros((1, 40_000), np.int16), format="s16", layout="mono")
         samples.sample_rate = 8000
         container.mux(sound.encode(samples))
-        container.mux(pictures.encode())
+        container.mux(images.encode())
         container.mux(sound.encode())
     assert times(path) == [k / 10 for k in range(10)]  # the sound goes on for 4 s: no frame is missing
 
@@ -606,7 +606,7 @@ def test_damaged_gif_is_an_error_that_counts(tmp_path, harm):
 def test_frames_before_the_damage_are_those_of_the_whole_clip(tmp_path):
     path = cut_to(big_clip(tmp_path / "a.mp4", options={"bf": "2"}, **FAST_START), 0.7)
     for frame in open_video(path, keep_partial=True).frames():
-        np.testing.assert_array_equal(frame.luma, picture_of(frame.index, 160, 120))
+        np.testing.assert_array_equal(frame.luma, image_of(frame.index, 160, 120))
 
 
 def test_frame_whose_data_changed_is_damage_where_the_decoder_sees_it(tmp_path):
@@ -625,7 +625,7 @@ def test_frame_whose_data_changed_is_damage_where_the_decoder_sees_it(tmp_path):
 
 def test_packets_that_silently_give_no_picture_are_counted_as_lost(tmp_path):
     path = write_clip(tmp_path / "a.mkv", 20, codec="libx265", options={"x265-params": "log-level=none:keyint=1"})
-    delimiter = b"\x46\x01\x50"  # an access unit delimiter: a packet without a picture that is no error
+    delimiter = b"\x46\x01\x50"  # an access unit delimiter: a packet without an image that is no error
     with av.open(str(path)) as reader, av.open(str(tmp_path / "b.mkv"), "w") as writer:
         stream = writer.add_stream_from_template(reader.streams.video[0])
         for number, packet in enumerate(reader.demux(reader.streams.video[0])):
@@ -642,7 +642,7 @@ def test_packets_that_silently_give_no_picture_are_counted_as_lost(tmp_path):
 def test_size_that_changes_within_the_clip_is_damage(tmp_path):
     small, large = write_clip(tmp_path / "a.h264", 10), write_clip(tmp_path / "b.h264", 10, size=(160, 120))
     small.write_bytes(small.read_bytes() + large.read_bytes())
-    with pytest.raises(VideoError, match="the picture's size changes to 160x120 px; 10 frames were read"):
+    with pytest.raises(VideoError, match="the image's size changes to 160x120 px; 10 frames were read"):
         times(small, fps=30)
 
 
@@ -732,8 +732,8 @@ def png(width, height):
         (lambda p: sound_only(p / "a.wav"), "a.wav holds no video, only: audio; no frame was read"),
         (lambda p: sound_only_mp4(p / "a.mp4"), "a.mp4 holds no video, only: audio"),
         (lambda p: frameless_mp4(p / "a.mp4"), "no frame in it that can be decoded|no frame could be read"),
-        (lambda p: huge_gif(p / "a.gif"), "gives no size of its pictures, or one beyond 268435456 px"),
-        (lambda p: huge_avi(p / "a.avi"), "claims pictures of 20000x100 px; at most 16384 px a side"),
+        (lambda p: huge_gif(p / "a.gif"), "gives no size of its images, or one beyond 268435456 px"),
+        (lambda p: huge_avi(p / "a.avi"), "claims images of 20000x100 px; at most 16384 px a side"),
         (lambda p: written(p / "a.png", png(8, 8)), "a.png cannot be read as a video"),
     ],
 )
@@ -764,13 +764,13 @@ def test_option_that_makes_no_sense_is_refused(tmp_path, options, message):
         open_video(write_clip(tmp_path / "a.mp4", 3), **options)
 
 
-# --------------------------------------------------------------------------- folders of pictures
+# --------------------------------------------------------------------------- folders of images
 
 
 def write_pictures(folder, numbers=range(12), name="frame_{}.png"):
     folder.mkdir(exist_ok=True)
     for number in numbers:
-        Image.fromarray(picture_of(number)).save(folder / name.format(number), lossless=True)
+        Image.fromarray(image_of(number)).save(folder / name.format(number), lossless=True)
     return folder
 
 
@@ -780,12 +780,12 @@ def test_pictures_come_in_natural_order_with_times_from_fps(tmp_path):
     assert [frame.t_s for frame in frames] == [k / 4 for k in range(12)]
     assert (video.n_expected, video.width, video.height, video.warning) == (12, WIDTH, HEIGHT, "")
     for frame in frames:
-        np.testing.assert_array_equal(frame.luma, picture_of(frame.index))
-        np.testing.assert_array_equal(frame.bgr()[..., 1], picture_of(frame.index))
+        np.testing.assert_array_equal(frame.luma, image_of(frame.index))
+        np.testing.assert_array_equal(frame.bgr()[..., 1], image_of(frame.index))
 
 
 def test_pictures_without_fps_are_refused(tmp_path):
-    with pytest.raises(VideoError, match=r"shots holds pictures without times; give the frame rate \(--fps\)"):
+    with pytest.raises(VideoError, match=r"shots holds images without times; give the frame rate \(--fps\)"):
         open_video(write_pictures(tmp_path / "shots"))
 
 
@@ -799,8 +799,8 @@ def test_pictures_of_each_kind_agree_with_opencv(tmp_path, suffix):
 
 def test_pictures_of_sixteen_bits_give_their_upper_eight(tmp_path):
     (tmp_path / "shots").mkdir()
-    Image.fromarray(picture_of(0).astype(np.uint16) * 256 + 77).save(tmp_path / "shots" / "a.png")
-    np.testing.assert_array_equal(next(open_video(tmp_path / "shots", fps=1).frames()).luma, picture_of(0))
+    Image.fromarray(image_of(0).astype(np.uint16) * 256 + 77).save(tmp_path / "shots" / "a.png")
+    np.testing.assert_array_equal(next(open_video(tmp_path / "shots", fps=1).frames()).luma, image_of(0))
 
 
 @pytest.mark.parametrize("exif", [1, 3, 6, 8])
@@ -809,7 +809,7 @@ def test_pictures_are_turned_as_their_exif_says_like_opencv_does(tmp_path, exif)
     path = tmp_path / "shots" / "a.jpg"
     tags = Image.Exif()
     tags[0x0112] = exif
-    Image.fromarray(picture_of(4)).save(path, exif=tags, quality=95)
+    Image.fromarray(image_of(4)).save(path, exif=tags, quality=95)
     video = open_video(tmp_path / "shots", fps=1)
     expected = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
     assert (video.height, video.width) == expected.shape
@@ -821,7 +821,7 @@ def test_pictures_sampled_near_nothing_are_picked_by_number(tmp_path, monkeypatc
     found = open_video(write_pictures(tmp_path / "shots", range(40)), fps=10).sample(10)
     assert len(found) == 10
     for frame in found:
-        np.testing.assert_array_equal(frame.luma, picture_of(frame.index))
+        np.testing.assert_array_equal(frame.luma, image_of(frame.index))
         assert frame.t_s == frame.index / 10
 
 
@@ -842,11 +842,11 @@ def test_hidden_files_in_a_folder_are_passed_over(tmp_path):
     ("spoil", "message"),
     [
         (lambda p: write_pictures(p, range(2), "b{}.jpg"), "several kinds, 5 png and 2 mjpeg; leave one kind"),
-        (lambda p: [file.unlink() for file in p.iterdir()], "is a folder without pictures .*it holds 0 other files"),
-        (lambda p: written(p / "frame_0.png", b""), "none of its 5 pictures was read: frame_0.png is empty or damaged"),
-        (lambda p: written(p / "frame_0.png", b"text"), "none of its 5 pictures was read: frame_0.png cannot be read"),
-        (lambda p: written(p / "frame_0.png", png(30_000, 30_000)), "none of its 5 pictures was read"),
-        (lambda p: written(p / "frame_0.png", png(20_000, 10)), "claims pictures of 20000x10 px|pictures was read"),
+        (lambda p: [file.unlink() for file in p.iterdir()], "is a folder without images .*it holds 0 other files"),
+        (lambda p: written(p / "frame_0.png", b""), "none of its 5 images was read: frame_0.png is empty or damaged"),
+        (lambda p: written(p / "frame_0.png", b"text"), "none of its 5 images was read: frame_0.png cannot be read"),
+        (lambda p: written(p / "frame_0.png", png(30_000, 30_000)), "none of its 5 images was read"),
+        (lambda p: written(p / "frame_0.png", png(20_000, 10)), "claims images of 20000x10 px|images was read"),
     ],
 )
 def test_folder_that_cannot_be_read_is_refused(tmp_path, spoil, message):
@@ -857,7 +857,7 @@ def test_folder_that_cannot_be_read_is_refused(tmp_path, spoil, message):
 
 def test_folder_with_a_video_but_no_pictures_names_the_video(tmp_path):
     write_clip(tmp_path / "a.mp4", 2)
-    with pytest.raises(VideoError, match=r"without pictures .*; give the video in it: a\.mp4"):
+    with pytest.raises(VideoError, match=r"without images .*; give the video in it: a\.mp4"):
         open_video(tmp_path)
 
 
@@ -920,7 +920,7 @@ def test_pictures_in_an_archive_are_read(tmp_path):
     frames = list(open_video(path, fps=2).frames())
     assert [frame.t_s for frame in frames] == [k / 2 for k in range(12)]
     for frame in frames:
-        np.testing.assert_array_equal(frame.luma, picture_of(frame.index))
+        np.testing.assert_array_equal(frame.luma, image_of(frame.index))
     with pytest.raises(VideoError, match="give the frame rate"):
         open_video(path)
 
@@ -986,14 +986,14 @@ def encrypted(path, content):
         (lambda p: broken(p / "a.zip", clip_bytes(p)), "is no archive that can be unpacked: Bad CRC-32"),
         (lambda p: encrypted(p / "a.zip", clip_bytes(p)), "is no archive that can be unpacked: .*encrypted"),
         (lambda p: bomb(p / "a.zip"), "claims 125829120 bytes unpacked from .*: more than a video can be"),
-        (lambda p: pack(p / "a.zip", {}), "holds no video and no pictures"),
-        (lambda p: pack(p / "a.zip", {"a.txt": b"x"}), "holds no video and no pictures"),
+        (lambda p: pack(p / "a.zip", {}), "holds no video and no images"),
+        (lambda p: pack(p / "a.zip", {"a.txt": b"x"}), "holds no video and no images"),
         (lambda p: pack(p / "a.zip", {"b.mp4": b"", "a.mp4": b""}), r"holds 2 videos \(a.mp4, b.mp4\); unpack it"),
         (
             lambda p: pack(p / "a.zip", {"a/1.png": b"", "b/1.png": b""}),
-            "pictures in 2 folders; it must hold one video",
+            "images in 2 folders; it must hold one video",
         ),
-        (lambda p: pack(p / "a.zip", {"a/1.png": b"x"}), "none of its 1 pictures was read"),
+        (lambda p: pack(p / "a.zip", {"a/1.png": b"x"}), "none of its 1 images was read"),
     ],
 )
 def test_archive_that_cannot_be_read_is_refused(tmp_path, made, message):
@@ -1055,7 +1055,7 @@ def test_real_clip_is_read_to_its_last_frame(name, count, step):
 
 def test_real_clip_agrees_with_opencv_in_time_and_picture():
     path = recording("juangomez_pendulum/pendulum.mp4")
-    by_opencv, pictures = read_by_opencv(path)
+    by_opencv, images = read_by_opencv(path)
     frames = list(open_video(path).frames())
     assert [frame.t_s for frame in frames] == pytest.approx(by_opencv, abs=1e-6)
-    assert np.abs(frames[200].bgr().astype(int) - pictures[200]).max() <= 3
+    assert np.abs(frames[200].bgr().astype(int) - images[200]).max() <= 3

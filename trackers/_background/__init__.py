@@ -1,1 +1,1 @@
-"""The background without its moving bodies, and its noise."""
+"""Background without moving bodies, and its noise, from sampled frames."""

@@ -1,4 +1,7 @@
-"""Where a body rests for most of a clip the median shows the body: find the samples that show what is behind it."""
+"""Sampled frames that show the true background where a body rests for most of the clip.
+
+There the median shows the body itself.
+"""
 
 from __future__ import annotations
 

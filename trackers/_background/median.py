@@ -1,7 +1,6 @@
-"""The image without its moving bodies, and its noise, from frames sampled over the clip.
+"""Median background and its noise from frames sampled over the clip.
 
-Background and noise are worked out tile by tile when asked for, so that a 4K clip costs only the tiles that its
-bodies visit.
+Both are computed tile by tile on demand, so that a 4K clip costs only the tiles that its bodies visit.
 """
 
 from __future__ import annotations

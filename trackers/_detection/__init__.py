@@ -1,1 +1,1 @@
-"""Candidate bodies of one frame, with their sub-pixel centroids."""
+"""Detection of candidate bodies in one frame, with sub-pixel centroids."""

@@ -1,4 +1,4 @@
-"""Look at every frame of a clip once: background first, then the candidates of each frame."""
+"""Detection in every frame of a clip: the background from sampled frames first, then the candidates of each frame."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ REPORT_EVERY = 10  # frames between two calls of the progress function
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DetectionSetup:
-    """What was learnt from the sampled frames: the view, the background_range that is searched, the detector that measures."""
+    """What the sampled frames give: the view, the background range for the search, the detector for centroids."""
 
     view: View
     background_range: BackgroundRange
@@ -49,7 +49,7 @@ class DetectionSetup:
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        """Numbers of the frames that were sampled: ``stack`` at full size, ``search_images`` (k, h', w') as searched."""
+        """Numbers of the sampled frames: ``stack`` is of full size, ``search_images`` (k, h', w') reduced."""
         return tuple(frame.index for frame in self.stack.frames)
 
     def with_background_from(self, usable: Flags) -> DetectionSetup:
@@ -62,7 +62,7 @@ class DetectionSetup:
         )
 
     def search_windows(self) -> SearchWindows:
-        """What looks for bodies in the frames of the clip, one after the other."""
+        """The search windows of this clip, for its frames in order."""
         return SearchWindows(
             self.view,
             self.background_range,
@@ -85,9 +85,7 @@ def detection_setup(video: FrameSource, view: View, coarse: bool = False) -> Det
     """
     samples = video.sample(SAMPLES)
     if len(samples) < 3:
-        raise TrackingError(
-            f"the clip has {len(samples)} frame(s): motion shows against a background that takes at least 3"
-        )
+        raise TrackingError(f"the clip has {len(samples)} frame(s): the background takes at least 3")
     if coarse and view.step > 1 and _shows_large(half := replace(view, coarser=2), samples):
         view = half
     search_images = np.stack([view.with_chroma().search_image(frame) for frame in samples])

@@ -1,4 +1,4 @@
-"""What one frame shows: candidate bodies with their sub-pixel centres, and what reaches in from the edge."""
+"""Detections of one frame: candidate bodies with sub-pixel centroids, and objects that reach in from the edge."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Box = tuple[float, float, float, float]  # left, top, right, bottom, px
 
 @dataclass(frozen=True, slots=True)
 class EdgeObject:
-    """Something that reaches in from the edge of the image: its box (px), area (px) and inscribed radius (px)."""
+    """An object at the edge of the image, e.g. a hand: box (px), area (px^2) and inscribed radius (px)."""
 
     box: Box
     area: float
@@ -88,7 +88,7 @@ class Detection:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FrameDetections:
-    """One frame: its candidates, and what reaches in from the edge."""
+    """Detections of one frame: candidate bodies, and objects that reach in from the edge."""
 
     frame: int
     t_s: float
@@ -98,7 +98,7 @@ class FrameDetections:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Detector:
-    """What turns a blob into a detection: the background, the region and its reduction for the search, the noise.
+    """Measures blobs: background, region of interest, reduction for the search, inflation of the noise.
 
     ``streaks`` says that a body that moves far during an exposure is fitted as a swept disc.
     """
@@ -111,7 +111,7 @@ class Detector:
     def detect(
         self, frame: Frame, bodies: list[Blob], foreground: list[Blob], before: Sequence[Detection] = ()
     ) -> FrameDetections:
-        """Look at each body closely.
+        """Measure the centroid of each body.
 
         ``foreground`` are the blobs of whatever moves, bodies and hands; ``before`` is what the frame before showed.
         """
@@ -138,7 +138,7 @@ class Detector:
         reaching: list[Blob],
         before: Sequence[Detection] = (),
     ) -> Detection | None:
-        """Look at one body closely; None when it is too small, or cut off.
+        """Measure the centroid of one body; None when it is too small, or cut by the edge.
 
         Parameters
         ----------

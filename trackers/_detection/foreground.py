@@ -1,4 +1,4 @@
-"""What differs from the background in one frame, cut into compact bodies: cords, hands and noise come apart."""
+"""Background subtraction in one frame, and its foreground cut into compact blobs without cords, hands and noise."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def background_range_of(estimate: BackgroundEstimate) -> BackgroundRange:
 
 
 def rounded(image: Image) -> Bytes:
-    """Grey levels as bytes."""
+    """Grey levels as bytes. Any shape: (h, w) or (h, w, 3)."""
     return np.clip(np.rint(image), 0, 255).astype(np.uint8)
 
 

@@ -1,8 +1,8 @@
-"""Centre of a round body that moves far during an exposure: a disc swept along a line, fitted to the pixels.
+"""Centroid of a motion-blurred round body: a disc swept along a line, fitted to the pixels.
 
-The outline of such a body is as wide as its way, so that nothing tells its own brightness from that of what is behind
-it there but the shape: the swept disc. Each frame is fitted by itself; the tracker ``disc`` knows the way from the
-frames before and after, and gains by that where every body is a disc.
+The outline of such a body is as wide as its path within the exposure, so that only the shape, the swept disc,
+separates its own brightness from that of the background. Each frame is fitted by itself; the tracker ``disc`` knows
+the motion from the frames before and after, and is more precise where every body is a disc.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class Sweep:
 
     @property
     def values(self) -> Array:
-        """The five numbers."""
+        """The five numbers. Shape (5,), in px."""
         return np.array([self.x, self.y, self.across, self.down, self.radius])
 
     @property

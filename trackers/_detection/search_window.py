@@ -1,8 +1,8 @@
-"""Where in a frame to look closely: where something was a moment ago, where a coarse watch sees a change, or all over.
+"""Search windows: where bodies were in the frame before, where a sparse pixel grid shows a change, or the whole frame.
 
-An image that is searched at full size is searched all over. In a larger one every frame is watched at a sparse grid
-of pixels, which costs little; the images round what that shows, and round what was there in the frame before, are
-searched, and every few frames the whole.
+An image that is searched at full size is searched everywhere. In a larger one every frame is checked at a sparse grid
+of pixels, which costs little; the windows round changes there, and round what was there in the frame before, are
+searched, and every few frames the whole image.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ GROWTHS = 3  # times a part of the image is made larger until it holds what is i
 class SearchWindows:
     """Looks for bodies frame by frame, in order.
 
-    ``background_range`` is what the background shows at the size that is searched, ``sparse_range`` what it shows at the pixels that are
-    watched; None to search every frame all over.
+    ``background_range`` holds the grey levels of the background at the size of the search, ``sparse_range`` those at
+    the pixels of the sparse grid; None to search the whole of every frame.
     """
 
     view: View
@@ -136,7 +136,7 @@ class SearchWindows:
 
 
 def _followed(foreground: list[Blob]) -> list[Box]:
-    """The boxes of those foreground that are thick enough for a body."""
+    """The boxes of those blobs of the foreground that are thick enough for a body."""
     return [blob.box for blob in foreground if blob.inscribed > THINNEST_BODY]
 
 

@@ -1,4 +1,4 @@
-"""Sub-pixel centre of one body, by how much of each pixel it covers."""
+"""Sub-pixel centroid of one body, weighted by the coverage of each pixel."""
 
 from __future__ import annotations
 

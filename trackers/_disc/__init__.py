@@ -1,1 +1,1 @@
-"""Discs fitted to pixels: area coverage, shading, motion blur."""
+"""Disc model fitted to pixels: area coverage, shading, motion blur."""

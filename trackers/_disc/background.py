@@ -1,4 +1,4 @@
-"""The background as it shows where no disc is: also behind a ball that never leaves the middle of the image."""
+"""Background from the samples without a disc in front, also behind a ball that never leaves the middle of the image."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ class KnownBackground:
     known: Flags
 
     def patch(self, top: int, bottom: int, left: int, right: int) -> tuple[Image, Image, Flags]:
-        """Background, noise and whether the background is known, of some rows and columns."""
+        """Background, noise and whether the background is known, of some rows and columns.
+
+        All of them (h, w, channels), the last (h, w); background and noise in grey levels.
+        """
         height, width = self.background.stack.shape[1:3]
         rows = np.arange(top, bottom) * self.known.shape[0] // height
         columns = np.arange(left, right) * self.known.shape[1] // width

@@ -1,4 +1,4 @@
-"""Circles seen in single frames, joined into the course of one disc: needs no background, only an outline."""
+"""Circles detected in single frames by the Hough transform and joined into one path; needs no background."""
 
 from __future__ import annotations
 

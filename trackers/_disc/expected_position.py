@@ -1,4 +1,4 @@
-"""Where a disc is expected in each frame: along the tracklet of a body, or from circle to circle."""
+"""Expected position and radius of a disc in each frame, from a tracklet or from detected circles."""
 
 from __future__ import annotations
 

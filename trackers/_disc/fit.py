@@ -1,4 +1,4 @@
-"""A disc fitted to the pixels round it, with a standard error that allows for noise alike in neighbouring pixels."""
+"""Disc fitted to the pixels round it; its standard error allows for noise correlated between neighbouring pixels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A body that is struck while the shutter is open: its image is no longer that of one place."""
+"""Additional position error in frames whose exposure contains an impact."""
 
 from __future__ import annotations
 

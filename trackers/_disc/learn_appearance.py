@@ -1,4 +1,4 @@
-"""What a few frames teach about a disc before every frame is fitted: its shading, the shutter, the noise."""
+"""Appearance of a disc learned from a few frames before all are fitted: shading, shutter, pixel noise."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a disc before a background looks like: area coverage, blurred edge, shading, motion within the exposure."""
+"""Image model of a disc in front of a background: area coverage, blurred edge, shading, motion within the exposure."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Motion:
 
     @property
     def way(self) -> Array:
-        """All of it (5,): x, y, radius, bend_x, bend_y."""
+        """All of it (5,): x, y, radius, bend_x, bend_y. In px."""
         return np.array([self.x, self.y, self.radius, self.bend_x, self.bend_y])
 
 
@@ -107,7 +107,10 @@ class DiscModel:
         self.terms = np.column_stack([np.ones_like(u), u, v, u**2 + v**2 - 1, u**2 - v**2, u * v])
 
     def start(self, values: Array) -> Start:
-        """Parameters to start from: the levels inside and outside by the median of the ``values`` (n,)."""
+        """Parameters to start from: the levels inside and outside by the median of the ``values`` (n,).
+
+        Levels are grey levels.
+        """
         origin, outline = self.origin, self.form.outline
         parameters = np.zeros(self.form.count)
         parameters[:outline] = (origin.x, origin.y, origin.radius, origin.blur, *origin.oval)[:outline]
@@ -122,7 +125,10 @@ class DiscModel:
         return Start(parameters, longest, lowest)
 
     def predict(self, parameters: Array) -> tuple[Array, Array]:
-        """Grey levels (n,) and their derivatives (n, p) by the ``parameters`` (p,)."""
+        """Grey levels (n,) and their derivatives (n, p) by the ``parameters`` (p,).
+
+        Derivatives are in grey levels per px or per unit of a level.
+        """
         share, slopes = self._coverage(parameters[: self.form.outline])
         body, surroundings = self._levels(parameters)
         part = share[:, np.newaxis]
@@ -131,7 +137,10 @@ class DiscModel:
         return surroundings + share * (body - surroundings), jacobian
 
     def contrast(self, parameters: Array) -> tuple[float, float]:
-        """Mean of body minus surroundings, and of the body, along the outline; ``parameters`` (p,)."""
+        """Mean of body minus surroundings, and of the body, along the outline; ``parameters`` (p,).
+
+        Both are in grey levels.
+        """
         share, _ = self._coverage(parameters[: self.form.outline])
         edge = share * (1 - share) + 1e-9
         body, surroundings = self._levels(parameters)

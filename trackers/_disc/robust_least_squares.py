@@ -1,4 +1,4 @@
-"""Least squares that a few foreign pixels do not move: Gauss-Newton, reweighted, with an error that is measured."""
+"""Robust least squares by iteratively reweighted Gauss-Newton, with the noise estimated from the residuals."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Solution:
 
     @property
     def covariance(self) -> Array:
-        """Inverse information (p, p): the covariance for white noise."""
+        """Inverse information (p, p): the covariance for white noise. In the product of the units of two parameters."""
         return np.asarray(np.linalg.pinv(self.information, hermitian=True), dtype=np.float64)
 
     def scores(self) -> Array:

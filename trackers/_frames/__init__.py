@@ -1,1 +1,1 @@
-"""Images that trackers work on: cut, reduced, with or without colour."""
+"""Working images of the trackers: region of interest, reduced size, with or without colour."""

@@ -1,4 +1,4 @@
-"""Which pixels are of about one colour, and when the colour of a clip is needed at all."""
+"""Pixels of one colour, and the chroma planes of a frame."""
 
 from __future__ import annotations
 

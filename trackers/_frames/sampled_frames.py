@@ -1,4 +1,4 @@
-"""Frames sampled over a clip, held as they were decoded: only the windows that are asked for become images."""
+"""Frames sampled over a clip, kept as decoded; windows of them are converted on demand."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How a frame becomes the images that are worked on: cut to the region, with or without colour, and made smaller."""
+"""From a frame to the working image: cut to the region of interest, with or without colour, reduced in size."""
 
 from __future__ import annotations
 

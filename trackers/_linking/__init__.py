@@ -1,1 +1,1 @@
-"""Detections joined over frames into tracks."""
+"""Detections linked over frames into tracklets, bodies and Tracks."""

@@ -1,4 +1,4 @@
-"""Trackers whose background is learnt as the clip goes, by one of OpenCV's subtractors."""
+"""Trackers whose background adapts frame by frame, by one of the background subtractors of OpenCV."""
 
 from __future__ import annotations
 

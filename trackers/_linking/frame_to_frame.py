@@ -1,4 +1,4 @@
-"""Sightings of successive frames joined into tracklets: assignment to where each tracklet is predicted to be."""
+"""Detections of successive frames linked into tracklets by assignment to predicted positions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A second look where a body itself was part of the background: leave out the samples in which it is there."""
+"""Background recomputed without the samples in which a body covers it, where a body had become background."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which tracklets are the bodies that are meant: not the shadow, not the hand, not the noise; and when a hand is there."""
+"""Selection of the tracklets that are the bodies, not shadows, hands or noise; frames in which a hand holds a body."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _main_tracklets(tracklets: Sequence[Tracklet], count: int) -> list[Tracklet]
     if not moving:
         raise TrackingError(
             "nothing moves in the clip beyond the noise of the image; check that the camera stands still, "
-            "that the body differs in brightness from what is behind it, and --roi and --colour if given"
+            "that the body differs in brightness from the background, and --roi and --colour if given"
         )
     chosen: list[Tracklet] = []
     for tracklet in sorted(moving, key=score, reverse=True):
@@ -104,7 +104,7 @@ def _main_tracklets(tracklets: Sequence[Tracklet], count: int) -> list[Tracklet]
     if len(chosen) < count:
         raise TrackingError(
             f"{count} bodies were asked for, but only {len(chosen)} move(s) at the same time; "
-            f"ask for fewer, or limit the image with --roi or --colour"
+            f"ask for fewer, or restrict the region with --roi or the bodies with --colour"
         )
     return chosen
 

@@ -1,1 +1,1 @@
-"""Several bodies followed at once, also where they touch."""
+"""Many bodies, or bodies that touch: tracked together."""

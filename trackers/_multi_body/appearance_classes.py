@@ -1,4 +1,4 @@
-"""What the bodies look like: classes of one colour and size, and how many there are of each."""
+"""Appearance classes: bodies of one colour and size, and how many there are of each."""
 
 from __future__ import annotations
 
@@ -191,9 +191,9 @@ def _classes_of(setup: DetectionSetup, images: Sequence[Bytes], count: int) -> l
     numbers = _rounded(np.array(amounts_found), count)
     if numbers.sum() < count:
         raise TrackingError(
-            f"{count} bodies were asked for, but what moves is enough for {int(numbers.sum())}; ask for fewer, "
-            f"limit the image with --roi or --colour, or leave out with --start what comes before they are struck: "
-            f"bodies that rest in a pile for most of a clip hide what is behind them"
+            f"{count} bodies were asked for, but the moving area is enough for {int(numbers.sum())}; ask for fewer, "
+            f"restrict the region with --roi or the bodies with --colour, or begin with --start when they are struck: "
+            f"bodies that rest in a pile for most of a clip hide the background"
         )
     return [
         replace(appearance, count=int(number)) for appearance, number in zip(classes, numbers, strict=True) if number
@@ -206,7 +206,10 @@ def background_level(background_range: BackgroundRange) -> Image:
 
 
 def class_coverages(classes: Sequence[AppearanceClass], image: Image, background: Image) -> list[Image]:
-    """Coverage by each kind, each pixel given to the kind whose colour is nearest."""
+    """Coverage by each kind, each pixel given to the kind whose colour is nearest.
+
+    Images are (h, w, channels), coverages (h, w), dimensionless.
+    """
     nearest = np.stack([((image - appearance.colour) ** 2).sum(axis=-1) for appearance in classes]).argmin(axis=0)
     return [np.where(nearest == k, appearance.coverage(image, background), 0.0) for k, appearance in enumerate(classes)]
 

@@ -1,4 +1,4 @@
-"""A segmentation made elsewhere in place of the detector: which pixels are bodies, frame by frame."""
+"""Segmentation masks from elsewhere in place of the detector."""
 
 from __future__ import annotations
 

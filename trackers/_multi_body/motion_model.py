@@ -1,4 +1,4 @@
-"""Where bodies are predicted to be: constant velocity with its covariance, and what an impact makes of it."""
+"""Motion model of the bodies: Kalman prediction at constant velocity, and velocities after an impact."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ class MotionStates:
         self.covariance = self.covariance - gain[:, :, np.newaxis] * self.covariance[:, np.newaxis, 0, :]
 
     def touching(self) -> Mask:
-        """Which bodies are so near to another that one may strike the other."""
+        """Which bodies are so near to another that one may strike the other. Shape (bodies,)."""
         near = self._apart() < TOUCHING * (self.radius[:, np.newaxis] + self.radius)
         np.fill_diagonal(near, False)
         return np.asarray(near.any(axis=1))

@@ -1,4 +1,4 @@
-"""The pixels that bodies cover shared out among them: touching bodies of one kind come apart at the middle."""
+"""Assignment of covered pixels to bodies by k-means: touching bodies of one class part at the middle."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class PixelAssignment:
     energy: float
 
     def taken(self, order: NDArray[np.int64]) -> PixelAssignment:
-        """The same assignments renumbered: body k gets what ``order[k]`` had."""
+        """The same assignments renumbered: body k gets what ``order[k]`` had. ``order`` (bodies,) holds indices."""
         back = np.full(len(order) + 1, -1)
         back[order] = np.arange(len(order))
         return PixelAssignment(
@@ -76,7 +76,10 @@ def covered_pixels(
     frame: int,
     t_s: float,
 ) -> CoveredPixels:
-    """What bodies of some classes cover in an image (h, w, channels) before a background of that shape."""
+    """What bodies of some classes cover in an image (h, w, channels) before a background of that shape.
+
+    Images are in grey levels.
+    """
     where = any_channel(background_range.excess(image) > background_range.weak)
     size = (image.shape[1], image.shape[0])
     if not where.any():

@@ -1,4 +1,4 @@
-"""Many bodies followed at once, also where they touch: predicted, shared out, assigned, forwards and backwards."""
+"""Many bodies tracked together, also where they touch: prediction, pixel assignment and matching, both ways in time."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class BodyGroup:
 
     @property
     def here(self) -> Mask:
-        """Which bodies are expected in the image."""
+        """Which bodies are expected in the image. Shape (bodies,)."""
         return self.unseen <= PATIENCE
 
 

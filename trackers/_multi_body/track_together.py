@@ -1,4 +1,4 @@
-"""Many bodies, or bodies that touch: what each covers in every frame by the group, then its centre at full size."""
+"""Many or touching bodies: pixels assigned at reduced size, then a sub-pixel centroid of each body at full size."""
 
 from __future__ import annotations
 

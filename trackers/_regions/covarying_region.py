@@ -1,4 +1,4 @@
-"""Pixels that change together over a clip: one temporal course, another strength in each pixel."""
+"""Region whose pixels share one time series up to a factor, by principal component analysis."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ LEAST_CHANGE = 4.0  # times the noise of a pixel
 class Region:
     """Pixels (h, w) that change together, and how far that explains what changes.
 
-    ``together`` is the share of the change, beyond the noise, that follows the common course, in these pixels or in
-    the whole image, whichever is less sure; ``clipped`` the share of these pixels that are cut off in some sample.
+    ``explained_share`` is the share of the variance, beyond the noise, that the common time series explains, in these
+    pixels or in the whole image, whichever is less; ``clipped`` the share of these pixels clipped in some sample.
     """
 
     mask: Flags
-    together: float
+    explained_share: float
     clipped: float
 
 
@@ -46,15 +46,15 @@ def region_that_changes(stack: Bytes, free: Flags) -> Region | None:
     deviation = series - series.mean(axis=0)
     cut_off = np.asarray(np.any((stack <= CLIPPED[0]) | (stack >= CLIPPED[1]), axis=0))
     noise = noise_of(stack)
-    course, mask = _course(deviation, free), free
+    series, mask = _principal_series(deviation, free), free
     for _ in range(ROUNDS):
-        change = cv2.GaussianBlur(np.tensordot(course, deviation, axes=1), (0, 0), SMOOTHING)
+        change = cv2.GaussianBlur(np.tensordot(series, deviation, axes=1), (0, 0), SMOOTHING)
         strength = np.where(free, np.abs(change), 0.0)
         top = np.unravel_index(int(np.argmax(strength)), strength.shape)
         if strength[top] < LEAST_CHANGE * noise:
             return None
         mask = _connected((strength > SHARES[0] * strength[top]) & (np.sign(change) == np.sign(change[top])), top)
-        course = _course(deviation, mask)
+        series = _principal_series(deviation, mask)
     for share in SHARES:
         wide = _connected((strength > share * strength[top]) & (np.sign(change) == np.sign(change[top])), top)
         if np.count_nonzero(wide & ~cut_off) >= FEWEST_PIXELS:
@@ -63,11 +63,14 @@ def region_that_changes(stack: Bytes, free: Flags) -> Region | None:
     if np.count_nonzero(mask) < FEWEST_PIXELS:
         return None
     anywhere = free & (deviation.std(axis=0) > LEAST_CHANGE / 2 * noise)
-    together = min(_together(deviation, course, mask, noise), _together(deviation, course, anywhere, noise))
-    return Region(mask, together, float(cut_off[mask].mean()))
+    explained_share = min(
+        _explained_share(deviation, series, mask, noise),
+        _explained_share(deviation, series, anywhere, noise),
+    )
+    return Region(mask, explained_share, float(cut_off[mask].mean()))
 
 
-def _course(deviation: Image, mask: Flags) -> Image:
+def _principal_series(deviation: Image, mask: Flags) -> Image:
     """First principal component in time (k,) of some pixels, of length one."""
     values = deviation[:, mask]
     _, vectors = np.linalg.eigh(values @ values.T)
@@ -80,9 +83,9 @@ def _connected(mask: Flags, seed: tuple[np.intp, ...]) -> Flags:
     return np.asarray(labels == labels[seed])
 
 
-def _together(deviation: Image, course: Image, mask: Flags, noise: float) -> float:
+def _explained_share(deviation: Image, series: Image, mask: Flags, noise: float) -> float:
     """Share of the variance of some pixels, beyond the noise, that the common course explains."""
     values = deviation[:, mask]
     whole = float((values**2).sum()) - noise**2 * values.size
-    common = float(((course @ values) ** 2).sum())
+    common = float(((series @ values) ** 2).sum())
     return common / whole if whole > 0 else 1.0

@@ -1,4 +1,4 @@
-"""A region that changes its brightness as a whole: its mean in a frame, and how sure that is by its pixels."""
+"""Mean brightness of a region that changes as a whole, with a standard error from its pixels."""
 
 from __future__ import annotations
 

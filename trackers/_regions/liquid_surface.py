@@ -1,4 +1,4 @@
-"""A surface that rises or falls in a vessel: where it sweeps, how it looks on either side, where it is in a frame."""
+"""Liquid surface in a vessel: the region it sweeps, the appearance above and below it, its row in each frame."""
 
 from __future__ import annotations
 
@@ -60,36 +60,38 @@ def vessel_of(stack: Bytes) -> Vessel:
     rows = np.flatnonzero((labels == largest)[:, columns].mean(axis=1) > 0.5)
     if columns.size < LEAST_WIDTH or rows.size < LEAST_HEIGHT:
         raise TrackingError(
-            f"no surface moves in the clip: what changes is {columns.size} px wide and {rows.size} px high; "
-            "limit the image with --roi"
+            f"no surface moves in the clip: the region that changes is {columns.size} px wide and {rows.size} px high; "
+            "restrict the region with --roi"
         )
     return Vessel(int(columns[0]), int(columns[-1]) + 1, int(rows[0]), int(rows[-1]) + 1)
 
 
-def rough_levels(course: Array) -> Array:
+def rough_levels(rows_over_time: Array) -> Array:
     """Surface in samples (k, rows) of swept rows in order of time, as rows from the first: the best step of each row.
+
+    Samples are grey levels, rows are in units of the spacing.
 
     TrackingError when the rows do not change once and for all, as a surface that rises or falls makes them.
     """
-    steps, explained = _steps(course)
+    steps, explained = _steps(rows_over_time)
     if explained < STEPWISE:
         raise TrackingError(
-            f"what changes is no surface: only {explained:.0%} of it changes once and for all, as when something "
-            "passes; limit the image to the vessel with --roi, or use another tracker"
+            f"this is no surface of a liquid: only {explained:.0%} of the change is one lasting step, as when "
+            "something passes; restrict the region to the vessel with --roi, or use another tracker"
         )
     falls = np.polyfit(np.arange(steps.size), steps, 1)[0] > 0
-    k = np.arange(len(course))[:, np.newaxis]
+    k = np.arange(len(rows_over_time))[:, np.newaxis]
     below = (k < steps) if falls else (k >= steps)
     return np.asarray(steps.size - 0.5 - below.sum(axis=1))
 
 
-def _steps(course: Array) -> tuple[Array, float]:
+def _steps(rows_over_time: Array) -> tuple[Array, float]:
     """Sample (rows,) from which on each row has changed, and the share of the variance that these steps explain."""
-    k = len(course)
-    total = course.var(axis=0) * k
-    sums = np.cumsum(course, axis=0)[:-1]
+    k = len(rows_over_time)
+    total = rows_over_time.var(axis=0) * k
+    sums = np.cumsum(rows_over_time, axis=0)[:-1]
     n = np.arange(1, k)[:, np.newaxis]
-    between = (sums - n * course.mean(axis=0)) ** 2 * k / (n * (k - n))
+    between = (sums - n * rows_over_time.mean(axis=0)) ** 2 * k / (n * (k - n))
     best = between.argmax(axis=0)
     return best + 1, float(between.max(axis=0).sum() / max(float(total.sum()), 1e-9))
 
@@ -148,6 +150,8 @@ class Surface:
 
 def surface_of(stack: Array, levels: Array, x: Array) -> Surface:
     """Both sides of the surface from samples (k, rows, strips) in which it stands at rows ``levels`` (k,).
+
+    Samples are grey levels; ``levels`` are in rows, ``x`` (strips,) in px.
 
     A row that never was on one side is given the look of the nearest row that was.
     """

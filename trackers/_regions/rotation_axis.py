@@ -1,4 +1,4 @@
-"""Where something turns, and roughly how far in each frame: by what differs from a background that stands still."""
+"""Axis of rotation, and a rough angle in each frame, from the foreground in polar coordinates."""
 
 from __future__ import annotations
 
@@ -45,13 +45,15 @@ def activity(background_range: BackgroundRange, small: Bytes) -> Image:
 def axis_of(images: Sequence[Image]) -> Axis:
     """The axis about which the middle of what differs goes round in some images (h, w).
 
+    The axis is in px.
+
     The middle of a turning body lies on a circle about the axis, or on the axis itself. Pictures in which something
     else shows, such as a hand, are outvoted. TrackingError when nothing differs, or its middle keeps to no circle.
     """
     shown = [image for image in images if np.count_nonzero(image) >= FEWEST_PIXELS]
     if len(shown) < FEWEST_FRAMES:
         raise TrackingError(
-            "nothing in the clip moves, so nothing turns; check --start and --stop, and --roi and --colour if given"
+            "nothing in the clip moves, so nothing rotates; check --start and --stop, and --roi and --colour if given"
         )
     middles = np.array([_middle(image) for image in shown])
     size = float(np.median([_reach(image, middle) for image, middle in zip(shown, middles, strict=True)]))
@@ -91,8 +93,8 @@ def _circle(middles: Array, shape: tuple[int, ...]) -> Array:
     in_picture = -0.5 <= best[0] < shape[1] and -0.5 <= best[1] < shape[0]
     if not in_picture or scatter > ROUND * best[2]:
         raise TrackingError(
-            "what moves does not turn about a point in the image: its middle keeps to no circle there "
-            f"(scatter {scatter:.2g} px, radius {best[2]:.3g} px); limit the image with --roi, or use the tracker "
+            "the moving body does not rotate about a point in the image: its centroid does not follow a circle "
+            f"(scatter {scatter:.2g} px, radius {best[2]:.3g} px); restrict the region with --roi, or use the tracker "
             "median-background"
         )
     return best[:2]
@@ -135,7 +137,7 @@ def middle_of(images: Sequence[Image], axis: Axis, angles: Array) -> Middle:
     return Middle(float(np.hypot(right, down)), float(np.arctan2(-down, right)), sigma)
 
 
-class Turns:
+class RotationFollower:
     """Follows the angle from frame to frame by the polar image of what differs, to about a degree."""
 
     def __init__(self, axis: Axis) -> None:
@@ -161,6 +163,6 @@ class Turns:
         bend = before - 2 * now + after
         angle = float(steps[best]) + (float(np.clip((before - after) / (2 * bend), -0.5, 0.5)) if bend < 0 else 0.0)
         self.rate, self.angle = angle - self.angle, angle
-        turned = np.roll(polar, -round(angle), axis=1)
-        self.known = (1 - LEARNING) * self.known + LEARNING * turned
+        rotated_back = np.roll(polar, -round(angle), axis=1)
+        self.known = (1 - LEARNING) * self.known + LEARNING * rotated_back
         return angle

@@ -1,4 +1,4 @@
-"""The look of a body that turns about an axis, learnt from some frames, and the angle at which a frame shows it."""
+"""Template of a rotating body learned from some frames, and the angle at which it matches a frame."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Pattern:
 
     @property
     def block(self) -> NDArray[np.int64]:
-        """Number (n,) of the block in which each point lies."""
+        """Number (n,) of the block in which each point lies. They are indices."""
         cells = np.floor(self.offset / (BLOCK * self.axis.reach)).astype(np.int64)
         return np.asarray(np.unique(cells, axis=0, return_inverse=True)[1].ravel(), dtype=np.int64)
 
@@ -60,7 +60,7 @@ class Pattern:
 
 
 @dataclass(frozen=True, slots=True)
-class Turned:
+class RotationMatch:
     """How a frame shows a pattern: angle and its standard error, rad; shift of the axis, px; share of points used."""
 
     angle: float
@@ -70,13 +70,18 @@ class Turned:
 
 
 def rotation(angle: float) -> Array:
-    """Rotation (2, 2) by an angle, anticlockwise as seen, of places with y down."""
+    """Rotation (2, 2) by an angle, anticlockwise as seen, of places with y down.
+
+    The angle is in rad; the matrix is dimensionless.
+    """
     cosine, sine = np.cos(angle), np.sin(angle)
     return np.array([[cosine, sine], [-sine, cosine]])
 
 
-def pattern_of(images: Sequence[Image], angles: Array, axis: Axis) -> Pattern:
+def learn_pattern(images: Sequence[Image], angles: Array, axis: Axis) -> Pattern:
     """The look of a body at angle zero from images (h, w) in which it is turned by known angles (k,).
+
+    Angles are in rad.
 
     It is the median over the images, each with its own brightness, so that what does not turn leaves no trace.
     """
@@ -85,11 +90,11 @@ def pattern_of(images: Sequence[Image], angles: Array, axis: Axis) -> Pattern:
     grid = step * np.arange(-side, side + 1, dtype=np.float64)
     x, y = np.meshgrid(grid, grid)
     offsets = np.column_stack([x.ravel(), y.ravel()])
-    turned = [offsets @ rotation(angle).T for angle in angles]
-    values = np.stack([_seen(image, axis, (0.0, 0.0), where) for image, where in zip(images, turned, strict=True)])
+    rotated = [offsets @ rotation(angle).T for angle in angles]
+    values = np.stack([_seen(image, axis, (0.0, 0.0), where) for image, where in zip(images, rotated, strict=True)])
     level = np.median(values, axis=0)
     for _ in range(ROUNDS):
-        even = np.stack([_evened(*pair, level) for pair in zip(values, turned, strict=True)])
+        even = np.stack([_evened(*pair, level) for pair in zip(values, rotated, strict=True)])
         level = np.median(even, axis=0)
     spread = MAD_TO_SD * np.median(np.abs(even - level), axis=0)
     slopes = np.gradient(level.reshape(x.shape), step)
@@ -124,7 +129,7 @@ def _evened(values: Array, offsets: Array, level: Array) -> Array:
     return np.asarray((values - gain[3]) / light)
 
 
-def turned(pattern: Pattern, image: Image, start: float, *, loose: bool = False) -> Turned:
+def match_rotation(pattern: Pattern, image: Image, start: float, *, loose: bool = False) -> RotationMatch:
     """The angle at which an image (h, w) shows a pattern, by weighted least squares from a start within a step of it.
 
     Every point is predicted by the pattern's grey level times the brightness of the frame, which may slope, plus an
@@ -153,7 +158,7 @@ def turned(pattern: Pattern, image: Image, start: float, *, loose: bool = False)
         if abs(step) < SETTLED:
             break
     sigma = float("nan") if loose else _jackknifed(linear, pattern.block)
-    return Turned(angle, sigma, (float(shift[0]), float(shift[1])), float(np.mean(linear.weight > 0)))
+    return RotationMatch(angle, sigma, (float(shift[0]), float(shift[1])), float(np.mean(linear.weight > 0)))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -214,6 +219,8 @@ def _jackknifed(linear: _Linear, block: NDArray[np.int64]) -> float:
 def centred(axis: Axis, angles: Array, shifts: Array) -> Axis:
     """The axis by where it was found (k, 2) at some angles (k,): what stays put is the axis' own error.
 
+    Shifts are in px, angles in rad.
+
     A pattern whose zero is off the axis by d goes round: shift = error + R(angle) d.
     """
     terms = np.zeros((2 * len(angles), 4))
@@ -230,5 +237,5 @@ def centred(axis: Axis, angles: Array, shifts: Array) -> Axis:
 
 
 def luma_of(small: Bytes) -> Image:
-    """The plane of an image (h, w) or (h, w, 3) that is compared: luma, as it is sharpest."""
+    """The plane of an image (h, w) or (h, w, 3) that is compared: luma, as it is sharpest. In grey levels."""
     return np.asarray(small if small.ndim == 2 else small[..., 0], dtype=np.float32)

@@ -1,1 +1,1 @@
-"""Standard errors of tracks: noise that is correlated in space and time."""
+"""Standard errors of tracks: noise correlated in space and time."""

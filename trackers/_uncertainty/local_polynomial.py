@@ -1,7 +1,7 @@
-"""How far samples scatter about a smooth course, beyond what their standard errors say.
+"""Excess scatter of samples about a smooth time series, beyond their standard errors, by local polynomials.
 
-Compression, flicker and template errors are alike in all pixels of a frame, so that one frame does not show them;
-the course over time does. Local polynomials follow whatever is smooth, and what is left is scatter.
+Errors from compression, flicker and the template are common to all pixels of a frame, so that a single frame does not
+show them; the time series does. Local polynomials follow whatever is smooth; their residual is the scatter.
 """
 
 from __future__ import annotations
@@ -71,12 +71,17 @@ def _residuals_of(t_s: Array, values: Array, sigma: Array, which: NDArray[np.int
 
 
 def pooled(sigma: Array) -> Array:
-    """Standard errors (n,) with each variance averaged over its neighbours: few blocks or strips tell it badly."""
+    """Standard errors (n,) with each variance averaged over its neighbours: few blocks or strips tell it badly.
+
+    In px.
+    """
     return np.asarray(np.sqrt(_averaged(sigma**2)))
 
 
 def persistent(sigma: Array) -> Array:
     """Standard errors (n,) of which none is below the median of all.
+
+    In px.
 
     Where a course is slow, a compressed image stays behind it as far as elsewhere, but smoothly: nothing scatters.
     """

@@ -1,4 +1,4 @@
-"""Noise that is alike in neighbouring pixels: measured from residuals, and what it does to sums over pixels."""
+"""Noise correlation between neighbouring pixels, measured from residuals, and the variance of sums over pixels."""
 
 from __future__ import annotations
 
