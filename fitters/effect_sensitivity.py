@@ -97,7 +97,7 @@ def motion_of(fitted: FitResult, trajectory: Trajectory) -> Motion:
     """
     model, values = fitted.model, {name: estimate.value for name, estimate in fitted.estimates.items()}
     used_s = fitted.t_s[fitted.used]
-    before = [fitted.t0_s] if fitted.t0_s < used_s[0] else []  # the first samples may be wild
+    before = [fitted.t0_s] if fitted.t0_s < used_s[0] else []  # the first samples may be outliers
     grid, at_samples = refined(np.array([*before, *used_s]))
     at_samples = at_samples[len(before) :]
     known = _inputs_at(trajectory, grid)
@@ -134,7 +134,7 @@ def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory, motio
     trajectory
         What it was fitted to, for its inputs.
     motion
-        :func:`motion_of` the fit, to save the time when many effects are asked for.
+        :func:`motion_of` the fit, to save time for many effects.
 
     Returns
     -------
@@ -186,7 +186,10 @@ def _scale_of(change: Callable[[float], Array], motion: Array) -> float:
 
 
 def refined(t_s: Array) -> tuple[Array, NDArray[np.int_]]:
-    """Times with REFINEMENT points in each interval, and where the samples are among them."""
+    """Times with REFINEMENT points in each interval, and where the samples are among them.
+
+    ``t_s`` (n,), s; the finer times (m,), s, and indices (n,).
+    """
     inner = np.arange(REFINEMENT) / REFINEMENT
     grid = np.append((t_s[:-1, None] + inner * np.diff(t_s)[:, None]).ravel(), t_s[-1])
     return np.asarray(grid), np.arange(t_s.size) * REFINEMENT

@@ -26,7 +26,10 @@ Estimator = Callable[[Trajectory, Known], dict[str, Estimate]]
 
 
 def used_samples(trajectory: Trajectory, quantity: str) -> tuple[Array, Array]:
-    """Times (s, from 0) and values of a quantity in the motion, gaps left out; FitError when there are too few."""
+    """Times (s, from 0) and values of a quantity in the motion, gaps left out; FitError when there are too few.
+
+    Both (n,).
+    """
     used = trajectory.valid & trajectory.mask("motion") if trajectory.segments else trajectory.valid
     if used.sum() < FEWEST:
         raise FitError(f"the motion has {int(used.sum())} samples, at least {FEWEST} are needed")

@@ -15,7 +15,10 @@ def applies(model: OdeModel) -> bool:
 
 
 def observe(t_s: Array, observed: Array, velocity: Array, params: Array) -> Array:
-    """What is across, times 1 + e."""
+    """What is across, times 1 + e.
+
+    ``observed`` and ``velocity`` (n, d): in the observed unit, and per second; ``params`` (k,).
+    """
     wider = 1.0 + params[0]
     if observed.shape[1] == 1:  # an angle from the vertical
         turns = np.round(observed / (2 * np.pi)) * 2 * np.pi

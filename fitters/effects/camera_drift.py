@@ -7,7 +7,10 @@ from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 
 def observe(t_s: Array, observed: Array, velocity: Array, params: Array) -> Array:
-    """Observed + rate * time."""
+    """Observed + rate * time.
+
+    ``observed`` and ``velocity`` (n, d): in the observed unit, and per second; ``params`` (k,).
+    """
     return observed + params[0] * t_s[:, None]
 
 

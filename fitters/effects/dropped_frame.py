@@ -12,19 +12,25 @@ FARTHEST = 8  # powers of two of frames by which a moment is moved
 
 
 def warp(t_s: Array, params: Array) -> Array:
-    """A delay from some time on, that grows over one frame interval: the sample before has none, that after has all."""
+    """A delay from some time on, that grows over one frame interval: the sample before has none, that after has all.
+
+    ``t_s`` (n,), s; ``params`` (k,).
+    """
     delay, when, width = params
     return np.asarray(t_s + delay * np.clip((t_s - when) / width + 0.5, 0.0, 1.0))
 
 
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
-    """Middles (s) of frame intervals spread evenly over the clip, and the length (s) of one."""
+    """Middles (s) of frame intervals spread evenly over the clip, and the length (s) of one.
+
+    ``t_s`` (n,), s; ``observed`` (n, d), in the observed unit.
+    """
     before = np.unique(np.searchsorted(t_s, [when for when, _ in moments(t_s, observed)])) - 1
     return _shapes(t_s, t_s[before] + frame_interval(t_s) / 2)
 
 
 def nearby(t_s: Array, shape: tuple[float, ...]) -> list[tuple[float, ...]]:
-    """The middles of frame intervals before and after one, near and far."""
+    """The middles of frame intervals before and after one, near and far. ``t_s`` (n,), s."""
     steps = 2 ** np.arange(FARTHEST)
     return _shapes(t_s, shape[0] + frame_interval(t_s) * np.concatenate([-steps[::-1], steps]))
 

@@ -11,13 +11,16 @@ QUANTILES = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)  # of what was seen, tried as th
 
 
 def observe(t_s: Array, observed: Array, velocity: Array, params: Array) -> Array:
-    """Observed + g * (observed - level) above the level."""
+    """Observed + g * (observed - level) above the level.
+
+    ``observed`` and ``velocity`` (n, d): in the observed unit, and per second; ``params`` (k,).
+    """
     gain, level = params
     return np.asarray(observed + gain * np.maximum(observed - level, 0.0))
 
 
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
-    """Levels at which the gain may change."""
+    """Levels at which the gain may change. ``t_s`` (n,), s; ``observed`` (n, d), in the observed unit."""
     return [(float(level),) for level in np.nanquantile(observed[:, 0], QUANTILES)]
 
 

@@ -20,7 +20,7 @@ def acceleration(
 
 
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
-    """Times of the release, and how sharp it is."""
+    """Times of the release, and how sharp it is. ``t_s`` (n,), s; ``observed`` (n, d), in the observed unit."""
     span = float(t_s[-1] - t_s[0])
     return [(float(t_s[0]) + share * span, sudden(t_s)) for share in SHARES]
 

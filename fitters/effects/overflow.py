@@ -20,7 +20,7 @@ def acceleration(
 
 
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
-    """Levels of the rim."""
+    """Levels of the rim. ``t_s`` (n,), s; ``observed`` (n, d), in the observed unit."""
     return [(float(level),) for level in np.nanquantile(observed[:, 0], QUANTILES)]
 
 

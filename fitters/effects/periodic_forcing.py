@@ -20,7 +20,10 @@ def acceleration(
 
 
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
-    """Angular frequencies that the clip can tell apart, each at two phases."""
+    """Angular frequencies that the clip can tell apart, each at two phases.
+
+    ``t_s`` (n,), s; ``observed`` (n, d), in the observed unit.
+    """
     span = float(t_s[-1] - t_s[0])
     cycles = np.arange(1.0, max(min(MOST_CYCLES, t_s.size / 8), 1.5), 0.5)
     return [(float(2 * np.pi * one / span), phase) for one in cycles for phase in QUARTER_TURNS]

@@ -7,7 +7,10 @@ from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 
 def observe(t_s: Array, observed: Array, velocity: Array, params: Array) -> Array:
-    """Observed * (1 + k observed^2)."""
+    """Observed * (1 + k observed^2).
+
+    ``observed`` and ``velocity`` (n, d): in the observed unit, and per second; ``params`` (k,).
+    """
     return observed * (1.0 + params[0] * observed**2)
 
 

@@ -7,7 +7,7 @@ from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 
 def warp(t_s: Array, params: Array) -> Array:
-    """(1 + e) times the time since the first sample."""
+    """(1 + e) times the time since the first sample. ``t_s`` (n,), s; ``params`` (k,)."""
     return t_s[0] + (1.0 + params[0]) * (t_s - t_s[0])
 
 

@@ -94,11 +94,16 @@ class InitialValueProblem:
         return seen
 
     def predicted(self, values: Array) -> Array:
-        """Observed quantities (n, d) of the solution; not finite where it runs away."""
+        """Observed quantities (n, d) of the solution; not finite where it diverges.
+
+        In the observed units; ``values`` (p + s,), each in its own unit.
+        """
         return self.observe(np.ascontiguousarray(self.states(values[:, None])[:, :, 0]), values)
 
     def sensitivity(self, values: Array, which: NDArray[np.intp], steps: Array) -> Array:
         """Derivatives of the prediction by k values (n, d, k): central differences with the same time steps.
+
+        In the observed unit per unit of the value; ``values`` (p + s,) and ``steps`` (k,), each in its own unit.
 
         The error is third order in the step: about RESPONSE^2 / 6 of the sensitivity when the steps are
         those of :func:`difference_steps`, and about 1e-15 / RESPONSE from rounding.
@@ -109,6 +114,8 @@ class InitialValueProblem:
 
     def rough_sensitivity(self, values: Array, which: NDArray[np.intp], steps: Array, predicted: Array) -> Array:
         """Derivatives of the prediction (n, d, k) at half the cost, from the prediction (n, d) on one side.
+
+        In the observed unit per unit of the value; ``values`` (p + s,) and ``steps`` (k,), each in its own unit.
 
         The error is RESPONSE / 100 for steps as above, of which a hundredth is taken: enough to find a minimum.
         """
@@ -149,6 +156,8 @@ class InitialValueProblem:
 
     def planned(self, values: Array, tolerance: float, negligible: float = 0.0) -> InitialValueProblem:
         """The problem with steps short enough for these values, judged by its first PLANNED samples.
+
+        ``values`` (p + s,), each in its own unit.
 
         The error is the difference between the states with these steps and with half of them, relative to
         the size of each state; it falls with the power ORDER of the step. Where the equation has a kink, as a rim
@@ -221,7 +230,10 @@ class InitialValueProblem:
         return np.asarray(np.where(np.isfinite(error), error, np.inf))
 
     def prediction_error(self, values: Array, predicted: Array) -> float:
-        """Largest error of a prediction (n, d) from the finite time step, relative to each quantity's size."""
+        """Largest error of a prediction (n, d) from the finite time step, relative to each quantity's size.
+
+        The error is dimensionless; ``values`` (p + s,), each in its own unit.
+        """
         fine = replace(self, substeps=2 * self.substeps).predicted(values)
         with np.errstate(all="ignore"):
             size = np.max(np.abs(fine), axis=0, initial=0.0)
@@ -229,7 +241,10 @@ class InitialValueProblem:
         return float(error) if np.isfinite(error) else np.inf
 
     def step_error(self, values: Array) -> float:
-        """Largest error of the states from the finite time step, relative to each state's size."""
+        """Largest error of the states from the finite time step, relative to each state's size.
+
+        The error is dimensionless; ``values`` (p + s,), each in its own unit.
+        """
         coarse = self.states(values[:, None])[:, :, 0]
         fine = replace(self, substeps=2 * self.substeps).states(values[:, None])[:, :, 0]
         with np.errstate(all="ignore"):
@@ -265,12 +280,17 @@ def initial_value_problem(model: OdeModel, t_s: Array, inputs: Array | None, hol
 
 
 def first_steps(values: Array, which: NDArray[np.intp]) -> Array:
-    """Difference steps (k,) that need no knowledge of the response: 1e-5 of each value."""
+    """Difference steps (k,) that need no knowledge of the response: 1e-5 of each value.
+
+    Steps and ``values`` (p + s,) have the unit of each value.
+    """
     return 1e-5 * np.maximum(np.abs(values[which]), 1e-3)
 
 
 def adapted_steps(steps: Array, slopes: Array, size: Array) -> Array:
     """Difference steps (k,) that change the prediction by about RESPONSE times the size (d,) of the motion.
+
+    Steps have the unit of each value, the prediction and its size the observed unit.
 
     Over many periods a small change of frequency adds up, so a step fixed relative to the value would leave the
     linear range. ``slopes`` (n, d, k) found with the ``steps`` so far say how strongly the prediction responds.
@@ -282,7 +302,10 @@ def adapted_steps(steps: Array, slopes: Array, size: Array) -> Array:
 
 
 def difference_steps(problem: InitialValueProblem, values: Array, which: NDArray[np.intp]) -> Array:
-    """Difference steps (k,) for :meth:`InitialValueProblem.sensitivity`, adapted to the response at these values."""
+    """Difference steps (k,) for :meth:`InitialValueProblem.sensitivity`, adapted to the response at these values.
+
+    Steps and ``values`` (p + s,) have the unit of each value.
+    """
     steps = first_steps(values, which)
     with np.errstate(all="ignore"):
         size = np.nan_to_num(np.nanmax(np.abs(problem.predicted(values)), axis=0, initial=0.0))

@@ -18,7 +18,10 @@ def rhs(t: float, state: tuple[float, float], params: tuple[float, ...]) -> tupl
 
 
 def energy(states: Array, params: Array) -> Array:
-    """Energy per inertia, y'^2 / 2 + stiffness y^2 / 2."""
+    """Energy per inertia, y'^2 / 2 + stiffness y^2 / 2.
+
+    In the squared unit of y per s^2. ``states`` (n, s); one value for each sample (n,).
+    """
     position, velocity = states.T
     return np.asarray(velocity**2 / 2 + params[0] * position**2 / 2)
 

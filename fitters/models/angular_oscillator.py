@@ -23,7 +23,10 @@ def about_rest() -> OdeModel:
 
 
 def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """Give phi as counted from another direction than that of rest."""
+    """Give phi as counted from another direction than that of rest.
+
+    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
+    """
     return states[:, :1] + params[2]
 
 

@@ -37,7 +37,10 @@ def bounce(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> tup
 
 
 def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """The height as the scale shows it."""
+    """The height as the scale shows it.
+
+    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
+    """
     return states[:, :1] * params[4]
 
 

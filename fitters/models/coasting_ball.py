@@ -27,12 +27,15 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
 
 
 def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """The way."""
+    """The way. ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares."""
     return states[:, :1]
 
 
 def reach(states: Array, params: Array) -> Array:
-    """Speed plus damping times way, in m/s: the same throughout, v + damping s."""
+    """Speed plus damping times way, in m/s: the same throughout, v + damping s.
+
+    ``states`` (n, s) in the model's units; one value for each sample (n,).
+    """
     way, velocity = states.T
     return np.asarray(velocity + params[0] * way)
 

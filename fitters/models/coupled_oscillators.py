@@ -25,7 +25,7 @@ def rhs(
 
 
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
-    """Take each body's acceleration regressed on its place, its distance from the other body and its speed."""
+    """Take each body's acceleration regressed on its position, its distance from the other body and its speed."""
     t_s, z_1 = samples(trajectory, "z1")
     _, z_2 = samples(trajectory, "z2")
     values = {}
@@ -41,7 +41,10 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
 
 
 def energy(states: Array, params: Array) -> Array:
-    """Energy over the two masses' common scale, m^2/s^4: the couplings are to one another as the inverse masses."""
+    """Energy over the two masses' common scale, m^2/s^4: the couplings are to one another as the inverse masses.
+
+    ``states`` (n, s) in the model's units; one value for each sample (n,).
+    """
     z, v = states[:, :2], states[:, 2:]
     each = v**2 / 2 + params[:2] * z**2 / 2
     stretched = (z[:, 0] - z[:, 1]) ** 2 / 2

@@ -45,7 +45,10 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
 
 
 def energy(states: Array, params: Array) -> Array:
-    """Sum of the energies per mass and length squared, with that of the coupling, in 1/s^2."""
+    """Sum of the energies per mass and length squared, with that of the coupling, in 1/s^2.
+
+    ``states`` (n, s) in the model's units; one value for each sample (n,).
+    """
     theta, omega = states[:, :2], states[:, 2:]
     stiffness = params[5] / params[:2]
     swing = np.sum(omega**2 / 2 + stiffness * (1.0 - np.cos(theta)), axis=1)

@@ -20,7 +20,10 @@ def rhs(t: float, state: tuple[float, float], params: tuple[float, float]) -> tu
 
 
 def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """The height as the scale shows it."""
+    """The height as the scale shows it.
+
+    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
+    """
     return states[:, :1] * params[1]
 
 
@@ -32,7 +35,10 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
 
 
 def energy(states: Array, params: Array) -> Array:
-    """Energy per mass, vz^2 / 2 + gravity z, in m^2/s^2."""
+    """Energy per mass, vz^2 / 2 + gravity z, in m^2/s^2.
+
+    ``states`` (n, s) in the model's units; one value for each sample (n,).
+    """
     height, vz = states.T
     return np.asarray(vz**2 / 2 + params[0] * height)
 

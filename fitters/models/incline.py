@@ -20,7 +20,10 @@ def rhs(t: float, state: tuple[float, float], params: tuple[float, float, float,
 
 
 def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """The way along the board as the scale shows it."""
+    """The way along the board as the scale shows it.
+
+    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
+    """
     return states[:, :1] * params[3]
 
 
@@ -38,7 +41,10 @@ def friction(values: Mapping[str, float]) -> Mapping[str, float]:
 
 
 def energy(states: Array, params: Array) -> Array:
-    """Kinetic energy less the work done, per mass: v^2 / 2 - acceleration s, in m^2/s^2."""
+    """Kinetic energy less the work done, per mass: v^2 / 2 - acceleration s, in m^2/s^2.
+
+    ``states`` (n, s) in the model's units; one value for each sample (n,).
+    """
     way, velocity = states.T
     return np.asarray(velocity**2 / 2 - params[0] * way)
 

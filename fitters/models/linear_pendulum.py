@@ -34,7 +34,10 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
 
 
 def energy(states: Array, params: Array) -> Array:
-    """Energy per mass and length squared, (omega^2 + (gravity / length) theta^2) / 2, in 1/s^2."""
+    """Energy per mass and length squared, (omega^2 + (gravity / length) theta^2) / 2, in 1/s^2.
+
+    ``states`` (n, s) in the model's units; one value for each sample (n,).
+    """
     theta, omega = states.T
     return np.asarray((omega**2 + params[2] / params[0] * theta**2) / 2)
 

@@ -38,14 +38,20 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
 
 
 def energy(states: Array, params: Array) -> Array:
-    """Energy per mass and length squared, omega^2 / 2 + (gravity / length)(1 - cos theta), in 1/s^2."""
+    """Energy per mass and length squared, omega^2 / 2 + (gravity / length)(1 - cos theta), in 1/s^2.
+
+    ``states`` (n, s) in the model's units; one value for each sample (n,).
+    """
     theta, omega = states.T
     length, gravity = params[0], params[2]
     return np.asarray(omega**2 / 2 + gravity / length * (1.0 - np.cos(theta)))
 
 
 def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """Give theta as seen from what is taken for the pivot, and from what is taken for the vertical."""
+    """Give theta as seen from what is taken for the pivot, and from what is taken for the vertical.
+
+    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
+    """
     theta = states[:, :1]
     vertical, across, along = params[4:7]
     return theta + vertical - across * np.cos(theta) - along * np.sin(theta)

@@ -22,7 +22,10 @@ def rhs(
 
 
 def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """The position as the scale shows it."""
+    """The position as the scale shows it.
+
+    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
+    """
     return states[:, :2] * params[1]
 
 
@@ -49,7 +52,10 @@ def launch(values: Mapping[str, float]) -> Mapping[str, float]:
 
 
 def energy(states: Array, params: Array) -> Array:
-    """Energy per mass, (vx^2 + vz^2) / 2 + gravity z, in m^2/s^2."""
+    """Energy per mass, (vx^2 + vz^2) / 2 + gravity z, in m^2/s^2.
+
+    ``states`` (n, s) in the model's units; one value for each sample (n,).
+    """
     _, height, vx, vz = states.T
     return np.asarray((vx**2 + vz**2) / 2 + params[0] * height)
 

@@ -43,7 +43,10 @@ def stop(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> tuple
 
 
 def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """The way as the scale shows it."""
+    """The way as the scale shows it.
+
+    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
+    """
     return states[:, :1] * params[3]
 
 

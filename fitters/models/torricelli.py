@@ -18,7 +18,10 @@ def rhs(t: float, state: tuple[float], params: tuple[float, float]) -> tuple[flo
 
 
 def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """Give the level as counted from another height than that of the hole."""
+    """Give the level as counted from another height than that of the hole.
+
+    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
+    """
     return states + params[1]
 
 

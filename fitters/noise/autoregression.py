@@ -21,7 +21,7 @@ from iris_sysid.types import Array
 Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 MAX_ORDER = 8
-LONGEST_GAP = 5000  # samples; noise does not remember longer
+LONGEST_GAP = 5000  # samples; noise is not correlated for longer
 RESTRICTED_UP_TO = 5000  # samples; beyond, what the fit took out is too small a share to matter
 EDGE = 0.999  # of the unit circle, for partial autocorrelations
 TOLERANCE = 1e-10  # relative, of the likelihood
@@ -45,6 +45,8 @@ class Autoregression:
     def of(cls, residual: Array, basis: Array, partial: Array) -> Autoregression:
         """That with given partial autocorrelations (q,), and the innovations that these leave of a residual.
 
+        Partial autocorrelations are dimensionless, innovations in the unit of the residual.
+
         ``residual`` and ``basis`` as for :func:`fit_autoregression`.
         """
         degrees = max(int(np.isfinite(residual).sum()) - basis.shape[1], 1)
@@ -57,6 +59,8 @@ class Autoregression:
 
     def partial_covariance(self) -> Array:
         """Asymptotic covariance (q, q) of the partial autocorrelations.
+
+        It is dimensionless.
 
         That of the coefficients is the innovation variance over n times the inverse autocovariance matrix
         (Brockwell and Davis 1991, section 8.1); central differences carry it over.
@@ -72,7 +76,10 @@ class Autoregression:
 
 
 def grid_positions(t_s: Array) -> NDArray[np.int64]:
-    """Position of each sample on an even grid of frames; lost frames leave holes, long gaps are shortened."""
+    """Position of each sample on an even grid of frames; lost frames leave holes, long gaps are shortened.
+
+    ``t_s`` (n,), s.
+    """
     step = np.diff(t_s)
     if step.size == 0:
         return np.zeros(t_s.size, dtype=np.int64)
@@ -81,14 +88,20 @@ def grid_positions(t_s: Array) -> NDArray[np.int64]:
 
 
 def on_grid(positions: NDArray[np.int64], values: Array, fill: float) -> Array:
-    """Spread values (n, ...) over the even grid, with ``fill`` where no sample is."""
+    """Spread values (n, ...) over the even grid, with ``fill`` where no sample is.
+
+    The unit stays; ``positions`` (n,) are indices.
+    """
     spread = np.full((int(positions[-1]) + 1, *values.shape[1:]), fill)
     spread[positions] = values
     return spread
 
 
 def coefficients_of(partial: Array) -> list[Array]:
-    """Coefficients of the predictors of order 0 to q from partial autocorrelations (Durbin 1960, Levinson 1947)."""
+    """Coefficients of the predictors of order 0 to q from partial autocorrelations (Durbin 1960, Levinson 1947).
+
+    ``partial`` (q,), and q + 1 arrays of coefficients (0,) to (q,): all dimensionless.
+    """
     rows = [np.zeros(0)]
     for k, reflection in enumerate(partial):
         before = rows[-1]
@@ -97,7 +110,10 @@ def coefficients_of(partial: Array) -> list[Array]:
 
 
 def autocovariance(partial: Array, count: int) -> Array:
-    """Autocovariance at lags 0 to count - 1 of the process with unit innovation variance."""
+    """Autocovariance at lags 0 to count - 1 of the process with unit innovation variance.
+
+    ``partial`` (q,) and the result (count,) are dimensionless.
+    """
     rows = coefficients_of(partial)
     gamma = [1.0 / float(np.prod(1.0 - partial**2))]
     for lag in range(1, count):
@@ -108,6 +124,8 @@ def autocovariance(partial: Array, count: int) -> Array:
 
 def burg(residual: Array, max_order: int) -> tuple[Array, Array]:
     """Partial autocorrelations (max_order,) and innovation variances (max_order + 1,) of a residual with NaN gaps.
+
+    Autocorrelations are dimensionless, variances in the squared unit of the residual (n,).
 
     Burg (1967): forward and backward prediction errors are minimised together, so that the result is stable.
     """
@@ -126,13 +144,18 @@ def burg(residual: Array, max_order: int) -> tuple[Array, Array]:
 
 
 def choose_order(variance: Array, n: int) -> int:
-    """Order with the smallest Bayesian information criterion n log(variance) + order log(n) (Schwarz 1978)."""
+    """Order with the smallest Bayesian information criterion n log(variance) + order log(n) (Schwarz 1978).
+
+    ``variance`` (q + 1,), in the squared unit of the residual, by order.
+    """
     criterion = n * np.log(np.maximum(variance, 1e-300)) + np.arange(variance.size) * np.log(n)
     return int(np.argmin(criterion))
 
 
 def fit_autoregression(residual: Array, basis: Array) -> Autoregression:
     """Fit an autoregression to a residual on an even grid.
+
+    The residual may have any unit; the basis is dimensionless.
 
     Parameters
     ----------
@@ -244,7 +267,10 @@ def _shares(partial: Array) -> tuple[Array, Array]:
 
 
 def minus_restricted(residual: Array, basis: Array, partial: Array) -> tuple[float, float]:
-    """Minus twice the log restricted likelihood, innovation variance profiled out; and its root."""
+    """Minus twice the log restricted likelihood, innovation variance profiled out; and its root.
+
+    The root has the unit of ``residual`` (n,); ``basis`` (n, r) and ``partial`` (q,) are dimensionless.
+    """
     white, variances = whiten(np.column_stack([residual, basis]), partial)
     directions, triangle = np.linalg.qr(white[:, 1:])
     inside = directions.T @ white[:, 0]
@@ -257,6 +283,8 @@ def minus_restricted(residual: Array, basis: Array, partial: Array) -> tuple[flo
 
 def whiten(columns: Array, partial: Array) -> tuple[Array, Array]:
     """Standardised one-step prediction errors (n, c) of columns whose first one has NaN gaps, and their variances.
+
+    Errors in the unit of the columns, variances dimensionless; ``partial`` (q,), dimensionless.
 
     After each gap the predictors of lower order are used until enough samples are known, with their larger
     variance; gaps themselves are left out. Unit innovation variance.

@@ -23,6 +23,8 @@ def with_measured_correlation(
 ) -> Autoregression:
     """Autoregression of the largest restricted likelihood times the density of what is known of it beforehand.
 
+    ``residual`` (n,), NaN in the gaps, in units of its noise; ``basis`` (n, r), dimensionless.
+
     Known are the inverse hyperbolic tangents of the partial autocorrelations, with normal errors. That is for short
     residuals: others, and those whose own order is higher, keep what they tell alone.
 

@@ -79,6 +79,8 @@ def generalised_q(y: Array, v: Array, tau_squared: float) -> float:
 def between_clips(y: Array, v: Array) -> tuple[float, float, float]:
     """Standard deviation between clips: lower end of its 95 % interval, estimate, upper end.
 
+    Standard deviations in the unit of the estimates.
+
     Parameters
     ----------
     y, v

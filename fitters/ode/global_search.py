@@ -26,6 +26,8 @@ SAME = 1e-3  # relative difference of the rms of one and the same minimum
 def grow(problem: InitialValueProblem, target: Target, unknowns: Unknowns, values: Array) -> Solution:
     """Fit a first short horizon, then ever longer ones, then all samples.
 
+    ``values`` (p + s,), each in its own unit.
+
     The horizons are solved roughly, on some of their samples where there are many; so are all samples together
     when the motion has not been followed that far.
 
@@ -67,7 +69,10 @@ def first_horizon(target: Target, n_free: int) -> int:
 
 
 def next_horizon(problem: InitialValueProblem, target: Target, values: Array, stop: int) -> int:
-    """Number of samples over which the present solution still follows the data, within the limits of GROWTH."""
+    """Number of samples over which the present solution still follows the data, within the limits of GROWTH.
+
+    ``values`` (p + s,), each in its own unit.
+    """
     least, most = (min(int(growth * stop) + 1, problem.t_s.size) for growth in GROWTH)
     return max(reach(problem.first(most), target.first(most), values), least)
 
@@ -75,7 +80,9 @@ def next_horizon(problem: InitialValueProblem, target: Target, values: Array, st
 def reach(problem: InitialValueProblem, target: Target, values: Array) -> int:
     """Number of samples over which the solution follows the data: until two of three used samples are off.
 
-    One alone may be wild.
+    ``values`` (p + s,), each in its own unit.
+
+    A single one may be an outlier.
     """
     rough = problem.with_step(float(np.median(np.diff(problem.t_s))))
     with np.errstate(all="ignore"):
@@ -100,7 +107,7 @@ def search(
 ) -> Solution:
     """Fit from each start in turn until one explains the data, or two starts end in the same best minimum.
 
-    A residual that is only small beside the motion, which an equation that lacks something leaves, is reason enough to
+    A residual that is only small beside the motion, which an incomplete equation leaves, is reason enough to
     try no random start, but not to pass over a trusted one.
 
     Parameters

@@ -63,13 +63,16 @@ class Linearised:
 
     @property
     def flat(self) -> Array:
-        """Sensitivity as a matrix (n * d, k), time-major."""
+        """Sensitivity as a matrix (n * d, k), time-major. In the observed unit per unit of the value."""
         n, d, k = self.sensitivity.shape
         return self.sensitivity.reshape(n * d, k)
 
     @property
     def informed(self) -> Array:
-        """The flat sensitivity with the rows of the priors below it (n * d + j, k)."""
+        """The flat sensitivity with the rows of the priors below it (n * d + j, k).
+
+        In the observed unit per unit of the value.
+        """
         return np.concatenate([self.flat, self.prior])
 
 
@@ -243,8 +246,8 @@ def ode_residual(residual: Array, order: int) -> Array:
 
     The IRIS benchmark's R, the mean of |z[t+1] - P(z[t])|^2 with P the fitted step. A second-order equation steps
     from a position and its backward difference, so the error is that of z[t+1] - 2 z[t] + z[t-1] less the
-    acceleration; the fitted motion z - e has none, and what is left is the difference of order ``order`` of the
-    residual e (n, d), up to terms of (rate * step)^2 of it. NaN marks samples that are not used.
+    acceleration; the fitted motion z - e has none, and the residual of the step is the difference of order ``order``
+    of the residual e (n, d), up to terms of (rate * step)^2 of it. NaN marks samples that are not used.
     """
     step = np.diff(residual, n=order, axis=0)
     known = np.all(np.isfinite(step), axis=1)
@@ -292,7 +295,10 @@ def criteria(residual: Array, sigma: Array, n_free: int, pulls: Array = NO_PULLS
 
 
 def fisher_information(near: Linearised) -> Array:
-    """Fisher information (k, k) of the free values for white noise of the size of the residual."""
+    """Fisher information (k, k) of the free values for white noise of the size of the residual.
+
+    Entries are in one per the product of the two values' units.
+    """
     n, d, k = near.sensitivity.shape
     square = np.sum(near.residual**2, axis=0) / max(n - k / d, 1)
     weighted = near.sensitivity / np.sqrt(np.maximum(square, 1e-300))[None, :, None]

@@ -1,4 +1,4 @@
-"""What a model of the bank lacks, as terms: discovery on the residual of its fit.
+"""What is missing in a model of the bank, as terms: discovery on the residual of its fit.
 
 The model's own terms are kept whatever else is chosen; all other candidates of the library compete to explain what its
 fit leaves.
@@ -24,14 +24,16 @@ ROUNDS = 4
 def beyond(
     clips: Sequence[Trajectory], library: Library, own: Kept, rng: np.random.Generator, resampled: int
 ) -> tuple[Refined, Array]:
-    """Fit terms that are kept, and those beside them that the residual calls for, until the choice stays.
+    """Fit terms that are kept, and those beside them that the residual requires, until the choice stays.
+
+    Inclusion is dimensionless.
 
     Parameters
     ----------
     clips, library
         What is fitted, with which candidates.
     own
-        Places of the terms that are kept.
+        Indices of the terms that are kept.
     rng
         Source of chance.
     resampled
@@ -72,7 +74,7 @@ def _rearranged(found: Refined, own: Kept) -> tuple[Blocks, list[int]]:
 
 
 def called_for(clips: Blocks, first: int, least: float = 0.0) -> tuple[Kept, float]:
-    """Which of the first columns what is left calls for, and the price that held-out prediction sets.
+    """Which of the first columns the residual requires, and the price that held-out prediction sets.
 
     Parameters
     ----------
@@ -89,7 +91,9 @@ def called_for(clips: Blocks, first: int, least: float = 0.0) -> tuple[Kept, flo
 
 
 def share_called_for(clips: Blocks, first: int, price: float, rng: np.random.Generator, resampled: int) -> Array:
-    """Share (first,) of resampled data sets in which each column is called for at a price, see :func:`called_for`.
+    """Share (first,) of resampled data sets in which each column is selected at a price, see :func:`called_for`.
+
+    Shares are dimensionless.
 
     Parameters
     ----------

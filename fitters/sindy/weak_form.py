@@ -130,7 +130,10 @@ def inputs_of(trajectory: Trajectory, library: Library, run: slice) -> Array | N
 
 
 def grid_step(values: Array) -> float:
-    """The largest step of which all differences of values (n,) are whole multiples; 0 where there is none."""
+    """The largest step of which all differences of values (n,) are whole multiples; 0 where there is none.
+
+    In the unit of the values.
+    """
     different = np.unique(values)
     apart = np.diff(different)[np.diff(different) > SAME * max(float(np.ptp(values)), 1e-300)]
     if apart.size < 2:

@@ -30,7 +30,7 @@ class Points:
 
     @property
     def space_m(self) -> Array:
-        """The corners (n, 3) in the board's own space, on its plane."""
+        """The corners (n, 3) in the board's own space, on its plane. In m."""
         return np.column_stack([self.board_m, np.zeros(len(self.board_m))])
 
 
@@ -89,20 +89,29 @@ class CameraFit:
 
     @property
     def covariance(self) -> Array:
-        """Of the nine parameters (9, 9), the clustering allowed for; zero where one is not fitted."""
+        """Of the nine parameters (9, 9), the clustering allowed for; zero where one is not fitted.
+
+        In px^2 for focal lengths and principal point; distortion is dimensionless.
+        """
         variance = self.noise_px**2 * self.clustering
         inverse: Array = variance * self.free @ inverse_of(self.information.sum(axis=0)) @ self.free.T
         return inverse
 
 
 def matrix_of(parameters: Array) -> Array:
-    """Camera matrix (3, 3) of the nine ``parameters``."""
+    """Camera matrix (3, 3) of the nine ``parameters``.
+
+    Its entries are in px; ``parameters`` (9,): focal lengths and principal point in px, distortion dimensionless.
+    """
     fx, fy, cx, cy = parameters[:4]
     return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]])
 
 
 def inverse_of(information: Array) -> Array:
-    """Inverse of a symmetric matrix of very unequal entries; infinite where the ``information`` fixes nothing."""
+    """Inverse of a symmetric matrix of very unequal entries; infinite where the ``information`` fixes nothing.
+
+    ``information`` (p, p), in one per product of two parameters' units.
+    """
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
     values, vectors = np.linalg.eigh(information / np.outer(size, size))
     # 1e-13: rounding of the eigenvalues of a matrix with ones on its diagonal
@@ -111,7 +120,10 @@ def inverse_of(information: Array) -> Array:
 
 
 def free_parameters(lens: Sequence[str], square_pixels: bool) -> Array:
-    """One column a fitted parameter (9, p): the focal lengths, the principal point, those named in ``lens``."""
+    """One column a fitted parameter (9, p): the focal lengths, the principal point, those named in ``lens``.
+
+    Entries are dimensionless: 0 or 1.
+    """
     columns = []
     unit = np.eye(9)
     columns += [unit[0] + unit[1]] if square_pixels else [unit[0], unit[1]]
@@ -150,7 +162,11 @@ def projected(parameters: Array, pose: Array, board_m: Array) -> tuple[Array, Ar
 
 
 def pose_of(parameters: Array, points: Points) -> Array:
-    """Pose (6,) in which a camera with these ``parameters`` sees the ``points`` with least squares."""
+    """Pose (6,) in which a camera with these ``parameters`` sees the ``points`` with least squares.
+
+    Rotation vector in rad, translation in m; ``parameters`` (9,): focal lengths and principal point in px, distortion
+    dimensionless.
+    """
     try:
         found, rotation, translation = cv2.solvePnP(
             points.space_m, points.seen_px, matrix_of(parameters), parameters[4:], flags=cv2.SOLVEPNP_IPPE
@@ -183,12 +199,18 @@ def _polished_pose(parameters: Array, points: Points, pose: Array) -> Array:
 
 
 def rotation_of(pose: Array) -> Array:
-    """Rotation matrix (3, 3) of a ``pose`` (6,): the board's axes, as columns, in the camera's."""
+    """Rotation matrix (3, 3) of a ``pose`` (6,): the board's axes, as columns, in the camera's.
+
+    A ``pose`` is a rotation vector in rad and a translation in m.
+    """
     return np.asarray(cv2.Rodrigues(pose[:3])[0], np.float64)
 
 
 def normals(poses: Array) -> Array:
-    """The way (v, 3) each board's back looks, seen from the camera, of ``poses`` (v, 6)."""
+    """The way (v, 3) each board's back looks, seen from the camera, of ``poses`` (v, 6).
+
+    Unit vectors; a pose is a rotation vector in rad and a translation in m.
+    """
     return np.array([rotation_of(pose)[:, 2] for pose in poses]).reshape(-1, 3)
 
 
@@ -197,6 +219,8 @@ def normals(poses: Array) -> Array:
 
 def information_of(parameters: Array, poses: Array, views: Sequence[Points], free: Array) -> CameraFit:
     """What views say about the camera at given values, with the poses eliminated (Schur complement).
+
+    Focal lengths are in px, translations in m, rotations in rad.
 
     Parameters
     ----------
@@ -305,6 +329,8 @@ def _started(
 
 def unlike(values: NDArray[np.float64], samples: int) -> Array:
     """How many robust standard deviations each view's log ``values`` lies above the median; at least sampling error.
+
+    ``values`` (v,) and the result (v,) are dimensionless.
 
     ``samples`` is the number of residuals behind each.
     """

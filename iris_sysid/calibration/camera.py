@@ -89,7 +89,10 @@ class CameraCalibration:
 
     @property
     def parameters(self) -> Array:
-        """The nine parameters (9,), in the order of ``distortion.CAMERA_PARAMETERS``."""
+        """The nine parameters (9,), in the order of ``distortion.CAMERA_PARAMETERS``.
+
+        Focal lengths and principal point are in px.
+        """
         return np.concatenate([np.diag(self.camera_matrix)[:2], self.camera_matrix[:2, 2], self.distortion])
 
     @property
@@ -315,6 +318,8 @@ def _calibration(
 
 def fitted_view(parameters: Array, view: BoardView, board: Board, left_out: str = "") -> FittedView:
     """Put a view of a board into the pose that leaves least of its corners.
+
+    Focal lengths and principal point are in px.
 
     Parameters
     ----------

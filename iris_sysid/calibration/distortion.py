@@ -18,6 +18,8 @@ NEWTON_STEPS = 30
 def distort(normalised: Array, distortion: Array) -> tuple[Array, Array, Array]:
     """Move normalised points as the lens does (Brown 1966).
 
+    Points are dimensionless: tangents of the angles from the axis.
+
     ``x_d = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)``, and y_d likewise with p1 and p2 swapped.
 
     Parameters

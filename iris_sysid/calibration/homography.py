@@ -11,20 +11,29 @@ STEPS = 20
 
 
 def apply_homography(homography: Array, points: Array) -> Array:
-    """Map points (n, 2) by ``(u, v, w) = H (x, y, 1)`` to ``(u/w, v/w)`` (Hartley and Zisserman 2004, eq. 2.5)."""
+    """Map points (n, 2) by ``(u, v, w) = H (x, y, 1)`` to ``(u/w, v/w)`` (Hartley and Zisserman 2004, eq. 2.5).
+
+    Each plane has a unit of its own, px or m; the homography (3, 3) takes one to the other.
+    """
     mapped = points @ homography[:, :2].T + homography[:, 2]
     return mapped[:, :2] / mapped[:, 2:]
 
 
 def homography_slopes(homography: Array, points: Array) -> Array:
-    """Derivatives (n, 2, 2) of the mapped points by the points (n, 2); the map is that of ``homography``."""
+    """Derivatives (n, 2, 2) of the mapped points by the points (n, 2); the map is that of ``homography``.
+
+    In the unit of the image of the map per unit of its source.
+    """
     mapped = points @ homography[:, :2].T + homography[:, 2]
     flat = mapped[:, :2] / mapped[:, 2:]
     return (homography[None, :2, :2] - flat[:, :, None] * homography[None, 2:, :2]) / mapped[:, 2, None, None]
 
 
 def homography_sensitivity(homography: Array, points: Array) -> Array:
-    """Derivatives (n, 2, 9) of the mapped ``points`` by the nine entries of the homography, row by row."""
+    """Derivatives (n, 2, 9) of the mapped ``points`` by the nine entries of the homography, row by row.
+
+    In the unit of the mapped points per unit of each entry.
+    """
     ones = np.column_stack([points, np.ones(len(points))])
     mapped = ones @ homography.T
     flat = mapped[:, :2] / mapped[:, 2:]
@@ -36,6 +45,8 @@ def homography_sensitivity(homography: Array, points: Array) -> Array:
 
 def fit_homography(source: Array, target: Array) -> tuple[Array, Array]:
     """Fit the homography that takes points to measured points, with least squares in the measured ones.
+
+    Each plane has a unit of its own, px or m.
 
     Starts from the normalised direct linear transformation and goes on by Gauss-Newton steps (Hartley and Zisserman
     2004, algorithms 4.2 and 4.3).

@@ -102,6 +102,8 @@ def scale(
 def scale_part(homography: Array, relative_stderr: float) -> Array:
     """The part (18, 18) of a calibration's covariance that is a ``relative_stderr`` of all lengths.
 
+    In the squared units of the calibration's values.
+
     ``homography`` (3, 3) is what it maps with.
     """
     growth = np.zeros(N_VALUES)
@@ -314,7 +316,7 @@ def common_source(name: str) -> str:
 
 
 def check_homography(homography: Array) -> None:
-    """CalibrationError when a ``homography`` (3, 3) has no inverse."""
+    """CalibrationError when a ``homography`` (3, 3) has no inverse. It takes px to m."""
     # 1e-12: a homography of rank 2 has a condition number of 1e16, one of a tilted camera below 1e9
     if not np.all(np.isfinite(homography)) or 1 / np.linalg.cond(homography) < 1e-12:
         raise CalibrationError("the calibration's homography has no inverse, so it maps the image on a line; redo it")

@@ -119,7 +119,10 @@ def common_errors(calibration: Calibration, xy_px: Array) -> dict[str, Array]:
 
 
 def changed(calibration: Calibration, change: Array) -> Calibration:
-    """The ``calibration`` with its numbers changed by ``change`` (18,), without a budget."""
+    """The ``calibration`` with its numbers changed by ``change`` (18,), without a budget.
+
+    The change is in the units of the calibration's values.
+    """
     values = calibration.values + change
     fx, fy, cx, cy = values[9:13]
     return replace(
@@ -247,6 +250,8 @@ def with_vertical(
     calibration: Calibration, angle_of: Callable[[Array], float], angle_stderr: float, source: VerticalSource
 ) -> Calibration:
     """Turn the world's axes by a measured angle.
+
+    ``angle_of`` takes the values (18,).
 
     Parameters
     ----------

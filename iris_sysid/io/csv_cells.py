@@ -52,7 +52,10 @@ class Sheet:
         raise DataError(f"{self.label} line {self.lines[row]}, column {column}: {cell} {problem}")
 
     def numbers(self, column: str, *, gaps: bool = True) -> Array:
-        """The column as numbers (n,), NaN for a blank cell; with ``gaps=False`` a blank cell is refused too."""
+        """The column as numbers (n,), NaN for a blank cell; with ``gaps=False`` a blank cell is refused too.
+
+        They have the unit of the column.
+        """
         cells = [cell.strip() for cell in self.columns[column]]
         if self.decimal_comma:
             cells = [cell.replace(",", ".") for cell in cells]
@@ -69,14 +72,17 @@ class Sheet:
         return values
 
     def amounts(self, column: str) -> Array:
-        """The column as numbers that are not below zero, NaN for a blank cell."""
+        """The column as numbers that are not below zero, NaN for a blank cell.
+
+        Shape (n,), in the unit of the column.
+        """
         values = self.numbers(column)
         if np.any(values < 0):
             self.refuse(column, int(np.argmax(values < 0)), "is below zero")
         return values
 
     def whole_numbers(self, column: str) -> NDArray[np.int64]:
-        """The column as whole numbers (n,) int64, none blank."""
+        """The column as whole numbers (n,) int64, none blank. They are counts or indices."""
         values = self.numbers(column, gaps=False)
         whole = (values == np.round(values)) & (np.abs(values) < 2**53)
         if not whole.all():
@@ -84,7 +90,7 @@ class Sheet:
         return values.astype(np.int64)
 
     def flags(self, column: str) -> Array:
-        """The column of 1/0 or true/false as 1.0 and 0.0 (n,), NaN for a blank cell."""
+        """The column of 1/0 or true/false as 1.0 and 0.0 (n,), NaN for a blank cell. They are dimensionless."""
         cells = [cell.strip().lower() for cell in self.columns[column]]
         for row, cell in enumerate(cells):
             if cell not in FLAGS:

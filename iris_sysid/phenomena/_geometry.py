@@ -41,12 +41,14 @@ class Circle:
 
     @property
     def stderr(self) -> Array:
-        """Standard errors (3,) of x, z and radius."""
+        """Standard errors (3,) of x, z and radius. They are in the unit of the positions."""
         return np.sqrt(np.diag(self.covariance))
 
 
 def fit_circle(position: Array, sigma: float = 0.0, radius: float | None = None, radius_stderr: float = 0.0) -> Circle:
     """Fit a circle that lies below its centre, by least squares of the distances from it, without what lies off it.
+
+    Centre and radius are in the unit of ``position`` (n, 2).
 
     Starts from the algebraic fit of Taubin (1991, IEEE Trans. PAMI 13, 1115) and minimises orthogonal distances over
     (direction to the centre, place along it, curvature), which stay finite as the arc becomes straight (Chernov 2010,
@@ -98,6 +100,8 @@ def fit_circle(position: Array, sigma: float = 0.0, radius: float | None = None,
 
 def circle_about(x: Estimate, z: Estimate, position: Array, sigma: float = 0.0) -> Circle:
     """The circle about a known centre: its radius is the median distance.
+
+    All in the unit of the positions.
 
     Parameters
     ----------
@@ -235,6 +239,8 @@ class Line:
 def fit_line(position: Array) -> Line:
     """Fit a straight line by total least squares; it points from the first position to the last.
 
+    ``position`` (n, 2), px or m; the angle is in rad.
+
     The angle's standard error is ``scatter / (sqrt(n) sd along)``, enlarged for correlated residuals.
 
     Raises
@@ -255,7 +261,10 @@ def fit_line(position: Array) -> Line:
 
 
 def inflation(residual: Array) -> float:
-    """``(1 + rho) / (1 - rho)``: how much fewer independent values correlated residuals (n,) stand for; at least 1."""
+    """``(1 + rho) / (1 - rho)``: how much fewer independent values correlated residuals (n,) stand for; at least 1.
+
+    Dimensionless, whatever the unit of the residuals.
+    """
     power = float(residual @ residual)
     if residual.size < 3 or power == 0:
         return 1.0

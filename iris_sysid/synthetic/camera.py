@@ -62,7 +62,10 @@ class Camera:
         return not any((*self.tilt_rad, self.roll_rad, *self.distortion)) and self.aspect == 1.0
 
     def rotation(self) -> Array:
-        """Rotation (3, 3) from the plane's axes (x right, down, away from the camera) to the camera's."""
+        """Rotation (3, 3) from the plane's axes (x right, down, away from the camera) to the camera's.
+
+        It is dimensionless.
+        """
         (sin_x, sin_y, sin_z), (cos_x, cos_y, cos_z) = (
             f(np.array([*self.tilt_rad, self.roll_rad])) for f in (np.sin, np.cos)
         )

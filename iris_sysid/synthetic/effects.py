@@ -82,7 +82,10 @@ def extra_acceleration(effects: Mapping[str, float]) -> Callable[[float, float, 
 
 
 def dry_friction(effects: Mapping[str, float]) -> Callable[[float, Array], float]:
-    """Size of the dry friction that the effects add, as a function of (t, state), the speed being state 1."""
+    """Size of the dry friction that the effects add, as a function of (t, state), the speed being state 1.
+
+    In m/s^2 or rad/s^2, as the state's second derivative.
+    """
     constant, weakening = effects.get("coulomb-friction", 0.0), effects.get("velocity-weakening-friction", 0.0)
     if min(constant, weakening) < 0:
         raise DataError("coulomb-friction and velocity-weakening-friction must not be negative: friction only brakes")

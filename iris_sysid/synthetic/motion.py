@@ -78,11 +78,11 @@ class Motion:
         return np.empty((0, 0)) if out is None else out
 
     def state(self, column: int) -> Callable[[Array], Array]:
-        """One state as a function of times (n,)."""
+        """One state as a function of times (n,). Times are in s."""
         return lambda t_s: self(t_s)[:, column]
 
     def phase(self, t_s: Array) -> list[str]:
-        """Name of the phase at each time; ``hand`` before the motion starts."""
+        """Name of the phase at each time; ``hand`` before the motion starts. ``t_s`` (n,), s."""
         names = [self.names[piece] for piece in self._piece(t_s)]
         return ["hand" if t < self.starts[0] else name for t, name in zip(t_s, names, strict=True)]
 

@@ -42,7 +42,7 @@ class Timing:
 
     @property
     def file_s(self) -> Array:
-        """The times that the file gives, s."""
+        """The times that the file gives, s. Shape (n,)."""
         return np.asarray(self.ticks * float(1 / self.rate))
 
 

@@ -32,6 +32,8 @@ class Sensor:
     def read(self, planes: Planes, out: tuple[NDArray[np.uint8], ...]) -> None:
         """Write the planes into three uint8 arrays of the same shapes, with fresh noise.
 
+        In grey levels: luma (h, w), colour differences (h / 2, w / 2).
+
         Noise at grey level I has the variance read_noise^2 + shot_noise I; it is independent from row to row and
         frame to frame.
         """
@@ -77,7 +79,7 @@ def _rounded(plane: Plane, out: NDArray[np.uint8]) -> None:
 
 
 def kept_frames(count: int, fraction: float, rng: np.random.Generator) -> NDArray[np.int64]:
-    """Numbers of the frames that were not left out; the first and the last always stay."""
+    """Numbers of the frames that were not left out; the first and the last always stay. Shape (kept,)."""
     keep = rng.random(count) >= fraction
     keep[[0, -1]] = True
     return np.flatnonzero(keep)

@@ -35,7 +35,7 @@ class Shading:
     size: Callable[[Array], Array] | None = None
 
     def radius(self, t_s: Array) -> float:
-        """Mean radius over times (k,)."""
+        """Mean radius over times (k,). In m; times are in s."""
         return self.radius_m * (1.0 if self.size is None else float(np.mean(self.size(t_s))))
 
 
@@ -57,7 +57,7 @@ class Layer:
     blur_step_px: float = 1.0
 
     def weights(self, t_s: Array) -> Array:
-        """Weight (k,) of each sub-exposure: they sum to the mean opacity."""
+        """Weight (k,) of each sub-exposure: they sum to the mean opacity. Dimensionless; times are in s."""
         opacity = self.opacity(t_s) if callable(self.opacity) else np.full(t_s.size, self.opacity)
         return np.asarray(opacity, dtype=np.float64) / t_s.size
 
@@ -77,7 +77,10 @@ def circle(radius_m: float, scale: float) -> Array:
 
 
 def disc(centre: Path, radius_m: float | Callable[[Array], Array]) -> Outline:
-    """A disc whose centre, and perhaps radius, moves."""
+    """A disc whose centre, and perhaps radius, moves.
+
+    A path gives the centre (k, 2), m, and ``radius_m`` the radius (k,), m, at times (k,).
+    """
     if callable(radius_m):
         return lambda t_s, scale: (
             centre(t_s)[:, np.newaxis]
@@ -159,7 +162,7 @@ def box(x_m: float, z_m: float, width_m: float, height_m: float, angle_rad: floa
 
 
 def rounded(points_m: Array, per_side: int = SPLINE_STEPS) -> Array:
-    """Close a polygon (v, 2) by a smooth curve through its points (Catmull-Rom spline)."""
+    """Close a polygon (v, 2) by a smooth curve through its points (Catmull-Rom spline). In m."""
     points = np.asarray(points_m, dtype=np.float64)
     before, after, beyond = (np.roll(points, shift, axis=0) for shift in (1, -1, -2))
     u = (np.arange(per_side) / per_side)[:, np.newaxis, np.newaxis]

@@ -16,7 +16,10 @@ AGREE = 3.0  # the scatter of six samples about their parabola exceeds this many
 
 
 def windows(size: int, width: int) -> NDArray[np.int64]:
-    """Numbers of the samples in each window (size - width + 1, width); none where there are fewer samples."""
+    """Numbers of the samples in each window (size - width + 1, width); none where there are fewer samples.
+
+    They are indices.
+    """
     if size < width:
         return np.empty((0, width), dtype=np.int64)
     return sliding_window_view(np.arange(size), width)
@@ -68,6 +71,8 @@ def fit_windows(
 
 def noise(t_s: Array, values: Array) -> Array:
     """Standard deviation (d,) of the samples about their neighbours, 0 where there are fewer than six samples.
+
+    It has the unit of ``values`` (n, d); ``t_s`` (n,) is in s.
 
     Each sample is compared with the cubic through two neighbours on each side, which leaves a fourth difference: what
     moves smoothly cancels, noise does not. The median makes it blind to outliers, impacts and rests.

@@ -52,7 +52,7 @@ class Body:
 
     @property
     def stamp_s(self) -> Array:
-        """Times as the video has them."""
+        """Times as the video has them. Shape (n,), in s."""
         return self.t_s - self.missing_s
 
     def part(self, start: int, stop: int) -> Body:
@@ -60,7 +60,7 @@ class Body:
         return self.only((self.index >= start) & (self.index < stop))
 
     def only(self, chosen: Mask) -> Body:
-        """The samples that are chosen by a mask over its own."""
+        """The samples that are chosen by a mask over its own. ``chosen`` is (n,)."""
         names = ("t_s", "missing_s", "position", "index")
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 

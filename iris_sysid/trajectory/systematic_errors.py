@@ -111,6 +111,8 @@ def from_edge(trajectory: Trajectory, phenomenon: Phenomenon) -> dict[str, Array
 def from_axis(trajectory: Trajectory, phenomenon: Phenomenon) -> dict[str, Array]:
     """The patterns of an axis that is taken beside where it is: errors of an angle that come back with every turn.
 
+    Patterns are in the observed units.
+
     Parameters
     ----------
     trajectory
@@ -131,6 +133,8 @@ def from_axis(trajectory: Trajectory, phenomenon: Phenomenon) -> dict[str, Array
 
 def from_pivots(trajectory: Trajectory) -> dict[str, Array]:
     """The patterns of pivots that are taken beside where they are, for two bodies whose angles are about their own.
+
+    Patterns are in rad.
 
     Parameters
     ----------

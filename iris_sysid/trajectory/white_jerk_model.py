@@ -23,14 +23,20 @@ _BACKWARDS = np.array([1.0, -1.0, 1.0])  # value, rate, second derivative of the
 
 
 def transition(dt: ArrayLike) -> Array:
-    """F (..., 3, 3) over times dt (...); dt < 0 goes back."""
+    """F (..., 3, 3) over times dt (...); dt < 0 goes back.
+
+    Times are in s; the state is a position, velocity and acceleration in a unit, and that per s and s^2.
+    """
     dt = np.asarray(dt, dtype=np.float64)
     ones, zeros = np.ones_like(dt), np.zeros_like(dt)
     return _stacked([[ones, dt, dt**2 / 2], [zeros, ones, dt], [zeros, zeros, ones]])
 
 
 def process_noise(dt: ArrayLike, psd: float) -> Array:
-    """Q (..., 3, 3) gathered over times dt (...) >= 0 by jerk of power spectral density psd."""
+    """Q (..., 3, 3) gathered over times dt (...) >= 0 by jerk of power spectral density psd.
+
+    Times are in s; psd is in the squared unit of the position per s^5.
+    """
     dt = np.asarray(dt, dtype=np.float64)
     q00, q01, q02, q11, q12 = dt**5 / 20, dt**4 / 8, dt**3 / 6, dt**3 / 3, dt**2 / 2
     return psd * _stacked([[q00, q01, q02], [q01, q11, q12], [q02, q12, dt]])
@@ -79,6 +85,8 @@ class Start:
 def diffuse_start(t: Array, z: Array, variance: Array, psd: float) -> Start:
     """Solve for the state at the third measurement: three equations, three unknowns, and their covariance.
 
+    Times are in s, variances in the squared unit of the measurements.
+
     The limit of a prior without information (de Jong 1991, Ann. Statist. 19, 1073), with no large numbers in it.
 
     Parameters
@@ -113,6 +121,8 @@ def innovations(
     t: Array, z: Array, variance: Array, psd: float, state: Array, covariance: Array
 ) -> tuple[Array, Array]:  # pragma: no cover - compiled
     """Innovation and its variance at each measurement after the third, by the Kalman filter written out in scalars.
+
+    Times are in s, variances in the squared unit of the measurements.
 
     Parameters
     ----------

@@ -12,7 +12,10 @@ Mask = NDArray[np.bool_]
 
 
 def frozen_array(values: ArrayLike, shape: tuple[int | None, ...], name: str) -> Array:
-    """Copy values to a read-only float64 array and check its shape; None allows any length."""
+    """Copy values to a read-only float64 array and check its shape; None allows any length.
+
+    The unit of the values, of shape (n,), (n, d) or any other, stays as it is.
+    """
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -27,7 +30,7 @@ def frozen_array(values: ArrayLike, shape: tuple[int | None, ...], name: str) ->
 
 
 def frozen_mask(values: ArrayLike, n: int, name: str) -> Mask:
-    """Copy values to a read-only bool array of length n."""
+    """Copy values to a read-only array of booleans; the shape must be (n,)."""
     mask = np.array(values, dtype=np.bool_)
     if mask.shape != (n,):
         raise DataError(f"{name} must have shape ({n},), not {mask.shape}")
@@ -36,7 +39,7 @@ def frozen_mask(values: ArrayLike, n: int, name: str) -> Mask:
 
 
 def increasing_times(t_s: ArrayLike) -> Array:
-    """Copy times in seconds to a read-only array; they must be finite and strictly increase."""
+    """Copy times in seconds to a read-only array; they must be finite and strictly increase. The shape must be (n,)."""
     times = frozen_array(t_s, (None,), "t_s")
     if times.size == 0:
         raise DataError("t_s is empty: there is no sample")

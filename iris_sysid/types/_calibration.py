@@ -76,6 +76,9 @@ class Calibration:
 
     @property
     def values(self) -> Array:
-        """The 18 numbers that ``covariance`` belongs to: the homography row by row, fx, fy, cx, cy, the distortion."""
+        """The 18 numbers that ``covariance`` belongs to: the homography row by row, fx, fy, cx, cy, the distortion.
+
+        Shape (18,); focal lengths and centre in px.
+        """
         matrix = self.camera_matrix
         return np.concatenate([self.homography.ravel(), np.diag(matrix)[:2], matrix[:2, 2], self.distortion])

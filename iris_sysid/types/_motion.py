@@ -136,7 +136,7 @@ class Trajectory:
         return names.index(name)
 
     def mask(self, *labels: SegmentLabel) -> Mask:
-        """True for samples in a segment of one of these labels (all samples when nothing is segmented)."""
+        """True for samples in a segment of one of these labels (all samples when nothing is segmented). Shape (n,)."""
         if not self.segments:
             return np.ones(self.n, dtype=np.bool_)
         inside = np.zeros(self.n, dtype=np.bool_)

@@ -18,22 +18,34 @@ Values = NDArray[np.float64]
 
 
 def alpha_itself(alpha: ArrayLike, beta: ArrayLike) -> Values:
-    """The first fitted value, alpha, as it is; beta is not used."""
+    """The first fitted value, alpha, as it is; beta is not used.
+
+    ``alpha`` and ``beta`` (n,) in the units of the publication's latent parameters.
+    """
     return np.asarray(alpha, dtype=np.float64)
 
 
 def beta_itself(alpha: ArrayLike, beta: ArrayLike) -> Values:
-    """The second fitted value, beta, as it is; alpha is not used."""
+    """The second fitted value, beta, as it is; alpha is not used.
+
+    ``alpha`` and ``beta`` (n,) in the units of the publication's latent parameters.
+    """
     return np.asarray(beta, dtype=np.float64)
 
 
 def negated_beta(alpha: ArrayLike, beta: ArrayLike) -> Values:
-    """Minus beta, the sign of the publication's damping (tab:calibration); alpha is not used."""
+    """Minus beta, the sign of the publication's damping (tab:calibration); alpha is not used.
+
+    ``alpha`` and ``beta`` (n,) in the units of the publication's latent parameters.
+    """
     return -np.asarray(beta, dtype=np.float64)
 
 
 def gravity_over_alpha(alpha: ArrayLike, beta: ArrayLike) -> Values:
-    """Length g/alpha in m; NaN where alpha <= 0, which no length gives. beta is not used."""
+    """Length g/alpha in m; NaN where alpha <= 0, which no length gives. beta is not used.
+
+    Arrays of alpha and beta (n,), 1/s^2 and 1/s.
+    """
     alpha = np.asarray(alpha, dtype=np.float64)
     return np.divide(GRAVITY, alpha, out=np.full(alpha.shape, np.nan), where=alpha > 0)
 

@@ -204,7 +204,10 @@ def part_of_board(grey: Grey) -> Array | None:
 
 
 def check_ends(grey: Grey, corners_px: Array, board: Board) -> None:
-    """Refuse a board that goes on beyond the corners (columns * rows, 2) found in a ``grey`` image."""
+    """Refuse a board that goes on beyond the corners (columns * rows, 2) found in a ``grey`` image.
+
+    Corners are in px.
+    """
     beyond = [side for side, more in goes_on(grey, corners_px.reshape(board.rows, board.columns, 2)).items() if more]
     if beyond:
         columns = board.columns + sum(side in SIDES[:2] for side in beyond)

@@ -94,6 +94,8 @@ def find_boards(
 ) -> BoardSearch:
     """Find a board in several images; an image that gives none is named with the reason.
 
+    Images are grey (h, w) or BGR (h, w, 3), in grey levels.
+
     Parameters
     ----------
     images

@@ -22,7 +22,10 @@ QUARTERS = np.array([[1, 1], [-1, -1], [1, -1], [-1, 1]]) * 0.27  # squares from
 
 
 def numbered(rows: int, columns: int, beyond: float = 0.0) -> Array:
-    """Corners of a grid (rows * columns, 2) in squares; ``beyond`` 1 adds one more ring of them around it."""
+    """Corners of a grid (rows * columns, 2) in squares; ``beyond`` 1 adds one more ring of them around it.
+
+    In units of one square.
+    """
     more = int(np.ceil(beyond))
     return np.mgrid[-more : columns + more, -more : rows + more].T.reshape(-1, 2).astype(np.float64)
 
@@ -123,6 +126,8 @@ def sides_outside(grid_px: Array, shape: tuple[int, ...]) -> list[str]:
 
 def oriented_grid(grey: Grey, grid_px: Array) -> tuple[Array, bool]:
     """The corners (rows, columns, 2) in the board's own order, the same in every view, and whether that is certain.
+
+    Corners are in px, ``grey`` (h, w) in grey levels.
 
     Seen from the front, the columns run clockwise of the rows, and the square outside the first corner is dark. Where
     the board looks the same turned, the turn is taken in which its rows run most to the right in the image.

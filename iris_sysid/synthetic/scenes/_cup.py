@@ -22,7 +22,7 @@ def outline(height_m: float) -> Array:
 
 
 def centre_of_area(corners: Array) -> Array:
-    """Centre of area (2,) of a polygon (v, 2), by the shoelace formula."""
+    """Centre of area (2,) of a polygon (v, 2), by the shoelace formula. Both in m."""
     x, z = corners.T
     x_next, z_next = np.roll(x, -1), np.roll(z, -1)
     cross = x * z_next - x_next * z

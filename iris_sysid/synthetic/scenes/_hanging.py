@@ -124,5 +124,5 @@ def holding_hand(
 
 
 def constant(value: float) -> Callable[[Array], Array]:
-    """A curve that does not change."""
+    """A curve that does not change. It takes times (n,), s, and gives ``value``, in its own unit, for each."""
     return lambda t_s: np.full(t_s.size, value)

@@ -72,7 +72,7 @@ class Pair:
         return cls(both["length"], both["damping"], *rest, setup["release_time"])
 
     def acceleration(self, t: float, state: Array) -> Array:
-        """Angular accelerations (2,) without contact; the state is theta_1, theta_2, omega_1, omega_2."""
+        """Angular accelerations (2,) without contact; the state is theta_1, theta_2, omega_1, omega_2. In rad/s^2."""
         theta, omega = state[:2], state[2:]
         added = extra_acceleration(self.effects)
         drift = 1 + self.effects.get("parameter-drift", 0.0) * (t - self.release_s)
@@ -81,7 +81,10 @@ class Pair:
         return base * drift + np.array([added(t, theta[k], omega[k]) for k in range(2)])
 
     def gap(self, state: Array) -> float:
-        """Distance between the surfaces, m; negative where the balls overlap."""
+        """Distance between the surfaces, m; negative where the balls overlap.
+
+        ``state`` (4,): angles and angular velocities of both.
+        """
         return float(np.linalg.norm(self._geometry(state)[0])) - float(self.radius.sum())
 
     def normal(self, state: Array) -> tuple[Array, Array]:
@@ -103,7 +106,10 @@ class Pair:
         return way, tangent, -outward
 
     def pushed(self, state: Array, restitution: float) -> Array:
-        """The state after an impulse along the line of centres that reverses the gap's rate, times restitution."""
+        """The state after an impulse along the line of centres that reverses the gap's rate, times restitution.
+
+        ``state`` (4,): angles in rad and angular velocities in rad/s of both.
+        """
         slope, response = self.normal(state)
         after = state.copy()
         after[2:] -= (1 + restitution) * float(slope @ state[2:]) / float(slope @ response) * response
