@@ -68,7 +68,7 @@ def within(model: OdeModel) -> tuple[Event, ...]:
     """The events of a model inside one that has further parameters or inputs after its own."""
     shape = len(model.parameters), len(model.inputs)
     return tuple(
-        replace(one, crossing=_own(one.crossing, *shape), reset=_own(one.reset, *shape)) for one in model.events
+        replace(event, crossing=_own(event.crossing, *shape), reset=_own(event.reset, *shape)) for event in model.events
     )
 
 

@@ -1,1 +1,1 @@
-"""What a governing equation may lack, one effect a file."""
+"""Effects that a governing equation may be missing, one a file."""

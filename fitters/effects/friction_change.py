@@ -1,4 +1,4 @@
-"""Dry friction that changes at a place on the way: a board of two surfaces, a seam, wax."""
+"""Dry friction that changes at a position on the path: a board of two surfaces, a seam, wax."""
 
 from __future__ import annotations
 
@@ -9,28 +9,31 @@ from fitters.effects._times import frame_interval
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 TURNOVER = 3e-2  # unit/s, as for coulomb-friction
-PLACES = 16  # tried, spread evenly over the way
+POSITIONS = 16  # tried, spread evenly over the path
 SLOWEST = 1e-9  # unit/s, so that a body at rest is on one surface or on the other
 
 
 def acceleration(
     t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, float, float]
 ) -> float:
-    """-c v / |v| beyond the place, smooth about v = 0, and over a frame interval on the way across."""
-    change, place, width = params
-    beyond = 0.5 * (1.0 + np.tanh((position - place) / (width * speed + SLOWEST)))
+    """-c v / |v| beyond the position, smooth about v = 0, and over a frame interval on crossing it."""
+    change, where, width = params
+    beyond = 0.5 * (1.0 + np.tanh((position - where) / (width * speed + SLOWEST)))
     return -change * beyond * velocity / np.sqrt(speed * speed + TURNOVER * TURNOVER)
 
 
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
-    """Places within the way, its ends left out, and how long (s) it takes to get across."""
-    ends = np.linspace(np.nanmin(observed), np.nanmax(observed), PLACES + 2)
-    return [(float(place), frame_interval(t_s)) for place in ends[1:-1]]
+    """Positions within the path, its ends left out, and how long (s) it takes to get across.
+
+    ``t_s`` (n,), s; ``observed`` (n, d), in the observed unit.
+    """
+    ends = np.linspace(np.nanmin(observed), np.nanmax(observed), POSITIONS + 2)
+    return [(float(where), frame_interval(t_s)) for where in ends[1:-1]]
 
 
 EFFECT = Effect(
     name="friction-change",
-    summary="dry friction that changes at a place on the way",
+    summary="dry friction that changes at a position on the path",
     equation=r"-c\,\dot x / |\dot x|\quad (x > x_c)",
     source="Coulomb's law with a coefficient for each of two surfaces",
     parameters=(

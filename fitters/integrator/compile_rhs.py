@@ -103,7 +103,7 @@ def _with_events(model: OdeModel) -> CompiledRhs:
         integrate_through_events,  # compiled when imported: only models with events pay for it
     )
 
-    functions = (model.rhs, *(one.crossing for one in model.events), *(one.reset for one in model.events))
+    functions = (model.rhs, *(event.crossing for event in model.events), *(event.reset for event in model.events))
     try:
         three = _compile_events(functions, len(model.states), len(model.parameters), len(model.inputs))
     except (NumbaError, NotImplementedError, TypeError) as error:

@@ -94,7 +94,7 @@ def integrate(
     linear
         Inputs vary linearly between samples; otherwise each is held until the next sample.
     out
-        (n, s, c), written. Not finite from where the solution runs away.
+        (n, s, c), written. Not finite from where the solution diverges.
     """
     slopes = np.zeros((STAGES, initial.shape[0], initial.shape[1]))
     state = np.zeros((initial.shape[0], initial.shape[1]))

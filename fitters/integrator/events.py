@@ -36,7 +36,7 @@ _FUNCTIONS = types.Tuple((int64, _COLUMNS, _COLUMNS, _COLUMNS))
 # After an event steps begin this much shorter and double, so that a flight from bounce to bounce is not stepped over.
 FIRST_STEP = 2.0**-10
 MOST_EVENTS = 1000  # in one sample interval: more pile up without end
-ROUNDING = 1e-9  # of a step: what is left of an interval is not worth a step of its own
+ROUNDING = 1e-9  # of a step: the remainder of an interval is not worth a step of its own
 ROOT_TRIALS = 60  # the root is there to rounding after 10; a crossing function that jumps is halved to nothing
 BESIDE_ZERO = 1e-10  # of the largest crossing value so far: below, it cannot be told from zero
 
@@ -176,7 +176,7 @@ def _interval(
 ) -> tuple[float, int]:
     """Bring the state to the end of a sample interval; gives the length of the last step, and the events so far.
 
-    The state is NaN where it runs away or events pile up without end.
+    The state is NaN where it diverges or events pile up without end.
     """
     slopes, trial, _, _ = work
     before, after, _, _ = crossing

@@ -19,7 +19,10 @@ Piece = tuple[Array, Array, Array]  # times (n,) s, values (n,), terms (n, k)
 
 
 def between_contacts(apart: Array) -> tuple[float, list[slice]]:
-    """Smallest distance of two bodies (n,) and the stretches between the samples at which they come near."""
+    """Smallest distance of two bodies (n,) and the stretches between the samples at which they come near.
+
+    Both in the unit of the distance.
+    """
     nearest = float(np.min(apart))
     near = nearest + NEAR * float(np.ptp(apart))
     contacts = [int(k) for k in argrelmin(apart, order=1, mode="wrap")[0] if apart[k] < near]
@@ -31,11 +34,13 @@ def between_contacts(apart: Array) -> tuple[float, list[slice]]:
 def bounces(t_s: Array, height: Array) -> tuple[dict[str, float], list[slice]]:
     """Restitution, floor, gravity, and height and speed at the first sample of a body that bounces, and its flights.
 
+    ``t_s`` (n,), s; ``height`` (n,), m or px; speed and gravity per s and s^2.
+
     The floor is where the height (n,) is least, the restitution comes from the heights of successive flights.
     """
     floor, flights = between_contacts(height)
     start = start_of(t_s[flights[0]], height[flights[0]], np.inf, degree=2)
-    tops = np.array([np.max(height[one]) for one in flights]) - floor
+    tops = np.array([np.max(height[flight]) for flight in flights]) - floor
     after = tops[2:] / tops[1:-1] if tops.size > 2 else tops[1:] / tops[:-1]
     values = {
         "restitution": float(np.clip(np.sqrt(np.median(after)), 0.1, 0.95)) if after.size else 0.7,

@@ -19,7 +19,10 @@ def rhs(t: float, state: tuple[float, float], params: tuple[float, float]) -> tu
 
 
 def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """Give the apparent radius r0 f / h of a pinhole camera."""
+    """Give the apparent radius r0 f / h of a pinhole camera.
+
+    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
+    """
     return params[0] / states[:, :1]
 
 
@@ -37,14 +40,17 @@ def at_release(values: Mapping[str, float]) -> Mapping[str, float]:
 
 
 def energy(states: Array, params: Array) -> Array:
-    """Energy per mass, v^2 / 2 - gravity h, in m^2/s^2."""
+    """Energy per mass, v^2 / 2 - gravity h, in m^2/s^2.
+
+    ``states`` (n, s) in the model's units; one value for each sample (n,).
+    """
     distance, velocity = states.T
     return np.asarray(velocity**2 / 2 - params[1] * distance)
 
 
 MODEL = OdeModel(
     name="apparent-radius",
-    summary="a ball that falls away from the camera: its radius in the picture shrinks with the distance",
+    summary="a ball that falls away from the camera: its radius in the image shrinks with the distance",
     equation=r"r = \frac{r_0 f}{h},\quad \ddot h = g",
     source="IRIS benchmark, table of equations (falling ball), with the speed at the first sample left free",
     states=(Quantity("h", "m", "h"), Quantity("v", "m/s", "v")),

@@ -18,7 +18,10 @@ def rhs(t: float, state: tuple[float], params: tuple[float, float]) -> tuple[flo
 
 
 def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """Give the intensity with what stays when all has decayed."""
+    """Give the intensity with what stays when all has decayed.
+
+    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
+    """
     return states + params[1]
 
 
@@ -33,7 +36,7 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
 
 MODEL = OdeModel(
     name="exponential-decay",
-    summary="something that fades in proportion to what is left of it, above a background",
+    summary="a quantity that decays in proportion to itself, above a background",
     equation=r"\dot I = -\gamma\,I",
     source="Rutherford (1900), Phil. Mag. 49, 1, for the law; IRIS benchmark for the lamp",
     states=(Quantity("intensity", "1", "I"),),

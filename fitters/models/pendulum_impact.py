@@ -107,7 +107,10 @@ def part(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> tuple
 
 
 def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """Give each angle as measured from what is taken for the vertical."""
+    """Give each angle as measured from what is taken for the vertical.
+
+    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
+    """
     return states[:, :2] + params[9:11]
 
 
@@ -118,7 +121,7 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
     nearest, stretches = between_contacts(theta_2 - theta_1)
     values: dict[str, float] = {}
     for body, own in (("1", theta_1), ("2", theta_2)):
-        pieces = [(t_s[one], own[one], -np.sin(own[one])[:, None]) for one in stretches]
+        pieces = [(t_s[stretch], own[stretch], -np.sin(own[stretch])[:, None]) for stretch in stretches]
         (stiffness, friction), half_width_s = pieces_regression(pieces)
         if not stiffness > 0:  # e.g. hardly moving: take the clip for a quarter of a period
             stiffness, friction = (np.pi / 2 / (t_s[-1] - t_s[0])) ** 2, 0.0
@@ -126,7 +129,7 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
         values[f"length_{body}"] = STANDARD_GRAVITY / float(stiffness)
         values[f"damping_{body}"] = float(np.clip(-friction, 0.0, 1.0))
         values[f"theta{body}_0"], values[f"omega{body}_0"] = float(start[0]), float(start[1])
-    peaks = np.array([np.max((theta_2 - theta_1)[one]) for one in stretches]) - nearest
+    peaks = np.array([np.max((theta_2 - theta_1)[stretch]) for stretch in stretches]) - nearest
     ratios = peaks[2:] / peaks[1:-1] if peaks.size > 2 else np.array([0.8])
     apart = trajectory.geometry.get("pivot_ratio")
     ratio = values["length_2"] / values["length_1"]

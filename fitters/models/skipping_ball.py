@@ -48,7 +48,10 @@ def bounce(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> Six
 
 
 def observe(t_s: Array, states: Array, params: Array) -> Array:
-    """The position as the scale shows it."""
+    """The position as the scale shows it.
+
+    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
+    """
     return states[:, :2] * params[5]
 
 
@@ -59,7 +62,7 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
     """
     (t_s, x), (_, z) = samples(trajectory, "x"), samples(trajectory, "z")
     values, flights = bounces(t_s, z)
-    along = [line(t_s[one], x[one]) for one in flights[:2]]
+    along = [line(t_s[flight], x[flight]) for flight in flights[:2]]
     values |= {"x_0": along[0][0], "vx_0": along[0][1], "rim_0": 0.0}
     lost = abs(along[0][1] - along[-1][1])
     landing = math.sqrt(2 * values["gravity"] * max(float(np.max(z[flights[0]])) - values["floor"], 1e-12))

@@ -29,7 +29,7 @@ def rhs(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> Four:
 
 
 def slackness(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> float:
-    """Length of cord that is left over, m."""
+    """Length of the cord less the distance from the pivot, m."""
     return 1.0 if state[4] == TAUT else params[0] - np.hypot(state[0] - params[2], state[1] - params[3])
 
 

@@ -1,4 +1,4 @@
-"""Measurement noise without a model, and wild samples: what the data say before anything is fitted."""
+"""Measurement noise without a model, and outliers: what the data say before anything is fitted."""
 
 from __future__ import annotations
 
@@ -8,13 +8,16 @@ from iris_sysid.types import Array, Mask
 
 MAD_TO_SD = 1.4826  # median absolute deviation to standard deviation of a normal
 ORDERS = range(2, 7)
-WILD = 6.0  # robust standard deviations from the neighbours: 2e-9 of normal noise
-WILD_SHARE = 0.05  # more than this is no outlier but a part of the motion
+FAR = 6.0  # robust standard deviations from the neighbours: 2e-9 of normal noise
+LARGEST_SHARE = 0.05  # more than this is no outlier but a part of the motion
 NEIGHBOURS = 5  # samples on each side
 
 
 def robust_sd(values: Array) -> float:
-    """Standard deviation from the median absolute value, unmoved by a few wild ones; their rms if that is 0."""
+    """Standard deviation from the median absolute value, unmoved by a few outliers; their rms if that is 0.
+
+    ``values`` (n,) in any unit, which the result has too.
+    """
     finite = values[np.isfinite(values)]
     if finite.size == 0:
         return float("nan")
@@ -42,6 +45,8 @@ def normalised_difference(t_s: Array, values: Array, order: int) -> Array:
 def noise_from_differences(t_s: Array, values: Array) -> float:
     """Standard deviation of white noise on a smooth motion, from differences of neighbouring samples.
 
+    It has the unit of ``values`` (n,); ``t_s`` (n,) is in s.
+
     The smallest of the robust standard deviations of the differences of orders 2 to 6: too low an order
     still contains the motion, too high an order needs more samples. Noise that is correlated over samples
     is seen only in part. NaN with fewer than 8 samples. After von Neumann (1941, Ann. Math. Stat. 12, 367).
@@ -52,7 +57,10 @@ def noise_from_differences(t_s: Array, values: Array) -> float:
 
 
 def deviations_from_neighbours(values: Array) -> Array:
-    """Each value less the median of it and of NEIGHBOURS on each side."""
+    """Each value less the median of it and of NEIGHBOURS on each side.
+
+    ``values`` (n,) and the result (n,) have the same unit.
+    """
     width = min(NEIGHBOURS, (values.size - 1) // 2)
     padded = np.pad(values, width, mode="reflect")
     return values - np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1), axis=1)
@@ -61,27 +69,29 @@ def deviations_from_neighbours(values: Array) -> Array:
 def outliers_in_residual(residual: Array, floor: float) -> Mask:
     """True where a residual (n, d) stands alone: far from its neighbours, not part of a slow misfit.
 
-    None is wild when more than WILD_SHARE are. ``floor`` is the smallest deviation that counts.
+    No sample is an outlier when more than LARGEST_SHARE are. ``floor`` is the smallest deviation that counts.
     """
-    wild = np.zeros(residual.shape[0], dtype=np.bool_)
+    outliers = np.zeros(residual.shape[0], dtype=np.bool_)
     for column in residual.T:
         deviation = np.abs(deviations_from_neighbours(column))
-        wild |= deviation > max(WILD * robust_sd(deviation), floor)
-    return wild if wild.mean() <= WILD_SHARE else np.zeros_like(wild)
+        outliers |= deviation > max(FAR * robust_sd(deviation), floor)
+    return outliers if outliers.mean() <= LARGEST_SHARE else np.zeros_like(outliers)
 
 
 def outliers_in_motion(t_s: Array, values: Array) -> Mask:
     """True where a sample (n, d) cannot belong to a smooth motion: every difference that contains it is large.
 
+    ``t_s`` (n,), s; ``values`` in any unit.
+
     For a start only: it sees what is far out, and leaves the rest to :func:`outliers_in_residual`. A kink of the
-    motion is not marked, because differences that end at it are small. None is wild when too many are.
+    motion is not marked, because differences that end at it are small. No sample is an outlier when too many are.
     """
     order = 4
-    wild = np.zeros(t_s.size, dtype=np.bool_)
+    outliers = np.zeros(t_s.size, dtype=np.bool_)
     if t_s.size < 3 * order:
-        return wild
+        return outliers
     for column in values.T:
         size = np.abs(normalised_difference(t_s, column, order))
         smallest = np.lib.stride_tricks.sliding_window_view(np.pad(size, order, constant_values=np.inf), order + 1)
-        wild |= np.min(smallest, axis=1) > WILD * robust_sd(size)
-    return wild if wild.mean() <= WILD_SHARE else np.zeros_like(wild)
+        outliers |= np.min(smallest, axis=1) > FAR * robust_sd(size)
+    return outliers if outliers.mean() <= LARGEST_SHARE else np.zeros_like(outliers)

@@ -17,7 +17,7 @@ from fitters.noise.autoregression import Autoregression, coefficients_of, fit_au
 from fitters.noise.known_correlation import with_measured_correlation
 from iris_sysid.types import Array, ErrorAutocorrelation
 
-MEMORY = 20_000  # samples before the first one that its noise may remember
+LONGEST_CORRELATION = 20_000  # samples before the first one that its noise may be correlated with
 MOST_DEGREES = 1e6
 
 
@@ -97,7 +97,10 @@ def random_uncertainty(
 
 
 def orthonormal_basis(columns: Array) -> Array:
-    """Orthonormal basis (n, r) of the span of columns (n, k), directions below 1e-7 of the largest left out."""
+    """Orthonormal basis (n, r) of the span of columns (n, k), directions below 1e-7 of the largest left out.
+
+    The basis is dimensionless.
+    """
     size = np.sqrt(np.sum(columns**2, axis=0))
     present = columns[:, size > 0] / size[size > 0]
     left, singular, _ = np.linalg.svd(present, full_matrices=False)
@@ -108,7 +111,7 @@ def middle(columns: Array, coefficients: Array) -> Array:
     """J' Gamma J (k, k) for an autoregression of unit innovation variance and J (n, k) on an even grid.
 
     Noise e = sum_k psi_k u[t - k] of white u gives J'e = sum_t w[t] u[t] with w the filter run backwards over J,
-    on beyond the first sample for as long as the noise remembers. So J' Gamma J = sum_t w[t] w[t]'.
+    on beyond the first sample for as long as the noise is correlated. So J' Gamma J = sum_t w[t] w[t]'.
     """
     if coefficients.size == 0:
         return np.asarray(columns.T @ columns)
@@ -121,8 +124,8 @@ def _memory(coefficients: Array) -> int:
     """Samples until the impulse response has fallen to 1e-6."""
     slowest = float(np.max(np.abs(np.roots(np.concatenate([[1.0], -coefficients])))))
     if not 0 < slowest < 1:
-        return MEMORY
-    return int(np.clip(np.ceil(np.log(1e-6) / np.log(slowest)), coefficients.size, MEMORY))
+        return LONGEST_CORRELATION
+    return int(np.clip(np.ceil(np.log(1e-6) / np.log(slowest)), coefficients.size, LONGEST_CORRELATION))
 
 
 def _variance_of_variance(columns: Array, bread: Array, process: Autoregression, variance: Array) -> Array:

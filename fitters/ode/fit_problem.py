@@ -81,7 +81,7 @@ def _stretches(trajectory: Trajectory, labels: Sequence[SegmentLabel]) -> Iterat
         yield 0, trajectory.n
         return
     run: tuple[int, int] | None = None
-    for segment in sorted(trajectory.segments, key=lambda one: one.start):
+    for segment in sorted(trajectory.segments, key=lambda segment: segment.start):
         if segment.label in labels:
             run = (segment.start if run is None else run[0], segment.stop)
         elif run is not None:
@@ -151,7 +151,9 @@ def priors_of(
 
 
 def _all_given(model: OdeModel, trajectory: Trajectory, fixed: Mapping[str, float | Estimate]) -> dict[str, Estimate]:
-    units = {one.name: one.unit for one in model.parameters} | {f"{one.name}_0": one.unit for one in model.states}
+    units = {parameter.name: parameter.unit for parameter in model.parameters} | {
+        f"{state.name}_0": state.unit for state in model.states
+    }
     given = {
         name: _given(name, fixed[name], _unit_in(trajectory, model, unit))
         for name, unit in units.items()
@@ -220,7 +222,7 @@ def in_units_of(trajectory: Trajectory, model: OdeModel) -> OdeModel:
 
 
 def check_columns(trajectory: Trajectory, model: OdeModel) -> None:
-    """FitError when the trajectory lacks what the model observes, or has it in another unit."""
+    """FitError when a quantity that the model observes is missing, or has it in another unit."""
     units = {quantity.name: quantity.unit for quantity in trajectory.quantities}
     for quantity in model.observed:
         if quantity.name not in units:
@@ -341,6 +343,8 @@ def with_priors(unknowns: Unknowns, priors: Mapping[str, Estimate]) -> Unknowns:
 
 def starting_values(task: Task, start: Mapping[str, float]) -> Iterator[Array]:
     """Full vectors of values to start from: the caller's over the model's own guess, then the guess alone.
+
+    Each vector is (p + s,), every value in its own unit.
 
     FitError when a free parameter has neither a start, nor a guess, nor a default.
     """

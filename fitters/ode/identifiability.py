@@ -58,7 +58,7 @@ def scaled_condition(matrix: Array) -> float:
 
 
 def _at_solution(result: FitResult, trajectory: Trajectory | None) -> tuple[InitialValueProblem, Array, Array]:
-    """The problem at the samples between the first and the last used, the solution, the places of the free values."""
+    """The problem at the samples between the first and the last used, the solution, the indices of the free values."""
     model, names = result.model, value_names(result.model)
     if model.inputs and trajectory is None:
         raise FitError(f"model {model.name!r} has inputs: give the trajectory as well")

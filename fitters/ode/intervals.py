@@ -31,7 +31,7 @@ TRIES = 8
 REPLICATES = 400  # the ends of the interval then scatter by 7 % of its half width
 CHORD_STEPS = 8
 DISAGREE = 0.25  # of the robust half width; three times what 400 replicates scatter
-LAGS = 2000  # longest memory of the noise that a block is made for, in samples
+LAGS = 2000  # longest autocorrelation of the noise that a block covers, in samples
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,19 +53,19 @@ class Found:
 
     @property
     def values(self) -> Array:
-        """The free values (k,)."""
+        """The free values (k,). Each is in its own unit."""
         return self.solution.values[self.task.unknowns.which]
 
     @property
     def spread(self) -> Array:
-        """Mean squared residual in units of sigma, unknowns deducted."""
+        """Mean squared residual in units of sigma, unknowns deducted. One number for all of (n, d), dimensionless."""
         size, k = self.near.residual.size, self.usable.size
         return np.asarray(np.sum(self.near.residual**2) / max(size - k, 1))
 
 
 def checked_methods(methods: Sequence[str]) -> tuple[Method, ...]:
     """The methods in their order; FitError lists those there are when one is unknown."""
-    unknown = [one for one in methods if one not in (*METHODS, "all")]
+    unknown = [method for method in methods if method not in (*METHODS, "all")]
     if unknown:
         raise FitError(f"uncertainty: there is no {', '.join(unknown)}; there are: {', '.join(METHODS)}, all")
     return tuple(one for one in METHODS if one in methods or "all" in methods)
@@ -190,8 +190,8 @@ def block_length(noise: Sequence[Autoregression], n: int) -> int:
 def _bootstrap(found: Found) -> dict[str, Interval]:
     """Basic bootstrap interval (Davison and Hinkley 1997, section 5.2) of residuals drawn anew in circular blocks.
 
-    Blocks (Kuensch 1989, Ann. Stat. 17, 1217) keep the noise's memory. Each replicate is a full fit, by the chord
-    method from the optimum: the Jacobian stays, the prediction is computed anew.
+    Blocks (Kuensch 1989, Ann. Stat. 17, 1217) keep the noise's autocorrelation. Each replicate is a full fit, by
+    the chord method from the optimum: the Jacobian stays, the prediction is computed anew.
     """
     rng = np.random.default_rng(0)
     size = max(1, BATCH_NUMBERS // found.near.residual.size)

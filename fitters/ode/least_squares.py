@@ -45,7 +45,7 @@ class Target:
 
     @property
     def size(self) -> Array:
-        """Standard deviation (d,) of the observed motion."""
+        """Standard deviation (d,) of the observed motion. It has the observed unit."""
         return np.asarray(np.std(self.observed[self.used], axis=0))
 
     @property
@@ -73,16 +73,19 @@ class Unknowns:
 
     @property
     def measured(self) -> NDArray[np.intp]:
-        """Which of the free values have a prior."""
+        """Which of the free values have a prior. They are indices (j,)."""
         return np.flatnonzero(self.precision)
 
     @property
     def prior_rows(self) -> Array:
-        """What the priors add to the sensitivities (j, k), one row each."""
+        """What the priors add to the sensitivities (j, k), one row each. Rows are in one per unit of the value."""
         return np.asarray(np.diag(self.precision)[self.measured])
 
     def prior_residual(self, values: Array) -> Array:
-        """What the priors add to the residual (j,), expected - value in standard errors."""
+        """What the priors add to the residual (j,), expected - value in standard errors.
+
+        It is dimensionless; ``values`` (p + s,), each in its own unit.
+        """
         part = self.measured
         return np.asarray((self.expected[part] - values[self.which[part]]) * self.precision[part])
 
@@ -98,7 +101,7 @@ class Unknowns:
         return Unknowns(self.which[kept], names, *(array[kept] for array in arrays))
 
     def inside(self, values: Array) -> Array:
-        """The values with the free ones moved inside their bounds."""
+        """The values with the free ones moved inside their bounds. ``values`` (p + s,), each in its own unit."""
         moved = values.copy()
         width = np.where(np.isfinite(self.upper - self.lower), self.upper - self.lower, 1.0)
         moved[self.which] = np.clip(values[self.which], self.lower + 1e-6 * width, self.upper - 1e-6 * width)
@@ -110,7 +113,7 @@ class Solution:
     """What least squares found.
 
     ``values`` (p + s,); ``predicted`` (n, d) by the ``problem`` with its time steps; ``steps`` (k,) for differences;
-    ``rms`` of the residual in units of sigma, infinite where the solution runs away; ``fine`` when the optimiser was
+    ``rms`` of the residual in units of sigma, infinite where the solution diverges; ``fine`` when the optimiser was
     not stopped early. ``gradients``: norm of the gradient of the mean squared residual, in units of sigma, by the
     free values relative to their size, at each iteration so far.
     """
@@ -210,7 +213,7 @@ def minimise(
     objective = _Objective(problem, target, unknowns, start, steps)
     predicted = objective.predicted(start)
     if not np.all(np.isfinite(predicted)):
-        why = "runs away at the start"
+        why = "the solution diverges at the start"
         return Solution(problem, start, predicted, objective.steps, np.inf, False, True, why, gradients)
     enough = ROUGH_EVALUATIONS if rough else min(most or FINE_EVALUATIONS, FINE_EVALUATIONS)
     found = _minimised(objective, loss, enough, rough=rough)

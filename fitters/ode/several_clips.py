@@ -137,7 +137,7 @@ def _check(
 
 
 def _free(free: Sequence[str], shared: Sequence[str], model: OdeModel) -> list[str]:
-    constants = [one.name for one in model.parameters if one.constant and one.name in shared]
+    constants = [parameter.name for parameter in model.parameters if parameter.constant and parameter.name in shared]
     return [*free, *(name for name in constants if name not in free)]
 
 
@@ -151,7 +151,7 @@ def _populations(clips: Sequence[FitResult], names: Sequence[str]) -> dict[str, 
     """Scatter of each value over the clips that determine it; values that fewer than two do are left out."""
     found = {}
     for name in names:
-        rows = [(one.estimates[name].value, _random(one, name)) for one in clips if one.usable]
+        rows = [(clip.estimates[name].value, _random(clip, name)) for clip in clips if clip.usable]
         sure = np.array([row for row in rows if np.isfinite(row[0]) and np.isfinite(row[1]) and row[1] > 0])
         if len(sure) >= LEAST_CLIPS:
             one = random_effects(sure[:, 0], sure[:, 1], clips[0].estimates[name].unit)
@@ -280,9 +280,9 @@ def _shift(views: Sequence[_View], name: str, bread: Array) -> Array:
     that they can come to.
     """
     moved = [bread @ (view.weight * view.near.flat.T @ view.known[name].T) for view in views]
-    if all(one.shape[1] == 1 for one in moved):
+    if all(shift.shape[1] == 1 for shift in moved):
         return np.asarray(np.abs(sum(moved))[:, 0])
-    return np.asarray(sum(np.linalg.norm(one, axis=1) for one in moved))
+    return np.asarray(sum(np.linalg.norm(shift, axis=1) for shift in moved))
 
 
 def _one_clip(view: _View, bread: Array) -> tuple[Array, Array]:
@@ -316,10 +316,10 @@ def _pooled(
     budget: Mapping[str, Mapping[str, float]],
 ) -> PooledFit:
     status, message = _verdict(clips, scatter)
-    counted = [one for one in clips if np.isfinite(one.aic)]
-    n = sum(one.n * len(model.observed) for one in counted)
-    likelihood = sum(one.aic - 2 * (len(one.free) + len(model.observed)) for one in counted)
-    count = sum(len(one.free) + len(model.observed) for one in counted) + len(shared)
+    counted = [clip for clip in clips if np.isfinite(clip.aic)]
+    n = sum(clip.n * len(model.observed) for clip in counted)
+    likelihood = sum(clip.aic - 2 * (len(clip.free) + len(model.observed)) for clip in counted)
+    count = sum(len(clip.free) + len(model.observed) for clip in counted) + len(shared)
     return PooledFit(
         model=clips[0].model,
         status=status,
@@ -337,7 +337,7 @@ def _pooled(
 
 def _verdict(clips: Sequence[FitResult], scatter: Mapping[str, Population]) -> tuple[FitStatus, str]:
     """The most serious status of clips that are left; failed ones are named, and are no part of the result."""
-    usable = [one for one in clips if one.usable]
+    usable = [clip for clip in clips if clip.usable]
     texts = [f"clip {k + 1} is {one.status}: {one.message}" for k, one in enumerate(clips) if not one.ok]
     texts += [
         f"{name} is shared, but differs between clips by more than its error: {one.between.value:.3g} {one.mean.unit} "
@@ -346,5 +346,5 @@ def _verdict(clips: Sequence[FitResult], scatter: Mapping[str, Population]) -> t
         if one.p_value < UNLIKELY
     ]
     seen = {one.status for one in (usable or clips)}
-    status: FitStatus = next((one for one in STATUSES if one in seen), "ok")
+    status: FitStatus = next((status for status in STATUSES if status in seen), "ok")
     return status, ". ".join(texts)

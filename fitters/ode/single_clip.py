@@ -54,7 +54,7 @@ SMALLEST_DEVIATION = 3.0  # in units of the noise, for a sample to count as an o
 
 
 class Simulation(NamedTuple):
-    """States (n, s) and observed quantities (n, d) at the times asked for."""
+    """States (n, s) and observed quantities (n, d) at the given times."""
 
     states: Array
     observed: Array
@@ -213,7 +213,7 @@ def fit(
     Raises
     ------
     FitError
-        When the call makes no sense: a quantity or an input that the trajectory lacks or has in another unit, an
+        When the call makes no sense: a quantity or an input that is missing or in another unit, an
         unknown name or way to an interval, an exact value both fixed and free, a right-hand side that does not return
         one number a state.
 

@@ -49,7 +49,10 @@ def determination(sensitivity: Array) -> Determination:
 
 
 def null_direction_text(names: tuple[str, ...], values: Array, direction: Array) -> str:
-    """Say which changes of the parameters leave the prediction as it is."""
+    """Say which changes of the parameters leave the prediction as it is.
+
+    ``values`` (k,) and ``direction`` (k,), each in its own unit.
+    """
     shown = [k for k in range(len(names)) if abs(direction[k]) > 0]
     relative = np.array([direction[k] / values[k] if values[k] != 0 else np.inf for k in shown])
     if not np.all(np.isfinite(relative)):
@@ -67,7 +70,10 @@ def null_direction_text(names: tuple[str, ...], values: Array, direction: Array)
 
 
 def weakest_text(names: tuple[str, ...], sensitivity: Array) -> str:
-    """Say which free values the data tell apart least, and by how much their common error grows through that."""
+    """Say which free values the data tell apart least, and by how much their common error grows through that.
+
+    ``sensitivity`` (n * d, k), in the observed unit per unit of the value.
+    """
     size = np.sqrt(np.sum(sensitivity**2, axis=0))
     if len(names) < 2 or not np.all(size > 0):
         return ""
@@ -76,7 +82,8 @@ def weakest_text(names: tuple[str, ...], sensitivity: Array) -> str:
     part = [name for name, share in zip(names, shares, strict=True) if share > WEAK]
     if singular[-1] <= 0 or len(part) < 2:
         return ""
-    return f"{_and(part)} are told apart least: together {1 / singular[-1]:.3g} times the error of each alone"
+    growth = f"their common error is {1 / singular[-1]:.3g} times the error of each alone"
+    return f"{_and(part)} are the least distinguishable: {growth}"
 
 
 def _and(names: list[str]) -> str:
@@ -84,7 +91,7 @@ def _and(names: list[str]) -> str:
 
 
 def undetermined(task: Task, values: Array, found: Determination) -> FitProblem:
-    """Name the null directions of a singular fit and say what to give."""
+    """Name the null directions of a singular fit and say what to give. ``values`` (p + s,), each in its own unit."""
     texts = [null_direction_text(task.free, values[task.unknowns.which], row) for row in found.null]
     names = [name for name, out in zip(task.free, found.undetermined, strict=True) if out]
     example = next((name for name in names if name not in task.model.initial_names), names[0])
@@ -93,7 +100,10 @@ def undetermined(task: Task, values: Array, found: Determination) -> FitProblem:
 
 
 def at_bounds(unknowns: Unknowns, values: Array) -> Mask:
-    """True (k,) for free values that sit on one of their bounds, whatever the optimiser says."""
+    """True (k,) for free values that sit on one of their bounds, whatever the optimiser says.
+
+    ``values`` (p + s,), each in its own unit.
+    """
     now = values[unknowns.which]
     touching = np.zeros(now.size, dtype=np.bool_)
     for bound in (unknowns.lower, unknowns.upper):
@@ -108,7 +118,10 @@ def _width(unknowns: Unknowns) -> Array:
 
 
 def at_its_bound(task: Task, values: Array, touching: Mask) -> FitProblem:
-    """Name the values at their bounds and say what that can mean."""
+    """Name the values at their bounds and say what that can mean.
+
+    ``values`` (p + s,), each in its own unit; ``touching`` (k,).
+    """
     at = [f"{task.free[k]} = {values[task.unknowns.which[k]]:.4g}" for k in np.flatnonzero(touching)]
     first = task.free[int(np.flatnonzero(touching)[0])]
     return FitProblem(
@@ -167,7 +180,7 @@ def _without_slope(task: Task, values: Array) -> list[str]:
         with np.errstate(all="ignore"):
             slopes = model.rhs(float(problem.t_s[0]), (*state, *mode), tuple(params), *known)
     except ArithmeticError:
-        return [one.name for one in model.states]
+        return [state.name for state in model.states]
     return [one.name for one, slope in zip(model.states, slopes, strict=True) if not np.isfinite(slope)]
 
 
@@ -180,15 +193,15 @@ def _is_needed(task: Task, name: str, values: Array) -> bool:
 
 def unknown_text(task: Task, estimates: Mapping[str, Estimate]) -> str:
     """Say which derived quantities could not be computed, and what they need; empty when all could."""
-    lacking = [quantity.name for quantity in task.model.derived if np.isnan(estimates[quantity.name].value)]
+    unknown_derived = [quantity.name for quantity in task.model.derived if np.isnan(estimates[quantity.name].value)]
     unknown = [name for name, estimate in task.known.items() if np.isnan(estimate.value)]
-    if not (lacking and unknown):
+    if not (unknown_derived and unknown):
         return ""
-    return f"{_and(lacking)} needs {_and(unknown)}: give it, e.g. fixed={{{unknown[0]!r}: value}}"
+    return f"{_and(unknown_derived)} needs {_and(unknown)}: give it, e.g. fixed={{{unknown[0]!r}: value}}"
 
 
 def residual_above_noise(task: Task, rms: Array, noise: Array) -> FitProblem:
-    """Say how far the residual is above the noise."""
+    """Say how far the residual is above the noise. ``rms`` and ``noise`` (d,), in the observed units."""
     ratios = ", ".join(
         f"{quantity.name} {value:.3g} {quantity.unit} (noise {floor:.3g})"
         for quantity, value, floor in zip(task.model.observed, rms, noise, strict=True)
@@ -203,7 +216,10 @@ def residual_above_noise(task: Task, rms: Array, noise: Array) -> FitProblem:
 
 
 def is_misfit(rms: Array, noise: Array, size: Array) -> bool:
-    """Whether a residual (d,) is both far above the noise and visible beside the motion's standard deviation."""
+    """Whether a residual (d,) is both far above the noise and visible beside the motion's standard deviation.
+
+    All three (d,) in the observed units.
+    """
     with np.errstate(all="ignore"):
         far = ~(rms <= MISFIT_NOISE * noise)
     return bool(np.any(far & (rms > MISFIT_MOTION * size)))

@@ -66,7 +66,7 @@ def all_tried(trials: Sequence[Trial], bank: Mapping[str, OdeModel], free: Seque
                     begun.append(one)
                 else:
                     tried.append(one)
-    begun.sort(key=lambda one: one.heldout)
+    begun.sort(key=lambda candidate: candidate.heldout)
     near = NEAR * begun[0].heldout if begun else 0.0
     for k, one in enumerate(begun):
         tried.append(_finished(one) if k < MOST_FITTED or one.heldout <= near else _left_behind(one))
@@ -113,7 +113,7 @@ def _idle(model: OdeModel, full: FitResult, t_s: Array) -> bool:
     if not model.events:
         return False
     happened = event_times(model, t_s, {name: estimate.value for name, estimate in full.estimates.items()})
-    return not any(t_s[SHOWN - 1] < one.t_s < t_s[-SHOWN] for one in happened)
+    return not any(t_s[SHOWN - 1] < event.t_s < t_s[-SHOWN] for event in happened)
 
 
 def _left_behind(begun: _Begun) -> ModelCandidate:

@@ -40,7 +40,7 @@ class Raw:
         return {quantity.name for quantity in self.quantities} >= set(names)
 
     def column(self, name: str) -> Array:
-        """One channel (n,)."""
+        """One channel (n,). It has the unit of the channel."""
         return self.channels[:, self._index(name)]
 
     def sigma(self, *names: str) -> float:
@@ -97,7 +97,7 @@ def observables_of(raw: Raw, known: Mask) -> list[ObservableCandidate]:
         return [_as_given(raw)]
     circle = _circle(raw, known)
     found = [_plane(raw), _height(raw, known), _line(raw, known), *([circle] if circle is not None else [])]
-    found = [_with_constant_size(one, raw, known) for one in found] if raw.has("r") else found
+    found = [_with_constant_size(observable, raw, known) for observable in found] if raw.has("r") else found
     return [*found, _size(raw, known)] if raw.has("r") else found
 
 
@@ -156,6 +156,8 @@ def _circle(raw: Raw, known: Mask) -> ObservableCandidate | None:
 def circle_of(position: Array) -> tuple[float, float, float] | None:
     """Centre and radius of the circle with the least sum of squared distances to points (n, 2); None on a line.
 
+    All in the unit of the points.
+
     Starts from the algebraic fit of Kasa (1976, IEEE Trans. Instrum. Meas. 25, 8).
     """
     middle, size = position.mean(axis=0), float(np.max(np.ptp(position, axis=0)))
@@ -202,20 +204,20 @@ def combined(parts: Sequence[ObservableCandidate], name: ObservableName) -> Obse
     """The same observable of several bodies as one, a column a body."""
     return ObservableCandidate(
         name=name,
-        quantities=np.column_stack([one.quantities for one in parts]),
-        units=tuple(unit for one in parts for unit in one.units),
-        lever=np.concatenate([one.lever for one in parts]),
-        rest=np.column_stack([one.rest for one in parts]),
-        count=sum(one.count for one in parts),
+        quantities=np.column_stack([part.quantities for part in parts]),
+        units=tuple(unit for part in parts for unit in part.units),
+        lever=np.concatenate([part.lever for part in parts]),
+        rest=np.column_stack([part.rest for part in parts]),
+        count=sum(part.count for part in parts),
         known=_between(parts),
     )
 
 
 def _between(parts: Sequence[ObservableCandidate]) -> dict[str, float]:
     """The distance of the second pivot from the first, over the first radius."""
-    if len(parts) != 2 or not all("pivot_x" in one.known for one in parts):
+    if len(parts) != 2 or not all("pivot_x" in part.known for part in parts):
         return {}
-    first, second = (one.known for one in parts)
+    first, second = (part.known for part in parts)
     return {"pivot_ratio": (second["pivot_x"] - first["pivot_x"]) / first["radius"]}
 
 
@@ -257,7 +259,7 @@ ONLY: Mapping[ObservableName, Callable[[OdeModel], bool]] = {
 
 
 def as_trajectory(raw_times: Array, observable: ObservableCandidate, model: OdeModel) -> Trajectory:
-    """The observable as the trajectory that a model observes."""
+    """The observable as the trajectory that a model observes. ``raw_times`` (n,), s."""
     quantities = tuple(
         Quantity(quantity.name, unit, quantity.symbol)
         for quantity, unit in zip(model.observed, observable.units, strict=True)

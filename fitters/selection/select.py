@@ -19,7 +19,7 @@ FITTED = 0.7  # share of the samples, from the first on; the rest is held out
 LONGEST = 900  # samples: what tells models apart shows in the first 15 s at 60 Hz
 FEWEST = 12  # samples: enough for four unknowns and something to predict
 MOST_BODIES = 3  # that are looked at together: of more, those that move farthest
-CORRELATED = 0.9  # at lag one, and beyond: what is left has the form of a motion, not of noise
+CORRELATED = 0.9  # at lag one, and beyond: the residual has the form of a motion, not of noise
 STRONG = 6.0  # BIC, of independent samples: less is no strong evidence (Kass and Raftery 1995, J. Am. Stat. Assoc. 90)
 
 
@@ -31,9 +31,9 @@ def select_model(
     A track of x and z (and apparent radius r) in m or px is taken for a position, a height, a distance along a line, an
     angle about the centre of a circle, and an apparent radius. Other quantities are taken as they are, whatever their
     names: an angle may be the angle of any model that observes one. Zeros are not known but for straight down, which
-    is known to 3 degrees. Of the models whose held-out errors cannot be told apart the one with the smallest BIC is first. One whose
-    events never happen comes after the others, and a BIC that is smaller by less than 6 does not pay for more numbers,
-    nor for an equation with more unknowns of its own.
+    is known to 3 degrees. Of the models whose held-out errors are indistinguishable, the one with the smallest BIC is
+    first. One whose events never happen comes after the others, and a BIC that is smaller by less than 6 does
+    not pay for more numbers, nor for an equation with more unknowns of its own.
 
     A body that stays in its position is left out, and of more than three those that move farthest are looked at. When
     no equation fits several bodies, one is chosen for the first that moves, until others move too; the observable
@@ -144,7 +144,9 @@ def _until_others_move(alone: ModelChoice, together: ModelChoice) -> ModelChoice
     """What the first body does alone, and named so; where nothing fits that either, what was found of all."""
     if alone.chosen is None:
         return together
-    ranking = tuple(replace(one, observable=f"{one.observable}, until others move") for one in alone.ranking)
+    ranking = tuple(
+        replace(candidate, observable=f"{candidate.observable}, until others move") for candidate in alone.ranking
+    )
     return replace(alone, chosen=ranking[0], ranking=ranking, message=_sentence(ranking, ranking[0]))
 
 
@@ -190,18 +192,18 @@ def _each_alone(
 def _all_of(key: tuple[str, str], parts: Sequence[ModelCandidate]) -> ModelCandidate:
     """One model under one observable, for each body by itself."""
     heldout, residual = (
-        float(np.sqrt(np.mean([getattr(one, name) ** 2 for one in parts]))) for name in ("heldout", "residual")
+        float(np.sqrt(np.mean([getattr(part, name) ** 2 for part in parts]))) for name in ("heldout", "residual")
     )
     return ModelCandidate(
         model=key[0],
         observable=f"{key[1]}, each alone",
         heldout=heldout,
         residual=residual,
-        bic=float(np.sum([one.bic for one in parts])),
-        adequate=all(one.adequate for one in parts),
+        bic=float(np.sum([part.bic for part in parts])),
+        adequate=all(part.adequate for part in parts),
         fit=parts[0].fit,
-        count=sum(one.count for one in parts),
-        idle=all(one.idle for one in parts),
+        count=sum(part.count for part in parts),
+        idle=all(part.idle for part in parts),
     )
 
 
@@ -210,16 +212,23 @@ def _all_of(key: tuple[str, str], parts: Sequence[ModelCandidate]) -> ModelCandi
 
 def _chosen(tried: Sequence[ModelCandidate], n_heldout: int) -> ModelChoice:
     """Rank: held-out error first, then what the samples show, then BIC."""
-    fitted = [one for one in tried if np.isfinite(one.bic)] or tried  # to all samples, not only to the first
-    best = min(one.heldout for one in fitted)
+    fitted = [
+        candidate for candidate in tried if np.isfinite(candidate.bic)
+    ] or tried  # to all samples, not only to the first
+    best = min(candidate.heldout for candidate in fitted)
     alike = best * (1.0 + 3.0 / np.sqrt(2.0 * max(n_heldout, 1)))  # three standard errors of a root mean square
-    near = sorted((one for one in fitted if one.heldout <= alike), key=lambda one: (one.idle, one.bic))
+    near = sorted(
+        (candidate for candidate in fitted if candidate.heldout <= alike),
+        key=lambda candidate: (candidate.idle, candidate.bic),
+    )
     strong = STRONG / _independent(near[0])
-    equal = [one for one in near if one.idle == near[0].idle and one.bic <= near[0].bic + strong]
-    first = min(equal, key=lambda one: (one.count, one.unknowns, one.bic))
-    far = sorted((one for one in tried if one not in near), key=lambda one: one.heldout)
-    ranking = (first, *(one for one in near if one is not first), *far)
-    others = [one for one in ranking[1:] if one.model != first.model]
+    equal = [
+        candidate for candidate in near if candidate.idle == near[0].idle and candidate.bic <= near[0].bic + strong
+    ]
+    first = min(equal, key=lambda candidate: (candidate.count, candidate.unknowns, candidate.bic))
+    far = sorted((candidate for candidate in tried if candidate not in near), key=lambda candidate: candidate.heldout)
+    ranking = (first, *(candidate for candidate in near if candidate is not first), *far)
+    others = [candidate for candidate in ranking[1:] if candidate.model != first.model]
     heldout_margin = others[0].heldout / max(first.heldout, 1e-12) if others else np.inf
     bic_margin = others[0].bic - first.bic if others else np.inf
     chosen = first if first.adequate else None
@@ -237,11 +246,12 @@ def _sentence(ranking: Sequence[ModelCandidate], chosen: ModelCandidate | None) 
     if chosen is None:
         return (
             f"none of these: the nearest, {first.model} ({first.observable}), has a residual of {first.residual:.3g} "
-            f"times the noise and a prediction error of {first.heldout:.3g} times; the bank lacks this equation, or the "
-            "track is not one motion"
+            f"times the noise and a prediction error of {first.heldout:.3g} times; the bank does not have this "
+            "equation, or the track is not one motion"
         )
-    text = f"{first.model} ({first.observable}): residual {first.residual:.3g}, held out {first.heldout:.3g} times the noise"
-    others = [one for one in ranking if one.model != first.model]
+    text = f"{first.model} ({first.observable}): residual {first.residual:.3g}, "
+    text += f"held out {first.heldout:.3g} times the noise"
+    others = [candidate for candidate in ranking if candidate.model != first.model]
     if others and np.isfinite(others[0].heldout):
         text += f"; next {others[0].model} ({others[0].observable}), held out {others[0].heldout:.3g}"
     return text

@@ -142,10 +142,10 @@ def _clips(trajectories: Trajectory | Sequence[Trajectory], quantities: Sequence
         raise DataError("there is no trajectory: give at least one")
     clips = [_only(clip, quantities) for clip in clips]
     first = _columns(clips[0])
-    for place, clip in enumerate(clips[1:], start=2):
+    for number, clip in enumerate(clips[1:], start=2):
         if _columns(clip) != first:
             raise DataError(
-                f"clip {place} has {', '.join(_columns(clip))} but clip 1 {', '.join(first)}: "
+                f"clip {number} has {', '.join(_columns(clip))} but clip 1 {', '.join(first)}: "
                 "clips of one discovery must have the same quantities, in the same units"
             )
     return clips
@@ -158,11 +158,11 @@ def _columns(clip: Trajectory) -> list[str]:
 def _only(clip: Trajectory, names: Sequence[str]) -> Trajectory:
     if not names:
         return clip
-    places = [clip.column(name) for name in names]
+    indices = [clip.column(name) for name in names]
     return clip.with_(
-        quantities=tuple(clip.quantities[k] for k in places),
-        position=clip.position[:, places],
-        sigma=clip.sigma[:, places],
+        quantities=tuple(clip.quantities[k] for k in indices),
+        position=clip.position[:, indices],
+        sigma=clip.sigma[:, indices],
         smoothed=None,
     )
 
@@ -181,9 +181,9 @@ def _origin(clips: Sequence[Trajectory]) -> dict[str, Any]:
 def _starts(pieces: list[Piece], library: Library) -> list[tuple[Kept, dict[str, float]]]:
     """Proposed choices with coefficients: pysindy's, the significant ones, all smooth ones, then single terms."""
     rows = rows_of(pieces, library)
-    choices = [proposed(one) for one in rows]
+    choices = [proposed(row) for row in rows]
     best = [path[predicted_best(one, path)] for one, path in zip(rows, choices, strict=True)]
-    normals = [Compressed.of(one.right, one.left) for one in rows]
+    normals = [Compressed.of(row.right, row.left) for row in rows]
     sure = [np.array(significant(one, term_price(one)), dtype=np.intp) for one in normals]
     smooth = [_smooth(library, equation) for equation in range(len(rows))]
     single = [path[min(1, len(path) - 1)] for path in choices]
@@ -200,9 +200,9 @@ def _smooth(library: Library, equation: int) -> NDArray[np.intp]:
 def _start(library: Library, rows: Sequence[Rows], choice: Sequence[Any]) -> tuple[Kept, dict[str, float]]:
     kept: list[int] = []
     start: dict[str, float] = {}
-    for equation, (one, places) in enumerate(zip(rows, choice, strict=True)):
-        terms = [library.of_equation(equation)[k] for k in places]
-        solved = np.linalg.lstsq(one.right[:, places], one.left, rcond=1e-10)[0]
+    for equation, (one, indices) in enumerate(zip(rows, choice, strict=True)):
+        terms = [library.of_equation(equation)[k] for k in indices]
+        solved = np.linalg.lstsq(one.right[:, indices], one.left, rcond=1e-10)[0]
         start |= {library.names[k]: float(value) for k, value in zip(terms, solved, strict=True)}
         kept += terms
     return tuple(sorted(kept)), start
@@ -300,7 +300,7 @@ def _discovery(
         for k, term in enumerate(library.terms)
     )
     chosen = [library.names[k] for k in found.kept]
-    status: FitStatus = next((one.status for one in found.fits if one.status != "ok"), "ok")
+    status: FitStatus = next((fitted.status for fitted in found.fits if fitted.status != "ok"), "ok")
     return Discovery(
         equations=tuple(_equation(library, k, terms) for k in range(len(library.variables))),
         terms=terms,
@@ -311,7 +311,7 @@ def _discovery(
         nearest=nearest,
         alternatives=tuple(_exchange(library, found.kept, other) for other in alike),
         status=status,
-        message=next((one.message for one in found.fits if one.status != "ok"), ""),
+        message=next((fitted.message for fitted in found.fits if fitted.status != "ok"), ""),
     )
 
 
@@ -319,8 +319,8 @@ def _equation(library: Library, equation: int, terms: Sequence[DiscoveredTerm]) 
     """The equation with its numbers."""
     own = [terms[k] for k in library.of_equation(equation) if terms[k].selected]
     variable = library.variables[equation]
-    text = " ".join(_signed(one.coefficient, one.term if one.term != "1" else "", " ") for one in own)
-    latex = " ".join(_signed(one.coefficient, one.latex if one.latex != "1" else "", r"\,") for one in own)
+    text = " ".join(_signed(term.coefficient, term.term if term.term != "1" else "", " ") for term in own)
+    latex = " ".join(_signed(term.coefficient, term.latex if term.latex != "1" else "", r"\,") for term in own)
     right = text.removeprefix("+ ") or "0"
     return DiscoveredEquation(variable.left, right, f"{variable.left_latex} = {latex.removeprefix('+ ') or '0'}")
 

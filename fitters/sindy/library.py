@@ -1,6 +1,6 @@
 """Candidate terms for each kind of observable, dimensionally consistent, and the model that any choice of them makes.
 
-An angle may feel sin, cos and itself, a place powers of itself, a level its square root; whatever moves may feel its
+An angle may feel sin, cos and itself, a position powers of itself, a level its square root; whatever moves may feel its
 speed, |v| v and the sign of v; bodies of one kind may feel their difference; everything may feel an input.
 """
 
@@ -19,14 +19,14 @@ from iris_sysid.errors import DataError
 from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory, symbol_of
 from iris_sysid.units import rate_of
 
-Kind = Literal["angle", "place", "size", "amount"]
+Kind = Literal["angle", "position", "size", "amount"]
 
 # What a term computes from its own value a, another one b, its rate v and the body's speed w.
 ONE, LINEAR, SIN, COS, CUBE, ROOT, SQUARE, DIFFERENCE, RATE, DRAG, DRY, INPUT, OTHER_ROOT = range(13)
 
 CODES: dict[Kind, tuple[int, ...]] = {
     "angle": (ONE, LINEAR, SIN, COS, RATE, DRAG, DRY),
-    "place": (ONE, LINEAR, CUBE, RATE, DRAG, DRY),
+    "position": (ONE, LINEAR, CUBE, RATE, DRAG, DRY),
     "size": (ONE, LINEAR, RATE),
     "amount": (ONE, LINEAR, ROOT, SQUARE),
 }
@@ -101,10 +101,10 @@ class Library:
         """The parameter of each term."""
         return tuple(term.parameter.name for term in self.terms)
 
-    def effect(self, place: int) -> str:
-        """The named effect that adds the term at this place to an acceleration; empty where there is none."""
-        term = self.terms[place]
-        moves = self.variables[term.equation].kind in ("angle", "place")
+    def effect(self, index: int) -> str:
+        """The named effect that adds the term of this index to an acceleration; empty where there is none."""
+        term = self.terms[index]
+        moves = self.variables[term.equation].kind in ("angle", "position")
         return EFFECTS.get(term.code, "") if moves else ""
 
     def of_equation(self, equation: int) -> list[int]:
@@ -123,7 +123,7 @@ def kind_of(quantity: Quantity) -> Kind:
     if quantity.unit == "px" and letters in ("r", "radius"):
         return "size"
     if quantity.unit in ("m", "px") and letters not in ("h", "level"):
-        return "place"
+        return "position"
     return "amount"
 
 
@@ -142,13 +142,16 @@ def variable_of(quantity: Quantity) -> Variable:
 
 
 def turnover_of(rates: Array) -> float:
-    """The speed below which sign(v) turns over, for rates (n, d): a power of 4, so that few models differ."""
+    """The speed below which sign(v) turns over, for rates (n, d): a power of 4, so that few models differ.
+
+    In the unit of the rates.
+    """
     speed = max(float(np.sqrt(np.mean(rates**2))), 1e-12)
     return float(4.0 ** np.round(np.log(TURNOVER * speed) / np.log(4.0)))
 
 
 def value_of(variable: Variable, observed: Array) -> Array:
-    """The variable's values of observed ones (n,)."""
+    """The variable's values of observed ones (n,). In the unit of the variable."""
     return 1.0 / observed if variable.kind == "size" else observed
 
 
@@ -163,9 +166,9 @@ def library_of(
     variables = tuple(variable_of(quantity) for quantity in quantities)
     orders = {variable.order for variable in variables}
     if len(orders) > 1:
-        listed = ", ".join(f"{one.quantity.name} ({one.quantity.unit})" for one in variables)
+        listed = ", ".join(f"{variable.quantity.name} ({variable.quantity.unit})" for variable in variables)
         raise DataError(
-            f"{listed}: places and angles have equations of second order, levels and amounts of first; "
+            f"{listed}: positions and angles have equations of second order, levels and amounts of first; "
             "discover on one sort at a time"
         )
     partner = _partners(variables)

@@ -39,7 +39,7 @@ def model_of(library: Library, names: Sequence[str] | None = None) -> OdeModel:
 def equation_latex(library: Library, equation: int, terms: Sequence[Term]) -> str:
     """One equation with the symbols of its coefficients, as LaTeX."""
     variable = library.variables[equation]
-    parts = [rf"{one.parameter.symbol}\,{one.latex}" for one in terms if one.equation == equation]
+    parts = [rf"{term.parameter.symbol}\,{term.latex}" for term in terms if term.equation == equation]
     return f"{variable.left_latex} = {' + '.join(parts) or '0'}"
 
 
@@ -64,7 +64,7 @@ def _rhs(
     for k in range(d if order == 2 else 0):
         slopes = _and(slopes, _state(d + k))
     for k in range(d):
-        own = [(place, code, other) for place, (equation, code, other) in enumerate(spec) if equation == k]
+        own = [(index, code, other) for index, (equation, code, other) in enumerate(spec) if equation == k]
         slopes = _and(slopes, _equation(k, d if order == 2 else 0, partner[k], tuple(own), turnover))
     if any(code == INPUT for _, code, _ in spec):
         return slopes
@@ -104,7 +104,7 @@ _term_value = _in_kernels(term_value)
 def _equation(
     k: int, shift: int, along: int, own: tuple[tuple[int, int, int], ...], turnover: float
 ) -> Callable[..., Any]:
-    """The sum of one equation's terms: parameter ``place`` times what ``code`` makes of variable ``k``.
+    """The sum of one equation's terms: parameter ``index`` times what ``code`` makes of variable ``k``.
 
     One loop over a table of whole numbers, so that numba has one function to compile, not one a term.
     """
@@ -118,12 +118,12 @@ def _equation(
     def total(t: Any, state: Any, params: Any, inputs: Any) -> Any:
         slope, velocity = 0.0 * state[k], state[shift + k]
         speed = np.abs(velocity) if along == k else np.sqrt(velocity**2 + state[shift + along] ** 2)
-        for place, code, second in own:
+        for index, code, second in own:
             other = state[second] if code in (DIFFERENCE, OTHER_ROOT) else velocity
             pushed = velocity
             if pushes:
                 pushed = inputs[second] if code == INPUT else velocity
-            slope += params[place] * _term_value(code, state[k], other, velocity, speed, pushed, turnover)
+            slope += params[index] * _term_value(code, state[k], other, velocity, speed, pushed, turnover)
         return slope
 
     return total if own else nothing

@@ -31,7 +31,7 @@ EXPRESSED = 1e-5  # of the size of the left side: larger misfits mean that the l
 PRESENT = 1e-4  # of the same, for a term to be there
 DISAGREE = 1e-3  # probability below which coefficients contradict the model's relations between them
 RANGES: dict[Kind, tuple[float, float]] = {
-    "angle": (-1.5, 1.5), "place": (-1.0, 1.0), "size": (1.0, 3.0), "amount": (0.3, 2.0),
+    "angle": (-1.5, 1.5), "position": (-1.0, 1.0), "size": (1.0, 3.0), "amount": (0.3, 2.0),
 }  # fmt: skip
 
 
@@ -50,9 +50,9 @@ class Structure:
     shifted: frozenset[Key]
 
 
-def key_of(library: Library, place: int) -> Key:
+def key_of(library: Library, index: int) -> Key:
     """A term without the names of its quantities."""
-    term = library.terms[place]
+    term = library.terms[index]
     return term.equation, term.code, term.other
 
 
@@ -63,18 +63,18 @@ def structures(library: Library) -> Iterator[Structure]:
     """Models of the bank that observe quantities of the same kinds, with what they are made of."""
     kinds = tuple(variable.kind for variable in library.variables)
     models = list(MODELS.values())
-    if kinds == ("place",) * len(kinds) and len(kinds) > 1:
+    if kinds == ("position",) * len(kinds) and len(kinds) > 1:
         models = [model for model in models if model.name != "contact-chain"] + [contact_chain(len(kinds))]
     for model in models:
         structure = _structure(model)
         if structure is None or structure.library.partner != library.partner:
             continue
-        if tuple(one.kind for one in structure.library.variables) == kinds:
+        if tuple(variable.kind for variable in structure.library.variables) == kinds:
             yield structure
 
 
 def terms_of(library: Library, name: str) -> tuple[int, ...]:
-    """Places in the library of all terms that a model of the bank can have; FitError when it has no such model."""
+    """Indices in the library of all terms that a model of the bank can have; FitError when it has no such model."""
     for one in structures(library):
         if one.model.name == name:
             return tuple(k for k in range(len(library.terms)) if key_of(library, k) in one.sometimes)
@@ -127,6 +127,8 @@ def coefficients_of(
 ) -> Array | None:
     """The coefficients (k,) of the library's terms that make the model with these parameters.
 
+    Each coefficient has the unit of its term, each offset that of its variable.
+
     Parameters
     ----------
     model
@@ -140,10 +142,13 @@ def coefficients_of(
     strict
         Give None where the library cannot express the model; otherwise the nearest.
     """
-    states, params = _states(model, library, values), np.array([values[one.name] for one in model.parameters])
-    place, rate, slope = _along_the_flow(model, library, states, params)
+    states, params = (
+        _states(model, library, values),
+        np.array([values[parameter.name] for parameter in model.parameters]),
+    )
+    position, rate, slope = _along_the_flow(model, library, states, params)
     left = slope if library.variables[0].order == 2 else rate
-    terms = evaluated(library, place + offsets, rate, None)
+    terms = evaluated(library, position + offsets, rate, None)
     coefficients = np.zeros(len(library.terms))
     for equation in range(len(library.variables)):
         own = library.of_equation(equation)
@@ -161,8 +166,8 @@ def _states(model: OdeModel, library: Library, values: Mapping[str, float]) -> A
     names = [state.name for state in model.states]
     columns = [rng.uniform(-1.0, 1.0, SAMPLES) for _ in names]
     for k, variable in enumerate(library.variables):
-        place = names.index(variable.quantity.name) if variable.quantity.name in names else k
-        columns[place] = rng.uniform(*RANGES[variable.kind], SAMPLES)
+        index = names.index(variable.quantity.name) if variable.quantity.name in names else k
+        columns[index] = rng.uniform(*RANGES[variable.kind], SAMPLES)
     return np.column_stack(columns)
 
 
@@ -212,12 +217,14 @@ def match(
 ) -> tuple[Match | None, Match | None]:
     """The model of the bank with this structure, or None, and the nearest one.
 
+    Each coefficient has the unit of its term.
+
     Parameters
     ----------
     library
         Of the trajectories.
     kept
-        Places of the discovered terms.
+        Indices of the discovered terms.
     values, errors
         (k,) coefficients of all terms, and their standard errors; of a term that is not kept, if it were added.
     covariance
@@ -245,10 +252,8 @@ def match(
     one = others[0][1]
     texts = {key_of(library, k): f"{library.terms[k].text} in {library.variables[library.terms[k].equation].left}"
              for k in range(len(library.terms))}  # fmt: skip
-    lacking, beside = (
-        tuple(texts[key] for key in sorted(keys)) for keys in (one.always - found, found - one.sometimes)
-    )
-    return None, Match(one.model.name, {}, missing=lacking, extra=beside)
+    missing, extra = (tuple(texts[key] for key in sorted(keys)) for keys in (one.always - found, found - one.sometimes))
+    return None, Match(one.model.name, {}, missing=missing, extra=extra)
 
 
 def _strangers(one: Structure, library: Library) -> int:
@@ -269,11 +274,11 @@ def _parameters(
 ) -> tuple[dict[str, Estimate], str]:
     """Parameters whose coefficients are nearest to those discovered, with errors, and a note where none are near."""
     keys = one.shifted if off else one.sometimes
-    places = [k for k in range(len(library.terms)) if key_of(library, k) in keys]
+    indices = [k for k in range(len(library.terms)) if key_of(library, k) in keys]
     own = {key_of(one.library, k): k for k in range(len(one.library.terms))}
-    columns = [own[key_of(library, k)] for k in places]
-    wanted = np.array([values[k] if k in kept else 0.0 for k in places])
-    weight = np.linalg.inv(np.linalg.cholesky(_joint_covariance(places, kept, errors, covariance)))
+    columns = [own[key_of(library, k)] for k in indices]
+    wanted = np.array([values[k] if k in kept else 0.0 for k in indices])
+    weight = np.linalg.inv(np.linalg.cholesky(_joint_covariance(indices, kept, errors, covariance)))
     problem = _Inversion.of(one, known, off)
 
     def residual(vector: Array) -> Array:
@@ -296,12 +301,12 @@ def _parameters(
     return problem.estimates(solved.x, spread), note
 
 
-def _joint_covariance(places: list[int], kept: tuple[int, ...], errors: Array, covariance: Array) -> Array:
-    joint = np.diag([errors[k] ** 2 for k in places]) + 0.0
-    inside = [k for k, place in enumerate(places) if place in kept]
-    among = [kept.index(places[k]) for k in inside]
+def _joint_covariance(indices: list[int], kept: tuple[int, ...], errors: Array, covariance: Array) -> Array:
+    joint = np.diag([errors[k] ** 2 for k in indices]) + 0.0
+    inside = [k for k, index in enumerate(indices) if index in kept]
+    among = [kept.index(indices[k]) for k in inside]
     joint[np.ix_(inside, inside)] = covariance[np.ix_(among, among)]
-    return joint * (1 + 1e-9 * np.eye(len(places))) + 1e-300 * np.eye(len(places))
+    return joint * (1 + 1e-9 * np.eye(len(indices))) + 1e-300 * np.eye(len(indices))
 
 
 def _first_that_matters(one: Structure) -> str:
@@ -387,10 +392,10 @@ class _Inversion:
             made[name] = Estimate(float(vector[k]), error, model.parameter(name).unit, kind)
         for k in range(self.offsets):
             variable = self.structure.library.variables[k]
-            place = len(self.names) + k
+            index = len(self.names) + k
             # the library sees z_measured = z + offset, so the rest position is where z = 0
             made[f"origin_{variable.quantity.name}"] = Estimate(
-                float(vector[place]), float(spread[place]), variable.state.unit, "fitted", "where it would rest"
+                float(vector[index]), float(spread[index]), variable.state.unit, "fitted", "where it would rest"
             )
         for name, one in self.constants.items():
             if name not in made and model.parameter(name).default is not None and one.value not in (0.0,):

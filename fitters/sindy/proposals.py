@@ -19,7 +19,7 @@ from fitters.sindy.residual import called_for, share_called_for
 from fitters.sindy.sparse_regression import Compressed, together
 from iris_sysid.types import NORMAL_975, Array, DiscoveredTerm, Estimate, FitResult, OdeModel, Trajectory
 
-# Powers of place and rate, up to the third order. Those left out are linear drag and cubic stiffness, named effects.
+# Powers of position and rate, up to the third order. Those left out are linear drag and cubic stiffness, named effects.
 POWERS = ((1, 0), (2, 0), (1, 1), (0, 2), (2, 1), (1, 2), (0, 3))
 LEVEL_POWERS = (0.5, 1.0, 2.0)  # of what drains
 HIDDEN = 1e-3  # of a candidate's answer: less is left of one that the fitted parameters imitate, by rounding alone
@@ -27,21 +27,21 @@ HIDDEN = 1e-3  # of a candidate's answer: less is left of one that the fitted pa
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A force on one highest derivative: ``power`` of the place times ``times`` of the rate, or what ``name`` says."""
+    """A force on one highest derivative: position^``power`` rate^``times``, or what ``name`` says."""
 
     equation: int
     power: float
     times: int
     name: str = ""
 
-    def values(self, place: Array, rate: Array) -> Array:
+    def values(self, position: Array, rate: Array) -> Array:
         """At points of the motion (m,)."""
         if self.name:
-            return np.sin(place) if self.name == "sin" else np.cos(place)
-        return np.asarray(np.abs(place) ** self.power if self.power % 1 else place**self.power * rate**self.times)
+            return np.sin(position) if self.name == "sin" else np.cos(position)
+        return np.asarray(np.abs(position) ** self.power if self.power % 1 else position**self.power * rate**self.times)
 
     def text(self, name: str, rate: str) -> str:
-        """How it is written, with the names or symbols of place and rate."""
+        """How it is written, with the names or symbols of position and rate."""
         if self.name:
             return f"{self.name}({name})"
         powers = ((name, self.power), (rate, self.times))
@@ -121,10 +121,10 @@ def _rows(one: FitResult, motion: Motion, candidates: Sequence[_Candidate], wher
     scale = np.maximum(one.rms, 1e-300)
     columns = []
     for candidate in candidates:
-        place = motion.states[:, candidate.equation]
-        rate = motion.states[:, count + candidate.equation] if one.model.second_order else np.ones_like(place)
-        force = np.zeros((len(place), count))
-        force[:, candidate.equation] = candidate.values(place, rate)
+        position = motion.states[:, candidate.equation]
+        rate = motion.states[:, count + candidate.equation] if one.model.second_order else np.ones_like(position)
+        force = np.zeros((len(position), count))
+        force[:, candidate.equation] = candidate.values(position, rate)
         columns.append(np.nan_to_num(motion.answer(force)))
     target = one.residual[used] / scale
     own = one.jacobian.reshape(*target.shape, -1)

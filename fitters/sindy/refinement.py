@@ -33,7 +33,7 @@ MOST_CORRELATION = 0.98
 class Refined:
     """A choice of terms fitted to all clips.
 
-    ``kept`` are places in the library, with their ``coefficients`` and ``covariance``; one fit a clip; ``parts`` are
+    ``kept`` are indices in the library, with their ``coefficients`` and ``covariance``; one fit a clip; ``parts`` are
     compressed rows about the fits, of every block of every clip, with a column for each of the ``terms`` of the
     library and then for each initial state of each clip.
     """
@@ -80,7 +80,7 @@ class Refined:
         """
         if not self.usable:
             return np.inf
-        spread = np.mean([np.log(np.mean((one.rms / _noise(one)) ** 2)) for one in self.fits])
+        spread = np.mean([np.log(np.mean((fitted.rms / _noise(fitted)) ** 2)) for fitted in self.fits])
         price = max(np.log(max(count, 3.0)) + 2 * np.log(self.terms), least)
         return float(count * spread + len(self.kept) * price)
 
@@ -107,7 +107,7 @@ def refined(clips: Sequence[Trajectory], library: Library, kept: Kept, start: Ma
     library
         All candidates.
     kept
-        Places of those chosen.
+        Indices of those chosen.
     start
         Starting values by parameter name.
     """
@@ -118,7 +118,7 @@ def refined(clips: Sequence[Trajectory], library: Library, kept: Kept, start: Ma
     states = [f"{state.name}_0" for state in model.states]
     first = {name: value for name, value in start.items() if name in chosen or name in states}
     fits = [_fit(clip, model, fixed, first) for clip in clips]
-    if not all(one.usable and np.all(np.isfinite(one.rms)) for one in fits):
+    if not all(fitted.usable and np.all(np.isfinite(fitted.rms)) for fitted in fits):
         return Refined(kept, np.full(len(kept), np.nan), np.full((len(kept),) * 2, np.nan), tuple(fits), (), len(names))
     if len(clips) == 1:
         return _of_one(clips[0], library, kept, fits[0])
@@ -130,9 +130,9 @@ def _fit(clip: Trajectory, model: OdeModel, fixed: Mapping[str, float], start: M
 
 
 def _of_one(clip: Trajectory, library: Library, kept: Kept, one: FitResult) -> Refined:
-    places = [one.free.index(library.names[k]) for k in kept]
+    indices = [one.free.index(library.names[k]) for k in kept]
     values = np.array([one.estimates[library.names[k]].value for k in kept])
-    covariance = one.covariance[np.ix_(places, places)]
+    covariance = one.covariance[np.ix_(indices, indices)]
     parts = (tuple(_linearised(clip, library, one, 0, 1)),)
     return Refined(kept, values, covariance, (one,), parts, len(library.names))
 
@@ -144,11 +144,11 @@ def _jointly(clips: Sequence[Trajectory], library: Library, kept: Kept, fits: li
     for _ in range(4):
         fixed = dict.fromkeys(names, 0.0) | {names[k]: float(c) for k, c in zip(kept, values, strict=True)}
         fits = [_fit(clip, model, fixed, {}) for clip in clips]
-        if not all(one.usable and np.all(np.isfinite(one.rms)) for one in fits):
+        if not all(fitted.usable and np.all(np.isfinite(fitted.rms)) for fitted in fits):
             return Refined(kept, values, covariance, tuple(fits), (), len(names))
         parts = tuple(
-            tuple(_linearised(clip, library, one, place, len(clips)))
-            for place, (clip, one) in enumerate(zip(clips, fits, strict=True))
+            tuple(_linearised(clip, library, one, index, len(clips)))
+            for index, (clip, one) in enumerate(zip(clips, fits, strict=True))
         )
         found = Refined(kept, values, covariance, tuple(fits), parts, len(names))
         better, covariance = found.total.solved(kept)
@@ -162,11 +162,11 @@ def _jointly(clips: Sequence[Trajectory], library: Library, kept: Kept, fits: li
 def _averaged(library: Library, kept: Kept, fits: Sequence[FitResult]) -> tuple[Array, Array]:
     """Mean of the clips' coefficients, weighted by the inverse of their covariance."""
     weight, weighted = np.zeros((len(kept), len(kept))), np.zeros(len(kept))
-    for one in fits:
-        places = [one.free.index(library.names[k]) for k in kept]
-        inverse = np.linalg.pinv(np.nan_to_num(one.covariance[np.ix_(places, places)], nan=1e12))
+    for fitted in fits:
+        indices = [fitted.free.index(library.names[k]) for k in kept]
+        inverse = np.linalg.pinv(np.nan_to_num(fitted.covariance[np.ix_(indices, indices)], nan=1e12))
         weight += inverse
-        weighted += inverse @ np.array([one.estimates[library.names[k]].value for k in kept])
+        weighted += inverse @ np.array([fitted.estimates[library.names[k]].value for k in kept])
     covariance = np.linalg.pinv(weight)
     return covariance @ weighted, np.asarray(covariance, dtype=np.float64)
 
@@ -174,10 +174,10 @@ def _averaged(library: Library, kept: Kept, fits: Sequence[FitResult]) -> tuple[
 # --------------------------------------------------------------------------- linear in all coefficients
 
 
-def _linearised(clip: Trajectory, library: Library, one: FitResult, place: int, clips: int) -> list[Compressed]:
+def _linearised(clip: Trajectory, library: Library, one: FitResult, index: int, clips: int) -> list[Compressed]:
     """Compressed rows of each block of one clip about its fit."""
     model, used = one.model, np.flatnonzero(one.used)
-    first = int(np.searchsorted(clip.t_s, one.t0_s))  # earlier than the first one used, when that is wild
+    first = int(np.searchsorted(clip.t_s, one.t0_s))  # earlier than the first one used, when that is an outlier
     span = slice(first, int(used[-1]) + 1)
     states = [f"{state.name}_0" for state in model.states]
     values = {name: estimate.value for name, estimate in one.estimates.items()}
@@ -189,7 +189,7 @@ def _linearised(clip: Trajectory, library: Library, one: FitResult, place: int, 
     coefficients = np.array([values[name] for name in library.names])
     target = residual + slopes[:, :, : coefficients.size] @ coefficients
     scale = np.maximum(one.rms, 1e-300)
-    return blocks_of(slopes / scale[:, None], target / scale, one, coefficients.size, (place, clips))
+    return blocks_of(slopes / scale[:, None], target / scale, one, coefficients.size, (index, clips))
 
 
 def blocks_of(columns: Array, target: Array, one: FitResult, shared: int, where: tuple[int, int]) -> list[Compressed]:
@@ -204,13 +204,13 @@ def blocks_of(columns: Array, target: Array, one: FitResult, shared: int, where:
     shared
         Number of columns that all clips share, the first ones; the others are this clip's own.
     where
-        Place of this clip, and number of clips, each with as many columns of its own.
+        Number of this clip, and number of clips, each with as many columns of its own.
     """
-    place, clips = where
+    index, clips = where
     own = columns.shape[2] - shared
     wide = np.zeros((*target.shape, shared + clips * own))
     wide[:, :, :shared] = columns[:, :, :shared]
-    wide[:, :, shared + place * own : shared + (place + 1) * own] = columns[:, :, shared:]
+    wide[:, :, shared + index * own : shared + (index + 1) * own] = columns[:, :, shared:]
     count = int(np.clip(len(target) // LEAST_IN_BLOCK, 1, BLOCKS))
     share = 1.0 / _inflation(one)
     return [
@@ -243,8 +243,8 @@ def disposed(
         Proposed choices with starting values, in the order of trust; the next one is tried when none can be fitted.
     """
     visited: dict[Kept, Refined] = {}
-    for place, (kept, start) in enumerate(starts):
-        if place > 1 and any(one.usable and all(fit.status == "ok" for fit in one.fits) for one in visited.values()):
+    for index, (kept, start) in enumerate(starts):
+        if index > 1 and any(one.usable and all(fit.status == "ok" for fit in one.fits) for one in visited.values()):
             break
         for _ in range(ROUNDS):
             if kept in visited:
@@ -269,7 +269,7 @@ def start_about(found: Refined, library: Library, kept: Kept) -> dict[str, float
     library
         All candidates.
     kept
-        Places of the other terms.
+        Indices of the other terms.
     """
     start = {library.names[k]: float(value) for k, value in zip(kept, found.total.solved(kept)[0], strict=True)}
     if len(found.fits) == 1:
@@ -365,14 +365,17 @@ def stable(
 
 
 def added_alone(found: Refined) -> tuple[Array, Array]:
-    """Each term's coefficient and standard error (k,): with the chosen ones, or added to them."""
+    """Each term's coefficient and standard error (k,): with the chosen ones, or added to them.
+
+    Each has the unit of its term.
+    """
     total = found.total
     values, errors = np.zeros(found.terms), np.zeros(found.terms)
     for k in range(found.terms):
         kept = found.kept if k in found.kept else (*found.kept, k)
         solved, covariance = total.solved(kept)
-        place = kept.index(k)
-        values[k], errors[k] = solved[place], np.sqrt(max(covariance[place, place], 0.0))
+        index = kept.index(k)
+        values[k], errors[k] = solved[index], np.sqrt(max(covariance[index, index], 0.0))
     return values, errors
 
 
@@ -390,11 +393,11 @@ def as_good(found: Refined, library: Library, worse: float) -> list[Kept]:
     """
     total = found.total
     base, choices = total.residual(found.kept), []
-    for place, k in enumerate(found.kept):
+    for index, k in enumerate(found.kept):
         for other in library.of_equation(library.terms[k].equation):
             if other in found.kept:
                 continue
-            swapped = tuple(sorted((*found.kept[:place], *found.kept[place + 1 :], other)))
+            swapped = tuple(sorted((*found.kept[:index], *found.kept[index + 1 :], other)))
             if base > 0 and total.residual(swapped) < base * np.exp(worse / total.count):
                 choices.append(swapped)
     return choices

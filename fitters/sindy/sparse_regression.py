@@ -19,14 +19,17 @@ from iris_sysid.types import Array
 
 FOLDS = 5
 PRICES = (1.0, 1.5, 2.5, 4.0, 8.0, 16.0, 32.0)  # of a term, relative to the least
-ALIKE = 1e-8  # of a column's own length: what is left of one when others are taken out, for it to be another one
+ALIKE = 1e-8  # of a column's own length: the part of one that others do not span, for it to be another one
 
 
 # --------------------------------------------------------------------------- proposals from rows, by pysindy
 
 
 def proposed(rows: Rows) -> list[NDArray[np.intp]]:
-    """Choices of terms by number of terms, none first, from whitened rows, by pysindy's SSR."""
+    """Choices of terms by number of terms, none first, from whitened rows, by pysindy's SSR.
+
+    Each choice (c,) holds indices of terms.
+    """
     left, right = rows.left, rows.right
     count = right.shape[1]
     chosen = [np.arange(count)]
@@ -42,6 +45,8 @@ def proposed(rows: Rows) -> list[NDArray[np.intp]]:
 def predicted_best(rows: Rows, choices: Sequence[NDArray[np.intp]]) -> int:
     """Which of the choices of terms predicts rows that were held out best, or as well with fewer terms.
 
+    Each choice (c,) holds indices of terms.
+
     Contiguous blocks are held out in turn; a choice with fewer terms is taken when it is worse by less than one
     standard error of the difference (Breiman et al. 1984, section 3.4.3).
     """
@@ -56,7 +61,10 @@ def predicted_best(rows: Rows, choices: Sequence[NDArray[np.intp]]) -> int:
 
 
 def sparsest_within_error(losses: Array) -> int:
-    """The first row of losses (choices, folds) not worse than the best by more than the difference's standard error."""
+    """The first row of losses (choices, folds) not worse than the best by more than the difference's standard error.
+
+    Losses are in squared units of the target.
+    """
     best = int(np.argmin(losses.sum(axis=1)))
     difference = losses - losses[best]
     error = np.std(difference, axis=1, ddof=1) / np.sqrt(losses.shape[1])
@@ -82,7 +90,10 @@ class Compressed:
 
     @classmethod
     def of(cls, columns: Array, target: Array, share: float = 1.0) -> Compressed:
-        """Of rows; each counts for ``share`` of an independent one."""
+        """Of rows; each counts for ``share`` of an independent one.
+
+        ``columns`` (n, k) and ``target`` (n,), whitened: dimensionless.
+        """
         rows = np.sqrt(share) * np.column_stack([columns, target])
         return cls(_triangular(rows), share * target.size)
 
@@ -103,14 +114,20 @@ class Compressed:
         return Compressed(_triangular(self.rows[:, order])[others:, others:], self.count - others)
 
     def solved(self, kept: Sequence[int]) -> tuple[Array, Array]:
-        """Coefficients of the kept columns and their covariance."""
+        """Coefficients of the kept columns and their covariance.
+
+        Coefficients (c,) and covariance (c, c), in the units of the terms.
+        """
         part = self.rows[:, list(kept)]
         length = _length(part)
         inverse = np.linalg.pinv(part / length, rcond=ALIKE) / length[:, None]
         return inverse @ self.target, inverse @ inverse.T
 
     def misfit(self, kept: Sequence[int], coefficients: Array) -> float:
-        """Sum of squares that these coefficients (of the kept columns) leave."""
+        """Sum of squares that these coefficients (of the kept columns) leave.
+
+        ``coefficients`` (c,), in the units of the terms.
+        """
         left = self.target - self.rows[:, list(kept)] @ coefficients
         return float(left @ left)
 
@@ -119,7 +136,10 @@ class Compressed:
         return self.misfit(kept, self.solved(kept)[0]) if kept else float(self.target @ self.target)
 
     def gains(self, kept: Kept) -> tuple[float, Array]:
-        """Sum of squares that the kept columns leave, and what each other one takes from it (-1 for those kept)."""
+        """Sum of squares that the kept columns leave, and what each other one takes from it (-1 for those kept).
+
+        Gains (k,) are in squared units of the target.
+        """
         basis = np.linalg.qr(self.rows[:, list(kept)] / _length(self.rows[:, list(kept)]))[0]
         left = self.rows - basis @ (basis.T @ self.rows)
         columns, target = left[:, :-1], left[:, -1]
@@ -200,7 +220,7 @@ def _improved(problem: Compressed, kept: Kept, price: float) -> tuple[float, Kep
 
 def _neighbours(problem: Compressed, kept: Kept, price: float) -> Iterator[tuple[float, Kept]]:
     """With their criterion: the best choice with one term more, those with one less, the best exchange of each."""
-    for fewer in (kept, *(kept[:place] + kept[place + 1 :] for place in range(len(kept)))):
+    for fewer in (kept, *(kept[:index] + kept[index + 1 :] for index in range(len(kept)))):
         residual, gains = problem.gains(fewer)
         yield criterion(problem, residual, len(fewer), price), fewer
         if len(fewer) < problem.size:

@@ -39,7 +39,7 @@ def discover(
     for table in tables:
         _terminal.check_outputs(table, [output, plot], overwrite=force)
     _terminal.check_suffix(plot, ".png")
-    units = {one.name: one.unit for model in MODELS.values() for one in model.parameters}
+    units = {parameter.name: parameter.unit for model in MODELS.values() for parameter in model.parameters}
     constants = _parsing.settings(known or (), units)
     asked = {"quantity": quantity, "set": known, "residual_of": residual_of, "seed": seed}
     clips = [_parsing.with_options(read_trajectory(table), **asked) for table in tables]

@@ -39,7 +39,7 @@ def pooled_document(pooled: PooledFit, tables: Sequence[str], trajectory: Trajec
     covariance = np.zeros((len(free), len(free)))
     covariance[: len(pooled.shared), : len(pooled.shared)] = pooled.covariance
     covariance[len(pooled.shared) :, len(pooled.shared) :] = np.diag(means)
-    usable = [one for one in pooled.clips if one.usable]
+    usable = [clip for clip in pooled.clips if clip.usable]
     return checked(
         FitDocument,
         model=pooled.model.name,
@@ -52,7 +52,7 @@ def pooled_document(pooled: PooledFit, tables: Sequence[str], trajectory: Trajec
         budget={name: {key: known_number(part) for key, part in row.items()} for name, row in pooled.budget.items()},
         noise=_together(usable, "noise"),
         rms=_together(usable, "rms"),
-        n=sum(one.n for one in usable),
+        n=sum(clip.n for clip in usable),
         aic=known_number(pooled.aic),
         bic=known_number(pooled.bic),
         condition=None,
@@ -68,7 +68,7 @@ def pooled_document(pooled: PooledFit, tables: Sequence[str], trajectory: Trajec
             )
             for k, quantity in enumerate(pooled.model.observed)
         ],
-        samples=UsedSamples(total=sum(one.used.size for one in pooled.clips)),
+        samples=UsedSamples(total=sum(clip.used.size for clip in pooled.clips)),
         segments=[],
         geometry={},
         clips=_clips(pooled, tables),
@@ -108,7 +108,7 @@ def _population(one: Population) -> PopulationEntry:
 
 
 def _parts(fits: Sequence[FitResult], name: str) -> Array:
-    return np.array([getattr(one, name) for one in fits])
+    return np.array([getattr(fitted, name) for fitted in fits])
 
 
 def _mean_square(fits: Sequence[FitResult], name: str, column: int) -> float | None:
@@ -135,15 +135,15 @@ def selection_document(choice: ModelChoice, origin: Trajectory) -> FitDocument:
         raise ValueError("a choice without any fit has no document")
     ranking = [
         CandidateEntry(
-            model=one.model,
-            reading=one.observable,
-            heldout=known_number(one.heldout),
-            residual=known_number(one.residual),
-            bic=known_number(one.bic),
-            adequate=one.adequate,
-            note=one.note,
+            model=candidate.model,
+            reading=candidate.observable,
+            heldout=known_number(candidate.heldout),
+            residual=known_number(candidate.residual),
+            bic=known_number(candidate.bic),
+            adequate=candidate.adequate,
+            note=candidate.note,
         )
-        for one in choice.ranking
+        for candidate in choice.ranking
     ]
     entry = SelectionEntry(
         message=choice.message,

@@ -72,7 +72,7 @@ def test_determined_fit_has_no_null_direction_and_names_what_it_tells_apart_leas
     """A short piece of a swing hardly tells the length from the speed at its start."""
     result = fit(clip_of(PENDULUM, TRUTH, np.arange(60) / 240, 1e-4), PENDULUM)
     assert result.identifiability.undetermined == ()
-    assert "are told apart least" in result.identifiability.weakest
+    assert "are the least distinguishable" in result.identifiability.weakest
 
 
 def test_gradient_falls_by_orders_of_magnitude_along_the_iterations(swing):

@@ -20,7 +20,7 @@ def test_values_known_well_have_no_strong_correlation_and_a_one_step_residual():
     (section,) = identifiability_sections(result)
     assert correlations(result) == []
     assert section.rows == []
-    assert "are told apart least" in " ".join(section.lines)
+    assert "are the least distinguishable" in " ".join(section.lines)
     one_step = next(line for line in section.lines if line.startswith("One-step residual of the equation in theta"))
     assert "rad²" in one_step
 
