@@ -33,10 +33,16 @@ COMMANDS = {
         "Find the effects that a governing equation lacks, add them, and report the error before and after.",
     ),
     "discover": ("discover", "Find the governing equation itself, with error bars on its terms, and its name."),
-    "render": ("render", "Render a clip whose every number is known, or the whole benchmark."),
+    "render": (
+        "render",
+        "Render a synthetic clip, or a whole synthetic data set, and write its exact truth beside it.",
+    ),
     "demo": ("demo", "Render a clip with a hidden effect, find the effect, and compare all estimates with the truth."),
     "tensors": ("tensors", "Write a clip as the benchmark's tensor."),
-    "gt": ("gt", "Regenerate the ground truth of a data set."),
+    "gt": (
+        "gt",
+        "Measure the ground truth of a data set: one value of each parameter and setting, beside direct measurements.",
+    ),
     "benchmark": ("benchmark", "Compare methods on a data set: one table of rows, all benchmark tables from it."),
     "list": ("list_names", "List phenomena, models, effects, trackers and scenes."),
     "schema": ("schema", "Print the JSON Schema of a result file."),
