@@ -119,9 +119,12 @@ def test_measures_of_identity_are_one_for_perfect_tracks_and_fall_with_gaps():
 CLIP_S = 5.0  # in half of that a hand that has let go still covers a ball, and a pile stands, for too much of the clip
 
 
+# Four clips of each class, the settings of the benchmark's table in turn: were a body to change its name in one clip of
+# five, 93 of 100 such dozens would show it. Frames in which two balls touch are left out: up to a tenth of a clip.
 @pytest.mark.slow
+@pytest.mark.parametrize("number", range(4))
 @pytest.mark.parametrize("phenomenon", ["two-moving-pendulums", "two-moving-pendulum-one-static", "hitting-cones"])
-def test_bodies_of_ten_twin_clips_keep_their_names(phenomenon, tmp_path):
-    scores = [run_clip(phenomenon, number, (640, 360), CLIP_S, tmp_path) for number in range(10)]
-    assert sum(score.switches for score in scores) == 0
-    assert min(score.seen / score.usable for score in scores) > 0.95
+def test_bodies_of_a_rendered_clip_keep_their_names(phenomenon, number, tmp_path):
+    score = run_clip(phenomenon, number, (640, 360), CLIP_S, tmp_path)
+    assert score.switches == 0
+    assert score.seen / score.usable > 0.9
