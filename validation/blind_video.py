@@ -47,13 +47,13 @@ TRUTHS: Mapping[str, tuple[str, float]] = {
 }
 MOST_CHANGE = 0.2  # of the motion's range, by a hidden effect: a swing that friction stops at once is none
 ROOM = 5.0  # times the smallest detectable size that an effect must be able to have, to be hidden at all
-LOST = "dropped-frame"  # the twin leaves out one frame; all other effects have the same size there and here
+LOST = "dropped-frame"  # the clip lacks one frame; all other effects have the same size there and here
 OTHERWISE = ("slack-tether", "finite-bob", "velocity-weakening-friction")  # but these, which are other numbers there
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Secret:
-    """What one clip shows, what is hidden in it (``effects`` by the twin's names) and how well that could be seen.
+    """What one clip shows, what is hidden in it (``effects`` as the scene names them) and how well that could be seen.
 
     ``sizes`` by parameter of the library's effects, ``factors`` those sizes over the smallest detectable.
     """
@@ -124,7 +124,7 @@ def _ranges(
     """The effects that the scene and the library both know, with the smallest detectable size and the largest."""
     library = [effect for effect in EFFECTS.values() if effect.applies(fitted.model)]
     known = {LOST, *filmed} - set(OTHERWISE)
-    possible = [_in_the_twins_shape(effect, clean, rng) for effect in library if effect.name in known]
+    possible = [_in_the_shape_of_the_scene(effect, clean, rng) for effect in library if effect.name in known]
     scores = screen(possible, fitted, clean).scores
     return {
         effect: (_detectable(effect, scores[effect.name], clean, len(library)), _largest(effect, fitted, clean))
@@ -132,7 +132,7 @@ def _ranges(
     }
 
 
-def _in_the_twins_shape(effect: Effect, clip: Trajectory, rng: np.random.Generator) -> Effect:
+def _in_the_shape_of_the_scene(effect: Effect, clip: Trajectory, rng: np.random.Generator) -> Effect:
     """An effect of the library in the one shape in which it can be hidden."""
     fixed = {"periodic-forcing": (2 * np.pi * FORCING_HZ, 0.0)}
     if effect.name == LOST:

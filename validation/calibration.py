@@ -1,4 +1,4 @@
-"""How good a calibration is: OpenCV's reference, the twin's truth, coverage of the scale, g from two clips alone.
+"""How good a calibration is: OpenCV's reference, synthetic clips, coverage of the scale, g from two clips alone.
 
 ``python -m validation.calibration`` prints four tables; ``--part reference|plane|coverage|fall`` prints one. The first
 needs the pictures in ``../shared/data``; the others draw their own.
@@ -30,7 +30,7 @@ PICTURES = Path("..") / "shared" / "data" / "opencv_checkerboard"
 PHONE_LENS = (0.10, -0.15)  # k1, k2 of a phone's main camera before its own correction
 TILTS_DEG = ((0.0, 0.0), (10.0, 0.0), (0.0, 15.0), (10.0, -10.0))
 OFFSETS_M = (0.0, 0.05)
-GRAVITY = 9.80665  # m/s^2, the twin's
+GRAVITY = 9.80665  # m/s^2, of the synthetic clips
 
 
 def reference() -> None:
@@ -82,7 +82,7 @@ def plane_error(tilt_deg: tuple[float, float], offset_m: float, size: tuple[int,
 
 
 def plane(size: tuple[int, int]) -> None:
-    """Print the metric error on the twin, by tilt and by how far the board is off the plane."""
+    """Print the metric error on synthetic clips, by tilt and by how far the board is off the plane."""
     print("| camera tilted by | board behind the plane | largest error of a place, of the field |\n|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         for tilt in TILTS_DEG:

@@ -45,7 +45,7 @@ class Motion:
 
 
 ANGLE = NOISE_PX / PX_PER_M / ARM_M
-RADIUS_PX = 0.05  # scatter of the disc tracker's radius in flight on the twin at 960x540: 0.02 to 0.06 px
+RADIUS_PX = 0.05  # scatter of the disc tracker's radius in flight on synthetic clips at 960x540: 0.02 to 0.06 px
 MOTIONS = (
     Motion(
         "pendulum",
@@ -417,19 +417,19 @@ def main() -> None:
     parser.add_argument("--others-seeds", type=int, default=10, help="how many of them pysindy's own methods see")
     parser.add_argument("--picture", type=Path, help="PNG file for the degradation curves")
     pages.add_option(parser)
-    asked = parser.parse_args()
-    parts = asked.part or ["structure", "degradation", "real", "speed"]
-    motions = [motion for motion in MOTIONS if not asked.model or motion.model in asked.model]
+    options = parser.parse_args()
+    parts = options.part or ["structure", "degradation", "real", "speed"]
+    motions = [motion for motion in MOTIONS if not options.model or motion.model in options.model]
     with threadpool_limits(limits=1):
         if "structure" in parts:
-            with pages.table("discovery-structure", asked.write_docs):
-                print_structure(motions, asked.seeds, asked.others_seeds)
+            with pages.table("discovery-structure", options.write_docs):
+                print_structure(motions, options.seeds, options.others_seeds)
         if "degradation" in parts:
-            wanted = asked.model or ("pendulum", "linear-oscillator")
+            wanted = options.model or ("pendulum", "linear-oscillator")
             chosen = [motion for motion in motions if motion.model in wanted]
-            print_degradation(chosen, asked.curve_seeds, asked.picture, asked.write_docs)
+            print_degradation(chosen, options.curve_seeds, options.picture, options.write_docs)
         if "real" in parts:
-            with pages.table("discovery-real", asked.write_docs):
+            with pages.table("discovery-real", options.write_docs):
                 print_real(list(RECORDINGS))
         if "speed" in parts:
             print_speed()

@@ -1,4 +1,4 @@
-"""Ground truth regenerated from the twin: how often its 95 % intervals hold the truth, and how long it takes.
+"""Ground truth regenerated from synthetic clips: how often its 95 % intervals hold the truth, and how long it takes.
 
 ``python -m validation.groundtruth DATASET`` measures the clips (those of an earlier run are kept) and compares the
 value of each clip, and the pooled value of each setting, with the truth beside the clips. The only thing taken from the

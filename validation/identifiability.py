@@ -1,10 +1,10 @@
-"""The paper's identifiability table for the twin: gradient norms, the ODE residual R, and what the paper leaves open.
+"""The paper's identifiability table for synthetic clips: gradient norms, ODE residual R, condition numbers.
 
-``python -m validation.identifiability`` fits one twin trajectory a row (nothing is rendered; noise as the tracker has)
-and prints the norm of the gradient at the first, middle and last iteration, R of the equation from sample to sample
-beside what the noise alone makes of it, and the condition numbers of the Fisher information and of the Hessian. The
-paper's loss is in latent units, ours in units of the noise, by relative values: fall and floor can be compared, not
-sizes.
+``python -m validation.identifiability`` fits one synthetic trajectory a row (nothing is rendered; the noise is the
+tracker's) and prints the norm of the gradient at the first, middle and last iteration, R of the equation from sample to
+sample beside the R of the noise alone, and the condition numbers of the Fisher information and of the Hessian. The
+paper's loss is in latent units, ours in units of the noise, by relative values: compare slopes and
+floors, not sizes.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Whether bodies keep their names: identity switches, coverage, HOTA, IDF1 and error over twin clips.
+"""Whether bodies keep their names: identity switches, coverage, HOTA, IDF1 and error over synthetic clips.
 
 ``python -m validation.identity`` renders clips of the phenomena with several bodies, the settings of the benchmark's
 table in turn, each clip with a seed of its own, follows the bodies, and compares with the truth beside each clip.
 ``--scores FILE`` keeps the score of each clip: a run that was ended goes on where it was. ``--dataset DATASET --tracks
-FOLDER`` compares the tracks that ``iris-sysid gt`` or ``validation.groundtruth`` kept of a data set of the twin
+FOLDER`` compares the tracks that ``iris-sysid gt`` or ``validation.groundtruth`` kept of a synthetic data set
 instead.
 """
 
@@ -203,7 +203,7 @@ def rendered(options: argparse.Namespace, phenomenon: str) -> Iterator[Score]:
 
 
 def kept(phenomenon: str, dataset: Path, tracks: Path) -> Iterator[Score]:
-    """Scores of the tracks kept of a data set of the twin; a clip without a track is left out."""
+    """Scores of the tracks kept of a synthetic data set; a clip without a track is left out."""
     for clip in list_clips(dataset).clips:
         path = tracks / f"{clip.place}.track.csv"
         if path.exists() and (truth := read_truth(clip.path)).phenomenon == phenomenon:
@@ -226,7 +226,7 @@ def main() -> None:
     parser.add_argument("--scores", type=Path, help="file that keeps the score of each clip, to go on from")
     parser.add_argument("--size", type=int, nargs=2, default=SIZE, metavar=("WIDTH", "HEIGHT"), help="px")
     parser.add_argument("--minutes", type=float, default=np.inf, help="begin no clip of a phenomenon after so long")
-    parser.add_argument("--dataset", type=Path, help="data set of the twin whose tracks were kept")
+    parser.add_argument("--dataset", type=Path, help="synthetic data set whose tracks were kept")
     parser.add_argument("--tracks", type=Path, help="folder of the tracks that were kept")
     pages.add_option(parser)
     options = parser.parse_args()

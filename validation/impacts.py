@@ -57,7 +57,7 @@ def print_comparison(clips: Sequence[tuple[str, Trajectory, str]]) -> None:
 
 def print_twin(folder: Path) -> None:
     """Print the largest errors on rendered and tracked clips."""
-    print("\n| twin clip | L1 / % | L2 / % | e / % | impacts found | largest error of an impact's time / frames |")
+    print("\n| synthetic clip | L1 / % | L2 / % | e / % | impacts found | largest error of an impact's time / frames |")
     print("|---|---|---|---|---|---|")
     for phenomenon in PAIRS:
         for setting in SETTINGS:

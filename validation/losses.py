@@ -24,7 +24,7 @@ SETTINGS = ("pendulum_20", "pendulum_45", "pendulum_90")
 
 @functools.cache
 def clip(setting: str, seed: int) -> Trajectory:
-    """The angle of one of the twin's pendulums as a tracker sees it."""
+    """The angle of a synthetic pendulum as a tracker measures it."""
     plan = plan_clip("pendulum", setting=setting, size=SIZE, duration_s=FRAMES / 60 + 1, seed=seed)
     make = through_phenomenon("pendulum", {"length": "length"})
     return make(plan.truth, np.random.default_rng(seed)).trajectory

@@ -164,13 +164,13 @@ def main() -> None:
     parser.add_argument("--only", default="", help="only recordings whose name contains this")
     parser.add_argument("--folder", type=Path, help="where tracks, tables and pages stay")
     pages.add_option(parser)
-    asked = parser.parse_args()
-    with pages.table("measured", asked.write_docs):
+    options = parser.parse_args()
+    with pages.table("measured", options.write_docs):
         print("| recording | what was found | fitted, before → after | held out | noise |\n|---|---|---|---|---|")
         with tempfile.TemporaryDirectory() as temporary:
             for recording in RECORDINGS:
-                if asked.only in recording.name:
-                    print(row(recording, (asked.folder or Path(temporary)) / recording.name), flush=True)
+                if options.only in recording.name:
+                    print(row(recording, (options.folder or Path(temporary)) / recording.name), flush=True)
 
 
 if __name__ == "__main__":

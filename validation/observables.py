@@ -1,4 +1,4 @@
-"""Angle, orientation, intensity, level and apparent radius on the twin: errors against the truth, and their pulls.
+"""Angle, orientation, intensity, level and apparent radius on synthetic clips: errors and pulls.
 
 ``python -m validation.observables`` renders short clips of several settings and seeds and prints one row a clip.
 Of orientation and intensity the zero, and of intensity the scale, is taken from the truth: a clip does not show them.

@@ -1,4 +1,4 @@
-"""Whether the standard errors of tracks are true, on clips of the twin: error over standard error, frame by frame.
+"""Whether the standard errors of tracks are true, on synthetic clips: error over standard error, frame by frame.
 
 ``python -m validation.pulls --dataset DATASET [--number 2 5]`` tracks some clips of each setting of a data set that
 ``iris-sysid render`` wrote, each with its phenomenon's tracker, and prints a row a body: the standard deviation of the
@@ -74,7 +74,7 @@ def row(track: Track, true_px: Array, radius_px: float) -> str | None:
 def main() -> None:
     """Print a row a body."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--dataset", type=Path, required=True, help="data set of the twin")
+    parser.add_argument("--dataset", type=Path, required=True, help="synthetic data set")
     parser.add_argument("--number", type=int, nargs="+", default=[1], help="clips of each setting, from 1")
     parser.add_argument("--classes", nargs="+", help="only these folders of the data set")
     pages.add_option(parser)

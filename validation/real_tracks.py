@@ -94,12 +94,12 @@ def main() -> None:
     parser.add_argument("--sheets", type=Path, help="folder for contact sheets")
     parser.add_argument("--only", default="", help="only clips whose name contains this")
     pages.add_option(parser)
-    asked = parser.parse_args()
-    with pages.table("real-tracks", asked.write_docs):
+    options = parser.parse_args()
+    with pages.table("real-tracks", options.write_docs):
         print("| clip | bodies | frames | tracked of usable frames |\n|---|---|---|---|")
         for clip in CLIPS:
-            if asked.only in clip.path:
-                print(row(clip, asked.sheets), flush=True)
+            if options.only in clip.path:
+                print(row(clip, options.sheets), flush=True)
 
 
 if __name__ == "__main__":

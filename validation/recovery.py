@@ -1,4 +1,4 @@
-"""Recovery of the parameters of all settings from the twin's trajectories, beside the best latent error."""
+"""Recovery of the parameters of all settings from synthetic trajectories, beside the best latent error."""
 
 from __future__ import annotations
 

@@ -66,12 +66,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--samples", type=int, nargs="+", default=[600, 9000])
     pages.add_option(parser)
-    asked = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     fit(clip(600, {}), MODEL)  # compiled before anything is timed
-    with pages.table("search", asked.write_docs):
+    with pages.table("search", options.write_docs):
         print("| samples | hidden | added | first run, s | second run, s | fits of the model in that time |")
         print("|---|---|---|---|---|---|")
-        for samples in asked.samples:
+        for samples in options.samples:
             for hidden in HIDDEN:
                 print(row(samples, hidden), flush=True)
 

@@ -1,4 +1,4 @@
-"""Choice of the governing equation on 240 twin trajectories, beside the published classifiers.
+"""Choice of the governing equation on 240 synthetic trajectories, beside the published classifiers.
 
 ``python -m validation.selection`` takes every setting of the benchmark's eight phenomena, ten trials each with the
 scatter of real ones. Nothing is rendered: the true path of each body, in metres, gets white noise of the size that the
@@ -37,7 +37,7 @@ from iris_sysid.trajectory.segmentation import segment
 from iris_sysid.types import ModelChoice, Quantity, Trajectory
 from validation import pages
 
-NOISE_PX = 0.05  # of a tracked centre and radius: what the twin's tests find for the trackers
+NOISE_PX = 0.05  # of a tracked centre and radius: what the trackers reach on synthetic clips
 SIZE = (1920, 1080)
 LONGEST_S = 30.0
 ACCEPTED = {
@@ -54,7 +54,7 @@ ACCEPTED = {
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A clip of the twin, and what chooses its equation."""
+    """A synthetic clip, and what chooses its equation."""
 
     phenomenon: str
     setting: str
@@ -135,7 +135,7 @@ def drawn(trials: int, phenomena: list[str]) -> Iterator[Asked]:
 
 
 def kept(dataset: Path, tracks: Path, trials: int, phenomena: list[str]) -> Iterator[Asked]:
-    """Every clip of a data set of the twin that was measured."""
+    """Every clip of a measured synthetic data set."""
     names = {scene.folder: name for name, scene in SCENES.items()}
     for clip in list_clips(dataset).clips:
         path = tracks / f"{clip.place}.json"
@@ -144,10 +144,10 @@ def kept(dataset: Path, tracks: Path, trials: int, phenomena: list[str]) -> Iter
             yield Asked(names[clip.class_name], clip.setting, clip.clip, partial(choice_for, measured))
 
 
-def rows(asked: Iterable[Asked]) -> pd.DataFrame:
+def rows(clips: Iterable[Asked]) -> pd.DataFrame:
     """One row a clip: phenomenon, the nearest model, whether it is adequate, margins, seconds."""
     found = []
-    for clip in asked:
+    for clip in clips:
         began = time.process_time()
         try:
             choice = clip.choose()
@@ -196,7 +196,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--trials", type=int, default=10, help="trials a setting")
     parser.add_argument("--phenomenon", action="append", choices=list(ACCEPTED), help="only these")
-    parser.add_argument("--dataset", type=Path, help="data set of the twin that was measured")
+    parser.add_argument("--dataset", type=Path, help="measured synthetic data set")
     parser.add_argument("--tracks", type=Path, help="folder of what was measured")
     pages.add_option(parser)
     options = parser.parse_args()

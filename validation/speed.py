@@ -1,7 +1,7 @@
 """How fast a clip is tracked, and in how much memory, beside reading it with OpenCV, MOG2 and trackpy.
 
 ``python -m validation.speed [--seconds 10] [--size 3840x2160] [--clip CLIP.mp4]`` renders a pendulum at 60 frames a
-second and 45 Mbit/s with the twin, then runs each row in a process of its own, in turns, and keeps the fastest run.
+second and 45 Mbit/s, then runs each row in a process of its own, in turns, and keeps the fastest run.
 The row "track" is the whole command, from starting Python to the written table; the others leave out their start.
 ``--only track`` runs some rows alone, ``--repeat 15`` the clip so many times over: its memory must not grow with that.
 """
@@ -168,26 +168,26 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=1, help="run on the clip so many times over")
     parser.add_argument("--row", choices=list(ROWS), help=argparse.SUPPRESS)
     pages.add_option(parser)
-    asked = parser.parse_args()
-    if asked.row:
-        run_row(asked.row, asked.clip)
+    options = parser.parse_args()
+    if options.row:
+        run_row(options.row, options.clip)
         return
     with tempfile.TemporaryDirectory() as folder:
-        clip = asked.clip or str(Path(folder) / "pendulum.mp4")
-        if not asked.clip:
-            film = ["--size", asked.size, "--fps", "60", "--seconds", str(asked.seconds)]
+        clip = options.clip or str(Path(folder) / "pendulum.mp4")
+        if not options.clip:
+            film = ["--size", options.size, "--fps", "60", "--seconds", str(options.seconds)]
             subprocess.run([PROGRAM, "render", "--phenomenon", "pendulum", *film, "-o", clip], check=True)
-        if asked.repeat > 1:
+        if options.repeat > 1:
             longer = str(Path(folder) / "repeated.mp4")
             with ProcessPoolExecutor(1) as pool:
-                pool.submit(write_repeated, clip, asked.repeat, longer).result()
+                pool.submit(write_repeated, clip, options.repeat, longer).result()
             clip = longer
-        with pages.table("speed", asked.write_docs):
+        with pages.table("speed", options.write_docs):
             print(
                 f"{Path(clip).name}: {Path(clip).stat().st_size / 1e6:.1f} MB, {os.cpu_count()} processors\n",
                 flush=True,
             )
-            table(clip, asked.turns, asked.only)
+            table(clip, options.turns, options.only)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 ``python -m validation.subpixel`` prints two tables. Drawn discs: centre RMSE over the Cramér-Rao bound, bias over the
 sub-pixel phase, radius, pulls (error over standard error); other people's methods on the same pictures. Filmed balls of
-the twin: errors and pulls of both trackers, clean to compressed, at 3840x2160 with 10 px of blur at 45 Mbit/s.
+synthetic clips: errors and pulls of both trackers, clean to compressed, at 3840x2160 with 10 px of blur at 45 Mbit/s.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--frames", type=int, default=300, help="of each drawn disc")
-    parser.add_argument("--bodies", type=int, default=3, help="of each clip of the twin that are tracked")
+    parser.add_argument("--bodies", type=int, default=3, help="of each synthetic clip that are tracked")
     pages.add_option(parser)
     options = parser.parse_args()
     warnings.filterwarnings("ignore", module="trackpy")
@@ -143,7 +143,7 @@ def _print_centre(radius: float, name: str, found: Array, path: Array, told: str
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """A clip of the twin: shaded balls that go round, one in each square of ``side`` px."""
+    """A synthetic clip: shaded balls that go round, one in each square of ``side`` px."""
 
     name: str
     size: tuple[int, int]
@@ -218,7 +218,7 @@ def _squares(plan: Plan, corners: list[Array], side: int) -> list[DrawnClip]:
 
 
 def _print_filmed(bodies: int) -> None:
-    print(f"\nShaded balls of the twin that go round, {bodies} of each clip, {ROUND} frames, px")
+    print(f"\nSynthetic shaded balls on a circle, {bodies} of each clip, {ROUND} frames, px")
     print("| clip | tracker | seen | centre RMSE | bias | told | pull sd | pull rms | radius bias | radius pull |")
     print("| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |")
     for setting in SETTINGS:

@@ -1,7 +1,7 @@
-"""How exact the twin's pixels are, and how long a frame takes to render.
+"""How exact the pixels of synthetic clips are, and how long a frame takes to render.
 
-``python -m validation.synthetic_clips`` prints two tables: the centroid of drawn discs against their truth, and seconds a frame
-for painting, sensor and encoder, each alone, and for the whole clip, with encoder and painter side by side.
+``python -m validation.synthetic_clips`` prints two tables: the centroid of drawn discs against their truth,
+and the seconds that painting, sensor and encoder take for a frame, each alone, and the whole clip.
 """
 
 from __future__ import annotations

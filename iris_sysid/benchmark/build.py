@@ -1,4 +1,4 @@
-"""The benchmark built in one folder: rows from every source, then all tables from the rows."""
+"""Build the benchmark in one folder: rows from every source, then all tables from the rows."""
 
 from __future__ import annotations
 
@@ -70,8 +70,8 @@ def build(
     rows, gaps = rows_of(inputs)
     if not len(rows):
         raise DataError("there is nothing to make a table from: give a data set, --latent, --predictions or --rows")
-    told = manifest_of(inputs, rows, {"reference": reference, **(options or {})})
-    return write_pages(rows, folder, reference=reference, gaps=gaps, manifest=told, overwrite=replace)
+    manifest = manifest_of(inputs, rows, {"reference": reference, **(options or {})})
+    return write_pages(rows, folder, reference=reference, gaps=gaps, manifest=manifest, overwrite=replace)
 
 
 def can_write(folder: Path, *, overwrite: bool) -> bool:
@@ -117,19 +117,19 @@ def manifest_of(inputs: Inputs, rows: pd.DataFrame, options: Mapping[str, Any]) 
 def splits_of(rows: pd.DataFrame) -> list[dict[str, Any]]:
     """Which clips each method was scored on, by study, data set and method: the split really used."""
     by = ["study", "dataset", "method"]
-    found = []
+    splits = []
     for (study, dataset, method), group in rows.groupby(by, sort=False):
-        places = (group["phenomenon"] + "/" + group["setting"] + "/" + group["clip"]).unique()
-        found.append(
-            {"study": study, "dataset": dataset, "method": method, "n": len(places), "clips": sorted(map(str, places))}
+        clips = (group["phenomenon"] + "/" + group["setting"] + "/" + group["clip"]).unique()
+        splits.append(
+            {"study": study, "dataset": dataset, "method": method, "n": len(clips), "clips": sorted(map(str, clips))}
         )
-    return found
+    return splits
 
 
 def is_benchmark(folder: str | Path) -> bool:
     """Whether a folder holds what an earlier benchmark wrote, so that its files may be replaced."""
     try:
-        told = json.loads((Path(folder) / "manifest.json").read_text(encoding="utf-8"))
+        manifest = json.loads((Path(folder) / "manifest.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    return isinstance(told, dict) and told.get("document") == DOCUMENT
+    return isinstance(manifest, dict) and manifest.get("document") == DOCUMENT

@@ -1,6 +1,6 @@
-"""What is in a data set ``<Class>/<setting>/<clip>.mp4``: its clips in order, and by name what is missing or odd.
+"""List the clips of a data set ``<Class>/<setting>/<clip>.mp4``, and name what is missing or cannot be used.
 
-Which phenomenon a class shows is said by the phenomena themselves (``Phenomenon.classes``). Nothing is opened here.
+The phenomena themselves say which classes show them (``Phenomenon.classes``). No file is opened here.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ class Clip:
 
     @property
     def place(self) -> str:
-        """Where it is in the data set, without the suffix: ``Pendulum/pendulum_45/06``."""
+        """Path in the data set without the suffix: ``Pendulum/pendulum_45/06``."""
         return f"{self.class_name}/{self.setting}/{self.clip}"
 
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Something that a data set lacks, or that is left out: where, and why."""
+    """A missing or unused part of a data set: its path in the data set, and the reason."""
 
     place: str
     reason: str
@@ -62,13 +62,13 @@ class Listing:
 
 
 def places(clips: Iterable[Clip]) -> list[int]:
-    """The place of each clip in its setting, from 0."""
+    """The position of each clip within its setting, from 0."""
     seen: Counter[tuple[str, str]] = Counter()
-    found = []
+    positions = []
     for clip in clips:
-        found.append(seen[clip.class_name, clip.setting])
+        positions.append(seen[clip.class_name, clip.setting])
         seen[clip.class_name, clip.setting] += 1
-    return found
+    return positions
 
 
 def benchmark_classes() -> dict[str, tuple[str, BenchmarkClass]]:
@@ -119,17 +119,17 @@ def list_clips(folder: str | Path) -> Listing:
     return Listing(root, tuple(clips), boards, tuple(sorted(gaps, key=lambda gap: gap.place)), unknown)
 
 
-def _entries(folder: Path, place: str, gaps: list[Gap]) -> list[str]:
+def _entries(folder: Path, prefix: str, gaps: list[Gap]) -> list[str]:
     """Sorted names in a folder that may be used; the others are named as gaps."""
     try:
         names = sorted(path.name for path in folder.iterdir())
     except OSError as error:
-        gaps.append(Gap(place or folder.name, f"cannot be read: {error.strerror}"))
+        gaps.append(Gap(prefix or folder.name, f"cannot be read: {error.strerror}"))
         return []
     visible = [name for name in names if not name.startswith(".")]
     usable = [name for name in visible if NAME.fullmatch(name) and len(name) <= LONGEST_NAME]
     gaps.extend(
-        Gap(f"{place}{name!a}", "a name that is not made of letters, digits, _ . + - and spaces; rename it")
+        Gap(f"{prefix}{name!a}", "the name has other characters than letters, digits, _ . + - and spaces; rename it")
         for name in visible
         if name not in usable
     )
@@ -141,13 +141,13 @@ def _unknown(name: str, known: Mapping[str, object]) -> str:
         known_value for known_value in known if known_value.lower() == name.lower()
     ]
     hint = f"; did you mean {close[0]}?" if close else ""
-    return f"an unknown class: no phenomenon has it{hint}"
+    return f"unknown class: no phenomenon has it{hint}"
 
 
 def _board(folder: Path) -> Path | None:
     """The clip of the checkerboard in a class folder, if there is one."""
-    found = [folder / f"{BOARD}{suffix}" for suffix in SUFFIXES]
-    return next((path for path in found if path.is_file()), None)
+    candidates = [folder / f"{BOARD}{suffix}" for suffix in SUFFIXES]
+    return next((path for path in candidates if path.is_file()), None)
 
 
 def _of_class(root: Path, name: str, phenomenon: str, described: BenchmarkClass, gaps: list[Gap]) -> Iterator[Clip]:
@@ -164,22 +164,22 @@ def _of_class(root: Path, name: str, phenomenon: str, described: BenchmarkClass,
             yield Clip(name, setting, clip, path, phenomenon)
 
 
-def _clips(folder: Path, place: str, gaps: list[Gap]) -> dict[str, Path]:
+def _clips(folder: Path, prefix: str, gaps: list[Gap]) -> dict[str, Path]:
     """Clips of one setting by name."""
-    found: dict[str, Path] = {}
-    for name in _entries(folder, place, gaps):
+    clips: dict[str, Path] = {}
+    for name in _entries(folder, prefix, gaps):
         path = folder / name
         if path.suffix.lower() not in SUFFIXES:
             continue
-        if path.stem in found:
-            gaps.append(Gap(f"{place}{name}", f"left out: {found[path.stem].name} is the same clip"))
+        if path.stem in clips:
+            gaps.append(Gap(f"{prefix}{name}", f"left out: {clips[path.stem].name} is the same clip"))
         elif not path.is_file():
-            gaps.append(Gap(f"{place}{name}", "left out: a broken link, or no ordinary file"))
+            gaps.append(Gap(f"{prefix}{name}", "left out: a broken link, or no ordinary file"))
         elif not os.access(path, os.R_OK):
-            gaps.append(Gap(f"{place}{name}", "left out: no permission to read it"))
+            gaps.append(Gap(f"{prefix}{name}", "left out: no permission to read it"))
         else:
-            found[path.stem] = path
-    return found
+            clips[path.stem] = path
+    return clips
 
 
 def _missing(names: list[str], trials: int) -> list[str]:
@@ -187,5 +187,5 @@ def _missing(names: list[str], trials: int) -> list[str]:
     if not all(name.isascii() and name.isdigit() for name in names):
         return []
     width = min((len(name) for name in names), default=2)
-    there = {int(name) for name in names}
-    return [f"{number:0{width}d}" for number in range(1, trials + 1) if number not in there]
+    present = {int(name) for name in names}
+    return [f"{number:0{width}d}" for number in range(1, trials + 1) if number not in present]

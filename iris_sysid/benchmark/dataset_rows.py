@@ -1,4 +1,4 @@
-"""Flat rows of a data set: every clip measured once, every study of it kept on disk, so that a run can go on."""
+"""Rows of a data set: measure every clip once, study it, and keep each study on disk for the next run."""
 
 from __future__ import annotations
 
@@ -162,14 +162,14 @@ def _spread(subjects: Sequence[Subject], turns: Sequence[int], count: int) -> li
 
 def _unit(subject: Subject, study: str, work: Path, plan: Plan) -> Unit:
     """The unit, its file named by what it depends on: the measurement (with versions and hashes), truth and seed."""
-    told = {
+    dependencies = {
         "measured": subject.measured.document.model_dump(mode="json"),
         "truth": {name: [true.value, true.source] for name, true in subject.truth.items()},
         "wanted": dict(subject.wanted),
         "dataset": subject.dataset,
         "seed": plan.seed,
     }
-    key = hashlib.sha256(json_text(told).encode()).hexdigest()[:12]
+    key = hashlib.sha256(json_text(dependencies).encode()).hexdigest()[:12]
     clip = subject.clip
     path = work / clip.class_name / clip.setting / f"{clip.clip}.{study.replace('+', '-')}.{key}.csv"
     return Unit(subject, study, path, plan.measured, plan.seed)
@@ -183,14 +183,16 @@ def _all_done(units: Sequence[Unit], workers: int, progress: Progress | None) ->
 
     What an earlier run left is read.
     """
-    found = {unit.path: _kept(unit) for unit in units}
-    missing, lost = [unit for unit in units if found[unit.path] is None], []
+    kept = {unit.path: _kept(unit) for unit in units}
+    missing, lost = [unit for unit in units if kept[unit.path] is None], []
     outcomes = side_by_side(work_on, missing, workers, _lost)
     for unit, whole in with_progress(outcomes, progress, len(units), done=len(units) - len(missing)):
-        found[unit.path] = _kept(unit)
+        kept[unit.path] = _kept(unit)
         if not whole:
-            lost.append(f"{unit.subject.clip.place}: the process of the study {unit.study} ended; is memory short?")
-    return [rows for rows in found.values() if rows is not None], sorted(lost)
+            lost.append(
+                f"{unit.subject.clip.place}: the process of study {unit.study} died; is memory short?"
+            )
+    return [rows for rows in kept.values() if rows is not None], sorted(lost)
 
 
 def _kept(unit: Unit) -> pd.DataFrame | None:

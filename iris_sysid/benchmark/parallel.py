@@ -1,4 +1,4 @@
-"""Jobs done in several processes, one of which may die without ending the others' work."""
+"""Run jobs in several processes; one that dies does not end the work of the others."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def check_workers(workers: int) -> None:
 def side_by_side(
     work: Callable[[Job], Outcome], jobs: Sequence[Job], workers: int, lost: Callable[[Job], Outcome]
 ) -> Iterator[tuple[Job, Outcome]]:
-    """Do all jobs; each with what came of it, in the order in which they finish.
+    """Run all jobs, and yield each with its outcome in the order in which they finish.
 
     Parameters
     ----------
@@ -43,13 +43,13 @@ def side_by_side(
         for job in jobs:
             yield job, work(job)
         return
-    rest = dict(enumerate(jobs))
+    waiting = dict(enumerate(jobs))
     with suppress(BrokenProcessPool):
-        for place, outcome in _pooled(work, rest, workers):
-            yield rest.pop(place), outcome
-    for place, job in rest.items():  # a process died: one of these jobs ends it, so each has one for itself
+        for number, outcome in _pooled(work, waiting, workers):
+            yield waiting.pop(number), outcome
+    for number, job in waiting.items():  # a process died: one of these jobs ends it, so each has one for itself
         try:
-            yield job, next(outcome for _, outcome in _pooled(work, {place: job}, 1))
+            yield job, next(outcome for _, outcome in _pooled(work, {number: job}, 1))
         except BrokenProcessPool:
             yield job, lost(job)
 
@@ -57,7 +57,7 @@ def side_by_side(
 def _pooled(work: Callable[[Job], Outcome], jobs: dict[int, Job], workers: int) -> Iterator[tuple[int, Outcome]]:
     # spawn: a fork would copy the locks of the decoder's and the encoder's threads
     with ProcessPoolExecutor(min(workers, len(jobs)), multiprocessing.get_context("spawn")) as pool:
-        waiting = {pool.submit(work, job): place for place, job in jobs.items()}
+        waiting = {pool.submit(work, job): number for number, job in jobs.items()}
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()

@@ -1,4 +1,4 @@
-"""Render the whole benchmark in its folders, in parallel; a run takes up where an earlier one stopped."""
+"""Render a synthetic copy of the whole benchmark in parallel; a run continues where an earlier one stopped."""
 
 from __future__ import annotations
 
@@ -223,7 +223,7 @@ def _attempt(root: Path, job: Job) -> IrisError | None:
 
 
 def _lost(job: Job) -> IrisError:
-    return IrisError("the process that rendered it ended; is memory short? Fewer workers need less")
+    return IrisError("the process that rendered it died; is there enough memory? Fewer workers need less")
 
 
 def _render_one(job: Job, root: Path) -> None:

@@ -11,23 +11,23 @@ from iris_sysid.cli.arguments import Force, Fps, KeepPartial, TimeBase
 
 def gt(
     dataset: Annotated[Path | None, typer.Argument(help="Folder of <Class>/<setting>/<clip>.mp4.")] = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Where parameters.json goes.")] = None,
-    measured: Annotated[Path | None, typer.Option(help="What was measured by hand; --template prints one.")] = None,
-    board: Annotated[str | None, typer.Option(help="Inner corners of each class's checkerboard.mp4: 9x6.")] = None,
-    square: Annotated[str | None, typer.Option(help="Side of its squares: 25mm or 25.0+-0.1mm.")] = None,
-    workers: Annotated[int, typer.Option(help="Processes side by side.")] = 1,
-    trials: Annotated[int | None, typer.Option(help="Only so many clips of each setting.")] = None,
-    work: Annotated[Path | None, typer.Option(help="Where what each clip gave is kept: OUTPUT.work.")] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="File to write: parameters.json.")] = None,
+    measured: Annotated[Path | None, typer.Option(help="Direct measurements; --template prints a file.")] = None,
+    board: Annotated[str | None, typer.Option(help="Inner corners of the checkerboards, e.g. 9x6.")] = None,
+    square: Annotated[str | None, typer.Option(help="Side of their squares: 25mm or 25.0+-0.1mm.")] = None,
+    workers: Annotated[int, typer.Option(help="Number of parallel processes.")] = 1,
+    trials: Annotated[int | None, typer.Option(help="Measure only this many clips of each setting.")] = None,
+    work: Annotated[Path | None, typer.Option(help="Folder of the measurements; default OUTPUT.work.")] = None,
     fps: Fps = None,
     time_base: TimeBase = "0%",
     keep_partial: KeepPartial = False,
-    diagnose: Annotated[bool, typer.Option("--diagnose", help="Ask which effects the equations lack.")] = False,
-    template: Annotated[bool, typer.Option("--template", help="Print a file for --measured, and stop.")] = False,
+    diagnose: Annotated[bool, typer.Option("--diagnose", help="Look for effects missing in the equations.")] = False,
+    template: Annotated[bool, typer.Option("--template", help="Print a template for --measured and stop.")] = False,
     force: Force = False,
 ) -> None:
-    """Regenerate the ground truth of a data set. Every clip is measured; what was measured by hand stands beside it.
+    """Measure the ground truth of a data set: one value of each parameter and setting, beside direct measurements.
 
-    A second run measures only what is missing or has changed.
+    A second run measures only clips that are new or have changed.
 
     \b
     Example:
@@ -55,7 +55,7 @@ def gt(
         fps=fps, clock_stderr=_parsing.fraction(time_base), keep_partial=keep_partial, trials=trials
     )
     with _terminal.progress("measuring clips") as report_progress:
-        found = measure(
+        measurements = measure(
             dataset,
             work or output.with_suffix(".work"),
             measured=by_hand,
@@ -64,6 +64,7 @@ def gt(
             progress=report_progress,
             tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
         )
-    document = parameters_document(found, by_hand, lacking_effects if diagnose else None)
+    document = parameters_document(measurements, by_hand, lacking_effects if diagnose else None)
     write_document(document, output, overwrite=force)
-    typer.echo(f"{len(found.clips)} clips, {found.now} measured now; {len(found.gaps)} gaps", err=True)
+    clips, gaps = len(measurements.clips), len(measurements.gaps)
+    typer.echo(f"{clips} clips, {measurements.now} measured now; {gaps} gaps", err=True)

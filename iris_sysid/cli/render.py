@@ -10,7 +10,7 @@ from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Settings
 from iris_sysid.errors import DataError, UnknownNameError
 
-# where nothing else is asked for; clips of the data set are as the benchmark's
+# defaults; clips of the data set are as the benchmark's
 SIZE, SECONDS = "1280x720", 10.0
 DATASET_SIZE, TRIALS = "3840x2160", 10
 EVERY_CLASS = "all"
@@ -18,31 +18,33 @@ BENCHMARK = "iris"  # the data set whose classes are rendered; scenes of another
 
 
 def render(
-    phenomenon: Annotated[str | None, typer.Option(help="What is filmed; see iris-sysid list.")] = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Where the clip goes.")] = None,
-    effect: Annotated[list[str] | None, typer.Option(help="Hide an effect, e.g. quadratic-drag=0.08.")] = None,
+    phenomenon: Annotated[str | None, typer.Option(help="Phenomenon to render; see iris-sysid list.")] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Video file to write.")] = None,
+    effect: Annotated[list[str] | None, typer.Option(help="Add a hidden effect, e.g. quadratic-drag=0.08.")] = None,
     known: Settings = None,
-    size: Annotated[str | None, typer.Option(help=f"WIDTHxHEIGHT in px: {SIZE}; data set {DATASET_SIZE}.")] = None,
+    size: Annotated[
+        str | None, typer.Option(help=f"WIDTHxHEIGHT in px; default {SIZE}, data set {DATASET_SIZE}.")
+    ] = None,
     fps: Annotated[float, typer.Option(help="Frame rate in 1/s.")] = 60.0,
-    seconds: Annotated[float | None, typer.Option(help="Length of the clip in s: 10; of a data set as filmed.")] = None,
-    seed: Annotated[int, typer.Option(help="Same seed, same clip.")] = 0,
+    seconds: Annotated[float | None, typer.Option(help="Length in s; default 10, data set as published.")] = None,
+    seed: Annotated[int, typer.Option(help="Random seed; the same seed gives the same clip.")] = 0,
     dataset: Annotated[Path | None, typer.Option(help="Render the benchmark's 240 clips into this folder.")] = None,
-    classes: Annotated[list[str] | None, typer.Option(help="Only this class of the data set; 'all': 10.")] = None,
-    trials: Annotated[int | None, typer.Option(help=f"Clips a setting of the data set: {TRIALS}.")] = None,
-    workers: Annotated[int | None, typer.Option(help="Clips of the data set side by side: 1.")] = None,
+    classes: Annotated[list[str] | None, typer.Option(help="Render only this class; 'all' renders all ten.")] = None,
+    trials: Annotated[int | None, typer.Option(help=f"Clips of each setting; default {TRIALS}.")] = None,
+    workers: Annotated[int | None, typer.Option(help="Number of parallel processes; default 1.")] = None,
     force: Force = False,
 ) -> None:
-    """Render a clip whose every number is known, or the whole benchmark. The exact truth goes beside each clip.
+    """Render a synthetic clip, or a whole synthetic data set, and write its exact truth beside it.
 
-    With --dataset a run that was interrupted takes up where it stopped: finished clips are kept.
+    An interrupted run with --dataset continues where it stopped: finished clips are kept.
 
     \b
     Example:
       iris-sysid render --phenomenon pendulum --effect quadratic-drag=0.08 -o clip.mp4
     """
     if dataset is not None:
-        asked = {"--phenomenon": phenomenon, "-o": output, "--effect": effect, "--set": known, "--force": force}
-        _refuse(asked, "belongs to a single clip, not to --dataset; leave it out")
+        options = {"--phenomenon": phenomenon, "-o": output, "--effect": effect, "--set": known, "--force": force}
+        _refuse(options, "belongs to a single clip, not to --dataset; leave it out")
         _render_dataset(dataset, size or DATASET_SIZE, fps, seconds, seed, classes or [], trials, workers)
         return
     _refuse({"--classes": classes, "--trials": trials, "--workers": workers}, "belongs to --dataset; give its folder")
@@ -120,7 +122,7 @@ def _render_dataset(
             duration_s=seconds,
             progress=report_progress,
         )
-    typer.echo(f"{folder}: {len(done.written)} clips rendered, {len(done.kept)} were there", err=True)
+    typer.echo(f"{folder}: {len(done.written)} clips rendered, {len(done.kept)} kept", err=True)
 
 
 def _phenomena(classes: list[str]) -> list[str]:

@@ -12,8 +12,8 @@ from iris_sysid.phenomena._geometry import Line, fit_line
 from iris_sysid.phenomena._motion import in_motion, only_body, stated
 from iris_sysid.types import Array, BenchmarkClass, Estimate, Mask, Phenomenon, Quantity, Trajectory
 
-# px: what hand, blur and shading move the place of a body that speeds up against the body itself; on the twin it lies
-# 0.3 to 0.5 px off the board at the top and on its own place at the bottom
+# px: how far hand, blur and shading move the measured position of a body while it speeds up; on synthetic clips it is
+# 0.3 to 0.5 px off the board at the top and right at the bottom
 DRIFT_PX = 0.35
 STRAIGHT = 0.02  # scatter across the line over its length: a lens bends a board by less, an arc of 25 degrees by more
 

@@ -161,7 +161,7 @@ def test_a_refit_is_told_what_the_measurement_was_told_and_no_more(tmp_path):
     told = clip.document.model_dump(mode="json") | {"model": "apparent-radius", "free": ["gravity", "h_0"]}
     document = ClipDocument.model_validate_json(json.dumps(told | {"parameters": parameters}))
     (subject,) = subjects_of([ClipMeasurement(clip.clip, document, tmp_path)], tmp_path, "x")
-    known, free = subject.told()
+    known, free = subject.known_and_free()
     assert {name: known_value.value for name, known_value in known.items()} == {"r0_f": 76.3}
     assert free == ["gravity"]
 

@@ -64,7 +64,7 @@ def test_measure_makes_a_corrupt_clip_a_failed_row_and_does_the_rest(work):
 
 def test_measure_names_the_gaps(work):
     gaps = dict(work[1].gaps)
-    assert gaps["Wave"].startswith("an unknown class")
+    assert gaps["Wave"].startswith("unknown class")
     assert gaps["Pendulum/pendulum_45/04"] == "this clip is missing"
     assert gaps["Pendulum/pendulum_90"] == "this setting is missing"
     assert gaps["Pendulum/pendulum_45/03"].startswith("failed: ")

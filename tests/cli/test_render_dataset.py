@@ -24,7 +24,7 @@ def test_dataset_has_its_folders_truth_and_checkerboard(rendered):
     clips = {path.relative_to(folder).as_posix() for path in folder.rglob("*.mp4")}
     assert clips == {"led/checkerboard.mp4", *(f"led/led_{one}/01.mp4" for one in ("2s", "5s", "10s"))}
     assert set(json.loads((folder / "parameters.json").read_text())["led"]) == {"led_2s", "led_5s", "led_10s"}
-    assert "4 clips rendered, 0 were there" in outcome.err
+    assert "4 clips rendered, 0 kept" in outcome.err
     assert outcome.out == ""
 
 
@@ -35,7 +35,7 @@ def test_dataset_that_was_interrupted_is_taken_up_with_the_same_bytes(rendered, 
     (folder / ".rendering").mkdir()
     (folder / ".rendering/half.mp4").write_bytes(b"half")
     outcome = cli("render", "--dataset", folder, *TINY)
-    assert "1 clips rendered, 3 were there" in outcome.err
+    assert "1 clips rendered, 3 kept" in outcome.err
     assert contents(folder) == before
 
 

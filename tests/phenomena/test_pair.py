@@ -1,4 +1,4 @@
-"""Two pendulums that collide: the twin's known truth, and the benchmark's own footage, by impacts and by kappa."""
+"""Two pendulums that collide: synthetic clips and the benchmark's own footage, by impacts and by kappa."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ NOISE_M = 1e-4  # a tenth of a pixel of a clip with 1000 px/m
 NAMES = ("two-moving-pendulums", "two-moving-pendulum-one-static")
 
 
-def twin(phenomenon, angle=45, seed=0, swapped=False):
+def synthetic(phenomenon, angle=45, seed=0, swapped=False):
     """The world trajectories of both bodies with noise, and the truth."""
     truth = plan_clip(phenomenon, setting=f"pendulum_{angle}", duration_s=5.0, seed=seed).truth
     rng, world = np.random.default_rng(seed), []
@@ -43,7 +43,7 @@ def impacts_fit(phenomenon, world):
 @pytest.mark.parametrize("angle", [20, 90])
 @pytest.mark.parametrize("phenomenon", NAMES)
 def test_lengths_restitution_and_contact_times_of_the_twin_are_found(phenomenon, angle):
-    world, truth = twin(phenomenon, angle)
+    world, truth = synthetic(phenomenon, angle)
     trajectory, result = impacts_fit(phenomenon, world)
     assert result.ok, result.message
     known = truth.parameters
@@ -60,13 +60,13 @@ def test_lengths_restitution_and_contact_times_of_the_twin_are_found(phenomenon,
 
 
 def test_bodies_in_the_other_order_give_the_same():
-    plain, swapped = (impacts_fit(NAMES[0], twin(NAMES[0], swapped=k)[0])[1] for k in (False, True))
+    plain, swapped = (impacts_fit(NAMES[0], synthetic(NAMES[0], swapped=k)[0])[1] for k in (False, True))
     assert swapped.estimates["length_1"].value == pytest.approx(plain.estimates["length_1"].value, rel=2e-3)
     assert swapped.estimates["theta1_0"].value < 0 < swapped.estimates["theta2_0"].value
 
 
 def test_held_and_slack_samples_are_not_the_motion():
-    world, _ = twin(NAMES[0])
+    world, _ = synthetic(NAMES[0])
     position = world[0].position.copy()
     position[30:40] *= 0.97  # the cord of the first is slack after the release
     trajectory = PHENOMENA[NAMES[0]].observe([world[0].with_(position=position), world[1]], {})
@@ -81,11 +81,11 @@ def test_held_and_slack_samples_are_not_the_motion():
 )
 def test_pair_needs_two_bodies(bodies, message):
     with pytest.raises(DataError, match=message):
-        PHENOMENA[NAMES[0]].observe(twin(NAMES[0])[0][:bodies], {})
+        PHENOMENA[NAMES[0]].observe(synthetic(NAMES[0])[0][:bodies], {})
 
 
 def test_pair_needs_the_same_times():
-    world, _ = twin(NAMES[0])
+    world, _ = synthetic(NAMES[0])
     with pytest.raises(DataError, match="not at the same times"):
         PHENOMENA[NAMES[0]].observe([world[0], world[1].with_(t_s=world[1].t_s + 0.1)], {})
 

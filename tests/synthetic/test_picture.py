@@ -1,4 +1,4 @@
-"""The twin's pixels are exact: coverage, centroids, blur, noise, colours, switches."""
+"""The pixels of synthetic clips are exact: coverage, centroids, blur, noise, colours, switches."""
 
 from itertools import pairwise
 

@@ -1,4 +1,4 @@
-"""The blind test through video: what is hidden is chosen as the twin can film it, and what was found is read back."""
+"""The blind test through video: hidden effects are among those of the scene; outcomes are read back."""
 
 import math
 

@@ -21,7 +21,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.io.files import check_writable, sha256_of, write_atomic
 from validation.audit.evidence import Finding
 from validation.audit.findings import findings
-from validation.audit.reproduce import KINDS, NOT_DERIVABLE, REPRODUCED, audit, verdicts
+from validation.audit.reproduce import DIFFERS, KINDS, NOT_DERIVABLE, REPRODUCED, audit, verdicts
 
 NAMES = ("audit.csv", "audit.md", "audit.html", "audit.tex")
 TITLE = "Audit of the published benchmark numbers"
@@ -151,14 +151,15 @@ def counts(numbers: pd.DataFrame) -> pd.DataFrame:
 def outcomes(numbers: pd.DataFrame) -> pd.DataFrame:
     """How many of all published numbers are reproduced, and how; ``numbers`` come from :func:`verdicts`."""
     total = counts(numbers).iloc[-1].drop("place")
-    names = [f"reproduced, {way}" if " from " in way else way for way in total.index]
+    names = [way if way in (DIFFERS, NOT_DERIVABLE) else f"reproduced, {way}" for way in total.index]
     return pd.DataFrame({"outcome": names, "numbers": total.to_numpy(dtype=int)})
 
 
 def unreproduced(numbers: pd.DataFrame) -> pd.DataFrame:
     """The numbers that a released run or prediction does not give as stated; ``numbers`` come from :func:`verdicts`."""
-    plain = numbers["way"].isin([f"as stated, from {kind}" for kind in ("result files", "printed numbers", "metadata")])
-    truth = (numbers["column"] == "truth") & (numbers["status"] == REPRODUCED)
+    reproduced = numbers["status"] == REPRODUCED
+    plain = reproduced & numbers["as_stated"] & numbers["kind"].isin(("result files", "printed numbers", "metadata"))
+    truth = reproduced & (numbers["column"] == "truth")
     return numbers[~plain & ~truth & (numbers["status"] != NOT_DERIVABLE)]
 
 
@@ -221,7 +222,7 @@ def _confusion_tables(scores: list[SelectionScore]) -> Iterator[Table]:
 
 def _summary(report: _Report) -> str:
     status = report.numbers["status"].value_counts()
-    stated = int(report.numbers["way"].str.startswith("as stated").sum())
+    stated = int(((report.numbers["status"] == REPRODUCED) & report.numbers["as_stated"]).sum())
     return (
         f"{len(report.numbers)} published numbers: {status.get(REPRODUCED, 0)} reproduced ({stated} in the way that "
         f"the publication states), {status.get('differs', 0)} differ, {status.get(NOT_DERIVABLE, 0)} cannot be derived."

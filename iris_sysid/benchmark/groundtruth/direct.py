@@ -1,4 +1,4 @@
-"""What was measured by hand: the file for ``--measured``, and a template of it with what the benchmark published."""
+"""Direct measurements: the file for ``--measured``, and a template with the published values."""
 
 from __future__ import annotations
 
@@ -49,10 +49,18 @@ def template() -> MeasuredDocument:
     published = truths()
     direct = published[(published["dataset"] == "iris") & (published["measurement_type"] == "direct")]
     values = [
-        _value(row["phenomenon"], row["setting"], _published_name(row["phenomenon"], row["parameter"]), row["value"], row["uncertainty"],
-               row["unit"], instrument=INSTRUMENTS[row["unit"]], source=row["source"])
+        _value(
+            row["phenomenon"],
+            row["setting"],
+            _published_name(row["phenomenon"], row["parameter"]),
+            row["value"],
+            row["uncertainty"],
+            row["unit"],
+            instrument=INSTRUMENTS[row["unit"]],
+            source=row["source"],
+        )
         for row in direct.to_dict("records")
-    ]  # fmt: skip
+    ]
     radii = [
         _value(
             "Falling_ball", setting, "ball_radius", radius, CALIPERS, "m", instrument="digital calipers", source=TEXT

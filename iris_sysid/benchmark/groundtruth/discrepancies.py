@@ -1,4 +1,4 @@
-"""What a difference between the clips and the direct measurement may come from: another length, another angle."""
+"""Explain differences between clips and direct measurements: another length, another angle."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from iris_sysid.io.schemas import number
 from iris_sysid.io.schemas.groundtruth import RegeneratedValue, ValueEntry
 from iris_sysid.types import NORMAL_975, Estimate
 
-ROPE = "rope_length"
+ROPES = ("rope_length", "rope_length_1", "rope_length_2")
 ROPE_SAID = (
     "from clips it is the length of the equation, from the pivot to the ball's centre; a tape along the rope leaves "
     "out the ball's radius"
 )
-MISFIT = "the equation fits no clip down to the noise: the value holds only as well as the equation; see --diagnose"
+MISFIT = "the equation fits no clip to within the noise, so the value is only as good as the equation; see --diagnose"
 MUCH_NEARER = 3.0  # times
 
 
@@ -39,23 +39,23 @@ def notes_on(
     list of str
         Empty where there is nothing to say.
     """
-    notes = [ROPE_SAID] if name.startswith(ROPE) and regenerated is not None else []
+    notes = [ROPE_SAID] if name in ROPES and regenerated is not None else []
     if regenerated is not None and any(clip.used and clip.status == "misfit" for clip in regenerated.clips.values()):
         notes.append(MISFIT)
     if regenerated is None or difference is None:
         return notes
-    off, half = number(difference.value), number(difference.expanded_uncertainty)
-    if not abs(off) > half:
+    difference_, half = number(difference.value), number(difference.expanded_uncertainty)
+    if not abs(difference_) > half:
         return notes
-    said = f"clips and direct value differ by {off:.3g} +- {half:.2g} {difference.unit} (95 %)"
-    return [*notes, f"{said}{_explained(name, regenerated, off, half, by_hand)}"]
+    statement = f"clips and direct value differ by {difference_:.3g} +- {half:.2g} {difference.unit} (95 %)"
+    return [*notes, f"{statement}{_explained(name, regenerated, difference_, half, by_hand)}"]
 
 
 def _explained(
     name: str, regenerated: RegeneratedValue, off: float, half: float, by_hand: Mapping[str, Estimate]
 ) -> str:
     """The rest of the sentence: what would make up for it; empty where nothing is known to."""
-    if name.startswith(ROPE) and "ball_radius" in by_hand:
+    if name in ROPES and "ball_radius" in by_hand:
         radius = by_hand["ball_radius"]
         left = math.hypot(half, NORMAL_975 * radius.stderr)
         explains = "explains it" if abs(off - radius.value) <= left else "does not explain all of it"

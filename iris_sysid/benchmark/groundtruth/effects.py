@@ -1,4 +1,4 @@
-"""Which effects the published equation lacks on the clips of one setting, asked of the loop."""
+"""Effects that the published equation lacks on the clips of one setting, by diagnosis."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.report.text import diagnosis_text
 from iris_sysid.types import Estimate, Trajectory
 
-MOST_CLIPS = 3  # of a setting; the loop refits each of them for every effect it tries
+MOST_CLIPS = 3  # of a setting; the diagnosis refits each of them for every effect it tries
 
 
 def lacking_effects(clips: Sequence[ClipMeasurement]) -> list[str]:
@@ -36,11 +36,11 @@ def lacking_effects(clips: Sequence[ClipMeasurement]) -> list[str]:
     fixed = _held(usable[0], {parameter.name for parameter in model.parameters})
     free = [name for name in phenomenon.free if name not in fixed]
     try:
-        found = diagnose(trajectories, model, fixed=fixed, free=free)
+        diagnosis = diagnose(trajectories, model, fixed=fixed, free=free)
     except IrisError as error:
         return [f"not diagnosed: {error}"]
     names = ", ".join(clip.clip.clip for clip in usable)
-    return [f"clips {names}: {' '.join(diagnosis_text(found).splitlines())}"]
+    return [f"clips {names}: {' '.join(diagnosis_text(diagnosis).splitlines())}"]
 
 
 def _held(clip: ClipMeasurement, names: set[str]) -> dict[str, Estimate]:

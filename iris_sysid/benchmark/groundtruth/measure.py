@@ -1,4 +1,4 @@
-"""Every clip of a data set measured once: tracked, calibrated, fitted, and kept on disk for all that comes after."""
+"""Measure every clip of a data set once: track, calibrate, fit, and keep the results on disk."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ NOT_BY_BOARD = ("angle", "intensity")  # what a phenomenon measures without any 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ClipMeasurement:
-    """What one clip of a data set gave, as it lies in the folder of measurements.
+    """The measurement of one clip of a data set, as kept on disk.
 
     ``clip`` says which (class, setting, name, path, phenomenon); ``document`` holds status, message, estimates with
     their budgets, geometry, noise and origin (source, sha256, options, versions). A clip that could not be tracked
@@ -161,25 +161,25 @@ def _calibrations(
     listing: Listing, root: Path, measured: MeasuredDocument, clips: Sequence[Clip], gaps: dict[str, str]
 ) -> dict[str, Path]:
     """The calibration of each class that needs one; why there is none goes to the gaps."""
-    found = {}
+    calibrations = {}
     for name, phenomenon in dict.fromkeys((clip.class_name, clip.phenomenon) for clip in clips):
         if PHENOMENA[phenomenon].measures in NOT_BY_BOARD:
             continue
-        place, scale = f"{name}/{BOARD}", measured.scale(name)
+        board_place, scale = f"{name}/{BOARD}", measured.scale(name)
         if name not in listing.boards and scale is None:
-            gaps[place] = "there is no clip of a checkerboard: lengths stay in px"
+            gaps[board_place] = "no clip of a checkerboard: lengths stay in px"
             continue
         try:
             if name in listing.boards:
                 board = board_of(listing.boards[name], name, measured)
-                found[name] = calibrate_class(listing.boards[name], board, root / name)
+                calibrations[name] = calibrate_class(listing.boards[name], board, root / name)
             elif scale is not None:
-                found[name] = scale_class(scale, root / name)
+                calibrations[name] = scale_class(scale, root / name)
         except OutputError:
             raise
         except IrisError as error:
-            gaps[place] = f"lengths stay in px: {str(error).replace(str(listing.folder), listing.folder.name)}"
-    return found
+            gaps[board_place] = f"lengths stay in px: {str(error).replace(str(listing.folder), listing.folder.name)}"
+    return calibrations
 
 
 def _job(clip: Clip, root: Path, measured: MeasuredDocument, conditions: Conditions, calibration: Path | None) -> Job:
@@ -189,7 +189,9 @@ def _job(clip: Clip, root: Path, measured: MeasuredDocument, conditions: Conditi
 
 def _lost(job: Job) -> tuple[bool, str]:
     """What came of a clip whose process died."""
-    return True, record_failure(job, "the process that read it ended; is the file damaged, or memory short?")
+    return True, record_failure(
+        job, "the process that read it died; is the file damaged, or memory short?"
+    )
 
 
 def _read(job: Job, gaps: dict[str, str]) -> ClipMeasurement:

@@ -1,4 +1,4 @@
-"""Make ``parameters.json``: what was measured by hand beside what the clips give, never one in place of the other."""
+"""Make ``parameters.json``: direct measurements beside the values from the clips; neither replaces the other."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def parameters_document(
             f"{', '.join(classes)}: two of these have one name in parameters.json; keep the data sets apart"
         )
     known = benchmark_classes()
-    found = {
+    document = {
         name.lower(): {
             setting.lower(): _setting(clips, known[name][1], measured, effects)
             for setting, clips in _settings(measurements.clips, name).items()
@@ -69,15 +69,15 @@ def parameters_document(
         for name in classes
     }
     origin = plain_origin(origin_of(None, {"clips": len(measurements.clips), "diagnosed": effects is not None}))
-    return ParametersDocument.model_validate({"gaps": dict(measurements.gaps), "origin": origin, **found})
+    return ParametersDocument.model_validate({"gaps": dict(measurements.gaps), "origin": origin, **document})
 
 
 def _settings(clips: Clips, class_name: str) -> dict[str, list[ClipMeasurement]]:
-    found: dict[str, list[ClipMeasurement]] = {}
+    settings: dict[str, list[ClipMeasurement]] = {}
     for clip in clips:
         if clip.clip.class_name == class_name:
-            found.setdefault(clip.clip.setting, []).append(clip)
-    return found
+            settings.setdefault(clip.clip.setting, []).append(clip)
+    return settings
 
 
 def _setting(
@@ -86,7 +86,7 @@ def _setting(
     """Every parameter of one setting: those of the class, then others that were measured by hand."""
     by_hand = measured.of(described.folder, clips[0].clip.setting)
     direct = {name: in_published_unit(estimate)[0] for name, estimate in by_hand.items()}
-    told = effects(clips) if effects is not None else []
+    effect_notes = effects(clips) if effects is not None else []
     entries = {}
     for ours, theirs in described.parameters.items():
         regenerated = regenerate(clips, ours)
@@ -96,7 +96,7 @@ def _setting(
         recipes = recipes_of(clips, ours, regenerated, by_hand)
         entry = _entry(theirs, stated, regenerated, _equation(clips))
         notes = notes_on(theirs, regenerated, entry.difference, by_hand)
-        entries[theirs] = entry.model_copy(update={"recipes": recipes, "effects": told, "notes": notes})
+        entries[theirs] = entry.model_copy(update={"recipes": recipes, "effects": effect_notes, "notes": notes})
     names = {*described.parameters, *described.parameters.values()}
     others = {name: _entry(name, estimate, None, "") for name, estimate in direct.items() if name not in names}
     return entries | others

@@ -1,4 +1,4 @@
-"""One parameter from the clips of a setting: their mean, the scatter between them, and the errors they share."""
+"""Pool one parameter over the clips of a setting: mean, scatter between clips, and the errors that they share."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ COMMON = (
 )
 GEOMETRY = "geometry"  # of a value that is measured on the way to the trajectory and has no budget: the board's angle
 # of the variance of a clip's own error that other clips of its setting share: the same light on the same body before
-# the same wall, coded alike. On 240 clips of the twin it is 0.5 to 0.6, over 60 settings and parameters.
+# the same wall, coded alike. On 240 synthetic clips it is 0.5 to 0.6, over 60 settings and parameters.
 ALIKE = 0.5
 FILMED_ALIKE = "tracking errors of clips filmed alike"
 DEGREES_PER_RADIAN = 180 / math.pi

@@ -44,12 +44,12 @@ def recipes_of(
         Empty where the paper has none; a clip on which a recipe fails has null.
     """
     model = clips[0].document.model
-    found = []
+    results = []
     for recipe in (candidate for candidate in RECIPES.get(model, ()) if parameter in candidate.gives):
         values, notes = _values(clips, recipe, parameter, by_hand)
         if values:
-            found.append(_recipe(recipe, values, regenerated, notes))
-    return found
+            results.append(_recipe(recipe, values, regenerated, notes))
+    return results
 
 
 def _values(
@@ -84,17 +84,17 @@ def _in_radians(angle: Estimate) -> Estimate:
 def _recipe(
     recipe: PublishedRecipe, values: Mapping[str, float], regenerated: RegeneratedValue | None, notes: str
 ) -> Recipe:
-    good = np.array([value for value in values.values() if math.isfinite(value)])
-    every = recipe.of == ALL
-    value = math.nan if not good.size else float(np.mean(good) if every else good[0])
+    finite = np.array([value for value in values.values() if math.isfinite(value)])
+    of_all = recipe.of == ALL
+    value = math.nan if not finite.size else float(np.mean(finite) if of_all else finite[0])
     reference = math.nan if regenerated is None else number(regenerated.value)
     own = math.nan if regenerated is None else number(regenerated.standard_uncertainty)
-    scatter = float(np.std(good, ddof=1)) if good.size > 1 else math.nan
-    error = scatter / math.sqrt(good.size) if every and good.size else scatter
+    scatter = float(np.std(finite, ddof=1)) if finite.size > 1 else math.nan
+    error = scatter / math.sqrt(finite.size) if of_all and finite.size else scatter
     return Recipe(
         recipe=f"{recipe.name}, of {recipe.of}",
         value=known_number(value),
-        uncertainty=known_number(_uncertainty(recipe, good)),
+        uncertainty=known_number(_uncertainty(recipe, finite)),
         uncertainty_of=recipe.uncertainty,
         clips={name: known_number(value) for name, value in values.items()},
         bias=known_number(value - reference),

@@ -139,6 +139,11 @@ def read_rows(path: str | Path) -> pd.DataFrame:
     return check_rows(frame)
 
 
+def method_name(method: str) -> str:
+    """The name of a method without its reading in brackets: ``baseline`` for ``baseline (g/alpha)``."""
+    return method.partition(" (")[0]
+
+
 def joined(frames: Iterable[pd.DataFrame]) -> pd.DataFrame:
     """Flat rows of several origins as one table, checked; empty when there are none."""
     parts = [frame for frame in frames if len(frame)]

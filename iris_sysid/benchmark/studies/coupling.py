@@ -1,4 +1,4 @@
-"""Bodies that touch: the publication's continuous coupling, at 0 and fitted, beside the impacts of ours."""
+"""Bodies that touch: the published continuous coupling, at 0 and fitted, beside our model with impacts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LEVEL = 0.25  # of the cups' spread in height: as low as the lowest
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Kind:
-    """One way to describe what touches: its name, the model, and how it is asked."""
+    """One description of the contact: its name, the model, and the options of its fit."""
 
     name: str
     model: OdeModel
@@ -43,7 +43,7 @@ def coupling_rows(subject: Subject) -> Records:
         return _compared(subject, struck, _kinds("contact-chain", MODELS["impact-chain"], {}, {}))
     if len(subject.model.observed) != 2 or subject.model.observed[0].unit != "rad":
         return []
-    known, free = subject.told()
+    known, free = subject.known_and_free()
     accepted = {parameter.name for parameter in MODELS["coupled-pendulums"].parameters}
     gravity = {name: known_value for name, known_value in known.items() if name in accepted}
     impacts = {"fixed": known, "free": free}

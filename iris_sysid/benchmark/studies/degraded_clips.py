@@ -1,4 +1,4 @@
-"""Clips made worse on purpose: noise, fewer pixels, fewer frames, stronger compression, the benchmark's tensor."""
+"""Degrade clips: noise, fewer pixels, fewer frames, stronger compression, the benchmark's tensor."""
 
 from __future__ import annotations
 

@@ -24,6 +24,8 @@ Step = Callable[[Array, Array, float, Pull], tuple[Array, Array]]
 def without_acceleration(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Array, Array]:
     """Euler's step: the position does not feel the acceleration.
 
+    ``z`` and ``v`` (n,): position, in any unit, and velocity, in that unit per second.
+
     Parameters
     ----------
     z, v
@@ -39,6 +41,8 @@ def without_acceleration(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Arr
 def euler_cromer(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Array, Array]:
     """The publication's corrected step: the position moves with the new velocity.
 
+    ``z`` and ``v`` (n,): position, in any unit, and velocity, in that unit per second.
+
     Parameters
     ----------
     z, v, dt, pull
@@ -50,6 +54,8 @@ def euler_cromer(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Array, Arra
 
 def stoermer_verlet(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Array, Array]:
     """Half a kick, a drift, half a kick.
+
+    ``z`` and ``v`` (n,): position, in any unit, and velocity, in that unit per second.
 
     Parameters
     ----------
@@ -63,6 +69,8 @@ def stoermer_verlet(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Array, A
 
 def runge_kutta(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Array, Array]:
     """The classical method of order 4.
+
+    ``z`` and ``v`` (n,): position, in any unit, and velocity, in that unit per second.
 
     Parameters
     ----------
@@ -78,6 +86,8 @@ def runge_kutta(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Array, Array
 
 def yoshida(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Array, Array]:
     """Three Stoermer-Verlet steps of order 4 (Yoshida 1990, Phys. Lett. A 150, 262).
+
+    ``z`` and ``v`` (n,): position, in any unit, and velocity, in that unit per second.
 
     Parameters
     ----------
@@ -131,17 +141,22 @@ def misses(gamma: Array, theta: Array, dt: float, step: Step, horizons: int, ben
 def stiffness_of(theta: Array, dt: float, step: Step, horizons: int, bend: Callable[[Array], Array]) -> float:
     """The g/L in 1/s^2 that a loss gives, minimised exactly from the publication's start; NaN without a gradient.
 
+    ``theta`` (n,), rad.
+
     Parameters
     ----------
     theta, dt, step, horizons, bend
         As for :func:`misses`.
     """
-    found = least_squares(misses, START, args=(theta, dt, step, horizons, bend), x_scale="jac")
-    return np.nan if np.allclose(found.x[0], START[0], rtol=1e-6) else float(found.x[0])
+    solution = least_squares(misses, START, args=(theta, dt, step, horizons, bend), x_scale="jac")
+    return np.nan if np.allclose(solution.x[0], START[0], rtol=1e-6) else float(solution.x[0])
 
 
 def stiffnesses(theta: Array, dt: float) -> Iterator[tuple[str, float]]:
-    """What every loss, integrator and equation makes of tracked angles (n,) at steps of ``dt``: its name, and g/L."""
+    """What every loss, integrator and equation makes of tracked angles (n,) at steps of ``dt``: its name, and g/L.
+
+    Angles are in rad, ``dt`` in s, g/L in 1/s^2.
+    """
     for loss, horizons in HORIZONS.items():
         for integrator, step in INTEGRATORS.items():
             for equation, bend in BENDS.items():

@@ -1,4 +1,4 @@
-"""Robustness: a clip changed from its pixels on, tracked, calibrated and fitted again."""
+"""Robustness: degrade the pixels of a clip, then track, calibrate and fit it again."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ def robustness_rows(
     for condition in conditions:
         study = {"study": ROBUSTNESS, "method": ODE, "condition": condition, "seed": seed}
         try:
-            found = _refitted(subject, measured, condition, seed)
+            result = _refitted(subject, measured, condition, seed)
         except Exception as error:  # one change must not end the run of all
             rows += subject.records({}, FAILED, answer=why(error), **study)
             continue
-        rows += subject.records(found.estimates, found.status, **study)
+        rows += subject.records(result.estimates, result.status, **study)
     return rows
 
 

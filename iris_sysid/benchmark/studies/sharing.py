@@ -1,4 +1,4 @@
-"""Several clips fitted at once against clip by clip: what a shared value gains."""
+"""Fit several clips with shared parameters, and clip by clip: the gain of a shared value."""
 
 from __future__ import annotations
 
@@ -58,15 +58,15 @@ def _of_setting(clips: Sequence[Subject], common: Sequence[str]) -> Iterator[dic
         for name, found in values.items()
     }
     yield from (row | {"clip": "all"} for row in _rows(clips[0], common, means, MEAN))
-    known, free = clips[0].told()
-    rest = [name for name in free if name not in common]
+    known, free = clips[0].known_and_free()
+    own = [name for name in free if name not in common]
     try:
         trajectories = [clip.trajectory() for clip in clips]
-        pooled = fit_clips(trajectories, clips[0].model, shared=common, fixed=known, free=rest)
-        found, said = dict(pooled.shared), {}
+        pooled = fit_clips(trajectories, clips[0].model, shared=common, fixed=known, free=own)
+        found, failure = dict(pooled.shared), {}
     except Exception as error:  # one setting must not end the run of all
-        found, said = {}, {"answer": why(error)}
-    yield from (row | {"clip": "all"} | said for row in _rows(clips[0], common, found, SHARED))
+        found, failure = {}, {"answer": why(error)}
+    yield from (row | {"clip": "all"} | failure for row in _rows(clips[0], common, found, SHARED))
 
 
 def _rows(

@@ -34,10 +34,10 @@ def ode_rows(subject: Subject) -> Records:
 
 def effect_rows(subject: Subject) -> Records:
     """The parameters of the bank's model with the effects added that the clip shows; ``answer`` names them."""
-    known, free = subject.told()
-    found = diagnose(subject.trajectory(), subject.model, fixed=known, free=free)
-    answer = ", ".join(effect.name for effect in found.added) or "none"
-    return subject.records(found.final.estimates, found.final.status, method=EFFECTS, answer=answer)
+    known, free = subject.known_and_free()
+    diagnosis = diagnose(subject.trajectory(), subject.model, fixed=known, free=free)
+    answer = ", ".join(effect.name for effect in diagnosis.added) or "none"
+    return subject.records(diagnosis.final.estimates, diagnosis.final.status, method=EFFECTS, answer=answer)
 
 
 def sindy_rows(subject: Subject) -> Records:
@@ -45,12 +45,12 @@ def sindy_rows(subject: Subject) -> Records:
 
     Where the equation is not in the bank they are those of the nearest model, and the status says so.
     """
-    known, _ = subject.told()
-    found = discover(subject.trajectory(), known=known, seed=0)
-    match = found.matched or found.nearest
+    known, _ = subject.known_and_free()
+    discovery = discover(subject.trajectory(), known=known, seed=0)
+    match = discovery.matched or discovery.nearest
     if match is None:
         return subject.records({}, FAILED, method=SINDY, answer="no model of the bank is near", seed=0)
-    status = found.status if found.matched else NEAREST
+    status = discovery.status if discovery.matched else NEAREST
     return subject.records(match.parameters, status, method=SINDY, answer=match.model, seed=0)
 
 
@@ -58,14 +58,14 @@ def identifiability_rows(subject: Subject) -> Records:
     """What the clip can tell of the parameters: condition numbers, gradients, one-step residual."""
     trajectory = subject.trajectory()
     result = subject.refit(trajectory)
-    found = identifiability(result, trajectory)
-    noise = np.maximum(found.ode_residual_noise, 1e-300)
+    analysis = identifiability(result, trajectory)
+    noise = np.maximum(analysis.ode_residual_noise, 1e-300)
     numbers = {
-        "condition": found.condition,
-        "condition of the Hessian": found.hessian_condition,
-        "gradient, first": found.gradients[0] if found.gradients else np.nan,
-        "gradient, last": found.gradients[-1] if found.gradients else np.nan,
-        "one-step residual over noise": float(np.mean(found.ode_residual / noise)),
+        "condition": analysis.condition,
+        "condition of the Hessian": analysis.hessian_condition,
+        "gradient, first": analysis.gradients[0] if analysis.gradients else np.nan,
+        "gradient, last": analysis.gradients[-1] if analysis.gradients else np.nan,
+        "one-step residual over noise": float(np.mean(analysis.ode_residual / noise)),
     }
     return [subject.plain_record(IDENTIFIABILITY, ODE, name, value, "1") for name, value in numbers.items()]
 
@@ -84,8 +84,8 @@ def extrapolation_rows(subject: Subject) -> Records:
         return [subject.plain_record(EXTRAPOLATION, ODE, name, np.nan, unit, result.status) for name in names]
     predicted = simulated(subject.model, result, trajectory.t_s[used])
     errors = np.sum((trajectory.position[used] - predicted) ** 2, axis=1)
-    places = [TRAINED + k - 1 for k in AHEAD]
-    values = [float(errors[at]) if at < errors.size else np.nan for at in places]
+    indices = [TRAINED + k - 1 for k in AHEAD]
+    values = [float(errors[index]) if index < errors.size else np.nan for index in indices]
     return [
         subject.plain_record(EXTRAPOLATION, ODE, *pair, unit, TOO_SHORT) for pair in zip(names, values, strict=True)
     ]
@@ -97,10 +97,10 @@ def loss_rows(subject: Subject) -> Records:
         return []
     trajectory = subject.trajectory()
     used = np.flatnonzero(trajectory.valid & trajectory.mask("motion"))
-    whole = used[: int(np.argmax(np.diff(used) > 1)) + 1] if (np.diff(used) > 1).any() else used
-    dt = float(np.median(np.diff(trajectory.t_s[whole])))
-    found = stiffnesses(trajectory.position[whole, 0], dt)
-    lengths = {name: GRAVITY / stiffness if stiffness > 0 else np.nan for name, stiffness in found}
+    first_run = used[: int(np.argmax(np.diff(used) > 1)) + 1] if (np.diff(used) > 1).any() else used
+    dt = float(np.median(np.diff(trajectory.t_s[first_run])))
+    results = stiffnesses(trajectory.position[first_run, 0], dt)
+    lengths = {name: GRAVITY / stiffness if stiffness > 0 else np.nan for name, stiffness in results}
     document = subject.measured.document
     lengths["whole trajectory, order 8, sine"] = document.estimates()["length"].value
     return [
@@ -136,13 +136,13 @@ def studied(subject: Subject, name: str) -> Records:
     try:
         return make(subject)
     except Exception as error:  # one clip must not end the run of all
-        said = {"method": method, "answer": why(error)}
+        row = {"method": method, "answer": why(error)}
         if not study:
-            return subject.records({}, FAILED, **said)
-        return [subject.plain_record(study, method, parameter, np.nan, "") | said]
+            return subject.records({}, FAILED, **row)
+        return [subject.plain_record(study, method, parameter, np.nan, "") | row]
 
 
 def why(error: Exception) -> str:
-    """What a row says of the error that left it without a value, on one line; named where it was not foreseen."""
+    """The message of an error on one line, for a row without a value; an unexpected one with its type."""
     text = " ".join(str(error).split())[:200]
     return text if isinstance(error, IrisError) else f"unexpected {type(error).__name__}: {text}"

@@ -1,4 +1,4 @@
-"""What the studies are about: one measured clip with its model, what the fit was told, and the truth."""
+"""The subject of a study: a measured clip with its model, the values that its fit used, and the truth."""
 
 from __future__ import annotations
 
@@ -59,15 +59,15 @@ class Subject:
 
     def trajectory(self) -> Trajectory:
         """The observable that was fitted; DataError for a clip that failed."""
-        found = self.measured.trajectory()
-        if found is None:
+        trajectory = self.measured.trajectory()
+        if trajectory is None:
             raise DataError(f"{self.clip.place} has no trajectory: {self.measured.document.message}")
-        return found
+        return trajectory
 
-    def told(self) -> tuple[dict[str, Estimate], list[str]]:
-        """What the fit was told by name, and which constants it estimated.
+    def known_and_free(self) -> tuple[dict[str, Estimate], list[str]]:
+        """The known values that the fit used, by name, and the constants that it estimated.
 
-        What was measured in the picture is in the trajectory, where a fit finds it by itself.
+        Values measured in the image are part of the trajectory, and a fit takes them from there.
         """
         document = self.measured.document
         known = {
@@ -82,7 +82,7 @@ class Subject:
 
     def refit(self, trajectory: Trajectory | None = None, **more: Any) -> FitResult:
         """The same fit again, or of another trajectory, or with other arguments of :func:`fitters.ode.fit`."""
-        known, free = self.told()
+        known, free = self.known_and_free()
         chosen = self.trajectory() if trajectory is None else trajectory
         return fit(chosen, self.model, **({"fixed": known, "free": free} | more))
 
@@ -148,7 +148,10 @@ class Subject:
 
 
 def simulated(model: OdeModel, result: FitResult, t_s: Array) -> Array:
-    """The observables (n, d) that a fit predicts at times (n,) from the start of its samples on."""
+    """The observables (n, d) that a fit predicts at times (n,) from the start of its samples on.
+
+    Times are in s, observables in the units of the model.
+    """
     values = {name: estimate.value for name, estimate in result.estimates.items() if math.isfinite(estimate.value)}
     return simulate(model, t_s, values).observed
 
@@ -165,12 +168,12 @@ def subjects_of(clips: Iterable[ClipMeasurement], folder: Path, dataset: str) ->
     dataset
         Its name in the tables.
     """
-    told = _parameters_json(folder / "parameters.json")
-    found = []
+    published = _parameters_json(folder / "parameters.json")
+    subjects = []
     for clip in clips:
-        true = _truth(clip.clip, told)
-        found.append(Subject(dataset, clip, true, _wanted(clip.clip, true)))
-    return found
+        true = _truth(clip.clip, published)
+        subjects.append(Subject(dataset, clip, true, _wanted(clip.clip, true)))
+    return subjects
 
 
 def _unit(unit: str) -> str:
@@ -196,9 +199,9 @@ def _wanted(clip: Clip, truth: Mapping[str, TrueValue]) -> dict[str, str]:
 # --------------------------------------------------------------------------- truth
 
 
-def _truth(clip: Clip, told: Mapping[str, Any]) -> dict[str, TrueValue]:
+def _truth(clip: Clip, document: Mapping[str, Any]) -> dict[str, TrueValue]:
     """True values by our names: of the clip itself, else of parameters.json, else published."""
-    return _published(clip) | _of_setting(clip, told) | _of_clip(clip)
+    return _published(clip) | _of_setting(clip, document) | _of_clip(clip)
 
 
 def _of_clip(clip: Clip) -> dict[str, TrueValue]:
@@ -216,16 +219,16 @@ def _in_degrees(value: float, unit: str) -> float:
     return float(f"{value * DEGREES:.12g}") if unit == "rad" else value
 
 
-def _of_setting(clip: Clip, told: Mapping[str, Any]) -> dict[str, TrueValue]:
+def _of_setting(clip: Clip, document: Mapping[str, Any]) -> dict[str, TrueValue]:
     _, described = benchmark_classes()[clip.class_name]
-    settings = told.get(clip.class_name) or told.get(clip.class_name.lower()) or {}
+    settings = document.get(clip.class_name) or document.get(clip.class_name.lower()) or {}
     entries = settings.get(clip.setting, {}) if isinstance(settings, dict) else {}
-    found = {}
+    values = {}
     for ours, theirs in described.parameters.items():
         entry = entries.get(theirs) if isinstance(entries, dict) else None
         if isinstance(entry, dict) and math.isfinite(_number(entry, "mean")):
-            found[ours] = TrueValue(_number(entry, "mean"), "parameters.json")
-    return found
+            values[ours] = TrueValue(_number(entry, "mean"), "parameters.json")
+    return values
 
 
 def _published(clip: Clip) -> dict[str, TrueValue]:
@@ -245,12 +248,12 @@ def _parameters_json(path: Path) -> Mapping[str, Any]:
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise DataError(f"cannot read {path.name}: {error}") from error
-    if not isinstance(found, dict):
+    if not isinstance(content, dict):
         raise DataError(f"{path.name} holds no names; it should hold values by name")
-    return found
+    return content
 
 
 def _number(entry: Mapping[str, Any], name: str) -> float:

@@ -33,17 +33,17 @@ def tables_of(rows: pd.DataFrame, *, reference: str | None = None) -> dict[str, 
         When the rows are not flat rows, or no row is of the reference.
     """
     present = set(check_rows(rows)["study"])
-    found: dict[str, Table] = {}
+    tables: dict[str, Table] = {}
     if PARAMETERS in present:
-        found["headline"] = headline_table(rows)
-        found["parameters"] = parameter_table(rows, reference=reference, caption="Parameter errors, every reading")
+        tables["headline"] = headline_table(rows)
+        tables["parameters"] = parameter_table(rows, reference=reference, caption="Parameter errors, every reading")
     if SELECTION in present:
-        found["selection"] = accuracy_table(rows)
-        found |= dict(confusion_tables(rows))
-    found |= {study: study_table(rows, study) for study in LAYOUTS if study in present}
+        tables["selection"] = accuracy_table(rows)
+        tables |= dict(confusion_tables(rows))
+    tables |= {study: study_table(rows, study) for study in LAYOUTS if study in present}
     if (rows["status"] != OK).any():
-        found["failures"] = failure_table(rows)
-    return found
+        tables["failures"] = failure_table(rows)
+    return tables
 
 
 def failure_table(rows: pd.DataFrame) -> Table:

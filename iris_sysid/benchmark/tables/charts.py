@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from iris_sysid.benchmark.sources.rows import EXTRAPOLATION, PARAMETERS, ROBUSTNESS, SELECTION
+from iris_sysid.benchmark.sources.rows import EXTRAPOLATION, PARAMETERS, ROBUSTNESS, SELECTION, method_name
 from iris_sysid.benchmark.tables.headline import NULLS
 from iris_sysid.benchmark.tables.study_tables import relative_error
 from iris_sysid.benchmark.tables.summary import parameter_summary
@@ -44,7 +44,7 @@ def error_chart(rows: pd.DataFrame) -> Figure:
     """Relative errors of all methods on every parameter and setting, null baselines in grey; from flat ``rows``."""
     summary = parameter_summary(rows)
     summary["line"] = summary["phenomenon"] + " " + summary["setting"] + " " + summary["parameter"]
-    summary["stem"] = summary["method"].str.partition(" (")[0]
+    summary["stem"] = summary["method"].map(method_name)
     first = summary.drop_duplicates(["dataset", "line", "stem"])
     first = first[first["relative_percent"].notna()]
     lines = list(dict.fromkeys(first["line"]))

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from iris_sysid.benchmark.sources.null_baselines import INITIAL, METADATA
+from iris_sysid.benchmark.sources.rows import method_name
 from iris_sysid.benchmark.tables.study_tables import smallest
 from iris_sysid.benchmark.tables.summary import ABSENT, competing, displayed, parameter_summary
 from iris_sysid.benchmark.tables.table import Cell, Table
@@ -37,7 +38,7 @@ def headline_table(rows: pd.DataFrame) -> Table:
         Flat rows; those of the study ``parameters`` count.
     """
     summary = parameter_summary(rows)
-    summary["stem"] = summary["method"].str.partition(" (")[0]
+    summary["stem"] = summary["method"].map(method_name)
     columns = list(_columns(summary))
     lines = []
     for key, group in sorted(summary.groupby(LINE, sort=False), key=lambda pair: _place(pair[0], summary)):

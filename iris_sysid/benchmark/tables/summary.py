@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from iris_sysid.benchmark.sources.null_baselines import INITIAL, SOURCE, null_rows
-from iris_sysid.benchmark.sources.rows import GROUP, PARAMETERS, check_rows
+from iris_sysid.benchmark.sources.rows import GROUP, PARAMETERS, check_rows, method_name
 from iris_sysid.errors import DataError
 
 ABSENT = "–"
@@ -90,7 +90,7 @@ def _group_lines(group: pd.DataFrame, reference: str | None) -> list[dict[str, A
     rivals = [line for line in lines if line["method"] not in nulls]
     on_all = {line["method"] for line, competes in zip(rivals, competing(rivals), strict=True) if competes}
     best = min((shown[name] for name in on_all), default=math.inf)
-    initial = min((shown[name] for name in shown if name.startswith(INITIAL)), default=math.inf)
+    initial = min((shown[name] for name in shown if method_name(name) == INITIAL), default=math.inf)
     for line in lines:
         name = line["method"]
         line["difference"] = line["mae"] - errors.get(against, math.nan)
@@ -108,7 +108,7 @@ def competing(lines: Sequence[Mapping[str, Any] | pd.Series | None]) -> list[boo
 
 def _named(methods: Iterable[str], name: str) -> str:
     """The first of the methods that has this name, with or without a reading in brackets; empty if none has."""
-    return next((method for method in methods if method == name or method.startswith(f"{name} (")), "")
+    return next((method for method in methods if name in (method, method_name(method))), "")
 
 
 def _shown(error: float) -> float:
