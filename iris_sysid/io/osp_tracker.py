@@ -111,7 +111,7 @@ def read_osp(path: str | Path) -> OspProject:
 
 
 def marked_tracks(project: OspProject) -> list[Track]:
-    """The marks of a project as tracks, one a body, at the project's own times.
+    """The marks of a project as tracks, one per body, at the project's own times.
 
     Parameters
     ----------

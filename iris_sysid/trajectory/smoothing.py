@@ -43,7 +43,7 @@ def smooth(trajectory: Trajectory, *, psd: float | Sequence[float] | None = None
     trajectory
         Any quantities; a gap is not valid.
     psd
-        Power spectral density of the jerk, one or one a quantity, in unit^2/s^5. Chosen from the data when not given.
+        Power spectral density of the jerk, one or one per quantity, in unit^2/s^5. Chosen from the data when not given.
 
     Returns
     -------
@@ -117,7 +117,7 @@ def _stated_psd(psd: float | Sequence[float] | None, count: int) -> list[float |
         return [None] * count
     values = np.atleast_1d(np.asarray(psd, dtype=np.float64))
     if values.size not in (1, count):
-        raise DataError(f"psd has {values.size} values for {count} quantities; give one, or one a quantity")
+        raise DataError(f"psd has {values.size} values for {count} quantities; give one, or one per quantity")
     if not np.all(np.isfinite(values) & (values >= 0)):
         raise DataError(f"psd = {values.tolist()}: the process noise must be finite and at least zero")
     return [float(value) for value in np.broadcast_to(values, count)]
@@ -225,7 +225,10 @@ def _scale_of(column: _Column, psd: float | None) -> Callable[[float, Array, Arr
 
 
 def log_likelihood(innovation: Array, innovation_variance: Array) -> float:
-    """``-½ Σ (log 2πS + ν²/S)`` of innovations ν (n,) and their variances S (n,)."""
+    """``-½ Σ (log 2πS + ν²/S)`` of innovations ν (n,) and their variances S (n,).
+
+    Innovations have the unit of the measurement, variances its square.
+    """
     return float(-0.5 * np.sum(np.log(2 * np.pi * innovation_variance) + innovation**2 / innovation_variance))
 
 
@@ -363,7 +366,7 @@ def _measurements(scaled: list[_Scaled], valid: Mask, third: int) -> Iterator[Ar
 
 
 def _block_diagonal(blocks: list[Array]) -> Array:
-    """Stack matrices (m, k, k) into (m, k d, k d), one block a quantity."""
+    """Stack matrices (m, k, k) into (m, k d, k d), one block per quantity."""
     size = blocks[0].shape[1]
     whole = np.zeros((blocks[0].shape[0], size * len(blocks), size * len(blocks)))
     for k, block in enumerate(blocks):

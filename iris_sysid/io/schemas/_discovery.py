@@ -78,9 +78,9 @@ class DiscoveryDocument(Document):
     proposed: list[str]
     """Parameters of the terms that the sparse regression proposed, before trajectory fitting."""
     noise: list[Number]
-    """Standard deviation of the measurement, one a quantity and clip."""
+    """Standard deviation of the measurement, one per quantity and clip."""
     rms: list[Number]
-    """Root mean square of the residual, one a quantity and clip."""
+    """Root mean square of the residual, one per quantity and clip."""
     n: list[int]
     """Samples used of each clip."""
     origin: dict[str, JsonValue]
