@@ -52,12 +52,12 @@ def run_demo(folder: Path, *, overwrite: bool = False, progress: Callable[[int, 
     """
     from iris_sysid.diagnosis.diagnose import diagnose
     from iris_sysid.pipeline import check_folder, run, save
-    from iris_sysid.report import diagnosis_page
+    from iris_sysid.report import diagnosis_files, diagnosis_page
     from iris_sysid.report.text import diagnosis_text, residual_text
 
     report, diagnosis_folder = folder / "report", folder / "diagnosis"
     check_folder(report, overwrite=overwrite)
-    diagnosis_page.check_folder(diagnosis_folder, overwrite=overwrite)
+    diagnosis_files.check_folder(diagnosis_folder, overwrite=overwrite)
     clip, truth = render_demo(folder, progress=progress, overwrite=overwrite)
     result = run(clip, "pendulum")
     diagnosis = diagnose(result.trajectory, result.fit.model, free=result.phenomenon.free)
