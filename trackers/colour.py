@@ -13,10 +13,11 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackerExample, TrackOptions, with_progress
-from trackers._background.median import MAD_TO_SD, QUANTISATION_SD, Background, BackgroundEstimate, Bytes, Image
+from trackers._background.median import Background, BackgroundEstimate
 from trackers._detection.detect_frames import REPORT_EVERY
 from trackers._detection.detection import Detector, FrameDetections
 from trackers._detection.foreground import SMALLEST_AREA, Blob, Component, blobs_of
+from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Bytes, Image
 from trackers._frames.sampled_frames import SampledFrames
 from trackers._frames.working_image import View, view_of
 from trackers._linking.frame_to_frame import Tracklet, link

@@ -25,8 +25,8 @@ from iris_sysid.types import (
     part_of_progress,
     with_progress,
 )
-from trackers._background.median import Image
 from trackers._detection.detect_frames import DetectionSetup, detection_setup
+from trackers._frames.arrays import Image
 from trackers._frames.working_image import view_of
 from trackers._regions.rotation_axis import Axis, Middle, RotationFollower, activity, axis_of, middle_of
 from trackers._regions.rotation_template import Pattern, centred, learn_pattern, luma_of, match_rotation

@@ -17,8 +17,8 @@ import numpy as np
 
 from iris_sysid.errors import DataError, TrackingError
 from iris_sysid.types import Array, FrameSource, Track, Tracker, TrackerExample, TrackOptions, with_progress
-from trackers._background.median import Bytes, Image
 from trackers._detection.detect_frames import REPORT_EVERY
+from trackers._frames.arrays import Bytes, Image
 from trackers._frames.working_image import view_of
 
 SMALLEST_PATCH = 6  # px a side

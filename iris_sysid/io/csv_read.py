@@ -108,7 +108,7 @@ def _beside_body(document: OriginDocument | None, origin: Mapping[str, Any], bod
     stated = document.body_error_autocorrelation.get(body, document.error_autocorrelation)
     return {
         "origin": {**origin, **document.bodies.get(body, {})},
-        "error_autocorrelation": stated and stated.autocorrelation(),
+        "error_autocorrelation": stated.autocorrelation() if stated else None,
     }
 
 
@@ -207,7 +207,7 @@ def read_trajectory(path: str | Path) -> Trajectory:
         smoothed=_smoothed(sheet, columns, measured, document),
         origin={**origin, "converted": converted} if converted else origin,
         systematic=_systematic(sheet, document, (t_s.size, len(measured))),
-        error_autocorrelation=stated and stated.autocorrelation(),
+        error_autocorrelation=stated.autocorrelation() if stated else None,
         first_frame=document.first_frame if document else None,
     )
 

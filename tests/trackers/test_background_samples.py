@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from trackers._background.background_samples import usable_samples
 from trackers._background.median import estimate_background
+from trackers._detection.background_samples import usable_samples
 
 SHAPE = (80, 60)
 WALL, STRIP, BALL = (190.0, 125.0, 130.0), (110.0, 110.0, 130.0), (120.0, 90.0, 180.0)  # luma and two of colour

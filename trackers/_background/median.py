@@ -10,16 +10,10 @@ from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-Image = NDArray[np.float32]
-Bytes = NDArray[np.uint8]
-Flags = NDArray[np.bool_]
-Box = tuple[int, int, int, int]  # left, top, right (exclusive), bottom (exclusive), px
+from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Box, Bytes, Flags, Image
 
-QUANTISATION_SD = float(1.0 / np.sqrt(12.0))  # of a rounded grey level
 DENSEST = 0.5  # of the samples: where a body comes by more often, it is taken for background
-MAD_TO_SD = 1.4826  # of a normal distribution
 INLIER_SIGMAS = 3.0
 SMALLEST_CUT = 5.0  # grey levels: dither and rounding are noise, not motion
 TRUNCATION = 0.9866  # standard deviation of a normal distribution cut at +-3 sigma

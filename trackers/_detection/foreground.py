@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from trackers._background.median import BackgroundEstimate, Box, Bytes, Flags, Image
+from trackers._background.median import BackgroundEstimate
+from trackers._frames.arrays import Box, Bytes, Flags, Image
 
 STRONG_SIGMAS, STRONG_FLOOR = 6.0, 8.0  # floor in grey levels: surely something
 WEAK_SIGMAS, WEAK_FLOOR = 3.5, 4.0  # belongs to it when it touches it

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from iris_sysid.types import Array
-from trackers._background.median import MAD_TO_SD, Flags
 from trackers._detection.subpixel_centroid import Centre, Window, largest
+from trackers._frames.arrays import MAD_TO_SD, Flags
 
 SHORTEST = 0.5  # of the radius: after a shorter way the outline still shows the body
 SMALLEST = 15.0  # px, radius: of a smaller disc too few pixels tell shading, shadow and course apart

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from iris_sysid.types import Frame
-from trackers._background.median import Box, Bytes, Flags, estimate_background
+from trackers._background.median import estimate_background
 from trackers._detection.detection import THINNEST_BODY
 from trackers._detection.foreground import (
     BackgroundRange,
@@ -26,6 +26,7 @@ from trackers._detection.foreground import (
     rounded,
     stout,
 )
+from trackers._frames.arrays import Box, Bytes, Flags
 from trackers._frames.sampled_frames import SampledFrames
 from trackers._frames.working_image import View
 

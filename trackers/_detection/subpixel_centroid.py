@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from iris_sysid.types import Array
-from trackers._background.median import MAD_TO_SD, Bytes, Flags, Image
+from trackers._frames.arrays import MAD_TO_SD, Bytes, Flags, Image
 from trackers._uncertainty.error_correlation import outline_lobes
 
 FINER_SMALL, FINER_LARGE = 4, 2  # how much finer than the pixels the half-way contour is drawn

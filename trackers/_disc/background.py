@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackers._background.median import Background, Flags, Image
+from trackers._background.median import Background
 from trackers._disc.expected_position import ExpectedPath
+from trackers._frames.arrays import Flags, Image
 from trackers._frames.working_image import View
 
 ROUND_DISC = 3.0  # px about an expected disc that its outline may take

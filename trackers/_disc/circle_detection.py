@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 
 from iris_sysid.types import Array, FrameSource
-from trackers._background.median import Bytes
 from trackers._disc.expected_position import ExpectedPath
 from trackers._disc.fit import fit_disc, shows_disc, whole_image_cutout
 from trackers._disc.model import Disc, Form, Motion
+from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
 
 WIDEST_SEARCH = 480  # px

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from iris_sysid.types import Array
-from trackers._background.median import Bytes, Flags, Image
 from trackers._disc.edge_coverage import edge_reach
 from trackers._disc.model import BLUR, OVAL_ALONG, RADIUS, Disc, DiscModel, Form, Motion, X, Y
 from trackers._disc.robust_least_squares import TUKEY, Labels, Pixels, Solution, robust_fit
+from trackers._frames.arrays import Bytes, Flags, Image
 from trackers._uncertainty.error_correlation import lobe_amplitudes
 from trackers._uncertainty.pixel_correlation import variance_of_sum
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from iris_sysid.types import Array, Frame
-from trackers._background.median import Bytes
 from trackers._disc.background import KnownBackground
 from trackers._disc.expected_position import ExpectedPath
 from trackers._disc.fit import Cutout, DiscFit, band, fit_disc, shows_disc
 from trackers._disc.model import Disc, Form
+from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
 from trackers._uncertainty.pixel_correlation import noise_correlation
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.types import Array
-from trackers._background.median import MAD_TO_SD
+from trackers._frames.arrays import MAD_TO_SD
 
 ROUNDS = ((8, 3.0), (8, 0.5), (6, 0.03))  # most steps of each, and the step over standard error that ends it sooner
 LEAST_SHARE = 0.1  # of a step that goes back

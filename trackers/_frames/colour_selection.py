@@ -10,7 +10,7 @@ import numpy as np
 
 from iris_sysid.errors import UnknownNameError
 from iris_sysid.types import Frame
-from trackers._background.median import Box, Bytes, Flags
+from trackers._frames.arrays import Box, Bytes, Flags
 
 NAMED_RGB = {
     "red": (220, 0, 0), "orange": (255, 128, 0), "yellow": (240, 240, 0), "lime": (170, 255, 0),

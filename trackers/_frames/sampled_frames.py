@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from iris_sysid.types import Frame
-from trackers._background.median import Box, Bytes
+from trackers._frames.arrays import Box, Bytes
 from trackers._frames.working_image import View
 
 

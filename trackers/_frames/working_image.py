@@ -10,7 +10,7 @@ import numpy as np
 
 from iris_sysid.errors import DataError
 from iris_sysid.types import Frame, FrameSource, TrackOptions
-from trackers._background.median import Box, Bytes, Flags
+from trackers._frames.arrays import Box, Bytes, Flags
 from trackers._frames.colour_selection import Colour, colour_planes, read_colour, reduced
 
 WIDEST_DETECTION = 960  # px: wider images are searched at reduced size

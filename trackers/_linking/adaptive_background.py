@@ -11,10 +11,11 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, Track, TrackOptions, with_progress
-from trackers._background.median import Background, BackgroundEstimate, Bytes, Flags
+from trackers._background.median import Background, BackgroundEstimate
 from trackers._detection.detect_frames import REPORT_EVERY, DetectionSetup, detection_setup
 from trackers._detection.detection import Detector, FrameDetections
 from trackers._detection.foreground import SMALLEST_AREA, SQUARE, Component, blobs_of, most_of_channels
+from trackers._frames.arrays import Bytes, Flags
 from trackers._frames.working_image import view_of
 from trackers._linking.select_bodies import link_bodies
 from trackers._linking.to_track import track_of

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trackers._background.median import Flags
 from trackers._detection.detect_frames import DetectionSetup
 from trackers._detection.foreground import WEAK_FLOOR, WEAK_SIGMAS
+from trackers._frames.arrays import Flags
 from trackers._linking.frame_to_frame import Tracklet
 
 OFTEN = 0.4  # of the samples: where a body is more often, it may have become background

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array
-from trackers._background.median import Background, Box, Bytes, Flags, Image, Stack, estimate_background
+from trackers._background.median import Background, Stack, estimate_background
 from trackers._detection.detect_frames import DetectionSetup
 from trackers._detection.foreground import (
     SQUARE,
@@ -22,6 +22,7 @@ from trackers._detection.foreground import (
     components,
     rounded,
 )
+from trackers._frames.arrays import Box, Bytes, Flags, Image
 
 SOLID = 0.88  # of its convex hull: what fills less of it is several bodies, or a hand
 ROUND = 0.4  # of its area lies within the inscribed circle: less is a cord

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import DataError, TrackingError
 from iris_sysid.types import FrameSource, TrackOptions
-from trackers._background.median import Bytes
 from trackers._detection.detect_frames import DetectionSetup, detection_setup
 from trackers._detection.detection import FrameDetections
 from trackers._detection.foreground import SQUARE
+from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
 from trackers._linking.frame_to_frame import Tracklet
 from trackers._multi_body.appearance_classes import FEWEST_SAMPLES, AppearanceClass

@@ -12,8 +12,8 @@ from scipy.cluster.vq import kmeans2
 from scipy.spatial.distance import cdist
 
 from iris_sysid.types import Array
-from trackers._background.median import Bytes, Image
 from trackers._detection.foreground import BackgroundRange, any_channel
+from trackers._frames.arrays import Bytes, Image
 from trackers._multi_body.appearance_classes import HALF_COVERED, AppearanceClass, class_coverages
 
 FAINTEST_SHARE = 0.25  # of a pixel: less is noise, shade or the blurred outline

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Frame, FrameSource, TrackOptions, with_progress
-from trackers._background.median import Bytes
 from trackers._detection.detect_frames import REPORT_EVERY, DetectionSetup, detection_setup
 from trackers._detection.detection import THINNEST_BODY, Detection, FrameDetections, touches
 from trackers._detection.foreground import SMALLEST_AREA, SQUARE, Blob, padded
 from trackers._detection.subpixel_centroid import Centre
+from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
 from trackers._linking.frame_to_frame import Tracklet
 from trackers._multi_body.appearance_classes import HALF_COVERED, background_level, learn_classes

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from trackers._background.median import Bytes, Flags, Image
+from trackers._frames.arrays import Bytes, Flags, Image
 
 SHARES = (0.5, 0.3, 0.15)  # of the greatest change: a pixel that changes less is left out
 CLIPPED = (2, 250)  # grey levels up to, or from, which a pixel may be cut off

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from iris_sysid.types import Array, Frame
-from trackers._background.median import MAD_TO_SD, Bytes, Flags
+from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Bytes, Flags
 from trackers._frames.working_image import View
 from trackers._regions.covarying_region import Region
 from trackers._uncertainty.pixel_correlation import noise_correlation, variance_of_sum
 
 MOST_TERMS = 3  # level, slope and bend of each pixel against the mean of the region
 MOST_PIXELS = 20_000  # by which the noise of a frame is measured
-ROUNDING = float(1.0 / np.sqrt(12.0))  # grey levels
 OUTLIER = 4.0  # standard deviations
 PRIOR_PIXELS = 30  # as many of the noise in all samples count beside those of a frame: small regions have few
 
@@ -84,7 +83,7 @@ def lamp_of(region: Region, view: View, samples: Sequence[Frame]) -> Lamp:
         stride=stride,
         share=variance_of_sum(mask / mask.sum(), noise_correlation(_images(residual, mask))),
         learnt=1 + terms.shape[1] / len(samples),
-        noise=max(float(np.sqrt(variance.mean())), ROUNDING),
+        noise=max(float(np.sqrt(variance.mean())), QUANTISATION_SD),
         centre=centre + np.array([columns.start + view.left, rows.start + view.top]),
         sigma_centre=sigma_centre,
         clipped=region.clipped,

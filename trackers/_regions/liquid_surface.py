@@ -9,7 +9,7 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array
-from trackers._background.median import MAD_TO_SD, Bytes
+from trackers._frames.arrays import MAD_TO_SD, Bytes
 
 LEAST_CHANGE = 12.0  # grey levels between full and empty
 LEAST_HEIGHT = 4  # px that the surface sweeps

@@ -10,8 +10,8 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array
-from trackers._background.median import Bytes, Image
 from trackers._detection.foreground import BackgroundRange, any_channel, most_of_channels
+from trackers._frames.arrays import MAD_TO_SD, Bytes, Image
 
 STRONGEST = 60  # grey levels: what differs more counts no more than this
 SPOKES, RINGS = 360, 24  # of the polar image
@@ -86,7 +86,7 @@ def _circle(middles: Array, shape: tuple[int, ...]) -> Array:
         off = float(np.median(_off(middles, circle)))
         if off < least:
             best, least = circle, off
-    inside = _off(middles, best) <= 3 * 1.4826 * least + 1e-9  # 1.4826: median to standard deviation of a normal
+    inside = _off(middles, best) <= 3 * MAD_TO_SD * least + 1e-9
     if np.count_nonzero(inside) >= FEWEST_FRAMES:
         best = _through(middles[inside])
     scatter = float(np.median(_off(middles, best)))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.types import Array
-from trackers._background.median import MAD_TO_SD, Bytes, Image
+from trackers._frames.arrays import MAD_TO_SD, Bytes, Image
 from trackers._regions.rotation_axis import Axis
 
 FINEST = 120  # points from the axis to the end of the body, at most

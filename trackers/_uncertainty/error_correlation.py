@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.types import Array, ErrorAutocorrelation, Mask
-from trackers._background.median import MAD_TO_SD, Image
+from trackers._frames.arrays import MAD_TO_SD, Image
 
 LOBES = (3, 5)  # odd as a shift is: a shape with a centre of symmetry, a disc or its streak, has none of its own
 LARGEST_LOBE = 0.15  # of the radius: a shape with larger lobes is no disc, and its outline changes as it turns

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.types import Array
-from trackers._background.median import MAD_TO_SD
+from trackers._frames.arrays import MAD_TO_SD
 
 DEGREE, HIGHER = 4, 6  # of the polynomial through a window, and of one that shows whether that follows the course
 HALF_WINDOWS = (25, 15, 8)  # samples on either side: the longest through which the polynomial follows the course

@@ -8,8 +8,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from trackers._background.median import BackgroundEstimate, Bytes, Flags, Image
+from trackers._background.median import BackgroundEstimate
 from trackers._detection.foreground import SQUARE, BackgroundRange, any_channel, background_range_of, most_of_channels
+from trackers._frames.arrays import Bytes, Flags, Image
 
 SMALLEST_HOLE = 12  # px
 EDGE_RATIO = 2.0  # how much stronger an edge is in the background than in the frame
