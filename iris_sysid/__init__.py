@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from fitters.ode.identifiability import identifiability as identifiability
     from fitters.ode.request import FitOptions as FitOptions
     from fitters.ode.several_clips import fit_clips as fit_clips
+    from fitters.ode.simulation import simulate as simulate
     from fitters.ode.single_clip import fit as fit
-    from fitters.ode.single_clip import simulate as simulate
     from fitters.selection.select import select_model as select_model
     from fitters.sindy.discover import discover as discover
     from iris_sysid.calibration.board.calibrate import calibrate_board as calibrate_board
@@ -108,7 +108,8 @@ _HOME = {
         "fitters.ode.identifiability": "identifiability",
         "fitters.ode.request": "FitOptions",
         "fitters.ode.several_clips": "fit_clips",
-        "fitters.ode.single_clip": "fit simulate",
+        "fitters.ode.simulation": "simulate",
+        "fitters.ode.single_clip": "fit",
         "fitters.selection.select": "select_model",
         "fitters.sindy.discover": "discover",
         "iris_sysid.calibration.board.calibrate": "calibrate_board",

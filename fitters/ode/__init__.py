@@ -1,6 +1,7 @@
 """Parameters of a differential equation estimated from trajectories."""
 
 from fitters.ode.request import FitOptions, FitRequest
-from fitters.ode.single_clip import fit, sensitivity, simulate, solve
+from fitters.ode.simulation import sensitivity, simulate
+from fitters.ode.single_clip import fit, solve
 
 __all__ = ["FitOptions", "FitRequest", "fit", "sensitivity", "simulate", "solve"]

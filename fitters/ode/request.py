@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from fitters.integrator.initial_value_problem import Hold
-from fitters.ode.least_squares import Loss
-from iris_sysid.types import Estimate, OdeModel, SegmentLabel, Trajectory
+if TYPE_CHECKING:
+    from fitters.integrator.initial_value_problem import Hold
+    from fitters.ode.least_squares import Loss
+    from iris_sysid.types import Estimate, OdeModel, SegmentLabel, Trajectory
 
 NOTHING: Mapping[str, float] = MappingProxyType({})
 

@@ -142,10 +142,8 @@ def coefficients_of(
     strict
         Give None where the library cannot express the model; otherwise the nearest.
     """
-    states, params = (
-        _states(model, library, values),
-        np.array([values[parameter.name] for parameter in model.parameters]),
-    )
+    states = _states(model, library, values)
+    params = np.array([values[parameter.name] for parameter in model.parameters])
     position, rate, slope = _along_the_flow(model, library, states, params)
     left = slope if library.variables[0].order == 2 else rate
     terms = evaluated(library, position + offsets, rate, None)
@@ -252,8 +250,9 @@ def match(
     one = others[0][1]
     texts = {key_of(library, k): f"{library.terms[k].text} in {library.variables[library.terms[k].equation].left}"
              for k in range(len(library.terms))}  # fmt: skip
-    missing, extra = (tuple(texts[key] for key in sorted(keys)) for keys in (one.always - found, found - one.sometimes))
-    return None, Match(one.model.name, {}, missing=missing, extra=extra)
+    lists = one.always - found, found - one.sometimes
+    absent, added = (tuple(texts[key] for key in sorted(keys)) for keys in lists)
+    return None, Match(one.model.name, {}, missing=absent, extra=added)
 
 
 def _strangers(one: Structure, library: Library) -> int:
