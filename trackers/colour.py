@@ -24,7 +24,7 @@ from trackers._linking.frame_to_frame import Tracklet, link
 from trackers._linking.select_bodies import with_fragments
 from trackers._linking.to_track import track_of
 
-RING, GAP = 9, 3  # px at the size that is searched: width of the ring outside of a body, and from where on
+RING, GAP = 9, 3  # px at the size of the search: width of the ring outside of a body, and from where on
 FIRST_REACH, LEAST_REACH = 0.25, 0.1  # of the image's diagonal: how far a body may go unforeseen
 FEWEST_DETECTIONS = 3
 LEAST_OVERLAP = 0.3  # of the shorter tracklet: two tracklets seen together as long are two bodies

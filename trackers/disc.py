@@ -2,7 +2,7 @@
 
 A first pass finds where bodies are: those that move before a still background, or, where these are few (a ball
 that falls away from the camera does not move sideways, it gets smaller), circles that follow one another. Several
-bodies of which one is missed, as where it hangs so long in one place that it became background, are followed at once.
+bodies of which one is missed, as where it rests so long that it became background, are tracked together.
 A few frames teach the shading, the shutter and the noise. The second pass fits every frame.
 """
 
@@ -127,7 +127,7 @@ def _least_seen(tracklets: Sequence[Tracklet]) -> int:
 def _best_fitter(
     video: FrameSource, setup: DetectionSetup, followed: LinkedBodies, options: TrackOptions
 ) -> tuple[DiscFitter, list[Tracklet]]:
-    """The courses that fit the sampled frames best, ready to be fitted; and the tracklets they follow, if any."""
+    """The paths that fit the sampled frames best, ready to be fitted; and the tracklets they follow, if any."""
     all_detections, tracklets, refusal = followed
     frames = setup.stack.frames
     by_motion = (
@@ -151,7 +151,7 @@ def _best_fitter(
 
 
 def _fitter_for(setup: DetectionSetup, frames: Sequence[Frame], expected_paths: Sequence[ExpectedPath]) -> DiscFitter:
-    """The fitter for some courses, in colour only where that shows a disc much better than luma does."""
+    """The fitter for some paths, in colour only where that shows a disc much better than luma does."""
     view, numbers = setup.view.with_chroma(), [frame.index for frame in frames]
     coloured = Background(replace(setup.stack, view=view), setup.detector.background.usable)
     fitter = with_learned_appearance(

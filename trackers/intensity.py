@@ -1,6 +1,6 @@
 """The brightness of something that stays where it is, such as an LED: mean grey level of the region that changes.
 
-The region is found by its change: its pixels share one course over time. Grey levels are reported as the video codes
+The region is found by its change: its pixels share one time series. Grey levels are reported as the video codes
 them. Cameras code them with a gamma curve, so that light which decays as exp(-t/tau) decays in grey levels about as
 exp(-t/(2.2 tau)): :func:`linear_light` undoes sRGB's curve where the camera is known to use it. Video of limited range
 (16 to 235) is left as it is; subtract 16 and divide by 219 before undoing the curve.
@@ -21,7 +21,7 @@ from trackers._uncertainty.local_polynomial import excess_scatter, persistent, p
 
 SAMPLES = 40  # frames in which the region is sought
 FEWEST_FRAMES = 3
-LEAST_EXPLAINED = 0.8  # of what changes in the image must follow the course of the region
+LEAST_EXPLAINED = 0.8  # of what changes in the image must follow the time series of the region
 SLOW = 45  # frames on either side: compression is late over so many, while the light fades smoothly
 REPORT_EVERY = 10  # frames between two calls of the progress function
 
@@ -41,7 +41,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     -------
     list of Track
         ``intensity`` is the mean grey level of the region and ``sigma_intensity`` its standard error: noise measured
-        in each frame by how the pixels differ from what the common course makes of them, and how far the course
+        in each frame by how the pixels differ from what the common time series predicts, and how far that
         scatters about a smooth one (flicker, compression); ``origin["scatter"]`` is the factor that this adds. The
         position is the middle of the change, the same in all frames, and ``area_px`` the size of the region.
         ``origin["clipped"]`` is the share of the region that is cut off at black or white in some frame: pixels that
@@ -83,7 +83,7 @@ def linear_light(grey: Array) -> Array:
 
 
 def _regions(view: View, samples: Sequence[Frame], options: TrackOptions) -> list[Region]:
-    """As many regions as asked for, found at the size that is searched; the strongest change first."""
+    """As many regions as asked for, found at the size of the search; the strongest change first."""
     stack = np.stack([view.small(luma_of(view, frame)) for frame in samples])
     free = np.ones(stack.shape[1:], dtype=np.bool_)
     if view.colour is not None:

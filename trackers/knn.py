@@ -1,6 +1,6 @@
 """Bodies that move before a background that changes slowly: nearest samples [1]_, blobs, sub-pixel centres, linking.
 
-The background is learnt from the clip as it goes; a body that rests becomes background. The centres are measured,
+The background is learned from the clip as it goes; a body that rests becomes background. The centres are measured,
 and the bodies linked, as by ``median-background``.
 A pixel is background when enough of the grey levels kept of it lie near the one that it shows: no
 distribution is assumed, so that leaves or water that move to and fro can be background.

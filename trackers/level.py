@@ -1,8 +1,8 @@
-"""Height of a liquid's surface in a vessel that drains or fills: where one look of the image gives way to another.
+"""Height of a liquid's surface in a vessel that drains or fills: the row between two appearances of the image.
 
 The region that the surface sweeps is found by its change over frames sampled from the clip. These tell what each part
 of it looks like above the surface and below it, marks and reflections included. In every frame, the surface is where
-the one look gives way to the other, to a fraction of a pixel, in strips side by side, through which a straight line
+the one appearance gives way to the other, to a fraction of a pixel, in strips side by side, through which a line
 is laid: the meniscus at the walls does not count, and a tilt does no harm.
 """
 
@@ -18,9 +18,9 @@ from trackers._frames.working_image import View, view_of
 from trackers._regions.liquid_surface import STRIPS, WALL, WINDOW, Vessel, rough_levels, surface_of, vessel_of
 from trackers._uncertainty.local_polynomial import excess_scatter, pooled
 
-SAMPLES = 40  # frames from which both looks are learnt
+SAMPLES = 40  # frames from which both appearances are learned
 FEWEST_FRAMES = 3
-ROUNDS = 2  # in which levels and looks are found in turn
+ROUNDS = 2  # in which levels and appearances are found in turn
 REPORT_EVERY = 10  # frames between two calls of the progress function
 
 
@@ -93,7 +93,7 @@ class _Strips:
 
 
 def _strips_of(view: View, vessel: Vessel) -> _Strips:
-    """The strips of a vessel found at the size that is searched, with room above and below."""
+    """The strips of a vessel found at the size of the search, with room above and below."""
     step = view.step
     left, right = view.left + vessel.left * step, view.left + vessel.right * step
     top, bottom = view.top + vessel.top * step, view.top + vessel.bottom * step

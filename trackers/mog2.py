@@ -1,6 +1,6 @@
 """Moving bodies in front of a slowly changing background: mixture of Gaussians [1]_, blobs, sub-pixel centroids.
 
-The background is learnt from the clip as it goes, so that light which drifts does not matter; a body that rests
+The background is learned from the clip as it goes, so that light which drifts does not matter; a body that rests
 becomes background. The centres are measured, and the bodies linked, as by ``median-background``.
 
 .. [1] Z. Zivkovic and F. van der Heijden, Efficient adaptive density estimation per image pixel for the task of

@@ -1,8 +1,8 @@
 """Orientation of a body that turns about an axis that stands still: an arm with a cup, a disc with a mark.
 
-A first pass follows the angle roughly, by the polar image of what differs from the still background. Frames sampled
-over the clip then teach the look of the body and the place of the axis, in turn; a second pass finds the angle at
-which each frame shows that look. All is done at the size at which bodies are searched, at most 960 px wide.
+A first pass follows the angle roughly, by the foreground in polar coordinates. Frames sampled over the clip then give
+the template of the body and the position of the axis, in turn; a second pass finds the angle at which the template
+matches each frame. All is done at the size of the search, at most 960 px wide.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class _Clip:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _LearnedTemplate:
-    """The look of the body, and the angles (k,) rad of the sampled frames that taught it."""
+    """The appearance of the body, and the angles (k,) rad of the sampled frames that taught it."""
 
     pattern: Pattern
     angles: Array
@@ -115,7 +115,7 @@ def _roughly(video: FrameSource, setup: DetectionSetup, axis: Axis, options: Tra
 
 
 def _learn_template(setup: DetectionSetup, axis: Axis, angles: Array) -> _LearnedTemplate:
-    """Learn look, angles and axis from the sampled frames, from rough to fine."""
+    """Learn appearance, angles and axis from the sampled frames, from rough to fine."""
     small = [luma_of(image) for image in setup.search_images]
     for blur in BLURS:
         images = [_blurred(image, blur) for image in small]

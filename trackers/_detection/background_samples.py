@@ -30,7 +30,7 @@ def usable_samples(stack: Bytes, estimate: BackgroundEstimate) -> Flags | None:
     ``estimate`` is background and noise as all samples give them.
 
     Where a body rests in most samples it becomes background, and the other samples differ from it in
-    the body's shape: a hole. A hole is told from a body by its outline, much of which is an edge in
+    the body's shape: a hole. A hole is distinguished from a body by its outline, much of which is an edge in
     the background but not in the frame. A mark that a hand hides looks like a hole as well, but round it is
     what reaches in from the edge of the image.
     """
@@ -61,7 +61,7 @@ def usable_samples(stack: Bytes, estimate: BackgroundEstimate) -> Flags | None:
 
 
 def _reaching_in(background_range: BackgroundRange, image: Bytes) -> Flags:
-    """What differs from the background and hangs together with the edge of the image (h, w)."""
+    """What differs from the background and is connected to the edge of the image (h, w)."""
     differs = any_channel(background_range.excess(image) > background_range.weak).astype(np.uint8)
     count, labels = cv2.connectedComponents(cv2.morphologyEx(differs, cv2.MORPH_CLOSE, SQUARE), connectivity=8)
     reaches = np.zeros(count, dtype=np.bool_)

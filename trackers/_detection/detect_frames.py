@@ -65,7 +65,7 @@ class DetectionSetup:
 
 
 def background_of(samples: SampledFrames, estimate: BackgroundEstimate, usable: Flags | None) -> Background:
-    """The background at full size, where ``estimate`` is that at the size that is searched."""
+    """The background at full size, where ``estimate`` is that at the size of the search."""
     step = samples.view.step
     if step == 1:
         return Background(samples, usable, estimate)

@@ -146,7 +146,7 @@ class Detector:
         frame
             The frame.
         blob
-            The body, at the size that is searched.
+            The body, at the size of the search.
         bodies
             All bodies of the frame: pixels of the others do not count.
         reaching
@@ -206,7 +206,7 @@ class Detector:
 
 
 def _hardly_moved(centre: Centre, left: int, top: int, before: Sequence[Detection]) -> bool:
-    """Whether one of the detections of the frame before is at about the place of a centre in the window at (left, top).
+    """Whether a detection of the frame before is at about the position of a centre in the window at (left, top).
 
     An exposure is no longer than the time between two frames, and so is the way in it.
     """
@@ -264,7 +264,7 @@ def _sharpened(mask: Bytes, difference: Image, noise: Image, step: int) -> Bytes
 def _shaded(image: Image, background: Image, noise: Image) -> Bytes:
     """1 where an image (h, w, channels) shows the background with less light: all its colours scaled by one factor.
 
-    Without colour a shadow cannot be told from a dark body: 0.
+    Without colour a shadow cannot be distinguished from a dark body: 0.
     """
     if image.shape[-1] < 3:
         return np.zeros(image.shape[:2], dtype=np.uint8)

@@ -51,7 +51,7 @@ class Blob:
     """A compact part of the foreground: its mask in a window whose corner is (left, top), px.
 
     ``inscribed`` is the radius of its largest inscribed circle, ``at_edge`` whether it reaches the
-    edge of the image, ``held`` whether it hangs together with the edge by something thick as an arm.
+    edge of the image, ``held`` whether it is connected to the edge by something thick as an arm.
     """
 
     mask: Bytes
@@ -268,7 +268,7 @@ def _lone(mask: Bytes, depth: Image, cut: float, corner: tuple[int, int]) -> Blo
 
 
 def _hangs_on_edge(depth: Image, seed: Flags, left: int, top: int, shape: tuple[int, ...]) -> bool:
-    """Whether a seed hangs together with the edge of the image by something at least an arm thick."""
+    """Whether a seed is connected to the edge of the image by something at least an arm thick."""
     arm = ARM_SHARE * float(depth[seed].max())
     thick, labels = cv2.connectedComponents((depth > arm).astype(np.uint8), connectivity=8)
     if thick <= 1:

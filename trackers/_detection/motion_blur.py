@@ -19,9 +19,9 @@ from trackers._detection.subpixel_centroid import Centre, Window, largest
 from trackers._frames.arrays import MAD_TO_SD, Flags
 
 SHORTEST = 0.5  # of the radius: after a shorter way the outline still shows the body
-SMALLEST = 15.0  # px, radius: of a smaller disc too few pixels tell shading, shadow and course apart
+SMALLEST = 15.0  # px, radius: of a smaller disc too few pixels tell shading, shadow and sweep apart
 FRINGE = 5  # px round the body that are compared
-THINNED = 4  # of the pixels one tells the course well enough to see which are outliers
+THINNED = 4  # of the pixels one tells the sweep well enough to see which are outliers
 OUTLIER = 4.0  # standard deviations: a cord, a mark, another body
 UNEXPLAINED = (
     0.02  # of the sum of squares, by a body that is no disc, or that turned back meanwhile; a disc leaves 0.01
@@ -64,8 +64,8 @@ class Sweep:
     def terms(self, columns: Array, rows: Array) -> Array:
         """What pixels (n,) see of the disc, (4, n).
 
-        The share of the exposure for which each is covered, and, summed over that time, u, v and u^2 + v^2: the place
-        on the disc that it sees, along the way and across it, in radii.
+        The share of the exposure for which each is covered, and, summed over that time, u, v and u^2 + v^2: the
+        position on the disc that it sees, along the way and across it, in radii.
         """
         length = max(self.length, 1e-6)
         ahead = np.array([self.across, self.down]) / length
@@ -89,8 +89,8 @@ def streak_centre(window: Window, centre: Centre) -> Centre:
 
     A pixel shows I = B (1 - a) + sum_k c_k t_k + (1 - a) (d_0 + d_1 x + d_2 y), where a is the share of the exposure
     for which the disc covers it, t_k are its :meth:`Sweep.terms`, c_k the disc's brightness and shading, and d a soft
-    shadow on the background B. For each course of the disc c and d follow by linear least squares, each colour for
-    itself; the course by non-linear ones (variable projection, Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, 413).
+    shadow on the background B. For each sweep of the disc c and d follow by linear least squares, each colour for
+    itself; the sweep by non-linear ones (variable projection, Golub and Pereyra 1973, SIAM J. Numer. Anal. 10, 413).
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def _guess(window: Window) -> Sweep:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Pixels:
-    """The pixels that are compared: their places (n,), px, and what they show, (n, channels), in units of the noise."""
+    """The pixels that are compared: positions (n,), px, and values (n, channels) in units of the noise."""
 
     columns: Array
     rows: Array

@@ -31,9 +31,9 @@ from trackers._frames.sampled_frames import SampledFrames
 from trackers._frames.working_image import View
 
 WHOLE_EVERY, WATCH_EVERY = 12, 3  # frames
-SPACING = 4  # pixels of the search between those that are watched
+SPACING = 4  # pixels of the search between those of the sparse grid
 WATCH_SIGMAS, WATCH_FLOOR = 5.0, 8.0  # floor in grey levels: surely something
-PAIR = np.ones((2, 2), np.uint8)  # watched pixels: what shows in fewer is left to the search of the whole
+PAIR = np.ones((2, 2), np.uint8)  # pixels of the sparse grid: what shows in fewer is left to the search of the whole
 GROWN_SHARE, GROWN_PX = 0.2, 6  # of its size, and px of the search: how far a thing may go in a frame
 MOST_CHANGES = 16  # a frame: more are flicker, or a camera that was pushed
 GROWTHS = 3  # times a part of the image is made larger until it holds what is in it
@@ -113,7 +113,7 @@ class SearchWindows:
         return merged(known + changes) if len(changes) <= MOST_CHANGES else [self._whole]
 
     def _changes(self, sparse_range: BackgroundRange, image: Bytes, known: list[Box]) -> list[Box]:
-        """Boxes round the watched pixels that show something compact which is not in the known boxes."""
+        """Boxes round the pixels of the sparse grid that show something compact which is not in the known boxes."""
         shown = any_channel(sparse_range.excess(image) > sparse_range.strong).astype(np.uint8)
         for left, top, right, bottom in known:
             shown[top // SPACING : -(-bottom // SPACING), left // SPACING : -(-right // SPACING)] = 0
@@ -160,9 +160,9 @@ def _overlap(box: Box, other: Box) -> bool:
 def sparse_range_of(
     samples: SampledFrames, background_range: BackgroundRange, usable: Flags | None
 ) -> BackgroundRange | None:
-    """What the background shows at the pixels that are watched; None where images are searched at full size.
+    """What the background shows at the pixels of the sparse grid; None where images are searched at full size.
 
-    ``usable`` (k, h', w') says at the size that is searched which samples show the background.
+    ``usable`` (k, h', w') says at the size of the search which samples show the background.
     """
     view = samples.view
     if view.step == 1 or (view.chroma and samples.frames[0].chroma() is None):

@@ -19,10 +19,10 @@ WIDEST_SEARCH = 480  # px
 SMOOTHING = 1.5  # px, before the search
 CELL, APART, STEEPEST, ROUNDNESS, SMALLEST = 1.5, 5, 150, 0.8, 4  # of HOUGH_GRADIENT_ALT, as OpenCV suggests
 MOST_CIRCLES = 8  # a frame
-LONGEST_GAP = 5  # frames between two circles of one course
+LONGEST_GAP = 5  # frames between two circles of one path
 CENTRE_CHANGE = 0.4  # of the radius: how far the centre may go from frame to frame
 RADIUS_CHANGE = 0.25  # log ratio of two radii in successive frames
-LEAST_CHANGE = 4.0  # px, at the size searched, of centre or radius over a course: less is part of the background_range
+LEAST_CHANGE = 4.0  # px, at the size searched, of centre or radius over a path: less is part of the background
 COURSES_TRIED = 6
 MOST_REFINED = 600  # frames
 FORM = Form(interior=3, exterior=3, known_background=False)
@@ -43,7 +43,7 @@ class Search:
         return -(-max(self.view.width, self.view.height) // WIDEST_SEARCH)
 
     def small(self, image: Bytes) -> Bytes:
-        """The image (luma) at the size that is searched."""
+        """The image (luma) at the size of the search."""
         luma = image if image.ndim == 2 else np.ascontiguousarray(image[..., 0])
         size = (-(-self.view.width // self.step), -(-self.view.height // self.step))
         return luma if self.step == 1 else np.asarray(cv2.resize(luma, size, interpolation=cv2.INTER_AREA))
@@ -78,7 +78,7 @@ def circles(image: Bytes) -> Array:
 
 
 def path_of_circles(video: FrameSource, view: View) -> ExpectedPath | None:
-    """The course of the disc that moves or changes its size most lastingly; None when there is none."""
+    """The path of the disc that moves or changes its size most lastingly; None when there is none."""
     search = Search(view)
     times: dict[int, float] = {}
     nodes: list[tuple[int, Array]] = []

@@ -82,7 +82,7 @@ class ExpectedPath:
 
 
 def expected_path_of(tracklet: Tracklet, all_detections: Sequence[FrameDetections]) -> ExpectedPath:
-    """The course along a tracklet; the radius is that of the area, by the median of a few detections."""
+    """The path along a tracklet; the radius is that of the area, by the median of a few detections."""
     radii = np.array([detection.radius for detection in tracklet.detections])
     expected_path = ExpectedPath({frame_detections.frame: frame_detections.t_s for frame_detections in all_detections})
     for k, detection in enumerate(tracklet.detections):

@@ -15,10 +15,10 @@ EVEN = 1.5  # times its even length in time that both sides may take: gaps
 
 
 def struck_within(t_s: Array, xy: Array, sigma: Array, shutter: float) -> Array:
-    """Additional standard error (n, 2) of places in whose exposure the velocity changes at once; 0 elsewhere.
+    """Additional standard error (n, 2) of positions in whose exposure the velocity changes at once; 0 elsewhere.
 
     Parabolas through three samples on either side lead to where the motions before and after meet. Where that is
-    within the exposure, of length T, the mean place of the body is off the one at its middle by up to dv T / 8.
+    within the exposure, of length T, the mean position of the body is off the one at its middle by up to dv T / 8.
 
     Parameters
     ----------

@@ -79,7 +79,7 @@ class DiscFitter:
     def rough(self, appearance: DiscAppearance, body: int, number: int, image: Bytes) -> Disc | None:
         """The disc of a plain fit with a soft outline at first, which finds an edge that is farther off; None if none.
 
-        A course may be off by what a shadow adds to the body.
+        An expected path may be off by what a shadow adds to the body.
         """
         expected = self.expected_paths[body].discs.get(number)
         if expected is None:
@@ -106,7 +106,7 @@ class DiscFitter:
     def fit_as(
         self, appearance: DiscAppearance, body: int, number: int, image: Bytes, start: Disc | None = None
     ) -> DiscFit | None:
-        """One fit with a lesson of one's own, from ``start`` or from where the disc is expected, shown or not."""
+        """One fit with an appearance of one's own, from ``start`` or from where the disc is expected, shown or not."""
         start = start or self.expected_paths[body].discs.get(number)
         if start is None:
             return None
@@ -198,13 +198,13 @@ def _plane(trials: _Trials, numbers: Sequence[int], clearer: float) -> DiscAppea
 
 
 def _with_shutters(appearance: DiscAppearance, steps: Sequence[float]) -> list[DiscAppearance]:
-    """The lesson with its shutter longer by each of some steps, as far as a shutter can be."""
+    """The appearance with its shutter longer by each of some steps, as far as a shutter can be."""
     shutters = [appearance.shutter + step for step in steps]
     return [replace(appearance, shutter=shutter) for shutter in shutters if 0 <= shutter <= max(SHUTTERS)]
 
 
 def _shaded(trials: _Trials, appearance: DiscAppearance, numbers: Sequence[int]) -> DiscAppearance:
-    """The lesson with the surroundings, then the shading of the body, for which the frames speak."""
+    """The appearance with the surroundings, then the shading of the body, for which the frames speak."""
     appearance = trials.best([replace(appearance, form=form) for form in SURROUNDINGS], numbers, evidence)
     room = 1 + trials.radius / ROOM
     forms = [replace(appearance.form, interior=interior) for interior in INTERIORS if interior <= room]
@@ -243,7 +243,7 @@ class _Trials:
         return int(np.atleast_3d(next(iter(self.images.values()))).shape[2])
 
     def fits(self, appearance: DiscAppearance, numbers: Sequence[int], *, shown: bool = True) -> list[DiscFit | None]:
-        """The fits that a lesson gives in some frames; with ``shown`` those that are surely of a disc."""
+        """The fits that an appearance gives in some frames; with ``shown`` those that are surely of a disc."""
         discs = self.fitter.expected_paths[self.body].discs
         fits = [
             self.fitter.fit_as(appearance, self.body, number, self.images[number], self._start(appearance, number))
@@ -274,7 +274,7 @@ class _Trials:
         *,
         shown: bool = True,
     ) -> Array:
-        """What each lesson is worth, by the mean over the frames but the worst."""
+        """What each appearance is worth, by the mean over the frames but the worst."""
         values = np.array(
             [[score(fitted) for fitted in self.fits(appearance, numbers, shown=shown)] for appearance in appearances]
         )
@@ -288,7 +288,7 @@ class _Trials:
         *,
         shown: bool = True,
     ) -> DiscAppearance:
-        """The lesson that is worth most; the first of equals."""
+        """The appearance that is worth most; the first of equals."""
         if len(appearances) == 1:
             return appearances[0]
         return appearances[int(np.argmax(self.score(appearances, numbers, score, shown=shown)))]

@@ -43,7 +43,7 @@ class Disc:
 class Motion:
     """By how much centre and radius change within one exposure, px.
 
-    ``bend_x``, ``bend_y`` are the acceleration, px per exposure squared: by a 24th of it the mean place over the
+    ``bend_x``, ``bend_y`` are the acceleration, px per exposure squared: by a 24th of it the mean position over the
     exposure is off the one at its middle.
     """
 

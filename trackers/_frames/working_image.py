@@ -39,7 +39,7 @@ class View:
 
     @property
     def search_size(self) -> tuple[int, int]:
-        """Width and height of the image that is searched; pixels beyond a whole number of them are left out."""
+        """Width and height of the image of the search; pixels beyond a whole number of them are left out."""
         return (self.width // self.step, self.height // self.step)
 
     def image(self, frame: Frame) -> Bytes:
@@ -60,11 +60,11 @@ class View:
         return np.asarray(cv2.merge((luma, red, blue)), dtype=np.uint8)
 
     def search_image(self, frame: Frame) -> Bytes:
-        """The frame's region at the size that is searched."""
+        """The frame's region at the size of the search."""
         return self.part(frame, (0, 0, *self.search_size), self.step)
 
     def sparse_image(self, frame: Frame, spacing: int) -> Bytes:
-        """Single pixels of the region, one for every ``spacing`` pixels a side of the image that is searched."""
+        """Single pixels of the region, one for every ``spacing`` pixels a side of the image of the search."""
         pace = self.step * spacing
         height, width = (size // spacing for size in self.search_size[::-1])
         start = (self.top + pace // 2, self.left + pace // 2)
@@ -77,12 +77,12 @@ class View:
         return np.ascontiguousarray(chosen[0]) if len(chosen) == 1 else np.dstack(chosen)
 
     def small(self, image: Bytes) -> Bytes:
-        """An image of the region at the size that is searched, each pixel the mean of those it stands for."""
+        """An image of the region at the size of the search, each pixel the mean of those it stands for."""
         width, height = (size * self.step for size in self.search_size)
         return reduced(image[:height, :width], self.step)
 
     def colour_mask(self, frame: Frame, box: Box | None = None) -> Flags | None:
-        """True for pixels of the colour asked for, in a box of the image that is searched; None when none was."""
+        """True for pixels of the colour asked for, in a box of the image of the search; None when none was."""
         if self.colour is None:
             return None
         left, top, right, bottom = (side * self.step for side in box or (0, 0, *self.search_size))

@@ -20,7 +20,7 @@ FORBIDDEN = 1e6
 
 @dataclass(eq=False)
 class Tracklet:
-    """Sightings believed to be of one body, in time order."""
+    """Detections believed to be of one body, in time order."""
 
     detections: list[Detection] = field(default_factory=list)
 

@@ -41,7 +41,7 @@ def _shows_another(setup: DetectionSetup, again: DetectionSetup) -> bool:
 
 
 def _free(setup: DetectionSetup, tracklets: Sequence[Tracklet]) -> Flags:
-    """Where (k, h', w') no body is in each of the samples, at the size that is searched."""
+    """Where (k, h', w') no body is in each of the samples, at the size of the search."""
     view = setup.view
     width, height = view.search_size
     x = (np.arange(width) + 0.5) * view.width / width - 0.5 + view.left

@@ -214,7 +214,7 @@ def _gap_px(fragment: Tracklet, body: Tracklet) -> float:
 
 
 def held_frames(tracklet: Tracklet, all_detections: Sequence[FrameDetections]) -> set[int]:
-    """Places in ``all_detections`` at which a hand is at the body, also where the body cannot be told from the hand.
+    """Indices in ``all_detections`` at which a hand holds the body, also where the hand hides the body.
 
     From each gap's ends the search goes on outwards as long as something that reaches in from the
     edge, larger than the body, is where the body or the hand was in the frame before.
@@ -240,7 +240,7 @@ def held_frames(tracklet: Tracklet, all_detections: Sequence[FrameDetections]) -
 
 
 def _between(held: set[int]) -> set[int]:
-    """The places in short breaks between held ones: a hand does not let go for a frame."""
+    """The frames in short breaks between held ones: a hand does not let go for a frame."""
     pairs = pairwise(sorted(held))
     return {k for first, next_one in pairs if next_one - first <= BREAK for k in range(first, next_one)}
 

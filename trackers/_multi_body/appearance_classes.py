@@ -27,7 +27,7 @@ from trackers._frames.arrays import Box, Bytes, Flags, Image
 SOLID = 0.88  # of its convex hull: what fills less of it is several bodies, or a hand
 ROUND = 0.4  # of its area lies within the inscribed circle: less is a cord
 THINNEST = 2.0  # px, inscribed radius of what can tell a colour
-SAME_COLOUR = 0.3  # of the contrast: colours nearer than this are of one kind
+SAME_COLOUR = 0.3  # of the contrast: colours nearer than this are of one class
 FAINTEST = 0.3  # of the strongest contrast: what is fainter is shade
 HALF_COVERED = 0.5
 OFF_COLOUR = 0.5  # of the contrast: a pixel farther off the line from background to body is something else
@@ -35,8 +35,8 @@ FULLEST = 95  # percentile over the samples: in the others bodies are hidden or 
 RING = 4  # px round a part in which its surroundings are seen
 LIKE = 0.35  # of the contrast: a sample's pixel so near to a body's colour shows it, whatever the background is
 FEWEST_SAMPLES = 3  # that must show what is behind
-SMALLEST = 0.2  # of the area of the largest kind: what is smaller is a part of something
-FEWEST = 4  # detections of a kind
+SMALLEST = 0.2  # of the area of the largest class: what is smaller is a part of something
+FEWEST = 4  # detections of a class
 TOO_MUCH = 1.5  # times the area of all bodies
 INPAINT_RADIUS = 5  # px round what is never seen from which it is continued
 MOVED = 1.0  # px between two samples: less is one thing that stands still, counted once
@@ -45,7 +45,7 @@ SIZE_SPREAD = 0.08  # standard deviation of the log area of one body as it turns
 
 @dataclass(frozen=True, eq=False, slots=True)
 class AppearanceClass:
-    """Bodies that look alike: colour (channels,), area in px at the size that is searched, and their number."""
+    """Bodies that look alike: colour (channels,), area in px at the size of the search, and their number."""
 
     colour: Image
     area: float
@@ -53,7 +53,7 @@ class AppearanceClass:
 
     @property
     def radius(self) -> float:
-        """Radius of the disc of the same area, px at the size that is searched."""
+        """Radius of the disc of the same area, px at the size of the search."""
         return float(np.sqrt(self.area / np.pi))
 
     def coverage(self, image: Image, background: Image) -> Image:
@@ -72,7 +72,7 @@ class AppearanceClass:
 
 @dataclass(frozen=True, slots=True)
 class _IsolatedPart:
-    """A compact part of one sample: place and area in px, colour, contrast in grey levels."""
+    """A compact part of one sample: position and area in px, colour, contrast in grey levels."""
 
     x: float
     y: float
@@ -110,7 +110,7 @@ def learn_classes(setup: DetectionSetup, count: int) -> tuple[DetectionSetup, li
 def _free(images: Sequence[Bytes], classes: Sequence[AppearanceClass], background: Image, count: int) -> Flags:
     """Where (k, h, w) the samples show none of the bodies, judged by colour alone.
 
-    A kind of whose colour there is more than the bodies could cover is background, or a hand.
+    A class of whose colour there is more than the bodies could cover is background, or a hand.
     """
     free = np.ones((len(images), *background.shape[:2]), dtype=np.bool_)
     for appearance in classes:
@@ -123,7 +123,7 @@ def _free(images: Sequence[Bytes], classes: Sequence[AppearanceClass], backgroun
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Filled:
-    """Sampled images in which what is ``unseen`` (h', w'), at the size that is searched, has given ``values``."""
+    """Sampled images in which what is ``unseen`` (h', w'), at the size of the search, has given ``values``."""
 
     stack: Stack
     values: Bytes
@@ -202,12 +202,12 @@ def _classes_of(setup: DetectionSetup, images: Sequence[Bytes], count: int) -> l
 
 
 def background_level(background_range: BackgroundRange) -> Image:
-    """The background (h, w, channels) at the size that is searched, grey levels: the middle of what it shows."""
+    """The background (h, w, channels) at the size of the search, grey levels: the middle of what it shows."""
     return np.atleast_3d((background_range.lowest.astype(np.float32) + background_range.highest) / 2)
 
 
 def class_coverages(classes: Sequence[AppearanceClass], image: Image, background: Image) -> list[Image]:
-    """Coverage by each kind, each pixel given to the kind whose colour is nearest.
+    """Coverage by each class, each pixel given to the class whose colour is nearest.
 
     Images are (h, w, channels), coverages (h, w), dimensionless.
     """
@@ -234,7 +234,7 @@ def _inner(background_range: BackgroundRange, image: Bytes) -> tuple[Image, Byte
 def _covered(
     appearance: AppearanceClass, others: Sequence[AppearanceClass], image: Image, where: Bytes, background: Image
 ) -> float:
-    """Area in px that bodies of a kind cover, without what is more like the others."""
+    """Area in px that bodies of a class cover, without what is more like the others."""
     chosen = where > 0
     return float(class_coverages([appearance, *others], image[chosen], background[chosen])[0].sum())
 
@@ -299,7 +299,7 @@ def _classes_by_colour(parts: Sequence[_IsolatedPart]) -> list[AppearanceClass]:
 
 
 def _class_of(group: Sequence[_IsolatedPart]) -> AppearanceClass:
-    """The kind of some parts of one colour: the area is the mode of their log areas, fragments counting less."""
+    """The class of some parts of one colour: the area is the mode of their log areas, fragments counting less."""
     areas = np.array([part.area for part in group])
     apart = np.log(areas)[:, np.newaxis] - np.log(areas)
     density = (np.sqrt(areas) * np.exp(-(apart**2) / (2 * SIZE_SPREAD**2))).sum(axis=1)

@@ -22,7 +22,7 @@ from trackers._multi_body.predict_and_assign import FrameAssignment, follow_bodi
 from trackers._multi_body.track_together import measure_bodies
 
 MOST_LABELS = 64  # in one mask: more are the grey levels of a lossy video
-SMALLEST = 6  # px of a label in a frame, at the size that is searched
+SMALLEST = 6  # px of a label in a frame, at the size of the search
 
 
 def track_with_masks(
@@ -75,7 +75,7 @@ def track_with_masks(
 
 
 def _paired(video: FrameSource, view: View, mask: FrameSource) -> tuple[list[tuple[int, float]], list[Bytes]]:
-    """Number and time of each frame, and its mask at the size that is searched; the numbers must agree."""
+    """Number and time of each frame, and its mask at the size of the search; the numbers must agree."""
     times, images = [], []
     clip_times = {frame.index: frame.t_s for frame in video.frames()}
     count = 0
@@ -93,7 +93,7 @@ def _paired(video: FrameSource, view: View, mask: FrameSource) -> tuple[list[tup
 
 
 def _small(luma: Bytes, view: View) -> Bytes:
-    """The region of a mask at the size that is searched, each value one that is there."""
+    """The region of a mask at the size of the search, each value one that is there."""
     width, height = view.search_size
     region = luma[view.top : view.top + view.height, view.left : view.left + view.width]
     return region[view.step // 2 :: view.step, view.step // 2 :: view.step][:height, :width].copy()
@@ -113,7 +113,7 @@ def _values(images: Sequence[Bytes]) -> list[int]:
 
 
 def _shown(image: Bytes, values: Sequence[int], frame: int, t_s: float, size: tuple[int, int]) -> CoveredPixels:
-    """What a mask covers, the number of each pixel's value as its kind."""
+    """What a mask covers, the number of each pixel's value as its class."""
     rows, columns = np.nonzero(image)
     class_index: NDArray[np.int8] = np.searchsorted(values, image[rows, columns]).astype(np.int8)
     xy = np.stack([columns, rows], axis=-1).astype(np.int16)

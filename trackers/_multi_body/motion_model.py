@@ -10,7 +10,7 @@ from iris_sysid.types import Array, Mask
 
 ACCELERATION = 0.15  # radii per frame squared, standard deviation: hands, gravity, cords
 FIRST_SPEED = 1.0  # radii per frame, standard deviation before anything is known
-MEASURED = 0.05  # radii, standard deviation of a centre at the size that is searched
+MEASURED = 0.05  # radii, standard deviation of a centre at the size of the search
 STRUCK = 0.5  # radii per frame, standard deviation of what a contact may change
 TOUCHING = 1.25  # times the sum of the radii: nearer than that two bodies may strike one another
 RESTITUTION = 0.5  # assumed of an impact: the frames after it tell the truth

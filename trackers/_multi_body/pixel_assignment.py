@@ -22,14 +22,14 @@ THIN = 0.35  # of a body's radius: what is thinner on both sides is a cord
 ROUNDS = 12
 SETTLED = 0.02  # px that the centres move in a round
 TRIES = 12  # starts of the search without a prediction
-FULL, EMPTY = 1.45, 0.55  # of a body's area: two bodies in one portion, one body in two
+FULL, EMPTY = 1.45, 0.55  # of a body's area: two bodies in one share, one body in two
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CoveredPixels:
-    """What bodies cover in one frame: pixels ``xy`` (n, 2), the share of each (n,), and the number of its kind (n,).
+    """What bodies cover in one frame: pixels ``xy`` (n, 2), the share of each (n,), and the number of its class (n,).
 
-    ``size`` is width and height of the image that is searched, px.
+    ``size`` is width and height of the image of the search, px.
     """
 
     frame: int
@@ -40,7 +40,7 @@ class CoveredPixels:
     size: tuple[int, int]
 
     def pool(self, number: int, radius: float) -> ClassPixels:
-        """The pixels of one kind, whose bodies have that radius, px."""
+        """The pixels of one class, whose bodies have that radius, px."""
         chosen = self.class_index == number
         return ClassPixels(self.xy[chosen].astype(np.float64), self.share[chosen].astype(np.float64), radius, self.size)
 
@@ -177,7 +177,7 @@ class ClassPixels:
         return outside.sum(axis=1).astype(np.float64), (points * outside[..., np.newaxis]).sum(axis=1)
 
     def _parted(self, assignment: PixelAssignment, full: int, empty: int) -> Array:
-        """The centres with the emptiest moved into the fullest portion, which is cut across."""
+        """The centres with the emptiest moved into the fullest share, which is cut across."""
         pixels = self.xy[assignment.labels == full] - assignment.centres[full]
         axis = np.linalg.eigh(pixels.T @ pixels)[1][:, -1] if len(pixels) else np.zeros(2)
         centres = assignment.centres.copy()

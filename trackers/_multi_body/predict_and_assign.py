@@ -15,12 +15,12 @@ from trackers._multi_body.appearance_classes import AppearanceClass
 from trackers._multi_body.motion_model import MotionStates
 from trackers._multi_body.pixel_assignment import ClassPixels, CoveredPixels, PixelAssignment
 
-COMPLETE = 0.2  # of the area of all bodies of a kind: by so little it may differ where all are seen
+COMPLETE = 0.2  # of the area of all bodies of a class: by so little it may differ where all are seen
 AT_EDGE = 0.05  # of the area of one body may lie at the edge where all are seen
 CANDIDATES = 8  # frames in which the bodies are looked for without a prediction
 GATE = 16.0  # squared distance over its variance: beyond it a body is not taken for another (chi2, 2 dof: 0.03 %)
 PULL = 0.02  # weight of a squared distance from the prediction, over its variance, beside 1 for a body's spread
-UNEVEN = 0.3  # of its area: by so much at most a portion may differ from a body
+UNEVEN = 0.3  # of its area: by so much at most a share may differ from a body
 CLEAR = 0.5  # radii from the prediction: a body so near can be no other
 HIDDEN = 0.4  # of its area: a body of which less is seen is not measured
 WHOLE = 0.8  # of its area: a body of which less is seen is measured with doubt
@@ -41,7 +41,7 @@ class FrameAssignment:
 
 @dataclass(eq=False, slots=True)
 class BodyGroup:
-    """All bodies of a clip: the number of the kind of each (k,), and what is known of their motion."""
+    """All bodies of a clip: the number of the class of each (k,), and what is known of their motion."""
 
     classes: Sequence[AppearanceClass]
     class_of: NDArray[np.int64]
@@ -56,7 +56,7 @@ class BodyGroup:
 
 
 def follow_bodies(frames: Sequence[CoveredPixels], classes: Sequence[AppearanceClass]) -> list[FrameAssignment]:
-    """The bodies in every frame, from the frame in which they can best be told apart to both ends.
+    """The bodies in every frame, from the frame in which they can best be distinguished to both ends.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def follow_bodies(frames: Sequence[CoveredPixels], classes: Sequence[AppearanceC
 
 
 def _first(frames: Sequence[CoveredPixels], classes: Sequence[AppearanceClass]) -> tuple[int, FrameAssignment]:
-    """The frame in which the bodies can best be told apart, and where they are there."""
+    """The frame in which the bodies can best be distinguished, and where they are there."""
     complete = [k for k, pixels in enumerate(frames) if _is_complete(pixels, classes)]
     if not complete:
         bodies = sum(appearance.count for appearance in classes)
@@ -98,7 +98,7 @@ def _first(frames: Sequence[CoveredPixels], classes: Sequence[AppearanceClass]) 
 
 
 def _is_complete(pixels: CoveredPixels, classes: Sequence[AppearanceClass]) -> bool:
-    """Whether each kind covers about the area of all its bodies, next to none of it at the edge of the image."""
+    """Whether each class covers about the area of all its bodies, next to none of it at the edge of the image."""
     at_edge = (pixels.xy <= 1).any(axis=1) | (pixels.xy >= np.array(pixels.size) - 2).any(axis=1)
     areas = [
         float(pixels.pool(k, appearance.radius).share.sum()) / (appearance.count * appearance.area)
@@ -111,7 +111,7 @@ def _is_complete(pixels: CoveredPixels, classes: Sequence[AppearanceClass]) -> b
 def _looked_for(
     pixels: CoveredPixels, classes: Sequence[AppearanceClass], rng: np.random.Generator
 ) -> tuple[FrameAssignment, float]:
-    """Bodies found in a frame without a prediction, the largest kind first, from the left; and how unevenly."""
+    """Bodies found in a frame without a prediction, the largest class first, from the left; and how unevenly."""
     labels, centres, filled = np.full(len(pixels.class_index), -1), [np.zeros((0, 2))], [np.zeros(0)]
     spread = 0.0
     for number, appearance in enumerate(classes):
@@ -176,7 +176,7 @@ def _divided(
 
 
 def _is_clear(assignment: PixelAssignment, motions: MotionStates, bodies: NDArray[np.int64], pool: ClassPixels) -> bool:
-    """Whether every body fills its portion, near where free flight leads."""
+    """Whether every body fills its share, near where free flight leads."""
     miss = np.linalg.norm(assignment.centres - motions.position[bodies], axis=-1)
     uneven = np.abs((assignment.areas + assignment.beyond) / pool.area - 1).max()
     return bool(uneven < UNEVEN and miss.max() < CLEAR * pool.radius)

@@ -139,7 +139,7 @@ def _measured(
 def seams_of(labels: NDArray[np.int64], body: int, blob: Blob) -> Array:
     """Moments (j, 2) px^2 of the lines along which the bodies of a frame (h, w) part from one: one row a neighbour.
 
-    Each row is the sum over the line's pixels of their place about the body's middle: what the sum of the body's
+    Each row is the sum over the line's pixels of their position about the body's middle: what the sum of the body's
     coordinates changes by when the line moves by a pixel.
     """
     left, top, right, bottom = blob.box
@@ -155,7 +155,7 @@ def seams_of(labels: NDArray[np.int64], body: int, blob: Blob) -> Array:
 
 
 def _parted(setup: DetectionSetup, frame: Frame, blob: Blob, middle: Array, seams: Array, hand: bool) -> Detection:
-    """A body that touches others: its middle at the size that is searched, as sure as the lines are that part them."""
+    """A body that touches others: its middle at the size of the search, as sure as the lines are that part them."""
     view, step = setup.view, setup.view.step
     inside = blob.mask > 0
     image = np.atleast_3d(view.part(frame, blob.box, step)).astype(np.float32)

@@ -39,8 +39,8 @@ def noise_of(stack: Bytes) -> float:
 def region_that_changes(stack: Bytes, free: Flags) -> Region | None:
     """The connected region of samples (k, h, w) that changes most, of the pixels that are ``free``; None if none does.
 
-    The course is the first principal component in time of the region's pixels, the change of a pixel its projection
-    on it. Pixels that are cut off at black or white in some sample are left out as long as others remain.
+    The time series is the first principal component in time of the region's pixels, the change of a pixel its
+    projection on it. Pixels that are cut off at black or white in some sample are left out as long as others remain.
     """
     series = stack.astype(np.float32)
     deviation = series - series.mean(axis=0)
@@ -78,13 +78,13 @@ def _principal_series(deviation: Image, mask: Flags) -> Image:
 
 
 def _connected(mask: Flags, seed: tuple[np.intp, ...]) -> Flags:
-    """The part of a mask that hangs together with a pixel, its holes filled."""
+    """The part of a mask that is connected to a pixel, its holes filled."""
     _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
     return np.asarray(labels == labels[seed])
 
 
 def _explained_share(deviation: Image, series: Image, mask: Flags, noise: float) -> float:
-    """Share of the variance of some pixels, beyond the noise, that the common course explains."""
+    """Share of the variance of some pixels, beyond the noise, that the common time series explains."""
     values = deviation[:, mask]
     whole = float((values**2).sum()) - noise**2 * values.size
     common = float(((series @ values) ** 2).sum())

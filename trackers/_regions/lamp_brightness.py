@@ -30,7 +30,7 @@ class Lamp:
     """A region at full size in a box of rows and columns, and how its pixels follow its mean.
 
     ``curves`` (terms, m) are the coefficients of every ``stride``-th pixel in powers of the mean, scaled by
-    ``range_`` (lowest, highest) to 0 to 1. ``share`` is the variance of the mean over that of a pixel, ``learnt``
+    ``range_`` (lowest, highest) to 0 to 1. ``share`` is the variance of the mean over that of a pixel, ``learned``
     that of a residual over that of a pixel, ``noise`` the typical noise of a pixel, grey levels. ``centre`` and
     ``sigma_centre`` (2,) are the middle of the change, px.
     """
@@ -42,7 +42,7 @@ class Lamp:
     curves: Array
     stride: int
     share: float
-    learnt: float
+    learned: float
     noise: float
     centre: Array
     sigma_centre: Array
@@ -53,7 +53,7 @@ class Lamp:
         values = luma[self.rows, self.columns][self.mask].astype(np.float64)
         mean = float(values.mean())
         expected = _powers(np.array([mean]), self.range_, len(self.curves))[0] @ self.curves
-        residual = (values[:: self.stride] - expected) / np.sqrt(self.learnt)
+        residual = (values[:: self.stride] - expected) / np.sqrt(self.learned)
         scatter = max(MAD_TO_SD * float(np.median(np.abs(residual))), self.noise)
         inside = residual[np.abs(residual) <= OUTLIER * scatter]
         variance = ((inside**2).sum() + PRIOR_PIXELS * self.noise**2) / (inside.size + PRIOR_PIXELS)
@@ -82,7 +82,7 @@ def lamp_of(region: Region, view: View, samples: Sequence[Frame]) -> Lamp:
         curves=curves[:, ::stride],
         stride=stride,
         share=variance_of_sum(mask / mask.sum(), noise_correlation(_images(residual, mask))),
-        learnt=1 + terms.shape[1] / len(samples),
+        learned=1 + terms.shape[1] / len(samples),
         noise=max(float(np.sqrt(variance.mean())), QUANTISATION_SD),
         centre=centre + np.array([columns.start + view.left, rows.start + view.top]),
         sigma_centre=sigma_centre,

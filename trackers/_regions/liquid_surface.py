@@ -153,7 +153,7 @@ def surface_of(stack: Array, levels: Array, x: Array) -> Surface:
 
     Samples are grey levels; ``levels`` are in rows, ``x`` (strips,) in px.
 
-    A row that never was on one side is given the look of the nearest row that was.
+    A row that never was on one side is given the appearance of the nearest row that was.
     """
     row, parts = np.arange(stack.shape[1]), []
     for side in (-1, 1):

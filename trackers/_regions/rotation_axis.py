@@ -20,14 +20,14 @@ LEARNING = 0.1  # share of each new frame in the polar image that the next is co
 REACH = 0.98  # of what differs lies within this radius of the axis
 FEWEST_PIXELS = 12  # that must differ
 TRIPLES = 400  # of frames that are tried for the circle of the middles
-OWN_AXIS = 0.05  # of the reach: a middle that stays so near one place is taken to turn about it
+OWN_AXIS = 0.05  # of the reach: a middle that stays so near one position is taken to turn about it
 ROUND = 0.15  # of the circle's radius: middles may scatter about it by so much
 FEWEST_FRAMES = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """The axis of a turning body and how far the body reaches from it, px of the image that is searched."""
+    """The axis of a turning body and how far the body reaches from it, px of the image of the search."""
 
     x: float
     y: float

@@ -21,15 +21,15 @@ LEAST_NOISE = 1.0  # grey levels
 STEPS = 8  # of Gauss and Newton, at most
 SETTLED = 1e-5  # rad
 LONGEST_STEP = 0.2  # rad, and of the reach
-ROUNDS = 2  # in which brightness and look are found in turn
+ROUNDS = 2  # in which brightness and appearance are found in turn
 RIDGE = 1e-9  # of the diagonal
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Pattern:
-    """Grey levels of a body about its ``axis``, at angle zero, px of the image that is searched.
+    """Grey levels of a body about its ``axis``, at angle zero, px of the image of the search.
 
-    ``place`` (n, 2) are points from the axis, x right and y down; ``level`` (n,) their grey level, ``slope`` (n, 2)
+    ``offset`` (n, 2) are points from the axis, x right and y down; ``level`` (n,) their grey level, ``slope`` (n, 2)
     its derivatives, ``spread`` (n,) by how much they differ from frame to frame beside the body's turning.
     """
 
@@ -47,7 +47,7 @@ class Pattern:
 
     @property
     def by_angle(self) -> Array:
-        """Derivative (n,) of the grey level, at a fixed place of the body, by the angle."""
+        """Derivative (n,) of the grey level, at a fixed position of the body, by the angle."""
         return np.asarray(self.slope[:, 0] * self.offset[:, 1] - self.slope[:, 1] * self.offset[:, 0])
 
     def telling(self) -> Pattern:
@@ -70,7 +70,7 @@ class RotationMatch:
 
 
 def rotation(angle: float) -> Array:
-    """Rotation (2, 2) by an angle, anticlockwise as seen, of places with y down.
+    """Rotation (2, 2) by an angle, anticlockwise as seen, of positions with y down.
 
     The angle is in rad; the matrix is dimensionless.
     """
@@ -79,7 +79,7 @@ def rotation(angle: float) -> Array:
 
 
 def learn_pattern(images: Sequence[Image], angles: Array, axis: Axis) -> Pattern:
-    """The look of a body at angle zero from images (h, w) in which it is turned by known angles (k,).
+    """The appearance of a body at angle zero from images (h, w) in which it is turned by known angles (k,).
 
     Angles are in rad.
 
@@ -104,7 +104,7 @@ def learn_pattern(images: Sequence[Image], angles: Array, axis: Axis) -> Pattern
 
 
 def _seen(image: Image, axis: Axis, shift: tuple[float, float], offsets: Array) -> Array:
-    """Grey levels (n,) of an image at places (n, 2) from the axis."""
+    """Grey levels (n,) of an image at positions (n, 2) from the axis."""
     where = (offsets + np.array([axis.x + shift[0], axis.y + shift[1]])).astype(np.float32)
     columns = -(-len(where) // 256)  # a map must not be longer than 32767 pixels
     padded = np.resize(where, (256 * columns, 2)).reshape(256, columns, 2)
@@ -118,7 +118,7 @@ def _lighting(level: Array, offsets: Array) -> Array:
 
 
 def _evened(values: Array, offsets: Array, level: Array) -> Array:
-    """Grey levels (n,) seen at places (n, 2), brought to the brightness of the pattern."""
+    """Grey levels (n,) seen at positions (n, 2), brought to the brightness of the pattern."""
     terms = _lighting(level, offsets)
     use = np.ones(values.size, dtype=np.bool_)
     for _ in range(2):

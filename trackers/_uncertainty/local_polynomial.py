@@ -12,17 +12,17 @@ from numpy.typing import NDArray
 from iris_sysid.types import Array
 from trackers._frames.arrays import MAD_TO_SD
 
-DEGREE, HIGHER = 4, 6  # of the polynomial through a window, and of one that shows whether that follows the course
-HALF_WINDOWS = (25, 15, 8)  # samples on either side: the longest through which the polynomial follows the course
-FOLLOWS = 0.8  # of the residual is left by the higher degree where the lower one follows the course
+DEGREE, HIGHER = 4, 6  # of the polynomial through a window, and of one that shows whether that follows the time series
+HALF_WINDOWS = (25, 15, 8)  # samples on either side: the longest through which the polynomial follows the time series
+FOLLOWS = 0.8  # of the residual is left by the higher degree where the lower one follows the time series
 HALF_MEAN = 20  # samples on either side over which the scatter is averaged
-OUTLIER = 6.0  # standard deviations: a sample farther off, e.g. at a kink of the course, counts as one that far off
+OUTLIER = 6.0  # standard deviations: a sample farther off, e.g. at a kink, counts as one that far off
 FEWEST = 12  # samples below which nothing can be said
 BLOCK = 1000  # samples at once
 
 
 def excess_scatter(t_s: Array, values: Array, sigma: Array, longest: int = 0) -> Array:
-    """By how much samples (n,) scatter about a smooth course more than ``sigma`` (n,) says: factors (n,), 1 or more.
+    """Scatter of samples (n,) about a smooth time series, over their ``sigma`` (n,): factors (n,), 1 or more.
 
     A polynomial of degree 4 is fitted to each sample's neighbourhood; the residual at its middle, over its own
     standard deviation for white noise, is squared and averaged over the neighbours. All arrays are of samples that
@@ -83,6 +83,6 @@ def persistent(sigma: Array) -> Array:
 
     In px.
 
-    Where a course is slow, a compressed image stays behind it as far as elsewhere, but smoothly: nothing scatters.
+    Where a time series is slow, a compressed image stays behind it as far as elsewhere, but smoothly: nothing scatters.
     """
     return np.asarray(np.maximum(sigma, np.median(sigma)))
