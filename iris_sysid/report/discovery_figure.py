@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from iris_sysid.report.figures import COLOURS, FIT_COLOUR, fitted_curve
+from iris_sysid.report.figures import COLOURS, FIT_COLOUR, draw_residual, fitted_curve
 from iris_sysid.types import DiscoveredTerm, Discovery, FitResult, Trajectory
 
 TERM_HEIGHT = 0.3  # inches a term
@@ -44,7 +44,11 @@ def discovery_figure(discovery: Discovery, clips: Sequence[Trajectory]) -> Figur
     _draw_intervals(figure.add_subplot(parts[0, 1]), discovery.terms)
     for k in range(d):
         _draw_motion(figure.add_subplot(parts[1 + 2 * k, :]), fit, clip, k)
-        _draw_residual(figure.add_subplot(parts[2 + 2 * k, :]), fit, k, last=k == d - 1)
+        axes = figure.add_subplot(parts[2 + 2 * k, :])
+        draw_residual(axes, fit, k)
+        axes.set_ylabel(f"residual ({fit.model.observed[k].unit})")
+        axes.margins(x=0.01)
+    axes.set_xlabel("time (s)")
     return figure
 
 
@@ -93,15 +97,3 @@ def _draw_motion(axes: Axes, fit: FitResult, clip: Trajectory, k: int) -> None:
     axes.set_ylabel(f"{quantity.name} ({quantity.unit})")
     axes.legend(loc="upper right", framealpha=0.8, fontsize=8)
     axes.margins(x=0.01)
-
-
-def _draw_residual(axes: Axes, fit: FitResult, k: int, *, last: bool) -> None:
-    axes.axhline(0, color="#888888", linewidth=0.6)
-    if np.isfinite(fit.noise[k]):
-        axes.axhspan(-2 * fit.noise[k], 2 * fit.noise[k], color="#009E73", alpha=0.15, label="± 2 noise")
-        axes.legend(loc="upper right", framealpha=0.8, fontsize=8)
-    axes.plot(fit.t_s, fit.residual[:, k], ".", color=COLOURS["motion"], markersize=2)
-    axes.set_ylabel(f"residual ({fit.model.observed[k].unit})")
-    axes.margins(x=0.01)
-    if last:
-        axes.set_xlabel("time (s)")

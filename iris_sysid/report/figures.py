@@ -129,7 +129,7 @@ def fit_figure(trajectory: Trajectory, fit: FitResult) -> Figure:
         rows[2 * k].plot(curve_s, curve[:, k], color=FIT_COLOUR, linewidth=0.9, label="fit")
         rows[2 * k].set_ylabel(f"{quantity.name} ({quantity.unit})")
         rows[2 * k].legend(loc="upper right", framealpha=0.8)
-        _draw_residual(rows[2 * k + 1], fit, k)
+        draw_residual(rows[2 * k + 1], fit, k)
         rows[2 * k + 1].set_ylabel(f"residual ({quantity.unit})")
     rows[-1].set_xlabel("time (s)")
     return figure
@@ -153,7 +153,8 @@ def _draw_measured(axes: Axes, trajectory: Trajectory, measured: Array, labels: 
     axes.margins(x=0.01)
 
 
-def _draw_residual(axes: Axes, fit: FitResult, k: int) -> None:
+def draw_residual(axes: Axes, fit: FitResult, k: int) -> None:
+    """Draw the residual of the k-th quantity over time, with a band of two standard deviations of the noise."""
     noise = fit.noise[k]
     axes.axhline(0, color="#888888", linewidth=0.6)
     if np.isfinite(noise):
