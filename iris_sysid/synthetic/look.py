@@ -79,18 +79,6 @@ class Look:
         }
         return cls(**{**off, "codec": "lossless", **changes})
 
-    @classmethod
-    def handheld(cls, **changes: Any) -> Look:
-        """Everything switched on: also tilt, lens distortion, shake and dropped frames."""
-        on: dict[str, Any] = {
-            "tilt_deg": (2.0, -3.0),
-            "roll_deg": 0.6,
-            "distortion": (-0.06, 0.02),
-            "shake_px": 0.4,
-            "dropped": 0.01,
-        }
-        return cls(**{**on, **changes})
-
     def bits_per_second(self, size: tuple[int, int], fps: float) -> float:
         """Bit rate of the file: as asked, or a phone's (45 Mbit/s at 3840x2160, 60 frames/s) scaled by pixels."""
         if self.bit_rate is not None:

@@ -298,11 +298,6 @@ def test_plain_look_switches_on_what_is_asked_for():
     assert Look.plain().codec == "lossless"
 
 
-def test_handheld_look_switches_everything_on():
-    look = Look.handheld()
-    assert all((look.shake_px, look.dropped, any(look.tilt_deg), any(look.distortion), look.hand, look.read_noise))
-
-
 def test_bit_rate_is_a_phones():
     assert Look().bits_per_second((3840, 2160), 60.0) == pytest.approx(45e6)
     assert Look().bits_per_second((1920, 1080), 30.0) == pytest.approx(45e6 / 8)
