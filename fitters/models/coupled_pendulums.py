@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fitters.models._gravity import GRAVITY, STANDARD_GRAVITY
+from fitters.models._pendulum import PAIR_STATES
 from fitters.starting_values import samples, start_of, weak_regression
 from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
@@ -60,12 +61,7 @@ MODEL = OdeModel(
     summary="two pendulums that pull at one another in proportion to the difference of their angles",
     equation=r"\ddot\theta_i + \zeta_i\,\dot\theta_i + \frac{g}{L_i}\,\sin\theta_i + \kappa\,(\theta_i - \theta_j) = 0",
     source="IRIS benchmark, equation of the two pendulums, with sin theta in place of theta",
-    states=(
-        Quantity("theta1", "rad", r"\theta_1"),
-        Quantity("theta2", "rad", r"\theta_2"),
-        Quantity("omega1", "rad/s", r"\omega_1"),
-        Quantity("omega2", "rad/s", r"\omega_2"),
-    ),
+    states=PAIR_STATES,
     parameters=(
         Parameter("length_1", "m", "L_1", lower=1e-3, upper=200.0),
         Parameter("length_2", "m", "L_2", lower=1e-3, upper=200.0),

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fitters.models._gravity import GRAVITY, STANDARD_GRAVITY
-from fitters.starting_values import samples, start_of, weak_regression
+from fitters.models._gravity import GRAVITY
+from fitters.models._pendulum import swing_guess
 from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
 
@@ -20,17 +20,7 @@ def rhs(t: float, state: tuple[float, float], params: tuple[float, float, float]
 
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
     """Take gravity / length and damping from theta'' regressed on theta and theta' in weak form."""
-    t_s, theta = samples(trajectory, "theta")
-    (stiffness, friction), half_width_s = weak_regression(t_s, theta, -theta[:, None])
-    if not stiffness > 0:  # nothing swings back: take the clip for a quarter of a period
-        stiffness, friction = (np.pi / 2 / (t_s[-1] - t_s[0])) ** 2, 0.0
-    start = start_of(t_s, theta, min(half_width_s, 0.5 / np.sqrt(stiffness)))
-    return {
-        "length": STANDARD_GRAVITY / float(stiffness),
-        "damping": float(np.clip(-friction, 0.0, 2.0)),
-        "theta_0": float(start[0]),
-        "omega_0": float(start[1]) if start.size > 1 else 0.0,
-    }
+    return swing_guess(trajectory, np.asarray)
 
 
 def energy(states: Array, params: Array) -> Array:

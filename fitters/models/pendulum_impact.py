@@ -11,6 +11,7 @@ from numba.extending import register_jitable
 
 from fitters.models._gravity import GRAVITY, STANDARD_GRAVITY
 from fitters.models._impacts import between_contacts, pieces_regression
+from fitters.models._pendulum import PAIR_STATES
 from fitters.starting_values import samples, start_of
 from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
@@ -162,12 +163,7 @@ MODEL = OdeModel(
         r"\dot d^+ = -e\,\dot d^- \text{ where } d = 0"
     ),
     source="Newton (1687), Principia, scholium to the laws, on colliding pendulums; contact as in Moreau (1988)",
-    states=(
-        Quantity("theta1", "rad", r"\theta_1"),
-        Quantity("theta2", "rad", r"\theta_2"),
-        Quantity("omega1", "rad/s", r"\omega_1"),
-        Quantity("omega2", "rad/s", r"\omega_2"),
-    ),
+    states=PAIR_STATES,
     parameters=(
         Parameter("length_1", "m", "L_1", lower=1e-3, upper=200.0),
         Parameter("length_2", "m", "L_2", lower=1e-3, upper=200.0),
