@@ -198,7 +198,7 @@ def test_sensitivity_of_a_long_pendulum_equals_the_variational_equations():
     assert np.all(error < 1e-6)
 
 
-def test_solution_that_runs_away_is_not_finite_and_raises_nothing():
+def test_solution_that_diverges_is_not_finite_and_raises_nothing():
     explosive = model_of(lambda t, state, params: (params[0] * state[0] ** 2,))
     observed = simulate(explosive, np.linspace(0.0, 3.0, 20), {"rate": 1.0, "y_0": 1.0}).observed
     assert np.isfinite(observed[0, 0])

@@ -344,9 +344,9 @@ def test_no_clip_is_refused():
         discover([])
 
 
-def test_level_beside_a_place_is_refused():
+def test_level_beside_a_position_is_refused():
     both = np.column_stack([np.linspace(1, 2, 60), np.linspace(0, 1, 60)])
-    with pytest.raises(DataError, match=r"h \(m\), z \(m\): places and angles have equations of second order"):
+    with pytest.raises(DataError, match=r"h \(m\), z \(m\): positions and angles have equations of second order"):
         discover(plain(60, both, Quantity("h", "m"), Z))
 
 
