@@ -85,7 +85,7 @@ def test_clips_that_the_equation_does_not_fit_count_only_where_it_fits_none():
     assert regenerate([*lengths([0.50, 0.51]), odd], "length").n == 2
     assert regenerate([odd], "length").value == 7.0
     entry = document([odd]).classes["pendulum"]["pendulum_45"]["rope_length"]
-    assert "fits no clip down to the noise" in entry.notes[1]
+    assert "fits no clip to within the noise" in entry.notes[1]
 
 
 def test_nothing_but_failed_clips_is_an_entry_without_a_value():

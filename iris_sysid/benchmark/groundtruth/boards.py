@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from iris_sysid.errors import CalibrationError, DataError, IrisError
 from iris_sysid.io.files import json_text, origin_of, sha256_of, write_atomic
 from iris_sysid.io.json_documents import plain_origin
 from iris_sysid.io.schemas.groundtruth import BoardEntry, MeasuredDocument, ScaleEntry
+from iris_sysid.types import Progress
 
 NAME = "calibration.json"
 BESIDE = (".json", ".truth.json")  # where the squares of a board may be written down, beside its clip
@@ -84,9 +84,7 @@ def scale_class(scale: ScaleEntry, folder: Path) -> Path:
     return write_calibration(calibration, folder / NAME, overwrite=True)
 
 
-def calibrate_class(
-    clip: Path, board: BoardEntry, folder: Path, progress: Callable[[int, int], None] | None = None
-) -> Path:
+def calibrate_class(clip: Path, board: BoardEntry, folder: Path, progress: Progress | None = None) -> Path:
     """Calibrate by the clip of a board into ``calibration.json``, unless that was done before.
 
     The first view that shows the board is taken to be in the plane of motion.
