@@ -18,7 +18,19 @@ def samples(trajectory: Trajectory, name: str) -> tuple[Array, Array]:
 
 
 def start_of(t_s: Array, values: Array, span_s: float, degree: int = 3) -> Array:
-    """Value and derivatives at the first sample (degree + 1,), from a polynomial over the first ``span_s`` seconds."""
+    """Value and derivatives at the first sample (degree + 1,), from a polynomial over the first seconds.
+
+    Parameters
+    ----------
+    t_s
+        (n,) s, increasing.
+    values
+        (n,) in any unit; a derivative of order k is in that unit per s^k.
+    span_s
+        Length of the part that the polynomial is fitted to, s.
+    degree
+        Of the polynomial.
+    """
     n = int(np.clip(np.searchsorted(t_s, t_s[0] + span_s), min(2 * degree + 2, t_s.size), t_s.size))
     scale_s = max(float(t_s[n - 1] - t_s[0]), 1e-12)
     powers = np.arange(degree + 1)
@@ -28,13 +40,13 @@ def start_of(t_s: Array, values: Array, span_s: float, degree: int = 3) -> Array
 
 
 def line(t_s: Array, values: Array) -> tuple[float, float]:
-    """Value and slope at the first sample of the straight line nearest to all samples."""
+    """Value and slope (per s) at the first sample of the straight line nearest to all values (n,) at ``t_s`` (n,) s."""
     start = start_of(t_s, values, np.inf, degree=1)
     return float(start[0]), float(start[1])
 
 
 def parabola(t_s: Array, values: Array) -> tuple[float, float, float]:
-    """Value, slope and second derivative at the first sample of the parabola nearest to all samples."""
+    """Value, slope and second derivative at the first of the times (n,) in s of the parabola nearest to values (n,)."""
     start = start_of(t_s, values, np.inf, degree=2)
     return float(start[0]), float(start[1]), float(start[2])
 
@@ -80,7 +92,21 @@ def weak_regression(t_s: Array, values: Array, terms: Array, order: int = 2) -> 
 
 
 def weak_system(t_s: Array, values: Array, terms: Array, order: int, half_width_s: float) -> tuple[Array, Array]:
-    """Left side (w,) and right side (w, k) of the weak form, one row a window."""
+    """Left side (w,) and right side (w, k) of the weak form, one row a window.
+
+    Parameters
+    ----------
+    t_s
+        (n,) s, increasing.
+    values
+        (n,) samples of the function whose derivative is on the left side, in any unit.
+    terms
+        (n, k) samples of the terms on the right side.
+    order
+        Of the derivative, 1 or 2: the left side is in the unit of the values per s or s^2.
+    half_width_s
+        Of a window, s.
+    """
     count = int(np.clip((t_s[-1] - t_s[0] - 2 * half_width_s) / (half_width_s / 4), 1, WINDOWS))
     centres_s = np.linspace(t_s[0] + half_width_s, t_s[-1] - half_width_s, count)
     firsts, lasts = np.searchsorted(t_s, [centres_s - half_width_s, centres_s + half_width_s])

@@ -115,9 +115,18 @@ class InitialValueProblem:
     def rough_sensitivity(self, values: Array, which: NDArray[np.intp], steps: Array, predicted: Array) -> Array:
         """Derivatives of the prediction (n, d, k) at half the cost, from the prediction (n, d) on one side.
 
-        In the observed unit per unit of the value; ``values`` (p + s,) and ``steps`` (k,), each in its own unit.
-
         The error is RESPONSE / 100 for steps as above, of which a hundredth is taken: enough to find a minimum.
+
+        Parameters
+        ----------
+        values
+            (p + s,) parameters and initial states, each in its own unit.
+        which
+            (k,) indices of the values to vary.
+        steps
+            (k,) in the units of those values.
+        predicted
+            (n, d) at ``values``, in the observed units; the derivatives are in these per unit of a value.
         """
         with np.errstate(all="ignore"):
             return np.asarray((self._moved(values, which, steps / 100) - predicted[:, :, None]) / (steps / 100))

@@ -22,7 +22,6 @@ import numba
 import numpy as np
 from numba import cfunc
 from numba.core import config
-from numba.core.ccallback import CFunc
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
 from numba.core.types import WrapperAddressProtocol
@@ -40,7 +39,7 @@ class NoFingerprintError(Exception):
     """A function uses something that cannot be told from another one in another process."""
 
 
-class LoadedFunction(WrapperAddressProtocol):  # type: ignore[misc]  # numba has no types
+class LoadedFunction(WrapperAddressProtocol):
     """Machine code loaded from the cache; numba calls it by its address."""
 
     def __init__(self, code: bytes, symbol: str) -> None:
@@ -97,7 +96,7 @@ def _loaded(name: str) -> LoadedFunction | None:
         return None  # damaged: compiled anew, and replaced
 
 
-def _keep(name: str, made: CFunc) -> None:
+def _keep(name: str, made: Any) -> None:
     """Write the object code of a compiled function to the cache, unless it holds addresses of this process."""
     library = made._library
     if library.has_dynamic_globals or library._reload_init:
@@ -148,7 +147,7 @@ def _fingerprint(value: Any, seen: dict[int, int]) -> tuple[Any, ...]:  # noqa: 
     if isinstance(value, np.generic | np.ndarray):
         if value.dtype.hasobject:
             raise NoFingerprintError
-        return "array", str(value.dtype), value.shape, hashlib.sha256(np.ascontiguousarray(value)).hexdigest()
+        return "array", str(value.dtype), value.shape, hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()
     if isinstance(value, python_types.ModuleType) and value.__name__.partition(".")[0] in MODULES:
         return "module", value.__name__
     if isinstance(value, python_types.BuiltinFunctionType) and value.__module__ in (*MODULES, "builtins"):

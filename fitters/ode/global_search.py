@@ -71,7 +71,16 @@ def first_horizon(target: Target, n_free: int) -> int:
 def next_horizon(problem: InitialValueProblem, target: Target, values: Array, stop: int) -> int:
     """Number of samples over which the present solution still follows the data, within the limits of GROWTH.
 
-    ``values`` (p + s,), each in its own unit.
+    Parameters
+    ----------
+    problem
+        The initial value problem over all samples.
+    target
+        What the solution should follow.
+    values
+        (p + s,) parameters and initial states, each in its own unit.
+    stop
+        Number of samples that the present solution was fitted to.
     """
     least, most = (min(int(growth * stop) + 1, problem.t_s.size) for growth in GROWTH)
     return max(reach(problem.first(most), target.first(most), values), least)

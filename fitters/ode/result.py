@@ -282,8 +282,18 @@ def criteria(residual: Array, sigma: Array, n_free: int, pulls: Array = NO_PULLS
     """Akaike's and the Bayesian criterion for normal white noise of unknown size in each quantity.
 
     -2 log L = sum over quantities of n (log(2 pi s^2) + 1) + 2 sum log sigma, with s^2 the mean square of the
-    residual (n, d) in units of sigma (n, d); every quantity's s counts as a parameter. A prior is one more sample:
-    ``pulls`` (j,) are the distances of estimates from their priors in standard errors of those.
+    residual; every quantity's s counts as a parameter. A prior is one more sample.
+
+    Parameters
+    ----------
+    residual
+        (n, d) in units of ``sigma``.
+    sigma
+        (n, d) relative standard errors of the samples, dimensionless.
+    n_free
+        Number of fitted values.
+    pulls
+        (j,) distances of estimates from their priors, in standard errors of the priors.
     """
     n, d = residual.shape
     with np.errstate(all="ignore"):

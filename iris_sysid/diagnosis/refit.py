@@ -253,7 +253,19 @@ def pooled(sizes: Sequence[Estimate]) -> Estimate:
 
 
 def predicted_by(fitted: FitResult, trajectory: Trajectory, values: Mapping[str, float], stop: int) -> Array:
-    """Predict the first samples (stop, d), in observed units, with the model of a fit; NaN before it begins."""
+    """Predict the first samples (stop, d), in observed units, with the model of a fit; NaN before it begins.
+
+    Parameters
+    ----------
+    fitted
+        The fit that gives the model and the time at which it begins.
+    trajectory
+        Gives the times (n,) in s and the inputs.
+    values
+        Parameters and initial states by name.
+    stop
+        Number of samples to predict.
+    """
     begin = int(np.searchsorted(trajectory.t_s, fitted.t0_s))
     known = trajectory.inputs[begin:stop] if trajectory.inputs is not None else None
     _, predicted = simulate(fitted.model, trajectory.t_s[begin:stop], values, inputs=known)

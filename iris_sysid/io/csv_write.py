@@ -55,7 +55,7 @@ def write_track(tracks: Sequence[Track] | Track, path: str | Path, *, overwrite:
     frame = to_frame(every)
     origins = {track.body: plain_origin(track.origin) for track in every}
     same = all(origin == origins[every[0].body] for origin in origins.values())
-    beside = {"origin": origins[every[0].body]} if same else {"bodies": origins}
+    beside: dict[str, Any] = {"origin": origins[every[0].body]} if same else {"bodies": origins}
     lasting = {track.body: _entry_of(track.error_autocorrelation) for track in every}
     alike = all(entry == lasting[every[0].body] for entry in lasting.values())
     beside["error_autocorrelation"] = lasting[every[0].body] if alike else None

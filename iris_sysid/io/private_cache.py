@@ -32,7 +32,7 @@ def cache_directory() -> Path | None:
     if not hasattr(os, "geteuid"):  # no owner to check
         return None
     standard = os.environ.get("XDG_CACHE_HOME", "")
-    if os.path.isabs(standard):
+    if Path(standard).is_absolute():
         return Path(standard) / "iris-sysid"
     try:
         home = Path.home()
@@ -47,7 +47,7 @@ def read_private(name: str) -> bytes | None:
         if directory is None or not NAME.fullmatch(name):
             return None
         descriptor = os.open(name, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC, dir_fd=directory)
-        with open(descriptor, "rb") as file:
+        with os.fdopen(descriptor, "rb") as file:
             state = os.fstat(descriptor)
             mine = state.st_uid == os.geteuid() and not state.st_mode & OTHERS_WRITE
             if not (stat.S_ISREG(state.st_mode) and mine and state.st_size <= LARGEST):
@@ -70,7 +70,7 @@ def write_private(name: str, content: bytes) -> bool:
         own = f".{name}.{secrets.token_hex(8)}"
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
         try:
-            with open(os.open(own, flags, 0o600, dir_fd=directory), "wb") as file:
+            with os.fdopen(os.open(own, flags, 0o600, dir_fd=directory), "wb") as file:
                 file.write(content)
             os.replace(own, name, src_dir_fd=directory, dst_dir_fd=directory)
         except OSError:

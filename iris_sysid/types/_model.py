@@ -28,8 +28,8 @@ class Parameter:
     ``gravity`` (the acceleration of gravity), ``damping`` (a loss in proportion to the speed; below zero it adds
     energy), ``magnification`` (observed length over true length; carries the error of the scale), ``offset`` (the
     value of the observed quantity at rest), ``vertical`` (direction of the true vertical), ``pivot`` (position of a
-    pivot), ``inclination`` (angle of a line from the horizontal), ``location`` (of an effect: the time or the position at
-    which it acts); ``physical`` for everything else.
+    pivot), ``inclination`` (angle of a line from the horizontal), ``location`` (of an effect: the time or the position
+    at which it acts); ``physical`` for everything else.
     """
 
     name: str

@@ -87,7 +87,19 @@ def promise_of(container: InputContainer, stream: VideoStream, path: Path) -> Pr
 
 
 def what_is_missing(promise: Promise, tally: Tally, stream: VideoStream, path: Path) -> str:
-    """Why the end of the stream is not the end of the clip; empty when it is."""
+    """Why the end of the stream is not the end of the clip; empty when it is.
+
+    Parameters
+    ----------
+    promise
+        What the header says.
+    tally
+        What was decoded.
+    stream
+        The stream, for its codec and its rate.
+    path
+        The file.
+    """
     if tally.packets < promise.packets:
         return "the file ends early"
     if promise.end_s is not None:

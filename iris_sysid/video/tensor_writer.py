@@ -88,8 +88,8 @@ def write_tensor(
     used, _ = places_of(windows, frames, step, stride)
     shape = (windows, frames, 1, size[1], size[0])
     told = _document(shape, step, stride, t_s, used, _origin(clip, frames, step, stride, size))
-    with atomic_path(path, overwrite=overwrite) as temporary, temporary.open("wb") as file:
-        _write_windows(file, images, shape, step, stride)
+    with atomic_path(path, overwrite=overwrite) as temporary, temporary.open("wb") as output:
+        _write_windows(output, images, shape, step, stride)
     write_document(told, sidecar(path), overwrite=overwrite)
     return told
 

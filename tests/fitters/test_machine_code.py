@@ -90,8 +90,12 @@ def test_loaded_machine_code_gives_the_same_numbers(cache, name):
 
 
 def test_two_processes_at_once_both_succeed(cache):
-    script = "from iris_sysid.io.private_cache import *; import sys; sys.exit(not all(write_private('%s', b'x' * 99999) and read_private('%s') == b'x' * 99999 for _ in range(50)))"
-    script = script % (NAME, NAME)
+    script = (
+        "import sys\nfrom iris_sysid.io.private_cache import read_private, write_private\n"
+        f"name, content = {NAME!r}, b'x' * 99999\n"
+        "done = [write_private(name, content) and read_private(name) == content for _ in range(50)]\n"
+        "sys.exit(not all(done))"
+    )
     runs = [subprocess.Popen([sys.executable, "-c", script]) for _ in range(2)]
     assert [run.wait() for run in runs] == [0, 0]
     assert [file.name for file in cache.iterdir()] == [NAME]

@@ -122,7 +122,8 @@ def _why_none(n_examined: int, rejected: Counter[str], unseen: Sequence[Frame], 
     """Why no frame can be used: the most common reason, or what a slow search of the ``unseen`` frames finds."""
     if not n_examined:
         return "the clip has no frame to look for a board in"
-    reasons, nothing_seen = [reason for reason, _ in rejected.most_common()], []
+    reasons = [reason for reason, _ in rejected.most_common()]
+    nothing_seen: list[str] = []
     for frame in unseen:
         try:
             find_board(frame.luma, board, name=f"frame {frame.index}")
