@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from fitters.compose_effects import with_effects as with_effects
     from fitters.ode.identifiability import identifiability as identifiability
+    from fitters.ode.lmfit_minimizer import lmfit_minimizer as lmfit_minimizer
     from fitters.ode.request import FitOptions as FitOptions
     from fitters.ode.several_clips import fit_clips as fit_clips
     from fitters.ode.simulation import simulate as simulate
@@ -106,6 +107,7 @@ _HOME = {
     for module, names in {
         "fitters.compose_effects": "with_effects",
         "fitters.ode.identifiability": "identifiability",
+        "fitters.ode.lmfit_minimizer": "lmfit_minimizer",
         "fitters.ode.request": "FitOptions",
         "fitters.ode.several_clips": "fit_clips",
         "fitters.ode.simulation": "simulate",

@@ -1,7 +1,7 @@
 """Integrate many initial value problems at once with a step sequence that is fixed beforehand (numba).
 
 The method is the explicit Runge-Kutta method of order 8 of Dormand and Prince in the form of Hairer, Norsett and
-Wanner (1993, Solving Ordinary Differential Equations I, section II.5), with the coefficients that SciPy publishes.
+Wanner (1993, Solving Ordinary Differential Equations I, section II.5), with its coefficients.
 At a camera's frame rate one step a frame is then exact to rounding, also after hours, when the phase of a method of
 order 5 has drifted. Steps are not chosen on the way: the result is a smooth function of the parameters, and
 differences between columns carry no noise from step control.
@@ -16,8 +16,8 @@ from collections.abc import Callable
 import numpy as np
 from numba import boolean, float64, int64, types
 from numpy.typing import NDArray
-from scipy.integrate import DOP853
 
+from fitters.integrator.dop853_coefficients import NODES, STAGES, WEIGHTS
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 
@@ -25,11 +25,6 @@ from iris_sysid.types import Array
 Columns = Callable[[float, Array, Array, Array, Array], None]
 
 ORDER = 8
-STAGES = 12
-
-# Row k: weights of the slopes before stage k; the last row gives the step itself.
-WEIGHTS = np.vstack([DOP853.A[:STAGES, :STAGES], DOP853.B[:STAGES]])
-NODES = DOP853.C[:STAGES].copy()
 
 _VECTOR = float64[::1]
 _MATRIX = float64[:, ::1]

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve, toeplitz
 from scipy.optimize import minimize
-from scipy.signal import lfilter
 
 from iris_sysid.types import Array
 
@@ -294,7 +293,8 @@ def whiten(columns: Array, partial: Array) -> tuple[Array, Array]:
     rows = coefficients_of(partial)
     shares = _shares(partial)[0]
     filled = np.where(present[:, None], columns, 0.0)
-    error = lfilter(np.concatenate([[1.0], -rows[-1]]), [1.0], filled, axis=0)
+    taps = np.concatenate([[1.0], -rows[-1]])
+    error = np.column_stack([np.convolve(column, taps)[: len(filled)] for column in filled.T])
     for order in range(partial.size):
         at = np.flatnonzero(known == order + 1)
         error[at] = filled[at] - sum(rows[order][k] * filled[at - 1 - k] for k in range(order))

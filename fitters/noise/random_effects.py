@@ -8,11 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
-from scipy.stats import chi2
-from scipy.stats import t as student
 
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, Estimate, Population
+from iris_sysid.types import Array, Estimate, Population, chi2_ppf, chi2_sf, student_ppf
 
 WIDEST = 1e3  # tau searched up to so many times the scatter of the estimates
 LEAST_CLIPS = 2
@@ -49,7 +47,7 @@ def random_effects(values: Array, stderrs: Array, unit: str) -> Population:
     degrees = y.size - 1
     spread = float(np.sum(weight * (y - mean) ** 2) / degrees)
     stderr = float(np.sqrt(max(spread, 1.0) / np.sum(weight)))
-    half = float(student.ppf(0.975, degrees)) * stderr
+    half = student_ppf(0.975, degrees) * stderr
     q = generalised_q(y, v, 0.0)
     return Population(
         mean=Estimate(mean, stderr, unit, "fitted", f"mean over {y.size} clips", ci95=(mean - half, mean + half)),
@@ -57,7 +55,7 @@ def random_effects(values: Array, stderrs: Array, unit: str) -> Population:
         within=float(np.sqrt(degrees / (np.sum(1 / v) - np.sum(1 / v**2) / np.sum(1 / v)))),
         q=q,
         degrees=degrees,
-        p_value=float(chi2.sf(q, degrees)),
+        p_value=chi2_sf(q, degrees),
     )
 
 
@@ -98,7 +96,7 @@ def between_clips(y: Array, v: Array) -> tuple[float, float, float]:
     around = (grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)])
     found = minimize_scalar(minus_restricted, bounds=around, method="bounded", options={"xatol": 1e-8})
     tau = float(found.x) if minus_restricted(float(found.x)) < minus_restricted(0.0) - 1e-9 else 0.0
-    low, high = (_where_q_is(y, v, float(chi2.ppf(level, y.size - 1))) for level in (0.975, 0.025))
+    low, high = (_where_q_is(y, v, chi2_ppf(level, y.size - 1)) for level in (0.975, 0.025))
     return low * unit, tau * unit, high * unit
 
 

@@ -10,12 +10,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter
-from scipy.stats import t as student
 
 from fitters.noise.autoregression import Autoregression, coefficients_of, fit_autoregression, grid_positions, on_grid
 from fitters.noise.known_correlation import with_measured_correlation
-from iris_sysid.types import Array, ErrorAutocorrelation
+from iris_sysid.io.kernels import kernel
+from iris_sysid.types import Array, ErrorAutocorrelation, student_ppf
 
 LONGEST_CORRELATION = 20_000  # samples before the first one that its noise may be correlated with
 MOST_DEGREES = 1e6
@@ -36,7 +35,7 @@ class Uncertainty:
 
 def quantile_975(degrees: float) -> float:
     """97.5 % quantile of Student's t, the normal's for many degrees of freedom."""
-    return float(student.ppf(0.975, np.clip(degrees, 1.0, MOST_DEGREES)))
+    return student_ppf(0.975, float(np.clip(degrees, 1.0, MOST_DEGREES)))
 
 
 def inverse_normal(jacobian: Array, smallest: float = 0.0) -> Array:
@@ -116,8 +115,25 @@ def middle(columns: Array, coefficients: Array) -> Array:
     if coefficients.size == 0:
         return np.asarray(columns.T @ columns)
     padded = np.concatenate([columns[::-1], np.zeros((_memory(coefficients), columns.shape[1]))])
-    filtered = lfilter([1.0], np.concatenate([[1.0], -coefficients]), padded, axis=0)
+    filtered = _all_pole_filter(coefficients, padded)
     return np.asarray(filtered.T @ filtered)
+
+
+@kernel()
+def _all_pole_filter(coefficients: Array, columns: Array) -> Array:
+    """y[t] = x[t] + sum_k coefficients[k] y[t - 1 - k] of every column x (n, k), in direct form II transposed.
+
+    As ``scipy.signal.lfilter`` computes it, which takes a second to import.
+    """
+    filtered = np.empty_like(columns)
+    delayed = np.zeros((coefficients.size + 1, columns.shape[1]))
+    for t in range(columns.shape[0]):
+        for k in range(columns.shape[1]):
+            value = columns[t, k] + delayed[0, k]
+            filtered[t, k] = value
+            for order in range(coefficients.size):
+                delayed[order, k] = delayed[order + 1, k] + coefficients[order] * value
+    return filtered
 
 
 def _memory(coefficients: Array) -> int:

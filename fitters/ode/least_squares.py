@@ -1,13 +1,13 @@
-"""Least squares on the trajectory itself: the residual, its Jacobian, and lmfit's minimiser with bounds."""
+"""Least squares on the trajectory itself: the residual, its Jacobian, and SciPy's trust region with bounds."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-import lmfit
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import OptimizeResult, least_squares
 
 from fitters.integrator.initial_value_problem import InitialValueProblem, adapted_steps, first_steps
 from iris_sysid.types import Array, Mask
@@ -131,7 +131,7 @@ class Solution:
 
 @dataclass(eq=False, slots=True)
 class _Objective:
-    """Residual and Jacobian in the form that lmfit calls; the last prediction and difference steps are kept."""
+    """Residual and Jacobian as functions of the free values (k,); the last prediction and difference steps are kept."""
 
     problem: InitialValueProblem
     target: Target
@@ -141,9 +141,9 @@ class _Objective:
     gradients: list[float] = field(default_factory=list)
     _last: tuple[Array, Array] | None = field(default=None)
 
-    def values_of(self, parameters: lmfit.Parameters) -> Array:
+    def values_of(self, free: Array) -> Array:
         values = self.start.copy()
-        values[self.unknowns.which] = [parameters[name].value for name in self.unknowns.names]
+        values[self.unknowns.which] = free
         return values
 
     def predicted(self, values: Array) -> Array:
@@ -151,19 +151,19 @@ class _Objective:
             self._last = (values, self.problem.predicted(values))
         return self._last[1]
 
-    def residual(self, parameters: lmfit.Parameters) -> Array:
-        values = self.values_of(parameters)
+    def residual(self, free: Array) -> Array:
+        values = self.values_of(free)
         residual = -self.target.weighted(self.target.observed - self.predicted(values))
         both = np.concatenate([residual, -self.unknowns.prior_residual(values)])
         return np.clip(both, -LARGEST, LARGEST)
 
-    def jacobian(self, parameters: lmfit.Parameters) -> Array:
-        values = self.values_of(parameters)
+    def jacobian(self, free: Array) -> Array:
+        values = self.values_of(free)
         slopes = self.problem.rough_sensitivity(values, self.unknowns.which, self.steps, self.predicted(values))
         self.steps = adapted_steps(self.steps, slopes, self.target.size)
         rows = np.concatenate([np.nan_to_num(self.target.weighted(slopes)), self.unknowns.prior_rows])
         jacobian = np.clip(rows, -LARGEST, LARGEST)
-        self.gradients.append(self._gradient(jacobian, self.residual(parameters), values))
+        self.gradients.append(self._gradient(jacobian, self.residual(free), values))
         return jacobian
 
     def _gradient(self, jacobian: Array, residual: Array, values: Array) -> float:
@@ -184,7 +184,7 @@ def minimise(
     gradients: tuple[float, ...] = (),
     most: int | None = None,
 ) -> Solution:
-    """Least squares from one start over all samples of the problem, by lmfit's trust region with our Jacobian.
+    """Least squares from one start over all samples of the problem, by SciPy's trust region with our Jacobian.
 
     Parameters
     ----------
@@ -217,8 +217,8 @@ def minimise(
         return Solution(problem, start, predicted, objective.steps, np.inf, False, True, why, gradients)
     enough = ROUGH_EVALUATIONS if rough else min(most or FINE_EVALUATIONS, FINE_EVALUATIONS)
     found = _minimised(objective, loss, enough, rough=rough)
-    best = objective.values_of(found.params)
-    seen = np.asarray(found.residual)[: int(target.used.sum()) * target.observed.shape[1]]
+    best = objective.values_of(found.x)
+    seen = np.asarray(found.fun)[: int(target.used.sum()) * target.observed.shape[1]]
     with np.errstate(all="ignore"):
         rms = float(np.sqrt(np.mean(seen**2)))
     finite = bool(np.isfinite(rms)) and bool(np.max(np.abs(seen), initial=0.0) < LARGEST)
@@ -235,26 +235,21 @@ def minimise(
     )
 
 
-def _minimised(objective: _Objective, loss: Loss, most: int, *, rough: bool) -> lmfit.minimizer.MinimizerResult:
-    tolerance = ROUGH if rough else FINE
-    parameters = lmfit.Parameters()
-    unknowns = objective.unknowns
-    for k, name in enumerate(unknowns.names):
-        first = objective.start[unknowns.which[k]]
-        parameters.add(name, value=first, min=unknowns.lower[k], max=unknowns.upper[k])
-    minimizer = lmfit.Minimizer(
-        objective.residual, parameters, nan_policy="propagate", scale_covar=False, calc_covar=False
-    )
+def _minimised(objective: _Objective, loss: Loss, most: int, *, rough: bool) -> OptimizeResult:
+    tolerance, unknowns = ROUGH if rough else FINE, objective.unknowns
     with np.errstate(all="ignore"):
-        return minimizer.least_squares(
-            max_nfev=most,
+        return least_squares(
+            objective.residual,
+            objective.start[unknowns.which],
             jac=objective.jacobian,
+            bounds=(unknowns.lower, unknowns.upper),
             x_scale="jac",
             loss=loss,
             f_scale=SOFT_AT,
             ftol=tolerance,
             xtol=tolerance,
             gtol=1e-15,
+            max_nfev=most,
         )
 
 

@@ -6,7 +6,6 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
 
 from fitters.noise.random_effects import LEAST_CLIPS, random_effects
 from fitters.noise.sandwich_covariance import MOST_DEGREES, random_uncertainty
@@ -15,7 +14,17 @@ from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.result import Linearised, information_loss, linearise
 from fitters.ode.single_clip import NoMinimumError, find_minimum, solve
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, Estimate, FitResult, FitStatus, OdeModel, PooledFit, Population, Trajectory
+from iris_sysid.types import (
+    Array,
+    Estimate,
+    FitResult,
+    FitStatus,
+    OdeModel,
+    PooledFit,
+    Population,
+    Trajectory,
+    student_ppf,
+)
 
 ROUNDS = 12  # Gauss-Newton steps of the shared values; three are enough where the fit is nearly linear
 DONE = 1e-3  # of a standard error: a step that small ends the search
@@ -265,7 +274,7 @@ def _shared_estimates(
     for k, name in enumerate(shared):
         part = {"random": float(np.sqrt(variance[k])), **{s: float(shift[k]) for s, shift in shifts.items()}}
         stderr = float(np.linalg.norm(list(part.values())))
-        half = float(student.ppf(0.975, degrees[k] * (stderr / max(part["random"], 1e-300)) ** 4)) * stderr
+        half = student_ppf(0.975, degrees[k] * (stderr / max(part["random"], 1e-300)) ** 4) * stderr
         unit, value = alone[0].estimates[name].unit, float(values[k])
         source = f"shared by {len(views)} clips"
         estimates[name] = Estimate(value, stderr, unit, "fitted", source, ci95=(value - half, value + half))

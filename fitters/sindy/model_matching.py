@@ -13,14 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import chi2
 
 from fitters.compose_effects import plain_observation
 from fitters.models.contact_chain import contact_chain
 from fitters.sindy.library import Kind, Library, evaluated, library_of, value_of
 from iris_sysid.errors import FitError, IrisError
 from iris_sysid.registry import MODELS
-from iris_sysid.types import Array, Estimate, Match, OdeModel
+from iris_sysid.types import Array, Estimate, Match, OdeModel, chi2_sf
 
 Rank = tuple[int, int, bool]
 Key = tuple[int, int, int]  # equation, code, other: a term whatever the quantities are called
@@ -295,7 +294,7 @@ def _parameters(
     spread = np.linalg.norm(np.linalg.pinv(jacobian / size), axis=1) / size
     freedom = residual(start).size - start.size
     note = ""
-    if freedom > 0 and chi2.sf(2 * solved.cost, freedom) < DISAGREE:
+    if freedom > 0 and chi2_sf(2 * solved.cost, freedom) < DISAGREE:
         note = f"coefficients contradict its relations between them (chi-squared {2 * solved.cost:.0f} for {freedom})"
     return problem.estimates(solved.x, spread), note
 

@@ -13,10 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import norm
 
 from iris_sysid.diagnosis.score_test import combined
-from iris_sysid.types import Estimate, Score
+from iris_sysid.types import Estimate, Score, normal_cdf
 
 FAR = 8.0  # standard errors within which the quantiles of a mixture lie: beyond is 1e-15
 
@@ -97,7 +96,7 @@ def averaged_over_competitors(chosen: Estimate, competitors: Sequence[CompetingE
     ends = float(np.min(means - FAR * spreads)), float(np.max(means + FAR * spreads))
 
     def below(value: float) -> float:
-        return float(np.average(norm.cdf((value - means) / spreads), weights=weights))
+        return float(np.average(normal_cdf((value - means) / spreads), weights=weights))
 
     low, high = (brentq(lambda value, share=share: below(value) - share, *ends) for share in (0.025, 0.975))
     narrow = chosen.interval

@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import norm
-from scipy.stats import t as student
 
 from fitters.compose_effects import with_effect
 from fitters.noise.random_effects import random_effects
@@ -15,7 +13,7 @@ from fitters.noise.sandwich_covariance import inverse_normal
 from fitters.ode import FitRequest, simulate, solve
 from iris_sysid.diagnosis.measurement_errors import unit_noise
 from iris_sysid.diagnosis.score_test import shaped
-from iris_sysid.types import Array, Effect, Estimate, FitResult, Mask, OdeModel, Trajectory
+from iris_sysid.types import Array, Effect, Estimate, FitResult, Mask, OdeModel, Trajectory, normal_isf, student_sf
 
 MOST_MOVES = 4  # of an effect's shape to a better one nearby
 HIGHEST = 0.95  # correlation from sample to sample that is allowed for
@@ -217,7 +215,7 @@ def significance(before: ModelWithEffects, after: ModelWithEffects, effects: Seq
     gain = max(_sum_of_squares(first, unit, both) - remaining, 0.0) * degrees / max(remaining, 1e-300)
     inflation = max(_inflation(second, unit, effect.parameters[0].name) for effect in effects)
     if len(effects) == 1:
-        return float(norm.isf(student.sf(np.sqrt(gain / inflation), degrees)))
+        return normal_isf(student_sf(float(np.sqrt(gain / inflation)), degrees))
     return float(np.sqrt(gain / inflation))
 
 

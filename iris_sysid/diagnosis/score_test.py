@@ -13,13 +13,12 @@ from functools import partial
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import norm
 
 from fitters.effect_sensitivity import Motion, motion_of, sensitivity
 from fitters.noise.autoregression import Autoregression, grid_positions, on_grid
 from fitters.noise.sandwich_covariance import inverse_normal, middle, random_uncertainty
 from iris_sysid.diagnosis.measurement_errors import resolvable_size, stated_errors, unit_noise
-from iris_sysid.types import Array, Effect, FitResult, Score, Trajectory
+from iris_sysid.types import Array, Effect, FitResult, Score, Trajectory, normal_isf
 
 PARALLEL = 0.99  # cosine between projected sensitivities above which two effects are indistinguishable
 MOST_NUMBERS = 20_000_000  # in the array of directions; beyond, pairs use each effect's best shape only
@@ -277,7 +276,7 @@ def shaped(effect: Effect, shape: Sequence[float]) -> Effect:
 
 def critical_value(level: float, tries: int) -> float:
     """Standard errors from which a size is significant at a two-sided ``level``, Bonferroni for so many ``tries``."""
-    return float(norm.isf(level / 2 / tries))
+    return normal_isf(level / 2 / tries)
 
 
 def combined(scores: Sequence[Score]) -> Score:

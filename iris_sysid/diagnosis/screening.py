@@ -6,12 +6,10 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import prod
 
-from scipy.stats import chi2
-
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.refit import ModelWithEffects, Starts
 from iris_sysid.diagnosis.score_test import PARALLEL, Pair, Screen, combined, critical_value, screen
-from iris_sysid.types import Effect, Score
+from iris_sysid.types import Effect, Score, chi2_isf
 
 SINGLE_LEVEL = 0.04  # chance of adding a single effect to a model that lacks nothing
 PAIR_LEVEL = 0.01  # and of adding two at once
@@ -102,7 +100,7 @@ class Screening:
         gain = min(sum(clip.gain for clip in clips) / total, 1.0 - 1e-12)
         tries = prod(self.scores_of(name)[0].tried for name in names) ** len(clips) * pairs
         starts = tuple(dict(zip(names, zip(clip.sizes, clip.shapes, strict=True), strict=True)) for clip in clips)
-        return Candidate(names, starts, degrees * gain / (1.0 - gain), float(chi2.isf(PAIR_LEVEL / tries, 2)))
+        return Candidate(names, starts, degrees * gain / (1.0 - gain), chi2_isf(PAIR_LEVEL / tries, 2))
 
     def explaining(self, least: float) -> list[str]:
         """Effects that take more than ``least`` off the chi-square, to first order."""

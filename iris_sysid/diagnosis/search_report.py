@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from scipy.stats import norm
-
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.model_averaging import (
     CompetingEffect,
@@ -13,7 +11,7 @@ from iris_sysid.diagnosis.model_averaging import (
 )
 from iris_sysid.diagnosis.notes import rejected_effect_note
 from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, sizes_of
-from iris_sysid.types import DiagnosticNote, Effect, Estimate, Limit, Score
+from iris_sysid.types import DiagnosticNote, Effect, Estimate, Limit, Score, normal_isf
 
 
 class SearchReport:
@@ -72,7 +70,7 @@ class SearchReport:
 
     def limit(self, score: Score) -> Limit:
         """The upper limit on the size of an effect that was not added, one-sided, at 95 % confidence."""
-        upper = abs(score.size) + float(norm.isf(0.05)) * score.stderr
+        upper = abs(score.size) + normal_isf(0.05) * score.stderr
         size = self._cache.library.by_name[score.effect].parameters[0].name
         return Limit(score.effect, size, max(upper, score.resolvable_size), score.unit)
 

@@ -21,7 +21,7 @@ def kernel(
 
     Parameters
     ----------
-    signature
+    *signature
         Types of the arguments, where it is to be compiled when it is defined.
     inline
         Whether the text goes into each caller.

@@ -19,11 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 from filterpy.kalman import KalmanFilter
 from scipy.optimize import minimize_scalar
-from scipy.stats import chi2
 
 from iris_sysid.errors import DataError
 from iris_sysid.trajectory.white_jerk_model import ORDER, Start, diffuse_start, innovations, process_noise, transition
-from iris_sysid.types import Array, Mask, Smoothed, Trajectory
+from iris_sysid.types import Array, Mask, Smoothed, Trajectory, chi2_ppf
 
 GRID_DECADES = 1.0  # step of the search for the process noise; its likelihood is smooth over several decades
 
@@ -86,7 +85,7 @@ def nis_band(samples: int) -> tuple[float, float]:
     """Where the mean normalised innovation squared of so many samples lies in 95 % of cases (chi-squared / samples)."""
     if samples < 1:
         raise DataError(f"a mean of {samples} normalised innovations has no band; at least one is needed")
-    return float(chi2.ppf(0.025, samples) / samples), float(chi2.ppf(0.975, samples) / samples)
+    return chi2_ppf(0.025, samples) / samples, chi2_ppf(0.975, samples) / samples
 
 
 # --------------------------------------------------------------------------- which samples belong together

@@ -30,6 +30,13 @@ from iris_sysid.types._discovery import DiscoveredEquation as DiscoveredEquation
 from iris_sysid.types._discovery import DiscoveredTerm as DiscoveredTerm
 from iris_sysid.types._discovery import Discovery as Discovery
 from iris_sysid.types._discovery import Match as Match
+from iris_sysid.types._distributions import chi2_isf as chi2_isf
+from iris_sysid.types._distributions import chi2_ppf as chi2_ppf
+from iris_sysid.types._distributions import chi2_sf as chi2_sf
+from iris_sysid.types._distributions import normal_cdf as normal_cdf
+from iris_sysid.types._distributions import normal_isf as normal_isf
+from iris_sysid.types._distributions import student_ppf as student_ppf
+from iris_sysid.types._distributions import student_sf as student_sf
 from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation as ErrorAutocorrelation
 from iris_sysid.types._model import Effect as Effect
 from iris_sysid.types._model import EffectExample as EffectExample

@@ -139,7 +139,7 @@ def test_homography_slopes_and_sensitivity_are_those_of_differences():
     ("points", "match"),
     [
         (np.zeros((3, 2)), "at least 4 points, not 3"),
-        (np.zeros((6, 2)), "all lie at one place"),
+        (np.zeros((6, 2)), "all lie at one position"),
         (np.arange(12.0).reshape(6, 2), "lie on a line"),
     ],
 )

@@ -4,10 +4,11 @@ import operator
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import DOP853, solve_ivp
 from scipy.special import ellipk
 
 from fitters.integrator.compile_rhs import compiled_rhs
+from fitters.integrator.dop853_coefficients import NODES, STAGES, WEIGHTS
 from fitters.integrator.dormand_prince import ORDER, kernel
 from fitters.integrator.initial_value_problem import initial_value_problem
 from fitters.ode import sensitivity, simulate
@@ -283,3 +284,8 @@ def test_kernel_with_no_place_on_disk_is_compiled_in_memory():
     namespace = {}
     exec("def twice(x):\n    return 2 * x", namespace)  # numba finds no file to cache it beside
     assert kernel()(namespace["twice"])(4) == 8
+
+
+def test_coefficients_are_those_of_scipy():
+    assert np.array_equal(NODES, DOP853.C[:STAGES])
+    assert np.array_equal(WEIGHTS, np.vstack([DOP853.A[:STAGES, :STAGES], DOP853.B[:STAGES]]))

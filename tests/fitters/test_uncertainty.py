@@ -20,6 +20,7 @@ from fitters.noise.measurement_noise import (
     outliers_in_residual,
 )
 from fitters.noise.sandwich_covariance import (
+    _all_pole_filter,
     inverse_normal,
     middle,
     orthonormal_basis,
@@ -285,3 +286,11 @@ def test_single_undetermined_value_is_named():
 )
 def test_misfit_needs_a_residual_above_the_noise_and_visible_beside_the_motion(rms, noise, expected):
     assert is_misfit(np.array([rms]), np.array([noise]), np.array([0.3])) is expected
+
+
+@pytest.mark.parametrize("coefficients", [[0.9], [0.5, -0.3, 0.2]], ids=["first order", "third order"])
+def test_all_pole_filter_is_that_of_scipy(coefficients):
+    columns = np.random.default_rng(0).standard_normal((200, 3))
+    filtered = _all_pole_filter(np.array(coefficients), columns)
+    expected = lfilter([1.0], [1.0, *(-c for c in coefficients)], columns, axis=0)
+    np.testing.assert_allclose(filtered, expected, rtol=1e-13, atol=1e-13)

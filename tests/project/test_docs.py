@@ -30,6 +30,7 @@ def public_functions(path: Path) -> list[tuple[str, ast.FunctionDef]]:
 def parameters_of(node: ast.FunctionDef) -> list[str]:
     arguments = node.args
     every = [*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs]
+    every += [arguments.vararg] if arguments.vararg else []
     return [argument.arg for argument in every if argument.arg not in ("self", "cls")]
 
 

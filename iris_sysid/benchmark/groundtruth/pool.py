@@ -8,13 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student
 
 from fitters.noise.random_effects import LEAST_CLIPS, random_effects
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
 from iris_sysid.io.schemas import known_number, known_numbers
 from iris_sysid.io.schemas.groundtruth import ClipDocument, ClipValue, RegeneratedValue
-from iris_sysid.types import NORMAL_975, Estimate, Population
+from iris_sysid.types import NORMAL_975, Estimate, Population, student_ppf
 
 # sources of error that all clips of a setting have in common, by the beginning of their names
 COMMON = (
@@ -200,7 +199,7 @@ def _coverage_factor(used: Sequence[_Value], population: Population | None, own:
     """Half width of the 95 % interval over its standard uncertainty, degrees of freedom by Welch and Satterthwaite."""
     if population is not None:
         degrees = population.degrees * (stderr / own) ** 4
-        return float(student.ppf(0.975, degrees))
+        return student_ppf(0.975, degrees)
     low, high = used[0].estimate.interval
     half = (high - low) / 2 / used[0].estimate.stderr if used[0].estimate.stderr > 0 else math.nan
     return half if math.isfinite(half) else NORMAL_975

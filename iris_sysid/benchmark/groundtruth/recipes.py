@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.stats import t as student
 
 from fitters.published_estimators import ALL, INTERVAL, RECIPES, PublishedRecipe
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
@@ -14,7 +13,7 @@ from iris_sysid.benchmark.groundtruth.pool import in_published_unit
 from iris_sysid.errors import IrisError
 from iris_sysid.io.schemas import known_number, number
 from iris_sysid.io.schemas.groundtruth import Recipe, RegeneratedValue
-from iris_sysid.types import Array, Estimate
+from iris_sysid.types import Array, Estimate, student_ppf
 
 KNOWN = ("gravity", "angle")
 
@@ -109,4 +108,4 @@ def _uncertainty(recipe: PublishedRecipe, values: Array) -> float:
     deviation = float(np.std(values, ddof=1))
     if recipe.uncertainty != INTERVAL:
         return deviation
-    return float(student.ppf(0.975, values.size - 1)) * deviation / math.sqrt(values.size)
+    return student_ppf(0.975, values.size - 1) * deviation / math.sqrt(values.size)
