@@ -16,7 +16,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.phenomena._geometry import fit_line
 from iris_sysid.phenomena._motion import only_body, stated
 from iris_sysid.types import (
-    STANDS,
+    N_REST_SAMPLES,
     Array,
     BenchmarkClass,
     Estimate,
@@ -77,8 +77,8 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
 def _leaves(body: Trajectory) -> int:
     """Sample at which a body has left the place where it was first seen, for good; their number where it stays."""
     index = np.flatnonzero(body.valid)
-    first = index[:STANDS]
-    if index.size <= STANDS:
+    first = index[:N_REST_SAMPLES]
+    if index.size <= N_REST_SAMPLES:
         return body.n
     scatter = np.std(body.position[first, :2], axis=0)
     stated = np.median(np.nan_to_num(body.sigma[first, :2]), axis=0)

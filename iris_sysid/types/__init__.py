@@ -1,14 +1,12 @@
-"""The boxes of the flow: each is frozen, checked when made, and read-only.
+"""Data types that pass between the stages: frozen, and checked when they are made.
 
-Arrays are float64 unless said otherwise and cannot be written to. NaN means "not known";
-``valid`` says so explicitly. Pixels: x right, y down, origin at the centre of pixel (0, 0).
+Arrays are read-only and float64 unless stated otherwise. NaN means "not known";
+``valid`` marks those samples explicitly. Pixels: x right, y down, origin at the centre of pixel (0, 0).
 World: x right, z up.
 """
 
-from iris_sysid.types._arrays import STANDS as STANDS
 from iris_sysid.types._arrays import Array as Array
 from iris_sysid.types._arrays import Mask as Mask
-from iris_sysid.types._arrays import departure as departure
 from iris_sysid.types._arrays import frozen_array as frozen_array
 from iris_sysid.types._arrays import frozen_mask as frozen_mask
 from iris_sysid.types._arrays import increasing_times as increasing_times
@@ -20,6 +18,9 @@ from iris_sysid.types._clip import Frame as Frame
 from iris_sysid.types._clip import FrameSource as FrameSource
 from iris_sysid.types._clip import Track as Track
 from iris_sysid.types._clip import TrackOptions as TrackOptions
+from iris_sysid.types._departure import DEPARTURE_SIGMAS as DEPARTURE_SIGMAS
+from iris_sysid.types._departure import N_REST_SAMPLES as N_REST_SAMPLES
+from iris_sysid.types._departure import departure as departure
 from iris_sysid.types._diagnosis import Diagnosis as Diagnosis
 from iris_sysid.types._diagnosis import DiagnosticNote as DiagnosticNote
 from iris_sysid.types._diagnosis import Errors as Errors

@@ -1,4 +1,4 @@
-"""Arrays as the boxes of :mod:`iris_sysid.types` hold them: copied, checked, read-only."""
+"""Checked, read-only copies of arrays for the types of :mod:`iris_sysid.types`."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ Mask = NDArray[np.bool_]
 def frozen_array(values: ArrayLike, shape: tuple[int | None, ...], name: str) -> Array:
     """Copy values to a read-only float64 array and check its shape; None allows any length.
 
-    The unit of the values, of shape (n,), (n, d) or any other, stays as it is.
+    The values may have any shape, for example (n,) or (n, d), and keep their unit.
     """
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise DataError(f"{name} must hold numbers only: {error}") from error
     if array.ndim != len(shape) or any(
-        want is not None and have != want for have, want in zip(array.shape, shape, strict=True)
+        expected is not None and length != expected for length, expected in zip(array.shape, shape, strict=True)
     ):
-        wanted = tuple("n" if want is None else want for want in shape)
-        raise DataError(f"{name} must have shape {wanted}, not {array.shape}")
+        expected_shape = tuple("n" if expected is None else expected for expected in shape)
+        raise DataError(f"{name} must have shape {expected_shape}, not {array.shape}")
     array.flags.writeable = False
     return array
 
@@ -53,26 +53,3 @@ def increasing_times(t_s: ArrayLike) -> Array:
             "is the file sorted by time, without duplicates?"
         )
     return times
-
-
-STANDS = 5  # samples from which the place at rest is taken
-LEFT = 10.0  # times the noise beyond which a body has left its place
-TREMBLES = 0.01  # of the whole way that a body goes, below which it only trembles
-
-
-def departure(place: Array, noise: float) -> int:
-    """Sample at which a body has left the place where it was first seen, for good; their number where it stays.
-
-    Parameters
-    ----------
-    place
-        (n, d) in one unit.
-    noise
-        Of a place, in that unit.
-    """
-    if len(place) <= STANDS:
-        return len(place)
-    away = np.sqrt(np.sum((place - np.median(place[:STANDS], axis=0)) ** 2, axis=1))
-    gone = away > max(LEFT * noise, TREMBLES * float(away.max()))
-    for_good = gone & np.append(gone[1:], True)
-    return int(np.argmax(for_good)) if for_good.any() else len(place)
