@@ -108,14 +108,14 @@ def damped_cosine(trajectory: Trajectory, known: Known, quantity: str = "theta")
     damping, frequency = float(values[2]), abs(float(values[3]))
     stiffness = frequency**2 + damping**2 / 4
     stderr = math.hypot(2 * frequency * stderrs[3], damping / 2 * stderrs[2])
-    found = {
+    estimates = {
         "stiffness": Estimate(stiffness, stderr, "1/s^2", "fitted", DAMPED_COSINE),
         "damping": Estimate(damping, float(stderrs[2]), "1/s", "fitted", DAMPED_COSINE),
     }
     if "gravity" in known:
         length = known["gravity"].value / stiffness
-        found["length"] = Estimate(length, length * stderr / stiffness, "m", "fitted", DAMPED_COSINE)
-    return found
+        estimates["length"] = Estimate(length, length * stderr / stiffness, "m", "fitted", DAMPED_COSINE)
+    return estimates
 
 
 def _oscillation(t_s: Array, a: float, b: float, damping: float, frequency: float, rest: float) -> Array:
@@ -168,13 +168,13 @@ def incline(trajectory: Trajectory, known: Known) -> dict[str, Estimate]:
     """
     value, stderr = _acceleration(trajectory, "s")
     unit = f"{trajectory.quantities[trajectory.column('s')].unit}/s^2"
-    found = {"acceleration": Estimate(value, stderr, unit, "fitted", POLYNOMIAL)}
+    estimates = {"acceleration": Estimate(value, stderr, unit, "fitted", POLYNOMIAL)}
     if unit == "m/s^2" and {"angle", "gravity"} <= known.keys():
         angle, gravity = known["angle"].value, known["gravity"].value
         slope = gravity * math.cos(angle)
         source = f"tan a - acceleration / (g cos a), {POLYNOMIAL}"
-        found["friction"] = Estimate(math.tan(angle) - value / slope, stderr / slope, "1", "fitted", source)
-    return found
+        estimates["friction"] = Estimate(math.tan(angle) - value / slope, stderr / slope, "1", "fitted", source)
+    return estimates
 
 
 def _acceleration(trajectory: Trajectory, quantity: str) -> tuple[float, float]:
@@ -189,10 +189,10 @@ def _levenberg_marquardt(
 ) -> tuple[Array, Array]:
     """Values and standard errors for white noise; FitError when it does not converge."""
     try:
-        found, covariance = curve_fit(curve, t_s, values, p0=start, method="lm", maxfev=MOST_STEPS)
+        fitted, covariance = curve_fit(curve, t_s, values, p0=start, method="lm", maxfev=MOST_STEPS)
     except RuntimeError as error:
         raise FitError(f"Levenberg-Marquardt does not converge: {error}") from error
-    return np.asarray(found), np.sqrt(np.diag(covariance))
+    return np.asarray(fitted), np.sqrt(np.diag(covariance))
 
 
 ENVELOPE = "envelope A0 exp(-damping t / 2) through the peaks"

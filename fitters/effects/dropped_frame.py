@@ -37,7 +37,7 @@ def nearby(t_s: Array, shape: tuple[float, ...]) -> list[tuple[float, ...]]:
 
 def _shapes(t_s: Array, when: Array) -> list[tuple[float, ...]]:
     inside = when[(when > t_s[0]) & (when < t_s[-1])]
-    return [(float(one), frame_interval(t_s)) for one in inside]
+    return [(float(time_s), frame_interval(t_s)) for time_s in inside]
 
 
 EFFECT = Effect(

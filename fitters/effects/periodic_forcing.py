@@ -26,7 +26,7 @@ def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
     """
     span = float(t_s[-1] - t_s[0])
     cycles = np.arange(1.0, max(min(MOST_CYCLES, t_s.size / 8), 1.5), 0.5)
-    return [(float(2 * np.pi * one / span), phase) for one in cycles for phase in QUARTER_TURNS]
+    return [(float(2 * np.pi * count / span), phase) for count in cycles for phase in QUARTER_TURNS]
 
 
 EFFECT = Effect(

@@ -88,9 +88,9 @@ class InitialValueProblem:
                 f"observe of model {self.model.name!r} raises {type(error).__name__}: {error}; it is called as "
                 f"observe(t_s (n,), states (n, {states.shape[1]}), params ({len(self.model.parameters)},)) with arrays"
             ) from error
-        wanted = (states.shape[0], len(self.model.observed))
-        if seen.shape != wanted:
-            raise FitError(f"observe of model {self.model.name!r} must return an array {wanted}, not {seen.shape}")
+        shape = (states.shape[0], len(self.model.observed))
+        if seen.shape != shape:
+            raise FitError(f"observe of model {self.model.name!r} must return an array {shape}, not {seen.shape}")
         return seen
 
     def predicted(self, values: Array) -> Array:
@@ -160,8 +160,8 @@ class InitialValueProblem:
 
     def with_step(self, longest_step_s: float) -> InitialValueProblem:
         """The problem with the fewest equal steps in each sample interval that are no longer than this."""
-        wanted = np.ceil(np.diff(self.t_s) / longest_step_s * (1 - 1e-9))
-        return replace(self, substeps=np.clip(wanted, 1, MOST_STEPS[1]).astype(np.int64))
+        counts = np.ceil(np.diff(self.t_s) / longest_step_s * (1 - 1e-9))
+        return replace(self, substeps=np.clip(counts, 1, MOST_STEPS[1]).astype(np.int64))
 
     def planned(self, values: Array, tolerance: float, negligible: float = 0.0) -> InitialValueProblem:
         """The problem with steps short enough for these values, judged by its first PLANNED samples.
@@ -306,8 +306,8 @@ def adapted_steps(steps: Array, slopes: Array, size: Array) -> Array:
     """
     with np.errstate(all="ignore"):
         response = np.nanmax(np.abs(slopes), axis=0, initial=0.0) / np.where(size > 0, size, 1.0)[:, None]
-        wanted = RESPONSE / np.max(response, axis=0)
-    return np.where(np.isfinite(wanted) & (wanted > 0), np.clip(wanted, 1e-2 * steps, 1e5 * steps), steps)
+        adapted = RESPONSE / np.max(response, axis=0)
+    return np.where(np.isfinite(adapted) & (adapted > 0), np.clip(adapted, 1e-2 * steps, 1e5 * steps), steps)
 
 
 def difference_steps(problem: InitialValueProblem, values: Array, which: NDArray[np.intp]) -> Array:

@@ -34,8 +34,8 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
     """Take the direction of rest from phi'' regressed on phi, 1 and phi' in weak form; the rest about it."""
     t_s, phi = samples(trajectory, "phi")
     (stiffness, torque, _), _ = weak_regression(t_s, phi, np.column_stack([-phi, np.ones_like(phi)]))
-    found = np.isfinite(stiffness) and stiffness > 0
-    rest = float(np.clip(torque / stiffness, phi.min(), phi.max())) if found else 0.0
+    determined = np.isfinite(stiffness) and stiffness > 0
+    rest = float(np.clip(torque / stiffness, phi.min(), phi.max())) if determined else 0.0
     about = trajectory.with_(position=trajectory.position - rest, smoothed=None)
     return {**about_rest().guess(about), "rest": rest}
 

@@ -63,16 +63,16 @@ def _guess(bodies: int) -> Callable[[Trajectory], Mapping[str, float]]:
         """Take each body's acceleration regressed on its distance from all others and its speed; the median counts."""
         columns = [samples(trajectory, f"z{k + 1}") for k in range(bodies)]
         t_s = columns[0][0]
-        together = np.sum([values for _, values in columns], axis=0)
-        values, found = {}, []
+        total = np.sum([values for _, values in columns], axis=0)
+        values, pairs = {}, []
         for k, (_, own) in enumerate(columns):
-            pull = (together - bodies * own)[:, None]
+            pull = (total - bodies * own)[:, None]
             (coupling, friction), half_width_s = weak_regression(t_s, own, pull)
             start = start_of(t_s, own, half_width_s)
             values[f"z{k + 1}_0"], values[f"v{k + 1}_0"] = float(start[0]), float(start[1])
-            found.append((coupling, -friction))
-        sure = [pair for pair in found if np.all(np.isfinite(pair))]
-        coupling, damping = np.median(sure, axis=0) if sure else (0.0, 0.0)
+            pairs.append((coupling, -friction))
+        finite = [pair for pair in pairs if np.all(np.isfinite(pair))]
+        coupling, damping = np.median(finite, axis=0) if finite else (0.0, 0.0)
         return {**values, "coupling": float(coupling), "damping": float(np.clip(damping, -1.0, 50.0))}
 
     return guess

@@ -46,9 +46,9 @@ def energy(states: Array, params: Array) -> Array:
     ``states`` (n, s) in the model's units; one value for each sample (n,).
     """
     z, v = states[:, :2], states[:, 2:]
-    each = v**2 / 2 + params[:2] * z**2 / 2
+    own_energy = v**2 / 2 + params[:2] * z**2 / 2
     stretched = (z[:, 0] - z[:, 1]) ** 2 / 2
-    return np.asarray(params[5] * each[:, 0] + params[4] * each[:, 1] + params[4] * params[5] * stretched)
+    return np.asarray(params[5] * own_energy[:, 0] + params[4] * own_energy[:, 1] + params[4] * params[5] * stretched)
 
 
 MODEL = OdeModel(

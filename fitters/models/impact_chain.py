@@ -51,15 +51,15 @@ def second_impact(t: float, state: tuple[float, ...], params: tuple[float, ...])
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
     """Take the contacts where the bodies come nearest, and the damping from the straightness before and after."""
     columns = [samples(trajectory, f"z{k}") for k in (1, 2, 3)]
-    t_s, (one, two, three) = columns[0][0], (values for _, values in columns)
+    t_s, (first, second, third) = columns[0][0], (values for _, values in columns)
     values = {
-        "contact_12": float(np.min(two - one)),
-        "contact_23": float(np.min(three - two)),
+        "contact_12": float(np.min(second - first)),
+        "contact_23": float(np.min(third - second)),
         "damping_1": 0.1,
         "damping": 0.1,
     }
-    hit = max(int(np.argmin(two - one)), 6)
-    for k, own in enumerate((one, two, three), start=1):
+    hit = max(int(np.argmin(second - first)), 6)
+    for k, own in enumerate((first, second, third), start=1):
         start = start_of(t_s[:hit], own[:hit], np.inf, degree=1)
         values[f"z{k}_0"], values[f"v{k}_0"] = float(start[0]), float(start[1])
     return values

@@ -69,7 +69,7 @@ def guess(trajectory: Trajectory) -> Mapping[str, float]:
     length = float(np.sqrt(max(a * a / 4 + b * b / 4 - c, 1e-6)))
     slack = np.hypot(x + a / 2, z + b / 2) < ALMOST * length
     flight = slice(0, max(int(np.argmin(slack)) if not slack.all() else t_s.size, 6))
-    across, along = (start_of(t_s[flight], one[flight], np.inf, degree=2) for one in (x, z))
+    across, along = (start_of(t_s[flight], column[flight], np.inf, degree=2) for column in (x, z))
     return {
         "length": length,
         "pivot_x": -a / 2,

@@ -187,13 +187,13 @@ def _most_likely(residual: Array, basis: Array, start: Array) -> Array:
 
     unbounded = cast("Vector", np.arctanh(start / EDGE * (1 - 1e-6)))
     try:
-        found = minimize(quick, unbounded, method="L-BFGS-B", jac=True, tol=TOLERANCE)
-        holds = found.success and abs(found.fun - exact(found.x)) < DIGITS_LOST
+        minimum = minimize(quick, unbounded, method="L-BFGS-B", jac=True, tol=TOLERANCE)
+        holds = minimum.success and abs(minimum.fun - exact(minimum.x)) < DIGITS_LOST
     except (LinAlgError, ValueError):  # singular to rounding, or too large to be squared
         holds = False
     if not holds:
-        found = minimize(exact, unbounded, method="L-BFGS-B", jac="3-point", tol=TOLERANCE)
-    return np.asarray(EDGE * np.tanh(found.x), dtype=np.float64)
+        minimum = minimize(exact, unbounded, method="L-BFGS-B", jac="3-point", tol=TOLERANCE)
+    return np.asarray(EDGE * np.tanh(minimum.x), dtype=np.float64)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -216,7 +216,7 @@ class _LaggedProducts:
         ends = range(order, -1, -1)
         lagged = np.stack([padded[end : end + len(columns)] for end in ends], axis=1).reshape(len(columns), -1)
         order_at = np.where(present, np.minimum(_run_length(present) - 1, order), -1)
-        parts = [lagged[order_at == one] for one in range(order + 1)]
+        parts = [lagged[order_at == length] for length in range(order + 1)]
         products = np.array([part.T @ part for part in parts])
         shape = (order + 1, *(order + 1, columns.shape[1]) * 2)
         counts = np.array([float(len(part)) for part in parts])
@@ -227,17 +227,17 @@ class _LaggedProducts:
         filters, slopes = _filters(partial)
         shares, share_slopes = _shares(partial)
         half = np.einsum("piajb,pj->piab", self.products, filters)
-        each = np.einsum("piab,pi->pab", half, filters)
-        white = np.einsum("p,pab->ab", shares, each)  # products of the whitened columns
+        filtered = np.einsum("piab,pi->pab", half, filters)
+        white = np.einsum("p,pab->ab", shares, filtered)  # products of the whitened columns
         factor = cho_factor(white[1:, 1:], lower=True)
         taken = cho_solve(factor, white[1:, 0])
         square = max(float(white[0, 0] - white[1:, 0] @ taken), 1e-300)
         logs = np.sum(np.log(np.diag(factor[0])))
         value = float(-self.counts @ np.log(shares) + 2.0 * logs + self.degrees * np.log(square))
-        left = np.append(1.0, -taken)
-        by_white = self.degrees / square * np.outer(left, left)
+        combination = np.append(1.0, -taken)
+        by_white = self.degrees / square * np.outer(combination, combination)
         by_white[1:, 1:] += cho_solve(factor, np.eye(taken.size))
-        by_share = shares * np.einsum("pab,ab->p", each, by_white) - self.counts
+        by_share = shares * np.einsum("pab,ab->p", filtered, by_white) - self.counts
         by_filter = 2.0 * shares[:, None] * np.einsum("piab,ab->pi", half, by_white)
         return value, by_share @ share_slopes + np.einsum("mpi,pi->m", slopes, by_filter)
 

@@ -46,6 +46,6 @@ def with_measured_correlation(
         off = (unbounded - known) / spread
         return minus_restricted(residual, basis, EDGE * np.tanh(unbounded))[0] + float(off @ off)
 
-    found = minimize(objective, cast("Vector", known), method="L-BFGS-B", jac="3-point")
-    partial = np.asarray(EDGE * np.tanh(found.x), dtype=np.float64)
+    minimum = minimize(objective, cast("Vector", known), method="L-BFGS-B", jac="3-point")
+    partial = np.asarray(EDGE * np.tanh(minimum.x), dtype=np.float64)
     return Autoregression.of(residual, basis, partial)

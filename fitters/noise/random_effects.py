@@ -94,14 +94,14 @@ def between_clips(y: Array, v: Array) -> tuple[float, float, float]:
     grid = np.concatenate([[0.0], np.geomspace(1e-4, 10.0, 60)])
     best = int(np.argmin([minus_restricted(tau) for tau in grid]))
     around = (grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)])
-    found = minimize_scalar(minus_restricted, bounds=around, method="bounded", options={"xatol": 1e-8})
-    tau = float(found.x) if minus_restricted(float(found.x)) < minus_restricted(0.0) - 1e-9 else 0.0
+    minimum = minimize_scalar(minus_restricted, bounds=around, method="bounded", options={"xatol": 1e-8})
+    tau = float(minimum.x) if minus_restricted(float(minimum.x)) < minus_restricted(0.0) - 1e-9 else 0.0
     low, high = (_where_q_is(y, v, chi2_ppf(level, y.size - 1)) for level in (0.975, 0.025))
     return low * unit, tau * unit, high * unit
 
 
-def _where_q_is(y: Array, v: Array, wanted: float) -> float:
+def _where_q_is(y: Array, v: Array, level: float) -> float:
     """The tau at which the generalised Q falls to a value; 0 where it is below that from the start."""
-    if generalised_q(y, v, 0.0) <= wanted:
+    if generalised_q(y, v, 0.0) <= level:
         return 0.0
-    return float(brentq(lambda tau: generalised_q(y, v, tau**2) - wanted, 0.0, WIDEST, xtol=1e-10))
+    return float(brentq(lambda tau: generalised_q(y, v, tau**2) - level, 0.0, WIDEST, xtol=1e-10))

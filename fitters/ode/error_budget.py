@@ -59,8 +59,8 @@ def estimate_all(task: Task, values: Array, errors: Errors) -> Budget:
             continue
         parts = _parts(np.eye(len(task.free))[task.free.index(name)], errors, {})
         budget[name] = parts
-        one = _estimate(value, parts, errors.degrees[task.free.index(name)], units[name], "fitted")
-        estimates[name] = replace(one, source=_prior_text(task.priors[name])) if name in task.priors else one
+        estimate = _estimate(value, parts, errors.degrees[task.free.index(name)], units[name], "fitted")
+        estimates[name] = replace(estimate, source=_prior_text(task.priors[name])) if name in task.priors else estimate
     for name, (value, gradient, direct) in _derived(task, values).items():
         parts = _parts(gradient, errors, direct)
         degrees = float(np.min(errors.degrees[gradient != 0], initial=np.inf))
@@ -122,13 +122,13 @@ def _derive(model: OdeModel, values: Array) -> Array:
     assert model.derive is not None
     try:
         with np.errstate(all="ignore"):
-            found = model.derive(dict(zip(value_names(model), values.tolist(), strict=True)))
+            derived = model.derive(dict(zip(value_names(model), values.tolist(), strict=True)))
     except (ArithmeticError, ValueError):  # e.g. the root of a negative number
         return np.full(len(model.derived), np.nan)
-    missing = [quantity.name for quantity in model.derived if quantity.name not in found]
+    missing = [quantity.name for quantity in model.derived if quantity.name not in derived]
     if missing:
-        raise FitError(f"derive of model {model.name!r} must return {', '.join(missing)}; it returned {list(found)}")
-    return np.array([float(found[quantity.name]) for quantity in model.derived])
+        raise FitError(f"derive of model {model.name!r} must return {', '.join(missing)}; it returned {list(derived)}")
+    return np.array([float(derived[quantity.name]) for quantity in model.derived])
 
 
 def _slope(model: OdeModel, values: Array, index: int) -> Array:

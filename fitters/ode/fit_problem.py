@@ -97,8 +97,8 @@ def check_names(model: OdeModel, **given: Sequence[str]) -> None:
     for name in names:
         if not name.isidentifier() or keyword.iskeyword(name):
             raise FitError(f"model {model.name!r}: {name!r} cannot name a parameter; use letters, digits and _")
-    for option, wanted in given.items():
-        for name in wanted:
+    for option, listed in given.items():
+        for name in listed:
             if name not in names:
                 raise FitError(f"{option}: model {model.name!r} has no parameter {name!r}; it has {', '.join(names)}")
 
@@ -125,7 +125,7 @@ def known_values(
         for parameter in model.parameters
         if parameter.constant and parameter.name not in fixed
     }
-    return {name: one for name, one in {**constant, **given}.items() if name not in free}
+    return {name: estimate for name, estimate in {**constant, **given}.items() if name not in free}
 
 
 def priors_of(
@@ -140,8 +140,8 @@ def priors_of(
     fixed, free
         What stands in both is a prior; FitError when it has no standard error.
     """
-    both = {name: one for name, one in _all_given(model, trajectory, fixed).items() if name in free}
-    exact = sorted(name for name, one in both.items() if not 0 < one.stderr < np.inf)
+    both = {name: estimate for name, estimate in _all_given(model, trajectory, fixed).items() if name in free}
+    exact = sorted(name for name, estimate in both.items() if not 0 < estimate.stderr < np.inf)
     if exact:
         raise FitError(
             f"{', '.join(exact)} cannot be both fixed and free: give it with its standard error, which then is a "
@@ -277,7 +277,7 @@ def prepare(
         target=Target(observed, sigma, clean),
         unknowns=_unknowns(model, free, priors),
         noise=noise,
-        systematic={source: one[:, span][:, :, columns] for source, one in trajectory.systematic.items()},
+        systematic={source: errors[:, span][:, :, columns] for source, errors in trajectory.systematic.items()},
     )
 
 

@@ -42,11 +42,11 @@ def grow(problem: InitialValueProblem, target: Target, unknowns: Unknowns, value
     stop = max(first_horizon(target, unknowns.which.size), reach(problem, target, values))
     while True:
         part = thinned(problem.first(stop), target.first(stop))
-        found = minimise(*part, unknowns, values, rough=True, gradients=gradients)
-        values, gradients = found.values, found.gradients
+        solution = minimise(*part, unknowns, values, rough=True, gradients=gradients)
+        values, gradients = solution.values, solution.gradients
         if stop == n:
-            rough = not explains(found, part[1])
-            return minimise(problem, target, unknowns, values, rough=rough, steps=found.steps, gradients=gradients)
+            rough = not explains(solution, part[1])
+            return minimise(problem, target, unknowns, values, rough=rough, steps=solution.steps, gradients=gradients)
         stop = next_horizon(problem, target, values, stop)
 
 
@@ -63,9 +63,9 @@ def first_horizon(target: Target, n_free: int) -> int:
     seen = target.observed[target.used]
     span = np.maximum.accumulate(seen, axis=0) - np.minimum.accumulate(seen, axis=0)
     share = np.mean(span / np.where(span[-1] > 0, span[-1], 1.0), axis=1)
-    wanted = int(np.searchsorted(share, 0.5)) + 1
+    covering = int(np.searchsorted(share, 0.5)) + 1
     index = np.flatnonzero(target.used)
-    return int(index[min(max(wanted, 2 * n_free + 4), index.size) - 1]) + 1
+    return int(index[min(max(covering, 2 * n_free + 4), index.size) - 1]) + 1
 
 
 def next_horizon(problem: InitialValueProblem, target: Target, values: Array, stop: int) -> int:
@@ -131,10 +131,10 @@ def search(
     for start, trusted in starts:
         if best is not None and not trusted and explains(best, target):
             break
-        found = grow(problem, target, unknowns, start)
-        if best is None or found.rms < best.rms * (1 - SAME):
-            best, times_found = found, 1
-        elif np.isfinite(found.rms) and found.rms < best.rms * (1 + SAME):
+        solution = grow(problem, target, unknowns, start)
+        if best is None or solution.rms < best.rms * (1 - SAME):
+            best, times_found = solution, 1
+        elif np.isfinite(solution.rms) and solution.rms < best.rms * (1 + SAME):
             times_found += 1
         if times_found == 2 or explains(best, target, motion_share=0.0):
             break

@@ -91,6 +91,6 @@ def _curvature(problem: InitialValueProblem, values: Array, which: Array, pull: 
     parts = [np.einsum("nd,ndc->c", pull, np.nan_to_num(problem.predictions(batch))) for batch in batches]
     sums = np.concatenate(parts)
     curvature = np.zeros((k, k))
-    for (i, j, a, b), one in zip(pairs, sums, strict=True):
-        curvature[i, j] += a * b * one / (steps[i] * steps[j])
+    for (i, j, a, b), total in zip(pairs, sums, strict=True):
+        curvature[i, j] += a * b * total / (steps[i] * steps[j])
     return np.asarray(np.triu(curvature) + np.triu(curvature, 1).T)

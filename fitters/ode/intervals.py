@@ -68,17 +68,17 @@ def checked_methods(methods: Sequence[str]) -> tuple[Method, ...]:
     unknown = [method for method in methods if method not in (*METHODS, "all")]
     if unknown:
         raise FitError(f"uncertainty: there is no {', '.join(unknown)}; there are: {', '.join(METHODS)}, all")
-    return tuple(one for one in METHODS if one in methods or "all" in methods)
+    return tuple(method for method in METHODS if method in methods or "all" in methods)
 
 
 def intervals_by(found: Found, methods: Sequence[Method]) -> dict[str, dict[str, Interval]]:
     """Intervals by method and name, of the values that have an error at all."""
-    ways: Mapping[Method, Callable[[Found], dict[str, Interval]]] = {
+    functions: Mapping[Method, Callable[[Found], dict[str, Interval]]] = {
         "robust": _robust,
         "profile": _profile,
         "bootstrap": _bootstrap,
     }
-    return {method: ways[method](found) for method in methods}
+    return {method: functions[method](found) for method in methods}
 
 
 def disagreements(intervals: Mapping[str, Mapping[str, Interval]]) -> list[str]:
@@ -99,58 +99,58 @@ def disagreements(intervals: Mapping[str, Mapping[str, Interval]]) -> list[str]:
     return texts
 
 
-def _robust(found: Found) -> dict[str, Interval]:
-    half = found.quantile * np.sqrt(np.diag(found.covariance))
+def _robust(optimum: Found) -> dict[str, Interval]:
+    half = optimum.quantile * np.sqrt(np.diag(optimum.covariance))
     return {
-        name: (float(found.values[k] - half[k]), float(found.values[k] + half[k]))
-        for k, name in enumerate(found.task.free)
-        if found.usable[k]
+        name: (float(optimum.values[k] - half[k]), float(optimum.values[k] + half[k]))
+        for k, name in enumerate(optimum.task.free)
+        if optimum.usable[k]
     }
 
 
 # --------------------------------------------------------------------------- profile likelihood
 
 
-def _profile(found: Found) -> dict[str, Interval]:
+def _profile(optimum: Found) -> dict[str, Interval]:
     """Ends at which the misfit, all other values fitted again, has grown by the squared quantile (Wilks 1938).
 
     For noise that is not white the misfit is divided by the ratio of the robust variance to the white one (Kent
     1982, Biometrika 69, 19), so that both intervals are the same where the fit is linear.
     """
-    white = inverse_normal(found.near.informed[:, found.usable], SINGULAR**-0.5)
-    scale = np.full(found.usable.size, np.nan)
-    scale[found.usable] = np.diag(found.covariance)[found.usable] / np.diag(white)
+    white = inverse_normal(optimum.near.informed[:, optimum.usable], SINGULAR**-0.5)
+    scale = np.full(optimum.usable.size, np.nan)
+    scale[optimum.usable] = np.diag(optimum.covariance)[optimum.usable] / np.diag(white)
     return {
-        name: (_end(found, k, scale[k], -1.0), _end(found, k, scale[k], 1.0))
-        for k, name in enumerate(found.task.free)
-        if found.usable[k]
+        name: (_end(optimum, k, scale[k], -1.0), _end(optimum, k, scale[k], 1.0))
+        for k, name in enumerate(optimum.task.free)
+        if optimum.usable[k]
     }
 
 
-def _end(found: Found, index: int, scale: float, side: float) -> float:
+def _end(optimum: Found, index: int, scale: float, side: float) -> float:
     """Where the signed root of the misfit's growth reaches the quantile, by the secant through the optimum."""
-    unknowns = found.task.unknowns
-    best, wanted = found.values[index], found.quantile[index]
-    distance = side * wanted * float(np.sqrt(found.covariance[index, index]))
+    unknowns = optimum.task.unknowns
+    best, quantile = optimum.values[index], optimum.quantile[index]
+    distance = side * quantile * float(np.sqrt(optimum.covariance[index, index]))
     bound = float(unknowns.lower[index] if side < 0 else unknowns.upper[index])
     for _ in range(TRIES):
         at = bound if abs(distance) >= abs(bound - best) else best + distance
-        growth = _misfit_with(found, index, at) - _misfit(found, found.solution)
+        growth = _misfit_with(optimum, index, at) - _misfit(optimum, optimum.solution)
         root = float(np.sqrt(max(growth, 0.0) / scale))
         if not np.isfinite(root):
             return float(side * np.inf)
-        if abs(root - wanted) < CLOSE * wanted or (at == bound and root < wanted):
+        if abs(root - quantile) < CLOSE * quantile or (at == bound and root < quantile):
             return float(at)
-        distance *= float(np.clip(wanted / max(root, 1e-12), 0.25, 4.0))
+        distance *= float(np.clip(quantile / max(root, 1e-12), 0.25, 4.0))
     return float(best + distance)
 
 
-def _misfit_with(found: Found, index: int, value: float) -> float:
+def _misfit_with(optimum: Found, index: int, value: float) -> float:
     """Smallest sum of squares with one free value held."""
-    task, solution = found.task, found.solution
-    usable = found.usable & (np.arange(found.usable.size) != index)
+    task, solution = optimum.task, optimum.solution
+    usable = optimum.usable & (np.arange(optimum.usable.size) != index)
     moved = solution.values.copy()
-    response = found.covariance[:, index] / found.covariance[index, index] * (value - found.values[index])
+    response = optimum.covariance[:, index] / optimum.covariance[index, index] * (value - optimum.values[index])
     moved[task.unknowns.which[usable]] += response[usable]
     moved[task.unknowns.which[index]] = value
     others = task.unknowns.without(index)
@@ -158,13 +158,13 @@ def _misfit_with(found: Found, index: int, value: float) -> float:
         predicted = solution.problem.predicted(moved)
         fitted = Solution(solution.problem, moved, predicted, solution.steps, 0.0, True, True, "")
     else:
-        fitted = minimise(solution.problem, found.target, others, moved, steps=np.delete(solution.steps, index))
-    return _misfit(found, fitted)
+        fitted = minimise(solution.problem, optimum.target, others, moved, steps=np.delete(solution.steps, index))
+    return _misfit(optimum, fitted)
 
 
-def _misfit(found: Found, solution: Solution) -> float:
-    residual = found.target.weighted(found.target.observed - solution.predicted)
-    pulls = found.task.unknowns.prior_residual(solution.values)
+def _misfit(optimum: Found, solution: Solution) -> float:
+    residual = optimum.target.weighted(optimum.target.observed - solution.predicted)
+    pulls = optimum.task.unknowns.prior_residual(solution.values)
     with np.errstate(all="ignore"):
         return float(residual @ residual + pulls @ pulls)
 
@@ -187,70 +187,70 @@ def block_length(noise: Sequence[Autoregression], n: int) -> int:
     return int(np.clip(round(longest), 1, max(n // 4, 1)))
 
 
-def _bootstrap(found: Found) -> dict[str, Interval]:
+def _bootstrap(optimum: Found) -> dict[str, Interval]:
     """Basic bootstrap interval (Davison and Hinkley 1997, section 5.2) of residuals drawn anew in circular blocks.
 
     Blocks (Kuensch 1989, Ann. Stat. 17, 1217) keep the noise's autocorrelation. Each replicate is a full fit, by
     the chord method from the optimum: the Jacobian stays, the prediction is computed anew.
     """
     rng = np.random.default_rng(0)
-    size = max(1, BATCH_NUMBERS // found.near.residual.size)
+    size = max(1, BATCH_NUMBERS // optimum.near.residual.size)
     batches = [min(size, REPLICATES - start) for start in range(0, REPLICATES, size)]
-    change = np.concatenate([_replicates(found, count, rng) for count in batches], axis=1)
+    change = np.concatenate([_replicates(optimum, count, rng) for count in batches], axis=1)
     change = change[:, np.all(np.isfinite(change), axis=0)]
     if change.shape[1] < REPLICATES // 2:
         nothing = (float("nan"), float("nan"))
-        return {name: nothing for name, usable in zip(found.task.free, found.usable, strict=True) if usable}
+        return {name: nothing for name, usable in zip(optimum.task.free, optimum.usable, strict=True) if usable}
     low, high = np.percentile(change, [2.5, 97.5], axis=1)
-    kept = np.flatnonzero(found.usable)
+    kept = np.flatnonzero(optimum.usable)
     return {
-        found.task.free[k]: (float(found.values[k] - high[c]), float(found.values[k] - low[c]))
+        optimum.task.free[k]: (float(optimum.values[k] - high[c]), float(optimum.values[k] - low[c]))
         for c, k in enumerate(kept)
     }
 
 
-def _replicates(found: Found, count: int, rng: np.random.Generator) -> Array:
+def _replicates(optimum: Found, count: int, rng: np.random.Generator) -> Array:
     """Changes of the usable free values (k, count) in refits to residuals drawn anew."""
-    near, unknowns = found.near, found.task.unknowns
-    usable = np.flatnonzero(found.usable)
-    drawn = _drawn_residual(found, count, rng)
+    near, unknowns = optimum.near, optimum.task.unknowns
+    usable = np.flatnonzero(optimum.usable)
+    drawn = _drawn_residual(optimum, count, rng)
     flat, precision = near.flat[:, usable], unknowns.precision[usable]
     bread = inverse_normal(near.informed[:, usable], SINGULAR**-0.5)
-    told = rng.standard_normal((usable.size, count)) * _prior_spread(found)[usable, None]
+    prior_draws = rng.standard_normal((usable.size, count)) * _prior_spread(optimum)[usable, None]
     change = np.zeros((usable.size, count))
     moved = np.zeros_like(drawn)
     for _ in range(CHORD_STEPS):
-        step = bread @ (flat.T @ (drawn - moved) + precision[:, None] ** 2 * (told - change))
+        step = bread @ (flat.T @ (drawn - moved) + precision[:, None] ** 2 * (prior_draws - change))
         change += step
-        relative = np.abs(step) / np.sqrt(np.diag(found.covariance))[usable, None]
+        relative = np.abs(step) / np.sqrt(np.diag(optimum.covariance))[usable, None]
         if not np.nanmax(relative) > CLOSE:
             break
-        moved = _moved(found, usable, change)
+        moved = _moved(optimum, usable, change)
     return change
 
 
-def _prior_spread(found: Found) -> Array:
+def _prior_spread(optimum: Found) -> Array:
     """Standard errors (k,) of the priors, zero where there is none."""
-    priors = found.task.priors
-    return np.array([priors[name].stderr if name in priors else 0.0 for name in found.task.free])
+    priors = optimum.task.priors
+    return np.array([priors[name].stderr if name in priors else 0.0 for name in optimum.task.free])
 
 
-def _drawn_residual(found: Found, count: int, rng: np.random.Generator) -> Array:
+def _drawn_residual(optimum: Found, count: int, rng: np.random.Generator) -> Array:
     """Residuals (n * d, count) drawn in circular blocks, inflated for what the fit took out of them."""
-    residual = found.near.residual - found.near.residual.mean(axis=0)
+    residual = optimum.near.residual - optimum.near.residual.mean(axis=0)
     n, d = residual.shape
-    residual = residual * np.sqrt(n * d / max(n * d - found.usable.size, 1))
-    length = block_length(found.noise, n)
+    residual = residual * np.sqrt(n * d / max(n * d - optimum.usable.size, 1))
+    length = block_length(optimum.noise, n)
     starts = rng.integers(0, n, (-(-n // length), count))
     index = (starts[:, None, :] + np.arange(length)[None, :, None]).reshape(-1, count)[:n] % n
     return np.asarray(residual[index].transpose(0, 2, 1).reshape(n * d, count))
 
 
-def _moved(found: Found, usable: NDArray[np.intp], change: Array) -> Array:
+def _moved(optimum: Found, usable: NDArray[np.intp], change: Array) -> Array:
     """Change of the prediction (n * d, count) in units of sigma when the free values change."""
-    solution, target = found.solution, found.target
+    solution, target = optimum.solution, optimum.target
     columns = np.repeat(solution.values[:, None], change.shape[1], axis=1)
-    columns[found.task.unknowns.which[usable]] += change
+    columns[optimum.task.unknowns.which[usable]] += change
     difference = solution.problem.predictions(columns) - solution.predicted[:, :, None]
     with np.errstate(all="ignore"):
         return np.asarray(target.weighted(difference))

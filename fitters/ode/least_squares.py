@@ -216,9 +216,9 @@ def minimise(
         why = "the solution diverges at the start"
         return Solution(problem, start, predicted, objective.steps, np.inf, False, True, why, gradients)
     enough = ROUGH_EVALUATIONS if rough else min(most or FINE_EVALUATIONS, FINE_EVALUATIONS)
-    found = _minimised(objective, loss, enough, rough=rough)
-    best = objective.values_of(found.x)
-    seen = np.asarray(found.fun)[: int(target.used.sum()) * target.observed.shape[1]]
+    result = _minimised(objective, loss, enough, rough=rough)
+    best = objective.values_of(result.x)
+    seen = np.asarray(result.fun)[: int(target.used.sum()) * target.observed.shape[1]]
     with np.errstate(all="ignore"):
         rms = float(np.sqrt(np.mean(seen**2)))
     finite = bool(np.isfinite(rms)) and bool(np.max(np.abs(seen), initial=0.0) < LARGEST)
@@ -228,9 +228,9 @@ def minimise(
         predicted=objective.predicted(best),
         steps=objective.steps,
         rms=rms if finite else np.inf,
-        converged=bool(found.success) and finite,
+        converged=bool(result.success) and finite,
         fine=not rough,
-        message=str(found.message),
+        message=str(result.message),
         gradients=(*gradients, *objective.gradients),
     )
 

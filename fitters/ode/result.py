@@ -158,12 +158,12 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -
     """
     near = linearise(task, target, solution)
     touching = at_bounds(task.unknowns, solution.values)
-    found = _determination(near, ~touching)
-    errors, random = errors_of(task, near, ~touching, found.undetermined)
+    determined = _determination(near, ~touching)
+    errors, random = errors_of(task, near, ~touching, determined.undetermined)
     results = estimate_all(task, solution.values, errors)
     residual = target.observed - solution.predicted
     rms = np.sqrt(np.mean(residual[target.used] ** 2, axis=0))
-    status, problems = _status(task, target, solution, touching, found, rms)
+    status, problems = _status(task, target, solution, touching, determined, rms)
     measured = with_priors(task.unknowns, task.priors)
     pulls = measured.prior_residual(solution.values)
     aic, bic = criteria(near.residual, target.sigma[target.used], len(task.free), pulls)
@@ -183,11 +183,11 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -
         bic=bic,
         jacobian=near.flat * np.repeat(target.sigma[target.used].ravel()[:, None], len(task.free), axis=1),
         fisher=fisher_information(near) + measured.prior_rows.T @ measured.prior_rows,
-        condition=found.condition,
+        condition=determined.condition,
         correlation=_lag_one(near.residual),
         t0_s=float(solution.problem.t_s[0]),
         budget=results.budget,
-        identifiability=_identifiability(task, target, solution, near, found),
+        identifiability=_identifiability(task, target, solution, near, determined),
         origin={
             **task.trajectory.origin,
             "rhs_note": solution.problem.rhs.note,
@@ -202,12 +202,12 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -
 
 def _determination(near: Linearised, usable: Mask) -> Determination:
     """What the values that are not at a bound leave undetermined, spread over all free values."""
-    found = determination(near.informed[:, usable])
-    null = np.zeros((found.null.shape[0], usable.size))
-    null[:, usable] = found.null
+    part = determination(near.informed[:, usable])
+    null = np.zeros((part.null.shape[0], usable.size))
+    null[:, usable] = part.null
     undetermined = np.zeros(usable.size, dtype=np.bool_)
-    undetermined[usable] = found.undetermined
-    return Determination(found.condition, null, undetermined)
+    undetermined[usable] = part.undetermined
+    return Determination(part.condition, null, undetermined)
 
 
 def information_loss(near: Linearised) -> float:
@@ -225,15 +225,15 @@ def information_loss(near: Linearised) -> float:
 
 
 def _identifiability(
-    task: Task, target: Target, solution: Solution, near: Linearised, found: Determination
+    task: Task, target: Target, solution: Solution, near: Linearised, determined: Determination
 ) -> Identifiability:
     values = solution.values[task.unknowns.which]
     order = 2 if task.model.second_order else 1
     residual = np.where(target.used[:, None], target.observed - solution.predicted, np.nan)
     return Identifiability(
         names=task.free,
-        condition=found.condition,
-        undetermined=tuple(null_direction_text(task.free, values, row) for row in found.null),
+        condition=determined.condition,
+        undetermined=tuple(null_direction_text(task.free, values, row) for row in determined.null),
         weakest=weakest_text(task.free, near.informed),
         gradients=solution.gradients,
         ode_residual=ode_residual(residual, order),
@@ -255,16 +255,16 @@ def ode_residual(residual: Array, order: int) -> Array:
 
 
 def _status(
-    task: Task, target: Target, solution: Solution, touching: Mask, found: Determination, rms: Array
+    task: Task, target: Target, solution: Solution, touching: Mask, determined: Determination, rms: Array
 ) -> tuple[FitStatus, tuple[FitProblem, ...]]:
     misfit = is_misfit(rms, task.noise, target.size)
-    singular = bool(found.undetermined.any())
+    singular = bool(determined.undetermined.any())
     status = status_of(converged=solution.converged, singular=singular, touching=bool(touching.any()), misfit=misfit)
     problems = []  # in the order of status_of
     if not solution.converged:
         problems.append(not_converged(solution))
     if singular:
-        problems.append(undetermined(task, solution.values, found))
+        problems.append(undetermined(task, solution.values, determined))
     if touching.any():
         problems.append(at_its_bound(task, solution.values, touching))
     if misfit:
@@ -352,7 +352,7 @@ def failed(
     return FitResult(
         model=model,
         status=status,
-        estimates={name: one for name, one in estimates.items() if one is not None} | derived,
+        estimates={name: estimate for name, estimate in estimates.items() if estimate is not None} | derived,
         free=free,
         covariance=np.full((k, k), np.nan),
         t_s=trajectory.t_s,

@@ -158,30 +158,30 @@ def _others(clips: Sequence[FitResult], shared: Sequence[str], per_clip: Sequenc
 
 def _populations(clips: Sequence[FitResult], names: Sequence[str]) -> dict[str, Population]:
     """Scatter of each value over the clips that determine it; values that fewer than two do are left out."""
-    found = {}
+    populations = {}
     for name in names:
         rows = [(clip.estimates[name].value, _random(clip, name)) for clip in clips if clip.usable]
         sure = np.array([row for row in rows if np.isfinite(row[0]) and np.isfinite(row[1]) and row[1] > 0])
         if len(sure) >= LEAST_CLIPS:
-            one = random_effects(sure[:, 0], sure[:, 1], clips[0].estimates[name].unit)
-            found[name] = _with_common_errors(one, clips, name)
-    return found
+            population = random_effects(sure[:, 0], sure[:, 1], clips[0].estimates[name].unit)
+            populations[name] = _with_common_errors(population, clips, name)
+    return populations
 
 
-def _random(one: FitResult, name: str) -> float:
+def _random(clip: FitResult, name: str) -> float:
     """Standard error of the random kind of a value in one clip."""
-    return float(one.budget.get(name, {}).get("random", np.nan))
+    return float(clip.budget.get(name, {}).get("random", np.nan))
 
 
-def _with_common_errors(one: Population, clips: Sequence[FitResult], name: str) -> Population:
+def _with_common_errors(population: Population, clips: Sequence[FitResult], name: str) -> Population:
     """The mean with the errors that all clips have in common: those of known values do not average out."""
     sources = {source for clip in clips for source in clip.budget.get(name, {}) if source != "random"}
     parts = [np.nanmean([clip.budget[name].get(s, np.nan) for clip in clips if name in clip.budget]) for s in sources]
-    stderr = float(np.hypot(one.mean.stderr, np.linalg.norm(parts)))
-    half = (one.mean.interval[1] - one.mean.value) / one.mean.stderr * stderr
-    interval = (one.mean.value - half, one.mean.value + half)
-    mean = Estimate(one.mean.value, stderr, one.mean.unit, "fitted", one.mean.source, interval)
-    return Population(mean, one.between, one.within, one.q, one.degrees, one.p_value)
+    stderr = float(np.hypot(population.mean.stderr, np.linalg.norm(parts)))
+    half = (population.mean.interval[1] - population.mean.value) / population.mean.stderr * stderr
+    interval = (population.mean.value - half, population.mean.value + half)
+    mean = Estimate(population.mean.value, stderr, population.mean.unit, "fitted", population.mean.source, interval)
+    return Population(mean, population.between, population.within, population.q, population.degrees, population.p_value)
 
 
 # --------------------------------------------------------------------------- shared values
@@ -297,8 +297,8 @@ def _shift(views: Sequence[_View], name: str, bread: Array) -> Array:
 def _one_clip(view: _View, bread: Array) -> tuple[Array, Array]:
     """What one clip's noise adds to the covariance (s, s), and the degrees of freedom (s,) of its variances."""
     near = view.near
-    found = random_uncertainty(near.t_s, near.residual, near.sensitivity, view.weight * bread, near.measured)
-    return found.covariance, found.degrees
+    uncertainty = random_uncertainty(near.t_s, near.residual, near.sensitivity, view.weight * bread, near.measured)
+    return uncertainty.covariance, uncertainty.degrees
 
 
 def _held_fit(request: FitRequest, clip: FitResult) -> FitResult:
@@ -347,13 +347,14 @@ def _pooled(
 def _verdict(clips: Sequence[FitResult], scatter: Mapping[str, Population]) -> tuple[FitStatus, str]:
     """The most serious status of clips that are left; failed ones are named, and are no part of the result."""
     usable = [clip for clip in clips if clip.usable]
-    texts = [f"clip {k + 1} is {one.status}: {one.message}" for k, one in enumerate(clips) if not one.ok]
+    texts = [f"clip {k + 1} is {clip.status}: {clip.message}" for k, clip in enumerate(clips) if not clip.ok]
     texts += [
-        f"{name} is shared, but differs between clips by more than its error: {one.between.value:.3g} {one.mean.unit} "
-        f"from clip to clip, {one.within:.3g} within one (chance {one.p_value:.1g}): leave it out of shared"
-        for name, one in scatter.items()
-        if one.p_value < UNLIKELY
+        f"{name} is shared, but differs between clips by more than its error: "
+        f"{population.between.value:.3g} {population.mean.unit} from clip to clip, {population.within:.3g} within one "
+        f"(chance {population.p_value:.1g}): leave it out of shared"
+        for name, population in scatter.items()
+        if population.p_value < UNLIKELY
     ]
-    seen = {one.status for one in (usable or clips)}
+    seen = {clip.status for clip in (usable or clips)}
     status: FitStatus = next((status for status in STATUSES if status in seen), "ok")
     return status, ". ".join(texts)

@@ -223,8 +223,8 @@ def _with_intervals(minimum: Minimum, result: FitResult, methods: tuple[Method, 
     random = errors_of(task, near, ~touching, ~usable)[1]
     quantile = np.full(usable.size, np.nan)
     quantile[~touching] = [quantile_975(degrees) for degrees in random.degrees]
-    found = Found(task, target, solution, near, result.covariance, quantile, usable, random.noise)
-    intervals = intervals_by(found, ("robust", *(method for method in methods if method != "robust")))
+    optimum = Found(task, target, solution, near, result.covariance, quantile, usable, random.noise)
+    intervals = intervals_by(optimum, ("robust", *(method for method in methods if method != "robust")))
     return replace(result, intervals=intervals, notes=(*result.notes, *disagreements(intervals)))
 
 
@@ -266,8 +266,8 @@ def _exact(solution: Solution, target: Target) -> bool:
     error = problem.prediction_error(solution.values, solution.predicted)
     if error < 10 * FINE_STEP or problem.model.events:
         return error < 10 * FINE_STEP
-    wanted = problem.planned(solution.values, FINE_STEP, target.negligible)
-    return bool(np.all(wanted.substeps <= problem.substeps))
+    planned = problem.planned(solution.values, FINE_STEP, target.negligible)
+    return bool(np.all(planned.substeps <= problem.substeps))
 
 
 def _with_priors_weighed(task: Task, target: Target, solution: Solution, loss: Loss) -> tuple[Task, Solution]:

@@ -181,7 +181,7 @@ def _without_slope(task: Task, values: Array) -> list[str]:
             slopes = model.rhs(float(problem.t_s[0]), (*state, *mode), tuple(params), *known)
     except ArithmeticError:
         return [state.name for state in model.states]
-    return [one.name for one, slope in zip(model.states, slopes, strict=True) if not np.isfinite(slope)]
+    return [component.name for component, slope in zip(model.states, slopes, strict=True) if not np.isfinite(slope)]
 
 
 def _is_needed(task: Task, name: str, values: Array) -> bool:

@@ -61,15 +61,15 @@ def all_tried(trials: Sequence[Trial], bank: Mapping[str, OdeModel], free: Seque
     for trial in trials:
         for model in bank.values():
             if suits(model, trial.observable):
-                one = _begun(model, trial, free)
-                if isinstance(one, _Begun):
-                    begun.append(one)
+                candidate = _begun(model, trial, free)
+                if isinstance(candidate, _Begun):
+                    begun.append(candidate)
                 else:
-                    tried.append(one)
+                    tried.append(candidate)
     begun.sort(key=lambda candidate: candidate.heldout)
     near = NEAR * begun[0].heldout if begun else 0.0
-    for k, one in enumerate(begun):
-        tried.append(_finished(one) if k < MOST_FITTED or one.heldout <= near else _left_behind(one))
+    for k, candidate in enumerate(begun):
+        tried.append(_finished(candidate) if k < MOST_FITTED or candidate.heldout <= near else _left_behind(candidate))
     return tried
 
 
@@ -136,7 +136,7 @@ def _adapted(
 ) -> tuple[OdeModel, dict[str, float | Estimate], list[str]]:
     """The model with its zero left open; the values that the observable knows; the names that it leaves open."""
     names = {parameter.name for parameter in model.parameters}
-    fixed: dict[str, float | Estimate] = {name: one for name, one in observable.known.items() if name in names}
+    fixed: dict[str, float | Estimate] = {name: value for name, value in observable.known.items() if name in names}
     pivot = {parameter.name for parameter in model.with_role("pivot")}  # the model estimates it itself
     fixed = {name: value for name, value in fixed.items() if name not in pivot}
     opened = [name for name in free if name in names and name not in fixed]
@@ -165,8 +165,10 @@ def _held_gravity(model: OdeModel) -> list[str]:
 
 def _pulls(full: FitResult, fixed: Mapping[str, float | Estimate]) -> float:
     """Squared distances from the priors in their standard errors."""
-    priors = {name: one for name, one in fixed.items() if isinstance(one, Estimate)}
-    return float(sum(((full.estimates[name].value - one.value) / one.stderr) ** 2 for name, one in priors.items()))
+    priors = {name: prior for name, prior in fixed.items() if isinstance(prior, Estimate)}
+    return float(
+        sum(((full.estimates[name].value - prior.value) / prior.stderr) ** 2 for name, prior in priors.items())
+    )
 
 
 def _prediction(model: OdeModel, first: FitResult, t_s: Array) -> Array:
@@ -175,10 +177,10 @@ def _prediction(model: OdeModel, first: FitResult, t_s: Array) -> Array:
     return simulate(model, t_s, values).observed
 
 
-def _rms(observable: ObservableCandidate, predicted: Array, wanted: Mask) -> float:
+def _rms(observable: ObservableCandidate, predicted: Array, samples: Mask) -> float:
     """Root mean square of all raw channels in units of their noise."""
     with np.errstate(all="ignore"):
-        moved = (observable.quantities - predicted)[wanted] * observable.lever
-        every = np.concatenate([moved.ravel(), observable.rest[wanted].ravel()])
+        moved = (observable.quantities - predicted)[samples] * observable.lever
+        every = np.concatenate([moved.ravel(), observable.rest[samples].ravel()])
         every = np.where(np.isfinite(every), np.clip(every, -FAR, FAR), FAR)
     return float(np.sqrt(np.mean(every**2)))

@@ -96,9 +96,11 @@ def observables_of(raw: Raw, known: Mask) -> list[ObservableCandidate]:
     if not raw.has("x", "z"):
         return [_as_given(raw)]
     circle = _circle(raw, known)
-    found = [_plane(raw), _height(raw, known), _line(raw, known), *([circle] if circle is not None else [])]
-    found = [_with_constant_size(observable, raw, known) for observable in found] if raw.has("r") else found
-    return [*found, _size(raw, known)] if raw.has("r") else found
+    observables = [_plane(raw), _height(raw, known), _line(raw, known), *([circle] if circle is not None else [])]
+    observables = (
+        [_with_constant_size(observable, raw, known) for observable in observables] if raw.has("r") else observables
+    )
+    return [*observables, _size(raw, known)] if raw.has("r") else observables
 
 
 def _as_given(raw: Raw) -> ObservableCandidate:
@@ -140,11 +142,11 @@ def _line(raw: Raw, known: Mask) -> ObservableCandidate:
 def _circle(raw: Raw, known: Mask) -> ObservableCandidate | None:
     """Angle from straight down about the centre of the circle of least squares; None for a straight track."""
     sigma, position = raw.sigma("x", "z"), np.column_stack([raw.column("x"), raw.column("z")])
-    found = circle_of(position[known])
+    fitted = circle_of(position[known])
     extent = float(np.max(np.ptp(position[known], axis=0)))
-    if found is None or not 0 < found[2] < LARGEST_RADIUS * extent:
+    if fitted is None or not 0 < fitted[2] < LARGEST_RADIUS * extent:
         return None
-    x, z, radius = found
+    x, z, radius = fitted
     angle = np.unwrap(np.arctan2(position[:, 0] - x, z - position[:, 1]))
     rest = (np.hypot(position[:, 0] - x, position[:, 1] - z) - radius) / sigma
     known_here = {"pivot_x": x, "pivot_z": z, "radius": radius}
@@ -173,16 +175,22 @@ def circle_of(position: Array) -> tuple[float, float, float] | None:
     def distance(circle: Array) -> Array:
         return np.asarray(np.hypot(near[:, 0] - circle[0], near[:, 1] - circle[1]) - circle[2])
 
-    found = least_squares(distance, [first[0], first[1], np.sqrt(square)], x_scale="jac").x
-    x, z = middle + size * found[:2]
-    return float(x), float(z), float(abs(found[2]) * size)
+    fitted = least_squares(distance, [first[0], first[1], np.sqrt(square)], x_scale="jac").x
+    x, z = middle + size * fitted[:2]
+    return float(x), float(z), float(abs(fitted[2]) * size)
 
 
-def _with_constant_size(one: ObservableCandidate, raw: Raw, known: Mask) -> ObservableCandidate:
+def _with_constant_size(observable: ObservableCandidate, raw: Raw, known: Mask) -> ObservableCandidate:
     radius = raw.column("r")
     rest = (radius - np.mean(radius[known])) / raw.sigma("r")
     return ObservableCandidate(
-        one.name, one.quantities, one.units, one.lever, np.column_stack([one.rest, rest]), one.count + 1, one.known
+        observable.name,
+        observable.quantities,
+        observable.units,
+        observable.lever,
+        np.column_stack([observable.rest, rest]),
+        observable.count + 1,
+        observable.known,
     )
 
 
@@ -275,5 +283,5 @@ def moves_with_its_zero(model: OdeModel) -> bool:
     state = np.linspace(0.3, 0.9, len(model.states))
     moved = state + np.concatenate([np.full(count, 0.37), np.zeros(state.size - count)])
     params = tuple(0.5 if parameter.default is None else parameter.default for parameter in model.parameters)
-    before, after = (model.rhs(0.1, tuple(one.tolist()), params) for one in (state, moved))
+    before, after = (model.rhs(0.1, tuple(point.tolist()), params) for point in (state, moved))
     return bool(np.allclose(before, after))

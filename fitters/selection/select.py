@@ -70,11 +70,11 @@ def select_model(
     'free-fall'
     """
     tracks = [bodies] if isinstance(bodies, Trajectory) else list(bodies)
-    left = _departures(tracks)
-    moving = np.flatnonzero(left < tracks[0].n).tolist() if len(tracks) > 1 else [0]
-    together = _choice(_raws([tracks[k] for k in _most_moving(tracks, moving or range(len(tracks)))]), bank, free)
-    alone = _first_mover(tracks, left) if len(moving) > 1 and together.chosen is None else None
-    return together if alone is None else _until_others_move(_choice([alone], bank, free), together)
+    departures = _departures(tracks)
+    moving = np.flatnonzero(departures < tracks[0].n).tolist() if len(tracks) > 1 else [0]
+    joint = _choice(_raws([tracks[k] for k in _most_moving(tracks, moving or range(len(tracks)))]), bank, free)
+    alone = _first_mover(tracks, departures) if len(moving) > 1 and joint.chosen is None else None
+    return joint if alone is None else _until_others_move(_choice([alone], bank, free), joint)
 
 
 def _choice(raws: Sequence[Raw], bank: Mapping[str, OdeModel], free: Sequence[str]) -> ModelChoice:
@@ -116,14 +116,16 @@ def _first_of(used: Mask) -> Mask:
 def _departures(tracks: Sequence[Trajectory]) -> NDArray[np.intp]:
     """Sample at which each body leaves its position; their number for one that stays, or is hardly seen."""
     seen = [select(track, ("motion",)).used for track in tracks]
-    noise = [np.max(raw_of(*one).noise) for one in zip(tracks, seen, strict=True) if one[1].sum() >= FEWEST]
-    left = np.full(len(tracks), tracks[0].n)
+    noise = [
+        np.max(raw_of(track, used).noise) for track, used in zip(tracks, seen, strict=True) if used.sum() >= FEWEST
+    ]
+    departures = np.full(len(tracks), tracks[0].n)
     for k, (track, used) in enumerate(zip(tracks, seen, strict=True)):
         index = np.flatnonzero(used)
         gone = departure(track.position[index], float(max(noise, default=0.0)))
         if index.size >= FEWEST and gone < index.size:
-            left[k] = index[gone]
-    return left
+            departures[k] = index[gone]
+    return departures
 
 
 def _most_moving(tracks: Sequence[Trajectory], moving: Sequence[int]) -> list[int]:
@@ -132,18 +134,18 @@ def _most_moving(tracks: Sequence[Trajectory], moving: Sequence[int]) -> list[in
     return sorted(moving[k] for k in np.argsort(way, kind="stable")[-MOST_BODIES:])
 
 
-def _first_mover(tracks: Sequence[Trajectory], left: NDArray[np.intp]) -> Raw | None:
+def _first_mover(tracks: Sequence[Trajectory], departures: NDArray[np.intp]) -> Raw | None:
     """The body that leaves its position first, until the exposure before another does; None when that is too short."""
-    first, second = np.argsort(left, kind="stable")[:2]
+    first, second = np.argsort(departures, kind="stable")[:2]
     used = select(tracks[first], ("motion",)).used.copy()
-    used[: left[first]] = used[max(left[second] - 1, 0) :] = False
+    used[: departures[first]] = used[max(departures[second] - 1, 0) :] = False
     return raw_of(tracks[first], _first_of(used)) if used.sum() >= FEWEST else None
 
 
-def _until_others_move(alone: ModelChoice, together: ModelChoice) -> ModelChoice:
+def _until_others_move(alone: ModelChoice, joint: ModelChoice) -> ModelChoice:
     """What the first body does alone, and named so; where nothing fits that either, what was found of all."""
     if alone.chosen is None:
-        return together
+        return joint
     ranking = tuple(
         replace(candidate, observable=f"{candidate.observable}, until others move") for candidate in alone.ranking
     )
@@ -154,19 +156,19 @@ def _observables_of(raws: Sequence[Raw], known: Mask) -> list[ObservableCandidat
     """Readings of one body; of several bodies those that they have in common."""
     if len(raws) == 1:
         return observables_of(raws[0], known)
-    bodies = [{one.name: one for one in observables_of(raw, known)} for raw in raws]
-    found = []
+    bodies = [{observable.name: observable for observable in observables_of(raw, known)} for raw in raws]
+    joint = []
     if all("angle" in body for body in bodies):
-        found.append(combined([body["angle"] for body in bodies], "angles"))
+        joint.append(combined([body["angle"] for body in bodies], "angles"))
     if all("distance" in body for body in bodies) and len(raws) == MOST_BODIES:
-        found.append(_common_distances(raws))
-    return found
+        joint.append(_common_distances(raws))
+    return joint
 
 
 def _common_distances(raws: Sequence[Raw]) -> ObservableCandidate:
     """Sideways positions of bodies, in the order of their positions."""
     parts = []
-    for raw in sorted(raws, key=lambda one: float(one.column("x")[0])):
+    for raw in sorted(raws, key=lambda body: float(body.column("x")[0])):
         sigma, x, z = raw.sigma("x", "z"), raw.column("x"), raw.column("z")
         rest = (z - z.mean())[:, None] / sigma
         parts.append(ObservableCandidate("distance", x[:, None], (raw.unit,), np.array([1 / sigma]), rest, 1))
@@ -180,13 +182,15 @@ def _each_alone(
     per_body = []
     for raw in raws:
         trials = [Trial(raw.t_s, known, _motion([raw]), observable) for observable in observables_of(raw, known)]
-        per_body.append({(one.model, one.observable): one for one in all_tried(trials, bank, free)})
-    found = []
+        per_body.append(
+            {(candidate.model, candidate.observable): candidate for candidate in all_tried(trials, bank, free)}
+        )
+    joint = []
     for key in per_body[0]:
         parts = [body[key] for body in per_body if key in body]
         if len(parts) == len(per_body):
-            found.append(_all_of(key, parts))
-    return found
+            joint.append(_all_of(key, parts))
+    return joint
 
 
 def _all_of(key: tuple[str, str], parts: Sequence[ModelCandidate]) -> ModelCandidate:
@@ -235,9 +239,9 @@ def _chosen(tried: Sequence[ModelCandidate], n_heldout: int) -> ModelChoice:
     return ModelChoice(chosen, ranking, float(heldout_margin), float(bic_margin), _sentence(ranking, chosen))
 
 
-def _independent(one: ModelCandidate) -> float:
+def _independent(candidate: ModelCandidate) -> float:
     """Share of a residual's samples that are independent of one another, by its autocorrelation at lag one."""
-    correlation = 0.0 if one.fit is None else float(np.clip(one.fit.correlation, 0.0, CORRELATED))
+    correlation = 0.0 if candidate.fit is None else float(np.clip(candidate.fit.correlation, 0.0, CORRELATED))
     return (1.0 - correlation) / (1.0 + correlation)
 
 

@@ -108,8 +108,8 @@ def discover(
         rng, constants = np.random.default_rng(seed), {**clips[0].geometry, **known}
         if residual_of is not None:
             own = terms_of(library, residual_of)
-            found, shares = beyond(clips, library, own, rng, resampled)
-            discovery = _discovery(library, found, own, shares, [], *_compared(clips, library, found, constants))
+            choice, shares = beyond(clips, library, own, rng, resampled)
+            discovery = _discovery(library, choice, own, shares, [], *_compared(clips, library, choice, constants))
         else:
             discovery = _discovered(clips, library, _starts(pieces, library), constants, rng, resampled)
     return replace(discovery, origin=_origin(clips))
@@ -123,12 +123,12 @@ def _discovered(
     rng: np.random.Generator,
     resampled: int,
 ) -> Discovery:
-    found = disposed(clips, library, starts)
-    if not found.usable:
-        raise FitError(f"no equation of the library could be fitted: {found.fits[0].message}")
-    found, shares = stable(clips, library, found, rng, resampled)
-    named, alike, matched, nearest = _named(clips, library, found, constants)
-    if named is not found:
+    choice = disposed(clips, library, starts)
+    if not choice.usable:
+        raise FitError(f"no equation of the library could be fitted: {choice.fits[0].message}")
+    choice, shares = stable(clips, library, choice, rng, resampled)
+    named, alike, matched, nearest = _named(clips, library, choice, constants)
+    if named is not choice:
         shares = inclusion(named, rng, resampled)
     return _discovery(library, named, starts[0][0], shares, alike, matched, nearest)
 
@@ -182,9 +182,9 @@ def _starts(pieces: list[Piece], library: Library) -> list[tuple[Kept, dict[str,
     """Proposed choices with coefficients: pysindy's, the significant ones, all smooth ones, then single terms."""
     rows = rows_of(pieces, library)
     choices = [proposed(row) for row in rows]
-    best = [path[predicted_best(one, path)] for one, path in zip(rows, choices, strict=True)]
+    best = [path[predicted_best(row, path)] for row, path in zip(rows, choices, strict=True)]
     normals = [Compressed.of(row.right, row.left) for row in rows]
-    sure = [np.array(significant(one, term_price(one)), dtype=np.intp) for one in normals]
+    sure = [np.array(significant(problem, term_price(problem)), dtype=np.intp) for problem in normals]
     smooth = [_smooth(library, equation) for equation in range(len(rows))]
     single = [path[min(1, len(path) - 1)] for path in choices]
     return [_start(library, rows, choice) for choice in (best, sure, smooth, single)]
@@ -200,9 +200,9 @@ def _smooth(library: Library, equation: int) -> NDArray[np.intp]:
 def _start(library: Library, rows: Sequence[Rows], choice: Sequence[Any]) -> tuple[Kept, dict[str, float]]:
     kept: list[int] = []
     start: dict[str, float] = {}
-    for equation, (one, indices) in enumerate(zip(rows, choice, strict=True)):
+    for equation, (equation_rows, indices) in enumerate(zip(rows, choice, strict=True)):
         terms = [library.of_equation(equation)[k] for k in indices]
-        solved = np.linalg.lstsq(one.right[:, indices], one.left, rcond=1e-10)[0]
+        solved = np.linalg.lstsq(equation_rows.right[:, indices], equation_rows.left, rcond=1e-10)[0]
         start |= {library.names[k]: float(value) for k, value in zip(terms, solved, strict=True)}
         kept += terms
     return tuple(sorted(kept)), start
@@ -212,59 +212,59 @@ def _start(library: Library, rows: Sequence[Rows], choice: Sequence[Any]) -> tup
 
 
 def _named(
-    clips: Sequence[Trajectory], library: Library, found: Refined, constants: Mapping[str, Estimate]
+    clips: Sequence[Trajectory], library: Library, choice: Refined, constants: Mapping[str, Estimate]
 ) -> tuple[Refined, list[Kept], Match | None, Match | None]:
     """Match with the bank; of choices that the data cannot tell apart, one that the bank has is taken."""
-    alike = as_good(found, library, ALIKE)
-    matched, nearest = _compared(clips, library, found, constants)
+    alike = as_good(choice, library, ALIKE)
+    matched, nearest = _compared(clips, library, choice, constants)
     for other in alike if matched is None else ():
-        values = found.total.solved(other)[0]
+        values = choice.total.solved(other)[0]
         start = {library.names[k]: float(value) for k, value in zip(other, values, strict=True)}
         second = refined(clips, library, other, start)
-        count = max(found.count, second.count)
-        if second.criterion(count) > found.criterion(count) + ALIKE:
+        count = max(choice.count, second.count)
+        if second.criterion(count) > choice.criterion(count) + ALIKE:
             continue
         named, _ = _match(library, second, constants)
         if named is not None:
             return second, as_good(second, library, ALIKE), named, None
-    return found, alike, matched, nearest
+    return choice, alike, matched, nearest
 
 
 def _compared(
-    clips: Sequence[Trajectory], library: Library, found: Refined, constants: Mapping[str, Estimate]
+    clips: Sequence[Trajectory], library: Library, choice: Refined, constants: Mapping[str, Estimate]
 ) -> tuple[Match | None, Match | None]:
     """The model of the bank with this structure, and the nearest one with what it comes to by itself."""
-    matched, nearest = _match(library, found, constants)
+    matched, nearest = _match(library, choice, constants)
     if nearest is not None and not nearest.missing:
-        nearest = _alone(clips, library, found, nearest, constants)
+        nearest = _alone(clips, library, choice, nearest, constants)
     return matched, nearest
 
 
 def _alone(
-    clips: Sequence[Trajectory], library: Library, found: Refined, nearest: Match, constants: Mapping[str, Estimate]
+    clips: Sequence[Trajectory], library: Library, choice: Refined, nearest: Match, constants: Mapping[str, Estimate]
 ) -> Match:
     """The nearest model's parameters from its own terms alone, and how much larger the residual then is."""
     kept = terms_of(library, nearest.model)
-    values = found.total.solved(kept)[0]
+    values = choice.total.solved(kept)[0]
     alone = refined(clips, library, kept, dict(zip((library.names[k] for k in kept), values.tolist(), strict=True)))
     again = _match(library, alone, constants)[0] if alone.usable else None
     if again is None or again.model != nearest.model:
         return nearest
-    pairs = zip(alone.fits, found.fits, strict=True)
-    ratio = float(np.sqrt(np.mean([np.mean((one.rms / other.rms) ** 2) for one, other in pairs])))
+    pairs = zip(alone.fits, choice.fits, strict=True)
+    ratio = float(np.sqrt(np.mean([np.mean((reduced.rms / full.rms) ** 2) for reduced, full in pairs])))
     return replace(nearest, parameters=again.parameters, note=f"its residual is {ratio:.3g} times as large")
 
 
-def _match(library: Library, found: Refined, known: Mapping[str, Estimate]) -> tuple[Match | None, Match | None]:
-    values, errors = _values(found)
-    return match(library, found.kept, values, errors, found.covariance, known)
+def _match(library: Library, choice: Refined, known: Mapping[str, Estimate]) -> tuple[Match | None, Match | None]:
+    values, errors = _values(choice)
+    return match(library, choice.kept, values, errors, choice.covariance, known)
 
 
-def _values(found: Refined) -> tuple[Array, Array]:
+def _values(choice: Refined) -> tuple[Array, Array]:
     """Coefficients (k,) and standard errors: of the fit for those chosen, if added for the others."""
-    values, errors = added_alone(found)
-    values[list(found.kept)] = found.coefficients
-    errors[list(found.kept)] = np.sqrt(np.diag(found.covariance))
+    values, errors = added_alone(choice)
+    values[list(choice.kept)] = choice.coefficients
+    errors[list(choice.kept)] = np.sqrt(np.diag(choice.covariance))
     return values, errors
 
 
@@ -273,14 +273,14 @@ def _values(found: Refined) -> tuple[Array, Array]:
 
 def _discovery(
     library: Library,
-    found: Refined,
+    choice: Refined,
     first: Kept,
     shares: Array,
     alike: Sequence[Kept],
     matched: Match | None,
     nearest: Match | None,
 ) -> Discovery:
-    values, errors = _values(found)
+    values, errors = _values(choice)
     terms = tuple(
         DiscoveredTerm(
             equation=library.variables[term.equation].left,
@@ -294,24 +294,24 @@ def _discovery(
                 ci95=(float(values[k] - NORMAL_975 * errors[k]), float(values[k] + NORMAL_975 * errors[k])),
             ),
             inclusion=float(shares[k]),
-            selected=k in found.kept,
+            selected=k in choice.kept,
             effect=library.effect(k),
         )
         for k, term in enumerate(library.terms)
     )
-    chosen = [library.names[k] for k in found.kept]
-    status: FitStatus = next((fitted.status for fitted in found.fits if fitted.status != "ok"), "ok")
+    chosen = [library.names[k] for k in choice.kept]
+    status: FitStatus = next((fitted.status for fitted in choice.fits if fitted.status != "ok"), "ok")
     return Discovery(
         equations=tuple(_equation(library, k, terms) for k in range(len(library.variables))),
         terms=terms,
         proposed=tuple(library.names[k] for k in first),
         model=model_of(library, chosen),
-        fits=found.fits,
+        fits=choice.fits,
         matched=matched,
         nearest=nearest,
-        alternatives=tuple(_exchange(library, found.kept, other) for other in alike),
+        alternatives=tuple(_exchange(library, choice.kept, other) for other in alike),
         status=status,
-        message=next((fitted.message for fitted in found.fits if fitted.status != "ok"), ""),
+        message=next((fitted.message for fitted in choice.fits if fitted.status != "ok"), ""),
     )
 
 

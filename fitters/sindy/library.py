@@ -184,8 +184,8 @@ def _partners(variables: tuple[Variable, ...]) -> tuple[int, ...]:
     """For each variable the one that moves with it in a plane, itself where there is none."""
     bare = bare_model(variables)
     bodies = bodies_of(bare)
-    together = {k: next((j for j in body if j != k), k) for body in bodies for k in body}
-    return tuple(together[k] for k in range(len(variables)))
+    partners = {k: next((j for j in body if j != k), k) for body in bodies for k in body}
+    return tuple(partners[k] for k in range(len(variables)))
 
 
 def _terms(
@@ -202,7 +202,7 @@ def _terms(
         terms.append(_term(equation, own, DIFFERENCE, k, other.state))
         if own.kind == "amount":
             terms.append(_term(equation, own, OTHER_ROOT, k, other.state))
-    return terms + [_term(equation, own, INPUT, k, one) for k, one in enumerate(inputs)]
+    return terms + [_term(equation, own, INPUT, k, quantity) for k, quantity in enumerate(inputs)]
 
 
 def _term(equation: int, own: Variable, code: int, other: int, second: Quantity | None = None) -> Term:

@@ -88,12 +88,12 @@ def _state(k: int) -> Callable[..., Any]:
     return state_k
 
 
-def _and(before: Callable[..., Any], one: Callable[..., Any]) -> Callable[..., Any]:
+def _and(before: Callable[..., Any], added: Callable[..., Any]) -> Callable[..., Any]:
     """The derivatives so far, and one more."""
 
     @_in_kernels
     def slopes(t: Any, state: Any, params: Any, inputs: Any) -> Any:
-        return (*before(t, state, params, inputs), one(t, state, params, inputs))
+        return (*before(t, state, params, inputs), added(t, state, params, inputs))
 
     return slopes
 

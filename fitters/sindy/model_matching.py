@@ -74,10 +74,10 @@ def structures(library: Library) -> Iterator[Structure]:
 
 def terms_of(library: Library, name: str) -> tuple[int, ...]:
     """Indices in the library of all terms that a model of the bank can have; FitError when it has no such model."""
-    for one in structures(library):
-        if one.model.name == name:
-            return tuple(k for k in range(len(library.terms)) if key_of(library, k) in one.sometimes)
-    names = ", ".join(sorted(one.model.name for one in structures(library)))
+    for structure in structures(library):
+        if structure.model.name == name:
+            return tuple(k for k in range(len(library.terms)) if key_of(library, k) in structure.sometimes)
+    names = ", ".join(sorted(structure.model.name for structure in structures(library)))
     quantities = ", ".join(variable.quantity.name for variable in library.variables)
     raise FitError(f"{name!r} is no model of {quantities} that the library can express; there are: {names or 'none'}")
 
@@ -92,19 +92,23 @@ def _structure(model: OdeModel) -> Structure | None:
     except IrisError:
         return None
     free = tuple(parameter.name for parameter in model.parameters if not parameter.constant)
-    found = {}
+    draws_by_kind = {}
     for name, still, shift in (("always", True, False), ("sometimes", False, False), ("shifted", False, True)):
         draws = [_drawn(model, library, seed, still, shift) for seed in range(2)]
-        found[name] = draws
-    if any(one is None for one in [*found["always"], *found["sometimes"]]):
+        draws_by_kind[name] = draws
+    if any(draw is None for draw in [*draws_by_kind["always"], *draws_by_kind["sometimes"]]):
         return None
-    sometimes = _present(library, found["sometimes"])
-    shifted = sometimes if any(one is None for one in found["shifted"]) else _present(library, found["shifted"])
-    return Structure(model, library, free, _present(library, found["always"]), sometimes, shifted)
+    sometimes = _present(library, draws_by_kind["sometimes"])
+    shifted = (
+        sometimes
+        if any(draw is None for draw in draws_by_kind["shifted"])
+        else _present(library, draws_by_kind["shifted"])
+    )
+    return Structure(model, library, free, _present(library, draws_by_kind["always"]), sometimes, shifted)
 
 
 def _present(library: Library, draws: list[Array | None]) -> frozenset[Key]:
-    sizes = np.max([np.abs(one) for one in draws if one is not None], axis=0)
+    sizes = np.max([np.abs(draw) for draw in draws if draw is not None], axis=0)
     return frozenset(key_of(library, int(k)) for k in np.flatnonzero(sizes > PRESENT))
 
 
@@ -176,7 +180,7 @@ def _along_the_flow(model: OdeModel, library: Library, states: Array, params: Ar
 
     def variables(at: Array) -> Array:
         seen = plain_observation(model, np.zeros(len(at)), at, params)
-        return np.column_stack([value_of(one, seen[:, k]) for k, one in enumerate(library.variables)])
+        return np.column_stack([value_of(variable, seen[:, k]) for k, variable in enumerate(library.variables)])
 
     def rates(at: Array) -> Array:
         return _richardson(lambda step_s: variables(flow(at, step_s)))
@@ -190,7 +194,7 @@ def _along_the_flow(model: OdeModel, library: Library, states: Array, params: Ar
 def _slopes(model: OdeModel, states: Array, params: tuple[float, ...]) -> Array:
     """Derivatives of the states (n, s): of all at once, or one by one where the model takes numbers only."""
     try:
-        return np.column_stack([np.broadcast_to(one, len(states)) for one in model.rhs(0.0, tuple(states.T), params)])
+        return np.column_stack([np.broadcast_to(rate, len(states)) for rate in model.rhs(0.0, tuple(states.T), params)])
     except ValueError:
         return np.array([model.rhs(0.0, tuple(state), params) for state in states.tolist()])
 
@@ -229,39 +233,39 @@ def match(
     known
         Constants with their errors, e.g. gravity.
     """
-    found = frozenset(key_of(library, k) for k in kept)
+    discovered = frozenset(key_of(library, k) for k in kept)
     exact: list[tuple[Rank, Structure, bool]] = []
     others: list[tuple[Rank, Structure, bool]] = []
-    for one in structures(library):
-        missing, extra = one.always - found, found - one.sometimes
-        off = bool(extra) and not found - one.shifted
-        ranked = (len(missing) + (0 if off else len(extra)), _strangers(one, library), off)
-        (exact if not missing and (not extra or off) else others).append((ranked, one, off))
+    for structure in structures(library):
+        missing, extra = structure.always - discovered, discovered - structure.sometimes
+        off = bool(extra) and not discovered - structure.shifted
+        ranked = (len(missing) + (0 if off else len(extra)), _strangers(structure, library), off)
+        (exact if not missing and (not extra or off) else others).append((ranked, structure, off))
     if exact:
-        exact.sort(key=lambda item: (item[0][1], len(item[1].sometimes - found), item[2], item[1].model.name))
-        _, one, off = exact[0]
-        same = tuple(other.model.name for _, other, _ in exact[1:] if other.sometimes == one.sometimes)
-        made = _parameters(one, library, kept, values, errors, covariance, known, off)
-        return Match(one.model.name, made[0], same=same, note=made[1]), None
+        exact.sort(key=lambda item: (item[0][1], len(item[1].sometimes - discovered), item[2], item[1].model.name))
+        _, structure, off = exact[0]
+        same = tuple(other.model.name for _, other, _ in exact[1:] if other.sometimes == structure.sometimes)
+        made = _parameters(structure, library, kept, values, errors, covariance, known, off)
+        return Match(structure.model.name, made[0], same=same, note=made[1]), None
     if not others:
         return None, None
     others.sort(key=lambda item: (item[0], item[1].model.name))
-    one = others[0][1]
+    structure = others[0][1]
     texts = {key_of(library, k): f"{library.terms[k].text} in {library.variables[library.terms[k].equation].left}"
              for k in range(len(library.terms))}  # fmt: skip
-    lists = one.always - found, found - one.sometimes
+    lists = structure.always - discovered, discovered - structure.sometimes
     absent, added = (tuple(texts[key] for key in sorted(keys)) for keys in lists)
-    return None, Match(one.model.name, {}, missing=absent, extra=added)
+    return None, Match(structure.model.name, {}, missing=absent, extra=added)
 
 
-def _strangers(one: Structure, library: Library) -> int:
+def _strangers(structure: Structure, library: Library) -> int:
     """How many quantities have another name or unit than the model's."""
-    pairs = zip(one.library.variables, library.variables, strict=True)
+    pairs = zip(structure.library.variables, library.variables, strict=True)
     return sum((a.quantity.name != b.quantity.name) + (a.quantity.unit != b.quantity.unit) for a, b in pairs)
 
 
 def _parameters(
-    one: Structure,
+    structure: Structure,
     library: Library,
     kept: tuple[int, ...],
     values: Array,
@@ -271,19 +275,19 @@ def _parameters(
     off: bool,
 ) -> tuple[dict[str, Estimate], str]:
     """Parameters whose coefficients are nearest to those discovered, with errors, and a note where none are near."""
-    keys = one.shifted if off else one.sometimes
+    keys = structure.shifted if off else structure.sometimes
     indices = [k for k in range(len(library.terms)) if key_of(library, k) in keys]
-    own = {key_of(one.library, k): k for k in range(len(one.library.terms))}
+    own = {key_of(structure.library, k): k for k in range(len(structure.library.terms))}
     columns = [own[key_of(library, k)] for k in indices]
-    wanted = np.array([values[k] if k in kept else 0.0 for k in indices])
+    discovered = np.array([values[k] if k in kept else 0.0 for k in indices])
     weight = np.linalg.inv(np.linalg.cholesky(_joint_covariance(indices, kept, errors, covariance)))
-    problem = _Inversion.of(one, known, off)
+    problem = _Inversion.of(structure, known, off)
 
     def residual(vector: Array) -> Array:
         made = problem.coefficients(vector)[columns]
-        return np.concatenate([weight @ (made - wanted), problem.prior(vector)])
+        return np.concatenate([weight @ (made - discovered), problem.prior(vector)])
 
-    start = problem.start(wanted, columns)
+    start = problem.start(discovered, columns)
     # coefficients are good to 1e-8 (see LIE_STEP): differences must be over larger steps than usual
     scale = np.maximum(np.abs(start), 1e-3)
     solved = least_squares(
@@ -307,13 +311,13 @@ def _joint_covariance(indices: list[int], kept: tuple[int, ...], errors: Array, 
     return joint * (1 + 1e-9 * np.eye(len(indices))) + 1e-300 * np.eye(len(indices))
 
 
-def _first_that_matters(one: Structure) -> str:
+def _first_that_matters(structure: Structure) -> str:
     """Of a model all of whose parameters are constants, the first on which its coefficients depend."""
-    values = {parameter.name: parameter.default or 1.0 for parameter in one.model.parameters}
-    none = np.zeros(len(one.library.variables))
-    base = coefficients_of(one.model, one.library, values, none, strict=False)
+    values = {parameter.name: parameter.default or 1.0 for parameter in structure.model.parameters}
+    none = np.zeros(len(structure.library.variables))
+    base = coefficients_of(structure.model, structure.library, values, none, strict=False)
     for name, value in values.items():
-        moved = coefficients_of(one.model, one.library, values | {name: 1.1 * value}, none, strict=False)
+        moved = coefficients_of(structure.model, structure.library, values | {name: 1.1 * value}, none, strict=False)
         if base is not None and moved is not None and np.max(np.abs(moved - base)) > PRESENT:
             return name
     return ""
@@ -329,10 +333,10 @@ class _Inversion:
     offsets: int
 
     @classmethod
-    def of(cls, one: Structure, known: Mapping[str, Estimate], off: bool) -> _Inversion:
+    def of(cls, structure: Structure, known: Mapping[str, Estimate], off: bool) -> _Inversion:
         constants = {}
-        open_ = _first_that_matters(one) if not one.free else ""
-        for parameter in one.model.parameters:
+        open_ = _first_that_matters(structure) if not structure.free else ""
+        for parameter in structure.model.parameters:
             if parameter.name == open_:
                 continue
             if parameter.name in known:
@@ -342,13 +346,13 @@ class _Inversion:
                 constants[parameter.name] = Estimate(
                     value, parameter.stderr, parameter.unit, "assumed", parameter.source
                 )
-        free = tuple(parameter.name for parameter in one.model.parameters if parameter.name not in constants)
+        free = tuple(parameter.name for parameter in structure.model.parameters if parameter.name not in constants)
         unsure = tuple(name for name, value in constants.items() if value.stderr > 0)
-        return cls(one, constants, (*free, *unsure), len(one.library.variables) if off else 0)
+        return cls(structure, constants, (*free, *unsure), len(structure.library.variables) if off else 0)
 
     def coefficients(self, vector: Array) -> Array:
         """The coefficients (k,) of the model's own library."""
-        values = {name: one.value for name, one in self.constants.items()}
+        values = {name: constant.value for name, constant in self.constants.items()}
         values |= dict(zip(self.names, vector[: len(self.names)].tolist(), strict=True))
         offsets = vector[len(self.names) :] if self.offsets else np.zeros(len(self.structure.library.variables))
         made = coefficients_of(self.structure.model, self.structure.library, values, offsets, strict=False)
@@ -358,18 +362,20 @@ class _Inversion:
     def prior(self, vector: Array) -> Array:
         """How far uncertain constants are from their values, in standard errors."""
         pairs = [(value, self.constants.get(name)) for name, value in zip(self.names, vector, strict=False)]
-        return np.array([(value - one.value) / one.stderr for value, one in pairs if one is not None])
+        return np.array(
+            [(value - constant.value) / constant.stderr for value, constant in pairs if constant is not None]
+        )
 
-    def start(self, wanted: Array, columns: list[int]) -> Array:
+    def start(self, discovered: Array, columns: list[int]) -> Array:
         """The best of powers of ten for each free parameter in turn, twice."""
         sizes = np.concatenate([10.0 ** np.arange(-4, 5), -(10.0 ** np.arange(-4, 5)), [0.0]])
         vector = np.array([self.constants[n].value if n in self.constants else 1.0 for n in self.names])
         vector = np.concatenate([vector, np.zeros(self.offsets)])
-        scale = np.maximum(np.abs(wanted), 1e-3 * max(float(np.max(np.abs(wanted), initial=0.0)), 1e-9))
+        scale = np.maximum(np.abs(discovered), 1e-3 * max(float(np.max(np.abs(discovered), initial=0.0)), 1e-9))
 
         def cost(trial: Array) -> float:
             made = self.coefficients(trial)[columns]
-            return float(np.sum(np.arcsinh((made - wanted) / scale) ** 2))
+            return float(np.sum(np.arcsinh((made - discovered) / scale) ** 2))
 
         for _ in range(2):
             for k, name in enumerate(self.names):
@@ -395,7 +401,7 @@ class _Inversion:
             made[f"origin_{variable.quantity.name}"] = Estimate(
                 float(vector[index]), float(spread[index]), variable.state.unit, "fitted", "where it would rest"
             )
-        for name, one in self.constants.items():
-            if name not in made and model.parameter(name).default is not None and one.value not in (0.0,):
-                made[name] = one
+        for name, constant in self.constants.items():
+            if name not in made and model.parameter(name).default is not None and constant.value not in (0.0,):
+                made[name] = constant
         return made

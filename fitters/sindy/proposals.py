@@ -45,7 +45,7 @@ class _Candidate:
         if self.name:
             return f"{self.name}({name})"
         powers = ((name, self.power), (rate, self.times))
-        return " ".join(one if power == 1 else f"{one}^{power:g}" for one, power in powers if power)
+        return " ".join(symbol if power == 1 else f"{symbol}^{power:g}" for symbol, power in powers if power)
 
 
 def proposals(
@@ -72,8 +72,8 @@ def proposals(
     model = fits[0].model
     candidates = _candidates(model)
     rows = [
-        _rows(one, motion_of(one, clip), candidates, (k, len(fits)))
-        for k, (one, clip) in enumerate(zip(fits, trajectories, strict=True))
+        _rows(fit, motion_of(fit, clip), candidates, (k, len(fits)))
+        for k, (fit, clip) in enumerate(zip(fits, trajectories, strict=True))
     ]
     rows, candidates = _not_imitated(rows, candidates)
     chosen, price = called_for(rows, len(candidates))
@@ -82,8 +82,8 @@ def proposals(
     shares = share_called_for(rows, len(candidates), price, np.random.default_rng(seed), resampled)
     kept = tuple(k for k in chosen if shares[k] >= STABLE)
     values, covariance = together([part for clip in rows for part in clip]).without(len(candidates)).solved(kept)
-    found = zip(kept, values.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)
-    return tuple(_term(model, candidates[k], value, error, float(shares[k])) for k, value, error in found)
+    terms = zip(kept, values.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)
+    return tuple(_term(model, candidates[k], value, error, float(shares[k])) for k, value, error in terms)
 
 
 def _not_imitated(
@@ -115,33 +115,33 @@ def _candidates(model: OdeModel) -> list[_Candidate]:
     return made
 
 
-def _rows(one: FitResult, motion: Motion, candidates: Sequence[_Candidate], where: tuple[int, int]) -> list[Compressed]:
+def _rows(fit: FitResult, motion: Motion, candidates: Sequence[_Candidate], where: tuple[int, int]) -> list[Compressed]:
     """Compressed rows of one clip: a column a candidate, then those of the fitted parameters."""
-    count, used = _count(one.model), one.used
-    scale = np.maximum(one.rms, 1e-300)
+    count, used = _count(fit.model), fit.used
+    scale = np.maximum(fit.rms, 1e-300)
     columns = []
     for candidate in candidates:
         position = motion.states[:, candidate.equation]
-        rate = motion.states[:, count + candidate.equation] if one.model.second_order else np.ones_like(position)
+        rate = motion.states[:, count + candidate.equation] if fit.model.second_order else np.ones_like(position)
         force = np.zeros((len(position), count))
         force[:, candidate.equation] = candidate.values(position, rate)
         columns.append(np.nan_to_num(motion.answer(force)))
-    target = one.residual[used] / scale
-    own = one.jacobian.reshape(*target.shape, -1)
+    target = fit.residual[used] / scale
+    own = fit.jacobian.reshape(*target.shape, -1)
     wide = np.concatenate([np.stack(columns, axis=2), own], axis=2) / scale[:, None]
-    return blocks_of(wide, target, one, len(candidates), where)
+    return blocks_of(wide, target, fit, len(candidates), where)
 
 
-def _term(model: OdeModel, one: _Candidate, value: float, error: float, share: float) -> DiscoveredTerm:
-    state, order = model.states[one.equation], 2 if model.second_order else 1
+def _term(model: OdeModel, candidate: _Candidate, value: float, error: float, share: float) -> DiscoveredTerm:
+    state, order = model.states[candidate.equation], 2 if model.second_order else 1
     symbol = state.symbol or state.name
     base = "" if state.unit == "rad" else state.unit
-    unit = unit_of(base, (1 - one.power - one.times) if base else 0, order - one.times)
+    unit = unit_of(base, (1 - candidate.power - candidate.times) if base else 0, order - candidate.times)
     return DiscoveredTerm(
         equation=state.name + "'" * order,
-        term=one.text(state.name, f"{state.name}'"),
-        latex=one.text(rf"{symbol}", rf"\dot {{{symbol}}}"),
-        parameter=f"{state.name}_{one.name or f'{one.power:g}_{one.times}'}",
+        term=candidate.text(state.name, f"{state.name}'"),
+        latex=candidate.text(rf"{symbol}", rf"\dot {{{symbol}}}"),
+        parameter=f"{state.name}_{candidate.name or f'{candidate.power:g}_{candidate.times}'}",
         coefficient=Estimate(value, error, unit, ci95=(value - NORMAL_975 * error, value + NORMAL_975 * error)),
         inclusion=share,
         selected=True,

@@ -68,8 +68,8 @@ class Refined:
         motion and does not average out. So terms that do less than it (step / sqrt 12) are not seen.
         """
         shares = [
-            sum(part.count for part in parts) * np.log1p(np.mean((_steps(one) / one.rms) ** 2 / 12))
-            for parts, one in zip(self.parts, self.fits, strict=True)
+            sum(part.count for part in parts) * np.log1p(np.mean((_steps(fit) / fit.rms) ** 2 / 12))
+            for parts, fit in zip(self.parts, self.fits, strict=True)
         ]
         return float(sum(shares) / len(self.fits[0].rms))
 
@@ -85,13 +85,13 @@ class Refined:
         return float(count * spread + len(self.kept) * price)
 
 
-def _noise(one: FitResult) -> Array:
-    return np.where(np.isfinite(one.noise) & (one.noise > 0), one.noise, np.maximum(one.rms, 1e-300))
+def _noise(fit: FitResult) -> Array:
+    return np.where(np.isfinite(fit.noise) & (fit.noise > 0), fit.noise, np.maximum(fit.rms, 1e-300))
 
 
-def _steps(one: FitResult) -> Array:
+def _steps(fit: FitResult) -> Array:
     """The step (d,) of the grid that the samples of each quantity lie on; 0 where they lie on none."""
-    return np.array([grid_step(column) for column in (one.predicted + one.residual)[one.used].T])
+    return np.array([grid_step(column) for column in (fit.predicted + fit.residual)[fit.used].T])
 
 
 # --------------------------------------------------------------------------- fitting a choice
@@ -129,12 +129,12 @@ def _fit(clip: Trajectory, model: OdeModel, fixed: Mapping[str, float], start: M
     return fit(clip, model, fixed=fixed, start=start, options=FitOptions(multistart=0))
 
 
-def _of_one(clip: Trajectory, library: Library, kept: Kept, one: FitResult) -> Refined:
-    indices = [one.free.index(library.names[k]) for k in kept]
-    values = np.array([one.estimates[library.names[k]].value for k in kept])
-    covariance = one.covariance[np.ix_(indices, indices)]
-    parts = (tuple(_linearised(clip, library, one, 0, 1)),)
-    return Refined(kept, values, covariance, (one,), parts, len(library.names))
+def _of_one(clip: Trajectory, library: Library, kept: Kept, fit: FitResult) -> Refined:
+    indices = [fit.free.index(library.names[k]) for k in kept]
+    values = np.array([fit.estimates[library.names[k]].value for k in kept])
+    covariance = fit.covariance[np.ix_(indices, indices)]
+    parts = (tuple(_linearised(clip, library, fit, 0, 1)),)
+    return Refined(kept, values, covariance, (fit,), parts, len(library.names))
 
 
 def _jointly(clips: Sequence[Trajectory], library: Library, kept: Kept, fits: list[FitResult]) -> Refined:
@@ -147,11 +147,11 @@ def _jointly(clips: Sequence[Trajectory], library: Library, kept: Kept, fits: li
         if not all(fitted.usable and np.all(np.isfinite(fitted.rms)) for fitted in fits):
             return Refined(kept, values, covariance, tuple(fits), (), len(names))
         parts = tuple(
-            tuple(_linearised(clip, library, one, index, len(clips)))
-            for index, (clip, one) in enumerate(zip(clips, fits, strict=True))
+            tuple(_linearised(clip, library, fit, index, len(clips)))
+            for index, (clip, fit) in enumerate(zip(clips, fits, strict=True))
         )
-        found = Refined(kept, values, covariance, tuple(fits), parts, len(names))
-        better, covariance = found.total.solved(kept)
+        joint = Refined(kept, values, covariance, tuple(fits), parts, len(names))
+        better, covariance = joint.total.solved(kept)
         moved = np.abs(better - values) / np.sqrt(np.diag(covariance))
         values = better
         if np.max(moved, initial=0.0) < 0.1:
@@ -174,22 +174,22 @@ def _averaged(library: Library, kept: Kept, fits: Sequence[FitResult]) -> tuple[
 # --------------------------------------------------------------------------- linear in all coefficients
 
 
-def _linearised(clip: Trajectory, library: Library, one: FitResult, index: int, clips: int) -> list[Compressed]:
+def _linearised(clip: Trajectory, library: Library, fit: FitResult, index: int, clips: int) -> list[Compressed]:
     """Compressed rows of each block of one clip about its fit."""
-    model, used = one.model, np.flatnonzero(one.used)
-    first = int(np.searchsorted(clip.t_s, one.t0_s))  # earlier than the first one used, when that is an outlier
+    model, used = fit.model, np.flatnonzero(fit.used)
+    first = int(np.searchsorted(clip.t_s, fit.t0_s))  # earlier than the first one used, when that is an outlier
     span = slice(first, int(used[-1]) + 1)
     states = [f"{state.name}_0" for state in model.states]
-    values = {name: estimate.value for name, estimate in one.estimates.items()}
+    values = {name: estimate.value for name, estimate in fit.estimates.items()}
     slopes = sensitivity(
         model, clip.t_s[span], values, [*library.names, *states], inputs=inputs_of(clip, library, span), tolerance=1e-7
     )[used - first]
-    residual = one.residual[used]
+    residual = fit.residual[used]
     slopes = np.where(np.isfinite(slopes), slopes, 0.0)
     coefficients = np.array([values[name] for name in library.names])
     target = residual + slopes[:, :, : coefficients.size] @ coefficients
-    scale = np.maximum(one.rms, 1e-300)
-    return blocks_of(slopes / scale[:, None], target / scale, one, coefficients.size, (index, clips))
+    scale = np.maximum(fit.rms, 1e-300)
+    return blocks_of(slopes / scale[:, None], target / scale, fit, coefficients.size, (index, clips))
 
 
 def blocks_of(columns: Array, target: Array, one: FitResult, shared: int, where: tuple[int, int]) -> list[Compressed]:
@@ -219,9 +219,9 @@ def blocks_of(columns: Array, target: Array, one: FitResult, shared: int, where:
     ]
 
 
-def _inflation(one: FitResult) -> float:
+def _inflation(fit: FitResult) -> float:
     """How many neighbouring samples are worth one independent one, from their correlation."""
-    correlation = float(np.clip(np.nan_to_num(one.correlation), 0.0, MOST_CORRELATION))
+    correlation = float(np.clip(np.nan_to_num(fit.correlation), 0.0, MOST_CORRELATION))
     return (1 + correlation) / (1 - correlation)
 
 
@@ -244,7 +244,9 @@ def disposed(
     """
     visited: dict[Kept, Refined] = {}
     for index, (kept, start) in enumerate(starts):
-        if index > 1 and any(one.usable and all(fit.status == "ok" for fit in one.fits) for one in visited.values()):
+        if index > 1 and any(
+            choice.usable and all(fit.status == "ok" for fit in choice.fits) for choice in visited.values()
+        ):
             break
         for _ in range(ROUNDS):
             if kept in visited:
@@ -254,9 +256,9 @@ def disposed(
                 break
             kept = chosen_about(now)
             start = start_about(now, library, kept)
-    count = max(one.count for one in visited.values())
-    least = max((one.least_seen for one in visited.values() if one.usable), default=0.0)
-    return min(visited.values(), key=lambda one: one.criterion(count, least))
+    count = max(choice.count for choice in visited.values())
+    least = max((choice.least_seen for choice in visited.values() if choice.usable), default=0.0)
+    return min(visited.values(), key=lambda choice: choice.criterion(count, least))
 
 
 def start_about(found: Refined, library: Library, kept: Kept) -> dict[str, float]:
@@ -274,7 +276,9 @@ def start_about(found: Refined, library: Library, kept: Kept) -> dict[str, float
     start = {library.names[k]: float(value) for k, value in zip(kept, found.total.solved(kept)[0], strict=True)}
     if len(found.fits) == 1:
         estimates = found.fits[0].estimates
-        start |= {name: one.value for name, one in estimates.items() if name in found.fits[0].model.initial_names}
+        start |= {
+            name: estimate.value for name, estimate in estimates.items() if name in found.fits[0].model.initial_names
+        }
     return start
 
 

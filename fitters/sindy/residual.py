@@ -41,7 +41,7 @@ def beyond(
 
     Returns
     -------
-    found, shares
+    choice, shares
         The terms kept and added, fitted, and the inclusion (k,) of every term: 1 for those kept.
 
     Raises
@@ -51,26 +51,26 @@ def beyond(
     """
     extra: Kept = ()
     for _ in range(ROUNDS):
-        found = refined(clips, library, tuple(sorted((*own, *extra))), {})
-        if not found.usable:
-            raise FitError(f"the model whose residual is asked for cannot be fitted to this: {found.fits[0].message}")
-        rows, candidates = _rearranged(found, own)
-        chosen, price = called_for(rows, len(candidates), found.least_seen)
+        choice = refined(clips, library, tuple(sorted((*own, *extra))), {})
+        if not choice.usable:
+            raise FitError(f"the model whose residual is asked for cannot be fitted to this: {choice.fits[0].message}")
+        rows, candidates = _rearranged(choice, own)
+        chosen, price = called_for(rows, len(candidates), choice.least_seen)
         called = tuple(candidates[k] for k in chosen)
         if called == extra:
             break
         extra = called
-    shares = np.ones(found.terms)
+    shares = np.ones(choice.terms)
     shares[candidates] = share_called_for(rows, len(candidates), price, rng, resampled)
-    return found, shares
+    return choice, shares
 
 
-def _rearranged(found: Refined, own: Kept) -> tuple[Blocks, list[int]]:
+def _rearranged(choice: Refined, own: Kept) -> tuple[Blocks, list[int]]:
     """Compressed rows of each clip with the candidates first, and which terms those are."""
-    size = found.parts[0][0].size
-    candidates = [k for k in range(found.terms) if k not in own]
-    order = [*candidates, *own, *range(found.terms, size), size]
-    return [[Compressed(part.rows[:, order], part.count) for part in clip] for clip in found.parts], candidates
+    size = choice.parts[0][0].size
+    candidates = [k for k in range(choice.terms) if k not in own]
+    order = [*candidates, *own, *range(choice.terms, size), size]
+    return [[Compressed(part.rows[:, order], part.count) for part in clip] for clip in choice.parts], candidates
 
 
 def called_for(clips: Blocks, first: int, least: float = 0.0) -> tuple[Kept, float]:

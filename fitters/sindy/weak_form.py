@@ -149,18 +149,18 @@ def rows_of(pieces: list[Piece], library: Library) -> list[Rows]:
 
 def _best_rows(pieces: list[Piece], library: Library, equation: int) -> Rows:
     longest_s = max(float(piece.t_s[-1] - piece.t_s[0]) for piece in pieces)
-    count, found = len(library.of_equation(equation)), []
+    count, candidates = len(library.of_equation(equation)), []
     for half_s in _half_widths(pieces, equation, longest_s):
         blocks = _blocks(pieces, library, equation, half_s)
         if sum(block.left.size for block in blocks) > count:
             rows = _noise_aware(blocks)
-            found.append((_information(rows), rows))
-    if not found:
+            candidates.append((_information(rows), rows))
+    if not candidates:
         raise DataError(
             f"the longest stretch without a gap lasts {longest_s:.3g} s: too few windows for {count} terms; "
             "give a longer clip or fill the gaps"
         )
-    return max(found, key=lambda one: one[0])[1]
+    return max(candidates, key=lambda candidate: candidate[0])[1]
 
 
 def _half_widths(pieces: list[Piece], equation: int, longest_s: float) -> list[float]:
@@ -170,8 +170,8 @@ def _half_widths(pieces: list[Piece], equation: int, longest_s: float) -> list[f
     rates = np.concatenate([piece.rates[:, equation] for piece in pieces])
     own_s = float(np.sqrt(np.mean(values**2) / max(float(np.mean(rates**2)), 1e-300)))
     widest_s = longest_s / 2.5
-    wanted = np.clip([factor * own_s for factor in WIDTHS], min(NARROWEST * step_s, widest_s), widest_s)
-    return sorted(set(wanted.tolist()))
+    half_widths = np.clip([factor * own_s for factor in WIDTHS], min(NARROWEST * step_s, widest_s), widest_s)
+    return sorted(set(half_widths.tolist()))
 
 
 def _information(rows: Rows) -> float:
@@ -247,7 +247,7 @@ def _block(piece: Piece, centres_s: Array, library: Library, equation: int, half
     t_s, values, rates = piece.t_s[first:last], piece.values[first:last], piece.rates[first:last]
     inputs = None if piece.inputs is None else piece.inputs[first:last]
     weight_s = np.gradient(t_s)  # of the trapezoidal rule; the bump is zero at the ends
-    bump, slope, curve = (one * weight_s for one in _bumps((t_s - centres_s[:, None]) / half_s, half_s))
+    bump, slope, curve = (kernel * weight_s for kernel in _bumps((t_s - centres_s[:, None]) / half_s, half_s))
     operator = curve if order == 2 else -slope
     terms = library.of_equation(equation)
     codes = [library.terms[k].code for k in terms]

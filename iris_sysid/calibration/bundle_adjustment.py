@@ -168,12 +168,12 @@ def pose_of(parameters: Array, points: Points) -> Array:
     dimensionless.
     """
     try:
-        found, rotation, translation = cv2.solvePnP(
+        success, rotation, translation = cv2.solvePnP(
             points.space_m, points.seen_px, matrix_of(parameters), parameters[4:], flags=cv2.SOLVEPNP_IPPE
         )[:3]
     except cv2.error as error:
         raise CalibrationError(f"the corners fit no board in space ({error.err}); mark them again") from error
-    if not found:
+    if not success:
         raise CalibrationError("the corners fit no board in space; was the board flat and are the corners in order?")
     pose = np.concatenate([np.ravel(rotation), np.ravel(translation)]).astype(np.float64)
     return _polished_pose(parameters, points, pose)

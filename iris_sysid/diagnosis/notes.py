@@ -75,7 +75,9 @@ def negative_damping_note(finals: Sequence[FitResult]) -> tuple[DiagnosticNote, 
         f"{_clip(k, finals)}{name} is {damping.value:.2g} ± {damping.stderr:.1g} {damping.unit}; a negative damping "
         "adds energy, so the loss has another form than in the equation"
         for k, fit in enumerate(finals)
-        for name, damping in ((one.name, fit.estimates[one.name]) for one in fit.model.with_role("damping"))
+        for name, damping in (
+            (parameter.name, fit.estimates[parameter.name]) for parameter in fit.model.with_role("damping")
+        )
         if damping.interval[1] < 0.0
     ]
     return _notes("negative-damping", texts)

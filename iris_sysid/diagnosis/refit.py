@@ -31,7 +31,9 @@ def with_free_geometry(clip: FitRequest) -> tuple[FitRequest, FitResult]:
         The model without effects.
     """
     measured, chosen = clip.trajectory.geometry, {*clip.fixed, *clip.free}
-    constants = [one.name for one in clip.model.parameters if one.constant and one.default is not None]
+    constants = [
+        parameter.name for parameter in clip.model.parameters if parameter.constant and parameter.default is not None
+    ]
     unsure = [name for name in constants if name in measured and measured[name].stderr > 0 and name not in chosen]
     freed = clip.with_(free=[*clip.free, *unsure])
     fitted = solve(freed)

@@ -35,7 +35,7 @@ def pooled_document(pooled: PooledFit, tables: Sequence[str], trajectory: Trajec
         The first clip: its origin says what was asked.
     """
     free = list(pooled.estimates)
-    means = [one.mean.stderr**2 for one in pooled.population.values()]
+    means = [population.mean.stderr**2 for population in pooled.population.values()]
     covariance = np.zeros((len(free), len(free)))
     covariance[: len(pooled.shared), : len(pooled.shared)] = pooled.covariance
     covariance[len(pooled.shared) :, len(pooled.shared) :] = np.diag(means)
@@ -50,8 +50,8 @@ def pooled_document(pooled: PooledFit, tables: Sequence[str], trajectory: Trajec
         free=free,
         covariance=[known_numbers(row) for row in covariance],
         budget={name: {key: known_number(part) for key, part in row.items()} for name, row in pooled.budget.items()},
-        noise=_together(usable, "noise"),
-        rms=_together(usable, "rms"),
+        noise=_overall(usable, "noise"),
+        rms=_overall(usable, "rms"),
         n=sum(clip.n for clip in usable),
         aic=known_number(pooled.aic),
         bic=known_number(pooled.bic),
@@ -79,31 +79,31 @@ def pooled_document(pooled: PooledFit, tables: Sequence[str], trajectory: Trajec
 def _clips(pooled: PooledFit, tables: Sequence[str]) -> ClipsEntry:
     return ClipsEntry(
         shared=list(pooled.shared),
-        scatter={name: _population(one) for name, one in pooled.scatter.items()},
-        population={name: _population(one) for name, one in pooled.population.items()},
+        scatter={name: _population(population) for name, population in pooled.scatter.items()},
+        population={name: _population(population) for name, population in pooled.population.items()},
         clips=[
             ClipEntry(
                 table=table,
-                status=one.status,
-                message=one.message,
-                parameters=entries_of(one.estimates, one.status),
-                noise=_together([one], "noise"),
-                rms=_together([one], "rms"),
-                n=one.n,
+                status=clip.status,
+                message=clip.message,
+                parameters=entries_of(clip.estimates, clip.status),
+                noise=_overall([clip], "noise"),
+                rms=_overall([clip], "rms"),
+                n=clip.n,
             )
-            for table, one in zip(tables, pooled.clips, strict=True)
+            for table, clip in zip(tables, pooled.clips, strict=True)
         ],
     )
 
 
-def _population(one: Population) -> PopulationEntry:
+def _population(population: Population) -> PopulationEntry:
     return PopulationEntry(
-        mean=entry_of(one.mean),
-        between=entry_of(one.between),
-        within=known_number(one.within),
-        q=known_number(one.q),
-        degrees=one.degrees,
-        p_value=known_number(one.p_value),
+        mean=entry_of(population.mean),
+        between=entry_of(population.between),
+        within=known_number(population.within),
+        q=known_number(population.q),
+        degrees=population.degrees,
+        p_value=known_number(population.p_value),
     )
 
 
@@ -115,9 +115,10 @@ def _mean_square(fits: Sequence[FitResult], name: str, column: int) -> float | N
     return known_number(np.sqrt(np.mean(_parts(fits, name)[:, column] ** 2))) if fits else None
 
 
-def _together(fits: Sequence[FitResult], name: str) -> float | None:
-    one_unit = bool(fits) and len({quantity.unit for quantity in fits[0].model.observed}) == 1
-    return known_number(np.sqrt(np.mean(_parts(fits, name) ** 2))) if one_unit else None
+def _overall(fits: Sequence[FitResult], name: str) -> float | None:
+    """Root mean square over all fits and quantities; None where the quantities differ in unit."""
+    same_unit = bool(fits) and len({quantity.unit for quantity in fits[0].model.observed}) == 1
+    return known_number(np.sqrt(np.mean(_parts(fits, name) ** 2))) if same_unit else None
 
 
 def selection_document(choice: ModelChoice, origin: Trajectory) -> FitDocument:

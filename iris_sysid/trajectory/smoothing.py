@@ -74,8 +74,8 @@ def smooth(trajectory: Trajectory, *, psd: float | Sequence[float] | None = None
         )
     pieces = _pieces(trajectory)
     judged = _judged(trajectory, pieces)
-    wanted = _stated_psd(psd, len(trajectory.quantities))
-    fitted = [_choose(_Column.of(trajectory, column, judged), value) for column, value in enumerate(wanted)]
+    stated_psd = _stated_psd(psd, len(trajectory.quantities))
+    fitted = [_choose(_Column.of(trajectory, column, judged), value) for column, value in enumerate(stated_psd)]
     smoothed = _smoothed(trajectory, pieces, fitted)
     counted = sum(max(int(trajectory.valid[piece].sum()) - ORDER, 0) for piece in judged)
     return trajectory.with_(smoothed=smoothed, origin={**trajectory.origin, "nis_samples": counted})

@@ -122,7 +122,7 @@ class OdeModel:
         """Whether the states are positions followed by their velocities, in the same order."""
         half, odd = divmod(len(self.states), 2)
         pairs = zip(self.states[:half], self.states[half : 2 * half], strict=True)
-        return not odd and half > 0 and all(rate.unit == f"{place.unit}/s" for place, rate in pairs)
+        return not odd and half > 0 and all(rate.unit == f"{position.unit}/s" for position, rate in pairs)
 
     @property
     def initial_names(self) -> tuple[str, ...]:

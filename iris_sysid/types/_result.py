@@ -39,8 +39,8 @@ class FitProblem:
     @property
     def text(self) -> str:
         """Finding, detail and remedy as text, without the last full stop."""
-        what = f"{self.finding} ({self.detail})" if self.detail else self.finding
-        return f"{what}. {self.remedy}" if self.remedy else what
+        sentence = f"{self.finding} ({self.detail})" if self.detail else self.finding
+        return f"{sentence}. {self.remedy}" if self.remedy else sentence
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -193,4 +193,4 @@ class PooledFit:
     @property
     def estimates(self) -> dict[str, Estimate]:
         """The shared values, then the means of the population."""
-        return {**self.shared, **{name: one.mean for name, one in self.population.items()}}
+        return {**self.shared, **{name: population.mean for name, population in self.population.items()}}

@@ -233,17 +233,17 @@ def _camera(views: Views, board: Board, options: CameraOptions) -> tuple[CameraC
 
 
 def _plane_view(
-    clip: Video | None, paths: Sequence[Path], board: Board, wanted: int | Path | None, options: CameraOptions
+    clip: Video | None, paths: Sequence[Path], board: Board, requested: int | Path | None, options: CameraOptions
 ) -> tuple[BoardView, Luma]:
     """The view in the plane of motion, or parallel to it, and its image."""
-    if isinstance(wanted, Path):
-        return _view_in(wanted, board, options)
+    if isinstance(requested, Path):
+        return _view_in(requested, board, options)
     if clip is not None:
-        return _view_in_clip(clip, board, wanted)
-    if wanted is not None:
-        if not 1 <= wanted <= len(paths):
-            raise CalibrationError(f"there is no image number {wanted}; {len(paths)} were given, counted from 1")
-        return _view_in(paths[wanted - 1], board, options)
+        return _view_in_clip(clip, board, requested)
+    if requested is not None:
+        if not 1 <= requested <= len(paths):
+            raise CalibrationError(f"there is no image number {requested}; {len(paths)} were given, counted from 1")
+        return _view_in(paths[requested - 1], board, options)
     first_error: CalibrationError | None = None
     for path in paths:
         try:
@@ -258,20 +258,20 @@ def _view_in(path: Path, board: Board, options: CameraOptions) -> tuple[BoardVie
     return find_board(image, board, window_px=options.window_px, name=path.name), image
 
 
-def _view_in_clip(clip: Video, board: Board, wanted: int | None) -> tuple[BoardView, Luma]:
+def _view_in_clip(clip: Video, board: Board, requested: int | None) -> tuple[BoardView, Luma]:
     """The board in the frame of that number, or in the first that shows it."""
     last: Frame | None = None
     for frame in clip.frames():
         last = frame
-        if wanted is not None and frame.index < wanted:
+        if requested is not None and frame.index < requested:
             continue
         try:
             name = f"frame {frame.index} ({frame.t_s:.3f} s)"
-            return find_board(frame.luma, board, name=name, thorough=wanted is not None), frame.luma.copy()
+            return find_board(frame.luma, board, name=name, thorough=requested is not None), frame.luma.copy()
         except BoardError as error:
-            if wanted is not None or error.seen:
+            if requested is not None or error.seen:
                 raise
-    if wanted is not None or last is None:
-        raise CalibrationError(f"the clip has no frame {wanted}; its last is {last.index if last else 'none'}")
+    if requested is not None or last is None:
+        raise CalibrationError(f"the clip has no frame {requested}; its last is {last.index if last else 'none'}")
     find_board(last.luma, board, name=f"frame {last.index}")  # says why
     raise CalibrationError("no frame of the clip shows the board")

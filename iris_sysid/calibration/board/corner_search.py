@@ -94,13 +94,13 @@ def _quick(grey: Grey, board: Board) -> Array | None:
 
 
 def _classical(grey: Grey, board: Board, flags: int = CLASSICAL) -> Array | None:
-    found, corners = cv2.findChessboardCorners(grey, (board.columns, board.rows), flags=flags)
-    return np.asarray(corners, float).reshape(-1, 2) if found else None
+    success, corners = cv2.findChessboardCorners(grey, (board.columns, board.rows), flags=flags)
+    return np.asarray(corners, float).reshape(-1, 2) if success else None
 
 
 def _by_sectors(grey: Grey, board: Board) -> Array | None:
-    found, corners = cv2.findChessboardCornersSB(grey, (board.columns, board.rows), flags=SECTORS)
-    return np.asarray(corners, float).reshape(-1, 2) if found else None
+    success, corners = cv2.findChessboardCornersSB(grey, (board.columns, board.rows), flags=SECTORS)
+    return np.asarray(corners, float).reshape(-1, 2) if success else None
 
 
 def _at_full_size(corners: Array, small: Grey, scale: float, board: Board) -> Found:
@@ -193,8 +193,8 @@ def _why_no_checkerboard(grey: Grey, board: Board) -> tuple[str, bool]:
 def part_of_board(grey: Grey) -> Array | None:
     """The largest grid of corners to be seen in a ``grey`` image (rows, columns, 2), px; None when hardly any."""
     scale, small = next(_scales(grey, thorough=True))
-    found, corners, grid = cv2.findChessboardCornersSBWithMeta(small, (3, 3), SECTORS | cv2.CALIB_CB_LARGER)
-    if not found or grid is None:
+    success, corners, grid = cv2.findChessboardCornersSBWithMeta(small, (3, 3), SECTORS | cv2.CALIB_CB_LARGER)
+    if not success or grid is None:
         return None
     rows, columns = grid.shape[:2]
     part = whole_grid(small, np.asarray(corners, float).reshape(rows, columns, 2))

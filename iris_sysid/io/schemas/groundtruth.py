@@ -76,20 +76,20 @@ class MeasuredDocument(Document):
 
     def board(self, class_name: str) -> BoardEntry | None:
         """The board of a class: its own, else the one of all classes."""
-        return next((one for name in (class_name, ANY) for one in self.boards if one.class_name == name), None)
+        return next((entry for name in (class_name, ANY) for entry in self.boards if entry.class_name == name), None)
 
     def scale(self, class_name: str) -> ScaleEntry | None:
         """The scale of a class: its own, else the one of all classes."""
-        return next((one for name in (class_name, ANY) for one in self.scales if one.class_name == name), None)
+        return next((entry for name in (class_name, ANY) for entry in self.scales if entry.class_name == name), None)
 
     def of(self, class_name: str, setting: str) -> dict[str, Estimate]:
         """What is known of a setting by parameter; what is said of it alone goes before what is said of all."""
         ranks = ((ANY, ANY), (class_name, ANY), (class_name, setting))
         return {
-            one.parameter: one.estimate()
+            entry.parameter: entry.estimate()
             for rank in ranks
-            for one in self.values
-            if (one.class_name, one.setting) == rank
+            for entry in self.values
+            if (entry.class_name, entry.setting) == rank
         }
 
 
