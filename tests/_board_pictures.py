@@ -28,13 +28,13 @@ def pose(tilt=(0.0, 0.0), roll=0.0, distance=0.6, aside=(0.0, 0.0), board=BOARD)
 def random_pose(rng, tilt=0.5, size=SIZE, board=BOARD, camera=PHONE):
     """A pose in which the whole board is in the picture."""
     while True:
-        one = pose(
+        candidate = pose(
             rng.uniform(-tilt, tilt, 2), rng.uniform(-0.3, 0.3), rng.uniform(0.4, 0.7), rng.uniform(-0.15, 0.15, 2)
         )
-        seen = corners(one, board, camera)
+        seen = corners(candidate, board, camera)
         margin = 40
         if seen.min() > margin and np.all(seen < np.array(size) - margin):
-            return one
+            return candidate
 
 
 def corners(pose, board=BOARD, camera=PHONE):

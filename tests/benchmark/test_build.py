@@ -181,10 +181,10 @@ def published(tmp_path_factory):
 def test_published_runs_give_every_row_of_the_papers_table_and_hitting_cones(published):
     rows = read_rows(published[2]["rows.csv"])
     table = tables_of(rows)["headline"]
-    found = {(cell[0], cell[2]): cell[3] for cell in cells(table, "phenomenon", "setting", "parameter", "one-step")}
-    assert found["Falling_ball", "gravity"].endswith("(10)*")
-    assert found["Sliding_cone", "angle"] == "– (0, 10 failed)"  # published from metadata; no run estimates it
-    assert found["Hitting_cones", "coupling"].startswith("mean ")
+    cell_of = {(cell[0], cell[2]): cell[3] for cell in cells(table, "phenomenon", "setting", "parameter", "one-step")}
+    assert cell_of["Falling_ball", "gravity"].endswith("(10)*")
+    assert cell_of["Sliding_cone", "angle"] == "– (0, 10 failed)"  # published from metadata; no run estimates it
+    assert cell_of["Hitting_cones", "coupling"].startswith("mean ")
     assert len(table.rows) == 3 * (1 + 1 + 1 + 2 + 1 + 2 + 2 + 1)
 
 
@@ -204,15 +204,15 @@ def test_building_again_gives_the_same_bytes_and_from_its_own_rows_the_same_tabl
 
 
 def test_manifest_names_inputs_splits_and_versions(published):
-    told = json.loads(published[2]["manifest.json"].read_text("utf-8"))
-    assert told["latent"][0]["file"] == "iris_baseline.csv"
-    assert len(told["latent"][0]["sha256"]) == 64
-    assert all(parameters["n"] == len(parameters["clips"]) for parameters in told["splits"])
-    assert {parameters["method"]: parameters["n"] for parameters in told["splits"]}[
+    manifest = json.loads(published[2]["manifest.json"].read_text("utf-8"))
+    assert manifest["latent"][0]["file"] == "iris_baseline.csv"
+    assert len(manifest["latent"][0]["sha256"]) == 64
+    assert all(parameters["n"] == len(parameters["clips"]) for parameters in manifest["splits"])
+    assert {parameters["method"]: parameters["n"] for parameters in manifest["splits"]}[
         "one-step (g/alpha)"
     ] == 90  # three classes of pendulum
-    assert told["seeds"] == [42]
-    assert "numpy" in told["origin"]["versions"]
+    assert manifest["seeds"] == [42]
+    assert "numpy" in manifest["origin"]["versions"]
 
 
 def test_command_builds_the_tables_and_says_what_is_missing(cli, tmp_path):

@@ -44,16 +44,16 @@ def struck(sign):
 @pytest.mark.parametrize("sign", [1, -1])
 def test_ball_and_the_first_two_of_the_lowest_row_are_taken_in_the_order_of_the_way(sign):
     bodies, run_up, ways = struck(sign)
-    found = first_struck(bodies, run_up)
-    assert [quantity.name for quantity in found.quantities] == ["z1", "z2", "z3"]
-    np.testing.assert_allclose(found.position, sign * ways, atol=6 * NOISE)
-    assert 0.45 < np.ptp(found.t_s[found.valid]) < 0.5
+    chain = first_struck(bodies, run_up)
+    assert [quantity.name for quantity in chain.quantities] == ["z1", "z2", "z3"]
+    np.testing.assert_allclose(chain.position, sign * ways, atol=6 * NOISE)
+    assert 0.45 < np.ptp(chain.t_s[chain.valid]) < 0.5
 
 
 def test_impacts_describe_what_the_coupling_cannot():
     bodies, run_up, _ = struck(1)
-    found = first_struck(bodies, run_up)
-    impacts, coupled = (fit(found, MODELS[name]) for name in ("impact-chain", "contact-chain"))
+    chain = first_struck(bodies, run_up)
+    impacts, coupled = (fit(chain, MODELS[name]) for name in ("impact-chain", "contact-chain"))
     assert impacts.estimates["restitution"].value == pytest.approx(0.5, abs=0.03)
     assert impacts.rms.max() < 2 * NOISE
     assert coupled.rms.max() > 20 * NOISE

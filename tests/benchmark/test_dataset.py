@@ -37,8 +37,8 @@ def test_dataset_clips_are_listed_in_order_with_their_phenomenon(tmp_path):
 
 def test_dataset_missing_settings_and_numbers_are_named(tmp_path):
     put(tmp_path, *(f"Rotation/slow/{k:02d}.mp4" for k in (1, 2, 3, 4, 6, 7, 8, 10)))
-    found = reasons(list_clips(tmp_path))
-    assert list(found) == ["Rotation/fast", "Rotation/mid", "Rotation/slow/05", "Rotation/slow/09"]
+    reason_of = reasons(list_clips(tmp_path))
+    assert list(reason_of) == ["Rotation/fast", "Rotation/mid", "Rotation/slow/05", "Rotation/slow/09"]
 
 
 def test_dataset_unknown_class_is_named_with_the_one_that_was_meant(tmp_path):
@@ -57,11 +57,11 @@ def test_dataset_odd_files_are_left_out_by_name(tmp_path):
     listing = list_clips(tmp_path)
     assert [clip.clip for clip in listing.clips] == ["01", "04"]
     assert listing.clips[0].path.name == "01.avi"
-    found = reasons(listing)
-    assert "same clip" in found["Pendulum/pendulum_45/01.mp4"]
-    assert "rename it" in found["Pendulum/pendulum_45/'a\\nb.mp4'"]
-    assert "broken link" in found["Pendulum/pendulum_45/03.mp4"]
-    assert "no ordinary file" in found["Pendulum/pendulum_45/05.mp4"]
+    reason_of = reasons(listing)
+    assert "same clip" in reason_of["Pendulum/pendulum_45/01.mp4"]
+    assert "rename it" in reason_of["Pendulum/pendulum_45/'a\\nb.mp4'"]
+    assert "broken link" in reason_of["Pendulum/pendulum_45/03.mp4"]
+    assert "no ordinary file" in reason_of["Pendulum/pendulum_45/05.mp4"]
 
 
 @pytest.mark.parametrize("place", ["missing", "file.mp4"])

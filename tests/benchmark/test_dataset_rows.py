@@ -40,15 +40,15 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def found(folder, tmp_path_factory):
+def built(folder, tmp_path_factory):
     work = tmp_path_factory.mktemp("work")
     return work, dataset_rows(folder, work, Plan("tiny", studies=STUDIES))
 
 
 @pytest.fixture(scope="module")
-def subject(folder, found):
+def subject(folder, built):
     """The first clip as it was measured."""
-    return subjects_of(measure(folder, found[0]).clips, folder, "tiny")[0]
+    return subjects_of(measure(folder, built[0]).clips, folder, "tiny")[0]
 
 
 def values(rows, **wanted):
@@ -57,35 +57,35 @@ def values(rows, **wanted):
     return rows
 
 
-def test_the_banks_rows_are_near_the_truth_beside_each_clip(folder, found):
-    rows = values(found[1].rows, study="parameters", method="ode", parameter="length", status="ok")
+def test_the_banks_rows_are_near_the_truth_beside_each_clip(folder, built):
+    rows = values(built[1].rows, study="parameters", method="ode", parameter="length", status="ok")
     assert rows["clip"].tolist() == ["01", "02"]
     truth = read_truth(folder / "Pendulum/pendulum_45/01.mp4").parameters["length"].value
     assert rows["truth"].iloc[0] == truth
     assert rows["truth_source"].iloc[0] == "01.truth.json"
     assert np.all(np.abs(rows["error"]) < 0.01)
-    assert not values(found[1].rows, study="parameters", parameter="damping").empty
+    assert not values(built[1].rows, study="parameters", parameter="damping").empty
 
 
-def test_a_clip_that_cannot_be_read_is_failed_rows_of_the_same_parameters(found):
-    rows = values(found[1].rows, study="parameters", method="ode", clip="03")
+def test_a_clip_that_cannot_be_read_is_failed_rows_of_the_same_parameters(built):
+    rows = values(built[1].rows, study="parameters", method="ode", clip="03")
     assert set(rows["parameter"]) >= {"length", "damping"}
     assert set(rows["status"]) == {"failed"}
     assert rows["value"].isna().all()
 
 
-def test_gaps_name_the_bad_clip_the_unknown_class_and_what_is_missing(found):
-    text = "\n".join(found[1].gaps)
+def test_gaps_name_the_bad_clip_the_unknown_class_and_what_is_missing(built):
+    text = "\n".join(built[1].gaps)
     for name in ("Pendulum/pendulum_45/03", "Wave", "Pendulum/pendulum_20", "Pendulum/pendulum_45/10", "checkerboard"):
         assert name in text
 
 
-def test_every_clip_has_its_hash(found):
-    assert len(found[1].clips["Pendulum/pendulum_45/01"]) == 64
+def test_every_clip_has_its_hash(built):
+    assert len(built[1].clips["Pendulum/pendulum_45/01"]) == 64
 
 
-def test_every_study_has_rows_and_no_value_where_there_is_none(found):
-    rows = found[1].rows
+def test_every_study_has_rows_and_no_value_where_there_is_none(built):
+    rows = built[1].rows
     assert set(rows["study"]) == {"parameters", *STUDIES}
     length = values(rows, study="losses", clip="01", method="one-step, Euler-Cromer, sine")
     assert abs(length["error"].iloc[0]) < 0.05
@@ -95,14 +95,14 @@ def test_every_study_has_rows_and_no_value_where_there_is_none(found):
     assert 1 < condition < 1e6
 
 
-def test_sharing_has_one_value_for_all_clips_that_is_near_the_truth(found):
-    rows = values(found[1].rows, study="sharing", parameter="length").set_index("method")
+def test_sharing_has_one_value_for_all_clips_that_is_near_the_truth(built):
+    rows = values(built[1].rows, study="sharing", parameter="length").set_index("method")
     assert len(rows.loc[["clip by clip"]]) == 2
     assert abs(rows.loc["one shared value", "error"]) < 0.01
 
 
-def test_a_second_run_does_only_what_is_missing_and_gives_the_same_rows(folder, found, monkeypatch):
-    work, first = found
+def test_a_second_run_does_only_what_is_missing_and_gives_the_same_rows(folder, built, monkeypatch):
+    work, first = built
     done = []
     working = module.work_on
     monkeypatch.setattr(module, "work_on", lambda unit: (done.append(unit.path.name), working(unit))[1])
@@ -121,22 +121,22 @@ def test_an_unknown_study_is_refused(folder, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("error", "said"),
+    ("error", "reason"),
     [(DataError("no\nway"), "no way"), (ZeroDivisionError("by zero"), "unexpected ZeroDivisionError: by zero")],
 )
-def test_a_study_that_fails_is_a_row_with_the_reason(error, said, subject, monkeypatch):
+def test_a_study_that_fails_is_a_row_with_the_reason(error, reason, subject, monkeypatch):
     def fails(_):
         raise error
 
     monkeypatch.setitem(module.STUDY_OF, "sindy", (fails, "", "sindy", ""))
     rows = flat_rows(studied(subject, "sindy"))
     assert set(rows["status"]) == {"failed"}
-    assert set(rows["answer"]) == {said}
+    assert set(rows["answer"]) == {reason}
 
 
 def test_what_a_fit_was_told_and_what_has_no_scale_is_no_estimate(subject):
-    told = {"length": Estimate(0.5, 0.0, "m", "assumed"), "damping": Estimate(0.1, 0.0, "1/s", "fitted")}
-    rows = flat_rows(subject.records(told, "ok", method="x")).set_index("parameter")
+    estimates = {"length": Estimate(0.5, 0.0, "m", "assumed"), "damping": Estimate(0.1, 0.0, "1/s", "fitted")}
+    rows = flat_rows(subject.records(estimates, "ok", method="x")).set_index("parameter")
     assert rows.loc["length", "status"] == "not estimated"
     assert np.isnan(rows.loc["length", "value"])
     assert rows.loc["damping", "value"] == 0.1
@@ -158,8 +158,8 @@ def test_a_refit_is_told_what_the_measurement_was_told_and_no_more(tmp_path):
         name: {"value": value, "stderr": 0.1, "ci95": [None, None], "unit": "1", "measurement_type": kind}
         for name, (value, kind) in entries.items()
     }
-    told = clip.document.model_dump(mode="json") | {"model": "apparent-radius", "free": ["gravity", "h_0"]}
-    document = ClipDocument.model_validate_json(json.dumps(told | {"parameters": parameters}))
+    content = clip.document.model_dump(mode="json") | {"model": "apparent-radius", "free": ["gravity", "h_0"]}
+    document = ClipDocument.model_validate_json(json.dumps(content | {"parameters": parameters}))
     (subject,) = subjects_of([ClipMeasurement(clip.clip, document, tmp_path)], tmp_path, "x")
     known, free = subject.known_and_free()
     assert {name: known_value.value for name, known_value in known.items()} == {"r0_f": 76.3}
@@ -185,8 +185,8 @@ def test_truth_is_published_unless_the_data_set_says_it_itself(tmp_path):
     (published,) = subjects_of([clip], tmp_path, "x")
     assert published.truth["length"].value == 0.5
     assert published.truth["length"].source.startswith("published: ")
-    told = {"pendulum": {"pendulum_45": {"rope_length": {"mean": 0.47}, "damping": {"mean": None}}}}
-    (tmp_path / "parameters.json").write_text(json.dumps(told))
+    truth = {"pendulum": {"pendulum_45": {"rope_length": {"mean": 0.47}, "damping": {"mean": None}}}}
+    (tmp_path / "parameters.json").write_text(json.dumps(truth))
     (own,) = subjects_of([clip], tmp_path, "x")
     assert (own.truth["length"].value, own.truth["length"].source) == (0.47, "parameters.json")
     assert "damping" not in own.truth
@@ -290,9 +290,9 @@ def test_robustness_measures_again_and_says_what_failed(subject):
 # --------------------------------------------------------------------------- the command
 
 
-def test_the_command_builds_all_tables_from_a_data_set_and_again_the_same(cli, folder, found, tmp_path):
+def test_the_command_builds_all_tables_from_a_data_set_and_again_the_same(cli, folder, built, tmp_path):
     work = tmp_path / "work"
-    shutil.copytree(found[0], work)
+    shutil.copytree(built[0], work)
     arguments = ["benchmark", folder, "--work", work, "-o", tmp_path / "out", "--study", "identifiability"]
     first = cli(*arguments)
     assert first.status == 0, first.err

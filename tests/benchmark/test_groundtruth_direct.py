@@ -26,9 +26,9 @@ def written(tmp_path, *rows, **more):
     [("limits", 0.002 / math.sqrt(3), 0.0019), ("standard", 0.002, 0.00392), ("expanded", 0.001, 0.002)],
 )
 def test_stated_uncertainty_is_read_as_what_it_is(tmp_path, kind, stderr, half):
-    found = read_measured(written(tmp_path, {**ROW, "kind": kind})).of("Pendulum", "pendulum_45")["rope_length"]
-    assert found.stderr == pytest.approx(stderr)
-    assert found.interval == pytest.approx((0.5 - half, 0.5 + half), abs=1e-5)
+    length = read_measured(written(tmp_path, {**ROW, "kind": kind})).of("Pendulum", "pendulum_45")["rope_length"]
+    assert length.stderr == pytest.approx(stderr)
+    assert length.interval == pytest.approx((0.5 - half, 0.5 + half), abs=1e-5)
 
 
 def test_what_is_said_of_a_setting_goes_before_what_is_said_of_all(tmp_path):
@@ -56,9 +56,9 @@ def test_template_is_a_measured_file_with_the_published_values(tmp_path):
     path = tmp_path / "measured.json"
     path.write_text(document_text(template()), encoding="utf-8")
     document = read_measured(path)
-    found = document.of("Sliding_cone", "cone_60")
-    assert found["angle"].value == truth_of("iris", "Sliding_cone", "cone_60", "angle").value
-    assert found["angle"].unit == "deg"
+    measured = document.of("Sliding_cone", "cone_60")
+    assert measured["angle"].value == truth_of("iris", "Sliding_cone", "cone_60", "angle").value
+    assert measured["angle"].unit == "deg"
     assert document.of("Two_Moving_Pendulums", "pendulum_20")["rope_length_2"].value == 0.5
     assert document.of("Falling_ball", "small")["ball_radius"].value == 0.04
 

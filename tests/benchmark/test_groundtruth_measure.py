@@ -37,14 +37,14 @@ def dataset(tmp_path_factory, pendulum_clip, cut_clip):
 @pytest.fixture(scope="module")
 def work(dataset, tmp_path_factory):
     folder = tmp_path_factory.mktemp("work")
-    told, steps = [], []
-    found = measure(dataset, folder, progress=lambda *step: steps.append(step), tell=told.append)
-    return folder, found, told, steps
+    messages, steps = [], []
+    measurements = measure(dataset, folder, progress=lambda *step: steps.append(step), tell=messages.append)
+    return folder, measurements, messages, steps
 
 
 def test_measure_gives_the_fit_of_each_clip(work, pendulum_clip):
-    _, found, _, steps = work
-    first = found.clips[0]
+    _, measurements, _, steps = work
+    first = measurements.clips[0]
     assert (first.document.status, first.document.model) == ("ok", "pendulum")
     truth = read_truth(pendulum_clip).parameters["length"]
     assert first.document.estimates()["length"].value == pytest.approx(truth.value, rel=0.02)
@@ -55,11 +55,11 @@ def test_measure_gives_the_fit_of_each_clip(work, pendulum_clip):
 
 
 def test_measure_makes_a_corrupt_clip_a_failed_row_and_does_the_rest(work):
-    _, found, told, _ = work
-    assert [clip.document.status for clip in found.clips] == ["ok", "ok", "failed"]
-    assert "03.mp4" in found.clips[2].document.message
-    assert found.clips[2].trajectory() is None
-    assert told == [f"Pendulum/pendulum_45/03: {found.clips[2].document.message}"]
+    _, measurements, messages, _ = work
+    assert [clip.document.status for clip in measurements.clips] == ["ok", "ok", "failed"]
+    assert "03.mp4" in measurements.clips[2].document.message
+    assert measurements.clips[2].trajectory() is None
+    assert messages == [f"Pendulum/pendulum_45/03: {measurements.clips[2].document.message}"]
 
 
 def test_measure_names_the_gaps(work):
@@ -72,12 +72,12 @@ def test_measure_names_the_gaps(work):
 
 
 def test_measure_again_measures_nothing_and_changes_nothing(work, dataset, monkeypatch):
-    folder, found, _, _ = work
+    folder, measurements, _, _ = work
     before = listing(folder)
     monkeypatch.setattr(clip, "open_video", None)  # would be called for a clip that is read again
     again = measure(dataset, folder)
     assert again.now == 0
-    assert [clip.document for clip in again.clips] == [clip.document for clip in found.clips]
+    assert [clip.document for clip in again.clips] == [clip.document for clip in measurements.clips]
     assert listing(folder) == before
 
 
@@ -113,7 +113,7 @@ def test_measure_with_another_gravity_fits_again_without_tracking_again(work, da
     monkeypatch.setattr(clip, "track", None)
     measured = MeasuredDocument.model_validate({"values": [GRAVITY]})
     again = measure(dataset, tmp_path / "work", measured=measured)
-    lengths = [found.clips[0].document.estimates()["length"] for found in (work[1], again)]
+    lengths = [measurements.clips[0].document.estimates()["length"] for measurements in (work[1], again)]
     assert lengths[1].value / lengths[0].value == pytest.approx(9.79 / 9.80665, rel=1e-4)
     assert again.clips[0].document.budget["length"]["gravity"] == pytest.approx(
         lengths[1].value * 0.01 / 9.79, rel=0.01
@@ -133,8 +133,8 @@ def test_measure_outlives_a_clip_that_raises_what_nobody_foresaw(work, dataset, 
         raise ZeroDivisionError("by zero")
 
     monkeypatch.setattr(clip, "track", broken)
-    found = measure(dataset, tmp_path / "work")
-    assert found.clips[0].document.message == "unexpected ZeroDivisionError: by zero"
+    measurements = measure(dataset, tmp_path / "work")
+    assert measurements.clips[0].document.message == "unexpected ZeroDivisionError: by zero"
     monkeypatch.undo()
     assert measure(dataset, tmp_path / "work").now == 1  # tried again, though nothing changed
     assert listing(tmp_path / "work") == listing(work[0])
@@ -168,9 +168,9 @@ def test_fit_is_told_nothing_that_it_is_to_find():
 def test_class_without_a_board_has_the_stated_scale(work, dataset, tmp_path, text, px_per_m):
     shutil.copytree(work[0], tmp_path / "work")
     measured = MeasuredDocument.model_validate({"scales": [{"class": "Pendulum", "scale": text}]})
-    found = measure(dataset, tmp_path / "work", measured=measured, conditions=Conditions(trials=1))
-    assert found.clips[0].document.geometry["scale"].value == pytest.approx(px_per_m)
-    assert "Pendulum/checkerboard" not in dict(found.gaps)
+    measurements = measure(dataset, tmp_path / "work", measured=measured, conditions=Conditions(trials=1))
+    assert measurements.clips[0].document.geometry["scale"].value == pytest.approx(px_per_m)
+    assert "Pendulum/checkerboard" not in dict(measurements.gaps)
 
 
 def test_board_without_its_squares_says_where_to_state_them(tmp_path):
@@ -179,8 +179,8 @@ def test_board_without_its_squares_says_where_to_state_them(tmp_path):
 
 
 def test_board_is_read_beside_its_clip_unless_measured(tmp_path):
-    told = {"board": {"inner_corners": [9, 6], "square_m": 0.025}}
-    (tmp_path / "checkerboard.json").write_text(json.dumps(told))
+    settings = {"board": {"inner_corners": [9, 6], "square_m": 0.025}}
+    (tmp_path / "checkerboard.json").write_text(json.dumps(settings))
     assert board_of(tmp_path / "checkerboard.mp4", "Pendulum", MeasuredDocument()).square_m == 0.025
     stated = {"class": "Pendulum", "inner_corners": [9, 6], "square_m": 0.03}
     document = MeasuredDocument.model_validate_json(json.dumps({"boards": [stated]}))

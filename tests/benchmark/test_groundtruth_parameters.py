@@ -41,15 +41,15 @@ def by_hand(**changes):
 
 def test_pooled_value_is_the_random_effects_mean_and_its_error_has_the_common_part_once():
     values = np.random.default_rng(1).normal(0.5, RANDOM, 10)
-    found = regenerate(lengths(values), "length")
+    regenerated = regenerate(lengths(values), "length")
     mean = random_effects(values, np.full(10, RANDOM), "m").mean
-    assert found.value == mean.value
+    assert regenerated.value == mean.value
     alike = math.sqrt(ALIKE) * RANDOM
-    assert found.standard_uncertainty == pytest.approx(math.hypot(mean.stderr, SCALE, alike))
-    assert found.budget["calibration: corners"] == pytest.approx(SCALE)
-    assert found.budget["tracking errors of clips filmed alike"] == pytest.approx(alike)
-    assert found.interval[1] - found.value == pytest.approx(found.expanded_uncertainty)
-    assert found.n == 10
+    assert regenerated.standard_uncertainty == pytest.approx(math.hypot(mean.stderr, SCALE, alike))
+    assert regenerated.budget["calibration: corners"] == pytest.approx(SCALE)
+    assert regenerated.budget["tracking errors of clips filmed alike"] == pytest.approx(alike)
+    assert regenerated.interval[1] - regenerated.value == pytest.approx(regenerated.expanded_uncertainty)
+    assert regenerated.n == 10
 
 
 def test_pooled_interval_holds_the_truth_in_95_percent_of_data_sets():
@@ -57,27 +57,27 @@ def test_pooled_interval_holds_the_truth_in_95_percent_of_data_sets():
     hits = 0
     for _ in range(600):
         shift = rng.normal(0, SCALE) + math.sqrt(ALIKE) * rng.normal(0, RANDOM)
-        found = regenerate(lengths(0.5 + shift + math.sqrt(1 - ALIKE) * rng.normal(0, RANDOM, 4)), "length")
-        hits += found.interval[0] <= 0.5 <= found.interval[1]
+        regenerated = regenerate(lengths(0.5 + shift + math.sqrt(1 - ALIKE) * rng.normal(0, RANDOM, 4)), "length")
+        hits += regenerated.interval[0] <= 0.5 <= regenerated.interval[1]
     assert 0.93 <= hits / 600 <= 0.98  # a share of 600 is uncertain by 0.9 %
 
 
 def test_one_clip_keeps_its_own_interval():
     clip = lengths([0.5])[0]
-    found = regenerate([clip], "length")
+    regenerated = regenerate([clip], "length")
     low, high = clip.document.parameters["length"].ci95
-    assert found.interval == pytest.approx((low, high))
-    assert found.method == "one clip"
+    assert regenerated.interval == pytest.approx((low, high))
+    assert regenerated.method == "one clip"
 
 
 def test_clips_that_failed_or_ended_at_a_bound_are_shown_but_not_used():
     odd = clip_measured("03", {"length": (7.0, 0.1, "m")}, {"length": {"random": 0.1}}, status="at-bound")
     failed = clip_measured("04", {}, status="failed")
-    found = regenerate([*lengths([0.50, 0.51]), odd, failed], "length")
-    assert [name for name, clip in found.clips.items() if clip.used] == ["01", "02"]
-    assert found.clips["03"].message == "at-bound: at-bound for a reason"
-    assert found.clips["04"].value is None
-    assert found.clips["01"].sha256 == "0" * 64
+    regenerated = regenerate([*lengths([0.50, 0.51]), odd, failed], "length")
+    assert [name for name, clip in regenerated.clips.items() if clip.used] == ["01", "02"]
+    assert regenerated.clips["03"].message == "at-bound: at-bound for a reason"
+    assert regenerated.clips["04"].value is None
+    assert regenerated.clips["01"].sha256 == "0" * 64
 
 
 def test_clips_that_the_equation_does_not_fit_count_only_where_it_fits_none():
@@ -99,10 +99,10 @@ def test_angles_are_in_degrees():
         clip_measured(f"{k}", {"angle": (1.0, 0.01, "rad")}, budget, class_name="Sliding_cone", setting="cone_60")
         for k in (1, 2)
     ]
-    found = regenerate(clips, "angle")
-    assert found.unit == "deg"
-    assert found.value == pytest.approx(math.degrees(1.0))
-    assert found.within == pytest.approx(math.degrees(0.01))
+    regenerated = regenerate(clips, "angle")
+    assert regenerated.unit == "deg"
+    assert regenerated.value == pytest.approx(math.degrees(1.0))
+    assert regenerated.within == pytest.approx(math.degrees(0.01))
 
 
 def test_error_of_a_boards_angle_does_not_average_out():
@@ -128,11 +128,13 @@ def test_direct_value_stays_and_both_are_stated_with_their_difference():
     assert "leaves out the ball's radius" in entry.notes[0]
 
 
-@pytest.mark.parametrize(("radius", "said"), [(0.041, "0.041 m, explains it"), (0.01, "0.01 m, does not explain all")])
-def test_note_says_whether_the_balls_radius_explains_a_longer_pendulum(radius, said):
+@pytest.mark.parametrize(
+    ("radius", "explanation"), [(0.041, "0.041 m, explains it"), (0.01, "0.01 m, does not explain all")]
+)
+def test_note_says_whether_the_balls_radius_explains_a_longer_pendulum(radius, explanation):
     rope, ball = by_hand().values[0], by_hand(parameter="ball_radius", value=radius, uncertainty=0.001).values[0]
     entry = document(accurate([0.540, 0.542]), MeasuredDocument(values=[rope, ball])).classes["pendulum"]["pendulum_45"]
-    assert said in entry["rope_length"].notes[1]
+    assert explanation in entry["rope_length"].notes[1]
 
 
 def test_note_says_when_an_angle_is_nearer_to_the_other_convention():
@@ -149,8 +151,8 @@ def test_no_note_where_clips_and_direct_value_agree():
 
 
 def test_other_direct_values_have_entries_of_their_own():
-    found = document(lengths([0.5, 0.5]), by_hand(parameter="ball_radius", value=0.0335))
-    entry = found.classes["pendulum"]["pendulum_45"]["ball_radius"]
+    truth = document(lengths([0.5, 0.5]), by_hand(parameter="ball_radius", value=0.0335))
+    entry = truth.classes["pendulum"]["pendulum_45"]["ball_radius"]
     assert (entry.mean, entry.regenerated) == (0.0335, None)
 
 
@@ -161,8 +163,8 @@ def test_direct_value_in_another_unit_is_refused():
 
 def test_benchmark_scripts_find_their_means():
     """As compare_baseline_unified.py reads the file: by class and setting in lower case, what is a dict with a mean."""
-    told = json.loads(document_text(document(lengths([0.5, 0.51]))))
-    setting = told.get("pendulum").get("pendulum_45")
+    content = json.loads(document_text(document(lengths([0.5, 0.51]))))
+    setting = content.get("pendulum").get("pendulum_45")
     means = {name: entry["mean"] for name, entry in setting.items() if isinstance(entry, dict) and "mean" in entry}
     assert means["rope_length"] == pytest.approx(0.505)
     assert setting["rope_length"]["std"] == pytest.approx(0.01 / math.sqrt(2))

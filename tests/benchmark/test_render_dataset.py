@@ -19,9 +19,9 @@ def contents(folder):
 @pytest.fixture(scope="module")
 def rendered(tmp_path_factory):
     folder = tmp_path_factory.mktemp("dataset")
-    told = []
-    done = render_dataset(folder, trials=2, progress=lambda *step: told.append(step), **TINY)
-    return folder, done, told
+    steps = []
+    done = render_dataset(folder, trials=2, progress=lambda *step: steps.append(step), **TINY)
+    return folder, done, steps
 
 
 def test_every_class_setting_and_trial_has_its_clip(rendered):

@@ -11,9 +11,9 @@ CLASSES = ["dropped_ball", "free_fall", "led", "pendulum", "sliding_block", "tor
 
 @pytest.fixture(scope="module")
 def scores():
-    found, gaps = rescored_selection(recording("iris_published"))
+    selections, gaps = rescored_selection(recording("iris_published"))
     assert gaps == []
-    return {(score.dataset, score.method): score for score in found}
+    return {(score.dataset, score.method): score for score in selections}
 
 
 @pytest.mark.parametrize(

@@ -194,12 +194,12 @@ def test_picture_that_cannot_be_used_says_why_and_what_to_do(straight, change, b
         find_board(np.ascontiguousarray(changed), board)
 
 
-@pytest.mark.parametrize("asked", ["8x6", "7x5", "9x5", "6x6"])
+@pytest.mark.parametrize("size", ["8x6", "7x5", "9x5", "6x6"])
 @pytest.mark.parametrize("name", ["left02.jpg", "left09.jpg"])
-def test_part_of_a_larger_board_is_never_taken_for_the_board(name, asked):
+def test_part_of_a_larger_board_is_never_taken_for_the_board(name, size):
     # OpenCV 5 finds 48 of the 54 corners when asked for 8x6, and every second column when asked for 7x5
     with pytest.raises(CalibrationError, match=r"9x6"):
-        find_board(recording("opencv_checkerboard") / name, Board(*map(int, asked.split("x")), 0.025))
+        find_board(recording("opencv_checkerboard") / name, Board(*map(int, size.split("x")), 0.025))
 
 
 def test_file_that_is_no_picture_is_refused(tmp_path):

@@ -117,7 +117,7 @@ def test_homography_has_the_covariance_that_noise_gives_it():
     points = BOARD.points_m
     seen = apply_homography(true, points)
     fits = [fit_homography(points, seen + rng.normal(0, 0.1, seen.shape)) for _ in range(200)]
-    scatter = np.std([found.ravel()[:8] for found, _ in fits], axis=0)
+    scatter = np.std([parameters.ravel()[:8] for parameters, _ in fits], axis=0)
     assert np.allclose(scatter, 0.1 * np.sqrt(np.diag(fits[0][1])[:8]), rtol=0.2)
     assert np.allclose(fit_homography(points, seen)[0], true, rtol=1e-9)
 
@@ -178,8 +178,8 @@ def test_reference_is_reproduced_with_its_own_settings(as_the_reference):
     assert np.allclose(as_the_reference.camera_matrix, reference("camera_matrix"), atol=0.05)
     assert np.allclose(as_the_reference.distortion[:4], reference("distortion_coefficients").ravel()[:4], atol=0.003)
     assert as_the_reference.rms_px == pytest.approx(reference("avg_reprojection_error"), abs=0.005)
-    each = [fitted.rms_px for fitted in as_the_reference.views]
-    assert np.allclose(each, reference("per_view_reprojection_errors").ravel(), atol=0.01)
+    rms_px = [fitted.rms_px for fitted in as_the_reference.views]
+    assert np.allclose(rms_px, reference("per_view_reprojection_errors").ravel(), atol=0.01)
 
 
 def test_our_corners_leave_less_than_the_best_classical_window(our_own):
@@ -212,7 +212,7 @@ def test_standard_errors_are_those_of_opencv():
     space = np.column_stack([BOARD.points_m, np.zeros(54)]).astype(np.float32)
     seen = [view.corners_px.astype(np.float32).reshape(-1, 1, 2) for view in views]
     rms, matrix, distortion, _, _, stderr, *_ = cv2.calibrateCameraExtended([space] * 8, seen, SIZE, np.eye(3), None)
-    ours = np.array([one.stderr for one in camera.estimates.values()]) / math.sqrt(camera.clustering)
+    ours = np.array([estimate.stderr for estimate in camera.estimates.values()]) / math.sqrt(camera.clustering)
     assert camera.rms_px == pytest.approx(rms, rel=1e-5)
     assert np.allclose(camera.camera_matrix, matrix, rtol=1e-4)
     assert np.allclose(camera.distortion, distortion.ravel(), atol=2e-3)
@@ -383,9 +383,9 @@ def test_board_held_upside_down_gives_the_same_plane_and_errors():
     view = simulated(where, 0.1, rng)
     turned = view_of_corners(view.corners_px[::-1], SIZE, BOARD)
     camera = known(PHONE, np.diag([4.0, 4, 1, 1, 0, 0, 0, 0, 0]))
-    one, other = plane_from_board(view, BOARD, camera), plane_from_board(turned, BOARD, camera)
-    assert np.allclose(to_plane(one, FIELD)[0], to_plane(other, FIELD)[0], atol=1e-9)
-    assert np.allclose(common_covariance(one, FIELD), common_covariance(other, FIELD), rtol=1e-3, atol=1e-12)
+    plane, other = plane_from_board(view, BOARD, camera), plane_from_board(turned, BOARD, camera)
+    assert np.allclose(to_plane(plane, FIELD)[0], to_plane(other, FIELD)[0], atol=1e-9)
+    assert np.allclose(common_covariance(plane, FIELD), common_covariance(other, FIELD), rtol=1e-3, atol=1e-12)
 
 
 def test_derivatives_by_the_calibration_are_those_of_differences():
@@ -432,7 +432,7 @@ def test_interval_of_the_scale_from_one_picture_covers_the_truth():
     scores = np.array([scored(seed, with_camera=False) for seed in range(200)])
     assert 0.93 <= np.mean(np.abs(scores[:, 0]) < 1.96) <= 0.97
     covered = np.sum(np.abs(scores) < 1.96, axis=0)
-    assert all(scipy.stats.binomtest(int(one), 200, 0.95).pvalue > 0.001 for one in covered)
+    assert all(scipy.stats.binomtest(int(count), 200, 0.95).pvalue > 0.001 for count in covered)
 
 
 @pytest.mark.slow
@@ -441,7 +441,7 @@ def test_interval_of_the_scale_with_a_calibrated_camera_covers_the_truth():
     # 93 to 97 % is the claim; a true 95 % of 600 seeds scatters by 0.9 %
     assert 0.93 <= covered[0] / 600 <= 0.97
     # the seven numbers of one seed go together: each is tested by itself, at a level that all may fail at once
-    assert all(scipy.stats.binomtest(int(one), 600, 0.95).pvalue > 0.001 for one in covered)
+    assert all(scipy.stats.binomtest(int(count), 600, 0.95).pvalue > 0.001 for count in covered)
 
 
 def test_scores_of_scale_and_places_have_unit_variance_with_a_calibrated_camera():
@@ -556,7 +556,7 @@ def from_pictures():
     """A camera calibrated from six pictures, and a seventh of a board tilted by 18 degrees in all, with its pose."""
     rng = np.random.default_rng(7)
     poses = [random_pose(rng, tilt=0.6) for _ in range(6)]
-    views = [find_board(picture(one, rng=rng), BOARD, name=f"view {k}") for k, one in enumerate(poses)]
+    views = [find_board(picture(pose, rng=rng), BOARD, name=f"view {k}") for k, pose in enumerate(poses)]
     where = pose((0.26, -0.18), 0.03, 0.8, (0.02, 0.01))
     return calibrate_camera(views, BOARD), find_board(picture(where, rng=rng), BOARD), where
 

@@ -137,7 +137,7 @@ def test_fit_line_refuses_with_the_reason(position, message):
 
 def test_webcam_pendulum_has_a_plausible_pivot():
     folder = recording("alexiev_pendulum")
-    x, y = (np.loadtxt(folder / f"length_68_{one}.csv") for one in "xy")
+    x, y = (np.loadtxt(folder / f"length_68_{axis}.csv") for axis in "xy")
     circle = fit_circle(np.column_stack([x, -y]))
     assert circle.scatter < 1.0
     assert circle.stderr[2] / circle.radius < 0.02

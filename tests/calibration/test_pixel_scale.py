@@ -121,7 +121,7 @@ def test_scale_bar_standard_error_counts_each_end_once():
 def test_scale_bar_scatter_of_marks_is_the_stated_standard_error():
     rng = np.random.default_rng(1)
     ends = np.array([[10.0, 20.0], [250.0, 200.0]]) + rng.normal(0, 0.5, (20_000, 2, 2))
-    scatter = np.std([scale_bar(tuple(one), tuple(two), 0.5).scale.value for one, two in ends])
+    scatter = np.std([scale_bar(tuple(start), tuple(end), 0.5).scale.value for start, end in ends])
     assert scale_bar((10.0, 20.0), (250.0, 200.0), 0.5).scale.stderr == pytest.approx(scatter, rel=0.02)
 
 
@@ -236,9 +236,9 @@ def test_to_world_tilted_camera_sigma_is_the_scatter_of_noisy_tracks():
 
 
 def test_to_world_homography_and_its_multiple_are_the_same():
-    one, other = (to_world(track([[100.0, 200.0]]), of_homography(factor * TILTED)) for factor in (1.0, -3.0))
-    np.testing.assert_allclose(one.position, other.position, rtol=1e-13)
-    np.testing.assert_allclose(one.sigma, other.sigma, rtol=1e-13)
+    plain, other = (to_world(track([[100.0, 200.0]]), of_homography(factor * TILTED)) for factor in (1.0, -3.0))
+    np.testing.assert_allclose(plain.position, other.position, rtol=1e-13)
+    np.testing.assert_allclose(plain.sigma, other.sigma, rtol=1e-13)
 
 
 @pytest.mark.parametrize(
@@ -310,8 +310,8 @@ def test_scale_has_one_metre_at_its_px(px, metres):
 
 
 def test_write_calibration_twice_is_the_same_bytes_and_refuses_to_replace(tmp_path):
-    one = write_calibration(uncalibrated(), tmp_path / "1.json").read_bytes()
-    assert write_calibration(uncalibrated(), tmp_path / "2.json").read_bytes() == one
+    written = write_calibration(uncalibrated(), tmp_path / "1.json").read_bytes()
+    assert write_calibration(uncalibrated(), tmp_path / "2.json").read_bytes() == written
     with pytest.raises(OutputError, match="--force"):
         write_calibration(uncalibrated(), tmp_path / "1.json")
 

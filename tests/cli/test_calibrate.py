@@ -70,7 +70,7 @@ def falling(exact, rng, n=25, noise_px=0.05, turn_rad=0.0, speed=(0.3, 1.0)):
 def test_positions_have_in_common_what_the_calibration_says(calibration):
     body = falling(calibration, np.random.default_rng(1))
     world = to_world(body, calibration)
-    patterns = np.concatenate([one.reshape(len(one), -1) for one in world.systematic.values()])
+    patterns = np.concatenate([pattern.reshape(len(pattern), -1) for pattern in world.systematic.values()])
     expected = common_covariance(calibration, body.xy_px)
     # patterns below a thousandth of a source's largest are left out
     np.testing.assert_allclose(patterns.T @ patterns, expected, atol=1e-4 * np.abs(expected).max())
@@ -82,11 +82,11 @@ def test_mean_of_many_frames_keeps_the_calibrations_error(calibration):
     still = Track(
         np.arange(400) / 60, np.repeat(body.xy_px, 400, 0), np.full((400, 2), 0.05), np.ones(400, bool), np.arange(400)
     )
-    one, many = to_world(body, calibration), to_world(still, calibration)
-    for source, patterns in one.systematic.items():
+    moving, many = to_world(body, calibration), to_world(still, calibration)
+    for source, patterns in moving.systematic.items():
         shared = np.linalg.norm(many.systematic[source].mean(axis=1), axis=0)
         np.testing.assert_allclose(shared, np.linalg.norm(patterns[:, 0], axis=0), rtol=1e-6)
-    assert many.sigma[:, 0].mean() / math.sqrt(400) < 0.1 * one.sigma[0, 0]
+    assert many.sigma[:, 0].mean() / math.sqrt(400) < 0.1 * moving.sigma[0, 0]
 
 
 def test_positions_undistort_the_lens(calibration):
@@ -118,7 +118,9 @@ def test_error_of_a_scale_is_that_share_of_gravity():
     assert parts["calibration: length in px"] == pytest.approx(0.01 * fit.estimates["gravity"].value, rel=1e-3)
     assert parts["calibration: length in m"] == pytest.approx(0.005 * fit.estimates["gravity"].value, rel=1e-3)
     assert "magnification" not in parts
-    assert fit.estimates["gravity"].stderr == pytest.approx(math.sqrt(sum(one**2 for one in parts.values())), rel=1e-9)
+    assert fit.estimates["gravity"].stderr == pytest.approx(
+        math.sqrt(sum(part**2 for part in parts.values())), rel=1e-9
+    )
 
 
 def test_error_of_the_clock_is_twice_its_share_of_gravity():
@@ -210,8 +212,8 @@ def test_direction_of_the_flight_has_the_error_that_it_states():
 def test_plumb_line_or_assumption_is_said():
     flat, body = scale(400.0, 1.0), falling(scale(400.0, 1.0), np.random.default_rng(1))
     drop = PHENOMENA["dropping-ball"]
-    said = vertical_note(upright(flat, body, drop, None, "assumed"))
-    assert said.startswith("the vertical is the image's, by assumption, to 1 degree")
+    note = vertical_note(upright(flat, body, drop, None, "assumed"))
+    assert note.startswith("the vertical is the image's, by assumption, to 1 degree")
     by_line = upright(flat, body, drop, (10.0, 10.0, 14.0, 410.0), "assumed")
     assert vertical_note(by_line) == "the vertical, by a plumb line"
     with pytest.raises(CalibrationError, match="given twice"):
@@ -338,9 +340,9 @@ def test_trajectory_read_back_keeps_what_its_errors_have_in_common(calibration, 
 
 
 def test_positions_of_two_bodies_go_into_two_files(tmp_path):
-    one = falling(scale(400.0, 1.0), np.random.default_rng(1))
-    two = Track(one.t_s, one.xy_px + 9, one.sigma_px, one.valid, one.frame, body="2")
-    worlds = {body.body: to_world(body, scale(400.0, 1.0)) for body in (one, two)}
+    first = falling(scale(400.0, 1.0), np.random.default_rng(1))
+    second = Track(first.t_s, first.xy_px + 9, first.sigma_px, first.valid, first.frame, body="2")
+    worlds = {body.body: to_world(body, scale(400.0, 1.0)) for body in (first, second)}
     paths = write_worlds(worlds, tmp_path / "world.csv")
     assert [path.name for path in paths] == ["world-1.csv", "world-2.csv"]
     shift = read_trajectory(paths[1]).position - read_trajectory(paths[0]).position
@@ -392,17 +394,17 @@ def made(pictures):
 def test_command_calibrates_from_a_folder_of_pictures_and_draws(made, pictures):
     done, out = made
     _, poses = pictures
-    found = read_calibration(out)
-    exact = true_plane(poses[-1], found, 0.05)
+    calibration = read_calibration(out)
+    exact = true_plane(poses[-1], calibration, 0.05)
     field = np.stack(np.meshgrid(np.linspace(0, SIZE[0] - 1, 7), np.linspace(0, SIZE[1] - 1, 5)), -1).reshape(-1, 2)
-    error = np.abs(to_plane(found, field)[0] - to_plane(exact, field)[0]).max()
-    assert error < 0.001 * SIZE[0] / found.scale.value
+    error = np.abs(to_plane(calibration, field)[0] - to_plane(exact, field)[0]).max()
+    assert error < 0.001 * SIZE[0] / calibration.scale.value
     assert "fixed by the data: scale, tilt, distance, distortion" in done.output
     assert {path.name for path in out.parent.iterdir()} == {
         "calibration.json",
         *(f"calibration-{name}.png" for name in ("camera", "board", "grid")),
     }
-    assert found.image_size == SIZE
+    assert calibration.image_size == SIZE
 
 
 def test_command_takes_the_camera_of_an_earlier_calibration(made, pictures, tmp_path):
@@ -418,9 +420,9 @@ def test_command_takes_the_camera_of_an_earlier_calibration(made, pictures, tmp_
         tmp_path / "c.json",
         "--json",
     )
-    found = read_calibration(tmp_path / "c.json")
+    calibration = read_calibration(tmp_path / "c.json")
     assert json.loads(done.output)["document"] == "calibration"
-    assert found.scale.value == pytest.approx(true_plane(poses[-1], found).scale.value, rel=5e-4)
+    assert calibration.scale.value == pytest.approx(true_plane(poses[-1], calibration).scale.value, rel=5e-4)
 
 
 def test_command_calibrates_from_one_picture_without_a_camera(pictures, tmp_path):
@@ -448,8 +450,8 @@ def test_command_calibrates_without_a_board(pictures, tmp_path):
 def spoilt(folder, tmp_path, change):
     """The pictures, changed one by one."""
     for k in range(4):
-        one = cv2.imread(str(folder / f"view{k}.png"), cv2.IMREAD_GRAYSCALE)
-        cv2.imwrite(str(tmp_path / f"view{k}.png"), change(k, one))
+        image = cv2.imread(str(folder / f"view{k}.png"), cv2.IMREAD_GRAYSCALE)
+        cv2.imwrite(str(tmp_path / f"view{k}.png"), change(k, image))
     return tmp_path
 
 
@@ -461,37 +463,41 @@ def same(folder):
 @pytest.mark.parametrize(
     ("change", "options", "match"),
     [
-        (lambda k, one: np.full_like(one, 128), (), "none of 4 images shows the board"),
+        (lambda k, image: np.full_like(image, 128), (), "none of 4 images shows the board"),
         pytest.param(
-            lambda k, one: one,
+            lambda k, image: image,
             ("--board", "7x5"),
             "none of 4 images shows the board.*has 9x6 inner corners, not 7x5",
             marks=pytest.mark.slow,
         ),
         pytest.param(
-            lambda k, one: cv2.GaussianBlur(one, (0, 0), 9),
+            lambda k, image: cv2.GaussianBlur(image, (0, 0), 9),
             (),
             "is blurred: edges of the board are .* px wide, at most .* px can be used.*hold the board still and focus",
             marks=pytest.mark.slow,
         ),
-        (lambda k, one: one if k else cv2.resize(one, (1440, 810)), (), "differ in size.*leave out those of the other"),
+        (
+            lambda k, image: image if k else cv2.resize(image, (1440, 810)),
+            (),
+            "differ in size.*leave out those of the other",
+        ),
         pytest.param(
-            lambda k, one: one[:, : one.shape[1] // 2],
+            lambda k, image: image[:, : image.shape[1] // 2],
             (),
             r"cut off at the right edge of the image \(.* of 9x6 inner corners are seen\); show the whole board",
             marks=pytest.mark.slow,
         ),
         ("same", (), "all 4 views are alike.*focal length.*not determined.*tilt the board.*--one-image"),
         (
-            lambda k, one: one if k < 2 else np.full_like(one, 128),
+            lambda k, image: image if k < 2 else np.full_like(image, 128),
             (),
             "only 2 different views.*2 other images gave none, e.g. view2.png: no checkerboard is seen",
         ),
-        (lambda k, one: one, ("--plane-view", "9"), "no image number 9; 4 were given"),
-        (lambda k, one: one, ("--square", "30"), "'30' has no unit; units are m, cm, mm"),
-        (lambda k, one: one, ("--object", "200px=1m"), "give one of --board, --object"),
-        (lambda k, one: one, ("--up", "left"), "--up must be image or board"),
-        (lambda k, one: one, ("--one-picture", "--offset", "5cm"), "needs the distance from the camera"),
+        (lambda k, image: image, ("--plane-view", "9"), "no image number 9; 4 were given"),
+        (lambda k, image: image, ("--square", "30"), "'30' has no unit; units are m, cm, mm"),
+        (lambda k, image: image, ("--object", "200px=1m"), "give one of --board, --object"),
+        (lambda k, image: image, ("--up", "left"), "--up must be image or board"),
+        (lambda k, image: image, ("--one-picture", "--offset", "5cm"), "needs the distance from the camera"),
     ],
 )
 def test_command_says_why_pictures_give_no_calibration(pictures, tmp_path, change, options, match):
@@ -520,7 +526,7 @@ def test_gravity_from_a_checkerboard_clip_and_a_drop_clip_alone_is_right_within_
     command(tmp_path / "board.mp4", "--board", "9x6", "--square", square, "-o", tmp_path / "c.json")
     options = ["--phenomenon", "dropping-ball", "--calibration", str(tmp_path / "c.json"), "-o", str(tmp_path / "out")]
     CliRunner().invoke(app, ["run", str(tmp_path / "drop.mp4"), *options], catch_exceptions=False)
-    found = json.loads((tmp_path / "out" / "fit.json").read_text())["parameters"]["gravity"]
+    gravity = json.loads((tmp_path / "out" / "fit.json").read_text())["parameters"]["gravity"]
     # The standard error is 0.4 % at this size: the limit of 99 % finds a scale wrong by 1.5 % in nine of ten clips.
-    assert found["stderr"] < 0.005 * GRAVITY
-    assert abs(found["value"] - GRAVITY) < 2.576 * found["stderr"]
+    assert gravity["stderr"] < 0.005 * GRAVITY
+    assert abs(gravity["value"] - GRAVITY) < 2.576 * gravity["stderr"]

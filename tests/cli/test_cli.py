@@ -232,9 +232,9 @@ def test_track_follows_a_body_until_it_leaves_and_leaves_gaps_after(leaving_clip
 
 def test_track_of_two_equal_movers_follows_one_or_both_as_asked(two_movers_clip, tmp_path, cli):
     assert cli("track", two_movers_clip, "--bodies", 1, "-o", tmp_path / "one.csv").status == 0
-    (one,) = read_track(tmp_path / "one.csv")
-    assert one.n_valid == 60
-    assert abs(one.xy_px[:, 1] - one.xy_px[0, 1]).max() < 2
+    (only,) = read_track(tmp_path / "one.csv")
+    assert only.n_valid == 60
+    assert abs(only.xy_px[:, 1] - only.xy_px[0, 1]).max() < 2
     assert cli("track", two_movers_clip, "--bodies", 2, "-o", tmp_path / "two.csv").status == 0
     heights = sorted(track.xy_px[:, 1].mean() for track in read_track(tmp_path / "two.csv"))
     assert heights == pytest.approx([28, 68], abs=0.1)

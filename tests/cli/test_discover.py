@@ -30,7 +30,7 @@ def test_discover_prints_strict_json_with_the_keys_others_rely_on(tmp_path, angl
     assert {"lhs", "rhs", "latex"} <= document["equations"][0].keys()
     assert {"term", "coefficient", "ci95", "inclusion"} <= document["terms"][0].keys()
     assert {"model", "parameters"} <= document["matched"].keys()
-    assert [one["source"] for one in document["origin"]["clips"]] == ["angles.csv"] * 2
+    assert [clip["source"] for clip in document["origin"]["clips"]] == ["angles.csv"] * 2
 
 
 def test_discover_finds_what_a_named_model_lacks(tmp_path, cli):

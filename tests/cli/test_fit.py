@@ -39,7 +39,7 @@ def test_several_tables_make_one_fit_with_a_section_of_clips(folder):
     document = json.loads((folder / "pooled.json").read_text())
     assert set(document) >= KEYS
     assert document["n"] == 900
-    assert [one["table"] for one in document["clips"]["clips"]] == tables
+    assert [clip["table"] for clip in document["clips"]["clips"]] == tables
     assert document["clips"]["shared"] == ["length"]
     assert document["clips"]["population"]["damping"]["between"]["value"] >= 0
     assert read_fit(folder / "pooled.json").parameters["length"].value == pytest.approx(0.6, rel=2e-3)
@@ -49,19 +49,19 @@ def test_measured_gravity_that_is_freed_is_a_prior_and_all_intervals_are_written
     options = ["--set", "gravity=9.79+-0.01", "--free", "gravity", "--uncertainty", "all"]
     done = run(folder, "clip0.csv", "--model", "pendulum", *options, "-o", "one.json")
     assert done.exit_code == 0, done.output
-    found = read_fit(folder / "one.json")
-    assert found.parameters["gravity"].stderr == pytest.approx(0.01, rel=1e-3)
-    assert set(found.intervals) == {"robust", "profile", "bootstrap"}
-    assert found.identifiability.hessian_condition == pytest.approx(found.identifiability.condition, rel=0.05)
-    assert len(found.identifiability.gradients) > 1
+    document = read_fit(folder / "one.json")
+    assert document.parameters["gravity"].stderr == pytest.approx(0.01, rel=1e-3)
+    assert set(document.intervals) == {"robust", "profile", "bootstrap"}
+    assert document.identifiability.hessian_condition == pytest.approx(document.identifiability.condition, rel=0.05)
+    assert len(document.identifiability.gradients) > 1
 
 
 def test_model_auto_writes_the_ranking(folder):
     done = run(folder, "clip2.csv", "--model", "auto", "-o", "auto.json")
     assert done.exit_code == 0, done.output
-    found = read_fit(folder / "auto.json")
-    assert found.model == found.selection.chosen == found.selection.ranking[0].model == "pendulum"
-    assert {one.model for one in found.selection.ranking} >= {"linear-pendulum", "angular-oscillator"}
+    document = read_fit(folder / "auto.json")
+    assert document.model == document.selection.chosen == document.selection.ranking[0].model == "pendulum"
+    assert {candidate.model for candidate in document.selection.ranking} >= {"linear-pendulum", "angular-oscillator"}
     assert done.output.startswith("pendulum (as given): residual")
 
 

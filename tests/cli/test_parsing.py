@@ -28,19 +28,19 @@ UNITS = {"gravity": "m/s^2", "length": "m", "angle": "rad"}
     ],
 )
 def test_setting_is_read_in_si_units(text, name, value, stderr, unit):
-    (found,) = _parsing.settings([text]).items()
-    assert found[0] == name
-    assert found[1].value == pytest.approx(value)
-    assert found[1].stderr == pytest.approx(stderr)
-    assert found[1].unit == unit
-    assert found[1].measurement_type == "direct"
-    assert found[1].source == f"given: {text.strip()}"
+    (setting,) = _parsing.settings([text]).items()
+    assert setting[0] == name
+    assert setting[1].value == pytest.approx(value)
+    assert setting[1].stderr == pytest.approx(stderr)
+    assert setting[1].unit == unit
+    assert setting[1].measurement_type == "direct"
+    assert setting[1].source == f"given: {text.strip()}"
 
 
 def test_setting_without_unit_takes_the_unit_of_its_name():
-    found = _parsing.settings(["gravity=9.79", "length=50cm", "friction=0.3"], UNITS)
-    assert [one.unit for one in found.values()] == ["m/s^2", "m", ""]
-    assert found["length"].value == 0.5
+    settings = _parsing.settings(["gravity=9.79", "length=50cm", "friction=0.3"], UNITS)
+    assert [estimate.unit for estimate in settings.values()] == ["m/s^2", "m", ""]
+    assert settings["length"].value == 0.5
 
 
 def test_setting_in_pixels_is_kept_for_a_clip_without_scale():

@@ -22,7 +22,7 @@ def rendered(tmp_path, cli):
 def test_dataset_has_its_folders_truth_and_checkerboard(rendered):
     folder, outcome = rendered
     clips = {path.relative_to(folder).as_posix() for path in folder.rglob("*.mp4")}
-    assert clips == {"led/checkerboard.mp4", *(f"led/led_{one}/01.mp4" for one in ("2s", "5s", "10s"))}
+    assert clips == {"led/checkerboard.mp4", *(f"led/led_{duration}/01.mp4" for duration in ("2s", "5s", "10s"))}
     assert set(json.loads((folder / "parameters.json").read_text())["led"]) == {"led_2s", "led_5s", "led_10s"}
     assert "4 clips rendered, 0 kept" in outcome.err
     assert outcome.out == ""
@@ -59,7 +59,7 @@ def test_dataset_with_other_options_in_the_same_folder_is_refused(rendered, cli)
     ],
 )
 def test_contradictory_request_is_refused_in_one_line_and_nothing_is_written(tmp_path, cli, options, message):
-    outcome = cli("render", *(tmp_path / one if one in ("x", "clip.mp4") else one for one in options))
+    outcome = cli("render", *(tmp_path / option if option in ("x", "clip.mp4") else option for option in options))
     assert outcome.status == 1
     assert message in outcome.err
     assert outcome.err.count("\n") == 1

@@ -87,37 +87,39 @@ def test_too_few_samples_are_counted():
 
 def test_few_samples_that_suffice_are_diagnosed():
     few = slice(0, 42, 6)
-    found = diagnose(clip(coasting_way().position[few, 0], t_s=T_S[few]), mine(), effects=[EFFECTS["periodic-forcing"]])
-    assert found.added == ()
+    diagnosis = diagnose(
+        clip(coasting_way().position[few, 0], t_s=T_S[few]), mine(), effects=[EFFECTS["periodic-forcing"]]
+    )
+    assert diagnosis.added == ()
 
 
 def test_noise_larger_than_the_motion_is_said():
     trembling = clip(0.02 * np.random.default_rng(0).standard_normal(T_S.size), Quantity("theta", "rad"))
-    found = diagnose(trembling, MODELS["linear-pendulum"], effects=[EFFECTS["zero-offset"]])
-    assert found.base.usable
-    (note,) = [note.text for note in found.notes if note.kind == "noise"]
+    diagnosis = diagnose(trembling, MODELS["linear-pendulum"], effects=[EFFECTS["zero-offset"]])
+    assert diagnosis.base.usable
+    (note,) = [note.text for note in diagnosis.notes if note.kind == "noise"]
     assert re.match(r"the noise of theta \(0\.0\d+ rad\) exceeds its motion \(0\.00\d+ rad\)", note)
 
 
 def test_clip_of_something_that_stands_still_exactly_is_not_an_error():
-    found = diagnose(clip(np.full(T_S.size, 0.3)), MODELS["incline"], effects=[EFFECTS["constant-force"]])
-    assert found.added == ()
+    diagnosis = diagnose(clip(np.full(T_S.size, 0.3)), MODELS["incline"], effects=[EFFECTS["constant-force"]])
+    assert diagnosis.added == ()
 
 
 def test_effects_that_the_parameters_imitate_are_named():
     effects = [EFFECTS["linear-drag"]]
-    found = diagnose(coasting_way(), mine(parameters=(Parameter("drag", "1/s", "b"),)), effects=effects)
-    assert found.base.ok
-    assert found.added == ()
-    (note,) = found.notes
+    diagnosis = diagnose(coasting_way(), mine(parameters=(Parameter("drag", "1/s", "b"),)), effects=effects)
+    assert diagnosis.base.ok
+    assert diagnosis.added == ()
+    (note,) = diagnosis.notes
     assert note.kind == "no-effect"
     assert "(linear-drag)" in note.text
 
 
 def test_model_that_no_effect_applies_to_keeps_its_fit():
-    found = diagnose(coasting_way(), mine(), effects=[EFFECTS["overflow"]])
-    assert found.base.ok
-    assert [note.text for note in found.notes] == ["no effect of the library applies to this model"]
+    diagnosis = diagnose(coasting_way(), mine(), effects=[EFFECTS["overflow"]])
+    assert diagnosis.base.ok
+    assert [note.text for note in diagnosis.notes] == ["no effect of the library applies to this model"]
 
 
 def test_refit_that_diverges_is_named_and_the_base_fit_stays():
@@ -127,25 +129,25 @@ def test_refit_that_diverges_is_named_and_the_base_fit_stays():
         acceleration=lambda t, x, v, speed, base, params: 1.0 if params[0] == 1.0 else np.nan,  # the screen's own size
     )
     pushed = clip(coasting_way().position[:, 0] + 0.3 * T_S**2)
-    found = diagnose(pushed, mine(), fixed={"drag": 0.8}, effects=[away])
-    assert found.base.usable
-    assert found.added == ()
-    (note,) = [note for note in found.notes if note.kind == "refit-failed"]
+    diagnosis = diagnose(pushed, mine(), fixed={"drag": 0.8}, effects=[away])
+    assert diagnosis.base.usable
+    assert diagnosis.added == ()
+    (note,) = [note for note in diagnosis.notes if note.kind == "refit-failed"]
     assert note.text.startswith("the refit with runaway failed (diverged): ")
 
 
 def test_clip_in_pixels_is_diagnosed_in_pixels():
     way_px = clip(500 * coasting_way().position[:, 0], Quantity("s", "px"))
-    found = diagnose(way_px, mine(), effects=[EFFECTS["constant-force"]])
-    assert found.unit == "px"
-    assert found.noise_floor == pytest.approx(500 * NOISE_M, rel=0.35)
-    assert found.rounds[0][0].unit == "px/s^2"
+    diagnosis = diagnose(way_px, mine(), effects=[EFFECTS["constant-force"]])
+    assert diagnosis.unit == "px"
+    assert diagnosis.noise_floor == pytest.approx(500 * NOISE_M, rel=0.35)
+    assert diagnosis.rounds[0][0].unit == "px/s^2"
 
 
 def test_angle_of_a_board_does_not_keep_a_slide_from_being_diagnosed():
     noise = NOISE_M * np.random.default_rng(1).standard_normal(T_S.size)
     angle = Estimate(0.384, 0.001, "rad", "fitted", "direction of the motion")
     slide = clip(0.1 * T_S + 0.4 * T_S**2 + noise).with_(geometry={"angle": angle})
-    found = diagnose(slide, MODELS["incline"], effects=[EFFECTS["zero-offset"]])
-    assert found.base.estimates["acceleration"].value == pytest.approx(0.8, rel=0.01)
-    assert found.base.estimates["friction"].stderr > 0
+    diagnosis = diagnose(slide, MODELS["incline"], effects=[EFFECTS["zero-offset"]])
+    assert diagnosis.base.estimates["acceleration"].value == pytest.approx(0.8, rel=0.01)
+    assert diagnosis.base.estimates["friction"].stderr > 0

@@ -40,17 +40,17 @@ def dragged():
 @pytest.mark.parametrize("hidden", [{"quadratic-drag": 0.08}, {"zero-offset": 0.02}])
 def test_hidden_effect_is_named_or_in_the_stated_class(hidden):
     ((name, size),) = hidden.items()
-    found = diagnose(swing(hidden, seed=3), PENDULUM)
-    first = found.added[0].name
-    assert name in (first, *found.indistinguishable[first])
+    diagnosis = diagnose(swing(hidden, seed=3), PENDULUM)
+    first = diagnosis.added[0].name
+    assert name in (first, *diagnosis.indistinguishable[first])
     if first == name:
-        estimate = found.final.estimates[found.added[0].parameters[0].name]
+        estimate = diagnosis.final.estimates[diagnosis.added[0].parameters[0].name]
         assert abs(estimate.value - size) < 3.5 * estimate.stderr
 
 
 def test_two_hidden_effects_are_found_in_sequence():
-    found = diagnose(swing({"quadratic-drag": 0.1, "zero-offset": 0.03}, seed=5), PENDULUM)
-    named = [{effect.name, *found.indistinguishable[effect.name]} for effect in found.added]
+    diagnosis = diagnose(swing({"quadratic-drag": 0.1, "zero-offset": 0.03}, seed=5), PENDULUM)
+    named = [{effect.name, *diagnosis.indistinguishable[effect.name]} for effect in diagnosis.added]
     assert len(named) == 2
     assert any("quadratic-drag" in names for names in named)
     assert any("zero-offset" in names for names in named)
@@ -64,13 +64,13 @@ def test_two_effects_that_a_substitute_outdoes_alone_are_found_as_a_pair():
     t_s = np.arange(48) / 60
     seen = simulate(model, t_s, values).observed
     seen = seen + 2e-4 * np.random.default_rng(172).standard_normal(seen.shape)
-    found = diagnose(
+    diagnosis = diagnose(
         Trajectory(t_s, flight.observed, seen, np.full_like(seen, np.nan), np.ones(48, dtype=bool)), flight
     )
-    assert found.rounds[0][0].effect not in hidden  # a substitute explains most alone
-    assert {effect.name for effect in found.added} == set(hidden)
+    assert diagnosis.rounds[0][0].effect not in hidden  # a substitute explains most alone
+    assert {effect.name for effect in diagnosis.added} == set(hidden)
     for name, size in hidden.items():
-        estimate = found.sizes[EFFECTS[name].parameters[0].name]
+        estimate = diagnosis.sizes[EFFECTS[name].parameters[0].name]
         assert abs(estimate.value - size) < 3.5 * estimate.stderr
 
 
@@ -82,27 +82,27 @@ def test_effect_whose_size_and_duration_cannot_be_told_apart_is_still_significan
     seen = simulate(with_effects(flight, [release]), t_s, {**values, **late}).observed
     seen = seen + 2e-4 * np.random.default_rng(144).standard_normal(seen.shape)
     clip = Trajectory(t_s, flight.observed, seen, np.full_like(seen, np.nan), np.ones(48, dtype=bool))
-    found = diagnose(clip, flight)
-    first = found.added[0].name
-    assert "late-release" in (first, *found.indistinguishable[first])
+    diagnosis = diagnose(clip, flight)
+    first = diagnosis.added[0].name
+    assert "late-release" in (first, *diagnosis.indistinguishable[first])
 
 
 def test_error_after_is_the_noise_and_the_base_parameters_come_right(dragged):
-    _, found = dragged
-    assert found.before.heldout > 3 * found.noise_floor
-    assert found.after.heldout < 1.15 * NOISE_RAD
-    assert found.after.fitted < 1.1 * NOISE_RAD
-    damping = found.final.estimates["damping"]
+    _, diagnosis = dragged
+    assert diagnosis.before.heldout > 3 * diagnosis.noise_floor
+    assert diagnosis.after.heldout < 1.15 * NOISE_RAD
+    assert diagnosis.after.fitted < 1.1 * NOISE_RAD
+    damping = diagnosis.final.estimates["damping"]
     assert abs(damping.value - TRUTH["damping"]) < 3.5 * damping.stderr
-    assert abs(found.base.estimates["damping"].value - TRUTH["damping"]) > 0.05
+    assert abs(diagnosis.base.estimates["damping"].value - TRUTH["damping"]) > 0.05
 
 
 def test_clean_data_get_nothing_added_and_limits():
-    found = diagnose(swing({}, seed=0), PENDULUM)
-    assert found.added == ()
-    limits = {limit.effect: limit.upper_95 for limit in found.ruled_out}
+    diagnosis = diagnose(swing({}, seed=0), PENDULUM)
+    assert diagnosis.added == ()
+    limits = {limit.effect: limit.upper_95 for limit in diagnosis.ruled_out}
     assert 0 < limits["quadratic-drag"] < 0.02
-    assert diagnosis_sentence(found).startswith("No effect in the library is significant.")
+    assert diagnosis_sentence(diagnosis).startswith("No effect in the library is significant.")
 
 
 @pytest.mark.slow
@@ -115,7 +115,9 @@ def test_false_alarms_on_clean_data_stay_near_five_percent():
 def test_screened_sensitivity_is_that_of_the_composed_model(name):
     effect, trajectory = EFFECTS[name], swing({}, seed=2)
     fitted = fit(trajectory, PENDULUM)
-    values = {key: one.value for key, one in fitted.estimates.items() if key not in ("rope_length", "ball_radius")}
+    values = {
+        key: estimate.value for key, estimate in fitted.estimates.items() if key not in ("rope_length", "ball_radius")
+    }
     composed, step = with_effects(PENDULUM, [effect]), 1e-5
     sides = [
         simulate(composed, trajectory.t_s, {**values, effect.parameters[0].name: sign * step}).observed
@@ -133,28 +135,28 @@ def test_pivot_error_is_left_open_instead_of_being_taken_for_a_force():
         "pivot_across": Estimate(0.0, 0.002, "1", "fitted", "circle"),
         "pivot_along": Estimate(0.0, 0.002, "1", "fitted", "circle"),
     }
-    found = diagnose(clean.with_(position=shifted, geometry=geometry), PENDULUM)
-    assert found.added == ()
-    assert found.base.estimates["pivot_across"].value == pytest.approx(-0.002, abs=3e-4)
+    diagnosis = diagnose(clean.with_(position=shifted, geometry=geometry), PENDULUM)
+    assert diagnosis.added == ()
+    assert diagnosis.base.estimates["pivot_across"].value == pytest.approx(-0.002, abs=3e-4)
 
 
 def test_document_and_page_say_the_same(dragged, tmp_path):
-    trajectory, found = dragged
-    document = diagnosis_document(found, [trajectory])
+    trajectory, diagnosis = dragged
+    document = diagnosis_document(diagnosis, [trajectory])
     assert [entry.effect for entry in document.added] == ["quadratic-drag"]
     assert document.error.before.heldout > document.error.after.heldout
-    page = write_diagnosis(found, trajectory, tmp_path).read_text()
+    page = write_diagnosis(diagnosis, trajectory, tmp_path).read_text()
     assert "Adding quadratic drag" in page
-    size = found.sizes["quadratic_drag"]
+    size = diagnosis.sizes["quadratic_drag"]
     assert with_error(size) in page.partition(">Missing effects<")[2].partition("</table>")[0]
     assert {path.name for path in tmp_path.iterdir()} == {"diagnosis.json", "report.html", "residual.png", "state.png"}
 
 
 def test_clip_too_short_to_hold_any_out_says_so_on_the_page(tmp_path):
     trajectory = swing({}, seed=4, n=10)
-    found = diagnose(trajectory, PENDULUM)
-    assert np.isnan(found.before.heldout)
-    assert "no samples to spare" in write_diagnosis(found, trajectory, tmp_path).read_text()
+    diagnosis = diagnose(trajectory, PENDULUM)
+    assert np.isnan(diagnosis.before.heldout)
+    assert "no samples to spare" in write_diagnosis(diagnosis, trajectory, tmp_path).read_text()
 
 
 def test_trajectory_that_cannot_be_fitted_is_refused_with_the_reason():
@@ -163,9 +165,9 @@ def test_trajectory_that_cannot_be_fitted_is_refused_with_the_reason():
 
 
 def test_alexiev_pendulum_keeps_its_length_whatever_is_added():
-    found = diagnose(alexiev_length_68(), PENDULUM)
-    assert found.final.estimates["length"].value == pytest.approx(0.686, rel=0.01)
-    assert found.after.fitted <= found.before.fitted
+    diagnosis = diagnose(alexiev_length_68(), PENDULUM)
+    assert diagnosis.final.estimates["length"].value == pytest.approx(0.686, rel=0.01)
+    assert diagnosis.after.fitted <= diagnosis.before.fitted
 
 
 @pytest.mark.parametrize(("name", "size", "when"), [("impact", 0.15, 4.1), ("dropped-frame", 1 / 60, 3.3)])
@@ -177,12 +179,12 @@ def test_sudden_effect_is_found_where_it_acts(name, size, when):
     width = effect.parameters[2].name
     theta = simulate(model, t_s, {**TRUTH, effect.parameters[0].name: size, moment: when, width: 0.03}).observed
     theta = theta + 1e-3 * np.random.default_rng(4).standard_normal(theta.shape)
-    found = diagnose(
+    diagnosis = diagnose(
         Trajectory(t_s, PENDULUM.observed, theta, np.full_like(theta, np.nan), np.ones(480, dtype=bool)), PENDULUM
     )
-    assert found.added[0].name == name
-    assert found.final.estimates[moment].value == pytest.approx(when, abs=0.05)
-    assert found.sizes[effect.parameters[0].name].value == pytest.approx(size, rel=0.1)
+    assert diagnosis.added[0].name == name
+    assert diagnosis.final.estimates[moment].value == pytest.approx(when, abs=0.05)
+    assert diagnosis.sizes[effect.parameters[0].name].value == pytest.approx(size, rel=0.1)
 
 
 @pytest.mark.parametrize(
@@ -199,22 +201,22 @@ def test_frame_lost_is_found_in_its_interval_and_nothing_is_left(model, values, 
     seen = np.delete(simulate(model, np.arange(n + 1) / 60, values).observed, lost, axis=0)
     seen = seen + noise * np.random.default_rng(lost).standard_normal(seen.shape)
     t_s, valid = np.arange(n) / 60, np.ones(n, dtype=bool)
-    found = diagnose(Trajectory(t_s, model.observed, seen, np.full_like(seen, np.nan), valid), model)
-    assert [effect.name for effect in found.added] == ["dropped-frame"]
-    assert found.final.estimates["drop_time"].value == pytest.approx((lost - 0.5) / 60, abs=1e-6)
-    assert found.sizes["dropped_frame"].value == pytest.approx(1 / 60, rel=0.02)
-    assert f"drop time {(lost - 0.5) / 60:.4g}"[:-1] in diagnosis_sentence(found)
-    assert found.after.fitted < (1.0 + 3.0 / np.sqrt(2 * n)) * noise
+    diagnosis = diagnose(Trajectory(t_s, model.observed, seen, np.full_like(seen, np.nan), valid), model)
+    assert [effect.name for effect in diagnosis.added] == ["dropped-frame"]
+    assert diagnosis.final.estimates["drop_time"].value == pytest.approx((lost - 0.5) / 60, abs=1e-6)
+    assert diagnosis.sizes["dropped_frame"].value == pytest.approx(1 / 60, rel=0.02)
+    assert f"drop time {(lost - 0.5) / 60:.4g}"[:-1] in diagnosis_sentence(diagnosis)
+    assert diagnosis.after.fitted < (1.0 + 3.0 / np.sqrt(2 * n)) * noise
 
 
 def test_size_over_several_clips_is_that_of_all_and_more_certain():
     clips = [swing({"quadratic-drag": 0.04}, seed=20 + k, n=240) for k in range(3)]
-    found = diagnose(clips, PENDULUM)
-    assert [effect.name for effect in found.added] == ["quadratic-drag"]
-    together = found.sizes["quadratic_drag"]
-    assert abs(together.value - 0.04) < 3.5 * together.stderr
-    assert together.stderr < 0.8 * min(one.estimates["quadratic_drag"].stderr for one in found.finals)
-    assert found.after.heldout < 1.2 * NOISE_RAD
+    diagnosis = diagnose(clips, PENDULUM)
+    assert [effect.name for effect in diagnosis.added] == ["quadratic-drag"]
+    drag = diagnosis.sizes["quadratic_drag"]
+    assert abs(drag.value - 0.04) < 3.5 * drag.stderr
+    assert drag.stderr < 0.8 * min(fitted.estimates["quadratic_drag"].stderr for fitted in diagnosis.finals)
+    assert diagnosis.after.heldout < 1.2 * NOISE_RAD
 
 
 @pytest.mark.parametrize("name", ["quadratic-drag", "periodic-forcing"])
@@ -242,9 +244,9 @@ def test_model_whose_equation_takes_numbers_only_is_diagnosed():
     level = simulate(leaking, t_s, {"outflow": 0.03, "h_0": 0.3, "leak": 0.02}).observed
     level = level + 1e-4 * np.random.default_rng(0).standard_normal(level.shape)
     clip = Trajectory(t_s, tank.observed, level, np.full_like(level, np.nan), np.ones(t_s.size, dtype=bool))
-    found = diagnose(clip, tank)
-    first = found.added[0].name
-    assert "leak" in (first, *found.indistinguishable[first])
+    diagnosis = diagnose(clip, tank)
+    first = diagnosis.added[0].name
+    assert "leak" in (first, *diagnosis.indistinguishable[first])
 
 
 def braked_far_out(t, position, velocity, speed, base, params):
@@ -257,14 +259,14 @@ def test_residual_that_no_effect_explains_gets_a_term_proposed(tmp_path):
     theta = simulate(with_effects(PENDULUM, [hidden]), t_s, {**TRUTH, "b": 0.3}).observed
     theta = theta + 1e-3 * np.random.default_rng(2).standard_normal(theta.shape)
     clip = Trajectory(t_s, PENDULUM.observed, theta, np.full_like(theta, np.nan), np.ones(t_s.size, dtype=bool))
-    found = diagnose(clip, PENDULUM, effects=[])
-    assert [term.term for term in found.proposed] == ["theta^2 theta'"]
-    size = found.proposed[0].coefficient
+    diagnosis = diagnose(clip, PENDULUM, effects=[])
+    assert [term.term for term in diagnosis.proposed] == ["theta^2 theta'"]
+    size = diagnosis.proposed[0].coefficient
     assert abs(size.value + 0.3) < 4 * size.stderr
     assert size.unit == "1/s"
-    assert "The residual suggests theta^2 theta' in theta''" in diagnosis_sentence(found)
-    assert [term.term for term in diagnosis_document(found, [clip]).proposed] == ["theta^2 theta'"]
-    assert "Suggested terms" in write_diagnosis(found, clip, tmp_path).read_text()
+    assert "The residual suggests theta^2 theta' in theta''" in diagnosis_sentence(diagnosis)
+    assert [term.term for term in diagnosis_document(diagnosis, [clip]).proposed] == ["theta^2 theta'"]
+    assert "Suggested terms" in write_diagnosis(diagnosis, clip, tmp_path).read_text()
 
 
 def test_nothing_is_proposed_where_only_noise_is_left(dragged):

@@ -27,20 +27,20 @@ def slide(rate_hz: float, noise_m: float, seed: int, *, scale: float = 1.0, unit
 @pytest.mark.slow
 @pytest.mark.parametrize("rate_hz", [10.0, 60.0])
 def test_seam_between_two_surfaces_is_found_with_its_place(rate_hz):
-    found = diagnose(slide(rate_hz, 1.5e-4, seed=1), MODELS["incline"])
-    assert [effect.name for effect in found.added] == ["friction-change"]
+    diagnosis = diagnose(slide(rate_hz, 1.5e-4, seed=1), MODELS["incline"])
+    assert [effect.name for effect in diagnosis.added] == ["friction-change"]
     for name, truth in (("friction_change", FIRST - SECOND), ("change_place", PLACE_M)):
-        low, high = found.sizes[name].interval
+        low, high = diagnosis.sizes[name].interval
         assert low < truth < high
-    assert found.final.estimates["acceleration"].value == pytest.approx(FIRST, rel=0.05)
-    assert found.after.fitted < 2.0 * 1.5e-4
-    assert "change place 0.1" in diagnosis_sentence(found)
+    assert diagnosis.final.estimates["acceleration"].value == pytest.approx(FIRST, rel=0.05)
+    assert diagnosis.after.fitted < 2.0 * 1.5e-4
+    assert "change place 0.1" in diagnosis_sentence(diagnosis)
 
 
 def test_seam_is_found_in_pixels_too():
-    found = diagnose(slide(60.0, 1.5e-4, seed=2, scale=1000.0, unit="px"), MODELS["incline"])
-    assert [effect.name for effect in found.added] == ["friction-change"]
-    assert found.sizes["change_place"].value == pytest.approx(1000 * PLACE_M, abs=10)
+    diagnosis = diagnose(slide(60.0, 1.5e-4, seed=2, scale=1000.0, unit="px"), MODELS["incline"])
+    assert [effect.name for effect in diagnosis.added] == ["friction-change"]
+    assert diagnosis.sizes["change_place"].value == pytest.approx(1000 * PLACE_M, abs=10)
 
 
 def test_one_surface_gets_no_seam():

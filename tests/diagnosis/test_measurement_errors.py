@@ -37,9 +37,9 @@ def shaded():
 
 
 def test_bias_below_the_stated_errors_is_rejected_with_a_note(shaded):
-    found = diagnose(shaded, PENDULUM)
-    assert found.added == ()
-    assert [note.kind for note in found.notes] == ["rejected-size"]
+    diagnosis = diagnose(shaded, PENDULUM)
+    assert diagnosis.added == ()
+    assert [note.kind for note in diagnosis.notes] == ["rejected-size"]
 
 
 def test_the_same_bias_without_stated_errors_is_taken_for_an_effect(shaded):
@@ -60,8 +60,8 @@ def test_samples_with_large_stated_errors_are_no_impact():
     position, sigma = clip.position.copy(), clip.sigma.copy()
     position[near] += 0.004
     sigma[near] = 0.004
-    found = diagnose(clip.with_(position=position, sigma=sigma), PENDULUM)
-    assert found.added == ()
+    diagnosis = diagnose(clip.with_(position=position, sigma=sigma), PENDULUM)
+    assert diagnosis.added == ()
 
 
 def test_unit_of_a_residual_is_the_noise_scaled_by_the_stated_errors():

@@ -40,13 +40,13 @@ def test_improbable_effect_changes_nothing():
 
 def test_interval_is_that_of_the_mixture():
     competitors = [CompetingEffect(np.log(0.5), -0.5, 0.2), CompetingEffect(np.log(0.25), 0.8, 0.0)]
-    found = averaged_over_competitors(SIZE, competitors)
+    averaged = averaged_over_competitors(SIZE, competitors)
     rng = np.random.default_rng(1)
     which = rng.choice(3, size=2_000_000, p=np.array([1.0, 0.5, 0.25]) / 1.75)
     drawn = rng.normal(np.array([2.0, 1.5, 2.8])[which], np.array([0.1, np.hypot(0.1, 0.2), 0.1])[which])
-    np.testing.assert_allclose(found.interval, np.quantile(drawn, [0.025, 0.975]), atol=3e-3)
-    assert found.value == SIZE.value
-    assert found.stderr / SIZE.stderr == pytest.approx((found.interval[1] - found.interval[0]) / 0.4)
+    np.testing.assert_allclose(averaged.interval, np.quantile(drawn, [0.025, 0.975]), atol=3e-3)
+    assert averaged.value == SIZE.value
+    assert averaged.stderr / SIZE.stderr == pytest.approx((averaged.interval[1] - averaged.interval[0]) / 0.4)
 
 
 def test_interval_is_never_narrower_than_without_competing_effects():
@@ -80,10 +80,10 @@ def test_drag_too_small_to_be_seen_beside_a_friction_is_in_the_interval_of_that(
     truth = {"acceleration": 1.8, "s_0": 0.05, "v_0": 0.3, "weakening_friction": 0.14, "linear_drag": 9e-4}
     alone, beside_others = [], []
     for seed in range(4):
-        found = diagnose(throw(with_effects(plane, effects), truth, 2e-4, seed), plane)
-        assert [effect.name for effect in found.added] == [names[0]]
-        alone.append(found.final.estimates["weakening_friction"].interval)
-        beside_others.append(found.sizes["weakening_friction"].interval)
+        diagnosis = diagnose(throw(with_effects(plane, effects), truth, 2e-4, seed), plane)
+        assert [effect.name for effect in diagnosis.added] == [names[0]]
+        alone.append(diagnosis.final.estimates["weakening_friction"].interval)
+        beside_others.append(diagnosis.sizes["weakening_friction"].interval)
     assert sum(low < truth["weakening_friction"] < high for low, high in alone) == 2
     assert all(low < truth["weakening_friction"] < high for low, high in beside_others)
 
@@ -93,11 +93,11 @@ def test_intervals_of_sizes_cover_where_one_or_two_effects_are_hidden():
     seeds = range(50_000, 50_080)
     every = [case(seed, 1 + seed % 2) for seed in seeds]
     off = [
-        one.off[k]
-        for one in every
-        if one is not None
-        for k, factor in enumerate(one.factors)
-        if factor > 2.0 and np.isfinite(one.off[k])
+        outcome.off[k]
+        for outcome in every
+        if outcome is not None
+        for k, factor in enumerate(outcome.factors)
+        if factor > 2.0 and np.isfinite(outcome.off[k])
     ]
     assert len(off) > 50
     assert np.mean(np.abs(off) < 1.0) > 0.87  # binomial: 95 % - 3 standard deviations of 60

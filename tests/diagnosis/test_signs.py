@@ -13,15 +13,15 @@ from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.report.diagnosis_page import write_diagnosis
 from iris_sysid.types import Trajectory
 
-ONE_SIDED = {name for name, one in EFFECTS.items() if one.parameters[0].lower == 0.0}
+ONE_SIDED = {name for name, effect in EFFECTS.items() if effect.parameters[0].lower == 0.0}
 THROW = {"x_0": 0.02, "z_0": 0.78, "vx_0": 2.09, "vz_0": 2.46}
 DRAIN = {"outflow": 0.03, "h_0": 0.25}
 SWING = {"length": 0.5, "damping": 0.03, "theta_0": 0.7, "omega_0": 0.0}
 
 
 def clip(name: str, values: dict[str, float], hidden: dict[str, float], seconds: float, noise: float) -> Trajectory:
-    model = with_effects(MODELS[name], [EFFECTS[one] for one in hidden])
-    sizes = {EFFECTS[one].parameters[0].name: size for one, size in hidden.items()}
+    model = with_effects(MODELS[name], [EFFECTS[effect] for effect in hidden])
+    sizes = {EFFECTS[effect].parameters[0].name: size for effect, size in hidden.items()}
     t_s = np.arange(round(60 * seconds)) / 60
     seen = simulate(model, t_s, {**values, **sizes}).observed
     seen = seen + noise * np.random.default_rng(1).standard_normal(seen.shape)
@@ -37,41 +37,43 @@ def test_what_only_takes_energy_or_water_away_has_no_size_below_zero():
     "hidden", [{"linear-drag": -0.1}, pytest.param({"coulomb-friction": -0.3}, marks=pytest.mark.slow)]
 )
 def test_throw_that_gains_energy_gets_a_note_and_no_friction(hidden):
-    found = diagnose(clip("projectile", THROW, hidden, 0.8, 2e-4), MODELS["projectile"])
+    diagnosis = diagnose(clip("projectile", THROW, hidden, 0.8, 2e-4), MODELS["projectile"])
     ((name, size),) = hidden.items()
-    assert not ONE_SIDED & {effect.name for effect in found.added}
-    assert not ONE_SIDED & {one for names in found.indistinguishable.values() for one in names}
-    (note,) = [note.text for note in found.notes if note.kind == "rejected-sign"]
+    assert not ONE_SIDED & {effect.name for effect in diagnosis.added}
+    assert not ONE_SIDED & {effect for names in diagnosis.indistinguishable.values() for effect in names}
+    (note,) = [note.text for note in diagnosis.notes if note.kind == "rejected-sign"]
     assert name in note
     assert float(note.partition(" = ")[2].split()[0]) == pytest.approx(size, rel=0.25)  # to first order
 
 
 def test_swing_whose_drag_falls_with_speed_gets_no_drag_below_zero():
-    found = diagnose(clip("pendulum", SWING, {"quadratic-drag": -0.05}, 4.0, 2e-3), MODELS["pendulum"])
-    assert all(found.sizes[one.parameters[0].name].value > 0 for one in found.added if one.name in ONE_SIDED)
+    diagnosis = diagnose(clip("pendulum", SWING, {"quadratic-drag": -0.05}, 4.0, 2e-3), MODELS["pendulum"])
+    assert all(
+        diagnosis.sizes[effect.parameters[0].name].value > 0 for effect in diagnosis.added if effect.name in ONE_SIDED
+    )
 
 
 def test_damping_below_zero_gets_a_note():
-    found = diagnose(clip("pendulum", {**SWING, "damping": -0.1}, {}, 4.0, 2e-3), MODELS["pendulum"])
-    assert found.added == ()
-    (note,) = found.notes
+    diagnosis = diagnose(clip("pendulum", {**SWING, "damping": -0.1}, {}, 4.0, 2e-3), MODELS["pendulum"])
+    assert diagnosis.added == ()
+    (note,) = diagnosis.notes
     assert note.kind == "negative-damping"
     assert note.text.startswith("damping is -0.1")
 
 
 def test_tank_that_fills_from_below_gets_no_leak_below_zero():
-    found = diagnose(clip("torricelli", DRAIN, {"leak": -0.01}, 8.0, 2e-4), MODELS["torricelli"])
-    assert not {"leak", "overflow"} & {one.name for one in found.added}
+    diagnosis = diagnose(clip("torricelli", DRAIN, {"leak": -0.01}, 8.0, 2e-4), MODELS["torricelli"])
+    assert not {"leak", "overflow"} & {effect.name for effect in diagnosis.added}
 
 
 @pytest.mark.slow
 def test_braking_effects_are_still_named_with_their_size_and_shown_before_and_after(tmp_path):
     measured = clip("projectile", THROW, {"linear-drag": 0.1}, 0.8, 2e-4)
-    found = diagnose(measured, MODELS["projectile"])
-    first = found.added[0].name
-    assert "linear-drag" in (first, *found.indistinguishable[first])
-    assert not [note for note in found.notes if note.kind == "rejected-sign"]
-    page = write_diagnosis(found, measured, tmp_path).read_text(encoding="utf-8")
+    diagnosis = diagnose(measured, MODELS["projectile"])
+    first = diagnosis.added[0].name
+    assert "linear-drag" in (first, *diagnosis.indistinguishable[first])
+    assert not [note for note in diagnosis.notes if note.kind == "rejected-sign"]
+    page = write_diagnosis(diagnosis, measured, tmp_path).read_text(encoding="utf-8")
     assert ">Fit with the added effects, assuming no further missing effect<" in page
     assert ">Fit without the added effects<" in page
 

@@ -115,25 +115,28 @@ def _starts(first: Array, count: int) -> list[Array]:
 
 def _best(problem: InitialValueProblem, target: Target, unknowns: Unknowns, starts: Sequence[Array]) -> Solution | None:
     """The lowest minimum of all starts, followed to its bottom."""
-    found = [minimise(problem, target, unknowns, start, rough=True) for start in starts]
-    found = sorted((one for one in found if np.isfinite(one.rms)), key=lambda one: one.rms)
+    solutions = [minimise(problem, target, unknowns, start, rough=True) for start in starts]
+    solutions = sorted(
+        (solution for solution in solutions if np.isfinite(solution.rms)), key=lambda solution: solution.rms
+    )
     deepest: list[Solution] = []
-    for one in found[:MOST_POLISHED]:
-        for _ in range(POLISH if one.rms <= NEARLY * found[0].rms or len(deepest) < 3 else 0):
-            one = minimise(problem, target, unknowns, one.values)
-        deepest.append(one)
+    for refined in solutions[:MOST_POLISHED]:
+        for _ in range(POLISH if refined.rms <= NEARLY * solutions[0].rms or len(deepest) < 3 else 0):
+            refined = minimise(problem, target, unknowns, refined.values)
+        deepest.append(refined)
     if not deepest:
         return None
-    least = min(one.rms for one in deepest)
+    least = min(solution.rms for solution in deepest)
     return min(
-        (one for one in deepest if one.rms <= least * (1 + SAME) + ROUNDING), key=lambda one: _far(one, starts[0])
+        (solution for solution in deepest if solution.rms <= least * (1 + SAME) + ROUNDING),
+        key=lambda solution: _far(solution, starts[0]),
     )
 
 
-def _far(one: Solution, first: Array) -> float:
+def _far(solution: Solution, first: Array) -> float:
     """How far a minimum lies from the first start: of equal ones, e.g. with two terms swapped, the nearest counts."""
     with np.errstate(all="ignore"):
-        ratio = np.where(first != 0, one.values / first, 1.0)
+        ratio = np.where(first != 0, solution.values / first, 1.0)
         return float(np.sum(np.log(np.abs(ratio)) ** 2 + np.where(ratio < 0, FLIPPED, 0.0)))
 
 

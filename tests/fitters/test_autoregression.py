@@ -40,10 +40,10 @@ def test_gradient_of_the_likelihood_is_that_of_its_differences(lost):
 
 def test_nothing_near_is_more_likely_than_what_is_found():
     residual, basis = residual_with_gaps(2)
-    found = _most_likely(residual, basis, burg(residual, 3)[0])
-    least = minus_restricted(residual, basis, found)[0]
+    partial = _most_likely(residual, basis, burg(residual, 3)[0])
+    least = minus_restricted(residual, basis, partial)[0]
     for step in 1e-3 * np.concatenate([np.eye(3), -np.eye(3)]):
-        assert minus_restricted(residual, basis, found + step)[0] > least
+        assert minus_restricted(residual, basis, partial + step)[0] > least
 
 
 def test_noise_too_smooth_for_products_is_found_from_the_whitened_columns():
@@ -52,5 +52,5 @@ def test_noise_too_smooth_for_products_is_found_from_the_whitened_columns():
     basis = orthonormal_basis(np.vander(t_s, 4))
     residual -= basis @ (basis.T @ residual)
     start = burg(residual, 4)[0]
-    found = _most_likely(residual, basis, start)
-    assert minus_restricted(residual, basis, found)[0] <= minus_restricted(residual, basis, start)[0]
+    partial = _most_likely(residual, basis, start)
+    assert minus_restricted(residual, basis, partial)[0] <= minus_restricted(residual, basis, start)[0]

@@ -32,7 +32,7 @@ def fitted(swing):
 
 
 def test_hessian_equals_differences_of_the_likelihood_itself(swing, fitted):
-    found = identifiability(fitted)
+    determined = identifiability(fitted)
     best = np.array([fitted.estimates[name].value for name in NAMES])
     steps = 0.3 * np.sqrt(np.diag(np.linalg.inv(fitted.fisher)))
 
@@ -45,15 +45,15 @@ def test_hessian_equals_differences_of_the_likelihood_itself(swing, fitted):
             a, b = np.eye(4)[i] * steps[i], np.eye(4)[j] * steps[j]
             corners = [minus_log_likelihood(best + s * a + r * b) * s * r for s in (1, -1) for r in (1, -1)]
             expected = sum(corners) / (4 * steps[i] * steps[j])
-            scale = np.sqrt(found.hessian[i, i] * found.hessian[j, j])
-            assert found.hessian[i, j] == pytest.approx(expected, abs=0.01 * scale)
+            scale = np.sqrt(determined.hessian[i, i] * determined.hessian[j, j])
+            assert determined.hessian[i, j] == pytest.approx(expected, abs=0.01 * scale)
 
 
 def test_hessian_at_the_optimum_of_good_data_is_close_to_the_fisher_information(fitted):
-    found = identifiability(fitted)
-    assert found.names == fitted.free
-    assert found.hessian_condition == pytest.approx(found.condition, rel=0.05)
-    assert scaled_condition(fitted.fisher) == pytest.approx(found.condition, rel=1e-6)
+    determined = identifiability(fitted)
+    assert determined.names == fitted.free
+    assert determined.hessian_condition == pytest.approx(determined.condition, rel=0.05)
+    assert scaled_condition(fitted.fisher) == pytest.approx(determined.condition, rel=1e-6)
 
 
 def test_null_direction_of_the_apparent_radius_is_said_in_words():
@@ -89,10 +89,10 @@ def test_residual_of_the_equation_equals_one_step_of_the_pendulum_from_the_measu
     speed = (theta[2:] - theta[:-2]) / (2 * step_s)
     acceleration = -9.80665 / length * np.sin(theta[1:-1]) - damping * speed
     expected = np.mean((theta[2:] - 2 * theta[1:-1] + theta[:-2] - step_s**2 * acceleration) ** 2)
-    found = fitted.identifiability
-    assert found.ode_residual[0] == pytest.approx(expected, rel=0.02)
-    assert found.ode_residual[0] == pytest.approx(6 * NOISE**2, rel=0.15)
-    assert found.ode_residual_noise[0] == pytest.approx(6 * NOISE**2, rel=0.15)
+    determined = fitted.identifiability
+    assert determined.ode_residual[0] == pytest.approx(expected, rel=0.02)
+    assert determined.ode_residual[0] == pytest.approx(6 * NOISE**2, rel=0.15)
+    assert determined.ode_residual_noise[0] == pytest.approx(6 * NOISE**2, rel=0.15)
 
 
 def test_residual_of_a_first_order_equation_is_that_of_one_step():

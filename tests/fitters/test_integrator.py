@@ -149,9 +149,9 @@ def test_smooth_equation_is_solved_as_exactly_whatever_the_noise_hides():
 def test_many_columns_at_once_equal_one_at_a_time():
     problem = initial_value_problem(PENDULUM, np.linspace(0.0, 3.0, 100), None, "linear")
     columns = np.array([[0.5, 1.0, 2.0], [0.1, 0.0, 0.3], [9.8, 9.8, 1.6], [1.0, 2.0, 0.1], [0.0, 1.0, -1.0]])
-    together = problem.states(columns)
+    all_columns = problem.states(columns)
     for c in range(3):
-        np.testing.assert_array_equal(together[:, :, c], problem.states(columns[:, c : c + 1])[:, :, 0])
+        np.testing.assert_array_equal(all_columns[:, :, c], problem.states(columns[:, c : c + 1])[:, :, 0])
 
 
 def filling(t, state, params, inputs):

@@ -47,8 +47,8 @@ def test_profile_of_a_curved_fit_is_lopsided_as_that_of_lmfit_and_the_message_sa
 
     start = lmfit.create_params(rate=0.6, height=1.0, floor=0.2)
     minimizer = lmfit.Minimizer(residual, start)
-    found = minimizer.minimize()
-    ends = lmfit.conf_interval(minimizer, found, p_names=["rate"], sigmas=[0.95])["rate"]
+    minimised = minimizer.minimize()
+    ends = lmfit.conf_interval(minimizer, minimised, p_names=["rate"], sigmas=[0.95])["rate"]
     low, high = result.intervals["profile"]["decay_rate"]
     assert low == pytest.approx(ends[0][1], abs=0.1 * (ends[2][1] - ends[0][1]))
     assert high == pytest.approx(ends[2][1], abs=0.1 * (ends[2][1] - ends[0][1]))
@@ -66,7 +66,7 @@ def test_blocks_grow_with_the_memory_of_the_noise():
         return Autoregression(np.array([rho]), np.array([rho]), 1.0, 1000)
 
     white = Autoregression(np.zeros(0), np.zeros(0), 1.0, 1000)
-    lengths = [block_length([one], 1000) for one in (white, noise(0.5), noise(0.9))]
+    lengths = [block_length([residual], 1000) for residual in (white, noise(0.5), noise(0.9))]
     assert lengths[0] == 1
     # AR(1): G = 2 sum k rho^k R(0) = 2 rho / (1 - rho)^2, spectrum (1 + rho) / (1 - rho), both over R(0)
     rho = 0.9

@@ -30,9 +30,11 @@ def pulls(measured, count, clips=200):
     for _ in range(clips):
         noise = correlated(rng, count)
         values = bread @ columns.T @ noise
-        found = random_uncertainty(np.arange(count) / 60, noise - columns @ values, columns[:, None], bread, measured)
-        pull.append(values[0, 0] / np.sqrt(found.covariance[0, 0]))
-        limit.append(quantile_975(found.degrees[0]))
+        uncertainty = random_uncertainty(
+            np.arange(count) / 60, noise - columns @ values, columns[:, None], bread, measured
+        )
+        pull.append(values[0, 0] / np.sqrt(uncertainty.covariance[0, 0]))
+        limit.append(quantile_975(uncertainty.degrees[0]))
     return np.array(pull), np.array(limit)
 
 
@@ -49,8 +51,8 @@ def test_residual_of_a_short_fit_does_not_show_the_autocorrelation():
 
 def test_long_residual_outweighs_the_measured_autocorrelation():
     alone, _ = pulls(None, 200, clips=3)
-    told, _ = pulls(ErrorAutocorrelation((0.9, 0.9), (0.1, 0.1)), 200, clips=3)
-    np.testing.assert_array_equal(alone, told)
+    informed, _ = pulls(ErrorAutocorrelation((0.9, 0.9), (0.1, 0.1)), 200, clips=3)
+    np.testing.assert_array_equal(alone, informed)
 
 
 def test_error_autocorrelation_of_a_track_reaches_the_fit_of_its_fall():

@@ -27,15 +27,15 @@ def fitted(clip):
 
 
 def test_lmfit_stays_at_the_optimum_of_the_fit(clip, fitted):
-    found = lmfit_minimizer(fitted, clip).minimize()
+    minimised = lmfit_minimizer(fitted, clip).minimize()
     for name in fitted.free:
-        assert abs(found.params[name].value - fitted.estimates[name].value) < 0.05 * fitted.estimates[name].stderr
+        assert abs(minimised.params[name].value - fitted.estimates[name].value) < 0.05 * fitted.estimates[name].stderr
 
 
 def test_lmfit_interval_agrees_for_white_noise(clip, fitted):
     minimizer = lmfit_minimizer(fitted, clip)
-    found = minimizer.minimize()
-    ends = lmfit.conf_interval(minimizer, found, p_names=["length"], sigmas=[0.95])["length"]
+    minimised = minimizer.minimize()
+    ends = lmfit.conf_interval(minimizer, minimised, p_names=["length"], sigmas=[0.95])["length"]
     low, high = fitted.estimates["length"].interval
     assert ends[0][1] == pytest.approx(low, abs=0.25 * (high - low))
     assert ends[-1][1] == pytest.approx(high, abs=0.25 * (high - low))
@@ -49,9 +49,9 @@ def test_lmfit_report_names_every_parameter(clip, fitted):
 def test_lmfit_expression_ties_a_parameter(clip, fitted):
     minimizer = lmfit_minimizer(fitted, clip)
     minimizer.params["damping"].expr = "0.2 * length"
-    found = minimizer.minimize()
-    assert found.params["damping"].value == pytest.approx(0.2 * found.params["length"].value)
-    assert found.nvarys == len(fitted.free) - 1
+    minimised = minimizer.minimize()
+    assert minimised.params["damping"].value == pytest.approx(0.2 * minimised.params["length"].value)
+    assert minimised.nvarys == len(fitted.free) - 1
 
 
 def test_lmfit_of_a_failed_fit_is_refused(clip, fitted):

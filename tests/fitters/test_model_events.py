@@ -42,11 +42,11 @@ def test_bounces_equal_their_parabolas_at_any_frame_rate_and_end_on_the_floor(fp
 
 
 def test_times_of_the_bounces_are_those_of_the_closed_form():
-    found = event_times(BALL, np.arange(240) / 60, DROP)
+    events = event_times(BALL, np.arange(240) / 60, DROP)
     first = np.sqrt(2 / 9.81)
     flights = 2 * first * 0.8 ** np.arange(1, 12)
-    np.testing.assert_allclose([one.t_s for one in found[:12]], first + np.cumsum([0, *flights]), atol=1e-12)
-    assert {one.name for one in found} == {"impact"}
+    np.testing.assert_allclose([event.t_s for event in events[:12]], first + np.cumsum([0, *flights]), atol=1e-12)
+    assert {event.name for event in events} == {"impact"}
 
 
 @pytest.mark.parametrize("name", ["restitution", "floor", "gravity", "z_0", "vz_0"])
@@ -83,17 +83,17 @@ def test_sensitivity_after_one_impact_is_the_saltation_matrix_times_that_before(
 def test_colliding_pendulums_equal_the_twin_also_while_they_stay_together(scene, setting):
     truth = plan_clip(scene, setting=setting, duration_s=8.0, overrides={"restitution": 0.6}).truth
     bodies = [truth.body(name).query("phase != 'hand'") for name in "12"]
-    known = {name: one.value for name, one in truth.parameters.items()}
-    start = {f"theta{k}_0": float(one.theta_rad.iloc[0]) for k, one in enumerate(bodies, 1)}
-    start |= {f"omega{k}_0": float(one.omega_rad_s.iloc[0]) for k, one in enumerate(bodies, 1)}
+    known = {name: parameter.value for name, parameter in truth.parameters.items()}
+    start = {f"theta{k}_0": float(body.theta_rad.iloc[0]) for k, body in enumerate(bodies, 1)}
+    start |= {f"omega{k}_0": float(body.omega_rad_s.iloc[0]) for k, body in enumerate(bodies, 1)}
     values = {name: known[name] for name in ("length_1", "length_2", "damping_1", "damping_2", "restitution")} | start
     values["mass_ratio"] = (known["ball_radius_2"] / known["ball_radius_1"]) ** 3
     values["contact_ratio"] = (known["ball_radius_1"] + known["ball_radius_2"]) / known["length_1"]
     values["pivot_ratio"] = known["pivot_gap"] / known["length_1"]
     t_s = bodies[0].t_s.to_numpy()
     observed = simulate(MODELS["pendulum-impact"], t_s, values).observed
-    np.testing.assert_allclose(observed, np.column_stack([one.theta_rad for one in bodies]), atol=2e-5)
-    mine = [one.t_s for one in event_times(MODELS["pendulum-impact"], t_s, values) if one.name == "impact"]
+    np.testing.assert_allclose(observed, np.column_stack([body.theta_rad for body in bodies]), atol=2e-5)
+    mine = [event.t_s for event in event_times(MODELS["pendulum-impact"], t_s, values) if event.name == "impact"]
     theirs = [t for t, name in truth.events if name == "impact"]
     np.testing.assert_allclose(mine[:5], theirs[:5], atol=1e-6)
 
@@ -101,8 +101,8 @@ def test_colliding_pendulums_equal_the_twin_also_while_they_stay_together(scene,
 def test_balls_that_start_beyond_the_horizontal_do_not_count_as_overlapping():
     values = {"length_1": 0.5, "length_2": 0.5, "mass_ratio": 1.0, "restitution": 0.8, "contact_ratio": 0.12}
     start = {"theta1_0": -1.8, "theta2_0": 1.8, "omega1_0": 0.0, "omega2_0": 0.0}
-    found = event_times(MODELS["pendulum-impact"], np.arange(60) / 60, values | start)
-    assert 0.4 < found[0].t_s < 0.5
+    events = event_times(MODELS["pendulum-impact"], np.arange(60) / 60, values | start)
+    assert 0.4 < events[0].t_s < 0.5
 
 
 def test_slack_cord_equals_free_flight_then_a_pendulum():
@@ -128,8 +128,8 @@ def test_slack_cord_equals_free_flight_then_a_pendulum():
 def test_cord_goes_slack_over_the_top_and_jerks_taut_again():
     values = {"length": 0.5, "pivot_x": 0.0, "pivot_z": 0.0, "damping": 0.0}
     start = {"x_0": 0.0, "z_0": -0.4999, "vx_0": 4.2, "vz_0": 0.0}  # not enough to go round: 5 g L = 4.95^2
-    found = event_times(MODELS["slack-cord"], np.arange(60) / 60, values | start)
-    assert [one.name for one in found[:3]] == ["taut", "slack", "taut"]
+    events = event_times(MODELS["slack-cord"], np.arange(60) / 60, values | start)
+    assert [event.name for event in events[:3]] == ["taut", "slack", "taut"]
 
 
 @pytest.mark.parametrize("speed", [1.5, -1.5])

@@ -98,7 +98,7 @@ def test_right_hand_side_is_the_derivative_of_the_solution(model):
     modes = ((0.0,), (1.0,), (2.0,)) if model.events else ((),)
     differences = (states[2] - states[0]) / 2e-3
     slopes = [np.array(model.rhs(fine[1], (*states[1], *mode), params)) for mode in modes]
-    nearest = min(slopes, key=lambda one: np.abs(one - differences).max())
+    nearest = min(slopes, key=lambda slope: np.abs(slope - differences).max())
     np.testing.assert_allclose(nearest, differences, rtol=1e-4, atol=1e-4 * np.abs(nearest).max())
 
 

@@ -76,10 +76,10 @@ def certified(name):
     return x, np.log(table[:, 0]) if name == "Nelson" else table[:, 0], start, values, stderr
 
 
-def digits(found, true):
+def digits(fitted, true):
     """Number of significant digits that agree, of the worst value."""
     with np.errstate(divide="ignore"):
-        return float(np.min(-np.log10(np.abs(found - true) / np.abs(true))))
+        return float(np.min(-np.log10(np.abs(fitted - true) / np.abs(true))))
 
 
 QUICK = ("Misra1a", "MGH09", "BoxBOD")
@@ -88,9 +88,9 @@ QUICK = ("Misra1a", "MGH09", "BoxBOD")
 @pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in FORMULAS])
 def test_certified_values_and_standard_errors_are_reached_from_the_far_start(name):
     x, y, start, values, stderr = certified(name)
-    found = fit_curve(FORMULAS[name], x, y, start)
-    assert digits(found.values, values) > (4 if name in HARDEST else 6)
-    assert digits(found.stderr, stderr) > 4
+    fitted = fit_curve(FORMULAS[name], x, y, start)
+    assert digits(fitted.values, values) > (4 if name in HARDEST else 6)
+    assert digits(fitted.stderr, stderr) > 4
 
 
 def test_too_few_values_are_refused():

@@ -64,14 +64,14 @@ def random_pendulum(rng) -> dict[str, float]:
 
 def count_recovered(n_fits, *, given, multistart, longest_s) -> int:
     """Fits that end within 6 standard errors of the truth, of random pendulums from starts 50 % off."""
-    rng, found = np.random.default_rng(5), 0
+    rng, covered = np.random.default_rng(5), 0
     for _ in range(n_fits):
         truth = random_pendulum(rng)
         clip = pendulum_clip(np.arange(0, rng.uniform(10.0, longest_s), 1 / 60), truth, seed=rng)
         start = {name: truth[name] * rng.choice([0.5, 1.5]) for name in NAMES} if given else {}
         result = fit(clip, PENDULUM, start=start, options=FitOptions(multistart=multistart))
-        found += all(abs(result.estimates[n].value - truth[n]) < 6 * result.estimates[n].stderr for n in NAMES)
-    return found
+        covered += all(abs(result.estimates[n].value - truth[n]) < 6 * result.estimates[n].stderr for n in NAMES)
+    return covered
 
 
 # --------------------------------------------------------------------------- finding the minimum
@@ -89,14 +89,14 @@ def test_fit_from_starts_half_off_finds_99_of_100_global_minima():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(MODELS))
 def test_every_model_finds_its_minimum_from_starts_half_off(name):
-    model, found = MODELS[name], 0
+    model, recovered = MODELS[name], 0
     values, _ = example(model)
     for seed in range(100):
         rng = np.random.default_rng(seed)
         start = {key: value * rng.choice([0.5, 1.5]) for key, value in values.items()}
         estimates = fit(clip_of(model, NOISE, seed), model, start=start, options=FitOptions(multistart=0)).estimates
-        found += all(abs(estimates[key].value - value) < 6 * estimates[key].stderr for key, value in values.items())
-    assert found >= 99
+        recovered += all(abs(estimates[key].value - value) < 6 * estimates[key].stderr for key, value in values.items())
+    assert recovered >= 99
 
 
 @pytest.mark.slow
@@ -521,8 +521,8 @@ def bounded(model, name, **bounds):
 def test_damping_near_zero_may_come_out_negative_instead_of_at_a_bound():
     truth = {**TRUTH, "damping": 0.0}
     values = [fit(pendulum_clip(truth=truth, seed=seed), PENDULUM).estimates["damping"] for seed in range(8)]
-    assert min(one.value for one in values) < 0 < max(one.value for one in values)
-    assert all(abs(one.value) < 4 * one.stderr for one in values)
+    assert min(estimate.value for estimate in values) < 0 < max(estimate.value for estimate in values)
+    assert all(abs(estimate.value) < 4 * estimate.stderr for estimate in values)
 
 
 EXPLOSIVE = OdeModel(

@@ -87,8 +87,8 @@ def test_prior_wrong_by_many_standard_errors_raises_aic_by_its_square():
 def test_intervals_of_a_pendulum_cover_when_gravity_is_measured_anew_each_time(rho):
     hits = []
     for seed in range(40):
-        told = Estimate(TRUTH["gravity"] + 0.05 * np.random.default_rng([seed, 1]).standard_normal(), 0.05, "m/s^2")
-        result = fit(swing(seed, rho), PENDULUM, fixed={"gravity": told}, free=["gravity"])
+        prior = Estimate(TRUTH["gravity"] + 0.05 * np.random.default_rng([seed, 1]).standard_normal(), 0.05, "m/s^2")
+        result = fit(swing(seed, rho), PENDULUM, fixed={"gravity": prior}, free=["gravity"])
         hits.append([low <= TRUTH[n] <= high for n in TRUTH for low, high in [result.estimates[n].interval]])
     assert np.all(np.mean(hits, axis=0) > 0.84), np.mean(hits, axis=0)
 
@@ -100,9 +100,9 @@ def test_prior_on_what_correlated_data_know_less_well_than_white_noise_would_get
     noise = 5e-3 * lfilter([1.0], [1.0, -0.9], white, axis=0)[300:] * np.sqrt(1 - 0.9**2)
     clip = clip_of(FALL, {"gravity": 9.8, "z_0": 1.5, "vz_0": -0.3}, t_s, noise)
     alone = fit(clip, FALL).estimates["gravity"]
-    told = Estimate(alone.value + 2 * alone.stderr, alone.stderr, "m/s^2")
-    both = fit(clip, FALL, fixed={"gravity": told}, free=["gravity"]).estimates["gravity"]
-    share = (both.value - alone.value) / (told.value - alone.value)
+    prior = Estimate(alone.value + 2 * alone.stderr, alone.stderr, "m/s^2")
+    both = fit(clip, FALL, fixed={"gravity": prior}, free=["gravity"]).estimates["gravity"]
+    share = (both.value - alone.value) / (prior.value - alone.value)
     assert share == pytest.approx(0.5, abs=0.12)
 
 

@@ -32,18 +32,18 @@ def test_envelope_gives_the_damping_of_a_damped_cosine():
 def test_damped_cosine_gives_the_parameters_of_the_linear_equation():
     w = math.sqrt(9.80665 / 0.5 - 0.06**2 / 4)
     angle = 0.2 * np.exp(-0.06 * T_S / 2) * (np.cos(w * T_S) + 0.3 * np.sin(w * T_S)) + 0.01
-    found = damped_cosine(of("theta", "rad", angle), G)
-    assert found["stiffness"].value == pytest.approx(9.80665 / 0.5, rel=1e-6)
-    assert found["damping"].value == pytest.approx(0.06, rel=1e-5)
-    assert found["length"].value == pytest.approx(0.5, rel=1e-6)
+    estimates = damped_cosine(of("theta", "rad", angle), G)
+    assert estimates["stiffness"].value == pytest.approx(9.80665 / 0.5, rel=1e-6)
+    assert estimates["damping"].value == pytest.approx(0.06, rel=1e-5)
+    assert estimates["length"].value == pytest.approx(0.5, rel=1e-6)
 
 
 @pytest.mark.parametrize("degrees", [20, 45, 90])
 def test_damped_cosine_makes_a_pendulum_too_long_by_its_period(degrees):
     theta_0 = math.radians(degrees)
     exact = (2 / math.pi * ellipk(math.sin(theta_0 / 2) ** 2)) ** 2  # square of the period over that of small angles
-    found = damped_cosine(of("theta", "rad", pendulum_angle(T_S, theta_0, length_m=0.5, damping=0.0)), G)
-    assert found["length"].value / 0.5 == pytest.approx(exact, rel=2e-3)
+    estimates = damped_cosine(of("theta", "rad", pendulum_angle(T_S, theta_0, length_m=0.5, damping=0.0)), G)
+    assert estimates["length"].value / 0.5 == pytest.approx(exact, rel=2e-3)
 
 
 def test_polynomials_give_gravity_and_friction():
@@ -76,5 +76,5 @@ def test_too_few_samples_are_refused():
 
 def test_recipes_belong_to_models_and_give_their_parameters():
     for name, recipes in RECIPES.items():
-        ours = {one.name for one in (*MODELS[name].parameters, *MODELS[name].derived)}
-        assert all(set(one.gives) <= ours for one in recipes)
+        ours = {parameter.name for parameter in (*MODELS[name].parameters, *MODELS[name].derived)}
+        assert all(set(recipe.gives) <= ours for recipe in recipes)

@@ -30,9 +30,9 @@ def test_axis_that_is_off_by_a_thousandth_of_the_arm_stays_within_the_stated_err
     for seed, phase in enumerate(np.linspace(0, 2 * np.pi, 8, endpoint=False)):
         _, trajectory = observe([reading(phase, 1e-3, seed)], uncalibrated(), "rotating-cone")
         result = fit(trajectory, MODELS["angular-oscillator"], free=["rest"])
-        found = result.estimates["stiffness"]
-        pulls.append((found.value - STIFFNESS) / found.stderr)
-        alone.append((found.value - STIFFNESS) / result.budget["stiffness"]["random"])
+        stiffness = result.estimates["stiffness"]
+        pulls.append((stiffness.value - STIFFNESS) / stiffness.stderr)
+        alone.append((stiffness.value - STIFFNESS) / result.budget["stiffness"]["random"])
     assert np.sqrt(np.mean(np.square(pulls))) < 1.5
     assert np.sqrt(np.mean(np.square(alone))) > 1.5  # the random part alone would be too small
 

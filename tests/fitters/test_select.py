@@ -31,7 +31,7 @@ def test_position_of_a_bob_is_taken_for_the_angle_of_a_pendulum_about_a_pivot_th
     choice = select_model(track(np.arange(240) / 60, on_arc(np.arange(240) / 60), ["m", "m"]))
     assert (choice.chosen.model, choice.chosen.observable) == ("pendulum", "angle")
     assert choice.chosen.fit.estimates["length"].value == pytest.approx(0.5, rel=0.01)
-    linear = next(one for one in choice.ranking if one.model == "linear-pendulum")
+    linear = next(candidate for candidate in choice.ranking if candidate.model == "linear-pendulum")
     assert linear.heldout > 5 * choice.chosen.heldout
 
 
@@ -58,7 +58,7 @@ def test_columns_are_taken_by_their_unit_whatever_their_name():
 def test_nothing_is_chosen_when_no_model_of_the_bank_fits():
     t_s = np.arange(240) / 60
     wander = np.cumsum(np.random.default_rng(3).standard_normal((240, 2)), axis=0)
-    smooth = np.stack([np.convolve(one, np.hanning(25) / 12, mode="same") for one in wander.T])
+    smooth = np.stack([np.convolve(column, np.hanning(25) / 12, mode="same") for column in wander.T])
     choice = select_model(track(t_s, {"x": smooth[0], "z": smooth[1]}, ["m", "m"], 1e-4))
     assert choice.chosen is None
     assert choice.message.startswith("none of these: the nearest, ")
@@ -69,7 +69,7 @@ def test_ranking_holds_every_model_that_suits_with_its_errors():
     t_s = np.arange(120) / 60
     bank = {name: MODELS[name] for name in ("pendulum", "linear-pendulum", "free-fall")}
     choice = select_model(track(t_s, on_arc(t_s), ["m", "m"]), bank)
-    assert {one.model for one in choice.ranking} == set(bank)
+    assert {candidate.model for candidate in choice.ranking} == set(bank)
     assert choice.heldout_margin > 1
     assert choice.bic_margin > 0
 
@@ -85,17 +85,23 @@ def test_short_clip_and_unknown_observable_are_refused():
 def test_circle_of_least_squares_finds_centre_and_radius_of_a_short_arc():
     angle = np.linspace(-0.3, 0.3, 200)
     noise = 1e-4 * np.random.default_rng(1).standard_normal((200, 2))
-    found = circle_of(np.column_stack([2 + 0.5 * np.sin(angle), 1 - 0.5 * np.cos(angle)]) + noise)
-    assert found == pytest.approx((2, 1, 0.5), abs=2e-3)
+    circle = circle_of(np.column_stack([2 + 0.5 * np.sin(angle), 1 - 0.5 * np.cos(angle)]) + noise)
+    assert circle == pytest.approx((2, 1, 0.5), abs=2e-3)
     assert circle_of(np.column_stack([angle, 2 * angle])) is None
 
 
 def test_every_observable_of_a_track_counts_the_same_channels():
     t_s = np.arange(60) / 60
     clip = track(t_s, {**on_arc(t_s), "r": 40 + t_s}, ["m", "m", "px"], [NOISE, NOISE, 0.05])
-    found = observables_of(raw_of(clip, np.ones(60, bool)), np.arange(60) < 40)
-    assert {one.name for one in found} == {"position", "height", "distance", "angle", "apparent radius"}
-    assert all(one.quantities.shape[1] + one.rest.shape[1] == 3 for one in found)
+    observables = observables_of(raw_of(clip, np.ones(60, bool)), np.arange(60) < 40)
+    assert {observable.name for observable in observables} == {
+        "position",
+        "height",
+        "distance",
+        "angle",
+        "apparent radius",
+    }
+    assert all(observable.quantities.shape[1] + observable.rest.shape[1] == 3 for observable in observables)
 
 
 # --------------------------------------------------------------------------- events, and several bodies
@@ -109,7 +115,7 @@ def test_cord_that_never_goes_slack_is_no_evidence_for_one_that_may():
     t_s = np.arange(200) / 60
     choice = select_model(track(t_s, on_arc(t_s), ["m", "m"]), few("pendulum", "slack-cord"))
     assert choice.chosen.model == "pendulum"
-    idle = {one.model: one.idle for one in choice.ranking}
+    idle = {candidate.model: candidate.idle for candidate in choice.ranking}
     assert idle == {"pendulum": False, "slack-cord": True}
 
 
@@ -129,8 +135,8 @@ def test_two_pendulums_that_strike_one_another_are_chosen_by_the_motion_of_both(
     known = {p.name: p.default for p in model.parameters if p.default is not None}
     theta = simulate(model, t_s, {**known, **values}).observed
     bodies = [
-        track(t_s, {"x": pivot + 0.5 * np.sin(one), "z": 1 - 0.5 * np.cos(one)}, ["m", "m"], seed=seed)
-        for seed, (one, pivot) in enumerate(zip(theta.T, (0.0, 0.04), strict=True))
+        track(t_s, {"x": pivot + 0.5 * np.sin(angle), "z": 1 - 0.5 * np.cos(angle)}, ["m", "m"], seed=seed)
+        for seed, (angle, pivot) in enumerate(zip(theta.T, (0.0, 0.04), strict=True))
     ]
     choice = select_model(bodies, few("pendulum", "pendulum-impact", "linear-pendulum"))
     assert (choice.chosen.model, choice.chosen.observable) == ("pendulum-impact", "angles")
@@ -170,9 +176,9 @@ def test_level_line_is_no_incline():
     t_s = np.arange(40) / 60
     way = 2.0 * t_s - 0.4 * t_s**2
     level = track(t_s, {"x": way, "z": np.zeros(40)}, ["m", "m"])
-    assert "incline" not in {one.model for one in select_model(level).ranking}
+    assert "incline" not in {candidate.model for candidate in select_model(level).ranking}
     sloping = track(t_s, {"x": way * np.cos(0.2), "z": -way * np.sin(0.2)}, ["m", "m"])
-    assert "incline" in {one.model for one in select_model(sloping).ranking}
+    assert "incline" in {candidate.model for candidate in select_model(sloping).ranking}
 
 
 def candidate(model, heldout, bic):
@@ -181,7 +187,7 @@ def candidate(model, heldout, bic):
 
 def test_model_whose_fit_to_all_samples_failed_comes_after_those_that_were_fitted():
     choice = _chosen([candidate("failed", 1.0, np.inf), candidate("fitted", 4.0, 30.0)], 5)
-    assert [one.model for one in choice.ranking] == ["fitted", "failed"]
+    assert [candidate.model for candidate in choice.ranking] == ["fitted", "failed"]
     assert choice.chosen.model == "fitted"
 
 

@@ -62,21 +62,21 @@ def swings(lengths, seed=0, seconds=6, noise=2e-3):
 
 def test_random_effects_reproduce_the_published_meta_analysis_of_bcg_vaccine():
     """metafor 4: REML tau^2 = 0.3132, Q = 152.2330 (12), Knapp-Hartung -0.7145 +- 0.1807, tau 0.3460 to 1.0543."""
-    found = random_effects(BCG[:, 0], np.sqrt(BCG[:, 1]), "1")
-    assert found.between.value**2 == pytest.approx(0.3132, abs=2e-4)
-    assert found.between.interval == pytest.approx((0.3460, 1.0543), abs=5e-4)
-    assert found.mean.value == pytest.approx(-0.7145, abs=2e-4)
-    assert found.mean.stderr == pytest.approx(0.1807, abs=2e-4)
-    assert found.mean.interval == pytest.approx((-1.1082, -0.3209), abs=5e-4)
-    assert (found.q, found.degrees) == (pytest.approx(152.233, rel=5e-3), 12)  # four digits of each variance
+    effects = random_effects(BCG[:, 0], np.sqrt(BCG[:, 1]), "1")
+    assert effects.between.value**2 == pytest.approx(0.3132, abs=2e-4)
+    assert effects.between.interval == pytest.approx((0.3460, 1.0543), abs=5e-4)
+    assert effects.mean.value == pytest.approx(-0.7145, abs=2e-4)
+    assert effects.mean.stderr == pytest.approx(0.1807, abs=2e-4)
+    assert effects.mean.interval == pytest.approx((-1.1082, -0.3209), abs=5e-4)
+    assert (effects.q, effects.degrees) == (pytest.approx(152.233, rel=5e-3), 12)  # four digits of each variance
 
 
 def test_random_effects_of_equal_values_have_no_scatter_and_an_interval_that_begins_at_zero():
-    found = random_effects(np.array([1.01, 0.99, 1.0, 1.0]), np.full(4, 0.05), "m")
-    assert found.between.value == 0.0
-    assert found.between.interval[0] == 0.0
-    assert found.between.interval[1] < 0.1
-    assert found.mean.stderr == pytest.approx(0.05 / 2)
+    effects = random_effects(np.array([1.01, 0.99, 1.0, 1.0]), np.full(4, 0.05), "m")
+    assert effects.between.value == 0.0
+    assert effects.between.interval[0] == 0.0
+    assert effects.between.interval[1] < 0.1
+    assert effects.mean.stderr == pytest.approx(0.05 / 2)
 
 
 @pytest.mark.slow
@@ -86,99 +86,104 @@ def test_intervals_of_mean_and_of_scatter_cover_over_repeated_experiments():
         rng = np.random.default_rng(seed)
         stderrs = rng.uniform(0.05, 0.2, 10)
         values = 1.0 + 0.1 * rng.standard_normal(10) + stderrs * rng.standard_normal(10)
-        found = random_effects(values, stderrs, "m")
+        effects = random_effects(values, stderrs, "m")
         hits.append(
-            [one.interval[0] <= truth <= one.interval[1] for one, truth in ((found.mean, 1.0), (found.between, 0.1))]
+            [
+                estimate.interval[0] <= truth <= estimate.interval[1]
+                for estimate, truth in ((effects.mean, 1.0), (effects.between, 0.1))
+            ]
         )
     assert np.all((np.mean(hits, axis=0) > 0.93) & (np.mean(hits, axis=0) < 0.97)), np.mean(hits, axis=0)
 
 
 def test_shared_gravity_of_falls_equals_weighted_least_squares_in_one_matrix():
     clips = falls([9.8, 9.8, 9.8], [1e-3, 2e-3, 4e-3])
-    found = fit_clips(clips, FALL, shared=["gravity"])
-    assert found.status == "ok", found.message
+    joint = fit_clips(clips, FALL, shared=["gravity"])
+    assert joint.status == "ok", joint.message
     rows, seen = [], []
     for k, clip in enumerate(clips):
         own = np.zeros((clip.n, 6))
         own[:, 2 * k], own[:, 2 * k + 1] = 1.0, clip.t_s
-        sigma = found.clips[k].rms[0]
+        sigma = joint.clips[k].rms[0]
         rows.append(np.column_stack([-(clip.t_s**2) / 2, own]) / sigma)
         seen.append(clip.position[:, 0] / sigma)
     matrix = np.concatenate(rows)
     expected = np.linalg.lstsq(matrix, np.concatenate(seen), rcond=None)[0][0]
     stderr = np.sqrt(np.linalg.inv(matrix.T @ matrix)[0, 0])
-    assert found.shared["gravity"].value == pytest.approx(expected, abs=0.05 * stderr)
-    assert found.shared["gravity"].stderr == pytest.approx(stderr, rel=0.05)
-    assert found.budget["gravity"]["random"] == pytest.approx(stderr, rel=0.05)
+    assert joint.shared["gravity"].value == pytest.approx(expected, abs=0.05 * stderr)
+    assert joint.shared["gravity"].stderr == pytest.approx(stderr, rel=0.05)
+    assert joint.budget["gravity"]["random"] == pytest.approx(stderr, rel=0.05)
 
 
 def test_shared_length_of_pendulums_is_known_better_than_from_any_clip_alone():
-    found = fit_clips(swings([0.6] * 4), PENDULUM, shared=["length"])
-    length = found.shared["length"]
-    assert found.status == "ok", found.message
+    joint = fit_clips(swings([0.6] * 4), PENDULUM, shared=["length"])
+    length = joint.shared["length"]
+    assert joint.status == "ok", joint.message
     assert abs(length.value - 0.6) < 3 * length.stderr
-    assert length.stderr < 0.6 * found.scatter["length"].within
-    assert found.scatter["length"].p_value > 0.01
-    assert set(found.population) == {"damping"}
-    assert found.population["damping"].mean.value == pytest.approx(0.08, abs=0.005)
-    for clip in found.clips:
+    assert length.stderr < 0.6 * joint.scatter["length"].within
+    assert joint.scatter["length"].p_value > 0.01
+    assert set(joint.population) == {"damping"}
+    assert joint.population["damping"].mean.value == pytest.approx(0.08, abs=0.005)
+    for clip in joint.clips:
         assert clip.estimates["length"].value == length.value
         assert "length" not in clip.free
 
 
 def test_scatter_between_trials_is_reported_apart_from_the_error_within_one():
     truth = 0.6 + 0.01 * np.random.default_rng(5).standard_normal(8)
-    found = fit_clips(swings(truth, seconds=4), PENDULUM)
-    spread = found.population["length"]
+    joint = fit_clips(swings(truth, seconds=4), PENDULUM)
+    spread = joint.population["length"]
     assert spread.between.value == pytest.approx(np.std(truth, ddof=1), rel=0.05)
     assert spread.between.interval[0] < np.std(truth, ddof=1) < spread.between.interval[1]
     assert spread.within < 0.1 * spread.between.value
     assert spread.mean.stderr == pytest.approx(spread.between.value / np.sqrt(8), rel=0.1)
-    assert found.shared == {}
+    assert joint.shared == {}
 
 
 def test_error_of_gravity_does_not_average_out_over_clips():
     known = Estimate(9.80665, 0.098, "m/s^2")
     for shared in ([], ["length"]):
-        found = fit_clips(swings([0.6] * 4), PENDULUM, shared=shared, fixed={"gravity": known})
-        assert found.estimates["length"].stderr == pytest.approx(0.006, rel=0.05)
+        joint = fit_clips(swings([0.6] * 4), PENDULUM, shared=shared, fixed={"gravity": known})
+        assert joint.estimates["length"].stderr == pytest.approx(0.006, rel=0.05)
 
 
 def test_error_that_all_samples_share_in_several_patterns_does_not_average_out_over_clips():
     clips = swings([0.6] * 2)
-    clock = [np.gradient(one.position[:, 0], one.t_s)[:, None] * one.t_s[:, None] * 0.01 for one in clips]
-    one = [c.with_(systematic={"clock": np.array([w])}) for c, w in zip(clips, clock, strict=True)]
+    clock = [np.gradient(clip.position[:, 0], clip.t_s)[:, None] * clip.t_s[:, None] * 0.01 for clip in clips]
+    whole = [c.with_(systematic={"clock": np.array([w])}) for c, w in zip(clips, clock, strict=True)]
     split = [c.with_(systematic={"clock": np.array([w, w]) / np.sqrt(2)}) for c, w in zip(clips, clock, strict=True)]
-    single, double = (fit_clips(found, PENDULUM, shared=["length"]).budget["length"]["clock"] for found in (one, split))
+    single, double = (
+        fit_clips(group, PENDULUM, shared=["length"]).budget["length"]["clock"] for group in (whole, split)
+    )
     assert single == pytest.approx(2 * 0.01 * 0.6, rel=0.05)  # a clock wrong by 1 % makes a length wrong by 2 %
     assert double == pytest.approx(single, rel=1e-6)
 
 
 def test_sharing_what_differs_is_contradicted_in_the_message():
-    found = fit_clips(falls([9.6, 9.8, 10.0], [1e-3] * 3), FALL, shared=["gravity"])
-    assert "gravity is shared, but differs between clips by more than its error" in found.message
+    joint = fit_clips(falls([9.6, 9.8, 10.0], [1e-3] * 3), FALL, shared=["gravity"])
+    assert "gravity is shared, but differs between clips by more than its error" in joint.message
 
 
 def test_constant_that_is_shared_is_estimated():
     known = [Estimate(0.6, 1e-4, "m")]
-    found = fit_clips(swings([0.6] * 3), PENDULUM, shared=["gravity"], fixed={"length": known[0]})
-    gravity = found.shared["gravity"]
+    joint = fit_clips(swings([0.6] * 3), PENDULUM, shared=["gravity"], fixed={"length": known[0]})
+    gravity = joint.shared["gravity"]
     assert abs(gravity.value - 9.80665) < 3 * gravity.stderr
-    assert found.budget["gravity"]["length"] == pytest.approx(9.80665 * 1e-4 / 0.6, rel=0.02)
+    assert joint.budget["gravity"]["length"] == pytest.approx(9.80665 * 1e-4 / 0.6, rel=0.02)
 
 
 def test_parameter_named_per_clip_has_no_mean():
-    found = fit_clips(swings([0.6, 0.7]), PENDULUM, per_clip=["length"])
-    assert set(found.population) == {"damping"}
+    joint = fit_clips(swings([0.6, 0.7]), PENDULUM, per_clip=["length"])
+    assert set(joint.population) == {"damping"}
 
 
 def test_failed_clip_is_named_and_left_out():
     clips = swings([0.6] * 3)
     short = clip_of(PENDULUM, {"length": 0.6, "damping": 0.08, "theta_0": 0.4, "omega_0": 0.1}, np.arange(4) / 60, 0, 1)
-    found = fit_clips([*clips, short], PENDULUM, shared=["length"])
-    assert found.status == "ok"
-    assert "clip 4 is too-short" in found.message
-    assert found.shared["length"].source == "shared by 3 clips"
+    joint = fit_clips([*clips, short], PENDULUM, shared=["length"])
+    assert joint.status == "ok"
+    assert "clip 4 is too-short" in joint.message
+    assert joint.shared["length"].source == "shared by 3 clips"
 
 
 @pytest.mark.parametrize(

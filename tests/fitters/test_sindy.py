@@ -40,23 +40,23 @@ def motion(name, values, duration_s, fps=60.0, **more):
     return seen(t_s, simulate(model, t_s, values).observed, *model.observed, **more)
 
 
-def selected(found):
-    return {term.parameter for term in found.selected}
+def selected(discovery):
+    return {term.parameter for term in discovery.selected}
 
 
 # --------------------------------------------------------------------------- structure and name
 
 
 def test_pendulum_is_found_named_and_measured():
-    found = discover(motion("pendulum", PENDULUM, 8.0))
-    assert selected(found) == {"theta_sin", "theta_rate"}
-    assert found.matched.model == "pendulum"
-    length, damping = found.matched.parameters["length"], found.matched.parameters["damping"]
+    discovery = discover(motion("pendulum", PENDULUM, 8.0))
+    assert selected(discovery) == {"theta_sin", "theta_rate"}
+    assert discovery.matched.model == "pendulum"
+    length, damping = discovery.matched.parameters["length"], discovery.matched.parameters["damping"]
     assert abs(length.value - 0.5) < min(4 * length.stderr, 0.005)
     assert abs(damping.value - 0.05) < 4 * damping.stderr
-    assert discovery_sentence(found).startswith("This is the pendulum with length = 0.")
-    assert found.equations[0].latex.startswith(r"\ddot {\theta} = - 19.6")
-    assert all(term.inclusion > 0.9 for term in found.selected)
+    assert discovery_sentence(discovery).startswith("This is the pendulum with length = 0.")
+    assert discovery.equations[0].latex.startswith(r"\ddot {\theta} = - 19.6")
+    assert all(term.inclusion > 0.9 for term in discovery.selected)
 
 
 def test_gravity_that_is_given_scales_the_length_and_its_error():
@@ -67,15 +67,15 @@ def test_gravity_that_is_given_scales_the_length_and_its_error():
 
 
 def test_free_fall_needs_a_constant_and_nothing_else():
-    found = discover(motion("free-fall", {"gravity": 9.8, "z_0": 2.0, "vz_0": 0.2}, 0.6))
-    assert selected(found) == {"z_constant"}
-    assert found.matched.parameters["gravity"].value == pytest.approx(9.8, abs=0.1)
+    discovery = discover(motion("free-fall", {"gravity": 9.8, "z_0": 2.0, "vz_0": 0.2}, 0.6))
+    assert selected(discovery) == {"z_constant"}
+    assert discovery.matched.parameters["gravity"].value == pytest.approx(9.8, abs=0.1)
 
 
 def test_level_that_drains_follows_its_square_root():
-    found = discover(motion("torricelli", {"outflow": 0.02, "h_0": 0.3}, 20.0, fps=30))
-    assert selected(found) == {"h_root"}
-    assert found.matched.parameters["outflow"].value == pytest.approx(0.02, rel=0.01)
+    discovery = discover(motion("torricelli", {"outflow": 0.02, "h_0": 0.3}, 20.0, fps=30))
+    assert selected(discovery) == {"h_root"}
+    assert discovery.matched.parameters["outflow"].value == pytest.approx(0.02, rel=0.01)
 
 
 def test_rest_position_off_the_origin_is_no_other_model():
@@ -92,12 +92,12 @@ def test_equation_that_the_bank_lacks_is_said_to_differ_from_the_nearest():
     library = library_of((Z,))
     t_s = np.arange(600) / 60
     values = dict.fromkeys(library.names, 0.0) | {"z_linear": -20.0, "z_drag": -0.8, "z_0": 0.4, "d_z_0": 0.0}
-    found = discover(seen(t_s, simulate(model_of(library), t_s, values).observed, Z, noise=4e-4))
-    assert selected(found) == {"z_linear", "z_drag"}
-    assert found.matched is None
-    assert found.nearest.model == "linear-oscillator"
-    assert found.nearest.extra == ("|z'| z' in z''",)
-    assert "Not in the bank: the nearest is linear-oscillator" in discovery_sentence(found)
+    discovery = discover(seen(t_s, simulate(model_of(library), t_s, values).observed, Z, noise=4e-4))
+    assert selected(discovery) == {"z_linear", "z_drag"}
+    assert discovery.matched is None
+    assert discovery.nearest.model == "linear-oscillator"
+    assert discovery.nearest.extra == ("|z'| z' in z''",)
+    assert "Not in the bank: the nearest is linear-oscillator" in discovery_sentence(discovery)
 
 
 def test_known_input_enters_the_equation():
@@ -108,9 +108,9 @@ def test_known_input_enters_the_equation():
     values = dict.fromkeys(library.names, 0.0)
     values |= {"z_linear": -15.0, "z_rate": -0.6, "z_input_u": 2.0, "z_0": 0.1, "d_z_0": 0.0}
     z = simulate(model_of(library), t_s, values, inputs=u).observed
-    found = discover(seen(t_s, z, Z, noise=3e-4, input_quantities=(push,), inputs=u))
-    assert selected(found) == {"z_linear", "z_rate", "z_input_u"}
-    push_found = next(term for term in found.selected if term.term == "u")
+    discovery = discover(seen(t_s, z, Z, noise=3e-4, input_quantities=(push,), inputs=u))
+    assert selected(discovery) == {"z_linear", "z_rate", "z_input_u"}
+    push_found = next(term for term in discovery.selected if term.term == "u")
     assert push_found.coefficient.value == pytest.approx(2.0, rel=0.01)
     assert push_found.coefficient.unit == "m/s^2/V"
 
@@ -130,10 +130,10 @@ def test_oscillator_is_found_in_the_recording_of_an_air_track():
 
 def test_two_terms_that_imitate_one_with_a_third_are_exchanged_for_it():
     # without that, 1, z1, z1' and z1 - z3 stand for z1' and both differences in this motion
-    chain = next(one for one in MOTIONS if one.model == "contact-chain")
-    found = discover(drawn(chain, 15)[0], resampled=20)
-    assert selected(found) == set(chain.terms)
-    assert found.matched.model == "contact-chain"
+    chain = next(motion for motion in MOTIONS if motion.model == "contact-chain")
+    discovery = discover(drawn(chain, 15)[0], resampled=20)
+    assert selected(discovery) == set(chain.terms)
+    assert discovery.matched.model == "contact-chain"
 
 
 # --------------------------------------------------------------------------- several clips, gaps, events
@@ -144,10 +144,10 @@ def test_clips_of_unequal_length_share_one_equation():
         motion("pendulum", PENDULUM, 6.0, seed=1),
         motion("pendulum", PENDULUM | {"theta_0": 0.5, "omega_0": 1.0}, 3.0, fps=30, seed=2),
     ]
-    together, alone = (discover(one, resampled=10) for one in (clips, clips[1]))
-    assert selected(together) == {"theta_sin", "theta_rate"}
-    assert len(together.fits) == 2
-    length, less = together.matched.parameters["length"], alone.matched.parameters["length"]
+    joint, alone = (discover(data, resampled=10) for data in (clips, clips[1]))
+    assert selected(joint) == {"theta_sin", "theta_rate"}
+    assert len(joint.fits) == 2
+    length, less = joint.matched.parameters["length"], alone.matched.parameters["length"]
     assert abs(length.value - 0.5) < 4 * length.stderr
     assert length.stderr < less.stderr
 
@@ -155,7 +155,7 @@ def test_clips_of_unequal_length_share_one_equation():
 def test_gap_is_not_bridged_by_any_window():
     clip = motion("pendulum", PENDULUM, 8.0, valid=~((np.arange(480) > 200) & (np.arange(480) < 260)))
     pieces = pieces_of(clip, library_of(clip.quantities))
-    assert [(one.t_s[0], one.t_s[-1]) for one in pieces] == [(0.0, 200 / 60), (260 / 60, 479 / 60)]
+    assert [(piece.t_s[0], piece.t_s[-1]) for piece in pieces] == [(0.0, 200 / 60), (260 / 60, 479 / 60)]
     assert selected(discover(clip, resampled=5)) == {"theta_sin", "theta_rate"}
 
 
@@ -163,11 +163,11 @@ def test_first_samples_that_are_wild_move_nothing_in_time():
     clip = motion("pendulum", PENDULUM, 8.0)
     wild = clip.position.copy()
     wild[:2] += [[0.05], [-0.05]]
-    found = discover(clip.with_(position=wild), resampled=5)
-    assert not found.fits[0].used[0]
-    assert found.fits[0].used.sum() > 470
-    assert selected(found) == {"theta_sin", "theta_rate"}
-    t_s, curve = fitted_curve(found.fits[0])
+    discovery = discover(clip.with_(position=wild), resampled=5)
+    assert not discovery.fits[0].used[0]
+    assert discovery.fits[0].used.sum() > 470
+    assert selected(discovery) == {"theta_sin", "theta_rate"}
+    t_s, curve = fitted_curve(discovery.fits[0])
     assert np.interp(1.0, t_s, curve[:, 0]) == pytest.approx(float(clip.position[60, 0]), abs=5e-3)
 
 
@@ -178,7 +178,7 @@ def test_impact_between_two_motions_is_never_inside_a_window():
     parts = (Segment("motion", 0, 120), Segment("contact", 120, 124), Segment("motion", 124, 240))
     cut = clip.with_(position=turned, segments=parts)
     pieces = pieces_of(cut, library_of(clip.quantities))
-    assert [(round(one.t_s[0] * 60), round(one.t_s[-1] * 60)) for one in pieces] == [(0, 119), (124, 239)]
+    assert [(round(piece.t_s[0] * 60), round(piece.t_s[-1] * 60)) for piece in pieces] == [(0, 119), (124, 239)]
 
 
 # --------------------------------------------------------------------------- parts
@@ -248,10 +248,10 @@ def test_term_that_does_less_than_the_rounding_of_the_samples_is_not_seen():
 )
 def test_structure_of_a_bank_model_comes_from_its_right_hand_side(name, always, sometimes):
     library = library_of(MODELS[name].observed)
-    found = next(one for one in structures(library) if one.model.name == name)
-    texts = {(one.equation, one.code, one.other): one.text for one in library.terms}
-    assert {texts[key] for key in found.always} == always
-    assert {texts[key] for key in found.sometimes - found.always} == sometimes
+    structure = next(candidate for candidate in structures(library) if candidate.model.name == name)
+    texts = {(term.equation, term.code, term.other): term.text for term in library.terms}
+    assert {texts[key] for key in structure.always} == always
+    assert {texts[key] for key in structure.sometimes - structure.always} == sometimes
 
 
 def test_programmed_equation_moves_like_the_bank_s():
@@ -263,8 +263,8 @@ def test_programmed_equation_moves_like_the_bank_s():
 
 def test_same_seed_gives_the_same_inclusion():
     clip = motion("pendulum", PENDULUM, 4.0, noise=5e-3)
-    one, two = (discover(clip, resampled=20, seed=4) for _ in range(2))
-    assert [term.inclusion for term in one.terms] == [term.inclusion for term in two.terms]
+    first, second = (discover(clip, resampled=20, seed=4) for _ in range(2))
+    assert [term.inclusion for term in first.terms] == [term.inclusion for term in second.terms]
 
 
 # --------------------------------------------------------------------------- what a model lacks
@@ -278,25 +278,25 @@ def with_drag():
 
 
 def test_residual_of_a_pendulum_with_quadratic_drag_calls_for_that_term():
-    found = discover(with_drag(), residual_of="pendulum", resampled=20)
-    assert (found.nearest.model, found.nearest.extra) == ("pendulum", ("|theta'| theta' in theta''",))
-    drag = next(term for term in found.selected if term.parameter == "theta_drag")
+    discovery = discover(with_drag(), residual_of="pendulum", resampled=20)
+    assert (discovery.nearest.model, discovery.nearest.extra) == ("pendulum", ("|theta'| theta' in theta''",))
+    drag = next(term for term in discovery.selected if term.parameter == "theta_drag")
     assert drag.coefficient.value == pytest.approx(-0.05, rel=0.1)
     assert drag.effect == "quadratic-drag"
     assert drag.inclusion > 0.9
 
 
 def test_nearest_model_alone_has_all_its_terms():
-    found = discover(with_drag(), resampled=5)
-    assert found.matched is None
-    assert found.nearest.parameters["damping"].value > 0.05  # it takes the place of the drag that is left out
-    assert found.nearest.note.startswith("its residual is ")
+    discovery = discover(with_drag(), resampled=5)
+    assert discovery.matched is None
+    assert discovery.nearest.parameters["damping"].value > 0.05  # it takes the place of the drag that is left out
+    assert discovery.nearest.note.startswith("its residual is ")
 
 
 def test_nothing_is_proposed_beyond_the_true_model():
-    found = discover(motion("pendulum", PENDULUM, 8.0), residual_of="pendulum", resampled=5)
-    assert selected(found) == {"theta_sin", "theta_rate"}
-    assert found.matched.model == "pendulum"
+    discovery = discover(motion("pendulum", PENDULUM, 8.0), residual_of="pendulum", resampled=5)
+    assert selected(discovery) == {"theta_sin", "theta_rate"}
+    assert discovery.matched.model == "pendulum"
 
 
 def test_residual_of_a_model_of_another_quantity_is_refused():

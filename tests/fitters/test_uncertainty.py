@@ -82,10 +82,10 @@ def test_random_uncertainty_of_white_noise_is_that_of_least_squares():
     residual = rng.standard_normal((200, 1))
     residual -= columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]
     bread = inverse_normal(columns)
-    found = random_uncertainty(np.arange(200.0), residual, columns[:, None, :], bread)
+    uncertainty = random_uncertainty(np.arange(200.0), residual, columns[:, None, :], bread)
     variance = float(residual[:, 0] @ residual[:, 0]) / 197
-    np.testing.assert_allclose(found.covariance, variance * np.linalg.inv(columns.T @ columns), rtol=1e-8)
-    np.testing.assert_allclose(found.degrees, 197)
+    np.testing.assert_allclose(uncertainty.covariance, variance * np.linalg.inv(columns.T @ columns), rtol=1e-8)
+    np.testing.assert_allclose(uncertainty.degrees, 197)
 
 
 def test_lost_frames_keep_their_place_in_the_noise():
@@ -149,8 +149,8 @@ def test_restricted_likelihood_removes_most_of_the_bias_from_fitted_parameters()
         noise = correlated(np.random.default_rng(seed), (120,), 0.9)
         residual = noise - basis @ (basis.T @ noise)
         plain.append(burg(residual, 1)[0][0])
-        found = fit_autoregression(residual, basis).partial
-        restricted.append(found[0] if found.size else 0.0)
+        partial = fit_autoregression(residual, basis).partial
+        restricted.append(partial[0] if partial.size else 0.0)
     assert 0.9 - np.mean(plain) > 0.1
     assert abs(0.9 - np.mean(restricted)) < 0.04
 
@@ -262,10 +262,10 @@ def test_interval_uses_few_degrees_of_freedom_when_the_random_part_is_uncertain(
 def test_determination_names_the_null_direction():
     columns = wave_columns()
     sensitivity = np.column_stack([columns[:, 0], columns[:, 1], -2.0 * columns[:, 0]])
-    found = determination(sensitivity)
-    assert found.undetermined.tolist() == [True, False, True]
-    assert found.condition > 1e12
-    text = null_direction_text(("a", "b", "c"), np.array([4.0, 1.0, 2.0]), found.null[0])
+    determined = determination(sensitivity)
+    assert determined.undetermined.tolist() == [True, False, True]
+    assert determined.condition > 1e12
+    text = null_direction_text(("a", "b", "c"), np.array([4.0, 1.0, 2.0]), determined.null[0])
     assert text == "a and c scale together: only their ratios are determined"
 
 

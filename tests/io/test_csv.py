@@ -85,11 +85,11 @@ def smoothed(n=5, d=1, *, correlated=True):
     )
 
 
-def assert_same(one, other):
+def assert_same(track, other):
     """Every field equal, arrays to the bit, NaN at the same places."""
-    assert type(one) is type(other)
-    for field in fields(one):
-        have, want = getattr(one, field.name), getattr(other, field.name)
+    assert type(track) is type(other)
+    for field in fields(track):
+        have, want = getattr(track, field.name), getattr(other, field.name)
         if isinstance(want, np.ndarray):
             np.testing.assert_array_equal(have, want, err_msg=field.name, strict=True)
         elif isinstance(want, Smoothed):
@@ -122,8 +122,8 @@ def test_track_columns_are_those_of_the_design(tmp_path):
 def test_tracks_of_several_bodies_keep_their_names_origins_and_optional_columns(tmp_path):
     tracks = [full_track(body="ball, red"), track(body='the "2"', origin={"source": "b.mp4"}), track(6, body="ü\n3")]
     back = read_track(write_track(tracks, tmp_path / "track.csv"))
-    for one, other in zip(back, tracks, strict=True):
-        assert_same(one, other)
+    for read, other in zip(back, tracks, strict=True):
+        assert_same(read, other)
 
 
 def test_track_rows_are_in_the_order_of_time(tmp_path):
@@ -154,8 +154,8 @@ def test_track_typed_by_hand_reads_with_its_defaults(tmp_path):
 
 
 def test_track_of_two_bodies_without_frames_shares_the_count(tmp_path):
-    one, two = read_track(table(tmp_path, "t_s,x_px,y_px,body\n0,1,2,a\n0,1,2,b\n0.1,1,2,b\n0.2,1,2,a\n"))
-    assert (one.frame.tolist(), two.frame.tolist()) == ([0, 2], [0, 1])
+    first, second = read_track(table(tmp_path, "t_s,x_px,y_px,body\n0,1,2,a\n0,1,2,b\n0.1,1,2,b\n0.2,1,2,a\n"))
+    assert (first.frame.tolist(), second.frame.tolist()) == ([0, 2], [0, 1])
 
 
 @pytest.mark.parametrize(
@@ -357,7 +357,7 @@ def test_trajectory_typed_by_hand_reads(tmp_path, text):
 def test_trajectory_in_other_units_is_converted_and_says_so(tmp_path):
     text = "t_s,theta1_deg,theta2_rad,z_cm,sigma_z_mm,u_mV\n0,180,1,50,2,1500\n1,0,1,50,2,1500\n"
     back = read_trajectory(table(tmp_path, text))
-    assert [one.column for one in back.quantities] == ["theta1_rad", "theta2_rad", "z_m"]
+    assert [quantity.column for quantity in back.quantities] == ["theta1_rad", "theta2_rad", "z_m"]
     np.testing.assert_allclose(back.position[0], [math.pi, 1.0, 0.5], rtol=1e-15)
     np.testing.assert_allclose(back.sigma[0], [np.nan, np.nan, 0.002], rtol=1e-15)
     np.testing.assert_allclose(back.inputs[:, 0], 1.5, rtol=1e-15)
@@ -366,7 +366,7 @@ def test_trajectory_in_other_units_is_converted_and_says_so(tmp_path):
 
 def test_trajectory_symbols_are_guessed_from_the_names(tmp_path):
     back = read_trajectory(table(tmp_path, "t_s,theta1_rad,h_m\n0,1,1\n1,1,1\n"))
-    assert [one.symbol for one in back.quantities] == [r"\theta_{1}", "h"]
+    assert [quantity.symbol for quantity in back.quantities] == [r"\theta_{1}", "h"]
 
 
 def test_trajectory_smoothed_state_typed_by_hand_reads_without_its_errors(tmp_path):
@@ -550,5 +550,5 @@ def test_trajectory_made_from_the_tanks_has_an_input_and_a_level(tmp_path):
     table = pd.DataFrame({"t_s": 4.0 * np.arange(len(tanks)), "y_V": tanks["yEst"], "u_V": tanks["uEst"]})
     table.to_csv(tmp_path / "tanks.csv", index=False)
     back = read_trajectory(tmp_path / "tanks.csv")
-    assert (back.n, [one.column for one in back.input_quantities]) == (1024, ["u_V"])
+    assert (back.n, [quantity.column for quantity in back.input_quantities]) == (1024, ["u_V"])
     np.testing.assert_array_equal(back.inputs[:, 0], tanks["uEst"])

@@ -112,7 +112,7 @@ def test_fit_json_says_which_samples_frames_and_times_were_used():
         "first_s": 0.1,
         "last_s": 0.3,
     }
-    assert [(one["label"], one["n_used"], one["reason"]) for one in content["segments"]] == [
+    assert [(segment["label"], segment["n_used"], segment["reason"]) for segment in content["segments"]] == [
         ("hand", 0, "reaches in"),
         ("motion", 3, ""),
     ]
@@ -164,7 +164,10 @@ def test_noise_of_two_quantities_is_their_root_mean_square():
     two = (Quantity("x", "m"), Quantity("z", "m"))
     content = fit_document(fit_result(observed=two, noise=[3.0, 4.0], rms=[6.0, 8.0]))
     assert (content.noise, content.rms) == (math.sqrt(12.5), math.sqrt(50.0))
-    assert [(one.name, one.noise, one.rms) for one in content.quantities] == [("x", 3.0, 6.0), ("z", 4.0, 8.0)]
+    assert [(quantity.name, quantity.noise, quantity.rms) for quantity in content.quantities] == [
+        ("x", 3.0, 6.0),
+        ("z", 4.0, 8.0),
+    ]
 
 
 def test_noise_of_quantities_in_different_units_is_null():

@@ -31,7 +31,7 @@ def axes(x=131.25, y=207.75, angle=30.0, xscale=400.0, yscale=None):
 
 
 def coords(*frames):
-    entries = "".join(held(f"[{k}]", f"{CORE}.ImageCoordSystem$FrameData", one) for k, one in enumerate(frames))
+    entries = "".join(held(f"[{k}]", f"{CORE}.ImageCoordSystem$FrameData", frame) for k, frame in enumerate(frames))
     return held("coords", f"{CORE}.ImageCoordSystem", f'<property name="framedata" type="array">{entries}</property>')
 
 
@@ -73,12 +73,12 @@ def read(tmp_path):
 
 
 def test_project_gives_scale_axes_and_times(read):
-    found = read(project())
-    assert found.scale_px_per_m == 400.0
-    assert found.origin_px == (130.75, 207.25)
-    assert found.angle_rad == pytest.approx(math.pi / 6)
-    assert (found.delta_t_ms, found.start_frame, found.step) == (66.0, 3, 2)
-    assert (found.video, found.length_unit, found.calibrated) == ("videos/clip.mp4", "m", True)
+    content = read(project())
+    assert content.scale_px_per_m == 400.0
+    assert content.origin_px == (130.75, 207.25)
+    assert content.angle_rad == pytest.approx(math.pi / 6)
+    assert (content.delta_t_ms, content.start_frame, content.step) == (66.0, 3, 2)
+    assert (content.video, content.length_unit, content.calibrated) == ("videos/clip.mp4", "m", True)
 
 
 def test_marks_are_shifted_to_pixel_centres_and_sorted_by_frame(read):
@@ -111,21 +111,21 @@ def test_scale_in_another_length_unit_is_converted_to_metres(read, unit, px_per_
 
 
 def test_length_unit_not_stated_is_taken_as_metres_and_reported_empty(read):
-    found = read(project(unit=""))
-    assert (found.scale_px_per_m, found.length_unit) == (400.0, "")
+    content = read(project(unit=""))
+    assert (content.scale_px_per_m, content.length_unit) == (400.0, "")
 
 
 def test_scale_never_calibrated_is_not_known(read):
-    found = read(project(where=coords(axes(xscale=1.0)), bodies=body("a", {0: (1, 1)})))
-    assert math.isnan(found.scale_px_per_m)
-    assert not found.calibrated
-    assert list(found.marks) == ["a"]
+    content = read(project(where=coords(axes(xscale=1.0)), bodies=body("a", {0: (1, 1)})))
+    assert math.isnan(content.scale_px_per_m)
+    assert not content.calibrated
+    assert list(content.marks) == ["a"]
 
 
 def test_frame_time_not_stated_is_nan_and_video_not_stated_is_none(read):
-    found = read(project(clip="", control=""))
-    assert math.isnan(found.delta_t_ms)
-    assert (found.video, found.start_frame, found.step) == (None, 0, 1)
+    content = read(project(clip="", control=""))
+    assert math.isnan(content.delta_t_ms)
+    assert (content.video, content.start_frame, content.step) == (None, 0, 1)
 
 
 def test_axes_stored_for_several_frames_but_alike_are_read(read):
@@ -145,8 +145,8 @@ def test_filter_that_moves_no_pixel_is_accepted(read):
 
 
 def filters(kind, enabled="true"):
-    one = held("item", f"{CORE}.{kind}", prop("enabled", enabled, "boolean"))
-    return f'<property name="filters" type="collection">{one}</property>'
+    item = held("item", f"{CORE}.{kind}", prop("enabled", enabled, "boolean"))
+    return f'<property name="filters" type="collection">{item}</property>'
 
 
 def test_archive_names_its_video_by_the_member_that_is_there(tmp_path):
@@ -160,11 +160,11 @@ def test_archive_names_its_video_by_the_member_that_is_there(tmp_path):
 
 
 def test_balltoss_reads_as_published():
-    found = read_osp(recording("tracker_balltoss/BallToss.trz"))
-    assert found.scale_px_per_m == pytest.approx(398.709, abs=5e-4)
-    assert found.angle_rad == pytest.approx(math.radians(0.04401895816986783))
-    assert (found.delta_t_ms, found.video) == (66.0, "videos/BallToss_new_BallToss.mp4")
-    frames, _ = found.marks["ball"]
+    content = read_osp(recording("tracker_balltoss/BallToss.trz"))
+    assert content.scale_px_per_m == pytest.approx(398.709, abs=5e-4)
+    assert content.angle_rad == pytest.approx(math.radians(0.04401895816986783))
+    assert (content.delta_t_ms, content.video) == (66.0, "videos/BallToss_new_BallToss.mp4")
+    frames, _ = content.marks["ball"]
     assert frames.tolist() == list(range(2, 13))
 
 

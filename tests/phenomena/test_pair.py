@@ -54,9 +54,9 @@ def test_lengths_restitution_and_contact_times_of_the_twin_are_found(phenomenon,
     assert result.estimates["mass_ratio"].value == pytest.approx((radii[1] / radii[0]) ** 3, rel=0.03)
     values = {name: estimate.value for name, estimate in result.estimates.items() if name not in ("contact_distance",)}
     happened = event_times(result.model, trajectory.t_s[trajectory.t_s >= result.t0_s], values)
-    found = [event.t_s for event in happened if event.name == "impact"]
+    impacts = [event.t_s for event in happened if event.name == "impact"]
     true = [t for t, name in truth.events if name == "impact" and t < trajectory.t_s[-1]]
-    np.testing.assert_allclose(found[:6], true[:6], atol=0.5 / 60)
+    np.testing.assert_allclose(impacts[:6], true[:6], atol=0.5 / 60)
 
 
 def test_bodies_in_the_other_order_give_the_same():

@@ -37,7 +37,7 @@ def observed(valid, *, noise=0.02, seed=0, segments=WHOLE):
 
 
 def motion(trajectory):
-    return next((one.start, one.stop) for one in trajectory.segments if one.label == "motion")
+    return next((segment.start, segment.stop) for segment in trajectory.segments if segment.label == "motion")
 
 
 def test_fall_begins_at_the_release_and_ends_before_the_bounce():
@@ -73,8 +73,9 @@ def test_gravity_of_the_fall_alone_is_right_within_its_error():
     pulls = []
     for seed in range(20):
         trajectory = observed(np.ones(T_S.size, dtype=bool), seed=seed)
-        found = fit(trajectory, MODELS["apparent-radius"], fixed={"r0_f": R0_F}, free=["gravity"]).estimates["gravity"]
-        pulls.append((found.value - G) / found.stderr)
+        result = fit(trajectory, MODELS["apparent-radius"], fixed={"r0_f": R0_F}, free=["gravity"])
+        gravity = result.estimates["gravity"]
+        pulls.append((gravity.value - G) / gravity.stderr)
     assert np.sqrt(np.mean(np.square(pulls))) < 1.5
 
 

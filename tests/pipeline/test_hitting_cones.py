@@ -32,7 +32,7 @@ def scene(seed=0, *, speed=2.0):
 
 
 def motion(trajectory):
-    return next((one.start, one.stop) for one in trajectory.segments if one.label == "motion")
+    return next((segment.start, segment.stop) for segment in trajectory.segments if segment.label == "motion")
 
 
 @pytest.mark.parametrize("speed", [2.0, -2.0])
@@ -48,8 +48,8 @@ def test_run_up_gives_the_damping_within_its_error():
     pulls = []
     for seed in range(20):
         trajectory = PHENOMENA["hitting-cones"].observe(scene(seed), {})
-        found = fit(trajectory, MODELS["coasting-ball"]).estimates["damping"]
-        pulls.append((found.value - DAMPING) / found.stderr)
+        damping = fit(trajectory, MODELS["coasting-ball"]).estimates["damping"]
+        pulls.append((damping.value - DAMPING) / damping.stderr)
     assert np.sqrt(np.mean(np.square(pulls))) < 1.5
 
 

@@ -49,8 +49,8 @@ def test_stated_value_without_unit_is_in_that_of_the_model(result):
 
 
 def test_stated_length_and_free_gravity_need_no_scale(pendulum_clip):
-    found = run(pendulum_clip, "pendulum", settings={"length": Estimate(0.5, 0.0, "m")}, free=("gravity",))
-    assert found.fit.estimates["gravity"].value == pytest.approx(9.80665, rel=0.01)
+    result = run(pendulum_clip, "pendulum", settings={"length": Estimate(0.5, 0.0, "m")}, free=("gravity",))
+    assert result.fit.estimates["gravity"].value == pytest.approx(9.80665, rel=0.01)
 
 
 def test_save_writes_all_files_of_the_folder(result, tmp_path):

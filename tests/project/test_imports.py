@@ -145,9 +145,9 @@ def test_plugin_imports_only_the_core_and_its_own_helpers(path):
 def test_trackers_and_fitters_never_import_one_another():
     for path, imported in FILES.items():
         if path.startswith("trackers/"):
-            assert not any(one.startswith("fitters") for one in imported), path
+            assert not any(module.startswith("fitters") for module in imported), path
         if path.startswith("fitters/"):
-            assert not any(one.startswith("trackers") for one in imported), path
+            assert not any(module.startswith("trackers") for module in imported), path
 
 
 def test_nothing_imports_the_command_line():

@@ -25,8 +25,8 @@ def test_dir_shows_the_public_names_and_nothing_else():
 
 def test_type_checker_is_told_where_each_name_is_defined():
     (block,) = [node for node in SOURCE.body if isinstance(node, ast.If)]
-    told = {alias.asname: node.module for node in block.body for alias in node.names}
-    assert told == iris_sysid._HOME
+    defined_in = {alias.asname: node.module for node in block.body for alias in node.names}
+    assert defined_in == iris_sysid._HOME
 
 
 @pytest.mark.parametrize("name", iris_sysid.__all__)

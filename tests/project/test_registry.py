@@ -48,8 +48,8 @@ def test_registry_one_name_loads_its_file_alone(plugin_folder, fresh):
 
 def test_registry_item_asked_for_first_is_the_one_listed_later(plugin_folder, fresh):
     (plugin_folder / "dropped_in.py").write_text(PLUGIN.format(name="dropped-in"))
-    asked = fresh["dropped-in"]
-    assert dict(fresh)["dropped-in"] is asked
+    item = fresh["dropped-in"]
+    assert dict(fresh)["dropped-in"] is item
 
 
 def test_registry_helper_file_is_not_a_plugin(plugin_folder, fresh):

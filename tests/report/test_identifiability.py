@@ -28,10 +28,10 @@ def test_values_known_well_have_no_strong_correlation_and_a_one_step_residual():
 def test_gravity_and_length_of_a_swing_are_named_as_undetermined():
     result = fit(swing(10.0), MODELS["pendulum"], free=["gravity"])
     (section,) = identifiability_sections(result)
-    said = [line for line in section.lines if line.startswith("Not determined: ")]
-    assert len(said) == 1
-    assert "length" in said[0]
-    assert "gravity" in said[0]
+    undetermined = [line for line in section.lines if line.startswith("Not determined: ")]
+    assert len(undetermined) == 1
+    assert "length" in undetermined[0]
+    assert "gravity" in undetermined[0]
 
 
 def test_values_that_correlate_are_listed_with_their_correlation():

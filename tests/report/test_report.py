@@ -71,10 +71,10 @@ def pictures_in(html: str) -> list[bytes]:
 def test_page_escapes_every_text():
     section = Section(HOSTILE, (*numbers(HOSTILE), *words(HOSTILE)), [(HOSTILE, HOSTILE)], [HOSTILE])
     page = Page(HOSTILE, HOSTILE, HOSTILE, [PageImage("a", b"png", HOSTILE)], [section], {HOSTILE: HOSTILE}, [HOSTILE])
-    found = assert_safe_and_alone(html_of(page))
-    assert found.text.count("<script>alert(1)</script>") >= 10
-    assert "{{ 7 * 7 }}" in found.text
-    assert "49" not in found.text
+    html = assert_safe_and_alone(html_of(page))
+    assert html.text.count("<script>alert(1)</script>") >= 10
+    assert "{{ 7 * 7 }}" in html.text
+    assert "49" not in html.text
 
 
 def test_page_says_what_it_was_given():
@@ -227,11 +227,11 @@ def diagnosed(angles) -> tuple[Diagnosis, Trajectory]:
 def test_diagnosis_page_is_safe_and_complete(diagnosed, tmp_path):
     page = write_diagnosis(*diagnosed, tmp_path)
     assert set(listing(tmp_path)) == set(FILES)
-    found = assert_safe_and_alone(page.read_text("utf-8"))
-    assert HOSTILE in found.text
+    html = assert_safe_and_alone(page.read_text("utf-8"))
+    assert HOSTILE in html.text
     headings = ("Error", "Fit", "Score tests, round 1", "Upper limits on other effects")
     for part in (*headings, "quadratic-drag"):
-        assert part in found.text, part
+        assert part in html.text, part
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -36,8 +36,8 @@ def found_beside_true(board):
         if (k / 4.0) % every > HELD_S:
             continue
         true = corners[corners.frame == k][["x_px", "y_px"]].to_numpy()
-        found, seen = cv2.findChessboardCorners(image, (9, 6))
-        if found:
+        complete, seen = cv2.findChessboardCorners(image, (9, 6))
+        if complete:
             seen = np.ascontiguousarray(seen.reshape(-1, 1, 2), dtype=np.float32)
             criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
             fine = cv2.cornerSubPix(image, seen, (5, 5), (-1, -1), criteria).reshape(-1, 2)

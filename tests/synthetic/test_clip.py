@@ -148,8 +148,8 @@ def test_truth_that_a_user_sees_does_not_name_the_effects(tmp_path):
     clip = tmp_path / "clip.mp4"
     effects = {"quadratic-drag": 0.08, "radial-distortion": -0.07}
     render_clip("pendulum", clip, effects=effects, **SMALL)
-    told, table, hidden = truth_paths(clip)
-    for seen in (told, table, clip):
+    truth_path, table, hidden = truth_paths(clip)
+    for seen in (truth_path, table, clip):
         assert b"drag" not in seen.read_bytes()
         assert b"effect" not in seen.read_bytes()
         assert b"-0.07" not in seen.read_bytes()
@@ -174,9 +174,9 @@ def test_truth_of_an_unknown_body_lists_the_bodies():
 
 
 def test_progress_is_told_of_every_frame(tmp_path):
-    told = []
-    render_clip("pendulum", tmp_path / "clip.mp4", progress=lambda done, n: told.append((done, n)), **SMALL)
-    assert told == [(k + 1, 15) for k in range(15)]
+    progress = []
+    render_clip("pendulum", tmp_path / "clip.mp4", progress=lambda done, n: progress.append((done, n)), **SMALL)
+    assert progress == [(k + 1, 15) for k in range(15)]
 
 
 def test_underscores_may_stand_for_hyphens():

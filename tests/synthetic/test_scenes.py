@@ -119,10 +119,10 @@ def test_bodies_are_drawn_where_the_truth_says(name):
             assert near.sum() > 0, (name, t_s)
             if name == "rotating-cone":  # the arm lies under the cup
                 continue
-            found = (x * near).sum() / near.sum(), (y * near).sum() / near.sum()
+            centre = (x * near).sum() / near.sum(), (y * near).sum() / near.sum()
             # on the floor the cup lies before carpet and wall, which it differs from unequally
             tolerance_px = 0.5 if name == "sliding-cone" else 0.2
-            assert found == pytest.approx((row.x_px, row.y_px), abs=tolerance_px), (name, t_s)
+            assert centre == pytest.approx((row.x_px, row.y_px), abs=tolerance_px), (name, t_s)
 
 
 @pytest.mark.parametrize("name", ALL)

@@ -77,22 +77,22 @@ def test_tracker_has_a_name_and_a_one_line_summary(tracker):
 
 
 def test_track_has_one_row_a_frame_with_the_frames_own_times(tracker, tracks):
-    (found,) = tracks
-    np.testing.assert_array_equal(found.frame, np.arange(N))
-    np.testing.assert_array_equal(found.t_s, [frame.t_s for frame in clip_for(tracker).clip.frames()])
+    (track,) = tracks
+    np.testing.assert_array_equal(track.frame, np.arange(N))
+    np.testing.assert_array_equal(track.t_s, [frame.t_s for frame in clip_for(tracker).clip.frames()])
 
 
 def test_valid_samples_have_position_and_standard_error_and_gaps_have_neither(tracks):
-    (found,) = tracks
-    assert np.isfinite(found.xy_px[found.valid]).all()
-    assert (found.sigma_px[found.valid] > 0).all()
-    assert np.isnan(found.xy_px[~found.valid]).all()
+    (track,) = tracks
+    assert np.isfinite(track.xy_px[track.valid]).all()
+    assert (track.sigma_px[track.valid] > 0).all()
+    assert np.isnan(track.xy_px[~track.valid]).all()
 
 
 def test_what_a_tracker_is_for_is_found_where_it_is_drawn(tracker, tracks):
-    (found,) = tracks
-    assert found.n_valid >= N - 2
-    off = found.xy_px - clip_for(tracker).path
+    (track,) = tracks
+    assert track.n_valid >= N - 2
+    off = track.xy_px - clip_for(tracker).path
     assert np.sqrt(np.nanmean(off**2)) < tracker.example.tolerance_px
 
 
@@ -130,5 +130,5 @@ def refusal(tracker, clip):
 
 @pytest.mark.parametrize("frames", [1, 2, 20])
 def test_clip_in_which_nothing_is_to_be_found_is_refused_in_words(tracker, frames):
-    said = refusal(tracker, DrawnClip(noisy([np.full((96, 160), 90.0)] * frames, 2.0)))
-    assert said is None or len(said) > 30
+    message = refusal(tracker, DrawnClip(noisy([np.full((96, 160), 90.0)] * frames, 2.0)))
+    assert message is None or len(message) > 30

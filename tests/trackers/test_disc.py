@@ -39,27 +39,27 @@ def measured(request):
 
 
 def test_centre_of_drawn_disc_is_within_a_quarter_of_the_cramer_rao_bound(measured):
-    radius, path, found = measured
-    assert found.n_valid == len(path)
-    assert rms(found.xy_px - path) <= 1.25 * cramer_rao_px(radius)
+    radius, path, track = measured
+    assert track.n_valid == len(path)
+    assert rms(track.xy_px - path) <= 1.25 * cramer_rao_px(radius)
 
 
 def test_centre_of_drawn_disc_is_not_locked_to_the_pixels(measured):
-    _, path, found = measured
-    first_harmonic = 2 * np.mean((found.xy_px - path) * np.exp(2j * np.pi * path))
+    _, path, track = measured
+    first_harmonic = 2 * np.mean((track.xy_px - path) * np.exp(2j * np.pi * path))
     assert abs(first_harmonic) < 0.005
 
 
 def test_radius_of_drawn_disc_has_neither_bias_nor_scatter_beyond_a_fiftieth_of_a_pixel(measured):
-    radius, _, found = measured
-    assert abs(np.mean(found.radius_px) - radius) < 0.02
-    assert np.std(found.radius_px) < 0.02
+    radius, _, track = measured
+    assert abs(np.mean(track.radius_px) - radius) < 0.02
+    assert np.std(track.radius_px) < 0.02
 
 
 def test_standard_errors_of_drawn_disc_are_true(measured):
-    radius, path, found = measured
-    assert 0.88 < np.std((found.xy_px - path) / found.sigma_px) < 1.12
-    assert 0.85 < np.std((found.radius_px - radius) / found.sigma_radius_px) < 1.15
+    radius, path, track = measured
+    assert 0.88 < np.std((track.xy_px - path) / track.sigma_px) < 1.12
+    assert 0.85 < np.std((track.radius_px - radius) / track.sigma_radius_px) < 1.15
 
 
 # --------------------------------------------------------------------------- blur
@@ -82,21 +82,21 @@ def streaked_clip(exposure, n=40, radius=10.0, circle=30.0, step=12.0, noise=2.0
 
 def test_streak_is_placed_at_the_middle_of_the_exposure_and_the_exposure_is_found():
     clip, path = streaked_clip(0.8)
-    found = one_track(clip)
-    assert found.origin["shutter"] == pytest.approx(0.8, abs=0.05)
+    track = one_track(clip)
+    assert track.origin["shutter"] == pytest.approx(0.8, abs=0.05)
     inwards = (np.array(CENTRE) - path) / 30.0
     mean_over_exposure_px = 12.0**2 / 30.0 * 0.8**2 / 24  # how far the mean of the streak lies inwards: v^2/R T^2/24
     assert mean_over_exposure_px > 0.12
-    assert abs(np.mean(np.sum((found.xy_px - path) * inwards, axis=1))) < 0.015
-    assert rms(found.xy_px - path) < 0.05
-    assert np.median(found.radius_px) == pytest.approx(10.0, abs=0.05)
+    assert abs(np.mean(np.sum((track.xy_px - path) * inwards, axis=1))) < 0.015
+    assert rms(track.xy_px - path) < 0.05
+    assert np.median(track.radius_px) == pytest.approx(10.0, abs=0.05)
 
 
 def test_short_exposure_leaves_no_streak():
     clip, path = streaked_clip(0.02, n=30)
-    found = one_track(clip)
-    assert found.origin["shutter"] < 0.15
-    assert rms(found.xy_px - path) < 0.03
+    track = one_track(clip)
+    assert track.origin["shutter"] < 0.15
+    assert rms(track.xy_px - path) < 0.03
 
 
 # --------------------------------------------------------------------------- apparent radius
@@ -105,10 +105,10 @@ def test_short_exposure_leaves_no_streak():
 def test_ball_that_goes_straight_away_is_measured_by_its_radius():
     radius = 22.0 / (1 + 0.04 * np.arange(40))
     images = [paint(PLAIN, disc(SHAPE, 80.3, 47.6, r, 16), 220.0) for r in radius]
-    found = one_track(DrawnClip(noisy(images, 2.0)))
-    assert found.n_valid >= 36
-    assert rms(found.radius_px - radius) < 0.05
-    assert rms(found.xy_px - [80.3, 47.6]) < 0.05
+    track = one_track(DrawnClip(noisy(images, 2.0)))
+    assert track.n_valid >= 36
+    assert rms(track.radius_px - radius) < 0.05
+    assert rms(track.xy_px - [80.3, 47.6]) < 0.05
 
 
 FLOOR, BLUE = np.array([112.0, 136.0, 158.0]), (190.0, 120.0, 60.0)  # blue, green, red
@@ -126,17 +126,17 @@ def shrinking_on_its_shadow(colour, n=40):
 
 def test_ball_about_as_bright_as_the_floor_is_measured_by_its_colour_unasked():
     clip, radius = shrinking_on_its_shadow(BLUE)
-    found = one_track(clip)
-    assert found.origin["plane"] != "luma"
-    assert found.n_valid >= 36
-    assert rms((found.radius_px - radius)[found.valid]) < 0.1
+    track = one_track(clip)
+    assert track.origin["plane"] != "luma"
+    assert track.n_valid >= 36
+    assert rms((track.radius_px - radius)[track.valid]) < 0.1
 
 
 def test_soft_shadow_round_a_ball_does_not_enlarge_it():
     clip, radius = shrinking_on_its_shadow(230.0)
-    found = one_track(clip)
-    assert found.origin["plane"] == "luma"
-    assert abs((found.radius_px - radius)[found.valid].mean()) < 0.02
+    track = one_track(clip)
+    assert track.origin["plane"] == "luma"
+    assert abs((track.radius_px - radius)[track.valid].mean()) < 0.02
 
 
 # --------------------------------------------------------------------------- gaps, two discs, bad input
@@ -144,13 +144,13 @@ def test_soft_shadow_round_a_ball_does_not_enlarge_it():
 
 def test_disc_that_leaves_the_picture_leaves_a_gap():
     path = swing(60, (80, 48), (110, 10), period=60)
-    found = one_track(moving_disc(path, 7, SHAPE))
+    track = one_track(moving_disc(path, 7, SHAPE))
     gone = (path[:, 0] < -8) | (path[:, 0] > SHAPE[1] + 7)
     inside = (path[:, 0] > 9) & (path[:, 0] < SHAPE[1] - 10)
     assert gone.any()
-    assert not found.valid[gone].any()
-    assert found.valid[inside].mean() > 0.95
-    assert rms((found.xy_px - path)[inside]) < 0.05
+    assert not track.valid[gone].any()
+    assert track.valid[inside].mean() > 0.95
+    assert rms((track.xy_px - path)[inside]) < 0.05
 
 
 def test_two_discs_are_fitted_side_by_side():
@@ -184,10 +184,10 @@ def test_ball_that_hangs_at_rest_and_then_sways_less_than_its_radius_is_fitted_b
 
 def test_tiny_disc_is_found_without_bias():
     path = swing(60, CENTRE, (50, 20), period=57.3)
-    found = one_track(moving_disc(path, 2.0, SHAPE))
-    assert found.n_valid >= 57
-    assert rms(found.xy_px - path) < 0.05
-    assert np.nanmedian(found.radius_px) == pytest.approx(2.0, abs=0.05)
+    track = one_track(moving_disc(path, 2.0, SHAPE))
+    assert track.n_valid >= 57
+    assert rms(track.xy_px - path) < 0.05
+    assert np.nanmedian(track.radius_px) == pytest.approx(2.0, abs=0.05)
 
 
 def bar_clip(n=30):

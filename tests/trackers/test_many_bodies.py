@@ -32,8 +32,8 @@ def row_clip(n=40, struck_at=14):
 
 def owners(tracks, places, radius):
     """The body that each track is on in each frame (n, tracks), -1 where none."""
-    found = np.stack([track.xy_px for track in tracks], axis=1)
-    apart = np.linalg.norm(found[:, :, np.newaxis] - places[:, np.newaxis], axis=-1)
+    positions = np.stack([track.xy_px for track in tracks], axis=1)
+    apart = np.linalg.norm(positions[:, :, np.newaxis] - places[:, np.newaxis], axis=-1)
     near = np.nan_to_num(apart, nan=np.inf)
     return np.where(near.min(axis=2) < radius / 2, near.argmin(axis=2), -1)
 
@@ -54,10 +54,10 @@ def test_touching_discs_are_shared_out_at_their_centres():
     covered = np.clip(sum(disc((60, 60), x, y, 8.0) for x, y in centres), 0, 1)
     rows, columns = np.nonzero(covered > 0.25)
     pool = ClassPixels(np.stack([columns, rows], axis=-1).astype(float), covered[rows, columns], 8.0, (60, 60))
-    found = pool.assign_without_prediction(3, np.random.default_rng(0))
-    order = [int(np.argmin(np.linalg.norm(found.centres - centre, axis=1))) for centre in centres]
+    assignment = pool.assign_without_prediction(3, np.random.default_rng(0))
+    order = [int(np.argmin(np.linalg.norm(assignment.centres - centre, axis=1))) for centre in centres]
     assert sorted(order) == [0, 1, 2]
-    np.testing.assert_allclose(found.centres[order], centres, atol=0.15)
+    np.testing.assert_allclose(assignment.centres[order], centres, atol=0.15)
 
 
 def test_disc_cut_by_the_edge_is_placed_where_the_whole_disc_would_be():

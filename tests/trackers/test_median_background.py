@@ -22,8 +22,8 @@ def one_track(clip, **options):
     return track(clip, TrackOptions(**options))[0]
 
 
-def errors_px(found, path):
-    return (found.xy_px - path)[found.valid]
+def errors_px(track, path):
+    return (track.xy_px - path)[track.valid]
 
 
 def rms(values):
@@ -50,28 +50,28 @@ def measured_disc(request):
 
 
 def test_centre_of_drawn_disc_is_within_one_and_a_half_times_the_cramer_rao_bound(measured_disc):
-    radius, path, found = measured_disc
-    assert found.n_valid == len(path)
-    assert rms(errors_px(found, path)) <= 1.5 * cramer_rao_px(radius, 100.0, 3.0)
+    radius, path, track = measured_disc
+    assert track.n_valid == len(path)
+    assert rms(errors_px(track, path)) <= 1.5 * cramer_rao_px(radius, 100.0, 3.0)
 
 
 def test_centre_of_drawn_disc_has_no_bias_over_the_sub_pixel_phase(measured_disc):
-    _, path, found = measured_disc
+    _, path, track = measured_disc
     phase = (8 * (path % 1)).astype(int)
-    bias = [errors_px(found, path)[phase == k].mean() for k in range(8)]
+    bias = [errors_px(track, path)[phase == k].mean() for k in range(8)]
     assert np.abs(bias).max() < 0.005
 
 
 def test_standard_error_of_drawn_disc_is_true(measured_disc):
-    _, path, found = measured_disc
-    assert 0.88 < np.std(errors_px(found, path) / found.sigma_px) < 1.12
-    radius_pull = (found.radius_px - measured_disc[0]) / found.sigma_radius_px
+    _, path, track = measured_disc
+    assert 0.88 < np.std(errors_px(track, path) / track.sigma_px) < 1.12
+    radius_pull = (track.radius_px - measured_disc[0]) / track.sigma_radius_px
     assert 0.8 < rms(radius_pull) < 1.2
 
 
 def test_radius_of_drawn_disc_is_unbiased(measured_disc):
-    radius, _, found = measured_disc
-    assert abs(np.mean(found.radius_px) - radius) < 0.005
+    radius, _, track = measured_disc
+    assert abs(np.mean(track.radius_px) - radius) < 0.005
 
 
 def test_blurred_and_flickering_disc_stays_unbiased():
@@ -80,9 +80,9 @@ def test_blurred_and_flickering_disc_stays_unbiased():
         cv2.GaussianBlur(paint(PLAIN, disc(SHAPE, *at, 9), 30.0), (0, 0), 0.8) + 4 * np.sin(k)
         for k, at in enumerate(path)
     ]
-    found = one_track(DrawnClip(noisy(images, 2.0)))
-    assert np.abs(errors_px(found, path).mean(axis=0)).max() < 0.01
-    assert rms(errors_px(found, path)) < 0.02
+    track = one_track(DrawnClip(noisy(images, 2.0)))
+    assert np.abs(errors_px(track, path).mean(axis=0)).max() < 0.01
+    assert rms(errors_px(track, path)) < 0.02
 
 
 def test_body_brighter_above_and_darker_below_is_found_at_its_middle():
@@ -91,8 +91,8 @@ def test_body_brighter_above_and_darker_below_is_found_at_its_middle():
     images = [
         paint(PLAIN, disc(SHAPE, x, y, 8), 0) + disc(SHAPE, x, y, 8) * np.where(rows > y, 50.0, 190.0) for x, y in path
     ]
-    found = one_track(DrawnClip(noisy(images, 2.0)))
-    assert rms(errors_px(found, path)) < 0.1
+    track = one_track(DrawnClip(noisy(images, 2.0)))
+    assert rms(errors_px(track, path)) < 0.1
 
 
 def test_textured_body_is_found_at_its_middle():
@@ -101,16 +101,16 @@ def test_textured_body_is_found_at_its_middle():
     images = [paint(PLAIN, disc(SHAPE, x, y, 12), 60.0) for x, y in path]
     for image, (x, y) in zip(images, path, strict=True):
         image += disc(SHAPE, x, y, 12) * 30 * np.sin(0.6 * (columns - x))
-    found = one_track(DrawnClip(noisy(images, 2.0)))
-    assert rms(errors_px(found, path)) < 0.1
+    track = one_track(DrawnClip(noisy(images, 2.0)))
+    assert rms(errors_px(track, path)) < 0.1
 
 
 def test_wide_picture_is_searched_small_and_measured_at_full_size():
     shape = (240, 2000)
     path = swing(30, (1000, 120), (800, 60), period=29.3)
-    found = one_track(moving_disc(path, 20, shape))
-    assert found.n_valid == 30
-    assert rms(errors_px(found, path)) < 2 * cramer_rao_px(20, 100.0, 3.0)
+    track = one_track(moving_disc(path, 20, shape))
+    assert track.n_valid == 30
+    assert rms(errors_px(track, path)) < 2 * cramer_rao_px(20, 100.0, 3.0)
 
 
 # --------------------------------------------------------------------------- what is not the body
@@ -128,10 +128,10 @@ def cord(start, end, width):
 def test_cord_is_cut_off_and_does_not_drag_the_centre():
     path = swing(60, (80, 70), (45, 8))
     images = [paint(paint(PLAIN, cord((80, 0), at, 3), 40.0), disc(SHAPE, *at, 11), 60.0) for at in path]
-    found = one_track(DrawnClip(noisy(images, 2.0)))
-    assert found.n_valid == 60
-    assert not found.hand.any()
-    assert rms(errors_px(found, path)) < 0.2  # a stub of the cord touches the ball
+    track = one_track(DrawnClip(noisy(images, 2.0)))
+    assert track.n_valid == 60
+    assert not track.hand.any()
+    assert rms(errors_px(track, path)) < 0.2  # a stub of the cord touches the ball
 
 
 def test_shadow_that_is_larger_is_not_tracked():
@@ -140,9 +140,9 @@ def test_shadow_that_is_larger_is_not_tracked():
     for x, y in path:
         shadow = cv2.GaussianBlur(disc(SHAPE, x + 14, y + 8, 7), (0, 0), 2.0)
         images.append(paint(PLAIN * (1 - 0.3 * shadow), disc(SHAPE, x, y, 4), 40.0))
-    found = one_track(DrawnClip(noisy(images, 1.5)))
-    assert found.n_valid == 60
-    assert rms(errors_px(found, path)) < 0.1
+    track = one_track(DrawnClip(noisy(images, 1.5)))
+    assert track.n_valid == 60
+    assert rms(errors_px(track, path)) < 0.1
 
 
 def hand_clip(n_held=15, n=60):
@@ -159,11 +159,11 @@ def hand_clip(n_held=15, n=60):
 
 def test_hand_that_holds_the_body_is_reported_until_it_lets_go():
     clip, path = hand_clip()
-    found = one_track(clip)
-    assert found.hand[:15].all()
-    assert not found.hand[22:].any()
-    assert found.valid[20:].all()
-    assert rms((found.xy_px - path)[25:]) < 0.05
+    track = one_track(clip)
+    assert track.hand[:15].all()
+    assert not track.hand[22:].any()
+    assert track.valid[20:].all()
+    assert rms((track.xy_px - path)[25:]) < 0.05
 
 
 def test_mark_that_a_hand_hides_for_a_while_is_not_taken_for_a_body():
@@ -182,9 +182,9 @@ def test_body_that_rests_for_most_of_the_clip_is_found_moving_and_at_rest():
     n, moving = 100, 30
     x = np.concatenate([np.linspace(20, 110, moving), np.full(n - moving, 110.0)])
     path = np.column_stack([x, np.full(n, 48.0)])
-    found = one_track(moving_disc(path, 8, SHAPE))
-    assert found.n_valid == n
-    assert rms(errors_px(found, path)) < 0.05
+    track = one_track(moving_disc(path, 8, SHAPE))
+    assert track.n_valid == n
+    assert rms(errors_px(track, path)) < 0.05
 
 
 ORANGE, WALL = (40.0, 110.0, 215.0), (150.0, 165.0, 170.0)  # blue, green, red
@@ -193,8 +193,8 @@ ORANGE, WALL = (40.0, 110.0, 215.0), (150.0, 165.0, 170.0)  # blue, green, red
 def test_large_body_that_hardly_leaves_its_place_leaves_no_rim_of_itself_in_the_background():
     shape = (180, 300)
     path = swing(75, (150.0, 90.0), (50, 20), period=73.7)
-    (found,) = track(moving_disc(path, 40, shape, contrast=100, noise=3), TrackOptions())
-    assert np.sqrt(np.mean((found.xy_px - path) ** 2)) < 0.006
+    (tracked,) = track(moving_disc(path, 40, shape, contrast=100, noise=3), TrackOptions())
+    assert np.sqrt(np.mean((tracked.xy_px - path) ** 2)) < 0.006
 
 
 def test_body_that_rests_before_a_floor_as_bright_as_itself_does_not_become_background():
@@ -203,9 +203,9 @@ def test_body_that_rests_before_a_floor_as_bright_as_itself_does_not_become_back
     floor[:, :50] = WALL
     x = np.concatenate([np.linspace(20, 110, moving), np.full(n - moving, 110.0)])
     images = [paint(floor, disc(SHAPE, x_px, 48, 8), ORANGE) for x_px in x]
-    found = one_track(DrawnClip(noisy(images, 2.0)))
-    assert found.n_valid == n
-    assert rms(errors_px(found, np.column_stack([x, np.full(n, 48.0)]))) < 0.1
+    track = one_track(DrawnClip(noisy(images, 2.0)))
+    assert track.n_valid == n
+    assert rms(errors_px(track, np.column_stack([x, np.full(n, 48.0)]))) < 0.1
 
 
 @pytest.mark.parametrize(("gap", "least"), [(6, 0.6), (14, 0.1)])
@@ -215,9 +215,9 @@ def test_shadow_that_hangs_on_a_coloured_body_does_not_drag_its_centre(gap, leas
     for x, y in path:
         shadow = cv2.GaussianBlur(disc(SHAPE, x + gap, y + gap, 11), (0, 0), 3.0)[..., np.newaxis]
         images.append(paint(np.array(WALL) * (1 - 0.18 * shadow), disc(SHAPE, x, y, 10), ORANGE))
-    found = one_track(DrawnClip(noisy(images, 2.0)))
-    assert found.n_valid == 60
-    assert rms(errors_px(found, path)) < least
+    track = one_track(DrawnClip(noisy(images, 2.0)))
+    assert track.n_valid == 60
+    assert rms(errors_px(track, path)) < least
 
 
 def test_shadow_that_hangs_on_a_body_as_clear_in_luma_as_in_colour_does_not_drag_its_centre():
@@ -226,9 +226,9 @@ def test_shadow_that_hangs_on_a_body_as_clear_in_luma_as_in_colour_does_not_drag
     for x, y in path:
         shadow = cv2.GaussianBlur(disc(SHAPE, x + 11, y + 15, 10), (0, 0), 3.0)[..., np.newaxis]
         images.append(paint(np.array((190, 202, 204)) * (1 - 0.15 * shadow), disc(SHAPE, x, y, 10), (38, 112, 222)))
-    found = one_track(DrawnClip(noisy(images, 2.0)))
-    assert found.n_valid == 60
-    assert rms(errors_px(found, path)) < 0.2  # 3 px in luma alone
+    track = one_track(DrawnClip(noisy(images, 2.0)))
+    assert track.n_valid == 60
+    assert rms(errors_px(track, path)) < 0.2  # 3 px in luma alone
 
 
 def test_streak_of_a_fast_shaded_ball_has_its_middle_and_its_area():
@@ -244,11 +244,11 @@ def test_streak_of_a_fast_shaded_ball_has_its_middle_and_its_area():
             shade = (limb + 0.08 * (at - rows) / radius)[..., np.newaxis]
             parts.append(np.array(WALL) * (1 - share) + np.array(ORANGE) * shade * share)
         images.append(np.mean(parts, axis=0))
-    found = one_track(DrawnClip(noisy(images, 2.0)))
+    track = one_track(DrawnClip(noisy(images, 2.0)))
     seen = slice(4, -4)
-    assert found.valid[seen].all()
-    assert rms((found.xy_px - np.column_stack([np.full(41, 80.0), y]))[seen]) < 0.1
-    assert np.median(found.radius_px) == pytest.approx(radius, rel=0.01)
+    assert track.valid[seen].all()
+    assert rms((track.xy_px - np.column_stack([np.full(41, 80.0), y]))[seen]) < 0.1
+    assert np.median(track.radius_px) == pytest.approx(radius, rel=0.01)
 
 
 # --------------------------------------------------------------------------- gaps
@@ -256,14 +256,14 @@ def test_streak_of_a_fast_shaded_ball_has_its_middle_and_its_area():
 
 def test_body_that_leaves_the_picture_leaves_a_gap_and_is_found_again():
     path = swing(120, (80, 48), (110, 10), period=60)
-    found = one_track(moving_disc(path, 7, SHAPE))
+    track = one_track(moving_disc(path, 7, SHAPE))
     inside = (path[:, 0] > 9) & (path[:, 0] < SHAPE[1] - 10)
     cut = (path[:, 0] < 6) | (path[:, 0] > SHAPE[1] - 7)
-    assert found.valid[inside].all()
-    assert not found.valid[cut].any()
-    assert np.isnan(found.xy_px[cut]).all()
-    assert np.isnan(found.sigma_px[cut]).all()
-    assert rms(errors_px(found, path)) < 0.05
+    assert track.valid[inside].all()
+    assert not track.valid[cut].any()
+    assert np.isnan(track.xy_px[cut]).all()
+    assert np.isnan(track.sigma_px[cut]).all()
+    assert rms(errors_px(track, path)) < 0.05
 
 
 def test_body_that_is_hidden_for_a_moment_is_a_gap():
@@ -271,8 +271,8 @@ def test_body_that_is_hidden_for_a_moment_is_a_gap():
     clip = moving_disc(path, 7, SHAPE)
     empty = noisy([np.full(SHAPE, 80.0)] * 4, 3.0, seed=1)
     clip.images[20:24] = empty
-    found = one_track(clip)
-    assert list(np.flatnonzero(~found.valid)) == [20, 21, 22, 23]
+    track = one_track(clip)
+    assert list(np.flatnonzero(~track.valid)) == [20, 21, 22, 23]
 
 
 # --------------------------------------------------------------------------- several bodies, options
@@ -297,8 +297,8 @@ def test_two_bodies_keep_their_identity():
 
 def test_region_limits_the_search():
     clip, paths = two_bodies()
-    found = one_track(clip, roi=(0, 48, 160, 48))
-    assert rms(errors_px(found, paths[1])) < 0.05
+    track = one_track(clip, roi=(0, 48, 160, 48))
+    assert rms(errors_px(track, paths[1])) < 0.05
 
 
 def coloured_clip(n=50):
@@ -315,9 +315,9 @@ def coloured_clip(n=50):
 @pytest.mark.parametrize(("colour", "body"), [("red", 0), ("blue", 1), ("#1a6cff", 1)])
 def test_colour_chooses_the_body(colour, body):
     clip, paths = coloured_clip()
-    found = one_track(clip, colour=colour)
-    assert found.n_valid == 50
-    assert rms(errors_px(found, paths[body])) < 0.1
+    track = one_track(clip, colour=colour)
+    assert track.n_valid == 50
+    assert rms(errors_px(track, paths[body])) < 0.1
 
 
 def test_body_as_bright_as_the_wall_is_found_by_its_colour_unasked():

@@ -34,19 +34,19 @@ def drawn(way, where=(50.3, 48.8), shape="disc", seed=0):
 def test_centre_of_a_streak_is_found_to_a_twentieth_of_a_pixel_where_the_outline_misleads(way):
     window = drawn(way)
     outline = coverage_centre(window)
-    found = streak_centre(window, outline)
-    error = np.hypot(found.x - 50.3, found.y - 48.8)
+    centre = streak_centre(window, outline)
+    error = np.hypot(centre.x - 50.3, centre.y - 48.8)
     assert error < 0.05
     assert np.hypot(outline.x - 50.3, outline.y - 48.8) > 20 * error
-    assert np.sqrt(found.area / np.pi) == pytest.approx(RADIUS, abs=0.1)
+    assert np.sqrt(centre.area / np.pi) == pytest.approx(RADIUS, abs=0.1)
 
 
 def test_standard_error_of_a_streak_is_that_of_its_scatter():
-    found = [
+    centres = [
         streak_centre(window, coverage_centre(window)) for window in (drawn((18.0, 6.0), seed=k) for k in range(12))
     ]
     pulls = [
-        ((detection.x - 50.3) / detection.sigma_x, (detection.y - 48.8) / detection.sigma_y) for detection in found
+        ((detection.x - 50.3) / detection.sigma_x, (detection.y - 48.8) / detection.sigma_y) for detection in centres
     ]
     assert 0.5 < np.sqrt(np.mean(np.square(pulls))) < 1.6
 
@@ -63,5 +63,5 @@ def test_cord_on_a_streak_does_not_move_it():
     image = window.image.copy()
     image[:30, 48:53] -= 25.0
     with_cord = Window(image, window.background, window.noise, window.mask, window.other)
-    found = streak_centre(with_cord, coverage_centre(with_cord))
-    assert np.hypot(found.x - 50.3, found.y - 48.8) < 0.1
+    centre = streak_centre(with_cord, coverage_centre(with_cord))
+    assert np.hypot(centre.x - 50.3, centre.y - 48.8) < 0.1

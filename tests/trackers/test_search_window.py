@@ -72,9 +72,9 @@ def test_merged_boxes_hold_all_that_were_given_and_do_not_overlap():
         (int(x), int(y), int(x) + int(w), int(y) + int(h))
         for (x, y), (w, h) in zip(corners, rng.integers(1, 12, (30, 2)), strict=True)
     ]
-    found = merged(boxes)
+    windows = merged(boxes)
     shown = np.zeros((110, 110), dtype=int)
-    for left, top, right, bottom in found:
+    for left, top, right, bottom in windows:
         shown[top:bottom, left:right] += 1
     assert shown.max() == 1
     assert all(shown[top:bottom, left:right].all() for left, top, right, bottom in boxes)

@@ -12,8 +12,8 @@ from trackers._uncertainty.local_polynomial import excess_scatter
 
 
 def tracked(name, clip, **options):
-    (found,) = TRACKERS[name].track(clip, TrackOptions(**options))
-    return found
+    (track,) = TRACKERS[name].track(clip, TrackOptions(**options))
+    return track
 
 
 def pull_sd(error, sigma):
@@ -22,13 +22,13 @@ def pull_sd(error, sigma):
 
 def test_orientation_is_found_within_a_tenth_of_a_degree_over_more_than_a_turn():
     angle = np.radians(20 - 7.0 * np.arange(80))
-    found = tracked("orientation", turning(angle))
-    error = found.angle_rad - angle
+    track = tracked("orientation", turning(angle))
+    error = track.angle_rad - angle
     error -= np.median(error)  # the zero is the direction of the middle, which all frames share
-    assert found.valid.all()
+    assert track.valid.all()
     assert np.degrees(np.sqrt(np.mean(error**2))) < 0.1
-    assert pull_sd(error, found.sigma_angle_rad) < 1.6
-    assert np.hypot(*(np.array(found.origin["axis_px"]) - AXIS)) < 0.2
+    assert pull_sd(error, track.sigma_angle_rad) < 1.6
+    assert np.hypot(*(np.array(track.origin["axis_px"]) - AXIS)) < 0.2
 
 
 def test_orientation_follows_a_swing_to_and_fro():
@@ -51,24 +51,24 @@ def test_orientation_refuses_more_than_one_body():
 @pytest.mark.parametrize(("slope", "climb"), [(0.0, 0.0), (0.03, 0.0), (0.0, 3.0)])
 def test_level_is_found_within_a_tenth_of_a_pixel_tilted_or_climbing_the_walls(slope, climb):
     level = 30 + 60 * (1 - (1 - np.linspace(0, 0.9, 80)) ** 2)
-    found = tracked("level", draining(level, slope=slope, climb=climb))
-    error = found.xy_px[:, 1] - level
-    assert found.valid.all()
+    track = tracked("level", draining(level, slope=slope, climb=climb))
+    error = track.xy_px[:, 1] - level
+    assert track.valid.all()
     assert np.sqrt(np.mean(error**2)) < 0.1
-    assert found.xy_px[0, 0] == pytest.approx((sum(WALLS) - 1) / 2, abs=2.0)
+    assert track.xy_px[0, 0] == pytest.approx((sum(WALLS) - 1) / 2, abs=2.0)
 
 
 def test_errors_of_the_level_are_as_large_as_stated():
     level = np.linspace(30.0, 90.0, 150)
-    found = tracked("level", draining(level, noise=3.0))
-    assert 0.8 < pull_sd(found.xy_px[:, 1] - level, found.sigma_px[:, 1]) < 1.2
+    track = tracked("level", draining(level, noise=3.0))
+    assert 0.8 < pull_sd(track.xy_px[:, 1] - level, track.sigma_px[:, 1]) < 1.2
 
 
 def test_level_that_leaves_the_picture_is_a_gap():
     level = np.linspace(60.0, 130.0, 80)  # the picture ends at 119.5
-    found = tracked("level", draining(level))
-    assert not found.valid[level > 121].any()
-    assert found.valid[level < 110].all()
+    track = tracked("level", draining(level))
+    assert not track.valid[level > 121].any()
+    assert track.valid[level < 110].all()
 
 
 @pytest.mark.parametrize("name", ["orientation", "level", "intensity"])
@@ -84,11 +84,11 @@ def test_level_refuses_what_passes_by():
 
 def test_light_is_found_within_half_a_percent_with_errors_as_stated():
     clip, light = fading(150)
-    found = tracked("intensity", clip)
-    line = np.polyfit(light, found.intensity, 1)
-    error = found.intensity - np.polyval(line, light)
+    track = tracked("intensity", clip)
+    line = np.polyfit(light, track.intensity, 1)
+    error = track.intensity - np.polyval(line, light)
     assert np.sqrt(np.mean(error**2)) < 0.005 * line[0]
-    assert 0.8 < pull_sd(error, found.sigma_intensity) < 1.2
+    assert 0.8 < pull_sd(error, track.sigma_intensity) < 1.2
 
 
 def test_light_refuses_what_moves():

@@ -9,16 +9,16 @@ from tests._motions import bouncing_ball, down_a_board, in_plane, on_arc, pendul
 
 
 def spans(trajectory, label):
-    return [(one.start, one.stop) for one in trajectory.segments if one.label == label]
+    return [(segment.start, segment.stop) for segment in trajectory.segments if segment.label == label]
 
 
 def motion(trajectory):
-    (one,) = spans(trajectory, "motion")
-    return one
+    (span,) = spans(trajectory, "motion")
+    return span
 
 
 def reason(trajectory, label="motion"):
-    return next(one.reason for one in trajectory.segments if one.label == label)
+    return next(segment.reason for segment in trajectory.segments if segment.label == label)
 
 
 # --------------------------------------------------------------------------- oscillation
@@ -119,7 +119,7 @@ def test_before_first_and_after_last_sight_there_is_no_segment():
     t_s = np.arange(200) / 60
     valid = (np.arange(200) >= 50) & (np.arange(200) < 150)
     got = segment(in_plane(t_s, on_arc(pendulum_angle(t_s, 0.8), 300.0), 0.1, valid, rng=np.random.default_rng(1)))
-    assert [(one.start, one.stop) for one in got.segments] == [(50, 150)]
+    assert [(segment.start, segment.stop) for segment in got.segments] == [(50, 150)]
 
 
 # --------------------------------------------------------------------------- flight
@@ -299,9 +299,9 @@ def test_segments_are_in_order_and_do_not_overlap():
     t_s = np.arange(400) / 240
     ball, _ = bouncing_ball(t_s, 150.0, 1500.0)
     got = segment(in_plane(t_s, ball, 0.1, rng=np.random.default_rng(1)), kind="flight")
-    for one, following in zip(got.segments[:-1], got.segments[1:], strict=True):
-        assert one.stop == following.start
-    assert all(one.reason for one in got.segments)
+    for earlier, following in zip(got.segments[:-1], got.segments[1:], strict=True):
+        assert earlier.stop == following.start
+    assert all(segment.reason for segment in got.segments)
 
 
 def test_units_of_the_trajectory_are_in_the_reasons():

@@ -23,6 +23,6 @@ def test_slide_is_the_part_that_falls_though_the_run_on_the_floor_is_longer():
         t_s=t_s, quantities=(Quantity("x", "m"), Quantity("z", "m")), position=position,
         sigma=np.full((t_s.size, 2), NOISE), valid=np.ones(t_s.size, dtype=bool),
     )  # fmt: skip
-    motion = next(one for one in segment(world, kind="slide").segments if one.label == "motion")
+    motion = next(part for part in segment(world, kind="slide").segments if part.label == "motion")
     assert motion.start < 5
     assert abs(t_s[motion.stop - 1] - slide_s) < 2.5 / 60

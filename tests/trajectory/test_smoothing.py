@@ -66,9 +66,9 @@ def test_smooth_with_uneven_times_and_gaps_equals_least_squares_over_all_states(
         states, covariance = least_squares(t_s, values[:, column], sigma[:, column], valid, psd)
         np.testing.assert_allclose(smoothed.position[:, column], states[:, 0], rtol=0, atol=1e-9)
         np.testing.assert_allclose(smoothed.velocity[:, column], states[:, 1], rtol=0, atol=1e-9 / 0.02)
-        each = covariance.reshape(t_s.size, 3, t_s.size, 3)[np.arange(t_s.size), :, np.arange(t_s.size)]
+        blocks = covariance.reshape(t_s.size, 3, t_s.size, 3)[np.arange(t_s.size), :, np.arange(t_s.size)]
         rows = [column, 2 + column]
-        np.testing.assert_allclose(smoothed.covariance[:, rows][:, :, rows], each[:, :2, :2], rtol=1e-7)
+        np.testing.assert_allclose(smoothed.covariance[:, rows][:, :, rows], blocks[:, :2, :2], rtol=1e-7)
     assert np.all(smoothed.covariance[:, 0, 1] == 0)
 
 
@@ -202,10 +202,10 @@ def test_process_noise_is_chosen_in_the_motion_only():
     measured = shaken + 0.002 * rng.standard_normal(120)
     chosen = smooth(trajectory(t_s, measured, 0.002, segments=segments)).smoothed.psd[0]
     alone = smooth(trajectory(t_s[60:], measured[60:], 0.002)).smoothed.psd[0]
-    together = smooth(trajectory(t_s, measured, 0.002)).smoothed.psd[0]
+    psd = smooth(trajectory(t_s, measured, 0.002)).smoothed.psd[0]
     assert chosen < 1e-6
     assert alone < 1e-6
-    assert together > 1e3
+    assert psd > 1e3
 
 
 @pytest.mark.parametrize("count", [1, 2])

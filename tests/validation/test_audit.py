@@ -24,9 +24,9 @@ def numbers(rows):
 
 
 def ways(rows, key):
-    found = rows[rows["key"] == key]
-    assert len(found), key
-    return found
+    matching = rows[rows["key"] == key]
+    assert len(matching), key
+    return matching
 
 
 def test_every_number_has_one_verdict(rows, numbers):
@@ -36,8 +36,8 @@ def test_every_number_has_one_verdict(rows, numbers):
 
 
 def test_pendulum_of_the_baseline_is_given_under_both_readings_of_alpha(rows):
-    found = ways(rows, "tab:delfys75_baseline_unified/delfys75/pendulum/pendulum_45/length/baseline")
-    derived = dict(zip(found["conversion"], found["derived"], strict=True))
+    values = ways(rows, "tab:delfys75_baseline_unified/delfys75/pendulum/pendulum_45/length/baseline")
+    derived = dict(zip(values["conversion"], values["derived"], strict=True))
     assert derived["g/alpha"] == pytest.approx(95.067, abs=1e-3)
     assert derived["alpha as length"] == pytest.approx(0.347, abs=1e-3)
 
@@ -51,11 +51,11 @@ def test_one_run_makes_both_printed_errors_of_the_same_rope(numbers):
 
 
 def test_failed_runs_scored_as_zeros_are_counted(rows):
-    found = ways(rows, "tab:delfys75_baseline_unified/delfys75/dropped_ball/large/gravity/baseline")
-    zeros = found[found["n_zero"] == 5].iloc[0]
+    values = ways(rows, "tab:delfys75_baseline_unified/delfys75/dropped_ball/large/gravity/baseline")
+    zeros = values[values["n_zero"] == 5].iloc[0]
     assert (zeros["status"], zeros["n_failed"]) == ("differs", 5)
     assert zeros["derived"] == pytest.approx(9.80665)
-    left_out = found[found["rule"].str.contains("left out")].iloc[0]
+    left_out = values[values["rule"].str.contains("left out")].iloc[0]
     assert left_out["status"] == "cannot be derived"
     assert left_out["note"] == "all 5 runs failed"
 
@@ -80,16 +80,16 @@ def test_multi_clip_split_is_six_clips_of_one_setting(numbers):
 
 
 def test_mixed_reference_is_found_by_the_error_files(numbers):
-    found = numbers.loc["tab:iris_results/iris/Rotation/fast/stiffness/difference"]
-    assert (found["status"], found["way"]) == ("reproduced", "not as stated, from error file")
-    assert "reference is iris_unified" in found["rule"]
+    number = numbers.loc["tab:iris_results/iris/Rotation/fast/stiffness/difference"]
+    assert (number["status"], number["way"]) == ("reproduced", "not as stated, from error file")
+    assert "reference is iris_unified" in number["rule"]
 
 
 def test_numbers_without_a_file_say_so(numbers):
     for place in ("tab:identifiability", "tab:extrapolation"):
-        found = numbers[numbers["place"] == place]
-        assert set(found["status"]) == {"cannot be derived"}
-        assert found["note"].str.startswith("no result file").all()
+        matching = numbers[numbers["place"] == place]
+        assert set(matching["status"]) == {"cannot be derived"}
+        assert matching["note"].str.startswith("no result file").all()
 
 
 def test_selection_is_derived_from_the_predictions(numbers):

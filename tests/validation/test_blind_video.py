@@ -21,14 +21,14 @@ def test_secret_of_a_clip_is_the_same_each_time_and_can_be_filmed(seed):
 
 
 def test_clip_that_was_diagnosed_is_not_diagnosed_again(monkeypatch, tmp_path):
-    found = Outcome("pendulum", ("quadratic-drag",), (3.0,), (True,), (math.nan,), ("finite-bob",), (), 1.1)
-    asked = []
-    monkeypatch.setattr(blind_video, "_case", lambda seed, folder: asked.append(seed) or (found if seed else None))
+    outcome = Outcome("pendulum", ("quadratic-drag",), (3.0,), (True,), (math.nan,), ("finite-bob",), (), 1.1)
+    chosen = []
+    monkeypatch.setattr(blind_video, "_case", lambda seed, folder: chosen.append(seed) or (outcome if seed else None))
     first = [case(seed, tmp_path) for seed in (0, 1)]
     again = [case(seed, tmp_path) for seed in (0, 1)]
-    assert asked == [0, 1]
+    assert chosen == [0, 1]
     assert first[0] is None
     assert again[0] is None
-    assert again[1].factors == found.factors
-    assert again[1].added == found.added
+    assert again[1].factors == outcome.factors
+    assert again[1].added == outcome.added
     assert math.isnan(again[1].off[0])

@@ -49,9 +49,9 @@ def test_tensor_is_the_one_that_the_benchmarks_recipe_makes(clip, tmp_path):
 
 
 def test_time_step_is_that_between_two_images_of_a_window(clip, tmp_path):
-    told = write_tensor(open_video(clip[0]), tmp_path / "a.npy", frames=4, step=3)
-    assert told.time_step_s == pytest.approx(3 / 30, abs=1e-12)
-    assert told.time_step_spread_s == pytest.approx(0, abs=1e-12)
+    document = write_tensor(open_video(clip[0]), tmp_path / "a.npy", frames=4, step=3)
+    assert document.time_step_s == pytest.approx(3 / 30, abs=1e-12)
+    assert document.time_step_spread_s == pytest.approx(0, abs=1e-12)
     assert json.loads((tmp_path / "a.npy.json").read_text())["origin"]["source"] == "disc.mp4"
 
 
@@ -65,9 +65,9 @@ def test_uneven_times_show_in_the_spread(tmp_path):
             frame.pts = 20 * k + (10 if k > 10 else 0)
             container.mux(stream.encode(frame))
         container.mux(stream.encode())
-    told = write_tensor(open_video(path), tmp_path / "a.npy", frames=3, step=2, size=(16, 12))
-    assert told.time_step_s == pytest.approx(0.040)
-    assert told.time_step_spread_s == pytest.approx(0.010)
+    document = write_tensor(open_video(path), tmp_path / "a.npy", frames=3, step=2, size=(16, 12))
+    assert document.time_step_s == pytest.approx(0.040)
+    assert document.time_step_spread_s == pytest.approx(0.010)
 
 
 @pytest.mark.parametrize("stride", [1, 4, 7])
@@ -178,8 +178,8 @@ def test_values_that_are_no_brightness_are_refused_with_their_place(value, tmp_p
 )
 def test_a_file_beside_the_tensor_that_is_not_its_own_is_refused(change, message, tensor, tmp_path):
     (tmp_path / "a.npy").write_bytes(tensor[0].read_bytes())
-    told = json.loads(tensor[0].with_name("disc.npy.json").read_text())
-    (tmp_path / "a.npy.json").write_text(json.dumps(told | change))
+    document = json.loads(tensor[0].with_name("disc.npy.json").read_text())
+    (tmp_path / "a.npy.json").write_text(json.dumps(document | change))
     with pytest.raises(VideoError, match=message):
         open_video(tmp_path / "a.npy")
 

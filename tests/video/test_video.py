@@ -81,12 +81,12 @@ def times(path, **options):
 def read_by_opencv(path):
     """Times in s and BGR images, in order."""
     capture = cv2.VideoCapture(str(path))
-    found = []
+    frames = []
     while True:
         ok, image = capture.read()
         if not ok:
-            return [t for t, _ in found], [frame for _, frame in found]
-        found.append((capture.get(cv2.CAP_PROP_POS_MSEC) / 1000, image))
+            return [t for t, _ in frames], [frame for _, frame in frames]
+        frames.append((capture.get(cv2.CAP_PROP_POS_MSEC) / 1000, image))
 
 
 # --------------------------------------------------------------------------- times
@@ -142,9 +142,9 @@ def test_times_with_fps_are_frame_number_over_rate(tmp_path):
 def test_start_and_stop_are_included_and_keep_frame_numbers(tmp_path):
     path = write_clip(tmp_path / "a.mp4", 30, rate=10)
     video = open_video(path, start_s=0.5, stop_s=1.2)
-    found = list(video.frames())
-    assert [frame.index for frame in found] == list(range(5, 13))
-    assert [frame.t_s for frame in found] == [k / 10 for k in range(5, 13)]
+    frames = list(video.frames())
+    assert [frame.index for frame in frames] == list(range(5, 13))
+    assert [frame.t_s for frame in frames] == [k / 10 for k in range(5, 13)]
     assert video.n_expected == 8
 
 
@@ -165,9 +165,9 @@ def test_frames_with_the_time_of_the_one_before_are_left_out_and_counted(tmp_pat
     stamps = [0, 10, 20, 24, 30, 40, 41, 50]  # of 0.1 ms, in a file that counts ms
     path = write_clip(tmp_path / "a.mkv", 8, stamps=stamps, time_base=Fraction(1, 10_000), codec="ffv1")
     video = open_video(path)
-    found = list(video.frames())
-    assert [frame.index for frame in found] == [0, 1, 2, 4, 5, 7]
-    assert [frame.t_s for frame in found] == [0.0, 0.001, 0.002, 0.003, 0.004, 0.005]
+    frames = list(video.frames())
+    assert [frame.index for frame in frames] == [0, 1, 2, 4, 5, 7]
+    assert [frame.t_s for frame in frames] == [0.0, 0.001, 0.002, 0.003, 0.004, 0.005]
     assert (
         "2 frames were left out, each with the same time as the frame before it (the first is frame 3)" in video.warning
     )
@@ -347,10 +347,10 @@ def by_matrix(path, image):
 
 def test_sample_is_spread_evenly_over_the_clip(tmp_path):
     video = open_video(write_clip(tmp_path / "a.mp4", 60))
-    found = video.sample(6)
-    assert [frame.index for frame in found] == [5, 15, 25, 35, 45, 55]
-    assert [frame.t_s for frame in found] == [k / 30 for k in (5, 15, 25, 35, 45, 55)]
-    for frame in found:
+    frames = video.sample(6)
+    assert [frame.index for frame in frames] == [5, 15, 25, 35, 45, 55]
+    assert [frame.t_s for frame in frames] == [k / 30 for k in (5, 15, 25, 35, 45, 55)]
+    for frame in frames:
         np.testing.assert_array_equal(frame.luma, image_of(frame.index))
 
 
@@ -370,13 +370,13 @@ def test_sample_near_key_frames_gives_the_frames_of_a_full_pass(tmp_path, monkey
     monkeypatch.setattr(iris_sysid.video.reader, "SAMPLING_PIXELS", 50 * WIDTH * HEIGHT)
     video = open_video(path, **bounds)
     whole = {frame.index: frame for frame in video.frames()}
-    found = video.sample(20)
+    frames = video.sample(20)
     assert video.decoded == 200 or bounds  # the sample itself made no pass
-    assert 15 <= len(found) <= 20
-    indices = [frame.index for frame in found]
+    assert 15 <= len(frames) <= 20
+    indices = [frame.index for frame in frames]
     assert indices == sorted(set(indices))
     assert max(np.diff(indices)) <= 3 * len(whole) / 20
-    for frame in found:
+    for frame in frames:
         assert frame.t_s == whole[frame.index].t_s
         np.testing.assert_array_equal(frame.luma, whole[frame.index].luma)
 
@@ -407,9 +407,9 @@ def test_sample_of_large_pictures_holds_as_many_of_a_short_clip_as_of_a_long_one
 
 @pytest.mark.parametrize("count", [1, 2, 5, 16, 50])
 def test_sample_of_a_clip_of_unknown_length_is_even_and_bounded(tmp_path, count):
-    found = [frame.index for frame in open_video(write_clip(tmp_path / "a.h264", 50), fps=30).sample(count)]
-    assert max(1, count // 2) <= len(found) <= count
-    assert len(set(np.diff(found))) <= 1
+    indices = [frame.index for frame in open_video(write_clip(tmp_path / "a.h264", 50), fps=30).sample(count)]
+    assert max(1, count // 2) <= len(indices) <= count
+    assert len(set(np.diff(indices))) <= 1
 
 
 def test_sample_of_no_frames_is_refused(tmp_path):
@@ -434,9 +434,9 @@ def test_clip_cut_by_an_edit_list_is_whole(tmp_path):
                 packet.stream = stream
                 writer.mux(packet)
     video = open_video(cut)
-    found = list(video.frames())
-    assert [frame.t_s for frame in found] == [k / 10 for k in range(20)]
-    np.testing.assert_array_equal(found[0].luma, image_of(10))
+    frames = list(video.frames())
+    assert [frame.t_s for frame in frames] == [k / 10 for k in range(20)]
+    np.testing.assert_array_equal(frames[0].luma, image_of(10))
     assert (video.n_expected, video.warning) == (20, "")
 
 
@@ -818,9 +818,9 @@ def test_pictures_are_turned_as_their_exif_says_like_opencv_does(tmp_path, exif)
 
 def test_pictures_sampled_near_nothing_are_picked_by_number(tmp_path, monkeypatch):
     monkeypatch.setattr(iris_sysid.video.reader, "SAMPLING_PIXELS", 1)
-    found = open_video(write_pictures(tmp_path / "shots", range(40)), fps=10).sample(10)
-    assert len(found) == 10
-    for frame in found:
+    frames = open_video(write_pictures(tmp_path / "shots", range(40)), fps=10).sample(10)
+    assert len(frames) == 10
+    for frame in frames:
         np.testing.assert_array_equal(frame.luma, image_of(frame.index))
         assert frame.t_s == frame.index / 10
 
