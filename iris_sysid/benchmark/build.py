@@ -1,4 +1,4 @@
-"""Build the benchmark in one folder: rows from every source, then all tables from the rows."""
+"""Build the benchmark in one folder: rows from every source, then all tables from these rows."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from iris_sysid.benchmark.tables.pages import check_pages, write_pages
 from iris_sysid.errors import DataError
 from iris_sysid.io.files import origin_of, sha256_of
 
-DOCUMENT = "benchmark"  # what a manifest says it is of
+DOCUMENT = "benchmark"  # name of this kind of document in its manifest
 
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """What the benchmark is made from: files by the name of the method, earlier rows, and the rows of a data set."""
+    """Inputs of the benchmark: files by the name of the method, earlier rows, and the rows of a data set."""
 
     latent: Mapping[str, Path] = field(default_factory=dict)
     predictions: Mapping[str, Path] = field(default_factory=dict)
@@ -38,7 +38,7 @@ def build(
     options: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> dict[str, Path]:
-    """Gather flat rows and write every table that they fill.
+    """Collect the flat rows and write every table that has rows.
 
     Parameters
     ----------
@@ -47,9 +47,9 @@ def build(
     output
         Folder of ``rows.csv``, the pages and the manifest; the files of an earlier benchmark in it are replaced.
     reference
-        Method that the differences of the long table are against.
+        Method that the long table subtracts from every error.
     options
-        What else the rows depend on; kept in the manifest.
+        Other settings that the rows depend on; kept in the manifest.
     overwrite
         Replace files that no benchmark wrote.
 
@@ -61,7 +61,7 @@ def build(
     Raises
     ------
     DataError
-        When there is nothing to make rows from, or a file cannot be read.
+        When no input has any rows, or a file cannot be read.
     OutputError
         When the folder cannot be written.
     """
@@ -75,14 +75,14 @@ def build(
 
 
 def can_write(folder: Path, *, overwrite: bool) -> bool:
-    """Whether the files in ``folder`` are to be replaced; OutputError, before any work, when they may not be."""
+    """Whether the files in ``folder`` are to be replaced; raises OutputError when they must not be."""
     replace = overwrite or is_benchmark(folder)
     check_pages(folder, overwrite=replace)
     return replace
 
 
 def rows_of(inputs: Inputs) -> tuple[pd.DataFrame, list[str]]:
-    """All flat rows, those of the data set first, then earlier ones; and one line on each gap."""
+    """All flat rows (of the data set, earlier ones, of the files), and one line per gap."""
     earlier = [] if inputs.rows is None else [read_rows(inputs.rows)]
     measured = [] if inputs.dataset is None else [inputs.dataset.rows]
     given, gaps = given_rows(inputs.latent, inputs.predictions)
@@ -90,7 +90,7 @@ def rows_of(inputs: Inputs) -> tuple[pd.DataFrame, list[str]]:
 
 
 def manifest_of(inputs: Inputs, rows: pd.DataFrame, options: Mapping[str, Any]) -> dict[str, Any]:
-    """What the rows were made from: hashes of the files, options, versions, and how many clips each table is over.
+    """The origin of the rows: hashes of the files, options, versions, and the clips of each table.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def manifest_of(inputs: Inputs, rows: pd.DataFrame, options: Mapping[str, Any]) 
     rows
         All flat rows.
     options
-        What else the result depends on.
+        Other settings that the result depends on.
     """
     return {
         "document": DOCUMENT,
@@ -115,7 +115,7 @@ def manifest_of(inputs: Inputs, rows: pd.DataFrame, options: Mapping[str, Any]) 
 
 
 def splits_of(rows: pd.DataFrame) -> list[dict[str, Any]]:
-    """Which clips each method was scored on, by study, data set and method: the split really used."""
+    """The clips on which each method was scored, by study, data set and method: the split in use."""
     by = ["study", "dataset", "method"]
     splits = []
     for (study, dataset, method), group in rows.groupby(by, sort=False):
@@ -127,7 +127,7 @@ def splits_of(rows: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def is_benchmark(folder: str | Path) -> bool:
-    """Whether a folder holds what an earlier benchmark wrote, so that its files may be replaced."""
+    """Whether an earlier benchmark wrote the files in a folder, so that they may be replaced."""
     try:
         manifest = json.loads((Path(folder) / "manifest.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):

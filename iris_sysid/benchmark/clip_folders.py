@@ -12,21 +12,21 @@ from iris_sysid.io.schemas.groundtruth import MeasuredDocument
 from iris_sysid.types import Progress, Trajectory
 
 TRAJECTORY = "trajectory.csv"  # in a folder of ``run``
-TRACK = "track.csv"  # beside it, and no trajectory
+TRACK = "track.csv"  # in the same folder; not a trajectory
 
 
 def is_dataset(path: Path) -> bool:
-    """Whether a folder holds the folder of a class that some phenomenon shows."""
+    """Whether a folder holds the folder of any registered benchmark class."""
     return path.is_dir() and any((path / name).is_dir() for name in benchmark_classes())
 
 
 def tables_in(path: Path) -> list[Path]:
-    """The trajectories of a path, in the order of their names: itself, or those in it and in its folders.
+    """The trajectory files of a path, sorted by name: the file itself, or those in the folder and its subfolders.
 
     Raises
     ------
     DataError
-        When a folder holds none.
+        When the folder holds no trajectory.
     """
     if not path.is_dir():
         return [path]
@@ -59,7 +59,7 @@ def clips_of_dataset(
     tell: Callable[[str], None],
     progress: Progress | None = None,
 ) -> list[Trajectory]:
-    """Measure the clips of one phenomenon, those not measured before, and read what was fitted of each.
+    """Measure the clips of one phenomenon that were not measured before, and read the fitted trajectory of each.
 
     Parameters
     ----------
@@ -68,13 +68,13 @@ def clips_of_dataset(
     phenomenon
         Registered name.
     work
-        Where what each clip gave is kept; see :func:`iris_sysid.benchmark.groundtruth.measure.measure`.
+        Folder of the measurements; see :func:`iris_sysid.benchmark.groundtruth.measure.measure`.
     board
-        What is known of the checkerboards.
+        The checkerboards, as measured by hand.
     trials
-        Only so many clips of each setting; None for all.
+        At most this many clips of each setting; None for all.
     tell
-        Called with a line about each clip that is left out, and why.
+        Called with one line per clip that is left out, with the reason.
     progress
         Called with (clips done, clips in all).
 

@@ -1,6 +1,6 @@
-"""List the clips of a data set ``<Class>/<setting>/<clip>.mp4``, and name what is missing or cannot be used.
+"""List the clips of a data set ``<Class>/<setting>/<clip>.mp4``, with the missing and unusable ones.
 
-The phenomena themselves say which classes show them (``Phenomenon.classes``). No file is opened here.
+Each phenomenon lists its classes (``Phenomenon.classes``). No file is opened here.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.types import BenchmarkClass
 
-BOARD = "checkerboard"  # the clip of a class folder that its camera is calibrated by
+BOARD = "checkerboard"  # the clip of a class folder that calibrates its camera
 SUFFIXES = (".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".gif")
 NAME = re.compile(r"[^\W_](?:[\w .+-]*[\w+-])?")  # letters first: no hidden file, no control character, no separator
 LONGEST_NAME = 100
@@ -49,9 +49,9 @@ class Gap:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Listing:
-    """The clips of a data set in the order of their names; checkerboards by class; what is missing or left out.
+    """The clips of a data set in the order of their names; checkerboards by class; missing and unused parts.
 
-    ``unknown`` are the folders that are no class of any phenomenon; they are among the ``gaps`` too.
+    ``unknown`` are the folders that are not a class of any phenomenon; they are among the ``gaps`` too.
     """
 
     folder: Path
@@ -83,9 +83,9 @@ def benchmark_classes() -> dict[str, tuple[str, BenchmarkClass]]:
 def list_clips(folder: str | Path) -> Listing:
     """List the clips of a data set and name its gaps, without opening any file.
 
-    Links to files and folders are followed. Left out, and named: what is no ordinary file or cannot be read, names
-    with other characters than letters, digits, ``_ . + -`` and spaces, a second file for the same clip, and classes
-    that no phenomenon has. Files that are no clips (truth, tables, hidden files) are passed over.
+    Links to files and folders are followed. Left out and listed as gaps: special and unreadable files, names with
+    other characters than letters, digits, ``_ . + -`` and spaces, a second file for the same clip, and unknown
+    classes. Files that are not clips (truth, tables, hidden files) are ignored.
 
     Parameters
     ----------
@@ -95,12 +95,12 @@ def list_clips(folder: str | Path) -> Listing:
     Returns
     -------
     Listing
-        Also missing settings, and missing numbers where clips are numbered.
+        Its gaps include missing settings and, where clips are numbered, missing numbers.
 
     Raises
     ------
     DataError
-        When the folder cannot be read or has no class in it.
+        When the folder cannot be read or contains no class.
     """
     root, known = Path(folder), benchmark_classes()
     gaps: list[Gap] = []
@@ -120,7 +120,7 @@ def list_clips(folder: str | Path) -> Listing:
 
 
 def _entries(folder: Path, prefix: str, gaps: list[Gap]) -> list[str]:
-    """Sorted names in a folder that may be used; the others are named as gaps."""
+    """Sorted usable names in a folder; the others become gaps."""
     try:
         names = sorted(path.name for path in folder.iterdir())
     except OSError as error:
@@ -138,7 +138,7 @@ def _entries(folder: Path, prefix: str, gaps: list[Gap]) -> list[str]:
 
 def _unknown(name: str, known: Mapping[str, object]) -> str:
     close = get_close_matches(name, known, n=1) or [
-        known_value for known_value in known if known_value.lower() == name.lower()
+        class_name for class_name in known if class_name.lower() == name.lower()
     ]
     hint = f"; did you mean {close[0]}?" if close else ""
     return f"unknown class: no phenomenon has it{hint}"
@@ -151,7 +151,7 @@ def _board(folder: Path) -> Path | None:
 
 
 def _of_class(root: Path, name: str, phenomenon: str, described: BenchmarkClass, gaps: list[Gap]) -> Iterator[Clip]:
-    """Clips of one class; what it lacks beside the published data set is added to the gaps."""
+    """Clips of one class; settings and clips missing from the published data set become gaps."""
     settings = [entry for entry in _entries(root / name, f"{name}/", gaps) if (root / name / entry).is_dir()]
     gaps.extend(
         Gap(f"{name}/{setting}", "this setting is missing") for setting in described.settings if setting not in settings
@@ -183,7 +183,7 @@ def _clips(folder: Path, prefix: str, gaps: list[Gap]) -> dict[str, Path]:
 
 
 def _missing(names: list[str], trials: int) -> list[str]:
-    """Numbers from 1 to ``trials`` that no clip has, spelt as the others are; none where clips are not numbered."""
+    """Missing numbers from 1 to ``trials``, as wide as those of the clips; none where clips are not numbered."""
     if not all(name.isascii() and name.isdigit() for name in names):
         return []
     width = min((len(name) for name in names), default=2)

@@ -1,4 +1,4 @@
-"""Rows of a data set: measure every clip once, study it, and keep each study on disk for the next run."""
+"""Rows of a data set: measure and study every clip once, and keep each study on disk for the next run."""
 
 from __future__ import annotations
 
@@ -32,17 +32,21 @@ from iris_sysid.io.files import json_text, write_atomic
 from iris_sysid.io.schemas.groundtruth import MeasuredDocument
 from iris_sysid.types import Progress, with_progress
 
-PER_CLIP = (*STUDY_OF, SELECTION)  # studies of one clip; robustness is of a few clips, sharing of a setting
+PER_CLIP = (
+    *STUDY_OF,
+    SELECTION,
+)  # studies of a single clip; robustness takes a few clips, sharing all clips of a setting
 ALL_STUDIES = (*PER_CLIP, ROBUSTNESS, SHARING)
 Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Plan:
-    """What to do with a data set.
+    """How to measure and study a data set.
 
-    ``name`` of the data set in the tables; ``studies`` of ``ALL_STUDIES`` beside the bank's own fit; ``studied``: only
-    so many clips of each setting for them, None for all; ``robustness``: so many clips are changed and measured again.
+    ``name`` of the data set in the tables; ``studies`` of ``ALL_STUDIES`` in addition to the bank's own fit;
+    ``studied``: at most this many clips of each setting, None for all; ``robustness``: number of clips that are
+    degraded and measured again.
     """
 
     name: str
@@ -57,7 +61,7 @@ class Plan:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DatasetRows:
-    """Flat rows, one line on each gap, and the sha256 of each clip by its place (None where it could not be read)."""
+    """Flat rows, one line per gap, and the sha256 of each clip by its path (None where it could not be read)."""
 
     rows: pd.DataFrame
     gaps: tuple[str, ...]
@@ -66,7 +70,7 @@ class DatasetRows:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Unit:
-    """One study of one clip: what can be done in a process of its own, and the file that keeps its rows."""
+    """One study of one clip, the unit of parallel work, and the file of its rows."""
 
     subject: Subject
     study: str
@@ -83,9 +87,9 @@ def dataset_rows(
     progress: Progress | None = None,
     tell: Say | None = None,
 ) -> DatasetRows:
-    """Measure a data set, study its clips, and give their flat rows.
+    """Measure a data set, study its clips, and return their flat rows.
 
-    A clip whose file, measurement and versions are as before is neither measured nor studied again.
+    A clip whose file, measurement and package versions are unchanged is neither measured nor studied again.
 
     Parameters
     ----------
@@ -94,18 +98,18 @@ def dataset_rows(
     work
         Folder of the measurements and of the rows of each study.
     plan
-        What to do.
+        Name, studies and number of clips.
     progress
-        Called with (steps done, steps in all), first for the clips and then for their studies.
+        Called with (steps done, total number of steps), first for the clips and then for their studies.
     tell
-        Called with a line about each clip that failed.
+        Called with one line per clip that failed.
 
     Raises
     ------
     DataError
-        When the folder is no data set, or a study is unknown.
+        When the folder is not a data set, or a study is unknown.
     OutputError
-        When the work cannot be written.
+        When a file in ``work`` cannot be written.
     """
     unknown = [name for name in plan.studies if name not in ALL_STUDIES]
     if unknown:
@@ -132,10 +136,10 @@ def dataset_rows(
 
 
 def _units(subjects: Sequence[Subject], work: Path, plan: Plan) -> Iterator[Unit]:
-    """The studies to do, in the order of ``PER_CLIP``, the clips in order."""
+    """All units of work: the studies in the order of ``PER_CLIP``, each over the clips in order."""
     turns = places([subject.clip for subject in subjects])
     few = [
-        subject for subject, place in zip(subjects, turns, strict=True) if plan.studied is None or place < plan.studied
+        subject for subject, turn in zip(subjects, turns, strict=True) if plan.studied is None or turn < plan.studied
     ]
     for study in (name for name in PER_CLIP if name in plan.studies):
         yield from (_unit(subject, study, work, plan) for subject in few)
@@ -144,9 +148,9 @@ def _units(subjects: Sequence[Subject], work: Path, plan: Plan) -> Iterator[Unit
 
 
 def _spread(subjects: Sequence[Subject], turns: Sequence[int], count: int) -> list[Subject]:
-    """So many clips over as many classes and settings as there are: each class's first, then its next setting.
+    """Choose ``count`` clips, spread over classes and settings: each class's first setting, then its next.
 
-    Clips that did not fit as they are say nothing of robustness, and are passed over.
+    Only clips with a good fit are chosen: a clip that fits badly before the change does not measure robustness.
     """
     settings: dict[str, list[str]] = {}
     for subject in subjects:
@@ -161,7 +165,7 @@ def _spread(subjects: Sequence[Subject], turns: Sequence[int], count: int) -> li
 
 
 def _unit(subject: Subject, study: str, work: Path, plan: Plan) -> Unit:
-    """The unit, its file named by what it depends on: the measurement (with versions and hashes), truth and seed."""
+    """The unit; a hash of the measurement (with versions and file hashes), truth and seed is part of its file name."""
     dependencies = {
         "measured": subject.measured.document.model_dump(mode="json"),
         "truth": {name: [true.value, true.source] for name, true in subject.truth.items()},
@@ -175,13 +179,13 @@ def _unit(subject: Subject, study: str, work: Path, plan: Plan) -> Unit:
     return Unit(subject, study, path, plan.measured, plan.seed)
 
 
-# --------------------------------------------------------------------------- doing
+# --------------------------------------------------------------------------- running
 
 
 def _all_done(units: Sequence[Unit], workers: int, progress: Progress | None) -> tuple[list[pd.DataFrame], list[str]]:
-    """The rows of every unit, in the order of the units, and a line on each that ended its process.
+    """The rows of every unit, in the order of the units, and one line per unit whose process died.
 
-    What an earlier run left is read.
+    Rows of an earlier run are read from disk.
     """
     kept = {unit.path: _kept(unit) for unit in units}
     missing, lost = [unit for unit in units if kept[unit.path] is None], []
@@ -194,10 +198,10 @@ def _all_done(units: Sequence[Unit], workers: int, progress: Progress | None) ->
 
 
 def _kept(unit: Unit) -> pd.DataFrame | None:
-    """Rows of an earlier run, whole; None when there are none."""
+    """The complete rows of an earlier run; None when there are none."""
     if not unit.path.is_file():
         return None
-    if unit.path.stat().st_size == 0:  # a study that has nothing to say of this clip
+    if unit.path.stat().st_size == 0:  # the study gives no rows for this clip
         return flat_rows([])
     try:
         return read_rows(unit.path)
@@ -206,12 +210,12 @@ def _kept(unit: Unit) -> pd.DataFrame | None:
 
 
 def _lost(unit: Unit) -> bool:
-    """Leave nothing, so that another run tries again."""
+    """Write no file, so that the next run tries again."""
     return False
 
 
 def work_on(unit: Unit) -> bool:
-    """Do one study of one clip and keep its rows; nothing to say is an empty file. True when that is done."""
+    """Run one study of one clip and write its rows, an empty file for no rows. True when the file is written."""
     if unit.study == ROBUSTNESS:
         records = robustness_rows(unit.subject, unit.measured, seed=unit.seed)
     elif unit.study == SELECTION:

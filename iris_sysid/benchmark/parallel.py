@@ -1,4 +1,4 @@
-"""Run jobs in several processes; one that dies does not end the work of the others."""
+"""Run jobs in several processes; a process that dies does not stop the others."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Outcome = TypeVar("Outcome")
 
 
 def check_workers(workers: int) -> None:
-    """Raise DataError unless this is a number of processes."""
+    """Raise DataError unless ``workers`` is a valid number of processes."""
     if not isinstance(workers, int) or not 1 <= workers <= MOST_WORKERS:
         raise DataError(f"workers must be a whole number from 1 to {MOST_WORKERS}, not {workers!r}")
 
@@ -31,13 +31,13 @@ def side_by_side(
     Parameters
     ----------
     work
-        A function that a new process can import; what it raises ends the run.
+        A function that a new process can import; an exception in it ends the run.
     jobs
-        What it is called with.
+        Its arguments, one job each.
     workers
-        Processes side by side; one is this process.
+        Number of parallel processes; 1 runs all jobs in this process.
     lost
-        Called in place of ``work`` for a job whose process died, e.g. for want of memory.
+        Called instead of ``work`` for a job whose process died, e.g. because it ran out of memory.
     """
     if workers == 1 or len(jobs) < 2:
         for job in jobs:
@@ -47,7 +47,10 @@ def side_by_side(
     with suppress(BrokenProcessPool):
         for number, outcome in _pooled(work, waiting, workers):
             yield waiting.pop(number), outcome
-    for number, job in waiting.items():  # a process died: one of these jobs ends it, so each has one for itself
+    for (
+        number,
+        job,
+    ) in waiting.items():  # one of these jobs killed its process: each runs alone now
         try:
             yield job, next(outcome for _, outcome in _pooled(work, {number: job}, 1))
         except BrokenProcessPool:
@@ -55,7 +58,7 @@ def side_by_side(
 
 
 def _pooled(work: Callable[[Job], Outcome], jobs: dict[int, Job], workers: int) -> Iterator[tuple[int, Outcome]]:
-    # spawn: a fork would copy the locks of the decoder's and the encoder's threads
+    # spawn: a fork would copy locks that threads of the decoder and encoder hold
     with ProcessPoolExecutor(min(workers, len(jobs)), multiprocessing.get_context("spawn")) as pool:
         waiting = {pool.submit(work, job): number for number, job in jobs.items()}
         try:

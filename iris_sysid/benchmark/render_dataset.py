@@ -25,7 +25,7 @@ from iris_sysid.synthetic.scene import SCENES, Scene
 from iris_sysid.synthetic.truth import truth_paths
 from iris_sysid.types import Progress, with_progress
 
-WORKSHOP = ".rendering"  # where clips are until they are whole
+WORKSHOP = ".rendering"  # folder of unfinished clips
 MANIFEST = "manifest.json"
 BOARD = "checkerboard.mp4"
 MOST_TRIALS = 999
@@ -33,7 +33,7 @@ MOST_TRIALS = 999
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One clip to render: ``place`` is where it goes in the data set; no ``setting`` means the checkerboard."""
+    """One clip to render: ``place`` is its path in the data set; ``setting`` is None for the checkerboard."""
 
     place: str
     phenomenon: str
@@ -48,7 +48,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Dataset:
-    """What :func:`render_dataset` did: clips written now, and those that were there already."""
+    """The result of :func:`render_dataset`: clips written now, and clips kept from an earlier run."""
 
     folder: Path
     written: tuple[Path, ...]
@@ -70,9 +70,9 @@ def render_dataset(
 ) -> Dataset:
     """Render the benchmark's clips as ``<Class>/<setting>/<clip>.mp4`` with ``parameters.json`` beside the classes.
 
-    Each clip has its truth beside it, each class a ``checkerboard.mp4`` filmed by its camera. Trials differ as repeated
-    experiments do (angle of release, friction, ...). A clip depends on the seed and its own name only, so that any
-    part can be rendered alone. Finished clips of an earlier run are kept.
+    The truth of each clip is written beside it; each class has a ``checkerboard.mp4`` filmed by its camera. Trials
+    differ as repeated experiments do (angle of release, friction, ...). A clip depends only on the seed and its own
+    name, so that any part can be rendered alone. Finished clips of an earlier run are kept.
 
     Parameters
     ----------
@@ -83,35 +83,35 @@ def render_dataset(
     fps
         Frames per second.
     trials
-        Clips a setting.
+        Number of clips of each setting.
     seed
-        Of the whole data set.
+        Random seed of the whole data set.
     workers
-        Processes that render side by side.
+        Number of parallel processes.
     phenomena
         Names of scenes; None means the benchmark's eight phenomena, LED and Torricelli.
     duration_s
-        Length of every clip; None: as long as the benchmark's.
+        Length of every clip in s; None for the length of the benchmark's clips.
     look
-        What is drawn and how.
+        Appearance of the clips.
     progress
-        Called with (clips done, clips in all).
+        Called with (clips done, total number of clips).
 
     Returns
     -------
     Dataset
-        What was written and what was there.
+        The clips written now and the clips kept.
 
     Raises
     ------
     UnknownNameError
         For a phenomenon that does not exist.
     DataError
-        For numbers that make no clip.
+        For numbers from which no clip can be rendered.
     OutputError
         When the folder holds another data set, or cannot be written.
     IrisError
-        When some clips failed; all others are finished, and the text names those that are missing.
+        When some clips failed; all others are finished, and the message lists the failed ones.
     """
     look, root = look or Look(), Path(folder)
     scenes = [scene_named(name) for name in (phenomena if phenomena is not None else SCENES)]
@@ -156,8 +156,8 @@ def _jobs(
         for setting in scene.settings:
             for trial in range(1, trials + 1):
                 place = f"{scene.folder}/{setting}/{trial:02d}.mp4"
-                own = _seed_of(seed, place)
-                yield Job(place, scene.name, setting, own, _scattered(scene, setting, own), *common)
+                clip_seed = _seed_of(seed, place)
+                yield Job(place, scene.name, setting, clip_seed, _scattered(scene, setting, clip_seed), *common)
 
 
 def _seed_of(seed: int, place: str) -> int:
@@ -165,19 +165,19 @@ def _seed_of(seed: int, place: str) -> int:
 
 
 def _scattered(scene: Scene, setting: str, seed: int) -> tuple[tuple[str, float], ...]:
-    """The parameters of one trial that differ from the setting's, within the scene's bounds."""
+    """Parameters of one trial, drawn about the setting's values within the scene's bounds."""
     rng, values = np.random.default_rng([seed, 7]), scene.settings[setting]
     drawn = []
     for parameter in scene.parameters:
         if parameter.name in scene.scatter:
-            usual = values.get(parameter.name, float(parameter.default or 0.0))
-            value = usual + scene.scatter[parameter.name] * float(np.clip(rng.standard_normal(), -3, 3))
+            mean = values.get(parameter.name, float(parameter.default or 0.0))
+            value = mean + scene.scatter[parameter.name] * float(np.clip(rng.standard_normal(), -3, 3))
             drawn.append((parameter.name, min(max(value, parameter.lower), parameter.upper)))
     return tuple(drawn)
 
 
 def _claim(root: Path, options: Mapping[str, Any]) -> None:
-    """Write the manifest, or check that the one that is there says the same."""
+    """Write the manifest, or check that the existing one has the same options."""
     manifest = root / MANIFEST
     if not manifest.exists():
         write_atomic(manifest, json_text({"schema": 1, "origin": origin_of(None, options)}))
@@ -190,13 +190,13 @@ def _claim(root: Path, options: Mapping[str, Any]) -> None:
     now = json.loads(json_text(options))
     different = [name for name in now if earlier.get(name) != now[name]]
     if different:
-        said = ", ".join(f"{name} = {earlier.get(name)}" for name in different)
-        raise OutputError(f"{root} holds a data set with {said}; give another folder, or the same options")
+        differences = ", ".join(f"{name} = {earlier.get(name)}" for name in different)
+        raise OutputError(f"{root} holds a data set with {differences}; give another folder, or the same options")
 
 
 @contextmanager
 def _workshop(root: Path) -> Iterator[None]:
-    """An empty folder for unfinished clips, removed afterwards: also what an interrupted run left in it."""
+    """An empty folder for unfinished clips, removed afterwards; remains of an interrupted run are removed first."""
     shutil.rmtree(root / WORKSHOP, ignore_errors=True)
     try:
         yield
@@ -205,7 +205,7 @@ def _workshop(root: Path) -> Iterator[None]:
 
 
 def _check_all(outcomes: Iterable[tuple[Job, IrisError | None]]) -> None:
-    """Raise IrisError, after all jobs are done, when some of them failed."""
+    """Wait for all jobs, then raise IrisError when some of them failed."""
     errors = [(job.place, error) for job, error in outcomes]
     failed = [f"{place}: {error}" for place, error in errors if error is not None]
     if failed:
@@ -227,17 +227,17 @@ def _lost(job: Job) -> IrisError:
 
 
 def _render_one(job: Job, root: Path) -> None:
-    """Render a clip in the workshop, then move its truth and last the clip itself to where they belong."""
+    """Render into the folder of unfinished clips, then move the truth and, last, the clip to the data set."""
     target = root / job.place
-    made = root / WORKSHOP / job.place
+    unfinished = root / WORKSHOP / job.place
     if job.setting is None:
         render_checkerboard(
-            job.phenomenon, made, size=job.size, fps=job.fps, seed=job.seed, look=job.look, overwrite=True
+            job.phenomenon, unfinished, size=job.size, fps=job.fps, seed=job.seed, look=job.look, overwrite=True
         )
     else:
         render_clip(
             job.phenomenon,
-            made,
+            unfinished,
             size=job.size,
             fps=job.fps,
             duration_s=job.duration_s,
@@ -249,7 +249,8 @@ def _render_one(job: Job, root: Path) -> None:
         )
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        for source, goal in zip((*truth_paths(made), made), (*truth_paths(target), target), strict=True):
+        sources, goals = (*truth_paths(unfinished), unfinished), (*truth_paths(target), target)
+        for source, goal in zip(sources, goals, strict=True):
             if source.exists():
                 source.replace(goal)
     except OSError as error:
@@ -260,7 +261,7 @@ def _render_one(job: Job, root: Path) -> None:
 
 
 def _write_parameters(root: Path) -> None:
-    """Write what was put into the clips that are there, as the benchmark's scripts read it."""
+    """Write the true parameters of the rendered clips in the form that the benchmark's scripts read."""
     document: dict[str, Any] = {}
     for scene in SCENES.values():
         settings = {
@@ -274,10 +275,10 @@ def _write_parameters(root: Path) -> None:
 
 
 def _setting_parameters(scene: Scene, clips: Sequence[Path]) -> dict[str, Any]:
-    told = [json.loads(clip.read_text(encoding="utf-8"))["parameters"] for clip in clips]
+    truths = [json.loads(clip.read_text(encoding="utf-8"))["parameters"] for clip in clips]
     return {
-        theirs: _summary([parameters[ours]["value"] * factor for parameters in told], unit)
-        for ours, (theirs, factor, unit) in scene.published.items()
+        published_name: _summary([parameters[name]["value"] * factor for parameters in truths], unit)
+        for name, (published_name, factor, unit) in scene.published.items()
     }
 
 

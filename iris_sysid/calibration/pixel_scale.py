@@ -22,6 +22,7 @@ NO_LENS = "the lens does not distort"
 MARK_SIGMA_PX = 1.0  # how well a person points at something
 # standard deviation, on synthetic clips, of the autocorrelation of position errors about that of the outline's errors
 AUTOCORRELATION_ERROR = 0.1
+COMMON_PREFIX = "calibration: "  # of the parts of a calibration among the sources of error of a trajectory or a fit
 
 
 class TrackerAxes(Protocol):
@@ -312,7 +313,12 @@ def to_world(track: Track, calibration: Calibration, *, body: int | None = None)
 
 def common_source(name: str) -> str:
     """What the part ``name`` of a calibration's budget is called among the errors of a trajectory or a fit."""
-    return f"calibration: {name}"
+    return f"{COMMON_PREFIX}{name}"
+
+
+def is_common_source(source: str) -> bool:
+    """Whether a ``source`` of error of a trajectory or a fit is a part of a calibration's budget."""
+    return source.startswith(COMMON_PREFIX)
 
 
 def check_homography(homography: Array) -> None:

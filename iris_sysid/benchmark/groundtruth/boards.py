@@ -17,13 +17,13 @@ from iris_sysid.io.schemas.groundtruth import BoardEntry, MeasuredDocument, Scal
 from iris_sysid.types import Progress
 
 NAME = "calibration.json"
-BESIDE = (".json", ".truth.json")  # where the squares of a board may be written down, beside its clip
+BESIDE = (".json", ".truth.json")  # files beside a clip that may hold the size of its board
 
 
 def board_of(clip: Path, class_name: str, measured: MeasuredDocument) -> BoardEntry:
-    """What board a clip shows: as measured by hand, else as ``checkerboard.json`` beside it says.
+    """The board in a clip: as measured by hand, else from ``checkerboard.json`` beside it.
 
-    A synthetic clip has that in ``checkerboard.truth.json``; only its board is read.
+    A synthetic clip has ``checkerboard.truth.json`` instead; only the board is read from it.
 
     Parameters
     ----------
@@ -32,12 +32,12 @@ def board_of(clip: Path, class_name: str, measured: MeasuredDocument) -> BoardEn
     class_name
         The class.
     measured
-        What was measured by hand.
+        The direct measurements.
 
     Raises
     ------
     CalibrationError
-        When neither says.
+        When neither gives the board.
     """
     stated = measured.board(class_name)
     if stated is not None:
@@ -72,12 +72,12 @@ def scale_class(scale: ScaleEntry, folder: Path) -> Path:
     scale
         As stated.
     folder
-        Where the file goes.
+        Folder of the result.
 
     Raises
     ------
     CalibrationError
-        When it cannot be read.
+        When the scale cannot be read.
     """
     bar = "," in scale.scale.partition("=")[0]
     calibration = scale_bar_from_text(scale.scale) if bar else scale_from_text(scale.scale)
@@ -85,20 +85,20 @@ def scale_class(scale: ScaleEntry, folder: Path) -> Path:
 
 
 def calibrate_class(clip: Path, board: BoardEntry, folder: Path, progress: Progress | None = None) -> Path:
-    """Calibrate by the clip of a board into ``calibration.json``, unless that was done before.
+    """Calibrate by the clip of a board and write ``calibration.json``, unless it is up to date.
 
     The first view that shows the board is taken to be in the plane of motion.
 
     Parameters
     ----------
     clip
-        Shows the board.
+        Clip of the board.
     board
-        Its squares.
+        Its corners and squares.
     folder
-        Where the file goes.
+        Folder of the result.
     progress
-        Called with (frames done, expected).
+        Called with (frames done, frames expected).
 
     Returns
     -------
@@ -108,26 +108,26 @@ def calibrate_class(clip: Path, board: BoardEntry, folder: Path, progress: Progr
     Raises
     ------
     CalibrationError, VideoError
-        When the clip does not fix metres per pixel.
+        When the clip does not determine metres per pixel.
     """
-    path, beside = folder / NAME, folder / "calibration.origin.json"
+    path, origin_path = folder / NAME, folder / "calibration.origin.json"
     corners = f"{board.inner_corners[0]}x{board.inner_corners[1]}"
-    square = f"{board.square_m!r}+-{board.stderr_m!r}m"  # how earlier runs recorded it: they are not done again
+    square = f"{board.square_m!r}+-{board.stderr_m!r}m"  # the format of earlier runs, which are kept
     origin = plain_origin(origin_of(clip, {"board": corners, "square": square}))
-    if _kept(path, beside, origin):
+    if _kept(path, origin_path, origin):
         return path
     shown = Board(*board.inner_corners, board.square_m, board.stderr_m)
     plane = calibrate_plane(CalibrationRequest((clip,), ByBoard(shown)), progress)
     write_calibration(plane.calibration, path, overwrite=True)
-    write_atomic(beside, json_text({**origin, "calibration_sha256": sha256_of(path)}), overwrite=True)
+    write_atomic(origin_path, json_text({**origin, "calibration_sha256": sha256_of(path)}), overwrite=True)
     return path
 
 
-def _kept(path: Path, beside: Path, origin: dict[str, Any]) -> bool:
-    """Whether the calibration on file is of this clip, by these options."""
+def _kept(path: Path, origin_path: Path, origin: dict[str, Any]) -> bool:
+    """Whether the calibration on disk was made from this clip with these options."""
     try:
         read_calibration(path)
-        content = json.loads(beside.read_text(encoding="utf-8"))
+        content = json.loads(origin_path.read_text(encoding="utf-8"))
         return bool(content == {**origin, "calibration_sha256": sha256_of(path)})
     except (IrisError, OSError, ValueError):
         return False

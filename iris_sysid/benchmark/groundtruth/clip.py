@@ -1,4 +1,4 @@
-"""One clip of a data set, from the video to its document; what was done before is not done again."""
+"""One clip of a data set, from the video to its document; finished steps of an earlier run are kept."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from iris_sysid.video.reader import open_video
 
 FOCAL = 9  # index of the focal lengths among the values of a calibration
 RADIUS, GRAVITY, PROJECTED = "ball_radius", "gravity", "r0_f"
-KNOWN = (GRAVITY, RADIUS, "h0")  # values that fits may use; all others are to be estimated
+KNOWN = (GRAVITY, RADIUS, "h0")  # values that fits may use; all others are estimated
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Job:
-    """One clip to measure, what is known of it beforehand, and where its files go.
+    """One clip to measure, its known values, and the folder of its files.
 
     ``calibration`` is a calibration.json, or None without a scale.
     """
@@ -51,7 +51,7 @@ class Job:
         return self.folder / f"{self.clip.place}{suffix}"
 
     def options(self) -> dict[str, Any]:
-        """What the track depends on."""
+        """The options that the track depends on."""
         phenomenon = PHENOMENA[self.clip.phenomenon]
         return {
             "phenomenon": phenomenon.name,
@@ -63,7 +63,7 @@ class Job:
 
 
 def measure_clip(job: Job) -> tuple[bool, str]:
-    """Measure one clip, unless that was done before, and write its files.
+    """Measure one clip and write its files, unless they are up to date.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def measure_clip(job: Job) -> tuple[bool, str]:
     now : bool
         Whether it was measured now.
     reason : str
-        Why it failed; empty when it did not.
+        The reason of a failure, else empty.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def measure_clip(job: Job) -> tuple[bool, str]:
     except IrisError as error:
         return True, _failed(job, origin, str(error))
     except Exception as error:  # one clip must not end the run of all
-        return True, _failed(job, {}, f"unexpected {type(error).__name__}: {error}")  # no origin: it is tried again
+        return True, _failed(job, {}, f"unexpected {type(error).__name__}: {error}")  # no origin: the next run retries
 
 
 def _origin(job: Job) -> dict[str, Any]:
@@ -105,18 +105,20 @@ def _origin(job: Job) -> dict[str, Any]:
         for name, estimate in job.known.items()
     }
     calibration = None if job.calibration is None else sha256_of(job.calibration)
-    more = {"known": known, "calibration_sha256": calibration, "clock_stderr": job.clock_stderr}
-    return plain_origin(origin_of(job.clip.path, {**job.options(), **more}))
+    inputs = {"known": known, "calibration_sha256": calibration, "clock_stderr": job.clock_stderr}
+    return plain_origin(origin_of(job.clip.path, {**job.options(), **inputs}))
 
 
 def _earlier(job: Job, origin: Mapping[str, Any]) -> ClipDocument | None:
-    """The document of an earlier run with the same input, whole."""
+    """The document of an earlier run with the same input, when all its files exist; else None."""
     try:
         document = read_document(job.path(".json"), ClipDocument)
     except IrisError:
         return None
-    whole = all((job.path(".json").parent / name).is_file() for name in (document.track, document.trajectory) if name)
-    return document if whole and document.origin == origin else None
+    complete = all(
+        (job.path(".json").parent / name).is_file() for name in (document.track, document.trajectory) if name
+    )
+    return document if complete and document.origin == origin else None
 
 
 def _measured(job: Job, origin: Mapping[str, Any]) -> str:
@@ -136,7 +138,7 @@ def _measured(job: Job, origin: Mapping[str, Any]) -> str:
 
 
 def _tracks(job: Job, origin: Mapping[str, Any]) -> list[Track]:
-    """The bodies of the clip: those of an earlier run of the same file by the same options, else tracked now."""
+    """The tracks of the clip: from an earlier run on the same file with the same options, else made now."""
     expected = {**origin, "options": plain_origin(origin_of(None, job.options()))["options"]}
     path = job.path(".track.csv")
     try:
@@ -144,12 +146,12 @@ def _tracks(job: Job, origin: Mapping[str, Any]) -> list[Track]:
         if all(body.origin.get(key) == value for body in earlier for key, value in expected.items()):
             return earlier
     except IrisError:
-        pass  # not there, or not whole
+        pass  # missing or incomplete
     video = open_video(job.clip.path, fps=job.fps, keep_partial=job.keep_partial)
     bodies = TrackOptions(bodies=PHENOMENA[job.clip.phenomenon].bodies)
     tracks = track(video, PHENOMENA[job.clip.phenomenon].tracker, bodies)
     write_track(from_source(tracks, job.clip.path, job.options()), path, overwrite=True)
-    return read_track(path)  # so that what is fitted is what is on file, whenever it was tracked
+    return read_track(path)  # as stored, so that a new and a kept track give the same fit
 
 
 def _calibration(job: Job) -> Calibration:
@@ -166,23 +168,23 @@ def known_to_fit(
 ) -> tuple[dict[str, Estimate], list[str]]:
     """The known values that the fit of a clip uses, and what it estimates in addition.
 
-    A ball's radius times the focal length of a calibrated camera is the constant of its apparent size; with it the
-    fall itself gives gravity.
+    A ball's radius times the focal length of a calibrated camera is the constant of its apparent size; with this
+    constant the fall determines gravity.
 
     Parameters
     ----------
     phenomenon
-        Whose model it is.
+        Its model is fitted.
     known
-        By name; only gravity, the ball's radius, and its first distance are used.
+        By name; only gravity, the ball's radius and its initial distance are used.
     calibration
-        Perhaps with a camera.
+        With or without a camera.
     """
-    sought = {parameter.name for parameter in MODELS[phenomenon.model].parameters if not parameter.constant}
+    estimated = {parameter.name for parameter in MODELS[phenomenon.model].parameters if not parameter.constant}
     accepted = accepted_settings(phenomenon)
     in_px = calibration.unit == "px" and any(quantity.unit == "m" for quantity in MODELS[phenomenon.model].observed)
-    usable = () if in_px else KNOWN  # metres say nothing of a motion in px
-    settings = {name: known[name] for name in usable if name in known and name in accepted and name not in sought}
+    usable = () if in_px else KNOWN  # values in metres cannot be used for a motion in px
+    settings = {name: known[name] for name in usable if name in known and name in accepted and name not in estimated}
     if PROJECTED not in accepted or RADIUS not in known or "camera" not in calibration.budget:
         return settings, []
     constant = _projected(known[RADIUS], calibration)
@@ -192,10 +194,10 @@ def known_to_fit(
 def _projected(radius: Estimate, calibration: Calibration) -> Estimate:
     """Radius times focal length, px m."""
     focal = float(np.mean(calibration.values[FOCAL : FOCAL + 2]))
-    part = calibration.budget["camera"][FOCAL : FOCAL + 2, FOCAL : FOCAL + 2]
-    share = math.hypot(radius.stderr / radius.value, math.sqrt(float(np.mean(part))) / focal)
+    covariance = calibration.budget["camera"][FOCAL : FOCAL + 2, FOCAL : FOCAL + 2]
+    relative_stderr = math.hypot(radius.stderr / radius.value, math.sqrt(float(np.mean(covariance))) / focal)
     source = f"ball of {radius.value:g} m ({radius.source}) by a camera of {focal:.6g} px"
-    return Estimate(radius.value * focal, radius.value * focal * share, "px m", "direct", source)
+    return Estimate(radius.value * focal, radius.value * focal * relative_stderr, "px m", "direct", source)
 
 
 def _document(
@@ -233,7 +235,7 @@ def _head(job: Job, tracks: Sequence[Track]) -> dict[str, Any]:
 
 
 def _failed(job: Job, origin: Mapping[str, Any], reason: str, tracks: Sequence[Track] = ()) -> str:
-    """Write that the clip gave nothing, and the reason."""
+    """Write a document of a failed clip with the reason; returns the message."""
     message = reason.replace(str(job.clip.path), job.clip.path.name)  # the same on every machine
     document = checked(ClipDocument, **_head(job, tracks), status="failed", message=message, origin=origin)
     write_document(document, job.path(".json"), overwrite=True)
@@ -241,5 +243,5 @@ def _failed(job: Job, origin: Mapping[str, Any], reason: str, tracks: Sequence[T
 
 
 def record_failure(job: Job, reason: str) -> str:
-    """Write that a clip failed for a reason that may not hold another time; the reason is returned."""
+    """Write that a clip failed, without an origin, so that the next run tries again; returns the message."""
     return _failed(job, {}, f"unexpected end: {reason}")

@@ -20,12 +20,12 @@ INSTRUMENTS = {"m": "tape measure, mean of three", "deg": "protractor or inclino
 
 
 def read_measured(path: str | Path) -> MeasuredDocument:
-    """Read and check the file of what was measured by hand.
+    """Read and check the file of direct measurements.
 
     Raises
     ------
     DataError
-        When it is not such a file, or says the same thing twice.
+        When it is not such a file, or gives a value twice.
     """
     document = read_document(path, MeasuredDocument)
     seen = set()
@@ -38,14 +38,14 @@ def read_measured(path: str | Path) -> MeasuredDocument:
 
 
 def with_board(document: MeasuredDocument, board: Board) -> MeasuredDocument:
-    """The ``document`` with the ``board`` of all classes that have none of their own."""
+    """The ``document`` with the ``board`` for all classes that have no board of their own."""
     values = {"class": ANY, "inner_corners": (board.columns, board.rows), "square_m": board.square_m}
     entry = BoardEntry.model_validate({**values, "stderr_m": board.square_stderr_m})
     return document.model_copy(update={"boards": [*document.boards, entry]})
 
 
 def template() -> MeasuredDocument:
-    """What the benchmark publishes as measured by hand, with its uncertainties: to be corrected and completed."""
+    """The published direct measurements with their uncertainties, for the user to correct and complete."""
     published = truths()
     direct = published[(published["dataset"] == "iris") & (published["measurement_type"] == "direct")]
     values = [
@@ -72,15 +72,15 @@ def template() -> MeasuredDocument:
 
 
 def _published_name(class_name: str, parameter: str) -> str:
-    """The name that a parameter of ours has in ``parameters.json``."""
+    """The name of our parameter in ``parameters.json``."""
     return benchmark_classes()[class_name][1].parameters.get(parameter, parameter)
 
 
 def _value(
     class_name: str, setting: str, parameter: str, value: float, uncertainty: float, unit: str, **more: str
 ) -> MeasuredValue:
-    wide = 0.0 if math.isnan(uncertainty) else uncertainty
+    half_width = 0.0 if math.isnan(uncertainty) else uncertainty
     return MeasuredValue.model_validate(
-        {"class": class_name, "setting": setting, "parameter": parameter, "value": value, "uncertainty": wide}
+        {"class": class_name, "setting": setting, "parameter": parameter, "value": value, "uncertainty": half_width}
         | {"unit": unit, **more}
     )

@@ -1,4 +1,4 @@
-"""Explain differences between clips and direct measurements: another length, another angle."""
+"""Explain differences between clips and direct measurements: another definition of length or angle."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MUCH_NEARER = 3.0  # times
 def notes_on(
     name: str, regenerated: RegeneratedValue | None, difference: ValueEntry | None, by_hand: Mapping[str, Estimate]
 ) -> list[str]:
-    """Say what is to be known of a parameter, and what explains that clips and direct measurement differ.
+    """Notes on a parameter, and the likely cause where clips and direct measurement differ.
 
     Parameters
     ----------
@@ -30,39 +30,39 @@ def notes_on(
     regenerated
         From the clips.
     difference
-        Regenerated less direct, where there are both.
+        Regenerated minus direct value, where both exist.
     by_hand
-        All that was measured of the setting.
+        All direct measurements of the setting.
 
     Returns
     -------
     list of str
-        Empty where there is nothing to say.
+        Empty without a note.
     """
     notes = [ROPE_SAID] if name in ROPES and regenerated is not None else []
     if regenerated is not None and any(clip.used and clip.status == "misfit" for clip in regenerated.clips.values()):
         notes.append(MISFIT)
     if regenerated is None or difference is None:
         return notes
-    difference_, half = number(difference.value), number(difference.expanded_uncertainty)
-    if not abs(difference_) > half:
+    deviation, half = number(difference.value), number(difference.expanded_uncertainty)
+    if not abs(deviation) > half:
         return notes
-    statement = f"clips and direct value differ by {difference_:.3g} +- {half:.2g} {difference.unit} (95 %)"
-    return [*notes, f"{statement}{_explained(name, regenerated, difference_, half, by_hand)}"]
+    statement = f"clips and direct value differ by {deviation:.3g} +- {half:.2g} {difference.unit} (95 %)"
+    return [*notes, f"{statement}{_explained(name, regenerated, deviation, half, by_hand)}"]
 
 
 def _explained(
-    name: str, regenerated: RegeneratedValue, off: float, half: float, by_hand: Mapping[str, Estimate]
+    name: str, regenerated: RegeneratedValue, deviation: float, half: float, by_hand: Mapping[str, Estimate]
 ) -> str:
-    """The rest of the sentence: what would make up for it; empty where nothing is known to."""
+    """A clause that names the cause of a deviation; empty where no cause is known."""
     if name in ROPES and "ball_radius" in by_hand:
         radius = by_hand["ball_radius"]
-        left = math.hypot(half, NORMAL_975 * radius.stderr)
-        explains = "explains it" if abs(off - radius.value) <= left else "does not explain all of it"
+        tolerance = math.hypot(half, NORMAL_975 * radius.stderr)
+        explains = "explains it" if abs(deviation - radius.value) <= tolerance else "does not explain all of it"
         return f"; the ball's radius, {radius.value:.3g} {radius.unit}, {explains}"
     if name == "angle":
-        complement = 90.0 - (number(regenerated.value) - off)
-        if MUCH_NEARER * abs(number(regenerated.value) - complement) < abs(off):
+        complement = 90.0 - (number(regenerated.value) - deviation)
+        if MUCH_NEARER * abs(number(regenerated.value) - complement) < abs(deviation):
             return (
                 f"; 90 deg less the direct value, {complement:.3g} deg, is nearer: was it measured from the vertical?"
             )

@@ -1,4 +1,4 @@
-"""Effects that the published equation lacks on the clips of one setting, by diagnosis."""
+"""Effects missing from the published equation on the clips of one setting, by diagnosis."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def lacking_effects(clips: Sequence[ClipMeasurement]) -> list[str]:
     Returns
     -------
     list of str
-        The sentence of the diagnosis with its notes; the reason where there is none.
+        The text of the diagnosis with its notes, or the reason why there is none.
     """
     usable = [clip for clip in clips if clip.document.usable][:MOST_CLIPS]
     trajectories: list[Trajectory] = [trajectory for clip in usable if (trajectory := clip.trajectory()) is not None]
@@ -44,7 +44,7 @@ def lacking_effects(clips: Sequence[ClipMeasurement]) -> list[str]:
 
 
 def _held(clip: ClipMeasurement, names: set[str]) -> dict[str, Estimate]:
-    """What the fits of the setting were told."""
+    """The direct measurements that the fits of the setting held fixed."""
     estimates = clip.document.estimates()
     return {
         name: estimate

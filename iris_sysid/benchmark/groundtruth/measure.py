@@ -19,16 +19,16 @@ from iris_sysid.io.schemas.groundtruth import ClipDocument, MeasuredDocument
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.types import Calibration, Progress, Track, Trajectory, with_progress
 
-NOT_BY_BOARD = ("angle", "intensity")  # what a phenomenon measures without any scale
+NOT_BY_BOARD = ("angle", "intensity")  # observables that need no scale
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ClipMeasurement:
     """The measurement of one clip of a data set, as kept on disk.
 
-    ``clip`` says which (class, setting, name, path, phenomenon); ``document`` holds status, message, estimates with
+    ``clip`` identifies it (class, setting, name, path, phenomenon); ``document`` holds status, message, estimates with
     their budgets, geometry, noise and origin (source, sha256, options, versions). A clip that could not be tracked
-    or fitted has the status ``failed`` and says why; nothing else in it is then set.
+    or fitted has the status ``failed`` and a message with the reason, but no estimates.
     """
 
     clip: Clip
@@ -36,27 +36,27 @@ class ClipMeasurement:
     folder: Path
 
     def trajectory(self) -> Trajectory | None:
-        """The observable that was fitted, read back; None for a clip that failed."""
+        """The fitted observable, read from disk; None for a clip that failed."""
         name = self.document.trajectory
         return None if name is None else read_trajectory(self.folder / name)
 
     def tracks(self) -> list[Track]:
-        """The bodies in px, read back; empty for a clip that could not be tracked."""
+        """The tracks in px, read from disk; empty for a clip that could not be tracked."""
         name = self.document.track
         return [] if name is None else read_track(self.folder / name)
 
     def calibration(self) -> Calibration:
-        """That of its class by the board; without a board, pixels as they are."""
+        """The calibration of its class; the identity in px where the class has none."""
         path = self.folder.parent / NAME
         return read_calibration(path) if path.is_file() else uncalibrated()
 
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """What holds for every clip: the true frame rate, its relative error, and whether damaged files are used in part.
+    """Conditions of every clip: true frame rate, its relative error, and whether damaged files are used in part.
 
-    ``trials``: only so many clips of each setting, in the order of their names; None for all. ``phenomenon``: only
-    its clips; None for all.
+    ``trials``: at most this many clips of each setting, in the order of their names; None for all. ``phenomenon``:
+    only its clips; None for all.
     """
 
     fps: float | None = None
@@ -68,7 +68,7 @@ class Conditions:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Measurements:
-    """All clips in the order of their names, what the data set lacks, and how many clips were measured now."""
+    """All clips in the order of their names, the gaps of the data set, and the number of clips measured now."""
 
     clips: tuple[ClipMeasurement, ...]
     gaps: tuple[tuple[str, str], ...]
@@ -85,11 +85,11 @@ def measure(
     progress: Progress | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> Measurements:
-    """Track, calibrate and fit every clip of a data set, and keep what each gave in a folder of the same shape.
+    """Track, calibrate and fit every clip of a data set, and write the results to a folder of the same structure.
 
     Per clip there are ``<Class>/<setting>/<clip>.json`` (a ``clip`` document, written last), ``<clip>.track.csv`` and
     ``<clip>.trajectory.csv``, and per class ``calibration.json`` from its ``checkerboard.mp4``. A clip whose file (by
-    sha256), options, calibration and package versions are as before is not measured again, also after an interrupted
+    sha256), options, calibration and package versions are unchanged is not measured again, also after an interrupted
     run; a track is kept when only calibration or known values changed. The same input gives the same bytes.
 
     Parameters
@@ -99,26 +99,26 @@ def measure(
     folder
         Of the measurements; made when missing. One run at a time.
     measured
-        What was measured by hand: boards, gravity, and the ball's radius are used; the other values are what clips
-        are to be compared with, and are not.
+        Direct measurements: boards, gravity and the ball's radius are used; all other values are not, because the
+        clips are compared with them.
     conditions
         Of the recording.
     workers
-        Processes side by side.
+        Number of parallel processes.
     progress
-        Called with (clips done, clips in all).
+        Called with (clips done, total number of clips).
     tell
-        Called with a line about each class that has no scale, and each clip that failed.
+        Called with one line per clip that failed.
 
     Returns
     -------
     Measurements
-        One a clip, failed ones too.
+        One per clip, failed clips included.
 
     Raises
     ------
     DataError
-        When the folder is no data set, or a number makes no sense.
+        When the folder is not a data set, or a number is out of range.
     OutputError
         When the measurements cannot be written.
     """
@@ -133,26 +133,26 @@ def measure(
     jobs = [_job(clip, root, measured, conditions, calibrations.get(clip.class_name)) for clip in chosen]
     now = 0
     outcomes = side_by_side(measure_clip, _in_turn(jobs), workers, _lost)
-    for job, (fresh, why) in with_progress(outcomes, progress, len(jobs)):
-        now += fresh
-        if why and fresh:
-            tell(f"{job.clip.place}: {why}")
+    for job, (measured_now, reason) in with_progress(outcomes, progress, len(jobs)):
+        now += measured_now
+        if reason and measured_now:
+            tell(f"{job.clip.place}: {reason}")
     return Measurements(tuple(_read(job, gaps) for job in jobs), tuple(sorted(gaps.items())), now)
 
 
 def _silent(text: str) -> None:
-    """Say nothing of the text."""
+    """Discard the text."""
 
 
 def _chosen(clips: Sequence[Clip], trials: int | None) -> list[Clip]:
-    """The first clips of each setting, all without a number."""
+    """The first ``trials`` clips of each setting; all where it is None."""
     if trials is not None and trials < 1:
         raise DataError(f"trials must be at least 1, not {trials}")
-    return [clip for clip, place in zip(clips, places(clips), strict=True) if trials is None or place < trials]
+    return [clip for clip, turn in zip(clips, places(clips), strict=True) if trials is None or turn < trials]
 
 
 def _in_turn(jobs: Sequence[Job]) -> list[Job]:
-    """The first clip of every setting, then the second of every one: a run that ends early has some of each."""
+    """The first clip of every setting, then the second of every setting: a run that ends early has some of each."""
     turns = places([job.clip for job in jobs])
     return [job for _, job in sorted(zip(turns, jobs, strict=True), key=lambda pair: pair[0])]
 
@@ -160,7 +160,7 @@ def _in_turn(jobs: Sequence[Job]) -> list[Job]:
 def _calibrations(
     listing: Listing, root: Path, measured: MeasuredDocument, clips: Sequence[Clip], gaps: dict[str, str]
 ) -> dict[str, Path]:
-    """The calibration of each class that needs one; why there is none goes to the gaps."""
+    """The calibration of each class that needs a scale; a class without one becomes a gap with the reason."""
     calibrations = {}
     for name, phenomenon in dict.fromkeys((clip.class_name, clip.phenomenon) for clip in clips):
         if PHENOMENA[phenomenon].measures in NOT_BY_BOARD:
@@ -183,12 +183,12 @@ def _calibrations(
 
 
 def _job(clip: Clip, root: Path, measured: MeasuredDocument, conditions: Conditions, calibration: Path | None) -> Job:
-    known = {name: one for name, one in measured.of(clip.class_name, clip.setting).items() if name in KNOWN}
+    known = {name: value for name, value in measured.of(clip.class_name, clip.setting).items() if name in KNOWN}
     return Job(clip, root, calibration, known, conditions.fps, conditions.clock_stderr, conditions.keep_partial)
 
 
 def _lost(job: Job) -> tuple[bool, str]:
-    """What came of a clip whose process died."""
+    """The outcome of a clip whose process died."""
     return True, record_failure(job, "the process that read it died; is the file damaged, or memory short?")
 
 

@@ -32,26 +32,26 @@ Finder = Callable[[Clips], list[str]]
 def parameters_document(
     measurements: Measurements, measured: MeasuredDocument | None = None, effects: Finder | None = None
 ) -> ParametersDocument:
-    """Pool the clips of each setting, and put beside them what was measured by hand and the published recipes.
+    """Pool the clips of each setting, with direct measurements and published recipes beside them.
 
     Parameters
     ----------
     measurements
         Of the clips.
     measured
-        By hand.
+        Direct measurements.
     effects
-        Says in words which effects the published equation lacks on the clips of one setting.
+        Gives sentences on the effects missing from the published equation on the clips of one setting.
 
     Returns
     -------
     ParametersDocument
-        Checked, ready to be written; the same for the same input.
+        Checked; the same input gives the same document.
 
     Raises
     ------
     DataError
-        When two classes would have one name, or a direct value is in another unit than the fitted one.
+        When two classes would have the same name, or a direct value has another unit than the fitted one.
     """
     measured = measured or MeasuredDocument()
     classes = dict.fromkeys(clip.clip.class_name for clip in measurements.clips)
@@ -83,20 +83,20 @@ def _settings(clips: Clips, class_name: str) -> dict[str, list[ClipMeasurement]]
 def _setting(
     clips: Clips, described: BenchmarkClass, measured: MeasuredDocument, effects: Finder | None
 ) -> dict[str, ParameterEntry]:
-    """Every parameter of one setting: those of the class, then others that were measured by hand."""
+    """Every parameter of one setting: those of the class, then other direct measurements."""
     by_hand = measured.of(described.folder, clips[0].clip.setting)
     direct = {name: in_published_unit(estimate)[0] for name, estimate in by_hand.items()}
     effect_notes = effects(clips) if effects is not None else []
     entries = {}
-    for ours, theirs in described.parameters.items():
-        regenerated = regenerate(clips, ours)
-        stated = direct.get(theirs, direct.get(ours))
+    for name, published_name in described.parameters.items():
+        regenerated = regenerate(clips, name)
+        stated = direct.get(published_name, direct.get(name))
         if regenerated is None and stated is None:
             continue
-        recipes = recipes_of(clips, ours, regenerated, by_hand)
-        entry = _entry(theirs, stated, regenerated, _equation(clips))
-        notes = notes_on(theirs, regenerated, entry.difference, by_hand)
-        entries[theirs] = entry.model_copy(update={"recipes": recipes, "effects": effect_notes, "notes": notes})
+        recipes = recipes_of(clips, name, regenerated, by_hand)
+        entry = _entry(published_name, stated, regenerated, _equation(clips))
+        notes = notes_on(published_name, regenerated, entry.difference, by_hand)
+        entries[published_name] = entry.model_copy(update={"recipes": recipes, "effects": effect_notes, "notes": notes})
     names = {*described.parameters, *described.parameters.values()}
     others = {name: _entry(name, estimate, None, "") for name, estimate in direct.items() if name not in names}
     return entries | others
@@ -107,12 +107,12 @@ def _equation(clips: Clips) -> str:
 
 
 def _entry(name: str, direct: Estimate | None, regenerated: RegeneratedValue | None, equation: str) -> ParameterEntry:
-    """The entry of one parameter; the direct value goes before the regenerated one."""
+    """The entry of one parameter; its summary is the direct value where there is one, else the regenerated one."""
     difference = _difference(name, direct, regenerated)
     stated = None if direct is None else _stated(direct)
     if stated is not None:
-        first, *last = stated.interval
-        summary = _summary(stated, stated.standard_uncertainty, first, last[0], 1, "measured by hand")
+        low, high = stated.interval
+        summary = _summary(stated, stated.standard_uncertainty, low, high, 1, "measured by hand")
     elif regenerated is not None:
         spread = (regenerated.std, regenerated.min, regenerated.max, regenerated.n, regenerated.method)
         summary = _summary(regenerated, *spread)
@@ -152,7 +152,7 @@ def _stated(estimate: Estimate) -> ValueEntry:
 
 
 def _difference(name: str, direct: Estimate | None, regenerated: RegeneratedValue | None) -> ValueEntry | None:
-    """Regenerated less direct, where there are both."""
+    """Regenerated minus direct value, where both exist."""
     if direct is None or regenerated is None or regenerated.n == 0:
         return None
     if direct.unit != regenerated.unit:

@@ -11,25 +11,17 @@ import numpy as np
 
 from fitters.noise.random_effects import LEAST_CLIPS, random_effects
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
+from iris_sysid.calibration.pixel_scale import is_common_source
 from iris_sysid.io.schemas import known_number, known_numbers
 from iris_sysid.io.schemas.groundtruth import ClipDocument, ClipValue, RegeneratedValue
+from iris_sysid.trajectory.systematic_errors import AXIS, EDGE, TIME_BASE
 from iris_sysid.types import NORMAL_975, Estimate, Population, student_ppf
 
-# sources of error that all clips of a setting have in common, by the beginning of their names
-COMMON = (
-    "calibration",
-    "time base",
-    "edge of the ball",
-    "axis of the turn",
-    "angle",
-    "gravity",
-    "r0_f",
-    "ball_radius",
-    "h0",
-)
-GEOMETRY = "geometry"  # of a value that is measured on the way to the trajectory and has no budget: the board's angle
-# of the variance of a clip's own error that other clips of its setting share: the same light on the same body before
-# the same wall, coded alike. On 240 synthetic clips it is 0.5 to 0.6, over 60 settings and parameters.
+# sources of error that all clips of a setting have in common, beside the parts of their calibration
+COMMON = frozenset({TIME_BASE, EDGE, AXIS, "angle", "gravity", "r0_f", "ball_radius", "h0"})
+GEOMETRY = "geometry"  # source of error of an intermediate quantity without a budget: the board's angle
+# share of the variance of a clip's random error that the clips of a setting have in common: same light, body, wall and
+# codec. On 240 synthetic clips it is 0.5 to 0.6, over 60 settings and parameters.
 ALIKE = 0.5
 FILMED_ALIKE = "tracking errors of clips filmed alike"
 DEGREES_PER_RADIAN = 180 / math.pi
@@ -42,7 +34,7 @@ ONE_CLIP = "one clip"
 
 @dataclass(frozen=True, slots=True)
 class _Value:
-    """A clip's estimate in the unit of parameters.json, with the part of its error that is its own."""
+    """A clip's estimate in the unit of parameters.json, with the part of its error that other clips do not share."""
 
     clip: str
     estimate: Estimate
@@ -61,7 +53,7 @@ def in_published_unit(estimate: Estimate) -> tuple[Estimate, float]:
         return estimate, 1.0
     factor = DEGREES_PER_RADIAN
     low, high = estimate.interval
-    turned = Estimate(
+    in_degrees = Estimate(
         estimate.value * factor,
         estimate.stderr * factor,
         "deg",
@@ -69,11 +61,11 @@ def in_published_unit(estimate: Estimate) -> tuple[Estimate, float]:
         estimate.source,
         (low * factor, high * factor),
     )
-    return turned, factor
+    return in_degrees, factor
 
 
 def regenerate(clips: Sequence[ClipMeasurement], parameter: str) -> RegeneratedValue | None:
-    """Pool what the clips of one setting say of a parameter.
+    """Pool the estimates of one parameter over the clips of a setting.
 
     Parameters
     ----------
@@ -85,20 +77,20 @@ def regenerate(clips: Sequence[ClipMeasurement], parameter: str) -> RegeneratedV
     Returns
     -------
     RegeneratedValue or None
-        Of the clips that the equation fits down to the noise; where it fits none, of all that gave a value. None when
-        there is no clip. Of a value that is not fitted (assumed, or measured by hand) the type says so.
+        From the clips that the equation fits to within the noise; where it fits none, from all clips with a value.
+        None when there is no clip. ``measurement_type`` marks values that are assumed or measured by hand.
     """
     values = [_value_of(clip, parameter) for clip in clips]
     known = [value for value in values if value is not None]
     if not known:
         return None
-    unit = next((known_value.estimate.unit for known_value in known if known_value.used), known[0].estimate.unit)
-    used = [known_value for known_value in known if known_value.used and known_value.estimate.unit == unit]
-    used = [clip for clip in used if clip.document.status == "ok"] or used  # a misfit counts only where nothing fits
-    shown = {known_value.clip: _shown(known_value, known_value in used) for known_value in known}
+    unit = next((value.estimate.unit for value in known if value.used), known[0].estimate.unit)
+    used = [value for value in known if value.used and value.estimate.unit == unit]
+    used = [value for value in used if value.document.status == "ok"] or used  # a misfit counts only where nothing fits
+    shown = {value.clip: _shown(value, value in used) for value in known}
     if not used:
-        first = next((known_value for known_value in known if known_value.document.status != "failed"), known[0])
-        return _nothing(first, parameter, first.estimate.unit, shown)
+        first = next((value for value in known if value.document.status != "failed"), known[0])
+        return _without_value(first, parameter, first.estimate.unit, shown)
     return _pooled(used, parameter, unit, shown)
 
 
@@ -110,10 +102,15 @@ def _value_of(clip: ClipMeasurement, parameter: str) -> _Value | None:
     if parameter not in document.parameters:
         return None
     estimate, factor = in_published_unit(document.parameters[parameter].estimate())
-    random = document.random(parameter, COMMON) * factor
+    random = document.random(parameter, _common_sources(document, parameter)) * factor
     if not math.isfinite(random) and not document.budget.get(parameter):
-        random = estimate.stderr  # e.g. the angle of a board, measured on the way to the trajectory
+        random = estimate.stderr  # e.g. the angle of a board, an intermediate quantity
     return _Value(document.clip, estimate, random, document, _why_not(document, estimate, random))
+
+
+def _common_sources(document: ClipDocument, parameter: str) -> set[str]:
+    """The sources of a parameter's error that all clips of a setting have in common."""
+    return {source for source in document.budget.get(parameter, {}) if source in COMMON or is_common_source(source)}
 
 
 def _why_not(document: ClipDocument, estimate: Estimate, random: float) -> str:
@@ -159,7 +156,7 @@ def _pooled(used: Sequence[_Value], parameter: str, unit: str, shown: Mapping[st
         interval=(mean.value - factor * stderr, mean.value + factor * stderr),
         unit=unit,
         measurement_type="direct" if used[0].estimate.measurement_type == "direct" else "fitted",
-        **_said(used[0], parameter),
+        **_labels(used[0], parameter),
         method=ONE_CLIP if population is None else METHOD,
         n=len(used),
         std=float(np.std(values, ddof=1)) if len(used) > 1 else 0.0,
@@ -180,13 +177,13 @@ def _population(used: Sequence[_Value], unit: str) -> Population | None:
 
 
 def _common(used: Sequence[_Value], parameter: str) -> dict[str, float]:
-    """Standard error of the mean from each source that the clips share: the mean of what it is in each.
+    """Standard error of the mean from each source that the clips share: the mean over the clips.
 
-    Clips of one setting are filmed alike, so that part of what tracking leaves in one of them it leaves in all.
+    Clips of one setting are filmed alike, so part of the tracking error is the same in all of them.
     """
     if not used[0].document.budget.get(parameter):
         return {GEOMETRY: float(np.mean([clip.estimate.stderr for clip in used]))} if len(used) > 1 else {}
-    parts = [clip.document.common(parameter, COMMON) for clip in used]
+    parts = [clip.document.common(parameter, _common_sources(clip.document, parameter)) for clip in used]
     factor = DEGREES_PER_RADIAN if used[0].estimate.unit == "deg" else 1.0
     names = sorted({name for part in parts for name in part})
     shared = {name: factor * float(np.mean([part.get(name, 0.0) for part in parts])) for name in names}
@@ -216,12 +213,12 @@ def _scatter(population: Population | None) -> dict[str, Any]:
     }
 
 
-def _said(clip_value: _Value, parameter: str) -> dict[str, Any]:
+def _labels(clip_value: _Value, parameter: str) -> dict[str, Any]:
     return {"parameter": parameter, "model": clip_value.document.model, "equation": clip_value.document.equation}
 
 
-def _nothing(clip_value: _Value, parameter: str, unit: str, shown: Mapping[str, ClipValue]) -> RegeneratedValue:
-    """No clip says anything: the assumed value where there is one, else nothing."""
+def _without_value(clip_value: _Value, parameter: str, unit: str, shown: Mapping[str, ClipValue]) -> RegeneratedValue:
+    """No clip gives a value: the entry holds the assumed value where there is one, else null."""
     assumed = clip_value.estimate.measurement_type == "assumed" and math.isfinite(clip_value.estimate.value)
     return RegeneratedValue(
         value=clip_value.estimate.value if assumed else None,
@@ -232,7 +229,7 @@ def _nothing(clip_value: _Value, parameter: str, unit: str, shown: Mapping[str, 
         unit=unit,
         measurement_type="assumed" if assumed else "fitted",
         source=clip_value.estimate.source,
-        **_said(clip_value, parameter),
+        **_labels(clip_value, parameter),
         method="assumed" if assumed else "no clip gave a value",
         n=0,
         std=None,

@@ -24,7 +24,7 @@ def recipes_of(
     regenerated: RegeneratedValue | None,
     by_hand: Mapping[str, Estimate],
 ) -> list[Recipe]:
-    """What the published recipes give for a parameter of one setting.
+    """The estimates of the published recipes for a parameter of one setting.
 
     Parameters
     ----------
@@ -33,14 +33,14 @@ def recipes_of(
     parameter
         Our name.
     regenerated
-        To be compared with.
+        The value for the bias.
     by_hand
-        What was measured: the angle of a board goes before that of the motion.
+        Direct measurements: the measured angle of a board replaces that of the motion.
 
     Returns
     -------
     list of Recipe
-        Empty where the paper has none; a clip on which a recipe fails has null.
+        Empty where the publication has no recipe; a clip on which a recipe fails has null.
     """
     model = clips[0].document.model
     results = []
@@ -54,7 +54,7 @@ def recipes_of(
 def _values(
     clips: Sequence[ClipMeasurement], recipe: PublishedRecipe, parameter: str, by_hand: Mapping[str, Estimate]
 ) -> tuple[dict[str, float], str]:
-    """The recipe's value of each clip, NaN where it fails; nothing where it has no such parameter."""
+    """The recipe's value of each clip, NaN where it fails, and the errors; empty where it has no such parameter."""
     values: dict[str, float] = {}
     notes = []
     for clip in clips:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, JsonValue
@@ -83,7 +84,7 @@ class MeasuredDocument(Document):
         return next((entry for name in (class_name, ANY) for entry in self.scales if entry.class_name == name), None)
 
     def of(self, class_name: str, setting: str) -> dict[str, Estimate]:
-        """What is known of a setting by parameter; what is said of it alone goes before what is said of all."""
+        """Known values of a setting by parameter; a value for this setting replaces one for all settings."""
         ranks = ((ANY, ANY), (class_name, ANY), (class_name, setting))
         return {
             entry.parameter: entry.estimate()
@@ -111,14 +112,14 @@ class ClipDocument(Document):
     status: FitStatus | Literal["failed"]
     """Of the fit; failed where there is none."""
     message: str
-    """What to make of the status, with the remedy."""
+    """What the status means, with the remedy."""
     parameters: dict[str, EstimateEntry] = Field(default_factory=dict)
     """Fitted parameters, constants, initial states and derived quantities; angles in rad."""
     free: list[str] = Field(default_factory=list)
     budget: dict[str, dict[str, Number]] = Field(default_factory=dict)
     """Standard error of each parameter from each source."""
     geometry: dict[str, EstimateEntry] = Field(default_factory=dict)
-    """What was measured on the way to the trajectory, e.g. pivot and scale."""
+    """Intermediate quantities of the trajectory, e.g. pivot and scale."""
     noise: list[Number] = Field(default_factory=list)
     """Standard deviation of the measurement, one an observed quantity."""
     rms: list[Number] = Field(default_factory=list)
@@ -142,15 +143,15 @@ class ClipDocument(Document):
         """The parameters as Estimates by name."""
         return {name: entry.estimate() for name, entry in self.parameters.items()}
 
-    def random(self, name: str, common: tuple[str, ...]) -> float:
-        """Standard error of a parameter without the parts from sources that begin with one of ``common``; or NaN."""
-        parts = [number(part) for source, part in self.budget.get(name, {}).items() if not source.startswith(common)]
+    def random(self, name: str, common: Collection[str]) -> float:
+        """Standard error of a parameter without the parts from the sources ``common``; NaN where no part remains."""
+        parts = [number(part) for source, part in self.budget.get(name, {}).items() if source not in common]
         return math.hypot(*parts) if parts else math.nan
 
-    def common(self, name: str, common: tuple[str, ...]) -> dict[str, float]:
-        """Those parts by source, where they are known."""
+    def common(self, name: str, common: Collection[str]) -> dict[str, float]:
+        """The parts from the sources ``common``, by source; unknown parts are left out."""
         row = self.budget.get(name, {})
-        return {source: number(part) for source, part in row.items() if source.startswith(common) and part is not None}
+        return {source: number(part) for source, part in row.items() if source in common and part is not None}
 
 
 # --------------------------------------------------------------------------- parameters.json
