@@ -25,8 +25,10 @@ from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # s
 
 from fitters.sindy.library import DIFFERENCE, INPUT, LINEAR, ONE, RATE, SIN, Library, library_of, turnover_of
 from fitters.sindy.model import model_of
-from fitters.sindy.model_matching import match, terms_of
-from fitters.sindy.refinement import Refined, added_alone, as_good, disposed, inclusion, refined, stable
+from fitters.sindy.model_matching import match
+from fitters.sindy.model_structure import terms_of
+from fitters.sindy.refinement import Refined, added_alone, as_good, disposed, refined
+from fitters.sindy.resampling import inclusion, stable
 from fitters.sindy.residual import beyond
 from fitters.sindy.sparse_regression import Compressed, Kept, predicted_best, proposed, significant, term_price
 from fitters.sindy.weak_form import Piece, Rows, pieces_of, rows_of

@@ -14,7 +14,8 @@ import numpy as np
 
 from fitters.effect_sensitivity import Motion, motion_of
 from fitters.sindy.library import unit_of
-from fitters.sindy.refinement import STABLE, blocks_of
+from fitters.sindy.refinement import blocks_of
+from fitters.sindy.resampling import STABLE
 from fitters.sindy.residual import called_for, share_called_for
 from fitters.sindy.sparse_regression import Compressed, together
 from iris_sysid.types import NORMAL_975, Array, DiscoveredTerm, Estimate, FitResult, OdeModel, Trajectory
