@@ -8,7 +8,8 @@ from iris_sysid.calibration.board.plane_pose import _homography
 from iris_sysid.calibration.bundle_adjustment import matrix_of, projected
 from iris_sysid.calibration.distortion import undistort_px
 from iris_sysid.calibration.homography import apply_homography, fit_homography, homography_slopes
-from iris_sysid.calibration.plane import UNKNOWN_SCALE, to_plane, upright, with_scale
+from iris_sysid.calibration.plane import UNKNOWN_SCALE, to_plane, with_scale
+from iris_sysid.calibration.vertical import upright
 from iris_sysid.types import N_VALUES, Calibration
 
 BOARD = Board(9, 6, 0.03)

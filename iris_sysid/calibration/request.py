@@ -25,7 +25,8 @@ from iris_sysid.calibration.known_size import (
     plane_from_distance,
     plane_from_size,
 )
-from iris_sysid.calibration.plane import check_image_size, with_plumb_line
+from iris_sysid.calibration.plane import check_image_size
+from iris_sysid.calibration.vertical import with_plumb_line
 from iris_sysid.types import Calibration, Track
 
 Side = Literal["width", "height", "diagonal"]

@@ -7,8 +7,9 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from iris_sysid.calibration.calibration_json import calibration_document, write_calibration
-from iris_sysid.calibration.plane import assumptions, fixed_by_data, local_geometry
+from iris_sysid.calibration.plane import local_geometry
 from iris_sysid.calibration.request import CalibratedPlane
+from iris_sysid.calibration.vertical import assumptions, fixed_by_data
 from iris_sysid.io.files import write_atomic
 from iris_sysid.io.json_documents import document_text
 from iris_sysid.report.calibration_figure import camera_figure, grid_figure, view_figure

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from iris_sysid.calibration.plane import assumptions, fixed_by_data, local_geometry
+from iris_sysid.calibration.plane import local_geometry
+from iris_sysid.calibration.vertical import assumptions, fixed_by_data
 from iris_sysid.errors import CalibrationError
 from iris_sysid.report.page import Section, estimates_section, numbers, words
 from iris_sysid.report.text import with_error

@@ -7,7 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from iris_sysid.calibration.pixel_scale import common_source
-from iris_sysid.calibration.plane import changed, common_errors, turned, vertical_stderr
+from iris_sysid.calibration.plane import changed, common_errors
+from iris_sysid.calibration.vertical import turned, vertical_stderr
 from iris_sysid.errors import IrisError
 from iris_sysid.types import Array, Calibration, Phenomenon, Trajectory
 

@@ -9,13 +9,8 @@ from typing import Literal
 import numpy as np
 
 from iris_sysid.calibration.pixel_scale import MARK_SIGMA_PX, scale, to_world, uncalibrated
-from iris_sysid.calibration.plane import (
-    positions_of,
-    vertical_text,
-    with_assumed_vertical,
-    with_plumb_line,
-    with_vertical,
-)
+from iris_sysid.calibration.plane import positions_of
+from iris_sysid.calibration.vertical import vertical_text, with_assumed_vertical, with_plumb_line, with_vertical
 from iris_sysid.errors import CalibrationError
 from iris_sysid.trajectory.segmentation import segment
 from iris_sysid.types import Array, Calibration, Estimate, MotionKind, Phenomenon, Track

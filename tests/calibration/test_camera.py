@@ -25,17 +25,9 @@ from iris_sysid.calibration.known_size import (
     plane_from_distance,
     plane_from_size,
 )
-from iris_sysid.calibration.plane import (
-    assumptions,
-    check_image_size,
-    fixed_by_data,
-    local_geometry,
-    local_scale,
-    to_pixels,
-    to_plane,
-    with_plumb_line,
-)
+from iris_sysid.calibration.plane import check_image_size, local_geometry, local_scale, to_pixels, to_plane
 from iris_sysid.calibration.resize_crop import cropped_camera, resized_camera
+from iris_sysid.calibration.vertical import assumptions, fixed_by_data, with_plumb_line
 from iris_sysid.errors import CalibrationError
 from iris_sysid.report.calibration_figure import camera_figure, grid_figure, view_figure
 from tests._board_pictures import (

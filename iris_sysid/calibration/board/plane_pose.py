@@ -15,7 +15,8 @@ from iris_sysid.calibration.camera import USUAL_FOCAL, CameraCalibration
 from iris_sysid.calibration.distortion import distort
 from iris_sysid.calibration.homography import apply_homography, fit_homography, homography_sensitivity
 from iris_sysid.calibration.pixel_scale import NO_LENS, STRAIGHT_ON
-from iris_sysid.calibration.plane import UNKNOWN_SCALE, check_image_size, upright, with_scale
+from iris_sysid.calibration.plane import UNKNOWN_SCALE, check_image_size, with_scale
+from iris_sysid.calibration.vertical import upright
 from iris_sysid.errors import CalibrationError
 from iris_sysid.types import Array, Calibration
 
