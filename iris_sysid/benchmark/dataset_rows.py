@@ -35,7 +35,7 @@ from iris_sysid.types import Progress, with_progress
 PER_CLIP = (
     *STUDY_OF,
     SELECTION,
-)  # studies of a single clip; robustness takes a few clips, sharing all clips of a setting
+)  # studies of a single clip; robustness takes a few clips, sharing a setting
 ALL_STUDIES = (*PER_CLIP, ROBUSTNESS, SHARING)
 Say = Callable[[str], None]
 

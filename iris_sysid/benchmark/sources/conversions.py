@@ -1,7 +1,7 @@
-"""How the latent pipeline's alpha and beta are read as physical parameters; a length has two readings.
+"""How the latent pipeline's alpha and beta convert to physical parameters; a length has two conversions.
 
 The publication converts every pendulum file by L = g/alpha (tab:calibration). The baseline's pendulum block takes
-alpha as the length itself (a'' = -g/alpha sin a), the unified one as g/L. So both readings are always given.
+alpha as the length itself (a'' = -g/alpha sin a), the unified one as g/L. Both readings are therefore given.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def negated_beta(alpha: ArrayLike, beta: ArrayLike) -> Values:
 
 
 def gravity_over_alpha(alpha: ArrayLike, beta: ArrayLike) -> Values:
-    """Length g/alpha in m; NaN where alpha <= 0, which no length gives. beta is not used.
+    """Length g/alpha in m; NaN where alpha <= 0, which corresponds to no length. beta is not used.
 
     Arrays of alpha and beta (n,), 1/s^2 and 1/s.
     """
@@ -52,10 +52,10 @@ def gravity_over_alpha(alpha: ArrayLike, beta: ArrayLike) -> Values:
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """One way to read a parameter off (alpha, beta).
+    """One conversion of (alpha, beta) to a parameter.
 
     ``published`` marks the reading that the publication's own tables use for this parameter, ``floor_zero`` that
-    its comparison sets a negative estimate to 0 before it takes the error.
+    its comparison sets a negative estimate to 0 before computing the error.
     """
 
     parameter: str

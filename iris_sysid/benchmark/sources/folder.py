@@ -1,4 +1,4 @@
-"""The folder of published result files: which file holds what, each read once, absent ones named."""
+"""The folder of published result files: their names, a reader that reads each file once, and the absent ones."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ RELEASED = (
 )
 
 ERROR_NUMBERS = ("gt_mean", "est_mean", "abs_err_mean", "abs_err_std", "n")
-# the error files' names for what the flat rows call otherwise
+# names in the error files that differ from those of the flat rows
 PARAMETERS = {
     "g": "gravity",
     "rope_length": "length",
@@ -67,7 +67,7 @@ PARAMETERS = {
 class PublishedFolder:
     """The result files of one publication, read on demand.
 
-    A file that is absent or damaged raises DataError wherever it is needed; nothing else is affected.
+    An absent or damaged file raises DataError when it is read; other files are not affected.
     """
 
     def __init__(self, folder: str | Path) -> None:
@@ -95,7 +95,7 @@ class PublishedFolder:
         return read_columns(self.path / path, texts, numbers)
 
     def relative(self, error: DataError | str) -> str:
-        """The text of an error with paths as they are within the folder, so that it is the same on every machine."""
+        """The text of an error with paths relative to the folder, the same on every machine."""
         return str(error).replace(f"{self.path}{os.sep}", "")
 
     def present(self) -> list[str]:
@@ -125,7 +125,7 @@ def reading_of(phenomenon: str, parameter: str, conversion: str = "") -> Reading
     phenomenon
         As the result files name it.
     parameter
-        ``length`` also finds ``length_1``, since one alpha serves both bodies.
+        ``length`` also finds ``length_1``, since both bodies have the same alpha.
     conversion
         E.g. ``alpha as length``; empty for the published one.
     """
@@ -144,10 +144,10 @@ def estimates(runs: pd.DataFrame, reading: Reading, *, zeros: bool) -> Values:
     runs
         From :func:`read_latent_runs`.
     reading
-        How alpha and beta are read.
+        The conversion of alpha and beta.
     zeros
-        Follow the publication's comparison: a failed run, an alpha that gives no length and (where it does so) a
-        negative value are estimates of 0. Without it a failed run is NaN and a value stays as it is.
+        Follow the publication's comparison: a failed run, an alpha that gives no length and (for readings with
+        ``floor_zero``) a negative value become 0. Otherwise a failed run is NaN and values are unchanged.
     """
     values = np.array(reading.convert(runs["alpha"].to_numpy(), runs["beta"].to_numpy()), dtype=np.float64)
     if zeros:

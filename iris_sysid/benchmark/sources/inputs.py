@@ -1,4 +1,4 @@
-"""What the benchmark is given beside a data set: files of latent runs and of predictions, as flat rows."""
+"""Inputs of the benchmark other than a data set: files of latent runs and of predictions, as flat rows."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from iris_sysid.io.files import sha256_of
 
 
 def given_rows(latent: Mapping[str, Path], predictions: Mapping[str, Path]) -> tuple[pd.DataFrame, list[str]]:
-    """The flat rows of all files by name, and one line on each run that cannot be used as it is.
+    """The flat rows of all files by name, and one line per damaged or repeated run.
 
     Raises DataError when a file cannot be read at all.
     """

@@ -1,4 +1,4 @@
-"""The latent pipeline's result files, read as they are: `run,alpha,beta,max_z,min_z,z0,z1`, failures made visible."""
+"""Read the latent pipeline's result files, `run,alpha,beta,max_z,min_z,z0,z1`, with failed runs marked."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ DELFYS_CLASSES = ("dropped_ball", "free_fall", "led", "pendulum", "sliding_block
 
 
 def read_latent_runs(path: str | Path) -> pd.DataFrame:
-    """Read a latent pipeline's result file: one row a run, in the file's order.
+    """Read a latent pipeline's result file: one row per run, in the file's order.
 
-    The field ``run`` holds commas (``Pendulum,pendulum_45`` or ``pendulum,pendulum_45,01``), so that the header is
-    shorter than the rows: the last six fields are the values, what stands before them is the run. The multi-clip
+    The field ``run`` contains commas (``Pendulum,pendulum_45`` or ``pendulum,pendulum_45,01``), so that the header is
+    shorter than the rows: the last six fields are the values, the fields before them name the run. The multi-clip
     files, with ``phenomenon,setting,clip_idx`` in the header, are read too.
 
     Parameters
@@ -41,11 +41,10 @@ def read_latent_runs(path: str | Path) -> pd.DataFrame:
     -------
     DataFrame
         ``line`` in the file; ``phenomenon, setting, clip`` as the file names them, where a run without a clip gets
-        its place within the setting (``row01``: the file does not say which clip it is) and a clip named again its
-        count (``01#2``); ``alpha`` to ``z1``,
-        dimensionless; ``status`` ``ok``, ``failed`` (all six values are 0, which is what the pipeline writes after
-        an exception, or one is not finite) or ``damaged``, both with NaN and a ``message``; ``duplicate_of``, the
-        line of an earlier run of the same setting with the same six values, else <NA>.
+        its number within the setting (``row01``: the file does not name the clip) and a repeated clip its count
+        (``01#2``); ``alpha`` to ``z1``, dimensionless; ``status`` ``ok``, ``failed`` (all six values are 0, which the
+        pipeline writes after an exception, or one is not finite) or ``damaged``, both with NaN and a ``message``;
+        ``duplicate_of``, the line of an earlier run of the same setting with the same six values, else <NA>.
 
     Raises
     ------
@@ -93,26 +92,26 @@ def _judge(names: list[str], row: list[str], values: list[float]) -> tuple[str, 
 
 
 def _duplicates(runs: pd.DataFrame) -> pd.Series:
-    """For each run the line of the first run with the same names but for the clip, and the same values."""
+    """For each run the line of the first run of the same phenomenon and setting with the same values."""
     first = runs.groupby(["phenomenon", "setting", *VALUES], dropna=False)["line"].transform("first")
     # multi-clip files repeat the one shared model for each clip by design: max_z to z1 are all 0 there
-    own = (runs["status"] == OK) & (runs[["max_z", "min_z", "z0", "z1"]] != 0).any(axis=1)
-    return first.where(own & (first < runs["line"])).astype("Int64")
+    independent = (runs["status"] == OK) & (runs[["max_z", "min_z", "z0", "z1"]] != 0).any(axis=1)
+    return first.where(independent & (first < runs["line"])).astype("Int64")
 
 
 def dataset_of(runs: pd.DataFrame) -> Dataset:
-    """Which benchmark the runs are of: IRIS writes its classes with a capital, Delfys75 in lower case."""
+    """The benchmark of the runs: IRIS capitalises its classes, Delfys75 writes them in lower case."""
     names = set(runs.loc[runs["status"] != DAMAGED, "phenomenon"])
     return "delfys75" if names and names <= set(DELFYS_CLASSES) else "iris"
 
 
 def latent_rows(runs: pd.DataFrame, method: str, *, source: str = "", seed: int | None = 42) -> pd.DataFrame:
-    """Turn runs into flat rows under every reading of alpha and beta, side by side as separate methods.
+    """Turn runs into flat rows under every reading of alpha and beta, each reading a method of its own.
 
     For a length both readings are given: ``g/alpha``, which the publication applies to every file, and
-    ``alpha as length``, which is what the baseline's pendulum block fits. A failed run is a row with NaN; so is an
-    alpha that gives no length (alpha <= 0 under ``g/alpha``), with status ``undefined``. A damaged line is one too
-    where its phenomenon can be read.
+    ``alpha as length``, which the baseline's pendulum block fits. A failed run is a row with NaN; so is an alpha that
+    gives no length (alpha <= 0 under ``g/alpha``), with status ``undefined``, and a damaged line whose phenomenon can
+    be read.
 
     Parameters
     ----------
@@ -123,12 +122,12 @@ def latent_rows(runs: pd.DataFrame, method: str, *, source: str = "", seed: int 
     source
         Name of the file, kept in each row.
     seed
-        Seed of the runs; 42 is the one the publication states.
+        Seed of the runs; 42 is stated in the publication.
 
     Returns
     -------
     DataFrame
-        Flat rows; ``truth`` is the published one, NaN where the publication gives none.
+        Flat rows; ``truth`` is the published value, NaN where the publication gives none.
     """
     dataset = dataset_of(runs)
     records = [
@@ -140,9 +139,9 @@ def latent_rows(runs: pd.DataFrame, method: str, *, source: str = "", seed: int 
 
 
 def unread_rows(runs: pd.DataFrame, method: str, *, source: str = "", seed: int | None = 42) -> pd.DataFrame:
-    """Rows without a value for runs of phenomena whose published parameter neither alpha nor beta is read as.
+    """Rows without a value for runs of phenomena whose published parameter neither alpha nor beta gives.
 
-    So the incline's angle has its place in the table: it is published from metadata, and no run estimates it.
+    They keep the incline's angle in the table: its published value is from metadata, and no run estimates it.
 
     Parameters
     ----------
@@ -158,12 +157,12 @@ def unread_rows(runs: pd.DataFrame, method: str, *, source: str = "", seed: int 
     for run in runs.to_dict("records"):
         if run["phenomenon"] in READINGS:
             continue
-        stated = known[(known["phenomenon"] == run["phenomenon"]) & (known["setting"] == run["setting"])]
-        for truth in stated.to_dict("records"):
-            kept = {name: run[name] for name in ("phenomenon", "setting", "clip")}
-            kept |= {"dataset": dataset, "method": method, "seed": seed, "source": source, "status": NOT_ESTIMATED}
+        setting_truths = known[(known["phenomenon"] == run["phenomenon"]) & (known["setting"] == run["setting"])]
+        for truth in setting_truths.to_dict("records"):
+            record = {name: run[name] for name in ("phenomenon", "setting", "clip")}
+            record |= {"dataset": dataset, "method": method, "seed": seed, "source": source, "status": NOT_ESTIMATED}
             records.append(
-                kept
+                record
                 | {"parameter": truth["parameter"], "unit": truth["unit"]}
                 | {"truth": truth["value"], "truth_source": truth["source"]}
             )

@@ -1,4 +1,4 @@
-"""Null baselines: what a table shows for a method that looks at no video."""
+"""Null baselines: results of methods that use no video."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ SOURCE = "null baseline"
 INITIAL = "initial value only"
 METADATA = "metadata only"
 
-# where the latent pipeline starts: (what says so, alpha, beta); NaN where it does not say
+# initial values of the latent pipeline: (source, alpha, beta); NaN where the source gives none
 STARTS = (
     ("10, code", 10.0, np.nan),  # main.py, init_phys
     ("0.5, 0.05, stated", 0.5, 0.05),  # app:physics_block
 )
 
-# parameters that no released result reads off alpha and beta, with the reading that the publication states for them
-# (tab:calibration), so that a start value left untrained can stand beside an estimate
+# parameters that no released result takes from alpha and beta, with the conversion that the publication states
+# (tab:calibration), so that the initial value can be compared with an estimate
 UNREAD: Mapping[str, tuple[Reading, ...]] = {
     "Pendulum": (Reading("damping", "1/s", "beta", beta_itself),),
     "Sliding_cone": (Reading("friction", "1", "beta", beta_itself),),
@@ -35,12 +35,12 @@ UNREAD: Mapping[str, tuple[Reading, ...]] = {
 
 
 def null_rows(rows: pd.DataFrame) -> pd.DataFrame:
-    """The null baselines for every phenomenon, setting and parameter that the flat rows hold.
+    """The null baselines of every phenomenon, setting and parameter in the flat rows.
 
-    ``initial value only`` reads the latent pipeline's starting values as its results are read; ``metadata only``
-    takes the value from the setting's name (an angle, a Delfys75 rope length in cm) or from a table of constants
-    (gravity). Where a parameter has no such value there is no row. Unit and truth are those of the rows given: one row
-    a group, one a clip where the truth differs from clip to clip.
+    ``initial value only`` converts the latent pipeline's initial values like its results; ``metadata only`` takes the
+    value from the setting's name (an angle, a Delfys75 rope length in cm) or from a table of constants (gravity).
+    A parameter without such a value has no row. Unit and truth are those of the given rows: one row per group, or one
+    per clip where the truth differs between clips.
     """
     varies = rows.groupby(list(GROUP))["truth"].transform("nunique") > 1
     clip = rows["clip"].where(varies, "none")
@@ -66,7 +66,7 @@ def _values(row: dict[Any, Any]) -> Iterator[tuple[str, float]]:
 
 
 def metadata_value(phenomenon: str, setting: str, parameter: str) -> float | None:
-    """What is known of a parameter without any video, in its SI unit (angles in degrees); None where nothing is.
+    """The value of a parameter that is known without video, in SI units (angles in degrees); None where unknown.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Per-video predictions of a VLM or a classifier as flat rows: what was named, and whether that is right."""
+"""Per-video predictions of a VLM or a classifier as flat rows: the predicted class, and whether it is correct."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import pandas as pd
 from iris_sysid.benchmark.sources.rows import FAILED, OK, SELECTION, flat_rows
 from iris_sysid.benchmark.sources.selection import NO_ANSWER, read_predictions
 
-EQUATION = "equation"  # what the rows of the study ``selection`` are of: the class that was named
+EQUATION = "equation"  # the parameter of the rows of the study ``selection``: the predicted class
 
 
 def prediction_rows(path: str | Path, method: str, *, source: str = "") -> pd.DataFrame:
-    """Read a prediction file as flat rows, re-scored: value 1 where the answer is the true class, else 0.
+    """Read a prediction file as flat rows and score it again: value 1 where the answer is the true class, else 0.
 
     No answer is a failed row. The file's own ``correct`` flag is not used.
 
@@ -38,7 +38,7 @@ def prediction_rows(path: str | Path, method: str, *, source: str = "") -> pd.Da
 
 
 def _record(prediction: dict[Any, Any], method: str, source: str) -> dict[str, Any]:
-    dataset, setting, clip = _place(prediction["path"], prediction["truth"])
+    dataset, setting, clip = _clip_of(prediction["path"], prediction["truth"])
     answered = bool(prediction["predicted"])
     return {
         "study": SELECTION,
@@ -58,8 +58,8 @@ def _record(prediction: dict[Any, Any], method: str, source: str) -> dict[str, A
     }
 
 
-def _place(path: str, truth: str) -> tuple[str, str, str]:
-    """Data set, setting and clip from a path as the prediction files write them, with either kind of slash."""
+def _clip_of(path: str, truth: str) -> tuple[str, str, str]:
+    """Data set, setting and clip from a path in a prediction file, with slashes or backslashes."""
     parts = [part for part in re.split(r"[\\/]+", path.rpartition(".")[0] or path) if part not in ("", ".", "..")]
     at = next((k for k, part in enumerate(parts) if part.lower() == truth.lower()), -1)
     if at < 0 or at + 2 >= len(parts):

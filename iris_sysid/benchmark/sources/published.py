@@ -1,4 +1,4 @@
-"""The numbers that the publication prints, each with its place, and the ground truth it states (facts only)."""
+"""The numbers that the publication prints, each with its location, and the ground truth it states (facts only)."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ WORDS = {"three": 3.0, "four": 4.0, "five": 5.0}
 
 @dataclass(frozen=True, slots=True)
 class PublishedValue:
-    """One printed number: where it stands (label of the table or section, line of the source), and what it is of.
+    """One printed number: its location (label of the table or section, line of the source) and its meaning.
 
-    ``setting`` is empty where the number is of all settings. ``printed`` keeps the digits as they are printed;
+    ``setting`` is empty where the number covers all settings. ``printed`` keeps the digits as they are printed;
     ``bold`` says whether it is printed as the best of its row.
     """
 
@@ -62,7 +62,7 @@ class Truth:
     """The published ground truth of one parameter in one setting.
 
     ``uncertainty`` is the half-width that the publication states, NaN where it states none. ``measurement_type``
-    is ``direct``, ``assumed`` or ``unstated``: what the publication's own description amounts to.
+    is ``direct``, ``assumed`` or ``unstated``, from the publication's description.
     """
 
     dataset: str
@@ -77,7 +77,7 @@ class Truth:
 
 
 def published_values() -> pd.DataFrame:
-    """Every transcribed number as a table: key, place, line, what it is of, as printed, as a number, its tolerance."""
+    """Every transcribed number as a table: key, location, meaning, as printed, as a number, its tolerance."""
     return pd.DataFrame(
         [
             {"key": value.key, "place": value.place, "line": value.line, "dataset": value.dataset}
@@ -119,7 +119,7 @@ def sibling(value: PublishedValue, column: str, place: str | None = None) -> Pub
 
 
 def truths() -> pd.DataFrame:
-    """The published ground truth as a table, one row a parameter and setting; see :class:`Truth` for the columns."""
+    """The published ground truth as a table, one row per parameter and setting; see :class:`Truth` for the columns."""
     return pd.DataFrame([asdict(truth) for truth in _all_truths().values()])
 
 

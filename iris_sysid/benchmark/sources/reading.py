@@ -1,4 +1,4 @@
-"""Reading the published files as they are: strict about columns, and saying which line is damaged."""
+"""Strict readers of the published CSV files; errors name the damaged line or the missing column."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def read_lines(path: str | Path) -> Lines:
         rows = [(reader.line_num, [field.strip() for field in row]) for row in reader]
     except FileNotFoundError as error:
         raise DataError(f"{path} does not exist; what depends on it cannot be derived") from error
-    except (OSError, ValueError) as error:  # ValueError: bytes that are no text, a NUL in the name
+    except (OSError, ValueError) as error:  # ValueError: bytes that are not UTF-8, a NUL in the name
         raise DataError(f"cannot read {path}: {error}; is it a CSV file?") from error
     except csv.Error as error:
         raise DataError(f"cannot read {path} after line {reader.line_num}: {error}") from error
@@ -52,7 +52,7 @@ def read_columns(path: str | Path, texts: Sequence[str], numbers: Sequence[str] 
     Returns
     -------
     DataFrame
-        These columns in this order, one row a data line.
+        These columns in this order, one row per data line.
 
     Raises
     ------
@@ -68,8 +68,8 @@ def read_columns(path: str | Path, texts: Sequence[str], numbers: Sequence[str] 
             raise DataError(f"{path} line {number} has {len(row)} fields where the header has {len(header)}")
     frame = pd.DataFrame({name: [row[header.index(name)] for _, row in lines] for name in texts}, dtype="str")
     for name in numbers:
-        at = header.index(name)
-        frame[name] = [_finite(row[at], path, number, name) for number, row in lines]
+        column = header.index(name)
+        frame[name] = [_finite(row[column], path, number, name) for number, row in lines]
     return frame
 
 
@@ -81,7 +81,7 @@ def _finite(text: str, path: str | Path, line: int, name: str) -> float:
 
 
 def parse_number(text: str) -> float:
-    """The number that a field holds; NaN when it holds none."""
+    """The number in a field; NaN for any other text."""
     try:
         return float(text)
     except ValueError:

@@ -1,8 +1,8 @@
-"""The flat row: one value of one parameter, from one method on one clip. Every table is made from these alone.
+"""The flat row: one value of one parameter, from one method on one clip. Every table is made from these rows alone.
 
-``study`` says which table a row belongs to: ``parameters``, or one of the others of ``STUDIES``. ``dataset`` names the
-clips, so that only errors on the same clips are compared; ``condition`` says what was done to a clip before it was
-measured, or how it was fitted; ``answer`` is the class that was named, where a name is what was asked for.
+``study`` assigns a row to a table: ``parameters``, or another of ``STUDIES``. ``dataset`` names the clips, so that
+only errors on the same clips are compared; ``condition`` is the change that was made to a clip before the measurement;
+``answer`` is the predicted class or equation.
 """
 
 from __future__ import annotations
@@ -51,15 +51,15 @@ COLUMNS = (
 KEY = ("study", "dataset", "phenomenon", "setting", "clip", "method", "condition", "parameter", "seed")
 GROUP = ("dataset", "phenomenon", "setting", "parameter")
 NUMBERS = ("value", "stderr", "truth", "error")
-OK = "ok"  # a value that can be used; any other status says why it cannot, or with what reservation
-FAILED = "failed"  # the run gave nothing; its value is NaN and never 0
+OK = "ok"  # a usable value; any other status gives the reason why it is missing or doubtful
+FAILED = "failed"  # the run gave no value; it is NaN and never 0
 
 
 def flat_rows(records: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
     """Make the table of flat rows from mappings with some of its columns.
 
     A missing number is NaN, a missing text is empty, a missing seed is <NA>, a missing study is ``parameters``.
-    ``error`` is always value - truth, in ``unit``, and NaN where either is not known.
+    ``error`` is always value - truth, in ``unit``, and NaN where either is unknown.
 
     Raises DataError as :func:`check_rows` does.
     """
@@ -84,7 +84,7 @@ def _typed(column: pd.Series, name: str) -> pd.Series:
 
 
 def check_rows(rows: pd.DataFrame) -> pd.DataFrame:
-    """Return ``rows`` when they mean what flat rows should, else raise DataError that names the first bad row.
+    """Return ``rows`` when they are valid flat rows, else raise a DataError that names the first bad row.
 
     Each ``KEY`` occurs once and its study is known; a row with status ``ok`` has a finite value, and one with status
     ``failed`` has none.
@@ -100,11 +100,11 @@ def check_rows(rows: pd.DataFrame) -> pd.DataFrame:
     return rows
 
 
-def _refuse(rows: pd.DataFrame, bad: np.ndarray, why: str) -> None:
+def _refuse(rows: pd.DataFrame, bad: np.ndarray, reason: str) -> None:
     if bad.any():
         first = rows.iloc[int(np.argmax(bad))]
         name = "/".join(str(first[name]) for name in KEY if not pd.isna(first[name]) and first[name] != "")
-        raise DataError(f"flat row {name} {why}")
+        raise DataError(f"flat row {name} {reason}")
 
 
 # --------------------------------------------------------------------------- rows.csv
@@ -118,20 +118,22 @@ def rows_text(rows: pd.DataFrame) -> str:
 
 
 def read_rows(path: str | Path) -> pd.DataFrame:
-    """Read flat rows from a ``rows.csv``; DataError names the first line that does not mean what it should.
+    """Read flat rows from a ``rows.csv``; a DataError names the first invalid line.
 
     Parameters
     ----------
     path
-        As :func:`rows_text` makes it; columns in any order, others refused.
+        As :func:`rows_text` makes it; columns in any order.
     """
     frame = read_columns(path, COLUMNS)
     for name in (*NUMBERS, "seed"):
         numbers = pd.to_numeric(frame[name].replace("", np.nan), errors="coerce")
         bad = (numbers.isna() & (frame[name] != "")).to_numpy()
         if bad.any():
-            at = int(np.argmax(bad))
-            raise DataError(f"{path}, data row {at + 1}: {name} is {frame[name].iloc[at]!r:.40}, which is no number")
+            first = int(np.argmax(bad))
+            raise DataError(
+                f"{path}, data row {first + 1}: {name} is {frame[name].iloc[first]!r:.40}, which is no number"
+            )
         if name == "seed" and (numbers.dropna() % 1 != 0).any():
             raise DataError(f"{path}: a seed is a whole number")
         frame[name] = numbers.astype("Int64" if name == "seed" else "float64")
@@ -145,6 +147,6 @@ def method_name(method: str) -> str:
 
 
 def joined(frames: Iterable[pd.DataFrame]) -> pd.DataFrame:
-    """Flat rows of several origins as one table, checked; empty when there are none."""
+    """Concatenate tables of flat rows and check the result; empty when there are none."""
     parts = [frame for frame in frames if len(frame)]
     return check_rows(pd.concat(parts, ignore_index=True)) if parts else flat_rows([])

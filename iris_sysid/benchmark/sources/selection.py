@@ -21,10 +21,10 @@ NO_ANSWER = "no answer"
 
 @dataclass(frozen=True, eq=False, slots=True)
 class SelectionScore:
-    """How often one method named the right class.
+    """Accuracy of one method in naming the class of a video.
 
     ``confusion`` counts videos, true classes down, predicted classes across, in alphabetical order, with a column
-    for each answer that was given. ``relabelled`` is the number of videos whose own ``correct`` flag disagrees
+    for each other answer. ``relabelled`` is the number of videos whose own ``correct`` flag disagrees
     with the comparison of truth and prediction.
     """
 
@@ -41,13 +41,13 @@ class SelectionScore:
 
     @property
     def correct(self) -> int:
-        """Number of videos whose class was named rightly."""
+        """Number of correctly classified videos."""
         shared = [name for name in self.confusion.index if name in self.confusion.columns]
         return int(sum(self.confusion.loc[name, name] for name in shared))
 
     @property
     def accuracy(self) -> float:
-        """Fraction of all videos named rightly."""
+        """Fraction of correctly classified videos."""
         return self.correct / self.n
 
     @property
@@ -57,17 +57,17 @@ class SelectionScore:
 
     @property
     def per_class(self) -> pd.DataFrame:
-        """One row a true class: ``videos``, ``correct``, ``accuracy``."""
+        """One row per true class: ``videos``, ``correct``, ``accuracy``."""
         videos = self.confusion.sum(axis=1)
-        right = [self.confusion.loc[name].get(name, 0) for name in self.confusion.index]
-        return pd.DataFrame({"videos": videos, "correct": right, "accuracy": right / videos})
+        correct = [self.confusion.loc[name].get(name, 0) for name in self.confusion.index]
+        return pd.DataFrame({"videos": videos, "correct": correct, "accuracy": correct / videos})
 
 
 def wilson(correct: int, n: int) -> tuple[float, float]:
-    """95 % interval of a share, ``correct`` of ``n`` (Wilson 1927, J. Am. Stat. Assoc. 22, 209)."""
-    z, share = NORMAL_975, correct / n
-    centre, scale = share + z**2 / (2 * n), 1 + z**2 / n
-    half = z * np.sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
+    """95 % interval of a proportion, ``correct`` of ``n`` (Wilson 1927, J. Am. Stat. Assoc. 22, 209)."""
+    z, proportion = NORMAL_975, correct / n
+    centre, scale = proportion + z**2 / (2 * n), 1 + z**2 / n
+    half = z * np.sqrt(proportion * (1 - proportion) / n + z**2 / (4 * n**2))
     return float((centre - half) / scale), float((centre + half) / scale)
 
 
@@ -79,7 +79,7 @@ def score_selection(
     Parameters
     ----------
     truth, predicted
-        One class name a video; an empty prediction counts as wrong, under ``no answer``.
+        One class name per video; an empty prediction counts as wrong, under ``no answer``.
     dataset, method, source
         Kept in the score.
     relabelled
@@ -155,7 +155,7 @@ def score_published(folder: PublishedFolder, dataset: str, method: str) -> Selec
 
 
 def rescored_selection(published_folder: str | Path) -> tuple[list[SelectionScore], list[str]]:
-    """Re-score the published VLM and CNN predictions; also return what could not be, as one line each."""
+    """Score the published VLM and CNN predictions again; also return one line per file where that failed."""
     folder = PublishedFolder(published_folder)
     scores, gaps = [], []
     for dataset, method in PREDICTIONS:

@@ -1,4 +1,4 @@
-"""Bodies that touch: the published continuous coupling, at 0 and fitted, beside our model with impacts."""
+"""Colliding bodies: the published continuous coupling, at 0 and fitted, compared with our model with impacts."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.trajectory.observables import measured
 from iris_sysid.types import Array, Estimate, Mask, OdeModel, Quantity, Trajectory
 
-KNOWN_SHARE = 0.7  # of the samples, the rest of which is held out
+KNOWN_SHARE = 0.7  # of the samples; the others are held out
 PILE = "hitting-cones"
-BEFORE_S, AFTER_S = 0.1, 0.4  # about the moment at which the first cup moves: later the cups strike those behind
-LEVEL = 0.25  # of the cups' spread in height: as low as the lowest
+BEFORE_S, AFTER_S = 0.1, 0.4  # around the first impact: later the cups strike those behind
+LEVEL = 0.25  # of the cups' range in height, above the lowest: these count as the bottom row
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Kind:
-    """One description of the contact: its name, the model, and the options of its fit."""
+    """One model of the contact: its name, the equation, and the options of its fit."""
 
     name: str
     model: OdeModel
@@ -32,9 +32,9 @@ class _Kind:
 
 
 def coupling_rows(subject: Subject) -> Records:
-    """Two pendulums, or a ball with the first two cups in its way: the coupling at 0, and fitted, beside impacts.
+    """Compare coupling = 0, a fitted coupling and impacts, for two pendulums or a ball and the first two cups.
 
-    The error over what was fitted, and over the last 30 % of the samples, predicted from the rest.
+    Gives the error over the fitted samples, and over the last 30 % of the samples, predicted from the others.
     """
     if subject.clip.phenomenon == PILE:
         calibration, phenomenon = subject.measured.calibration(), PHENOMENA[PILE]
@@ -45,52 +45,52 @@ def coupling_rows(subject: Subject) -> Records:
         return []
     known, free = subject.known_and_free()
     accepted = {parameter.name for parameter in MODELS["coupled-pendulums"].parameters}
-    gravity = {name: known_value for name, known_value in known.items() if name in accepted}
+    gravity = {name: estimate for name, estimate in known.items() if name in accepted}
     impacts = {"fixed": known, "free": free}
     return _compared(subject, subject.trajectory(), _kinds("coupled-pendulums", subject.model, gravity, impacts))
 
 
 def first_struck(bodies: Sequence[Trajectory], run_up: Trajectory) -> Trajectory:
-    """Sideways places ``z1`` to ``z3`` of the ball and of the first two cups in its way, about the first impact.
+    """Horizontal positions ``z1`` to ``z3`` of the ball and the first two cups in its path, around the first impact.
 
     Parameters
     ----------
     bodies
         x and z of the ball and the cups, in any order, at the same times.
     run_up
-        Its motion ends where the ball strikes the first.
+        Trajectory of the ball; its motion ends when it strikes the first cup.
 
     Raises
     ------
     DataError
-        When there is no ball, or are no two cups beside one another in its way.
+        When there is no ball, or no two cups of the bottom row in its path.
     """
     rolls = np.flatnonzero(run_up.mask("motion") & run_up.valid)
-    seen = [body for body in bodies if body.valid[rolls].all()]
-    if rolls.size == 0 or len(seen) < 3:
+    tracked = [body for body in bodies if body.valid[rolls].all()]
+    if rolls.size == 0 or len(tracked) < 3:
         raise DataError(
-            f"of {len(bodies)} bodies {len(seen)} are seen while the ball rolls; it and two cups are needed"
+            f"of {len(bodies)} bodies {len(tracked)} are seen while the ball rolls; it and two cups are needed"
         )
-    places = np.array([body.position[rolls][:, :2] for body in seen])
-    ways = places[:, -1, 0] - places[:, 0, 0]
-    ball, ahead = int(np.argmax(np.abs(ways))), float(np.sign(ways[np.argmax(np.abs(ways))]))
-    cups, heights = [k for k in range(len(seen)) if k != ball], places[:, 0, 1]
+    positions = np.array([body.position[rolls][:, :2] for body in tracked])
+    travel = positions[:, -1, 0] - positions[:, 0, 0]
+    ball, direction = int(np.argmax(np.abs(travel))), float(np.sign(travel[np.argmax(np.abs(travel))]))
+    cups, heights = [k for k in range(len(tracked)) if k != ball], positions[:, 0, 1]
     lowest = heights[cups].min() + LEVEL * float(np.ptp(heights[cups]))
-    first = sorted((k for k in cups if heights[k] <= lowest), key=lambda k: ahead * places[k, 0, 0])[:2]
+    first = sorted((k for k in cups if heights[k] <= lowest), key=lambda k: direction * positions[k, 0, 0])[:2]
     if len(first) < 2:
         raise DataError("there are no two cups beside one another in the ball's way")
-    return _sideways([seen[ball], *(seen[k] for k in first)], ahead, float(run_up.t_s[rolls[-1]]))
+    return _horizontal([tracked[ball], *(tracked[k] for k in first)], direction, float(run_up.t_s[rolls[-1]]))
 
 
-def _sideways(bodies: list[Trajectory], ahead: float, hit_s: float) -> Trajectory:
+def _horizontal(bodies: list[Trajectory], direction: float, hit_s: float) -> Trajectory:
     t_s = bodies[0].t_s
     valid = np.logical_and.reduce([body.valid for body in bodies])
-    about = (t_s > hit_s - BEFORE_S) & (t_s < hit_s + AFTER_S)
+    window = (t_s > hit_s - BEFORE_S) & (t_s < hit_s + AFTER_S)
     return bodies[0].with_(
         quantities=tuple(Quantity(f"z{k}", bodies[0].quantities[0].unit) for k in (1, 2, 3)),
-        position=np.column_stack([ahead * body.position[:, 0] for body in bodies]),
+        position=np.column_stack([direction * body.position[:, 0] for body in bodies]),
         sigma=np.column_stack([body.sigma[:, 0] for body in bodies]),
-        valid=valid & about,
+        valid=valid & window,
         segments=(),
         systematic={},
     )

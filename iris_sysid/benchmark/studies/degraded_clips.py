@@ -18,17 +18,17 @@ from iris_sysid.types import Track
 from iris_sysid.video.reader import Video, open_video
 from iris_sysid.video.tensor_writer import SIZE, write_tensor
 
-TICK = Fraction(1, 90_000)  # s; of the times in the changed file: they are within 6 microseconds of the clip's own
+TICK = Fraction(1, 90_000)  # s; time resolution of the changed file, at most 6 microseconds off the original times
 
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """What is done to a clip.
+    """One degradation of a clip.
 
-    ``noise_grey``: standard deviation of noise added to each channel. ``shrink``: each side over this; ``size``: to
-    this width and height. ``every``: only each n-th frame. ``dropped``: share of frames left out at random, times
-    kept. ``crf``: x264's constant rate factor (23 is usual, 51 the worst); without it nothing is lost.
-    ``tensor``: to the benchmark's tensor and back.
+    ``noise_grey``: standard deviation of the noise added to each channel. ``shrink``: divide each side by this;
+    ``size``: resize to this width and height. ``every``: keep only each n-th frame. ``dropped``: fraction of frames
+    left out at random, times kept. ``crf``: x264's constant rate factor (23 is usual, 51 the worst); None for lossless.
+    ``tensor``: convert to the benchmark's tensor and back.
     """
 
     noise_grey: float = 0.0
@@ -59,14 +59,14 @@ CHANGES: Mapping[str, Change] = {
 
 @contextmanager
 def changed(clip: str | Path, change: Change, seed: int = 0) -> Iterator[Video]:
-    """The clip after a change, in a temporary file that goes when the block ends.
+    """The clip after a change, in a temporary file that is deleted when the block ends.
 
     Parameters
     ----------
     clip
         Video file.
     change
-        What to do to it.
+        The degradation.
     seed
         Of noise and dropped frames.
     """
@@ -96,14 +96,14 @@ def _write(video: Video, path: Path, change: Change, rng: np.random.Generator) -
             dropped = rng.random() < change.dropped and frame.index > 0
             if frame.index % change.every or dropped:
                 continue
-            picture = _picture(frame.bgr(), (width, height), change.noise_grey, rng)
-            encoded = av.VideoFrame.from_ndarray(picture, format="bgr24")
+            image = _degraded(frame.bgr(), (width, height), change.noise_grey, rng)
+            encoded = av.VideoFrame.from_ndarray(image, format="bgr24")
             encoded.pts, encoded.time_base = round(Fraction(frame.t_s) / TICK), TICK
             container.mux(stream.encode(encoded))
         container.mux(stream.encode())
 
 
-def _picture(
+def _degraded(
     bgr: NDArray[np.uint8], size: tuple[int, int], noise_grey: float, rng: np.random.Generator
 ) -> NDArray[np.uint8]:
     if (bgr.shape[1], bgr.shape[0]) != size:
@@ -115,13 +115,13 @@ def _picture(
 
 
 def as_in(video: Video, tracks: list[Track], size: tuple[int, int]) -> list[Track]:
-    """Tracks of a shrunken clip in the pixels of the clip as it was, ``size`` its width and height."""
+    """Tracks of a resized clip in the pixels of the original clip, whose width and height are ``size``."""
     scale = np.array([size[0] / video.width, size[1] / video.height])
     mean = float(np.sqrt(scale[0] * scale[1]))
     return [
         replace(
             track,
-            xy_px=(track.xy_px + 0.5) * scale - 0.5,  # pixel centres: the corner of a picture is at -0.5
+            xy_px=(track.xy_px + 0.5) * scale - 0.5,  # pixel centres: the corner of the image is at -0.5
             sigma_px=track.sigma_px * scale,
             radius_px=None if track.radius_px is None else track.radius_px * mean,
             sigma_radius_px=None if track.sigma_radius_px is None else track.sigma_radius_px * mean,

@@ -1,7 +1,7 @@
 """The latent pipeline's losses and integrators, minimised exactly on a tracked angle instead of a learned latent.
 
-A latent pipeline's error has two sources: the encoder, and the loss that the physics is fitted by. Here the loss is
-the publication's and the observable is measured, so that what is left is the loss.
+A latent pipeline's error has two sources: the encoder, and the loss function of the physics. Here the loss is the
+publication's and the observable is measured, so the remaining error is that of the loss.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from iris_sysid.types import Array
 
 START = np.array([0.5, 0.05])  # gamma_0 and gamma_1 before training, app:physics_block
-WEIGHTS = np.array([1.0, 1.0, 0.5, 0.5, 0.25])  # of the horizons 1 to 5, as the publication has them
+WEIGHTS = np.array([1.0, 1.0, 0.5, 0.5, 0.25])  # of the horizons 1 to 5, from the publication
 HORIZONS: Mapping[str, int] = {"one-step": 1, "five-step": 5}
 
 Pull = Callable[[Array, Array], Array]
@@ -22,7 +22,7 @@ Step = Callable[[Array, Array, float, Pull], tuple[Array, Array]]
 
 
 def without_acceleration(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Array, Array]:
-    """Euler's step: the position does not feel the acceleration.
+    """Explicit Euler step: the position is updated without the acceleration.
 
     ``z`` and ``v`` (n,): position, in any unit, and velocity, in that unit per second.
 
@@ -39,7 +39,7 @@ def without_acceleration(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Arr
 
 
 def euler_cromer(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Array, Array]:
-    """The publication's corrected step: the position moves with the new velocity.
+    """Euler-Cromer step, the publication's correction: the position is updated with the new velocity.
 
     ``z`` and ``v`` (n,): position, in any unit, and velocity, in that unit per second.
 
@@ -53,7 +53,7 @@ def euler_cromer(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Array, Arra
 
 
 def stoermer_verlet(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Array, Array]:
-    """Half a kick, a drift, half a kick.
+    """Stoermer-Verlet step: half a velocity update, a position update, half a velocity update.
 
     ``z`` and ``v`` (n,): position, in any unit, and velocity, in that unit per second.
 
@@ -68,7 +68,7 @@ def stoermer_verlet(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Array, A
 
 
 def runge_kutta(z: Array, v: Array, dt: float, pull: Pull) -> tuple[Array, Array]:
-    """The classical method of order 4.
+    """Classical Runge-Kutta step of order 4.
 
     ``z`` and ``v`` (n,): position, in any unit, and velocity, in that unit per second.
 
@@ -111,7 +111,7 @@ BENDS: Mapping[str, Callable[[Array], Array]] = {"linear": np.asarray, "sine": n
 
 
 def misses(gamma: Array, theta: Array, dt: float, step: Step, horizons: int, bend: Callable[[Array], Array]) -> Array:
-    """Weighted differences of all windows: the angle after 1 to ``horizons`` steps less the tracked one.
+    """Weighted differences of all windows: the angle after 1 to ``horizons`` steps minus the tracked angle.
 
     The velocity at the start of a window is the backward difference of the tracked angle.
 
@@ -122,11 +122,11 @@ def misses(gamma: Array, theta: Array, dt: float, step: Step, horizons: int, ben
     theta
         Tracked angles (n,) in rad at equal steps.
     dt
-        That step in s.
+        Time step in s.
     step
         Integrator.
     horizons
-        How many steps ahead, 1 to 5.
+        Number of predicted steps, 1 to 5.
     bend
         The angle itself for the linear equation, its sine for the exact one.
     """
@@ -139,7 +139,7 @@ def misses(gamma: Array, theta: Array, dt: float, step: Step, horizons: int, ben
 
 
 def stiffness_of(theta: Array, dt: float, step: Step, horizons: int, bend: Callable[[Array], Array]) -> float:
-    """The g/L in 1/s^2 that a loss gives, minimised exactly from the publication's start; NaN without a gradient.
+    """The g/L in 1/s^2 that minimises a loss, from the publication's start; NaN where g/L stays at its start.
 
     ``theta`` (n,), rad.
 
@@ -153,7 +153,7 @@ def stiffness_of(theta: Array, dt: float, step: Step, horizons: int, bend: Calla
 
 
 def stiffnesses(theta: Array, dt: float) -> Iterator[tuple[str, float]]:
-    """What every loss, integrator and equation makes of tracked angles (n,) at steps of ``dt``: its name, and g/L.
+    """Name and g/L of every combination of loss, integrator and equation, on tracked angles (n,) at steps of ``dt``.
 
     Angles are in rad, ``dt`` in s, g/L in 1/s^2.
     """

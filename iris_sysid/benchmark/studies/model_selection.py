@@ -1,7 +1,6 @@
-"""The bank's own selection: which equation of the whole bank a clip's track obeys, scored like the classifiers.
+"""Equation selection by our model bank: the equation that a clip's track obeys, scored like the classifiers.
 
-The tracker and the segmentation are those of the clip's class; the equation, and what in the track is its observable,
-are chosen from the whole bank.
+Tracker and segmentation are those of the clip's class; the equation and its observable are chosen from the whole bank.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from iris_sysid.types import Calibration, ModelChoice, Phenomenon, Track, Trajec
 
 BANK, NEAREST = "bank", "bank, nearest"
 NONE_FITS = "none of these"
-# what else is right where the phenomenon's own model is the first: the same equation without, or with, its events
+# other correct answers for a phenomenon's model (key): the same equation without, or with, its events
 SAME_EQUATION: Mapping[str, tuple[str, ...]] = {
     "bouncing-ball": ("free-fall",),
     "pendulum-impact": ("coupled-pendulums",),
@@ -35,10 +34,10 @@ SAME_EQUATION: Mapping[str, tuple[str, ...]] = {
 
 
 def selection_rows(subject: Subject) -> list[dict[str, Any]]:
-    """Two rows: the equation that was chosen, or that none fits; and the nearest one, whether it fits or not.
+    """Two rows: the chosen equation, or that none fits; and the nearest equation, whether it fits or not.
 
-    The value is 1 where the answer is an equation that the class obeys, else 0; a track that nothing can be chosen
-    from is a failed row with the reason.
+    The value is 1 where the answer is an equation that the class obeys, else 0; a track without a choice is a failed
+    row with the reason.
     """
     try:
         choice = choice_for(subject.measured)
@@ -49,7 +48,7 @@ def selection_rows(subject: Subject) -> list[dict[str, Any]]:
 
 
 def choice_for(clip: ClipMeasurement) -> ModelChoice:
-    """The choice from the whole bank for a measured clip, from the places of its bodies while they move.
+    """The choice from the whole bank for a measured clip, from the positions of its bodies during the motion.
 
     Raises
     ------
@@ -63,36 +62,36 @@ def choice_for(clip: ClipMeasurement) -> ModelChoice:
     if fitted is None:
         raise DataError(f"{clip.clip.place} has no trajectory: {clip.document.message}")
     in_motion = fitted.valid & fitted.mask("motion")
-    bodies = [_seen(track, clip.calibration(), phenomenon) for track in clip.tracks()]
+    bodies = [_observed(track, clip.calibration(), phenomenon) for track in clip.tracks()]
     return select_model([body.with_(valid=body.valid & in_motion) for body in bodies])
 
 
-def _seen(track: Track, calibration: Calibration, phenomenon: Phenomenon) -> Trajectory:
-    """What the phenomenon measures; of a body whose size changes its place as well."""
+def _observed(track: Track, calibration: Calibration, phenomenon: Phenomenon) -> Trajectory:
+    """The observable of the phenomenon; for a body whose apparent size changes, its position as well."""
     body = measured(track, calibration, phenomenon)
     if phenomenon.measures != "radius":
         return body
-    place = to_world(track, calibration)
-    return place.with_(
-        quantities=(*place.quantities, *body.quantities),
-        position=np.column_stack([place.position, body.position]),
-        sigma=np.column_stack([place.sigma, body.sigma]),
-        valid=place.valid & body.valid,
+    world = to_world(track, calibration)
+    return world.with_(
+        quantities=(*world.quantities, *body.quantities),
+        position=np.column_stack([world.position, body.position]),
+        sigma=np.column_stack([world.sigma, body.sigma]),
+        valid=world.valid & body.valid,
         systematic={},
     )
 
 
 def _row(subject: Subject, method: str, answer: str, status: str) -> dict[str, Any]:
-    own = PHENOMENA[subject.clip.phenomenon].model
-    right = answer in (own, *SAME_EQUATION.get(own, ()))
+    true_model = PHENOMENA[subject.clip.phenomenon].model
+    correct = answer in (true_model, *SAME_EQUATION.get(true_model, ()))
     return subject.record(
         study=SELECTION,
         method=method,
         parameter=EQUATION,
-        value=None if status == FAILED else float(right),
+        value=None if status == FAILED else float(correct),
         unit="1",
         truth=1.0,
-        truth_source=f"class folder: {own}",
+        truth_source=f"class folder: {true_model}",
         status=status,
         answer=answer,
     )

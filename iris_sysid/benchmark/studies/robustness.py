@@ -20,14 +20,14 @@ from iris_sysid.video.reader import open_video
 def robustness_rows(
     subject: Subject, measured: MeasuredDocument, conditions: Sequence[str] = tuple(CHANGES), seed: int = 0
 ) -> list[dict[str, Any]]:
-    """The parameters of a clip after each change; a change that nothing survives is failed rows with the reason.
+    """The parameters of a clip after each change; a change after which the fit fails gives failed rows with the reason.
 
     Parameters
     ----------
     subject
         The clip as it was measured.
     measured
-        What is known by hand, as the measurement had it.
+        The direct measurements that the measurement of the clip used.
     conditions
         Keys of ``CHANGES``.
     seed

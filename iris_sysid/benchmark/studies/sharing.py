@@ -1,4 +1,4 @@
-"""Fit several clips with shared parameters, and clip by clip: the gain of a shared value."""
+"""Fit several clips with shared parameters and one by one, to measure the gain of a shared value."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def sharing_rows(subjects: Sequence[Subject]) -> Iterator[dict[str, Any]]:
 
 
 def _common(clips: Sequence[Subject]) -> list[str]:
-    """Free parameters of the model, with one and the same known truth in all clips."""
+    """Free parameters of the model that have the same known truth in all clips."""
     names = [parameter.name for parameter in clips[0].model.parameters]
     return [
         name
@@ -52,21 +52,21 @@ def _of_setting(clips: Sequence[Subject], common: Sequence[str]) -> Iterator[dic
     for clip in clips:
         yield from _rows(clip, common, clip.measured.document.estimates(), PER_CLIP_METHOD)
     values = {name: [clip.measured.document.estimates()[name] for clip in clips] for name in common}
-    units = {name: found[0].unit for name, found in values.items()}
+    units = {name: estimates[0].unit for name, estimates in values.items()}
     means = {
-        name: Estimate(math.fsum(v.value for v in found) / len(found), math.nan, units[name])
-        for name, found in values.items()
+        name: Estimate(math.fsum(estimate.value for estimate in estimates) / len(estimates), math.nan, units[name])
+        for name, estimates in values.items()
     }
     yield from (row | {"clip": "all"} for row in _rows(clips[0], common, means, MEAN))
     known, free = clips[0].known_and_free()
-    own = [name for name in free if name not in common]
+    per_clip = [name for name in free if name not in common]
     try:
         trajectories = [clip.trajectory() for clip in clips]
-        pooled = fit_clips(trajectories, clips[0].model, shared=common, fixed=known, free=own)
-        found, failure = dict(pooled.shared), {}
+        pooled = fit_clips(trajectories, clips[0].model, shared=common, fixed=known, free=per_clip)
+        shared, failure = dict(pooled.shared), {}
     except Exception as error:  # one setting must not end the run of all
-        found, failure = {}, {"answer": why(error)}
-    yield from (row | {"clip": "all"} | failure for row in _rows(clips[0], common, found, SHARED))
+        shared, failure = {}, {"answer": why(error)}
+    yield from (row | {"clip": "all"} | failure for row in _rows(clips[0], common, shared, SHARED))
 
 
 def _rows(

@@ -1,4 +1,4 @@
-"""The studies of one measured clip: each a function from a subject to flat rows, failures as rows too."""
+"""The studies of one measured clip: each turns a subject into flat rows; a failure is a row as well."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ Study = Callable[[Subject], Records]
 ODE, EFFECTS, SINDY = "ode", "ode+effects", "sindy"
 TRAINED, AHEAD = 100, (10, 25, 50)  # frames: fitted, and predicted beyond (eq:extrapolation)
 TOO_SHORT = "too-short"
-NEAREST = "nearest in the bank"  # status of what an equation would be that is not quite one of the bank
+NEAREST = "nearest in the bank"  # status where the discovered equation is not in the bank
 PENDULUM = "pendulum"
 
 
 def ode_rows(subject: Subject) -> Records:
-    """The parameters of the bank's model, as they were measured."""
+    """The parameters of the bank's model, from the measurement of the clip."""
     document = subject.measured.document
     return subject.records(document.estimates(), document.status, method=ODE)
 
 
 def effect_rows(subject: Subject) -> Records:
-    """The parameters of the bank's model with the effects added that the clip shows; ``answer`` names them."""
+    """The parameters of the bank's model after adding the effects that the clip shows; ``answer`` names them."""
     known, free = subject.known_and_free()
     diagnosis = diagnose(subject.trajectory(), subject.model, fixed=known, free=free)
     answer = ", ".join(effect.name for effect in diagnosis.added) or "none"
@@ -41,9 +41,9 @@ def effect_rows(subject: Subject) -> Records:
 
 
 def sindy_rows(subject: Subject) -> Records:
-    """The parameters of the equation that was discovered, as its model in the bank has them; ``answer`` names it.
+    """The parameters of the discovered equation, by the names of its model in the bank; ``answer`` names the model.
 
-    Where the equation is not in the bank they are those of the nearest model, and the status says so.
+    Where the equation is not in the bank they are those of the nearest model, and the status is ``NEAREST``.
     """
     known, _ = subject.known_and_free()
     discovery = discover(subject.trajectory(), known=known, seed=0)
@@ -55,7 +55,7 @@ def sindy_rows(subject: Subject) -> Records:
 
 
 def identifiability_rows(subject: Subject) -> Records:
-    """What the clip can tell of the parameters: condition numbers, gradients, one-step residual."""
+    """Identifiability of the parameters from the clip: condition numbers, gradients, one-step residual."""
     trajectory = subject.trajectory()
     result = subject.refit(trajectory)
     analysis = identifiability(result, trajectory)
@@ -71,7 +71,7 @@ def identifiability_rows(subject: Subject) -> Records:
 
 
 def extrapolation_rows(subject: Subject) -> Records:
-    """E_k, the squared error k frames beyond the first 100 of the motion, after a fit to those."""
+    """E_k, the squared error k frames beyond the first 100 of the motion, after a fit to these 100 frames."""
     trajectory = subject.trajectory()
     used = np.flatnonzero(trajectory.valid & trajectory.mask("motion"))
     unit = f"{trajectory.quantities[0].unit}^2"
@@ -111,7 +111,7 @@ def loss_rows(subject: Subject) -> Records:
     ]
 
 
-# name of each study: what makes its rows, and the study, method and parameter of the row that says it failed
+# by name of the study: the function that makes its rows, and the study, method and parameter of the row of a failure
 STUDY_OF: Mapping[str, tuple[Study, str, str, str]] = {
     EFFECTS: (effect_rows, "", EFFECTS, ""),
     SINDY: (sindy_rows, "", SINDY, ""),

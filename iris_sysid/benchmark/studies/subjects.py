@@ -23,13 +23,13 @@ from iris_sysid.types import Array, Estimate, FitResult, OdeModel, Trajectory
 Records = list[dict[str, Any]]
 
 DEGREES = 180.0 / math.pi  # an angle is published in degrees
-ESTIMATED = ("fitted", "derived")  # types of a parameter that the clip itself gave; the others were told to the fit
+ESTIMATED = ("fitted", "derived")  # types of a parameter that the clip gives; the others were given to the fit
 UNDETERMINED, NO_SCALE = "undetermined", "no scale"  # statuses of a parameter without a value
 
 
 @dataclass(frozen=True, slots=True)
 class TrueValue:
-    """A true value in the unit of the tables, and where it is from."""
+    """A true value in the unit of the tables, and its source."""
 
     value: float
     source: str
@@ -37,7 +37,7 @@ class TrueValue:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Subject:
-    """One clip of a data set as it was measured; ``truth`` by our names of the parameters.
+    """One measured clip of a data set; ``truth`` by our names of the parameters.
 
     ``wanted`` are the parameters that get a row, also where the clip failed, with their units in the tables.
     """
@@ -49,7 +49,7 @@ class Subject:
 
     @property
     def clip(self) -> Clip:
-        """Which clip it is."""
+        """The clip in the data set."""
         return self.measured.clip
 
     @property
@@ -58,7 +58,7 @@ class Subject:
         return MODELS[self.measured.document.model]
 
     def trajectory(self) -> Trajectory:
-        """The observable that was fitted; DataError for a clip that failed."""
+        """The fitted observable; DataError for a clip that failed."""
         trajectory = self.measured.trajectory()
         if trajectory is None:
             raise DataError(f"{self.clip.place} has no trajectory: {self.measured.document.message}")
@@ -77,7 +77,7 @@ class Subject:
             if parameter.name not in document.geometry
         }
         constants = [parameter.name for parameter in self.model.parameters if parameter.constant]
-        finite = {name: known_value for name, known_value in known.items() if math.isfinite(known_value.value)}
+        finite = {name: estimate for name, estimate in known.items() if math.isfinite(estimate.value)}
         return finite, [name for name in document.free if name in constants]
 
     def refit(self, trajectory: Trajectory | None = None, **more: Any) -> FitResult:
@@ -87,14 +87,14 @@ class Subject:
         return fit(chosen, self.model, **({"fixed": known, "free": free} | more))
 
     def record(self, **more: Any) -> dict[str, Any]:
-        """A flat row's names of this clip, with what else it holds."""
+        """A flat row of this clip, with the other columns from the keywords."""
         own = {"dataset": self.dataset, "phenomenon": self.clip.class_name, "setting": self.clip.setting}
         return own | {"clip": self.clip.clip, "source": self.clip.path.name} | more
 
     def records(self, estimates: Mapping[str, Estimate], status: str, **more: Any) -> list[dict[str, Any]]:
         """A flat row of each wanted parameter, from ``estimates`` by name (angles in rad), and the fit's ``status``.
 
-        One without a value is a failed row. Further keywords are other columns of each row, ``method`` for one.
+        A parameter without a value gives a failed row. Further keywords are other columns of each row, e.g. ``method``.
         """
         return [self._record(name, unit, estimates.get(name), status) | more for name, unit in self.wanted.items()]
 
@@ -106,9 +106,9 @@ class Subject:
         Parameters
         ----------
         study, method, parameter, unit
-            What it is of.
+            Columns of the row.
         value
-            NaN for none.
+            NaN where there is none.
         otherwise
             The status of a row without a value.
         """
@@ -124,18 +124,18 @@ class Subject:
         )
 
     def _lacks_scale(self, name: str) -> bool:
-        """Whether the measurement is in px and could not give this parameter for want of metres."""
+        """Whether the measurement is in px, so that this parameter, which needs metres, has no value."""
         entry = self.measured.document.parameters.get(name)
         units = [parameter.unit for parameter in self.measured.document.parameters.values()]
         return entry is not None and entry.value is None and any(unit.startswith("px") for unit in units)
 
     def _record(self, name: str, unit: str, estimate: Estimate | None, status: str) -> dict[str, Any]:
         factor = DEGREES if unit == "deg" else 1.0
-        told = estimate is not None and estimate.measurement_type not in ESTIMATED
+        given = estimate is not None and estimate.measurement_type not in ESTIMATED
         scaled = estimate is None or (_unit(estimate.unit) == unit and not self._lacks_scale(name))
-        value = math.nan if estimate is None or told or not scaled else estimate.value * factor
+        value = math.nan if estimate is None or given or not scaled else estimate.value * factor
         true = self.truth.get(name)
-        otherwise = NO_SCALE if not scaled else NOT_ESTIMATED if told else UNDETERMINED if status == OK else status
+        otherwise = NO_SCALE if not scaled else NOT_ESTIMATED if given else UNDETERMINED if status == OK else status
         return self.record(
             parameter=name,
             unit=unit,
@@ -148,7 +148,7 @@ class Subject:
 
 
 def simulated(model: OdeModel, result: FitResult, t_s: Array) -> Array:
-    """The observables (n, d) that a fit predicts at times (n,) from the start of its samples on.
+    """The observables (n, d) that a fit predicts at times (n,), which begin at its first sample.
 
     Times are in s, observables in the units of the model.
     """
@@ -164,7 +164,7 @@ def subjects_of(clips: Iterable[ClipMeasurement], folder: Path, dataset: str) ->
     clips
         From :func:`iris_sysid.benchmark.groundtruth.measure.measure`.
     folder
-        Of the data set; ``parameters.json`` in it is read where there is one.
+        Of the data set; its ``parameters.json`` is read where it exists.
     dataset
         Its name in the tables.
     """
@@ -215,7 +215,7 @@ def _of_clip(clip: Clip) -> dict[str, TrueValue]:
 
 
 def _in_degrees(value: float, unit: str) -> float:
-    """An angle in degrees, without the last digits that the conversion leaves; any other value as it is."""
+    """An angle in degrees, rounded to 12 digits against conversion noise; any other value unchanged."""
     return float(f"{value * DEGREES:.12g}") if unit == "rad" else value
 
 
@@ -224,10 +224,10 @@ def _of_setting(clip: Clip, document: Mapping[str, Any]) -> dict[str, TrueValue]
     settings = document.get(clip.class_name) or document.get(clip.class_name.lower()) or {}
     entries = settings.get(clip.setting, {}) if isinstance(settings, dict) else {}
     values = {}
-    for ours, theirs in described.parameters.items():
-        entry = entries.get(theirs) if isinstance(entries, dict) else None
+    for name, published_name in described.parameters.items():
+        entry = entries.get(published_name) if isinstance(entries, dict) else None
         if isinstance(entry, dict) and math.isfinite(_number(entry, "mean")):
-            values[ours] = TrueValue(_number(entry, "mean"), "parameters.json")
+            values[name] = TrueValue(_number(entry, "mean"), "parameters.json")
     return values
 
 
@@ -236,9 +236,7 @@ def _published(clip: Clip) -> dict[str, TrueValue]:
     key = (described.dataset, clip.class_name, clip.setting)
     known = {name: truth_of(*key, name) for name in described.parameters}
     return {
-        name: TrueValue(known_value.value, f"published: {known_value.source}")
-        for name, known_value in known.items()
-        if known_value is not None
+        name: TrueValue(truth.value, f"published: {truth.source}") for name, truth in known.items() if truth is not None
     }
 
 

@@ -1,4 +1,4 @@
-"""All tables of the benchmark as a function of the flat rows and of nothing else."""
+"""All tables of the benchmark, made from the flat rows alone."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from iris_sysid.benchmark.tables.table import Table, frame_table, parameter_tabl
 
 
 def tables_of(rows: pd.DataFrame, *, reference: str | None = None) -> dict[str, Table]:
-    """Make every table that the rows can fill, by name, in the order in which they are shown.
+    """Make every table that has rows, by name, in the order of the page.
 
     Parameters
     ----------
     rows
         Flat rows, e.g. from :func:`read_rows`.
     reference
-        Method that all differences of the long parameter table are against; without it there is no such column.
+        Method that the long parameter table subtracts from every error; None for no such column.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Pictures of the benchmark from its flat rows: errors, confusions, errors beyond the fit, robustness."""
+"""Charts of the benchmark from its flat rows: errors, confusion matrices, extrapolation errors, robustness."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from iris_sysid.benchmark.tables.headline import NULLS
 from iris_sysid.benchmark.tables.study_tables import relative_error
 from iris_sysid.benchmark.tables.summary import parameter_summary
 
-# Okabe and Ito (2008): colours that stay apart for every kind of colour vision; shapes tell methods apart as well
+# Okabe and Ito (2008): colours that are distinct for every kind of colour vision; markers differ as well
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#56B4E9", "#000000")
 MARKERS = "osD^vP*X"
 NULL_COLOUR = "#999999"
 LINE_HEIGHT = 0.24  # inches a line of the error chart
 SMALLEST = 1e-3  # %, where the error axis ends: smaller errors are drawn there
-MOST_CONFUSIONS = 6  # matrices in one picture
+MOST_CONFUSIONS = 6  # matrices in one chart
 
 
 def charts_of(rows: pd.DataFrame) -> dict[str, tuple[Figure, str]]:
-    """Every picture that the flat rows can fill, by name, with what it shows."""
+    """Every chart that has rows, by name, with its caption."""
     makers = {
         "errors": (
             PARAMETERS,
@@ -108,13 +108,13 @@ def _matrix(axes: Axes, counts: pd.DataFrame, title: str) -> None:
 
 
 def extrapolation_chart(rows: pd.DataFrame) -> Figure:
-    """Mean error against the number of frames beyond the fit, one panel a unit; from flat ``rows``."""
+    """Mean error against the number of frames beyond the fit, one panel per unit; from flat ``rows``."""
     chosen = rows[(rows["study"] == EXTRAPOLATION) & rows["value"].notna()]
     chosen = chosen.assign(k=chosen["parameter"].str.removeprefix("E_").astype(float))
     units = list(dict.fromkeys(chosen["unit"]))
     figure = Figure(figsize=(5.2 * max(len(units), 1), 4.4), layout="constrained")
-    for place, unit in enumerate(units):
-        axes = figure.add_subplot(1, len(units), place + 1)
+    for panel, unit in enumerate(units):
+        axes = figure.add_subplot(1, len(units), panel + 1)
         series = list(chosen[chosen["unit"] == unit].groupby(["phenomenon", "method"], sort=False))
         for k, ((phenomenon, method), group) in enumerate(series):
             mean = group.groupby("k")["value"].mean()
@@ -126,7 +126,7 @@ def extrapolation_chart(rows: pd.DataFrame) -> Figure:
 
 
 def robustness_chart(rows: pd.DataFrame) -> Figure:
-    """Median relative error after each change, one line a phenomenon and parameter; from flat ``rows``."""
+    """Median relative error after each change, one line per phenomenon and parameter; from flat ``rows``."""
     chosen = rows[rows["study"] == ROBUSTNESS]
     conditions = list(dict.fromkeys(chosen["condition"]))
     figure = Figure(figsize=(10, 4.8), layout="constrained")

@@ -1,4 +1,4 @@
-"""The table that the publication prints, made from flat rows: one line a parameter and setting, one column a method."""
+"""The publication's main table from flat rows: one line per parameter and setting, one column per method."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ NOTES = (
 def headline_table(rows: pd.DataFrame) -> Table:
     """The errors of all methods side by side, the null baselines of each data set included.
 
-    A column is one method on one data set. Errors on different clips stand beside one another, but are never
-    compared: bold is decided within a data set, among the methods that were scored on all clips that any was.
+    A column is one method on one data set. Errors on different clips are shown side by side but never compared: bold
+    marks the best within a data set, among the methods that were scored on the largest number of clips.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def headline_table(rows: pd.DataFrame) -> Table:
     summary["stem"] = summary["method"].map(method_name)
     columns = list(_columns(summary))
     lines = []
-    for key, group in sorted(summary.groupby(LINE, sort=False), key=lambda pair: _place(pair[0], summary)):
+    for key, group in sorted(summary.groupby(LINE, sort=False), key=lambda pair: _sort_key(pair[0], summary)):
         entries = [_entry(group, *column) for column in columns]
         best = _best(entries, columns)
         cells = [Cell(_text(entry), k in best) for k, entry in enumerate(entries)]
@@ -51,8 +51,8 @@ def headline_table(rows: pd.DataFrame) -> Table:
     return Table("Parameter errors, all methods", (*LINE, *heads), tuple(lines), frozenset(heads), NOTES)
 
 
-def _place(key: tuple[Hashable, ...], summary: pd.DataFrame) -> tuple[int, list[tuple[str, int]], int]:
-    """Where a line stands: phenomena and parameters as they come in the rows, settings by the numbers in them."""
+def _sort_key(key: tuple[Hashable, ...], summary: pd.DataFrame) -> tuple[int, list[tuple[str, int]], int]:
+    """Sort key of a line: phenomena and parameters in the order of the rows, settings by the numbers in them."""
     parts = re.findall(r"(\D*)(\d*)", str(key[1]))
     order = [(letters, int(digits or 0)) for letters, digits in parts]
     phenomena = list(dict.fromkeys(summary["phenomenon"]))
@@ -69,24 +69,24 @@ def _columns(summary: pd.DataFrame) -> Iterator[tuple[str, str]]:
 
 
 def _entry(group: pd.DataFrame, dataset: str, stem: str) -> pd.Series | None:
-    """The line of a method: its first reading, or the best of several start values."""
-    found = group[(group["dataset"] == dataset) & (group["stem"] == stem)]
-    if found.empty:
+    """The line of a method: its first reading, or the best of several initial values."""
+    candidates = group[(group["dataset"] == dataset) & (group["stem"] == stem)]
+    if candidates.empty:
         return None
-    best = int(found["mae"].fillna(np.inf).argmin()) if stem == INITIAL else 0
-    return found.iloc[best]
+    best = int(candidates["mae"].fillna(np.inf).argmin()) if stem == INITIAL else 0
+    return candidates.iloc[best]
 
 
 def _best(entries: list[pd.Series | None], columns: list[tuple[str, str]]) -> set[int]:
     best: set[int] = set()
     for dataset in dict.fromkeys(name for name, _ in columns):
-        places = [k for k, (name, stem) in enumerate(columns) if name == dataset and stem not in NULLS]
-        found = [entries[k] for k in places]
-        numbers = [
+        indices = [k for k, (name, stem) in enumerate(columns) if name == dataset and stem not in NULLS]
+        lines = [entries[k] for k in indices]
+        errors = [
             float(line["mae"]) if line is not None and competes else np.nan
-            for line, competes in zip(found, competing(found), strict=True)
+            for line, competes in zip(lines, competing(lines), strict=True)
         ]
-        best |= {places[k] for k in smallest(numbers)}
+        best |= {indices[k] for k in smallest(errors)}
     return best
 
 

@@ -1,4 +1,4 @@
-"""The benchmark written down: every table of the flat rows as CSV, Markdown, LaTeX and HTML, in one folder."""
+"""Write the benchmark: every table of the flat rows as CSV, Markdown, LaTeX and HTML, in one folder."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from iris_sysid.report.page import png_of
 
 TITLE = "Benchmark"
 PAGES = ("rows.csv", "benchmark.md", "benchmark.tex", "benchmark.html", "manifest.json")
-FOLDED = ("parameters", "confusion", "failures")  # long tables, closed until they are asked for
-PICTURE_OF = {"headline": "errors", "selection": "confusion", "extrapolation": "extrapolation"}
-PICTURE_OF |= {"robustness": "robustness"}
+FOLDED = ("parameters", "confusion", "failures")  # long tables, collapsed on the page
+CHART_OF = {"headline": "errors", "selection": "confusion", "extrapolation": "extrapolation"}
+CHART_OF |= {"robustness": "robustness"}
 
 
 def check_pages(folder: str | Path, *, overwrite: bool = False) -> None:
-    """Raise OutputError when :func:`write_pages` could not write into the folder: to be asked before the work."""
+    """Raise OutputError when :func:`write_pages` could not write into the folder; call it before the work."""
     for name in PAGES:
         check_writable(Path(folder) / name, overwrite=overwrite)
 
@@ -39,7 +39,7 @@ def write_pages(
     manifest: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> dict[str, Path]:
-    """Write the flat rows, all tables made of them, and the page; the same rows give the same bytes.
+    """Write the flat rows, all their tables, and the page; the same rows give the same bytes.
 
     Parameters
     ----------
@@ -49,11 +49,11 @@ def write_pages(
         Gets ``rows.csv``, ``benchmark.md``, ``benchmark.tex``, ``benchmark.html``, ``manifest.json`` and
         ``tables/<name>.csv``.
     reference
-        Method that the differences of the long table are against.
+        Method that the long table subtracts from every error.
     gaps
-        What is missing, one line each.
+        Missing parts, one line each.
     manifest
-        What the rows were made from.
+        The origin of the rows.
     overwrite
         Replace the files of an earlier run.
 
@@ -84,12 +84,12 @@ def write_pages(
 
 
 def file_name(table: str) -> str:
-    """The name of a table as a file: letters, digits and hyphens."""
+    """The file name of a table: letters, digits and hyphens."""
     return "".join(letter if letter.isalnum() else "-" for letter in table.lower()).strip("-")
 
 
 def summary_of(rows: pd.DataFrame) -> str:
-    """One sentence on what there is in flat ``rows``."""
+    """One sentence with the numbers of rows, methods and phenomena in flat ``rows``."""
     failed = int(rows["value"].isna().sum())
     kept = int(((rows["status"] != OK) & rows["value"].notna()).sum())
     return (
@@ -114,9 +114,9 @@ def _latex(tables: Mapping[str, Table]) -> str:
 
 def _html(rows: pd.DataFrame, tables: Mapping[str, Table], gaps: Sequence[str], manifest: Mapping[str, Any]) -> str:
     charts = charts_of(rows)
-    pictures = {
+    figures = {
         table: {"data": base64.b64encode(png_of(charts[chart][0])).decode("ascii"), "caption": charts[chart][1]}
-        for table, chart in PICTURE_OF.items()
+        for table, chart in CHART_OF.items()
         if chart in charts and table in tables
     }
     page = jinja2.Environment(loader=jinja2.PackageLoader("iris_sysid.benchmark.tables", "templates"), autoescape=True)
@@ -126,7 +126,7 @@ def _html(rows: pd.DataFrame, tables: Mapping[str, Table], gaps: Sequence[str], 
         summary=summary_of(rows),
         notes=(),
         tables=shown,
-        pictures=pictures,
+        figures=figures,
         gaps=list(gaps),
         manifest=json_text(manifest),
     )

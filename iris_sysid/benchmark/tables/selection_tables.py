@@ -1,4 +1,4 @@
-"""Tables of equation selection from flat rows: accuracy of each method, and who was taken for what."""
+"""Tables of equation selection from flat rows: accuracy of each method, and confusion matrices."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from iris_sysid.benchmark.tables.table import Table, frame_table
 
 
 def accuracy_table(rows: pd.DataFrame) -> Table:
-    """How often each method named the right class or equation, one line a data set and method.
+    """Accuracy of each method in naming the class or equation, one line per data set and method.
 
     ``rows`` are flat rows; those of the study ``selection`` count. A failed row counts as wrong.
     """

@@ -1,4 +1,4 @@
-"""The benchmark's further tables: each study's flat rows crossed, one line a place and one column a kind."""
+"""Tables of the studies: flat rows as a cross table, e.g. one line per setting and one column per method."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ Statistic = Callable[[pd.DataFrame], float]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Layout:
-    """How the rows of one study become a table: which columns name a line, which one is spread over the header.
+    """The layout of a cross table: ``down`` are the columns that name a line, ``across`` the one in the header.
 
-    ``centre`` makes the number of a cell; ``spread`` what follows after ±, where there is one. ``best`` marks the
+    ``centre`` computes the number of a cell; ``spread`` the number after ±, if any. ``best`` marks the
     smallest displayed number of a line. Lines and columns keep the order of the rows.
     """
 
@@ -33,12 +33,12 @@ class Layout:
 
 
 def median_value(rows: pd.DataFrame) -> float:
-    """Median of the values that there are."""
+    """Median of the values, missing ones left out."""
     return _or_nan(rows["value"], np.median)
 
 
 def mean_value(rows: pd.DataFrame) -> float:
-    """Mean of the values that there are."""
+    """Mean of the values, missing ones left out."""
     return _or_nan(rows["value"], np.mean)
 
 
@@ -136,14 +136,14 @@ def study_table(rows: pd.DataFrame, study: str) -> Table:
 
 
 def crossed(rows: pd.DataFrame, layout: Layout) -> Table:
-    """Cross flat rows as a layout says; a combination that no row has is a dash.
+    """Make a cross table of flat rows; a combination without a row is a dash.
 
     Parameters
     ----------
     rows
         Flat rows of one study.
     layout
-        What goes down, across and into the cells.
+        Columns for lines and header, and the statistics of the cells.
     """
     columns = list(dict.fromkeys(rows[layout.across]))
     down = [name for name in layout.down if name != "dataset" or rows["dataset"].nunique() > 1]
@@ -163,22 +163,22 @@ def cell_text(rows: pd.DataFrame, centre: Statistic, spread: Statistic | None = 
     Parameters
     ----------
     rows
-        Flat rows of the cell; none makes a dash.
+        Flat rows of the cell; a dash for none.
     centre, spread
-        What to compute from them.
+        Statistics of the cell.
     """
     if rows.empty:
         return ABSENT
     values = int(rows["value"].notna().sum())
     failed = len(rows) - values
     count = f"({values}, {failed} failed)" if failed else f"({values})"
-    width = np.nan if spread is None else spread(rows)
-    middle = displayed(centre(rows))
-    return f"{middle} ± {displayed(width, 2)} {count}" if np.isfinite(width) else f"{middle} {count}"
+    half_width = np.nan if spread is None else spread(rows)
+    value = displayed(centre(rows))
+    return f"{value} ± {displayed(half_width, 2)} {count}" if np.isfinite(half_width) else f"{value} {count}"
 
 
 def smallest(numbers: Sequence[float]) -> tuple[int, ...]:
-    """Places of the smallest numbers as displayed; equal displays share it, NaN never has it."""
+    """Indices of the smallest numbers as displayed: several where displays are equal, never a NaN."""
     shown = [float(displayed(number)) if np.isfinite(number) else np.inf for number in numbers]
     least = min(shown, default=np.inf)
     return tuple(k for k, value in enumerate(shown) if np.isfinite(value) and value == least)

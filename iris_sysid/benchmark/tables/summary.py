@@ -1,4 +1,4 @@
-"""Flat rows summed up: error, spread, n and failures of each method on each parameter, and who is best."""
+"""Summary of flat rows: error, spread, n and failures of each method on each parameter, and the best method."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ABSENT = "–"
 
 
 def displayed(value: float, digits: int = 3) -> str:
-    """A number as the tables show it: ``digits`` significant ones, a dash for NaN.
+    """A number as the tables show it: ``digits`` significant digits, a dash for NaN.
 
     Whole digits are never rounded away (1234.6 is shown as 1235); below 0.0001 and from 10 million on the form is
     5.55e-17.
@@ -33,7 +33,7 @@ def displayed(value: float, digits: int = 3) -> str:
 
 
 def parameter_summary(rows: pd.DataFrame, *, reference: str | None = None) -> pd.DataFrame:
-    """Sum flat rows up to one line a data set, phenomenon, setting, parameter and method, null baselines added.
+    """Summarise flat rows: one line per data set, phenomenon, setting, parameter and method, with null baselines.
 
     Only rows of the study ``parameters`` count.
 
@@ -42,9 +42,9 @@ def parameter_summary(rows: pd.DataFrame, *, reference: str | None = None) -> pd
     rows
         Flat rows.
     reference
-        The one method that all differences are against: its full name, or its name without the reading in
-        brackets (``baseline`` for ``baseline (g/alpha)``), when the first reading of a group is meant. Without it
-        there is no difference.
+        The method that is subtracted in every difference: its full name, or its name without the reading in
+        brackets (``baseline`` for ``baseline (g/alpha)``), which means the first reading of a group. None for no
+        difference.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def parameter_summary(rows: pd.DataFrame, *, reference: str | None = None) -> pd
         reference's; ``best``, whether the *displayed* mae is the smallest of the group's methods (null baselines, and
         methods that were scored on fewer clips, do not compete); ``beats_initial``, ``yes`` or ``no``, against the
         best displayed null baseline of initial values, empty where there is none. Failed rows count in no mean. NaN
-        where a number cannot be had.
+        where a number is undefined.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def _group_lines(group: pd.DataFrame, reference: str | None) -> list[dict[str, A
 
 
 def competing(lines: Sequence[Mapping[str, Any] | pd.Series | None]) -> list[bool]:
-    """Which of a group's lines may be the best: those with a value that were scored on all clips that any was."""
+    """Which of a group's lines may be the best: those with a value and with the largest number of scored clips."""
     scored = [line["n"] + line["failed"] if line is not None and line["n"] else 0 for line in lines]
     return [0 < count == max(scored) for count in scored]
 
@@ -134,7 +134,7 @@ def _line(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def _mean(values: pd.Series) -> float:
-    """Mean of what there is; exactly the value where all are equal. NaN where there is none."""
+    """Mean of the known values; exactly the value where all are equal. NaN without any."""
     known = values.dropna()
     return float(known.iloc[0] if known.nunique() == 1 else known.mean()) if len(known) else math.nan
 

@@ -1,4 +1,4 @@
-"""Tables as text: one table, laid out once, in CSV, Markdown, LaTeX (booktabs) and HTML."""
+"""Tables as text: CSV, Markdown, LaTeX (booktabs) and HTML from the same cells."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Table:
 
 
 def frame_table(frame: pd.DataFrame, caption: str, *, notes: Sequence[str] = ()) -> Table:
-    """Lay a table of numbers and texts out as it is, numbers to three significant digits and to the right.
+    """Make a table of all columns; numbers have three significant digits and are right-aligned.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def frame_table(frame: pd.DataFrame, caption: str, *, notes: Sequence[str] = ())
     caption
         Above the table.
     notes
-        Below it, one a line.
+        Below it, one per line.
     """
     numeric = frozenset(str(name) for name in frame.columns if pd.api.types.is_numeric_dtype(frame[name].dtype))
     rows = tuple(tuple(Cell(_text(value)) for value in row) for row in frame.itertuples(index=False, name=None))
@@ -82,10 +82,10 @@ PARAMETER_HEADER = {
 
 
 def parameter_table(rows: pd.DataFrame, *, reference: str | None = None, caption: str = "Parameter errors") -> Table:
-    """Lay out the errors of every method on every parameter, null baselines included.
+    """Table of the errors of every method on every parameter, with null baselines.
 
     Bold is the smallest displayed MAE of a group (one data set, phenomenon, setting and parameter); equal displayed
-    numbers are all bold, and null baselines are never. Every difference is against one reference. The data set is
+    numbers are all bold, null baselines never. Every difference is relative to the same reference. The data set is
     shown where there are several.
 
     Parameters
@@ -93,7 +93,7 @@ def parameter_table(rows: pd.DataFrame, *, reference: str | None = None, caption
     rows
         Flat rows.
     reference
-        Method that all differences are against; without it there is no such column.
+        Method that every difference subtracts; None for no such column.
     caption
         Above the table.
     """
@@ -123,7 +123,7 @@ def _parameter_notes(reference: str | None) -> tuple[str, ...]:
 def render(table: Table, form: str) -> str:
     """Write a table as text in one of ``FORMATS``: ``csv``, ``markdown``, ``latex`` or ``html``.
 
-    The same table gives the same text. Names are escaped as the form needs. Raises UnknownNameError for another form.
+    The same table gives the same text. Names are escaped for the format. Raises UnknownNameError for another form.
     """
     if form not in FORMATS:
         raise UnknownNameError(f"no table format {form!r}; there are {', '.join(FORMATS)}")
@@ -140,7 +140,7 @@ def render_rows(rows: pd.DataFrame, form: str, *, reference: str | None = None) 
     form
         ``csv``, ``markdown``, ``latex`` or ``html``.
     reference
-        Method that all differences are against.
+        Method that every difference subtracts.
     """
     return render(parameter_table(rows, reference=reference), form)
 
@@ -213,7 +213,7 @@ def _html_cell(cell: Cell, style: str) -> str:
 
 
 def markdown_text(text: str) -> str:
-    """Text that Markdown shows as it is, on one line."""
+    """Text escaped for Markdown, on one line."""
     return "".join(f"\\{letter}" if letter in "\\|*[]`<>" else letter for letter in " ".join(text.split()))
 
 
@@ -230,7 +230,7 @@ LATEX = {
 
 
 def latex_text(text: str) -> str:
-    """Text that LaTeX shows as it is, on one line."""
+    """Text escaped for LaTeX, on one line."""
     return "".join(LATEX.get(letter, letter) for letter in " ".join(text.split()))
 
 
