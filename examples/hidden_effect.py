@@ -1,6 +1,6 @@
-"""From a clip with an effect hidden in it to the sentence that names it, one step after another.
+"""From a clip with a hidden effect to the sentence that names it, step by step.
 
-The clip is rendered first, with one of three effects that the pendulum's equation lacks; which one is said at the end.
+The clip is rendered first, with one of three effects that the pendulum's equation lacks; it is printed at the end.
 Run it: python examples/hidden_effect.py [folder] [seed]
 """
 
@@ -27,7 +27,7 @@ HIDDEN = (("quadratic-drag", 0.15), ("coulomb-friction", 0.15), ("zero-offset", 
 
 
 def render(clip: Path, seed: int) -> tuple[str, float]:
-    """Film a pendulum with something hidden in its motion, and return what."""
+    """Render a pendulum with a hidden effect; return the name and size of the effect."""
     name, size = HIDDEN[int(np.random.default_rng(seed).integers(len(HIDDEN)))]
     render_clip(
         "pendulum",
@@ -44,7 +44,7 @@ def render(clip: Path, seed: int) -> tuple[str, float]:
 
 
 def main(folder: Path, seed: int) -> None:
-    """Track, fit, ask what is missing, and only then look at what was hidden."""
+    """Track, fit, diagnose, and only then print the hidden effect."""
     clip = folder / "pendulum.mp4"
     hidden = render(clip, seed)
 
@@ -55,10 +55,10 @@ def main(folder: Path, seed: int) -> None:
     print(estimates_frame(fitted)[["value", "stderr", "unit"]])
     print(f"the fit: {fitted.status}; residual {fitted.rms[0]:.2g} rad, noise {fitted.noise[0]:.2g} rad")
 
-    found = diagnose(angle, MODELS["pendulum"])
-    print(diagnosis_sentence(found))
+    diagnosis = diagnose(angle, MODELS["pendulum"])
+    print(diagnosis_sentence(diagnosis))
     print("hidden was: {} {:g}".format(*hidden))
-    print(f"report: {write_diagnosis(found, angle, folder / 'diagnosis', overwrite=True)}")
+    print(f"report: {write_diagnosis(diagnosis, angle, folder / 'diagnosis', overwrite=True)}")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""From a table of angles, with uneven times and a gap, to a pendulum's length and what its equation lacks.
+"""From a table of angles, with uneven times and a gap, to a pendulum's length and the effect that its equation lacks.
 
-Any CSV with the columns ``t_s`` and ``<quantity>_<unit>`` can be fitted and diagnosed, wherever it comes from.
+Any CSV with the columns ``t_s`` and ``<quantity>_<unit>`` can be fitted and diagnosed, from any source.
 Run it: python examples/one_table.py
 """
 
@@ -30,7 +30,7 @@ def write_measured_angles(path: Path) -> None:
 
 
 def main() -> None:
-    """Fit, then ask what is missing."""
+    """Fit, then diagnose."""
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder) / "angles.csv"
         write_measured_angles(table)

@@ -1,9 +1,9 @@
-"""Your own model on measured data: two water tanks, from the raw file to what the model lacks, and to a better one.
+"""Your own model on measured data: two water tanks, from the raw file to the missing effect, and to a better model.
 
 A pump fills the upper tank, which drains into the lower one, whose level a sensor reads in volts: the cascaded tanks
 of Schoukens, Mattson, Wigren and Noel (2016), doi:10.4121/12960104. Download ``tanque.csv`` from there.
 
-Each model is asked what it lacks, and the next one has it.
+The first two models are diagnosed; each model contains more of the rig than the one before.
 Run it: python examples/two_tanks.py tanque.csv [folder]
 One step of it: iris-sysid diagnose folder/estimation.csv --model examples/two_tanks.py:two_tanks -o diagnosis/
 """
@@ -39,13 +39,13 @@ BEST_PUBLISHED_V = 0.191  # simulation RMSE on the validation record
 
 UPPER, LOWER, READING, PUMP = (Quantity(name, "V") for name in ("upper", "lower", "level", "u"))
 
-# --------------------------------------------------------------------------- what everybody writes down first
+# --------------------------------------------------------------------------- the textbook model
 
 
 def torricelli(
     t: float, state: tuple[float, float], params: tuple[float, float, float], inputs: tuple[float]
 ) -> tuple[float, float]:
-    """Each tank drains by Torricelli's law, the upper one into the lower one."""
+    """Each tank drains by Torricelli's law, the upper tank into the lower tank."""
     upper, lower = state
     upper_outflow, lower_outflow, pump = params
     falling = upper_outflow * np.sqrt(max(upper, 0.0))
@@ -58,7 +58,7 @@ def lower_level(t_s: Array, states: Array, params: Array) -> Array:
 
 
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
-    """Both tanks start as full as the lower one."""
+    """Both tanks start at the first measured level of the lower tank."""
     first = float(trajectory.position[trajectory.valid][0, 0])
     return {"upper_0": first, "lower_0": first}
 
@@ -83,13 +83,13 @@ two_tanks = OdeModel(
     observe=lower_level,
 )
 
-# --------------------------------------------------------------------------- with the overflow that its authors tell of
+# --------------------------------------------------------------------------- with the overflow described by its authors
 
 
 def overflowing(
     t: float, state: tuple[float, float], params: tuple[float, ...], inputs: tuple[float]
 ) -> tuple[float, float]:
-    """Both tanks run over at their rims; the lower one catches a part of what the upper one loses."""
+    """Both tanks overflow at their rims; the lower tank catches part of the overflow of the upper tank."""
     upper, lower = state
     upper_outflow, lower_outflow, pump, upper_rim, caught, lower_rim, over = params[:7]
     falling = upper_outflow * np.sqrt(max(upper, 0.0))
@@ -107,7 +107,7 @@ OVERFLOW = (
 
 rimmed_tanks = OdeModel(
     name="rimmed-tanks",
-    summary="two tanks that run over, the upper one in part into the lower one",
+    summary="two tanks that overflow, the upper one in part into the lower one",
     equation=r"\dot h_1 = k_u u - k_1\sqrt{h_1} - o_1,\quad \dot h_2 = k_1\sqrt{h_1} + c\,o_1 - k_2\sqrt{h_2} - o_2,"
     r"\quad o_i = w\max(h_i - r_i, 0)",
     source="Torricelli (1644); overflow as described by Schoukens et al. (2016)",
@@ -138,10 +138,10 @@ def reading(t_s: Array, states: Array, params: Array) -> Array:
 real_tanks = replace(
     rimmed_tanks,
     name="real-tanks",
-    summary="two tanks that run over, and a sensor whose gain changes, that stays wet and that ends at full scale",
+    summary="two tanks that overflow, and a sensor whose gain changes, that stays wet and that ends at full scale",
     parameters=(
         *OUTFLOWS,
-        *(replace(one, upper=10.0) if one.name == "lower_rim" else one for one in OVERFLOW),  # 10 V, by the sensor
+        *(replace(rim, upper=10.0) if rim.name == "lower_rim" else rim for rim in OVERFLOW),  # 10 V, by the sensor
         Parameter("gain_level", "V", "h_g", lower=3.5, upper=5.0, default=4.4),
         Parameter("gain", "1", "g", lower=1.0, upper=4.0, default=2.0),
         Parameter("film", "1", "f", lower=0.0, upper=1.0, default=0.3),
@@ -155,7 +155,7 @@ real_tanks = replace(
 
 
 def write_tables(raw: Path, folder: Path) -> tuple[Path, Path]:
-    """One table a record, as every command reads them; a reading at full scale is no measurement, but a gap."""
+    """Write one table for each record, as every command reads it; a reading at full scale becomes a gap."""
     columns = pd.read_csv(raw)
     folder.mkdir(parents=True, exist_ok=True)
     paths = folder / "estimation.csv", folder / "validation.csv"
@@ -173,7 +173,7 @@ def read_to_full_scale(record: Trajectory) -> Trajectory:
 
 
 def simulation_rmse(fitted: FitResult, record: Trajectory) -> float:
-    """Error of what the model says from the pump's voltage alone, over a record that it was not fitted to."""
+    """RMS error of a simulation from the pump's voltage alone, on a record that the model was not fitted to."""
     assert record.inputs is not None
     values = {name: estimate.value for name, estimate in fitted.estimates.items()}
     predicted = simulate(fitted.model, record.t_s, values, inputs=record.inputs, hold=HOLD).observed
@@ -182,13 +182,13 @@ def simulation_rmse(fitted: FitResult, record: Trajectory) -> float:
 
 
 def main(raw: Path, folder: Path) -> None:
-    """Ask what two tanks by Torricelli lack, then fit the model with all parts of the rig, and score both."""
+    """Diagnose two tanks by Torricelli, then fit the model with all parts of the rig, and score both."""
     estimation, validation = (read_trajectory(path) for path in write_tables(raw, folder))
 
     plain, rimmed = diagnose(estimation, two_tanks), diagnose(estimation, rimmed_tanks)
-    for found in (plain, rimmed):
-        print(f"{found.base.model.name}: {diagnosis_sentence(found)}")
-        print(f"  the screen puts first: {found.rounds[0][0].effect}")
+    for diagnosis in (plain, rimmed):
+        print(f"{diagnosis.base.model.name}: {diagnosis_sentence(diagnosis)}")
+        print(f"  the score test ranks first: {diagnosis.rounds[0][0].effect}")
 
     better = fit(read_to_full_scale(estimation), real_tanks, options=FitOptions(hold=HOLD))
     print(estimates_frame(better)[["value", "stderr", "unit"]])
