@@ -10,7 +10,7 @@ from iris_sysid.benchmark.tables.all_tables import tables_of
 from iris_sysid.benchmark.tables.table import render
 from validation import pages
 
-# name in the docs by that of the benchmark; the long tables (every reading, confusions, failures) are not in the docs
+# benchmark name -> docs name; the docs leave out the long tables (every reading, confusions, failures)
 TABLES = {
     "headline": "benchmark-parameters",
     "selection": "benchmark-selection",

@@ -24,7 +24,7 @@ from validation import pages
 Result = TypeVar("Result")
 
 FRAME_RATE_HZ = 60.0
-# by model: length of the clip, s; noise, in the observed unit (0.1 px of a 720-line picture); ranges of the truth
+# by model: length of the clip, s; noise, in the observed unit (0.1 px of a 720-line image); ranges of the truth
 SETTINGS: Mapping[str, tuple[float, float, Mapping[str, tuple[float, float]]]] = {
     "pendulum": (
         10.0, 5e-4, {"length": (0.3, 1.0), "damping": (0.01, 0.1), "theta_0": (0.3, 1.2), "omega_0": (-0.5, 0.5)},
@@ -45,12 +45,12 @@ FACTORS = (0.5, 20.0)  # hidden sizes, in units of the smallest detectable one
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What was hidden in a case and what was found.
+    """The hidden effects of a case and the result of its diagnosis.
 
-    ``factors`` are the hidden sizes over the smallest detectable ones (beside the other effect, where two are hidden),
+    ``factors`` are the hidden sizes over the smallest detectable ones (given the other effect, where two are hidden),
     ``found`` whether each is the effect added or in its stated class, ``off`` how far each size is off, in half-widths
     of its 95 % interval, NaN where another name was given;
-    ``wrong`` are the effects added in whose class nothing hidden is, ``excess`` is the error after over the noise.
+    ``wrong`` are the added effects whose class holds no hidden effect, ``excess`` is the final error over the noise.
     """
 
     model: str
@@ -69,11 +69,11 @@ def measured(model: OdeModel, values: Mapping[str, float], rng: np.random.Genera
     Parameters
     ----------
     model
-        With or without hidden effects.
+        The equation, with or without hidden effects.
     values
-        By parameter.
+        True values by parameter.
     rng
-        For the noise.
+        Random generator of the noise.
     """
     seconds, noise, _ = SETTINGS[model.name.partition(" + ")[0]]
     t_s = np.arange(round(seconds * FRAME_RATE_HZ)) / FRAME_RATE_HZ
@@ -92,16 +92,16 @@ def drawn(model: OdeModel, rng: np.random.Generator) -> dict[str, float]:
 def hide(
     model: OdeModel, values: Mapping[str, float], count: int, rng: np.random.Generator
 ) -> tuple[list[Effect], dict[str, float], list[float]]:
-    """Choose effects that the data can show, and their sizes, which are also given over what is detectable.
+    """Choose effects that the data can show, their sizes, and these over the smallest detectable sizes.
 
     Parameters
     ----------
     model, values
-        The motion without them.
+        The motion without effects.
     count
-        How many.
+        Number of effects.
     rng
-        Of the case.
+        Random generator of the case.
     """
     clean = measured(model, values, rng)
     fitted = fit(clean, model)
@@ -127,14 +127,14 @@ def _in_some_shape(effect: Effect, clip: Trajectory, rng: np.random.Generator) -
 
 
 def share_apart(name: str, alone: Screen) -> float:
-    """Of an effect's sensitivity, what the other effect hidden with it cannot imitate either.
+    """Share of an effect's sensitivity that the other hidden effect cannot imitate.
 
     Parameters
     ----------
     name
-        Which effect.
+        Name of the effect.
     alone
-        The screen of all that are hidden, and no other.
+        Screening of the hidden effects only.
     """
     if name not in alone.visible:
         return 0.0
@@ -144,7 +144,7 @@ def share_apart(name: str, alone: Screen) -> float:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Hidden:
-    """A motion with effects hidden in it: their ``sizes`` by parameter, and over the smallest detectable ones."""
+    """A motion with hidden effects: their ``sizes`` by parameter, and ``factors`` over the smallest detectable ones."""
 
     model: OdeModel
     trajectory: Trajectory
@@ -154,19 +154,19 @@ class Hidden:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of what is hidden."""
+        """Names of the hidden effects."""
         return tuple(effect.name for effect in self.effects)
 
 
 def hidden_case(seed: int, count: int) -> Hidden | None:
-    """Make one case; None when the motion with what is hidden in it runs away.
+    """Make one case; None when the motion with the hidden effects diverges.
 
     Parameters
     ----------
     seed
-        Of everything random.
+        Random seed of the case.
     count
-        How many effects to hide.
+        Number of effects to hide.
     """
     rng = np.random.default_rng(seed)
     model = MODELS[list(SETTINGS)[seed % len(SETTINGS)]]
@@ -180,43 +180,45 @@ def hidden_case(seed: int, count: int) -> Hidden | None:
 
 
 def outcome(made: Hidden) -> Outcome | None:
-    """What the diagnosis makes of a case; None when its model cannot be fitted."""
+    """Outcome of the diagnosis of a case; None when its model cannot be fitted."""
     try:
-        found = diagnose(made.trajectory, made.model)
+        diagnosis = diagnose(made.trajectory, made.model)
     except FitError:
         return None
-    return outcome_of(found, made.names, made.sizes, made.factors, SETTINGS[made.model.name][1])
+    return outcome_of(diagnosis, made.names, made.sizes, made.factors, SETTINGS[made.model.name][1])
 
 
 def outcome_of(
-    found: Diagnosis, hidden: tuple[str, ...], sizes: Mapping[str, float], factors: tuple[float, ...], noise: float
+    diagnosis: Diagnosis, hidden: tuple[str, ...], sizes: Mapping[str, float], factors: tuple[float, ...], noise: float
 ) -> Outcome:
-    """What was found, beside what was hidden.
+    """Compare a diagnosis with the hidden effects.
 
     Parameters
     ----------
-    found
+    diagnosis
         The diagnosis.
     hidden, sizes, factors
-        Names of the effects, their sizes by parameter and over what is detectable.
+        Names of the effects, their sizes by parameter and over the smallest detectable ones.
     noise
-        Of the measurement.
+        Standard deviation of the measurement noise.
     """
-    classes = [{effect.name, *found.indistinguishable[effect.name]} for effect in found.added]
+    classes = [{effect.name, *diagnosis.indistinguishable[effect.name]} for effect in diagnosis.added]
     return Outcome(
-        model=found.base.model.name,
+        model=diagnosis.base.model.name,
         hidden=hidden,
         factors=factors,
         found=tuple(any(name in class_name for class_name in classes) for name in hidden),
-        off=tuple(_off(found.sizes.get(name), size) for name, size in sizes.items()),
-        added=tuple(effect.name for effect in found.added),
-        wrong=tuple(effect.name for effect, names in zip(found.added, classes, strict=True) if not names & set(hidden)),
-        excess=found.after.fitted / noise,
+        off=tuple(_off(diagnosis.sizes.get(name), size) for name, size in sizes.items()),
+        added=tuple(effect.name for effect in diagnosis.added),
+        wrong=tuple(
+            effect.name for effect, names in zip(diagnosis.added, classes, strict=True) if not names & set(hidden)
+        ),
+        excess=diagnosis.after.fitted / noise,
     )
 
 
 def case(seed: int, count: int) -> Outcome | None:
-    """One case, made and diagnosed; None when it runs away or cannot be fitted.
+    """One case, made and diagnosed; None when it diverges or cannot be fitted.
 
     Parameters
     ----------
@@ -227,16 +229,16 @@ def case(seed: int, count: int) -> Outcome | None:
     return None if made is None else outcome(made)
 
 
-def _off(found: Estimate | None, size: float) -> float:
+def _off(estimate: Estimate | None, size: float) -> float:
     """How far a size is from the middle of its 95 % interval, in half-widths; NaN without one."""
-    if found is None:
+    if estimate is None:
         return float("nan")
-    low, high = found.interval
+    low, high = estimate.interval
     return ((low + high) / 2 - size) / ((high - low) / 2)
 
 
 def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
-    """Rates by how large a hidden effect is."""
+    """Success rates by the size of the hidden effect."""
     rows = []
     for label, low, high in (("below detectable", 0, 1), ("1 to 2 times", 1, 2), ("above 2 times", 2, np.inf)):
         part = [
@@ -262,7 +264,7 @@ def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
 
 
 def _cases(label: str, cases: Sequence[Outcome]) -> dict[str, object]:
-    """A row about whole cases in place of effects."""
+    """A row about whole cases instead of effects."""
     return {
         "hidden size": label,
         "effects": f"{len(cases)} cases",
@@ -272,7 +274,7 @@ def _cases(label: str, cases: Sequence[Outcome]) -> dict[str, object]:
 
 
 def percent(flags: Sequence[bool] | Array) -> str:
-    """The share that is true; nothing where there are none."""
+    """The share that is true, as text; empty for no values."""
     return f"{100 * np.mean(flags):.1f} %" if len(flags) else ""
 
 
@@ -284,20 +286,20 @@ def print_all_cases(
     cases: int,
     name: str,
 ) -> list[Result]:
-    """Run every case in parallel processes, as the command line says, and print the table of their results.
+    """Run every case in parallel processes, as the command line says, and print a table of the results.
 
     Parameters
     ----------
     case
-        Result of a seed and a number of hidden effects; None where the case cannot be used.
+        Function of a seed and a number of hidden effects; None where the case cannot be used.
     show
         Prints the table, from the results and the number of cases without one.
     about
-        What the command does.
+        Description of the command.
     cases
-        How many, unless the command line says otherwise.
+        Default number of cases.
     name
-        Of the table in the docs.
+        Name of the table in the docs.
     """
     parser = argparse.ArgumentParser(description=about)
     parser.add_argument("--cases", type=int, default=cases)
@@ -316,7 +318,7 @@ def print_all_cases(
 
 
 def main() -> None:
-    """Print the table, and the cases that went wrong."""
+    """Print the table, and the cases with a wrong result."""
     outcomes = print_all_cases(case, print_table, about=str(__doc__), cases=300, name="blind")
     print("\n".join(wrong_cases(outcomes)))
 
@@ -328,7 +330,7 @@ def print_table(outcomes: list[Outcome], unusable: int) -> None:
 
 
 def wrong_cases(outcomes: Sequence[Outcome]) -> list[str]:
-    """A line for each case with a wrong name, or without that of an effect above twice the detectable size."""
+    """One line for each case that names a wrong effect, or misses one of more than twice the detectable size."""
     lines = []
     for outcome in outcomes:
         sizes = list(zip(outcome.hidden, outcome.factors, outcome.found, strict=True))

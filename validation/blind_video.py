@@ -1,9 +1,9 @@
-"""Blind test through video: effects hidden in rendered clips, looked for in what the tracker measures of them.
+"""Blind test through video: diagnose effects that are hidden in rendered clips from the tracked motion.
 
 ``python -m validation.blind_video --clips 40 --folder WORK`` renders clips of three phenomena with 0, 1 or 2 effects
-in them, random in kind, sign and size, tracks them, and asks of each trajectory what its equation lacks. What is hidden
-is in the clip's ``.hidden.json``, which nothing reads. Clips, trajectories and what was found stay in the folder, where
-another run takes up; without the ``.outcome.json`` files a clip is diagnosed again.
+in them, random in kind, sign and size, tracks them, and diagnoses each trajectory. The truth is in the clip's
+``.hidden.json``, which nothing reads. Clips, trajectories and outcomes stay in the folder, and a later run reuses them;
+it diagnoses a clip again when its ``.outcome.json`` is gone.
 """
 
 from __future__ import annotations
@@ -38,22 +38,22 @@ from validation import pages
 from validation.blind import FACTORS, Outcome, outcome_of, share_apart, table, wrong_cases
 
 SIZE, FPS, DURATION_S = (960, 540), 60.0, 5.0
-STATED_PX = 0.06  # what the tracker states of a ball of 27 px in such a clip
-# by scene: what its trajectory is called in the clip's truth, and the lever in m that turns px into it (1 for lengths)
+STATED_PX = 0.06  # standard error that the tracker states for a ball of 27 px in such a clip
+# by scene: name of its trajectory in the clip's truth, and the lever arm in m that converts px to it (1 for lengths)
 TRUTHS: Mapping[str, tuple[str, float]] = {
     "pendulum": ("theta_rad", 0.5),
     "rotating-cone": ("phi_rad", 0.24),
     "sliding-cone": ("s_m", 1.0),
 }
-MOST_CHANGE = 0.2  # of the motion's range, by a hidden effect: a swing that friction stops at once is none
-ROOM = 5.0  # times the smallest detectable size that an effect must be able to have, to be hidden at all
-LOST = "dropped-frame"  # the clip lacks one frame; all other effects have the same size there and here
-OTHERWISE = ("slack-tether", "finite-bob", "velocity-weakening-friction")  # but these, which are other numbers there
+MOST_CHANGE = 0.2  # largest change by an effect, over the motion's range: no swing that friction stops at once
+ROOM = 5.0  # least ratio of the largest to the smallest detectable size of an effect that can be hidden
+LOST = "dropped-frame"  # the clip lacks one frame; all other effects have the same size in the scene and the library
+OTHERWISE = ("slack-tether", "finite-bob", "velocity-weakening-friction")  # these are other numbers in the scene
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Secret:
-    """What one clip shows, what is hidden in it (``effects`` as the scene names them) and how well that could be seen.
+    """Setting of a clip, its hidden effects (``effects`` as the scene names them) and how detectable they are.
 
     ``sizes`` by parameter of the library's effects, ``factors`` those sizes over the smallest detectable.
     """
@@ -72,11 +72,11 @@ def true_trajectory(plan: Plan, model: OdeModel, lever_m: float) -> Trajectory:
     Parameters
     ----------
     plan
-        Of a clip without effects.
+        Plan of a clip without effects.
     model
-        What observes it.
+        The equation, with its observed quantity.
     lever_m
-        Px over the scale and this are its unit.
+        Lever arm: px over the scale and over this give the unit of the observed quantity.
     """
     seen = plan.truth.table
     moving = seen[seen["phase"] == "motion"]
@@ -89,12 +89,12 @@ def true_trajectory(plan: Plan, model: OdeModel, lever_m: float) -> Trajectory:
 
 
 def secret(seed: int) -> Secret:
-    """Choose what a clip shows, and effects for it that its motion can show.
+    """Choose the setting of a clip, and effects that its motion can show.
 
     Parameters
     ----------
     seed
-        Of everything random.
+        Random seed of the clip.
     """
     rng = np.random.default_rng([seed, 11])
     scene = list(TRUTHS)[seed % len(TRUTHS)]
@@ -106,7 +106,7 @@ def secret(seed: int) -> Secret:
     ranges = _ranges(SCENES[scene].effects, fitted, clean, rng)
     possible = [effect for effect in ranges if effect.name == LOST or ROOM * ranges[effect][0] < ranges[effect][1]]
     chosen = [possible[k] for k in rng.permutation(len(possible))[: int(rng.integers(0, 3))]]
-    together = screen(chosen, fitted, clean)
+    screened = screen(chosen, fitted, clean)
     effects, sizes, factors = {}, {}, []
     for effect in chosen:
         size = _size(effect, *ranges[effect], rng)
@@ -114,14 +114,14 @@ def secret(seed: int) -> Secret:
         effects[effect.name] = (
             float(round((effect.parameters[1].default or 0.0) * FPS)) if effect.name == LOST else size
         )
-        factors.append(abs(size) / ranges[effect][0] * share_apart(effect.name, together))
+        factors.append(abs(size) / ranges[effect][0] * share_apart(effect.name, screened))
     return Secret(scene, setting, seed, effects, sizes, tuple(factors))
 
 
 def _ranges(
     filmed: Collection[str], fitted: FitResult, clean: Trajectory, rng: np.random.Generator
 ) -> dict[Effect, tuple[float, float]]:
-    """The effects that the scene and the library both know, with the smallest detectable size and the largest."""
+    """The effects that both the scene and the library have, with the smallest detectable and the largest size."""
     library = [effect for effect in EFFECTS.values() if effect.applies(fitted.model)]
     known = {LOST, *filmed} - set(OTHERWISE)
     possible = [_in_the_shape_of_the_scene(effect, clean, rng) for effect in library if effect.name in known]
@@ -133,7 +133,7 @@ def _ranges(
 
 
 def _in_the_shape_of_the_scene(effect: Effect, clip: Trajectory, rng: np.random.Generator) -> Effect:
-    """An effect of the library in the one shape in which it can be hidden."""
+    """An effect of the library, with the only shape in which the scene can hide it."""
     fixed = {"periodic-forcing": (2 * np.pi * FORCING_HZ, 0.0)}
     if effect.name == LOST:
         fixed[LOST] = (float(rng.uniform(*np.quantile(clip.t_s, (0.2, 0.8)))), 1.0 / FPS)
@@ -141,7 +141,7 @@ def _in_the_shape_of_the_scene(effect: Effect, clip: Trajectory, rng: np.random.
 
 
 def _detectable(effect: Effect, score: Score, clip: Trajectory, library: int) -> float:
-    """The smallest size that is significant among all that are tried, and more than the stated errors may be."""
+    """The smallest size that is significant among all effects tried, and larger than the stated errors."""
     own = EFFECTS[effect.name].trials
     tried = len(list(own(clip.t_s, clip.position))) if own is not None else 1
     smallest = max(critical_value(SINGLE_LEVEL / library, tried) * score.stderr, score.resolvable_size)
@@ -149,7 +149,7 @@ def _detectable(effect: Effect, score: Score, clip: Trajectory, library: int) ->
 
 
 def _largest(effect: Effect, fitted: FitResult, clip: Trajectory) -> float:
-    """The size beyond which an effect is no small addition to the motion any more."""
+    """The size above which an effect is no longer a small addition to the motion."""
     change = float(np.max(np.abs(sensitivity(effect, fitted, clip))))
     return MOST_CHANGE * float(np.ptp(clip.position)) / change if change > 0 else 0.0
 
@@ -163,14 +163,14 @@ def _size(effect: Effect, detectable: float, largest: float, rng: np.random.Gene
 
 
 def trajectory_of(hidden: Secret, folder: Path) -> Trajectory:
-    """What the tracker measures of a clip, which is rendered first; kept, and read back where it is there.
+    """Trajectory that the tracker measures from a clip; renders the clip first, and reads an earlier result back.
 
     Parameters
     ----------
     hidden
-        What to render.
+        The clip to render.
     folder
-        Where clips and trajectories are.
+        Folder of clips and trajectories.
     """
     clip = folder / f"{hidden.seed:03d}.mp4"
     kept = clip.with_suffix(".trajectory.csv")
@@ -194,12 +194,12 @@ def trajectory_of(hidden: Secret, folder: Path) -> Trajectory:
 
 
 def case(seed: int, folder: Path) -> Outcome | None:
-    """One clip rendered, tracked and diagnosed; None when it cannot be. What came of it is kept, and read back.
+    """One clip rendered, tracked and diagnosed; None when that fails. Keeps the outcome, and reads an earlier one back.
 
     Parameters
     ----------
     seed
-        Of the clip.
+        Random seed of the clip.
     folder
         As for :func:`trajectory_of`.
     """
@@ -220,14 +220,14 @@ def _case(seed: int, folder: Path) -> Outcome | None:
     try:
         measured = trajectory_of(hidden, folder)
         phenomenon = PHENOMENA[hidden.scene]
-        found = diagnose(measured, MODELS[phenomenon.model], free=phenomenon.free)
+        diagnosis = diagnose(measured, MODELS[phenomenon.model], free=phenomenon.free)
     except IrisError:
         return None
-    return outcome_of(found, tuple(hidden.effects), hidden.sizes, hidden.factors, found.noise_floor)
+    return outcome_of(diagnosis, tuple(hidden.effects), hidden.sizes, hidden.factors, diagnosis.noise_floor)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the table, and the clips that went wrong."""
+    """Print the table, and the clips with a wrong result."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--clips", type=int, default=40)
     parser.add_argument("--folder", type=Path, required=True, help="where clips and tracks stay")
@@ -243,7 +243,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _print_outcomes(folder: Path, clips: int, workers: int) -> list[Outcome]:
     """Diagnose every clip in parallel, and print the table."""
     every = dict(side_by_side(partial(case, folder=folder), range(clips), workers, lambda seed: None))
-    outcomes = [one for _, one in sorted(every.items()) if one is not None]
+    outcomes = [outcome for _, outcome in sorted(every.items()) if outcome is not None]
     print(f"{len(outcomes)} clips; {len(every) - len(outcomes)} could not be measured or fitted")
     print(pages.markdown(table(outcomes)))
     return outcomes

@@ -1,7 +1,7 @@
-"""How good a calibration is: OpenCV's reference, synthetic clips, coverage of the scale, g from two clips alone.
+"""Accuracy of a calibration: OpenCV's reference, synthetic clips, coverage of the scale, g from two clips alone.
 
 ``python -m validation.calibration`` prints four tables; ``--part reference|plane|coverage|fall`` prints one. The first
-needs the pictures in ``../shared/data``; the others draw their own.
+needs the images in ``../shared/data``; the others draw their own.
 """
 
 from __future__ import annotations
@@ -53,36 +53,36 @@ def reference() -> None:
         camera = calibrate_camera(
             find_boards(files, board, window_px=window).views, board, lens=lens, drop_outliers=drop
         )
-        each = np.array([view.rms_px for view in camera.views])
+        rms_px = np.array([view.rms_px for view in camera.views])
         entry = camera.estimates["fx"]
         print(
-            f"| {name} | {entry.value:.3f} ± {entry.stderr:.2f} | {camera.rms_px:.5f} | {each.max():.3f} | "
-            f"{np.abs(each - theirs).max():.3f} |",
+            f"| {name} | {entry.value:.3f} ± {entry.stderr:.2f} | {camera.rms_px:.5f} | {rms_px.max():.3f} | "
+            f"{np.abs(rms_px - theirs).max():.3f} |",
             flush=True,
         )
 
 
 def plane_error(tilt_deg: tuple[float, float], offset_m: float, size: tuple[int, int], folder: Path) -> float:
-    """Largest error of places all over a plane in front of the board, of the field's width, from a clip of it."""
+    """Largest position error over a plane in front of the board, as a share of the field's width."""
     look = Look(tilt_deg=tilt_deg, roll_deg=0.5, distortion=PHONE_LENS)
     clip = folder / f"board_{tilt_deg[0]:g}_{tilt_deg[1]:g}.mp4"
     if not clip.exists():
         render_checkerboard("dropping-ball", clip, size=size, fps=4.0, look=look)
     square_m = json.loads(clip.with_suffix(".truth.json").read_text())["board"]["square_m"]
     placement = BoardPlacement(view=0, offset_m=offset_m, up="board")
-    found = calibrate_board([clip], Board(9, 6, square_m), placement=placement).calibration
+    calibration = calibrate_board([clip], Board(9, 6, square_m), placement=placement).calibration
     camera = plan_clip("dropping-ball", size=size, fps=4.0, duration_s=1.0, look=look).camera
     width_m = size[0] / camera.pixels_per_metre
     across, down = np.meshgrid(np.linspace(-0.42, 0.42, 9), np.linspace(-0.42, 0.42, 7) * size[1] / size[0])
     places = width_m * np.column_stack([across.ravel(), down.ravel()])
     seen = camera.project_space(np.column_stack([places, np.full(len(places), -offset_m)]))
     inside = np.all((seen > 0) & (seen < np.array(size) - 1), axis=1)
-    error = to_plane(found, seen[inside])[0] - places[inside] * [1, -1]
+    error = to_plane(calibration, seen[inside])[0] - places[inside] * [1, -1]
     return float(np.abs(error).max() / width_m)
 
 
 def plane(size: tuple[int, int]) -> None:
-    """Print the metric error on synthetic clips, by tilt and by how far the board is off the plane."""
+    """Print the metric error on synthetic clips, by tilt and by the distance of the board from the plane."""
     print("| camera tilted by | board behind the plane | largest error of a place, of the field |\n|---|---|---|")
     with tempfile.TemporaryDirectory() as folder:
         for tilt in TILTS_DEG:
@@ -92,7 +92,7 @@ def plane(size: tuple[int, int]) -> None:
 
 
 def coverage(seeds: range) -> None:
-    """Print how often the 95 % interval of the scale, and those of places, hold the truth."""
+    """Print how often the 95 % interval of the scale, and those of positions, contain the truth."""
     print("| scale from | seeds | scale | places, least | places, most |\n|---|---|---|---|---|")
     for name, options in (
         ("one picture", {"with_camera": False}),
@@ -107,7 +107,7 @@ def coverage(seeds: range) -> None:
 
 
 def fall(size: tuple[int, int], seeds: range) -> None:
-    """Print g from a checkerboard clip and a drop clip alone, by two commands, and how the errors fit the bars."""
+    """Print g from a checkerboard clip and a drop clip, by two commands, and its error over its standard error."""
     print("| seed | g m/s² | 95 % interval | off | scale px/m |\n|---|---|---|---|---|")
     pulls, held = [], 0
     for seed in seeds:
@@ -122,16 +122,16 @@ def fall(size: tuple[int, int], seeds: range) -> None:
                 "calibrate board.mp4 --board 9x6 --square", f"{1000 * square_m:g}mm", "-o calibration.json", folder
             )
             _command("run drop.mp4 --phenomenon dropping-ball --calibration", "calibration.json", "-o out", folder)
-            found = json.loads((folder / "out" / "fit.json").read_text())["parameters"]["gravity"]
+            gravity = json.loads((folder / "out" / "fit.json").read_text())["parameters"]["gravity"]
             made = json.loads((folder / "calibration.json").read_text())["scale"]
-        low, high = found["ci95"]
-        off = 100 * (found["value"] / GRAVITY - 1)
+        low, high = gravity["ci95"]
+        off = 100 * (gravity["value"] / GRAVITY - 1)
         print(
-            f"| {seed} | {found['value']:.4f} ± {found['stderr']:.4f} | {low:.4f} to {high:.4f} | {off:+.3f} % | "
+            f"| {seed} | {gravity['value']:.4f} ± {gravity['stderr']:.4f} | {low:.4f} to {high:.4f} | {off:+.3f} % | "
             f"{made['value']:.3f} ± {made['stderr']:.3f} |",
             flush=True,
         )
-        pulls.append((found["value"] - GRAVITY) / found["stderr"])
+        pulls.append((gravity["value"] - GRAVITY) / gravity["stderr"])
         held += low <= GRAVITY <= high
     print(f"\nerror over standard error: rms {np.sqrt(np.mean(np.square(pulls))):.2f}; ", end="")
     print(f"{held} of {len(pulls)} intervals hold the truth")

@@ -1,4 +1,4 @@
-"""How often 95 % intervals contain the truth, and how far estimates scatter beside the Cramer-Rao bound, per model."""
+"""How often 95 % intervals contain the truth, and the scatter of estimates over the Cramer-Rao bound, by model."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from validation import pages
 
 
 def row(name: str, rho: float, seeds: int) -> str:
-    """Repeat one experiment and spell its row of the table."""
+    """Repeat one experiment and format its row of the table."""
     try:
         errors, stderrs, hits, bound = repeated(name, rho, range(seeds))
     except (AssertionError, IrisError) as error:

@@ -1,7 +1,7 @@
-"""Discovery of the equation itself: exact structure, errors and degradation beside pysindy; real recordings; speed.
+"""Discovery of the equation: exact structure, errors and degradation compared with pysindy; real recordings; speed.
 
-``python -m validation.discovery`` prints the tables of ``docs/discovery.md``; ``--part`` chooses one, ``--seeds`` how
-many random motions each row has, ``--curve-seeds`` each point of a curve, ``--picture`` where the curves are drawn.
+``python -m validation.discovery`` prints the tables of ``docs/discovery.md``; ``--part`` chooses one, ``--seeds`` the
+number of random motions in each row, ``--curve-seeds`` at each point of a curve, ``--picture`` the file of the curves.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from fitters.sindy.library import Library, evaluated, library_of, value_of
 from iris_sysid.errors import IrisError
 from iris_sysid.registry import MODELS
 from iris_sysid.report.text import discovery_sentence
-from iris_sysid.types import Discovery, Quantity, Trajectory
+from iris_sysid.types import Discovery, OdeModel, Quantity, Trajectory
 from tests import _real_data as real
 from validation import pages
 
@@ -34,7 +34,7 @@ NOISE_PX = 0.2
 
 @dataclass(frozen=True)
 class Motion:
-    """One model with a range for each value, the terms it has, and how it is filmed."""
+    """A model with a range for each value, the terms of its equation, and how it is filmed."""
 
     model: str
     values: dict[str, tuple[float, float]]
@@ -127,7 +127,7 @@ MOTIONS = (
         ("z1_linear", "z1_rate", "z1_to_z2", "z2_linear", "z2_rate", "z2_to_z1"),
         10.0,
     ),
-    # At rest at the start all bodies would move in step, and which pulls at which could not be told.
+    # If all bodies started at rest, they would move in step, and the data would not show which pulls at which.
     Motion(
         "contact-chain",
         {
@@ -152,9 +152,9 @@ def drawn(motion: Motion, seed: int, *, noise: float = 1.0, fps: float | None = 
     Parameters
     ----------
     motion
-        What moves.
+        The model, the ranges of its values, and how it is filmed.
     seed
-        Of the values and the noise.
+        Seed of the values and of the noise.
     noise, length
         Relative to those of the motion.
     fps
@@ -173,16 +173,16 @@ def drawn(motion: Motion, seed: int, *, noise: float = 1.0, fps: float | None = 
 
 
 def ours(trajectory: Trajectory) -> tuple[set[str], Discovery | None]:
-    """Parameters of the terms that discovery selects, and the discovery; nothing where it states that it cannot."""
+    """Parameters of the terms that discovery selects, and the discovery; an empty set and None where it refuses."""
     try:
-        found = discover(trajectory, resampled=20)
+        discovery = discover(trajectory, resampled=20)
     except IrisError:
         return set(), None
-    return {term.parameter for term in found.selected}, found
+    return {term.parameter for term in discovery.selected}, discovery
 
 
 def plain_states(trajectory: Trajectory, library: Library) -> tuple[np.ndarray, np.ndarray]:
-    """Values and rates (n, d) as one would make them: as measured, and by finite differences."""
+    """Values and rates (n, d) without smoothing: as measured, and by finite differences."""
     values = np.column_stack([value_of(v, trajectory.position[:, k]) for k, v in enumerate(library.variables)])
     return values, np.gradient(values, trajectory.t_s, axis=0)
 
@@ -191,20 +191,20 @@ def with_our_library(trajectory: Trajectory, optimizer: Callable[[], object]) ->
     """Terms that an optimizer of pysindy finds among ours, with pysindy's own finite difference."""
     library = library_of(trajectory.quantities)
     values, rates = plain_states(trajectory, library)
-    left = rates
+    target = rates
     if library.variables[0].order == 2:
-        left = np.asarray(pysindy.FiniteDifference()._differentiate(rates, trajectory.t_s))
-    terms, found = evaluated(library, values, rates, None), set()
+        target = np.asarray(pysindy.FiniteDifference()._differentiate(rates, trajectory.t_s))
+    terms, selected = evaluated(library, values, rates, None), set()
     for equation in range(len(library.variables)):
         own = library.of_equation(equation)
         fitted = optimizer()
-        fitted.fit(terms[:, own], left[:, [equation]])
-        found |= {library.names[k] for k, c in zip(own, np.ravel(fitted.coef_), strict=True) if c != 0}
-    return found
+        fitted.fit(terms[:, own], target[:, [equation]])
+        selected |= {library.names[k] for k, c in zip(own, np.ravel(fitted.coef_), strict=True) if c != 0}
+    return selected
 
 
 def defaults(trajectory: Trajectory) -> set[str]:
-    """Terms of ``pysindy.SINDy()`` as it is: quadratic polynomials of values and rates, written in our names."""
+    """Terms of ``pysindy.SINDy()`` with its defaults: quadratic polynomials of values and rates, in our names."""
     library = library_of(trajectory.quantities)
     values, rates = plain_states(trajectory, library)
     second = library.variables[0].order == 2
@@ -212,7 +212,7 @@ def defaults(trajectory: Trajectory) -> set[str]:
     model = pysindy.SINDy()
     features = [*names, *(f"v_{name}" for name in names)] if second else names
     model.fit(np.hstack([values, rates]) if second else values, t=trajectory.t_s, feature_names=features)
-    coefficients, found = model.coefficients()[-len(names) :], set()
+    coefficients, terms = model.coefficients()[-len(names) :], set()
     for name, row in zip(names, coefficients, strict=True):
         spelled = {
             "1": f"{name}_constant",
@@ -220,8 +220,8 @@ def defaults(trajectory: Trajectory) -> set[str]:
             f"v_{name}": f"{name}_rate",
             f"{name}^2": f"{name}_square",
         }
-        found |= {spelled.get(f, f"{name}: {f}") for f, c in zip(model.get_feature_names(), row, strict=True) if c != 0}
-    return found
+        terms |= {spelled.get(f, f"{name}: {f}") for f, c in zip(model.get_feature_names(), row, strict=True) if c != 0}
+    return terms
 
 
 def ensemble() -> pysindy.EnsembleOptimizer:
@@ -237,7 +237,7 @@ METHODS: dict[str, Callable[[Trajectory], set[str]]] = {
 
 
 def quietly(method: Callable[[Trajectory], set[str]], trajectory: Trajectory) -> set[str]:
-    """What a method finds; nothing where it fails."""
+    """Terms that a method finds; ``{"failed"}`` where it fails."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
@@ -249,11 +249,11 @@ def quietly(method: Callable[[Trajectory], set[str]], trajectory: Trajectory) ->
 # --------------------------------------------------------------------------- tables
 
 
-def worst_error(found: Discovery | None, values: dict[str, float]) -> float:
+def worst_error(discovery: Discovery | None, values: dict[str, float]) -> float:
     """Largest relative error of the matched model's parameters."""
-    if found is None or found.matched is None:
+    if discovery is None or discovery.matched is None:
         return np.nan
-    made = found.matched.parameters
+    made = discovery.matched.parameters
     errors = [
         abs(made[n].value / v - 1) for n, v in values.items() if n in made and made[n].measurement_type == "fitted"
     ]
@@ -270,25 +270,25 @@ def print_structure(motions: Sequence[Motion], seeds: int, others_seeds: int) ->
         for seed in range(seeds):
             trajectory, values = drawn(motion, seed)
             began = time.process_time()
-            terms, found = ours(trajectory)
+            terms, discovery = ours(trajectory)
             spent.append(time.process_time() - began)
             exact += terms == set(motion.terms)
-            right = found is not None and found.matched is not None
-            matched += right and motion.model in (found.matched.model, *found.matched.same)
-            errors.append(worst_error(found, fitted_values(values)))
+            right = discovery is not None and discovery.matched is not None
+            matched += right and motion.model in (discovery.matched.model, *discovery.matched.same)
+            errors.append(worst_error(discovery, fitted_values(MODELS[motion.model], values)))
             np.random.seed(seed)  # noqa: NPY002 - EnsembleOptimizer knows no other
             for name, method in METHODS.items() if seed < others_seeds else ():
                 others[name] += quietly(method, trajectory) == set(motion.terms)
-        known = np.array([error for error in errors if np.isfinite(error)])
+        finite = np.array([error for error in errors if np.isfinite(error)])
         row = [motion.model, trajectory.n, f"{exact}/{seeds}", f"{matched}/{seeds}",
-               f"{np.sum(known < 0.01)}/{seeds}", f"{100 * np.median(known):.3f} %" if known.size else "-",
+               f"{np.sum(finite < 0.01)}/{seeds}", f"{100 * np.median(finite):.3f} %" if finite.size else "-",
                f"{np.median(spent):.2f}", *(f"{n}/{min(seeds, others_seeds)}" for n in others.values())]  # fmt: skip
         print("| " + " | ".join(map(str, row)) + " |", flush=True)
 
 
-def fitted_values(values: dict[str, float]) -> dict[str, float]:
-    """The parameters among the values, without initial states."""
-    return {name: value for name, value in values.items() if not name.endswith("_0")}
+def fitted_values(model: OdeModel, values: dict[str, float]) -> dict[str, float]:
+    """The values that are parameters of the model: all but its initial states."""
+    return {name: value for name, value in values.items() if name not in model.initial_names}
 
 
 SWEEPS = {
@@ -307,9 +307,9 @@ def degradation(motion: Motion, sweep: str, seeds: int) -> tuple[dict[str, list[
         hits, off = dict.fromkeys(shares, 0), []
         for seed in range(seeds):
             trajectory, values = drawn(motion, seed, **change(point))
-            terms, found = ours(trajectory)
+            terms, discovery = ours(trajectory)
             hits["ours"] += terms == set(motion.terms)
-            off.append(worst_error(found, fitted_values(values)))
+            off.append(worst_error(discovery, fitted_values(MODELS[motion.model], values)))
             np.random.seed(seed)  # noqa: NPY002 - EnsembleOptimizer knows no other
             for name, method in METHODS.items():
                 hits[name] += quietly(method, trajectory) == set(motion.terms)
@@ -355,22 +355,22 @@ def draw_degradation(curves: dict[str, dict[str, dict[str, list[float]]]], pictu
     rows = figure.subplots(len(curves), len(SWEEPS), squeeze=False, sharey=True)
     colours = ("#000000", "#D55E00", "#E69F00", "#0072B2")
     for axes, (model, sweeps) in zip(rows, curves.items(), strict=True):
-        for place, (sweep, shares) in zip(axes, sweeps.items(), strict=True):
+        for panel, (sweep, shares) in zip(axes, sweeps.items(), strict=True):
             for colour, (name, values) in zip(colours, shares.items(), strict=True):
                 style = "-o" if name == "ours" else "--s"
-                place.plot(SWEEPS[sweep][0], 100 * np.array(values), style, color=colour, markersize=4, label=name)
-            place.set(xscale="log", xlabel=sweep, ylim=(-4, 104))
+                panel.plot(SWEEPS[sweep][0], 100 * np.array(values), style, color=colour, markersize=4, label=name)
+            panel.set(xscale="log", xlabel=sweep, ylim=(-4, 104))
         axes[0].set_ylabel(f"{model}\nexact structure (%)")
     rows[0][0].legend(fontsize=7, loc="center left")
     figure.savefig(picture, dpi=110)
 
 
 def double_linear() -> Trajectory:
-    """Positions of two oscillators on an air track that pull at one another, in mm in the file."""
+    """Positions of two coupled oscillators on an air track; the file holds mm."""
     path = real.recording("schmidt_lipson") / "real_double_linear_h_1.txt"
     _, t_s, first_mm, second_mm, *_ = np.loadtxt(path, comments="%").T
-    places = np.column_stack([first_mm, second_mm]) / 1000
-    return real.trajectory_of(t_s, places, Quantity("z1", "m"), Quantity("z2", "m"))
+    position = np.column_stack([first_mm, second_mm]) / 1000
+    return real.trajectory_of(t_s, position, Quantity("z1", "m"), Quantity("z2", "m"))
 
 
 RECORDINGS: dict[str, Callable[[], Trajectory]] = {
@@ -382,17 +382,17 @@ RECORDINGS: dict[str, Callable[[], Trajectory]] = {
 
 
 def print_real(names: Sequence[str]) -> None:
-    """Print what is found in measured files."""
+    """Print the equations and terms that discovery finds in real recordings."""
     for name in names:
         began = time.process_time()
-        found = discover(RECORDINGS[name]())
-        print(f"\n{name} ({found.fits[0].n} samples, {time.process_time() - began:.1f} s CPU; {found.status})")
-        for equation in found.equations:
+        discovery = discover(RECORDINGS[name]())
+        print(f"\n{name} ({discovery.fits[0].n} samples, {time.process_time() - began:.1f} s CPU; {discovery.status})")
+        for equation in discovery.equations:
             print(f"    {equation.lhs} = {equation.rhs}")
-        for term in found.selected:
+        for term in discovery.selected:
             print(f"    {term.term:>20} {term.coefficient.value:12.5g} +- {term.coefficient.stderr:.2g}"
                   f"  inclusion {term.inclusion:.2f}")  # fmt: skip
-        print(f"    {discovery_sentence(found)}", flush=True)
+        print(f"    {discovery_sentence(discovery)}", flush=True)
 
 
 def print_speed() -> None:
@@ -425,8 +425,8 @@ def main() -> None:
             with pages.table("discovery-structure", options.write_docs):
                 print_structure(motions, options.seeds, options.others_seeds)
         if "degradation" in parts:
-            wanted = options.model or ("pendulum", "linear-oscillator")
-            chosen = [motion for motion in motions if motion.model in wanted]
+            names = options.model or ("pendulum", "linear-oscillator")
+            chosen = [motion for motion in motions if motion.model in names]
             print_degradation(chosen, options.curve_seeds, options.picture, options.write_docs)
         if "real" in parts:
             with pages.table("discovery-real", options.write_docs):

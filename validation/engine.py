@@ -49,21 +49,21 @@ def recovers(truth: dict[str, float], result: FitResult) -> bool:
 
 
 def recovery(n_fits: int, *, given: bool, multistart: int, seed: int = 2024) -> tuple[int, list[float]]:
-    """How many of random fits reach the global minimum, and the seconds each takes.
+    """Number of random fits that reach the global minimum, and the seconds of each.
 
     Parameters
     ----------
     n_fits
-        How many.
+        Number of fits.
     given
         Start 50 % too low or too high in every parameter; otherwise from the model's own guess.
     multistart
         Random starts allowed after that.
     seed
-        Of the random pendulums.
+        Seed of the random pendulums.
     """
     rng = np.random.default_rng(seed)
-    found, seconds = 0, []
+    recovered, seconds = 0, []
     for _ in range(n_fits):
         truth = random_truth(rng)
         trajectory = noisy_pendulum(truth, rng.uniform(10.0, 150.0), rng)
@@ -71,12 +71,12 @@ def recovery(n_fits: int, *, given: bool, multistart: int, seed: int = 2024) -> 
         began = time.process_time()
         result = fit(trajectory, MODEL, start=start, options=FitOptions(multistart=multistart))
         seconds.append(time.process_time() - began)
-        found += recovers(truth, result)
-    return found, seconds
+        recovered += recovers(truth, result)
+    return recovered, seconds
 
 
 def plain_fit(trajectory: Trajectory, start: dict[str, float]) -> lmfit.minimizer.MinimizerResult:
-    """The same fit as one would write it: lmfit's leastsq, its own derivatives, solve_ivp at rtol 1e-8."""
+    """The same fit without the engine: lmfit's leastsq, its own derivatives, solve_ivp at rtol 1e-8."""
     t_s, theta = trajectory.t_s, trajectory.position[:, 0]
 
     def rhs(t: float, state: Any, length: float, damping: float) -> list[float]:
@@ -134,8 +134,10 @@ def print_recovery(n_fits: int) -> None:
         ("no start given", False, 8),
     )
     for text, given, multistart in cases:
-        found, seconds = recovery(n_fits, given=given, multistart=multistart)
-        print(f"  {text:<40} {found:4d} of {n_fits}   median {np.median(seconds):.3f} s, longest {max(seconds):.3f} s")
+        recovered, seconds = recovery(n_fits, given=given, multistart=multistart)
+        print(
+            f"  {text:<40} {recovered:4d} of {n_fits}   median {np.median(seconds):.3f} s, longest {max(seconds):.3f} s"
+        )
 
 
 def print_speed() -> None:
@@ -174,8 +176,8 @@ def print_cost() -> None:
             seconds_of(lambda t_s=trajectory.t_s: sensitivity(MODEL, t_s, truth, NAMES)),
             seconds_of(lambda data=trajectory: fit(data, MODEL)),
         ]
-        each = ", ".join(f"{1e6 * seconds / n:.2f}" for seconds in times)
-        print(f"  {n:9d} " + " ".join(f"{seconds:10.3f} s" for seconds in times) + f"   {each} us")
+        per_sample = ", ".join(f"{1e6 * seconds / n:.2f}" for seconds in times)
+        print(f"  {n:9d} " + " ".join(f"{seconds:10.3f} s" for seconds in times) + f"   {per_sample} us")
 
 
 def main() -> None:

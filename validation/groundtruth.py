@@ -1,4 +1,4 @@
-"""Ground truth regenerated from synthetic clips: how often its 95 % intervals hold the truth, and how long it takes.
+"""Ground truth regenerated from synthetic clips: coverage of its 95 % intervals, and processor time.
 
 ``python -m validation.groundtruth DATASET`` measures the clips (those of an earlier run are kept) and compares the
 value of each clip, and the pooled value of each setting, with the truth beside the clips. The only thing taken from the
@@ -46,7 +46,7 @@ class Row:
 
     @property
     def covered(self) -> bool:
-        """Whether the 95 % interval holds the truth."""
+        """Whether the 95 % interval contains the truth."""
         return self.interval[0] <= self.truth <= self.interval[1]
 
     @property
@@ -56,11 +56,11 @@ class Row:
 
 
 def truth_of(path: Path) -> dict[str, Estimate]:
-    """What was put into a clip, by our names, in the units of parameters.json."""
-    told = json.loads(path.with_suffix(".truth.json").read_text(encoding="utf-8"))["parameters"]
+    """True values of a clip, by our names, in the units of parameters.json."""
+    entries = json.loads(path.with_suffix(".truth.json").read_text(encoding="utf-8"))["parameters"]
     return {
         name: in_published_unit(Estimate(parameters["value"], 0.0, parameters["unit"]))[0]
-        for name, parameters in told.items()
+        for name, parameters in entries.items()
     }
 
 
@@ -82,7 +82,7 @@ def by_calipers(dataset: Path) -> MeasuredDocument:
 
 
 def clip_rows(clips: Sequence[ClipMeasurement], status: str) -> Iterator[Row]:
-    """Every fitted value of every clip whose fit has that status, where there is a truth."""
+    """Every fitted value of every clip whose fit has that status, where the truth is known."""
     for measurement in clips:
         clip, document, truth = measurement.clip, measurement.document, truth_of(measurement.clip.path)
         if document.status != status:
@@ -93,8 +93,8 @@ def clip_rows(clips: Sequence[ClipMeasurement], status: str) -> Iterator[Row]:
             estimate = in_published_unit(document.parameters[name].estimate())[0]
             if estimate.measurement_type == "assumed" or not math.isfinite(estimate.stderr):
                 continue
-            place = (clip.class_name, clip.setting, clip.clip)
-            yield Row(*place, name, estimate.value, estimate.stderr, estimate.interval, truth[name].value)
+            key = (clip.class_name, clip.setting, clip.clip)
+            yield Row(*key, name, estimate.value, estimate.stderr, estimate.interval, truth[name].value)
 
 
 def pooled_rows(document: ParametersDocument, clips: Sequence[ClipMeasurement]) -> Iterator[Row]:
@@ -102,18 +102,18 @@ def pooled_rows(document: ParametersDocument, clips: Sequence[ClipMeasurement]) 
     settings = dict.fromkeys((clip.clip.class_name, clip.clip.setting) for clip in clips)
     for name, setting in settings:
         for entry in document.classes[name.lower()][setting.lower()].values():
-            found = entry.regenerated
-            if found is None or found.n == 0 or found.value is None:
+            regenerated = entry.regenerated
+            if regenerated is None or regenerated.n == 0 or regenerated.value is None:
                 continue
             used = [clip for clip in clips if (clip.clip.class_name, clip.clip.setting) == (name, setting)]
-            used = [clip for clip in used if found.clips[clip.clip.clip].used]
-            truths = [truth_of(clip.clip.path).get(found.parameter) for clip in used]
+            used = [clip for clip in used if regenerated.clips[clip.clip.clip].used]
+            truths = [truth_of(clip.clip.path).get(regenerated.parameter) for clip in used]
             if None in truths:
                 continue
             mean = float(np.mean([truth.value for truth in truths if truth is not None]))
-            interval = (number(found.interval[0]), number(found.interval[1]))
-            stderr = number(found.standard_uncertainty)
-            yield Row(name, setting, "", found.parameter, found.value, stderr, interval, mean)
+            interval = (number(regenerated.interval[0]), number(regenerated.interval[1]))
+            stderr = number(regenerated.standard_uncertainty)
+            yield Row(name, setting, "", regenerated.parameter, regenerated.value, stderr, interval, mean)
 
 
 def report(title: str, rows: Sequence[Row]) -> None:
@@ -140,17 +140,17 @@ def report(title: str, rows: Sequence[Row]) -> None:
             )
 
 
-def report_time(found: Measurements, seconds: float, pixels: int) -> None:
-    """Print processor time per clip and frame, and between what bounds the published data set would take at 4K."""
-    if not found.now:
+def report_time(measurements: Measurements, seconds: float, pixels: int) -> None:
+    """Print processor time per clip and frame, and bounds on the time for the published data set at 4K."""
+    if not measurements.now:
         print("\nno clip was measured now: no time to tell")
         return
-    frames = np.mean([clip.document.frames for clip in found.clips if clip.document.frames])
-    per_clip = seconds / found.now
+    frames = np.mean([clip.document.frames for clip in measurements.clips if clip.document.frames])
+    per_clip = seconds / measurements.now
     least = per_clip / float(frames) * FULL_FRAMES / 3600
     most = least * FULL_PIXELS / pixels
     print(
-        f"\n{found.now} clips measured now: {per_clip:.1f} s of one processor a clip of {frames:.0f} frames, "
+        f"\n{measurements.now} clips measured now: {per_clip:.1f} s of one processor a clip of {frames:.0f} frames, "
         f"{1000 * per_clip / float(frames):.0f} ms a frame. The published data set, {FULL_FRAMES} frames at 4K, would "
         f"take from {least:.0f} hours, if a frame of any size costs the same, to {most:.0f} in proportion to pixels"
     )
@@ -166,21 +166,21 @@ def main() -> None:
     pages.add_option(parser)
     options = parser.parse_args()
     by_hand, began = by_calipers(options.dataset), time.process_time()
-    found = measure(
+    measurements = measure(
         options.dataset, options.work, measured=by_hand, conditions=Conditions(trials=options.trials), tell=print
     )
     seconds = time.process_time() - began
-    document = parameters_document(found, by_hand)
+    document = parameters_document(measurements, by_hand)
     if options.output is not None:
         write_document(document, options.output, overwrite=True)
-    failed = [clip.clip.place for clip in found.clips if clip.document.status == "failed"]
+    failed = [clip.clip.place for clip in measurements.clips if clip.document.status == "failed"]
     with pages.table("groundtruth", options.write_docs):
-        print(f"{len(found.clips)} clips, {len(failed)} failed")
-        report("Each clip that its equation fits", list(clip_rows(found.clips, "ok")))
-        report("Each clip with a residual above the noise", list(clip_rows(found.clips, "misfit")))
-        report("Each setting, pooled", list(pooled_rows(document, found.clips)))
+        print(f"{len(measurements.clips)} clips, {len(failed)} failed")
+        report("Each clip that its equation fits", list(clip_rows(measurements.clips, "ok")))
+        report("Each clip with a residual above the noise", list(clip_rows(measurements.clips, "misfit")))
+        report("Each setting, pooled", list(pooled_rows(document, measurements.clips)))
         width, height = json.loads((options.dataset / "manifest.json").read_text("utf-8"))["origin"]["options"]["size"]
-        report_time(found, seconds, width * height)
+        report_time(measurements, seconds, width * height)
 
 
 if __name__ == "__main__":

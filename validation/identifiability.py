@@ -2,7 +2,7 @@
 
 ``python -m validation.identifiability`` fits one synthetic trajectory a row (nothing is rendered; the noise is the
 tracker's) and prints the norm of the gradient at the first, middle and last iteration, R of the equation from sample to
-sample beside the R of the noise alone, and the condition numbers of the Fisher information and of the Hessian. The
+sample and the R of the noise alone, and the condition numbers of the Fisher information and of the Hessian. The
 paper's loss is in latent units, ours in units of the noise, by relative values: compare slopes and
 floors, not sizes.
 """
@@ -22,7 +22,7 @@ from iris_sysid.types import Trajectory
 from validation import pages
 
 LONGEST_S = 8.0
-COUPLED = "coupled-pendulums"  # as the paper has them; the clips have impacts, which R shows
+COUPLED = "coupled-pendulums"  # settings of the paper; the clips have impacts, which R shows
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Row:
     published: str
 
 
-# Noise: 0.05 px of a centre at 1920 px a picture, over the radius of the arc for angles.
+# Noise: 0.05 px of a centre at 1920 px image width, over the radius of the arc for angles.
 ROWS = (
     Row("pendulum", "pendulum_45", "pendulum", "theta_rad", 1e-4, "G 2.4e-2 8.1e-3 1.2e-4, R 0.83e-3"),
     Row("rotating-cone", "mid", "angular-oscillator", "phi_rad", 1e-4, "G 1.8e-2 5.3e-3 9.7e-5, R 0.41e-3"),
@@ -82,13 +82,13 @@ def print_table() -> None:
     for row in ROWS:
         clip = trajectory_of(row)
         result = fit(clip, MODELS[row.model])
-        found = identifiability(result, clip)
-        path = found.gradients
+        identified = identifiability(result, clip)
+        path = identified.gradients
         steps = [path[0], path[len(path) // 2], path[-1]]
-        numbers = [*steps, *(np.sum(residual) for residual in (found.ode_residual, found.ode_residual_noise))]
-        numbers += [found.condition, found.hessian_condition]
+        numbers = [*steps, *(np.sum(residual) for residual in (identified.ode_residual, identified.ode_residual_noise))]
+        numbers += [identified.condition, identified.hessian_condition]
         text = " | ".join(f"{number:.2e}" for number in numbers)
-        weak = "; ".join(filter(None, [*found.undetermined, found.weakest]))
+        weak = "; ".join(filter(None, [*identified.undetermined, identified.weakest]))
         print(f"| {row.scene} | {row.setting} | {text} | {weak} | {result.status} | {row.published} |", flush=True)
 
 

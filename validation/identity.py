@@ -1,8 +1,8 @@
-"""Whether bodies keep their names: identity switches, coverage, HOTA, IDF1 and error over synthetic clips.
+"""Identity of tracked bodies: switches, coverage, HOTA, IDF1 and error over synthetic clips.
 
 ``python -m validation.identity`` renders clips of the phenomena with several bodies, the settings of the benchmark's
 table in turn, each clip with a seed of its own, follows the bodies, and compares with the truth beside each clip.
-``--scores FILE`` keeps the score of each clip: a run that was ended goes on where it was. ``--dataset DATASET --tracks
+``--scores FILE`` keeps the score of each clip, so that an interrupted run continues. ``--dataset DATASET --tracks
 FOLDER`` compares the tracks that ``iris-sysid gt`` or ``validation.groundtruth`` kept of a synthetic data set
 instead.
 """
@@ -39,7 +39,7 @@ SIZE = (640, 360)  # px
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """What one clip shows, or several together."""
+    """Score of one clip, or of several pooled."""
 
     clips: int
     switches: int
@@ -60,17 +60,17 @@ def similarity(true_px: np.ndarray, found_px: np.ndarray, radius_px: np.ndarray)
 
 
 def matches(alike: np.ndarray, threshold: float, prior: np.ndarray | None = None) -> np.ndarray:
-    """Pairs that match in each frame (n, bodies, tracks), at most one a body and a track, the most alike together.
+    """Pairs that match in each frame (n, bodies, tracks), at most one per body and track, of largest total similarity.
 
-    ``prior`` (bodies, tracks) weighs the pairs beside their similarity.
+    ``prior`` (bodies, tracks) multiplies the similarity as a weight of the pairs.
     """
-    found = np.zeros(alike.shape, dtype=bool)
+    overlapping = np.zeros(alike.shape, dtype=bool)
     for k, likeness in enumerate(alike):
         allowed = likeness >= max(threshold, 1e-9)
         weight = 1.0 + likeness if prior is None else prior * likeness
         rows, columns = linear_sum_assignment(np.where(allowed, weight, 0.0), True)
-        found[k, rows, columns] = allowed[rows, columns]
-    return found
+        overlapping[k, rows, columns] = allowed[rows, columns]
+    return overlapping
 
 
 def hota(alike: np.ndarray, n_true: np.ndarray, n_found: np.ndarray) -> float:
@@ -78,7 +78,7 @@ def hota(alike: np.ndarray, n_true: np.ndarray, n_found: np.ndarray) -> float:
 
     Per threshold sqrt(sum of A(c) over the true positives c / (TP + FN + FP)), with
     A(c) = TPA / (TPA + FNA + FPA) of the body and the track that c joins. ``n_true`` (bodies,) and ``n_found``
-    (tracks,) are the frames in which each is there. Matches are made as in the authors' TrackEval, by the alignment
+    (tracks,) count the frames in which each is present. Matches are made as in the authors' TrackEval, by the alignment
     of the whole tracks times the similarity in the frame.
     """
     overlap = alike / np.maximum(alike.sum(1, keepdims=True) + alike.sum(2, keepdims=True) - alike, 1e-12)
@@ -87,9 +87,9 @@ def hota(alike: np.ndarray, n_true: np.ndarray, n_found: np.ndarray) -> float:
     values = []
     for threshold in THRESHOLDS:
         joined = matches(alike, threshold - 1e-9, prior).sum(axis=0)
-        together = joined / np.maximum(n_true[:, np.newaxis] + n_found - joined, 1)
+        jaccard = joined / np.maximum(n_true[:, np.newaxis] + n_found - joined, 1)
         hits = joined.sum()
-        values.append(np.sqrt((joined * together).sum() / max(1, n_true.sum() + n_found.sum() - hits)))
+        values.append(np.sqrt((joined * jaccard).sum() / max(1, n_true.sum() + n_found.sum() - hits)))
     return float(np.mean(values))
 
 
@@ -101,7 +101,7 @@ def idf1(alike: np.ndarray, n_true: np.ndarray, n_found: np.ndarray) -> float:
 
 
 def switches(alike: np.ndarray) -> int:
-    """How often a body is taken by another track than the one that had it last (Bernardin and Stiefelhagen 2008)."""
+    """Number of times that a body changes its track (Bernardin and Stiefelhagen 2008)."""
     joined, changes = matches(alike, MATCHED), 0
     for body in range(alike.shape[1]):
         frames, tracks = np.nonzero(joined[:, body])
@@ -111,7 +111,7 @@ def switches(alike: np.ndarray) -> int:
 
 
 def usable_truth(truth: Truth, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Mean place over the exposure (n, bodies, 2) px where a body is wholly in the picture and no hand is on any."""
+    """Mean position over the exposure (n, bodies, 2) px where a body is wholly in the frame and no hand holds any."""
     bodies = [truth.body(name) for name in names]
     radius = np.array([float(body["radius_px"].median()) for body in bodies])
     xy = np.stack([body[["x_mean_px", "y_mean_px"]].to_numpy(copy=True) for body in bodies], axis=1)
@@ -186,7 +186,7 @@ def together(scores: Sequence[Score]) -> Score:
 
 
 def rendered(options: argparse.Namespace, phenomenon: str) -> Iterator[Score]:
-    """Scores of clips rendered and tracked now, or in a run before: so many, or those begun within the minutes."""
+    """Scores of clips, rendered and tracked now or read from an earlier run, up to a number or a time limit."""
     start, film = time.monotonic(), [phenomenon, list(options.size), options.seconds]
     lines = options.scores.read_text().splitlines() if options.scores and options.scores.exists() else []
     known = {line["clip"]: Score(**line["score"]) for line in map(json.loads, lines) if line["film"] == film}
@@ -195,11 +195,11 @@ def rendered(options: argparse.Namespace, phenomenon: str) -> Iterator[Score]:
             if number in known:
                 yield known[number]
             elif time.monotonic() - start < 60 * options.minutes:
-                found = run_clip(phenomenon, number, tuple(options.size), options.seconds, Path(folder))
+                outcome = run_clip(phenomenon, number, tuple(options.size), options.seconds, Path(folder))
                 if options.scores:
                     with options.scores.open("a") as file:
-                        file.write(json.dumps({"film": film, "clip": number, "score": asdict(found)}) + "\n")
-                yield found
+                        file.write(json.dumps({"film": film, "clip": number, "score": asdict(outcome)}) + "\n")
+                yield outcome
 
 
 def kept(phenomenon: str, dataset: Path, tracks: Path) -> Iterator[Score]:

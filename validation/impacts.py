@@ -45,7 +45,7 @@ def residuals(result: FitResult) -> str:
 
 
 def print_comparison(clips: Sequence[tuple[str, Trajectory, str]]) -> None:
-    """Print the residual of both models, and what the impacts give."""
+    """Print the residual of both models, and the estimates of the model with impacts."""
     print("| clip | residual, impacts / mrad | residual, kappa / mrad | L1 / m | L2 / m | e | kappa / s^-2 |")
     print("|---|---|---|---|---|---|---|")
     for name, trajectory, phenomenon in clips:
@@ -66,17 +66,17 @@ def print_twin(folder: Path) -> None:
             truth, trajectory = read_truth(clip), tracked(clip, phenomenon)
             chosen = PHENOMENA[phenomenon]
             result = fit(trajectory, MODELS[chosen.model], free=chosen.free)
-            found = impact_times(result, trajectory)
+            times = impact_times(result, trajectory)
             true = [t for t, name in truth.events if name == "impact" and result.t0_s < t < trajectory.t_s[-1]]
-            pairs = min(len(found), len(true), 6)
-            late = max((abs(a - b) for a, b in zip(found[:pairs], true[:pairs], strict=True)), default=np.nan)
+            pairs = min(len(times), len(true), 6)
+            late = max((abs(a - b) for a, b in zip(times[:pairs], true[:pairs], strict=True)), default=np.nan)
             errors = [100 * (result.estimates[k].value / truth.parameters[k].value - 1) for k in VALUES]
             row = " | ".join(f"{error:+.3f}" for error in errors)
-            print(f"| {phenomenon} {setting} | {row} | {len(found)} of {len(true)} | {late * FPS:.3f} |", flush=True)
+            print(f"| {phenomenon} {setting} | {row} | {len(times)} of {len(true)} | {late * FPS:.3f} |", flush=True)
 
 
 def impact_times(result: FitResult, trajectory: Trajectory) -> list[float]:
-    """When the fitted motion has its impacts."""
+    """Times of the impacts in the fitted motion."""
     derived = {quantity.name for quantity in result.model.derived}
     values = {name: estimate.value for name, estimate in result.estimates.items() if name not in derived}
     t_s = trajectory.t_s[trajectory.t_s >= result.t0_s]

@@ -1,4 +1,4 @@
-"""The latent pipeline's losses and integrators on tracked angles: what of its error is the loss, what the encoder."""
+"""The latent pipeline's losses and integrators on tracked angles: error due to the loss or the encoder."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def loss_row(name: str, loss: str, equation: str, seeds: Sequence[int]) -> list[
         for seed in seeds:
             t_s, theta = in_motion(clip(setting, seed))
             dt = float(np.median(np.diff(t_s)))
-            found = stiffness_of(theta, dt, INTEGRATORS[name], HORIZONS[loss], BENDS[equation])
-            errors.append(100 * abs(GRAVITY / found / 0.5 - 1))
+            stiffness = stiffness_of(theta, dt, INTEGRATORS[name], HORIZONS[loss], BENDS[equation])
+            errors.append(100 * abs(GRAVITY / stiffness / 0.5 - 1))
         size = float(np.median(errors))
         row.append(f"{size:.2f}" if np.isfinite(size) else "no gradient")
     return row

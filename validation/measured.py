@@ -1,7 +1,7 @@
-"""What the equations lack on measured data: each recording from its raw file to the sentence, before and after.
+"""Diagnosis of real recordings: missing effects, and the error before and after, from the raw file of each.
 
-``python -m validation.measured [--only NAME] [--folder OUT]`` needs the recordings in ``../shared/data``. Each row is
-what the two commands beside it print; the pages of the diagnoses are left in ``--folder``.
+``python -m validation.measured [--only NAME] [--folder OUT]`` needs the recordings in ``../shared/data``. Each row
+comes from the two commands of its recording; the pages of the diagnoses stay in ``--folder``.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ BEFORE_HIT_S = 0.5  # the puck is hit at 0.8 s
 
 
 def alexiev(folder: Path) -> None:
-    """Write the pendulum's place in the picture, in px: no scale is known."""
+    """Write the pendulum's position in the frame, in px: no scale is known."""
     t_s, x_px = (np.loadtxt(DATA / f"alexiev_pendulum/001_{name}.csv")[:CLEAN] for name in ("times", "x_pos_pixels"))
     later = np.concatenate([[True], np.diff(t_s) > 0])
     pd.DataFrame({"t_s": t_s, "z_px": x_px - ORIGIN_PX})[later].to_csv(folder / "trajectory.csv", index=False)
@@ -54,18 +54,20 @@ def bob(folder: Path) -> None:
 
 
 def puck(folder: Path) -> None:
-    """Write the way of the puck that is hit, along its line, from shortly before until it leaves the picture."""
+    """Write the path of the puck that is hit, along its line, until it leaves the frame."""
     hit = min(read_track(folder / "track.csv"), key=lambda track: int(track.valid.sum()))
     kept = hit.valid & (hit.t_s > BEFORE_HIT_S)
-    place = hit.xy_px[kept]
-    along = np.linalg.svd(place - place.mean(axis=0), full_matrices=False)[2][0]
-    way = (place - place[0]) @ along
-    pd.DataFrame({"t_s": hit.t_s[kept], "s_px": np.sign(way[-1]) * way}).to_csv(folder / "trajectory.csv", index=False)
+    xy_px = hit.xy_px[kept]
+    along = np.linalg.svd(xy_px - xy_px.mean(axis=0), full_matrices=False)[2][0]
+    distance = (xy_px - xy_px[0]) @ along
+    pd.DataFrame({"t_s": hit.t_s[kept], "s_px": np.sign(distance[-1]) * distance}).to_csv(
+        folder / "trajectory.csv", index=False
+    )
 
 
 @dataclass(frozen=True)
 class Recording:
-    """How to get from the raw file to a trajectory, and what to ask of it."""
+    """Commands that lead from the raw file to a trajectory, and the arguments of its diagnosis."""
 
     name: str
     first: str | Callable[[Path], None]
@@ -124,7 +126,7 @@ RECORDINGS = [
 
 
 def command(text: str, output: Path) -> str:
-    """Run one command of the program; what went wrong, or nothing."""
+    """Run one command of the program; return its error message, or an empty text."""
     program = Path(sys.executable).parent / "iris-sysid"
     done = subprocess.run([program, *shlex.split(text), "-o", output, "--force"], capture_output=True, text=True)
     return "" if done.returncode == 0 else (done.stderr.strip().splitlines() or ["?"])[-1]
@@ -135,7 +137,7 @@ def row(recording: Recording, folder: Path) -> str:
     folder.mkdir(parents=True, exist_ok=True)
     if isinstance(recording.first, str):
         target = folder / "track.csv" if recording.first.startswith("track ") else folder
-        command(recording.first.format(data=DATA), target)  # a misfit is no failure here: it is what is asked about
+        command(recording.first.format(data=DATA), target)  # a misfit is no failure here: the diagnosis examines it
     else:
         recording.first(folder)
     if recording.then is not None:
@@ -143,15 +145,14 @@ def row(recording: Recording, folder: Path) -> str:
     wrong = command(f"diagnose {folder / 'trajectory.csv'} {recording.ask}", folder / "diagnosis")
     if wrong:
         return f"| {recording.name} | {wrong} | | | |"
-    found = read_document(folder / "diagnosis" / "diagnosis.json", DiagnosisDocument)
-    errors = found.error
+    document = read_document(folder / "diagnosis" / "diagnosis.json", DiagnosisDocument)
+    errors = document.error
     fitted, heldout = (
         f"{_number(getattr(errors.before, which))} → {_number(getattr(errors.after, which))}"
         for which in ("fitted", "heldout")
     )
-    return (
-        f"| {recording.name} | {found.sentence} | {fitted} | {heldout} | {_number(errors.noise_floor)} {errors.unit} |"
-    )
+    noise = f"{_number(errors.noise_floor)} {errors.unit}"
+    return f"| {recording.name} | {document.sentence} | {fitted} | {heldout} | {noise} |"
 
 
 def _number(value: float | None) -> str:

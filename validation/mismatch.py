@@ -1,8 +1,8 @@
-"""The diagnosis beside SINDy on the mismatch between model and measurement: the same blind cases through both.
+"""The diagnosis compared with SINDy on the mismatch between model and measurement, on the same blind cases.
 
 The mismatch is the measured acceleration less that of the fitted model, regressed by sequentially thresholded least
-squares on a library (Kaheman, Kaiser, Strom, Kutz and Brunton 2019, arXiv 1909.08574). It is given what the diagnosis
-has: a column for every shape of every effect that is a force; the threshold is that of the least BIC, for as many
+squares on a library (Kaheman, Kaiser, Strom, Kutz and Brunton 2019, arXiv 1909.08574). It gets the same
+effects: a column for every shape of every effect that is a force; the threshold is that of the least BIC, for as many
 independent samples as the smoothing leaves.
 """
 
@@ -31,14 +31,14 @@ WINDOW = 11  # samples of the smoothing before each derivative, pysindy's own de
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """One case: what the diagnosis made of it, and the names that SINDy on the mismatch gives."""
+    """One case: the outcome of the diagnosis, and the names that SINDy on the mismatch gives."""
 
     ours: Outcome
     theirs: tuple[str, ...]
 
 
 def pair(seed: int, count: int) -> Pair | None:
-    """One case through both; None when its motion runs away or cannot be fitted.
+    """One case through both methods; None when its motion diverges or cannot be fitted.
 
     Parameters
     ----------
@@ -61,9 +61,9 @@ def on_the_mismatch(trajectory: Trajectory, model: OdeModel) -> tuple[str, ...]:
     Parameters
     ----------
     trajectory
-        What was measured.
+        Measured trajectory.
     model
-        Without what is hidden; fitted here, as for the diagnosis.
+        The equation without hidden effects; fitted here, as for the diagnosis.
     """
     fitted = fit(trajectory, model)
     if not fitted.usable:
@@ -75,7 +75,7 @@ def on_the_mismatch(trajectory: Trajectory, model: OdeModel) -> tuple[str, ...]:
     slopes = rates(model, t_s, states, {name: estimate.value for name, estimate in fitted.estimates.items()}, None)
     mismatch = highest - slopes[:, -highest.shape[1] :]
     names, columns = _library(trajectory, model, states, slopes)
-    inside = slice(WINDOW, t_s.size - WINDOW)  # derivatives at the ends are not to be trusted
+    inside = slice(WINDOW, t_s.size - WINDOW)  # derivatives at the ends are unreliable
     kept = _sparse(np.stack(columns, axis=2)[inside], mismatch[inside])
     return tuple(dict.fromkeys(name for name, keep in zip(names, kept, strict=True) if keep))
 
@@ -102,14 +102,14 @@ def _shapes(effect: Effect, trajectory: Trajectory) -> list[Effect]:
 
 
 def _sparse(columns: Array, mismatch: Array) -> Array:
-    """Which of the columns (n, f, k) are kept at the threshold of the least BIC, which may be none."""
+    """Which columns (n, f, k) the threshold of the least BIC keeps; possibly none."""
     rows, target = columns.reshape(-1, columns.shape[2]), mismatch.ravel() / np.max(np.abs(mismatch))
     rows = rows / np.linalg.norm(rows, axis=0) * np.sqrt(len(rows))
     best, kept = _bic(target, 0), np.zeros(rows.shape[1], dtype=bool)
     for threshold in THRESHOLDS:
         optimizer = pysindy.STLSQ(threshold=threshold)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # that nothing is kept, which is an answer
+            warnings.simplefilter("ignore", UserWarning)  # the empty selection, a valid answer
             coefficients = np.asarray(optimizer.fit(rows, target[:, None]).coef_)[0]
         score = _bic(target - rows @ coefficients, int(np.count_nonzero(coefficients)))
         if score < best:
@@ -123,7 +123,7 @@ def _bic(residual: Array, terms: int) -> float:
 
 
 def table(pairs: Sequence[Pair]) -> pd.DataFrame:
-    """Success of both by how large the hidden effect is, and whether it is a force at all."""
+    """Success of both methods by the size of the hidden effect, and by whether it is a force."""
     rows = []
     bins = (("below detectable", 0.0, 1.0), ("1 to 2 times", 1.0, 2.0), ("above 2 times", 2.0, np.inf))
     for label, low, high in bins:

@@ -1,7 +1,7 @@
 """Angle, orientation, intensity, level and apparent radius on synthetic clips: errors and pulls.
 
 ``python -m validation.observables`` renders short clips of several settings and seeds and prints one row a clip.
-Of orientation and intensity the zero, and of intensity the scale, is taken from the truth: a clip does not show them.
+The zero of orientation and intensity, and the scale of intensity, come from the truth: a clip does not show them.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from validation import pages
 
 @dataclass(frozen=True)
 class Observable:
-    """What is measured of a scene: error and standard error (n,) of the samples that count, unit and target RMSE."""
+    """One observable of a scene: error and standard error (n,) of the usable samples, unit and target RMSE."""
 
     name: str
     scene: str
@@ -43,11 +43,11 @@ def column(truth: Truth, name: str) -> Array:
 
 
 def of_pendulum(track: Track, truth: Truth) -> tuple[Array, Array]:
-    """Angle about the pivot that the arc shows, in the motion."""
-    _, found = observe([track], uncalibrated(), "pendulum")
-    used = found.valid & found.mask("motion")
-    error = found.position[:, 0] - column(truth, "theta_rad")
-    return np.degrees(error[used]), np.degrees(found.sigma[used, 0])
+    """Angle about the pivot fitted to the arc, in the motion segment."""
+    _, trajectory = observe([track], uncalibrated(), "pendulum")
+    used = trajectory.valid & trajectory.mask("motion")
+    error = trajectory.position[:, 0] - column(truth, "theta_rad")
+    return np.degrees(error[used]), np.degrees(trajectory.sigma[used, 0])
 
 
 def of_orientation(track: Track, truth: Truth) -> tuple[Array, Array]:
@@ -75,7 +75,7 @@ def of_level(track: Track, truth: Truth) -> tuple[Array, Array]:
 
 
 def of_radius(track: Track, truth: Truth) -> tuple[Array, Array]:
-    """Apparent radius, in the motion."""
+    """Apparent radius, in the motion segment."""
     assert track.radius_px is not None
     assert track.sigma_radius_px is not None
     used = track.valid & (truth.table.phase == "motion").to_numpy()

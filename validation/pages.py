@@ -6,7 +6,7 @@ A page in ``docs/validation`` marks where a table belongs::
     <!-- end -->
 
 ``python -m validation.coverage --write-docs`` puts its output between the two lines, below a line that names the
-command, the commit and the date. So no figure is typed, and each says where it comes from.
+command, the commit and the date. So no number is copied by hand, and each table states its origin.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ ANY_BLOCK = re.compile(r"<!-- table: (?P<name>[\w-]+) -->\n.*?<!-- end -->", re.
 
 
 class _Tee(io.TextIOBase):
-    """Text that goes to a stream and is kept."""
+    """Stream that also keeps the text written to it."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream, self._kept = stream, io.StringIO()
@@ -59,14 +59,14 @@ def add_option(parser: argparse.ArgumentParser) -> None:
 
 @contextmanager
 def table(name: str, write_docs: bool) -> Iterator[None]:
-    """Within the block, what is printed is also kept; at its end it replaces the table of that name in its page.
+    """Context that keeps the printed text, and at its end replaces the table of that name in its page.
 
     Parameters
     ----------
     name
-        Of the table, as its marker says it.
+        Name of the table, as in its marker.
     write_docs
-        Whether to write it at all.
+        Whether to write the table.
 
     Raises
     ------
@@ -83,18 +83,18 @@ def table(name: str, write_docs: bool) -> Iterator[None]:
 
 
 def write_table(page: str | Path, name: str, text: str, command: str) -> None:
-    """Replace a table of a page, with a line above it that says command, commit and date.
+    """Replace a table of a page, with a line above it that states command, commit and date.
 
     Parameters
     ----------
     page
         File with the lines ``<!-- table: NAME -->`` and ``<!-- end -->``.
     name
-        Of the table.
+        Name of the table.
     text
         Markdown; a blank line is put between a paragraph and a table where there is none.
     command
-        That made the text.
+        Command that printed the text.
 
     Raises
     ------
@@ -126,7 +126,7 @@ def markdown(frame: pd.DataFrame) -> str:
 
 
 def names_in(page: Path) -> list[str]:
-    """The names of the tables that a page has a place for, in order."""
+    """The names of the tables that a page has markers for, in order."""
     return [match["name"] for match in ANY_BLOCK.finditer(page.read_text(encoding="utf-8"))]
 
 

@@ -1,9 +1,9 @@
-"""Whether the standard errors of tracks are true, on synthetic clips: error over standard error, frame by frame.
+"""Standard errors of tracks on synthetic clips: error over standard error, frame by frame.
 
 ``python -m validation.pulls --dataset DATASET [--number 2 5]`` tracks some clips of each setting of a data set that
 ``iris-sysid render`` wrote, each with its phenomenon's tracker, and prints a row a body: the standard deviation of the
-errors, the standard error told, that of error over standard error, of which 1 is true, and the share of the frames
-beyond 1.96 standard errors of their mean, of which 5 % is true. Frames in which a hand holds the body do not count.
+errors, the stated standard error, the standard deviation of error over standard error (ideally 1), and the share of
+frames beyond 1.96 standard errors of their mean (ideally 5 %). Frames in which a hand holds the body do not count.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from iris_sysid.synthetic import Truth, read_truth
 from iris_sysid.types import Array, Track, TrackOptions
 from validation import pages
 
-FAR = 1.0  # of the radius: a track that is farther off in the median is not that body's
+FAR = 1.0  # of the radius: a track with a larger median error belongs to another body
 
 
 def clips_of(dataset: Path, numbers: Sequence[int]) -> Iterator[Clip]:
-    """Those clips, by number from 1, of each class and setting."""
+    """The clips with these numbers (from 1) of each class and setting."""
     for _, same in groupby(list_clips(dataset).clips, key=lambda clip: (clip.class_name, clip.setting)):
         yield from (clip for number, clip in enumerate(same, start=1) if number in numbers)
 
@@ -41,7 +41,7 @@ def tracked(truth: Truth, clip: Clip) -> list[Track]:
 
 
 def matched(truth: Truth, tracks: Sequence[Track]) -> Iterator[tuple[Track, Array, float]]:
-    """Each track with the true places (n, 2) of its body, px, NaN where a hand holds it, and the body's radius."""
+    """Each track with the true positions (n, 2) of its body, px, NaN where a hand holds it, and the body's radius."""
     bodies = [truth.body(name) for name in truth.table["body"].unique()]
     places = []
     for body in bodies:
@@ -54,18 +54,18 @@ def matched(truth: Truth, tracks: Sequence[Track]) -> Iterator[tuple[Track, Arra
 
 
 def row(track: Track, true_px: Array, radius_px: float) -> str | None:
-    """One row of the table; None where the track is not that of the body."""
+    """One row of the table; None where the track belongs to another body."""
     free = track.valid & np.isfinite(true_px[:, 0])
     if track.hand is not None:
         free &= ~track.hand
-    error, told = (track.xy_px - true_px)[free], track.sigma_px[free]
+    error, sigma = (track.xy_px - true_px)[free], track.sigma_px[free]
     if not free.any() or np.median(np.hypot(*error.T)) > FAR * radius_px:
         return None
-    pull = (error - error.mean(axis=0)) / told
+    pull = (error - error.mean(axis=0)) / sigma
     numbers = (
         error.std(axis=0),
-        np.median(told, axis=0),
-        (error / told).std(axis=0),
+        np.median(sigma, axis=0),
+        (error / sigma).std(axis=0),
         (np.abs(pull) > 1.96).mean(axis=0),
     )
     return " | ".join([str(np.count_nonzero(free)), *(f"{across:.3f}, {down:.3f}" for across, down in numbers)])

@@ -1,4 +1,4 @@
-"""Print what the commands say of real recordings, beside the published truth.
+"""Print the results of the commands on real recordings, and the published truth.
 
 Needs the recordings in ``../shared/data``. Each row is one command, run as a user would run it.
 """
@@ -30,7 +30,7 @@ TABLES = {"wooden_bob": wooden_bob, "alexiev_length_68": alexiev_length_68}  # r
 
 @dataclass(frozen=True)
 class Clip:
-    """One row: the command (without its output), what to read from its result, and the published truth."""
+    """One row: the command (without its output), the value read from its result, and the published truth."""
 
     command: str
     results: Callable[[Path], str]
@@ -38,7 +38,7 @@ class Clip:
 
 
 def value(folder: Path, name: str, degrees: bool = False) -> str:
-    """Spell one estimate of fit.json, or of the geometry in it."""
+    """Format one estimate of fit.json, or of the geometry in it."""
     document = json.loads((folder / "fit.json").read_text())
     entry = {**document["geometry"], **document["parameters"]}[name]
     factor, unit = (180 / math.pi, "°") if degrees else (1.0, entry["unit"])
@@ -47,13 +47,13 @@ def value(folder: Path, name: str, degrees: bool = False) -> str:
 
 
 def tracked(folder: Path) -> str:
-    """Say how many frames were tracked."""
+    """Return how many frames were tracked, as text."""
     body = read_track(folder / "track.csv")[0]
     return f"{body.n_valid} of {len(body.t_s)} frames"
 
 
 def used(folder: Path) -> str:
-    """Say which samples were fitted."""
+    """Return which samples were fitted, as text."""
     document = json.loads((folder / "fit.json").read_text())
     spans = [f"{part['start']}-{part['stop'] - 1}" for part in document["segments"] if part["label"] == "motion"]
     return f"motion in frames {', '.join(spans)}"
@@ -103,7 +103,7 @@ CLIPS = [
 
 
 class Names:
-    """What a command names: ``{data}`` the recordings, ``{table:NAME}`` a table made from one of them."""
+    """Expand placeholders of a command: ``{data}`` the recordings, ``{table:NAME}`` a table made from one of them."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -115,7 +115,7 @@ class Names:
 
 
 def row(clip: Clip) -> str:
-    """Run one command and spell its row of the table."""
+    """Run one command and format its row of the table."""
     with tempfile.TemporaryDirectory() as temporary:
         out = Path(temporary)
         target = out / {"track": "track.csv", "fit": "fit.json"}.get(clip.command.split()[0], "")

@@ -1,7 +1,7 @@
-"""Every real clip tracked with nothing adjusted: frames tracked of those in which the bodies can be seen.
+"""Every real clip tracked with default options: frames tracked of those that show the bodies.
 
-``python -m validation.real_tracks [--sheets FOLDER]`` needs the recordings in ``../shared/data``. With ``--sheets`` a
-contact sheet of each clip is written, with the tracks drawn in, to be looked at.
+``python -m validation.real_tracks [--sheets FOLDER]`` needs the recordings in ``../shared/data``. With ``--sheets`` it
+writes a contact sheet of each clip with the tracks drawn in, for inspection.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from iris_sysid.video.reader import Video, open_video
 from validation import pages
 
 DATA = Path("..") / "shared" / "data"
-COLUMNS, ROWS, WIDTH = 4, 6, 480  # pictures of a contact sheet, and their width in px
+COLUMNS, ROWS, WIDTH = 4, 6, 480  # images of a contact sheet, and their width in px
 COLOURS = ((60, 220, 60), (60, 60, 240), (240, 160, 40))
 
 
 @dataclass(frozen=True)
 class Clip:
-    """A clip, its bodies, and the frames (inclusive) between which each is wholly in view and free, by the sheet."""
+    """A clip, its bodies, and the frames (inclusive) between which each is wholly in view and not held."""
 
     path: str
     bodies: int
@@ -51,7 +51,7 @@ CLIPS = [
 
 
 def row(clip: Clip, sheets: Path | None) -> str:
-    """Track one clip and spell its row of the table."""
+    """Track one clip and format its row of the table."""
     try:
         tracks = TRACKERS["median-background"].track(_opened(clip), TrackOptions(bodies=clip.bodies))
     except IrisError as error:
@@ -59,11 +59,11 @@ def row(clip: Clip, sheets: Path | None) -> str:
     if sheets is not None:
         sheets.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(str(sheets / f"{clip.path.replace('/', '_')}.png"), sheet(clip, tracks))
-    found = []
+    valid = []
     for track, (first, last) in zip(tracks, clip.usable, strict=True):
         usable = (track.frame >= first) & (track.frame <= last)
-        found.append(f"{int((track.valid & usable).sum())} of {int(usable.sum())}")
-    return f"| {clip.path} | {clip.bodies} | {len(tracks[0].t_s)} | {'; '.join(found)} |"
+        valid.append(f"{int((track.valid & usable).sum())} of {int(usable.sum())}")
+    return f"| {clip.path} | {clip.bodies} | {len(tracks[0].t_s)} | {'; '.join(valid)} |"
 
 
 def _opened(clip: Clip) -> Video:
@@ -71,18 +71,18 @@ def _opened(clip: Clip) -> Video:
 
 
 def sheet(clip: Clip, tracks: Sequence[Track]) -> NDArray[np.uint8]:
-    """Pictures from all over the clip, with the bodies and where they have just been."""
+    """Contact sheet of frames from the whole clip, with the bodies and their recent paths."""
     times = tracks[0].t_s
     chosen = {int(k) for k in np.linspace(0, len(times) - 1, COLUMNS * ROWS)}
     pictures = []
-    for place, frame in enumerate(_opened(clip).frames()):
-        if place in chosen:
-            picture = np.ascontiguousarray(frame.bgr())
+    for index, frame in enumerate(_opened(clip).frames()):
+        if index in chosen:
+            image = np.ascontiguousarray(frame.bgr())
             for track, colour in zip(tracks, COLOURS, strict=False):
-                draw_body(picture, track, frame.t_s, colour)
-            picture = cv2.resize(picture, (WIDTH, round(WIDTH * picture.shape[0] / picture.shape[1])))
-            cv2.putText(picture, str(frame.index), (6, 24), cv2.FONT_HERSHEY_SIMPLEX, 0.8, (255, 0, 255), 2)
-            pictures.append(picture)
+                draw_body(image, track, frame.t_s, colour)
+            image = cv2.resize(image, (WIDTH, round(WIDTH * image.shape[0] / image.shape[1])))
+            cv2.putText(image, str(frame.index), (6, 24), cv2.FONT_HERSHEY_SIMPLEX, 0.8, (255, 0, 255), 2)
+            pictures.append(image)
     pictures += [np.zeros_like(pictures[0])] * (-len(pictures) % COLUMNS)
     rows = [np.hstack(pictures[k : k + COLUMNS]) for k in range(0, len(pictures), COLUMNS)]
     return np.vstack(rows)

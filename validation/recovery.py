@@ -1,4 +1,4 @@
-"""Recovery of the parameters of all settings from synthetic trajectories, beside the best latent error."""
+"""Recovery of the parameters of all settings from synthetic trajectories, compared with the best latent error."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ CHAIN_COUPLING = 2.0  # 1/s^2: the cups with the benchmark's own spring in place
 
 @dataclass(frozen=True)
 class Clip:
-    """One trajectory to fit: with which model, what is known, and the truth by our names."""
+    """One trajectory to fit: its model, the known parameters, and the truth by our names."""
 
     trajectory: Trajectory
     model: OdeModel
@@ -83,7 +83,7 @@ def through_phenomenon(name: str, parameters: Mapping[str, str], names: str = "1
 
 
 def rotating(truth: Truth, rng: np.random.Generator) -> Clip:
-    """The angle of the arm, from the cup on it."""
+    """The angle of the arm, from the position of its cup."""
     model = MODELS["angular-oscillator"]
     sigma = NOISE_PX / truth.pixels_per_metre / truth.parameters["arm_length"].value
     exact = {name: truth.exact(name).value for name in ("stiffness", "damping")}
@@ -91,7 +91,7 @@ def rotating(truth: Truth, rng: np.random.Generator) -> Clip:
 
 
 def falling(truth: Truth, rng: np.random.Generator) -> Clip:
-    """The apparent radius; the ball's radius times the focal length is known, so gravity can be had."""
+    """The apparent radius; the ball's radius times the focal length is known, which determines gravity."""
     model = MODELS["apparent-radius"]
     known = truth.parameters["ball_radius"].value * float(truth.camera["focal_px"][0])
     trajectory = column(truth, "radius_px", model.observed[0], NOISE_PX, rng)
@@ -180,7 +180,7 @@ def _number(text: str) -> float:
 
 
 def table_row(scene: str, setting: str, seeds: Sequence[int]) -> list[str]:
-    """Fit one setting's trials and spell a line for each parameter."""
+    """Fit the trials of one setting and format a line for each parameter."""
     folder = SCENES[scene].folder
     try:
         truths, errors = errors_of(scene, setting, seeds)
@@ -200,7 +200,7 @@ def table_row(scene: str, setting: str, seeds: Sequence[int]) -> list[str]:
 
 
 def one_unknown_scale() -> str:
-    """What the fit says of the falling ball's gravity when neither its size nor its height is known."""
+    """Gravity of the falling ball in a fit that knows neither its size nor its height."""
     plan = plan_clip("falling-ball", setting="mid", size=SIZE)
     clip = falling(plan.truth, np.random.default_rng(0))
     result = fit(clip.trajectory, clip.model, free=("gravity",))
@@ -215,16 +215,16 @@ def finds_the_truth(result: FitResult, truth: Mapping[str, float], rms: np.ndarr
 
 
 def from_starts_half_off(name: str, count: int) -> int:
-    """How many fits of one model, from starts 50 % too low or too high in every value, end in the global minimum."""
+    """Number of fits of one model that end in the global minimum, from starts 50 % off in every value."""
     model, (values, t_s) = MODELS[name], EXPERIMENTS[name]
     size = NOISE * np.std(simulate(model, t_s, values).observed, axis=0)
-    found = 0
+    recovered = 0
     for seed in range(count):
         rng = np.random.default_rng(seed)
         trajectory = clip(model, size * rng.standard_normal((t_s.size, size.size)))
         start = {key: value * rng.choice([0.5, 1.5]) for key, value in values.items()}
-        found += finds_the_truth(fit(trajectory, model, start=start), values, size)
-    return found
+        recovered += finds_the_truth(fit(trajectory, model, start=start), values, size)
+    return recovered
 
 
 def main() -> None:

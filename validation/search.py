@@ -1,4 +1,4 @@
-"""How long a diagnosis takes: a pendulum's clip of 600 and of 9,000 samples with 0, 1 or 2 effects hidden in it.
+"""Processor time of a diagnosis: a pendulum's clip of 600 and of 9,000 samples with 0, 1 or 2 hidden effects.
 
 ``python -m validation.search`` prints seconds of processor for the first run, which compiles what it fits, and for the
 second, beside one fit of the model alone, and how many fits that is: the ratio holds on any machine.
@@ -32,7 +32,7 @@ def clip(samples: int, hidden: dict[str, float]) -> Trajectory:
     Parameters
     ----------
     samples
-        At 60 frames a second.
+        Number of samples at 60 frames a second.
     hidden
         Sizes by effect.
     """
@@ -46,7 +46,7 @@ def clip(samples: int, hidden: dict[str, float]) -> Trajectory:
 
 
 def timed(work: Callable[[], Given]) -> tuple[Given, float]:
-    """What some work gives, and the s of processor that it took."""
+    """Result of a function, and its processor time in s."""
     start = time.process_time()
     return work(), time.process_time() - start
 
@@ -55,9 +55,9 @@ def row(samples: int, hidden: dict[str, float]) -> str:
     """One row of the table."""
     trajectory = clip(samples, hidden)
     first = timed(lambda: diagnose(trajectory, MODEL))[1]
-    found, second = timed(lambda: diagnose(trajectory, MODEL))
+    diagnosis, second = timed(lambda: diagnose(trajectory, MODEL))
     alone = timed(lambda: fit(trajectory, MODEL))[1]
-    named = ", ".join(effect.name for effect in found.added) or "nothing"
+    named = ", ".join(effect.name for effect in diagnosis.added) or "nothing"
     return f"| {samples} | {len(hidden)} | {named} | {first:.1f} | {second:.1f} | {second / alone:.0f} |"
 
 

@@ -1,12 +1,12 @@
-"""Choice of the governing equation on 240 synthetic trajectories, beside the published classifiers.
+"""Choice of the governing equation on 240 synthetic trajectories, compared with the published classifiers.
 
 ``python -m validation.selection`` takes every setting of the benchmark's eight phenomena, ten trials each with the
 scatter of real ones. Nothing is rendered: the true path of each body, in metres, gets white noise of the size that the
-tracker has, 0.05 px. What is chosen from is the whole bank; what is given is x and z of each body and, where a ball is
-seen from above, its apparent radius: no name of a phenomenon, a setting or a quantity.
+tracker has, 0.05 px. The choice is among the whole bank, from x and z of each body and, where a ball is seen from
+above, its apparent radius; the name of the phenomenon, setting or quantity is not given.
 
-With ``--dataset DATASET --tracks WORK`` the same is asked of clips that were rendered, tracked and segmented: what
-``python -m validation.groundtruth DATASET --work WORK`` kept.
+With ``--dataset DATASET --tracks WORK`` the same is done on clips that were rendered, tracked and segmented by
+``python -m validation.groundtruth DATASET --work WORK``.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ ACCEPTED = {
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """A synthetic clip, and what chooses its equation."""
+    """A synthetic clip, and the function that chooses its equation."""
 
     phenomenon: str
     setting: str
@@ -63,7 +63,7 @@ class Asked:
 
 
 def trial(name: str, setting: str, number: int) -> Plan:
-    """One trial of a setting: its parameters scatter as the scene says."""
+    """One trial of a setting, with the parameter scatter of the scene."""
     scene = SCENES[name]
     rng = np.random.default_rng([number, zlib.crc32(f"{name}/{setting}".encode())])
     values = {parameter.name: float(parameter.default or 0.0) for parameter in scene.parameters} | dict(
@@ -96,12 +96,12 @@ def tracked(plan: Plan, seed: int) -> list[Trajectory]:
             columns.append(table["radius_px"])
             quantities.append(Quantity("r", "px"))
             sigma.append(NOISE_PX)
-        place = np.column_stack(columns) + np.array(sigma) * rng.standard_normal((len(table), len(columns)))
-        noise = np.broadcast_to(sigma, place.shape)
+        position = np.column_stack(columns) + np.array(sigma) * rng.standard_normal((len(table), len(columns)))
+        noise = np.broadcast_to(sigma, position.shape)
         inside = table["inside"].to_numpy(copy=True)
-        place = np.where(inside[:, None], place, np.nan)
+        position = np.where(inside[:, None], position, np.nan)
         held = (table["phase"] == "hand").to_numpy()
-        world = Trajectory(table["t_s"].to_numpy(copy=True), tuple(quantities), place, noise, inside)
+        world = Trajectory(table["t_s"].to_numpy(copy=True), tuple(quantities), position, noise, inside)
         bodies.append((world, held))
     if len(bodies) == 1:
         return [cut(*bodies[0])]
@@ -109,7 +109,7 @@ def tracked(plan: Plan, seed: int) -> list[Trajectory]:
 
 
 def cut(world: Trajectory, held: np.ndarray) -> Trajectory:
-    """The first long stretch between let go and the first impact, found in the two channels that move most."""
+    """The trajectory, cut to the flight from release to the first impact in the two channels that move most."""
     moves = np.nanstd(world.position, axis=0) / np.nanmean(world.sigma, axis=0)
     which = sorted(np.argsort(moves)[-2:].tolist())
     seen = world.with_(
@@ -117,8 +117,8 @@ def cut(world: Trajectory, held: np.ndarray) -> Trajectory:
         position=world.position[:, which],
         sigma=world.sigma[:, which],
     )
-    found = segment(seen, hand=held, kind="flight")
-    return world.with_(segments=found.segments, valid=found.valid)
+    segmented = segment(seen, hand=held, kind="flight")
+    return world.with_(segments=segmented.segments, valid=segmented.valid)
 
 
 def chosen_for(name: str, setting: str, number: int) -> ModelChoice:
@@ -146,7 +146,7 @@ def kept(dataset: Path, tracks: Path, trials: int, phenomena: list[str]) -> Iter
 
 def rows(clips: Iterable[Asked]) -> pd.DataFrame:
     """One row a clip: phenomenon, the nearest model, whether it is adequate, margins, seconds."""
-    found = []
+    lines = []
     for clip in clips:
         began = time.process_time()
         try:
@@ -156,7 +156,7 @@ def rows(clips: Iterable[Asked]) -> pd.DataFrame:
         except IrisError as error:
             nearest, adequate, margins = f"no answer: {error}"[:60], False, (np.nan, np.nan)
         seconds = time.process_time() - began
-        found.append((clip.phenomenon, clip.setting, clip.clip, nearest, adequate, *margins, seconds))
+        lines.append((clip.phenomenon, clip.setting, clip.clip, nearest, adequate, *margins, seconds))
         right = nearest in ACCEPTED[clip.phenomenon]
         print(
             f"  {clip.phenomenon}/{clip.setting}/{clip.clip}: {nearest}{'' if right else ', WRONG'}",
@@ -164,7 +164,7 @@ def rows(clips: Iterable[Asked]) -> pd.DataFrame:
             flush=True,
         )
     columns = ["phenomenon", "setting", "trial", "model", "adequate", "heldout_margin", "bic_margin", "seconds"]
-    return pd.DataFrame(found, columns=columns)
+    return pd.DataFrame(lines, columns=columns)
 
 
 def print_result(table: pd.DataFrame) -> None:
@@ -178,8 +178,8 @@ def print_result(table: pd.DataFrame) -> None:
     print(f"right equation, and it fits: {both.sum()} ({100 * both.mean():.1f} %); 'none of these': {none.sum()}")
     print("\n| phenomenon | clips | right equation first | right, and it fits |\n|---|---|---|---|")
     for name in dict.fromkeys(table["phenomenon"]):
-        here = (table["phenomenon"] == name).to_numpy()
-        print(f"| {name} | {here.sum()} | {right[here].sum()} | {both[here].sum()} |")
+        of_phenomenon = (table["phenomenon"] == name).to_numpy()
+        print(f"| {name} | {of_phenomenon.sum()} | {right[of_phenomenon].sum()} | {both[of_phenomenon].sum()} |")
     print(f"median processor time a clip: {table['seconds'].median():.2f} s")
 
 

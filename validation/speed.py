@@ -1,4 +1,4 @@
-"""How fast a clip is tracked, and in how much memory, beside reading it with OpenCV, MOG2 and trackpy.
+"""Speed and memory of tracking a clip, compared with OpenCV reading, MOG2 and trackpy.
 
 ``python -m validation.speed [--seconds 10] [--size 3840x2160] [--clip CLIP.mp4]`` renders a pendulum at 60 frames a
 second and 45 Mbit/s, then runs each row in a process of its own, in turns, and keeps the fastest run.
@@ -24,15 +24,15 @@ from pathlib import Path
 
 from validation import pages
 
-# nothing of the project is imported here: a process begins with the peak memory of the one that started it
+# imports nothing of the project: a process starts with the peak memory of its parent
 PROGRAM = Path(sys.executable).parent / "iris-sysid"
 
-FEW = {"mog2": 10, "trackpy": 1}  # frames that are enough for what takes long
+FEW = {"mog2": 10, "trackpy": 1}  # frames for the slow rows
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What one run took: frames, s of wall clock and of processor, and the peak of memory in MB."""
+    """Cost of one run: frames, s of wall clock and of processor, and the peak of memory in MB."""
 
     frames: int
     wall_s: float
@@ -85,19 +85,19 @@ TITLES = {
 
 
 def run_row(name: str, clip: str) -> None:
-    """Run one row in this process and print what it cost as JSON."""
+    """Run one row in this process and print its cost as JSON."""
     wall, cpu = time.perf_counter(), time.process_time()
     frames = ROWS[name](clip)
     cost = [frames, time.perf_counter() - wall, time.process_time() - cpu, _peak_mb(resource.RUSAGE_SELF)]
     print(json.dumps(cost))
 
 
-def _peak_mb(who: int) -> float:
-    return resource.getrusage(who).ru_maxrss / 1024
+def _peak_mb(usage_of: int) -> float:
+    return resource.getrusage(usage_of).ru_maxrss / 1024
 
 
 def cost_of(name: str, clip: str) -> Cost | None:
-    """What one row costs in a process of its own; None where what it needs is not installed."""
+    """Cost of one row in its own process; None where a package it needs is not installed."""
     if name == "track":
         return _cost_of_track(clip)
     command = [sys.executable, "-m", "validation.speed", "--row", name, "--clip", clip]
@@ -119,7 +119,7 @@ def _cost_of_track(clip: str) -> Cost:
 
 
 def write_repeated(clip: str, times: int, path: str) -> None:
-    """Write a clip that begins with a key frame so many times over into one file, as it is coded."""
+    """Write the packets of a clip that begins with a key frame several times into one file, without coding it again."""
     import av
 
     with av.open(path, "w") as target:
@@ -142,10 +142,12 @@ def table(clip: str, turns: int, rows: Sequence[str]) -> None:
     """Print the rows as Markdown, each relative to OpenCV's reading where that is among them."""
     costs: dict[str, list[Cost]] = {name: [] for name in TITLES if name in rows}
     for _ in range(turns):
-        for name, found in costs.items():
+        for name, measured in costs.items():
             cost = cost_of(name, clip)
-            found += [] if cost is None else [cost]
-    best = {name: min(found, key=lambda cost: cost.wall_s / cost.frames) for name, found in costs.items() if found}
+            measured += [] if cost is None else [cost]
+    best = {
+        name: min(measured, key=lambda cost: cost.wall_s / cost.frames) for name, measured in costs.items() if measured
+    }
     print("| | frames/s | processor time a frame, ms | relative to reading | peak memory, MB |\n|---|---|---|---|---|")
     seconds = {name: cost.wall_s / cost.frames for name, cost in best.items()}
     for name in costs:

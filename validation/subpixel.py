@@ -1,7 +1,7 @@
-"""How exact position and radius are, to what bound, through blur and compression, and whether the errors told are true.
+"""Accuracy of position and radius beside the Cramér-Rao bound, under blur and compression; pulls of stated errors.
 
 ``python -m validation.subpixel`` prints two tables. Drawn discs: centre RMSE over the Cramér-Rao bound, bias over the
-sub-pixel phase, radius, pulls (error over standard error); other people's methods on the same pictures. Filmed balls of
+sub-pixel phase, radius, pulls (error over standard error); other methods on the same images. Filmed balls of
 synthetic clips: errors and pulls of both trackers, clean to compressed, at 3840x2160 with 10 px of blur at 45 Mbit/s.
 """
 
@@ -71,32 +71,32 @@ def locking_px(errors: Array, path: Array) -> float:
     return float(np.abs(2 * np.mean(errors.ravel() * wave)))
 
 
-def _threshold(picture: np.ndarray) -> Array:
-    moments = cv2.moments((picture > LEVEL + CONTRAST / 2).astype(np.uint8), binaryImage=True)
+def _threshold(image: np.ndarray) -> Array:
+    moments = cv2.moments((image > LEVEL + CONTRAST / 2).astype(np.uint8), binaryImage=True)
     return np.array([moments["m10"], moments["m01"]]) / moments["m00"]
 
 
-def _ellipse(picture: np.ndarray) -> Array:
-    mask = (picture > LEVEL + CONTRAST / 2).astype(np.uint8)
+def _ellipse(image: np.ndarray) -> Array:
+    mask = (image > LEVEL + CONTRAST / 2).astype(np.uint8)
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return np.array(cv2.fitEllipse(max(contours, key=len))[0])
 
 
-def _blob(picture: np.ndarray) -> Array:
-    wanted = cv2.SimpleBlobDetector_Params()
-    wanted.filterByConvexity = wanted.filterByInertia = wanted.filterByCircularity = False
-    wanted.blobColor, wanted.minArea, wanted.maxArea = 255, 10, 4 * CONTRAST**2
-    wanted.minDistBetweenBlobs, wanted.minThreshold, wanted.maxThreshold = 100, LEVEL + 20, LEVEL + 80
-    found = cv2.SimpleBlobDetector_create(wanted).detect(picture)
-    return np.array(max(found, key=lambda keypoint: keypoint.size).pt) if found else np.full(2, np.nan)
+def _blob(image: np.ndarray) -> Array:
+    settings = cv2.SimpleBlobDetector_Params()
+    settings.filterByConvexity = settings.filterByInertia = settings.filterByCircularity = False
+    settings.blobColor, settings.minArea, settings.maxArea = 255, 10, 4 * CONTRAST**2
+    settings.minDistBetweenBlobs, settings.minThreshold, settings.maxThreshold = 100, LEVEL + 20, LEVEL + 80
+    blobs = cv2.SimpleBlobDetector_create(settings).detect(image)
+    return np.array(max(blobs, key=lambda keypoint: keypoint.size).pt) if blobs else np.full(2, np.nan)
 
 
 def _located(radius: float) -> Callable[[np.ndarray], Array]:
     diameter = 2 * int(np.ceil(radius)) + 3
 
-    def located(picture: np.ndarray) -> Array:
-        found = trackpy.locate(picture, diameter, topn=1)
-        return found[["x", "y"]].to_numpy()[0] if len(found) else np.full(2, np.nan)
+    def located(image: np.ndarray) -> Array:
+        features = trackpy.locate(image, diameter, topn=1)
+        return features[["x", "y"]].to_numpy()[0] if len(features) else np.full(2, np.nan)
 
     return located
 
@@ -112,11 +112,11 @@ def _print_drawn(frames: int) -> None:
         path = swing(frames, (shape[1] / 2, shape[0] / 2), amplitude, period=73.7)
         clip = moving_disc(path, radius, shape, CONTRAST, NOISE)
         for name, track in TRACKERS.items():
-            found = track(clip, TrackOptions())[0]
-            off = found.radius_px - radius
-            pulls = np.std((found.xy_px - path) / found.sigma_px), np.std(off / found.sigma_radius_px)
-            told = f"{np.mean(off):+.4f} | {np.std(off):.4f} | {pulls[0]:.2f} | {pulls[1]:.2f}"
-            _print_centre(radius, name, found.xy_px, path, told)
+            tracked = track(clip, TrackOptions())[0]
+            off = tracked.radius_px - radius
+            pulls = np.std((tracked.xy_px - path) / tracked.sigma_px), np.std(off / tracked.sigma_radius_px)
+            numbers = f"{np.mean(off):+.4f} | {np.std(off):.4f} | {pulls[0]:.2f} | {pulls[1]:.2f}"
+            _print_centre(radius, name, tracked.xy_px, path, numbers)
         others = {
             "threshold, cv2.moments": _threshold,
             "cv2.fitEllipse": _ellipse,
@@ -127,14 +127,15 @@ def _print_drawn(frames: int) -> None:
             _print_centre(radius, name, np.array([method(image) for image in clip.images]), path, "| | |")
 
 
-def _print_centre(radius: float, name: str, found: Array, path: Array, told: str) -> None:
-    seen = np.isfinite(found[:, 0])
-    errors = (found - path)[seen]
+def _print_centre(radius: float, name: str, positions: Array, path: Array, numbers: str) -> None:
+    seen = np.isfinite(positions[:, 0])
+    errors = (positions - path)[seen]
     rmse = np.sqrt(np.mean(errors**2))
     note = name if seen.all() else f"{name} ({seen.sum()} of {seen.size} seen)"
     share = rmse / cramer_rao_px(radius)
     print(
-        f"| {radius} | {note} | {rmse:.4f} | {share:.2f} | {locking_px(errors, path[seen]):.4f} | {told} |", flush=True
+        f"| {radius} | {note} | {rmse:.4f} | {share:.2f} | {locking_px(errors, path[seen]):.4f} | {numbers} |",
+        flush=True,
     )
 
 
@@ -172,7 +173,7 @@ ROUND = 64  # frames, about one round
 
 
 def filmed(setting: Setting, bodies: int, seed: int = 3) -> list[tuple[DrawnClip, Array]]:
-    """The squares of some bodies as clips of their own, decoded from one file, and their true centres (n, 2) px."""
+    """The squares of some bodies as separate clips, decoded from one file, and their true centres (n, 2) px."""
     width, height = setting.size
     view = View(-width / 2, width / 2, -height / 2, height / 2, distance_m=float(width))
     camera, rng = camera_for(view, setting.size), np.random.default_rng(seed)
@@ -188,7 +189,7 @@ def filmed(setting: Setting, bodies: int, seed: int = 3) -> list[tuple[DrawnClip
             corners.append(corner)
     stage = Stage(view, Wall(), (), tuple(layers), (), {}, lambda t_s: [])
     timing = Timing(times, np.arange(ROUND), Fraction(FPS))
-    truth = plan_clip("pendulum", size=setting.size, duration_s=1.0).truth  # of no use here: film does not read it
+    truth = plan_clip("pendulum", size=setting.size, duration_s=1.0).truth  # not used: film does not read it
     plan = Plan(stage, camera, setting.look, timing, np.zeros((ROUND, 2)), 0.0, seed, truth)
     chosen = np.random.default_rng(seed).permutation(len(paths))[:bodies]
     clips = _squares(plan, [corners[k] for k in chosen], setting.side)
@@ -234,10 +235,10 @@ def _print_pulls(setting: Setting, name: str, tracks: list[Track], paths: list[A
     off = np.concatenate([track.radius_px - setting.radius for track in tracks])
     pull, radius_pull = errors / sigma, off / np.concatenate([track.sigma_radius_px for track in tracks])
     seen = np.isfinite(off).mean()
-    rmse, told, rms = (np.sqrt(np.nanmean(np.square(values))) for values in (errors, sigma, pull))
+    rmse, stated, rms = (np.sqrt(np.nanmean(np.square(values))) for values in (errors, sigma, pull))
     bias = np.hypot(*np.nanmean(errors, axis=0))
     print(
-        f"| {setting.name} | {name} | {seen:.0%} | {rmse:.4f} | {bias:.4f} | {told:.4f} | {np.nanstd(pull):.2f} | "
+        f"| {setting.name} | {name} | {seen:.0%} | {rmse:.4f} | {bias:.4f} | {stated:.4f} | {np.nanstd(pull):.2f} | "
         f"{rms:.2f} | {np.nanmean(off):+.3f} | {np.nanstd(radius_pull):.2f} |",
         flush=True,
     )

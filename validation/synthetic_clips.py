@@ -1,4 +1,4 @@
-"""How exact the pixels of synthetic clips are, and how long a frame takes to render.
+"""Accuracy of the pixels of synthetic clips, and the time to render a frame.
 
 ``python -m validation.synthetic_clips`` prints two tables: the centroid of drawn discs against their truth,
 and the seconds that painting, sensor and encoder take for a frame, each alone, and the whole clip.
@@ -27,7 +27,7 @@ SIZES = ((3840, 2160), (1920, 1080), (640, 480))
 
 
 def disc_errors(radius_px: float, travel_px: float, count: int, seed: int) -> np.ndarray:
-    """Centroid minus truth (count, 2) px of discs of grey 200 on grey 100 at random sub-pixel places."""
+    """Centroid minus truth (count, 2) px of discs of grey 200 on grey 100 at random sub-pixel positions."""
     rng, side = np.random.default_rng(seed), 2 * int(radius_px + travel_px) + 16
     look = Look.plain(exposure_s=0.01 if travel_px else 0.0)
     half, errors = side / SCALE / 2, []

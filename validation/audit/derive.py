@@ -1,7 +1,7 @@
-"""How a published number can be derived again from the result files: each way is one recipe.
+"""Recipes that derive a published number again from the result files: one recipe for each possible derivation.
 
-A recipe takes the folder and the published number and returns derivations. Which recipes a number has is in
-:data:`validation.audit.reproduce.RECIPES`.
+A recipe takes the folder and the published number and returns derivations.
+:data:`validation.audit.reproduce.RECIPES` lists the recipes of each number.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from iris_sysid.errors import DataError
 
 @dataclass(frozen=True, slots=True)
 class Derivation:
-    """One way to a published number, and what it gives.
+    """One derivation of a published number, and its result.
 
-    ``as_stated`` says whether this is the way that the publication describes. ``n`` counts the runs (or videos)
+    ``as_stated`` says whether the publication describes this derivation. ``n`` counts the runs (or videos)
     used, ``n_failed`` the failed ones among them, ``n_zero`` the estimates that were set to 0 because a run failed
     or gave no valid value. ``tolerance`` is what rounding of *other* printed numbers adds. ``kind`` is ``result
     files``, ``error file`` (a summary that the publication made itself), ``printed numbers`` or ``metadata``.
@@ -73,7 +73,7 @@ def from_run(run: str, *, as_stated: bool, statistic: Statistic = mean_absolute_
     as_stated
         Whether the publication says that this file and statistic are behind the number.
     statistic
-        Of the estimates and the truth.
+        Function of the estimates and the truth.
     note
         Kept in each derivation.
     """
@@ -94,18 +94,18 @@ def from_run(run: str, *, as_stated: bool, statistic: Statistic = mean_absolute_
 
 def _readings(value: PublishedValue) -> list[Reading]:
     names = (value.parameter, f"{value.parameter}_1")
-    found = [reading for reading in READINGS.get(value.phenomenon, ()) if reading.parameter in names]
-    if not found:
+    readings = [reading for reading in READINGS.get(value.phenomenon, ()) if reading.parameter in names]
+    if not readings:
         raise DataError(f"alpha and beta give no {value.parameter} for {value.phenomenon}")
-    return found
+    return readings
 
 
 def _truth(value: PublishedValue, runs: pd.DataFrame) -> float:
     setting = value.setting or str(runs["setting"].iloc[0])
     for parameter in (value.parameter, f"{value.parameter}_1"):
-        found = truth_of(value.dataset, value.phenomenon, setting, parameter)
-        if found:
-            return found.value
+        truth = truth_of(value.dataset, value.phenomenon, setting, parameter)
+        if truth:
+            return truth.value
     return math.nan
 
 
@@ -139,7 +139,7 @@ def _run_derivation(
 
 
 def describe_split(runs: pd.DataFrame) -> str:
-    """Which clips a number is really over, e.g. ``all 10 clips`` or ``6 clips of 1 setting (drop_50)``."""
+    """Which clips a number averages, e.g. ``all 10 clips`` or ``6 clips of 1 setting (drop_50)``."""
     settings = runs["setting"].unique()
     numbered = runs["clip"].str.fullmatch(r"\d+").all()
     if numbered and runs["clip"].astype(int).min() > 1:  # a test split, not clips counted from 0 or 1
@@ -164,8 +164,8 @@ def from_errors(name: str, column: str = "abs_err_mean", *, as_stated: bool) -> 
     def recipe(folder: PublishedFolder, value: PublishedValue) -> list[Derivation]:
         row = error_row(folder, name, value)
         n = int(row["n"])
-        found, rule = float(row[column]), f"column {column}"
-        return [Derivation(found, ERRORS[name], rule, as_stated, split=f"n = {n}", n=n, kind="error file")]
+        number, rule = float(row[column]), f"column {column}"
+        return [Derivation(number, ERRORS[name], rule, as_stated, split=f"n = {n}", n=n, kind="error file")]
 
     return recipe
 
@@ -183,7 +183,7 @@ def truth_of_split(run: str) -> Recipe:
 
 
 def error_row(folder: PublishedFolder, name: str, value: PublishedValue) -> pd.Series:
-    """The line of an error file (``name``) that is of the same parameter as ``value``; DataError when there is none."""
+    """The line of an error file (``name``) for the parameter of ``value``; DataError when there is none."""
     frame = folder.errors(name)
     same = (frame["dynamics"] == value.phenomenon.lower()) & frame["parameter"].isin(
         [value.parameter, f"{value.parameter}_1"]
@@ -217,14 +217,14 @@ def error_difference(later: str, earlier: str, *, as_stated: bool) -> Recipe:
 
 
 def displayed_difference(later: str, earlier: str, *, place: str | None = None, as_stated: bool = True) -> Recipe:
-    """The difference of two numbers printed in the same row: no file is needed, only the publication itself.
+    """The difference of two numbers printed in the same row; it needs no file.
 
     Parameters
     ----------
     later, earlier
         Columns of the table: the minuend and the reference.
     place
-        Table that they stand in, when it is another.
+        Table that prints them, when it is another.
     as_stated
         Whether the publication defines the number so.
     """
@@ -232,21 +232,21 @@ def displayed_difference(later: str, earlier: str, *, place: str | None = None, 
     def recipe(folder: PublishedFolder, value: PublishedValue) -> list[Derivation]:
         high, low = sibling(value, later, place), sibling(value, earlier, place)
         rule = f"printed {later} minus printed {earlier}"
-        found, source = high.number - low.number, f"printed in {high.place}"
+        number, source = high.number - low.number, f"printed in {high.place}"
         slack = high.tolerance + low.tolerance
-        return [Derivation(found, source, rule, as_stated, tolerance=slack, kind="printed numbers")]
+        return [Derivation(number, source, rule, as_stated, tolerance=slack, kind="printed numbers")]
 
     return recipe
 
 
 def truth_shifted_by_error(sign: int) -> Recipe:
-    """The printed truth plus (``sign`` 1) or minus (-1) the printed one-step error: a mean that is no mean."""
+    """The printed truth plus (``sign`` 1) or minus (-1) the printed one-step error, printed as a mean."""
 
     def recipe(folder: PublishedFolder, value: PublishedValue) -> list[Derivation]:
         truth, error = sibling(value, "truth"), sibling(value, "one-step", "tab:iris_results")
-        found = truth.number + sign * error.number
+        number = truth.number + sign * error.number
         rule = f"printed truth {'plus' if sign > 0 else 'minus'} printed error"
-        return [Derivation(found, "printed in tab:iris_results", rule, False, kind="printed numbers")]
+        return [Derivation(number, "printed in tab:iris_results", rule, False, kind="printed numbers")]
 
     return recipe
 
@@ -254,9 +254,9 @@ def truth_shifted_by_error(sign: int) -> Recipe:
 def displayed_ratio(folder: PublishedFolder, value: PublishedValue) -> list[Derivation]:
     """The ratio of the extrapolation errors printed for two settings at k = 50; ``value`` names the larger."""
     table = {value.setting: value.number for value in values_at("tab:extrapolation", "mean-k50")}
-    found = table[value.setting] / table["pendulum_20"]
+    ratio = table[value.setting] / table["pendulum_20"]
     rule = "ratio of printed errors"
-    return [Derivation(found, "printed in tab:extrapolation", rule, True, kind="printed numbers")]
+    return [Derivation(ratio, "printed in tab:extrapolation", rule, True, kind="printed numbers")]
 
 
 def from_metadata(note: str) -> Recipe:
@@ -265,9 +265,9 @@ def from_metadata(note: str) -> Recipe:
     def recipe(folder: PublishedFolder, value: PublishedValue) -> list[Derivation]:
         row = error_row(folder, "iris_baseline", value)
         stated = float(value.setting.rpartition("_")[2])
-        found = stated if value.column in ("mean",) else abs(stated - float(row["gt_mean"]))
+        number = stated if value.column in ("mean",) else abs(stated - float(row["gt_mean"]))
         rule = "copied, not estimated"
-        return [Derivation(found, "the setting's name", rule, True, "metadata", note=note, kind="metadata")]
+        return [Derivation(number, "the setting's name", rule, True, "metadata", note=note, kind="metadata")]
 
     return recipe
 
@@ -287,10 +287,10 @@ def from_cell(path: str, column: str, *, as_stated: bool = True) -> Recipe:
 
     def recipe(folder: PublishedFolder, value: PublishedValue) -> list[Derivation]:
         frame = folder.table(path, ("setting",), (column,))
-        found = frame.loc[frame["setting"] == value.setting, column]
-        if found.empty:
+        cells = frame.loc[frame["setting"] == value.setting, column]
+        if cells.empty:
             raise DataError(f"{path} has no line for setting {value.setting}")
-        return [Derivation(float(found.iloc[0]), path, f"column {column}", as_stated)]
+        return [Derivation(float(cells.iloc[0]), path, f"column {column}", as_stated)]
 
     return recipe
 
@@ -305,8 +305,8 @@ def variation_of_alpha(run: str) -> Recipe:
             raise DataError(
                 f"alpha of {value.phenomenon}/{value.setting} has mean 0: there is no variation in per cent"
             )
-        found = 100 * float(np.std(alpha) / np.mean(alpha))
-        return [Derivation(found, RUNS[run], "sd/mean of alpha", False, "alpha", describe_split(runs), alpha.size)]
+        number = 100 * float(np.std(alpha) / np.mean(alpha))
+        return [Derivation(number, RUNS[run], "sd/mean of alpha", False, "alpha", describe_split(runs), alpha.size)]
 
     return recipe
 
@@ -316,14 +316,14 @@ def from_predictions(folder: PublishedFolder, value: PublishedValue) -> list[Der
     in_columns = value.parameter == "accuracy" and value.phenomenon == "all"
     score = score_published(folder, value.dataset, value.column)
     if in_columns:
-        found, rule = 100 * score.accuracy, f"{score.correct} of {score.n} videos"
+        number, rule = 100 * score.accuracy, f"{score.correct} of {score.n} videos"
     elif value.phenomenon == "all":
-        found, rule = float(score.correct if value.parameter == "correct" else score.n), "videos counted"
+        number, rule = float(score.correct if value.parameter == "correct" else score.n), "videos counted"
     else:
-        found, rule = _confusion_count(score.confusion, value), "videos counted"
+        number, rule = _confusion_count(score.confusion, value), "videos counted"
     split = f"all {score.n} videos" + (", training ones included" if value.column == "cnn" else "")
     note = "stated over a held-out 20 %, whose list was not released" if value.column == "cnn" else ""
-    return [Derivation(found, score.source, rule, True, split=split, n=score.n, note=note)]
+    return [Derivation(number, score.source, rule, True, split=split, n=score.n, note=note)]
 
 
 def _confusion_count(confusion: pd.DataFrame, value: PublishedValue) -> float:
@@ -343,25 +343,25 @@ def counted(run: str) -> Recipe:
         if value.phenomenon != "all":
             runs = select(runs, value.phenomenon, value.setting)
         settings = runs.groupby(["phenomenon", "setting"]).size()
-        found = {
+        number = {
             "videos": len(runs),
             "settings": len(settings),
             "phenomena": runs["phenomenon"].nunique(),
             "trials": int(settings.max()),
         }[value.parameter]
-        return [Derivation(float(found), RUNS[run], "runs counted", True, n=len(runs), n_failed=n_failed(runs))]
+        return [Derivation(float(number), RUNS[run], "runs counted", True, n=len(runs), n_failed=n_failed(runs))]
 
     return recipe
 
 
 def clips_scored(folder: PublishedFolder, value: PublishedValue) -> list[Derivation]:
     """Clips a setting behind each error, from the column n of the error files; ``value`` is the stated number."""
-    found = []
+    derivations = []
     for name in ("iris_baseline", "iris_unified", "iris_unified_multistep"):
         counts: Sequence[int] = sorted({int(n) for n in folder.errors(name)["n"]})
         rule = f"column n: {', '.join(map(str, counts))}"
-        found.append(Derivation(float(counts[-1]), ERRORS[name], rule, True, n=len(folder.errors(name))))
-    return found
+        derivations.append(Derivation(float(counts[-1]), ERRORS[name], rule, True, n=len(folder.errors(name))))
+    return derivations
 
 
 def strategies_scored(folder: PublishedFolder, value: PublishedValue) -> list[Derivation]:

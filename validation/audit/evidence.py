@@ -1,4 +1,4 @@
-"""What a finding is made of, and the few calculations that several findings share."""
+"""The parts of a finding, and calculations that several findings share."""
 
 from __future__ import annotations
 
@@ -56,19 +56,19 @@ def facts(values: Mapping[str, float | str]) -> pd.DataFrame:
 
 
 def row_name(value: PublishedValue) -> str:
-    """Which row of a table a number stands in, e.g. ``Pendulum/pendulum_45/length``."""
+    """Name of the table row that prints a number, e.g. ``Pendulum/pendulum_45/length``."""
     return "/".join(part for part in (value.phenomenon, value.setting, value.parameter) if part)
 
 
 def matches(value: PublishedValue, derived: float) -> bool:
-    """Whether a derived number is the printed one within its digits."""
+    """Whether a derived number equals the printed one within its printed digits."""
     return status_of(derived - value.number, value.tolerance) == REPRODUCED
 
 
 def run_errors(
     folder: PublishedFolder, run: str, value: PublishedValue, conversion: str = "", *, zeros: bool = True
 ) -> Values:
-    """Absolute errors of a run's clips for the parameter that a published number is of.
+    """Absolute errors of the clips of a run, for the parameter of a published number.
 
     Parameters
     ----------
@@ -108,9 +108,9 @@ def run_mae(folder: PublishedFolder, run: str, value: PublishedValue, conversion
 def truth_value(value: PublishedValue) -> float:
     """The published ground truth for a published number, in its unit; DataError when there is none."""
     for parameter in (value.parameter, f"{value.parameter}_1"):
-        found = truth_of(value.dataset, value.phenomenon, value.setting, parameter)
-        if found:
-            return found.value
+        truth = truth_of(value.dataset, value.phenomenon, value.setting, parameter)
+        if truth:
+            return truth.value
     raise DataError(f"no ground truth is published for {value.key}")
 
 

@@ -1,4 +1,4 @@
-"""All findings: each computed from the files, none taken on trust; an absent file leaves a stated gap."""
+"""All findings, each computed from the files; where a file is absent, the finding states the gap."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ def duplicated_runs(folder: PublishedFolder) -> Outcome:
 
 
 def latents_collapsed(folder: PublishedFolder) -> Outcome:
-    """Point 32: in every two-pendulum multi-step run the latent hardly moves, so that alpha means nothing."""
+    """Point 32: in every two-pendulum multi-step run the latent hardly moves, so alpha carries no information."""
     table = pd.DataFrame(
         [_spread(folder, name) for name in ("iris_baseline", "iris_unified", "iris_unified_multistep")]
     )
@@ -106,15 +106,15 @@ def error_rows_without_a_run(folder: PublishedFolder) -> Outcome:
     frame = frame[frame["parameter"] != "angle"]
     table = frame[["dynamics", "setting", "parameter", "est_mean"]].rename(columns={"est_mean": "error file"})
     table = table.assign(**{"released runs": [_released_mean(folder, row) for row in frame.to_dict("records")]})
-    other = ~np.isclose(table["error file"], table["released runs"], rtol=1e-6, atol=1e-9)
+    differs = ~np.isclose(table["error file"], table["released runs"], rtol=1e-6, atol=1e-9)
     zeros = int((table["error file"] == 0).sum())
     failed = n_failed(folder.runs("delfys75_unified"))
     statement = (
-        f"{other.sum()} of {len(table)} mean estimates of the corrected error file are not those of the released "
+        f"{differs.sum()} of {len(table)} mean estimates of the corrected error file are not those of the released "
         f"corrected runs; {zeros} of them are 0, as of failed runs, while {failed} released runs failed: the printed "
         "column rests on runs that were not released."
     )
-    return Outcome(bool(other.all()), statement, table.reset_index(drop=True))
+    return Outcome(bool(differs.all()), statement, table.reset_index(drop=True))
 
 
 def _released_mean(folder: PublishedFolder, row: dict[Hashable, Any]) -> float:

@@ -1,4 +1,4 @@
-"""Findings about the parameter tables: what alpha is, what failed, which file a column came from."""
+"""Findings about the parameter tables: the meaning of alpha, failed runs, and the file behind each column."""
 
 from __future__ import annotations
 
@@ -132,13 +132,13 @@ def uncorrected_integrator_trains(folder: PublishedFolder) -> Outcome:
 def one_step_column_is_the_baseline(folder: PublishedFolder) -> Outcome:
     """Point 5: the column '1-step, +Corrected' is the uncorrected baseline's file, not the corrected one's."""
     rows = estimated(IRIS_TABLE, "one-step")
-    found = {name: [run_mae(folder, name, row) for row in rows] for name in ("iris_baseline", "iris_unified")}
-    hits = {name: sum(map(matches, rows, errors)) for name, errors in found.items()}
+    by_file = {name: [run_mae(folder, name, row) for row in rows] for name in ("iris_baseline", "iris_unified")}
+    hits = {name: sum(map(matches, rows, errors)) for name, errors in by_file.items()}
     statement = (
         f"{hits['iris_baseline']} of {len(rows)} printed one-step errors are those of the uncorrected baseline; "
         f"{hits['iris_unified']} of the corrected one-step run, which the caption names."
     )
-    table = pd.DataFrame({"row": [row_name(row) for row in rows], "printed": [row.printed for row in rows], **found})
+    table = pd.DataFrame({"row": [row_name(row) for row in rows], "printed": [row.printed for row in rows], **by_file})
     return Outcome(hits["iris_baseline"] == len(rows) > hits["iris_unified"], statement, table)
 
 

@@ -25,9 +25,9 @@ def errors_are_over_all_clips(folder: PublishedFolder) -> Outcome:
     counts = sorted({int(n) for name in names for n in folder.errors(name)["n"]})
     rows = estimated(IRIS_TABLE, "one-step")
     errors = [run_errors(folder, "iris_baseline", row) for row in rows]
-    fits = [_pairs_that_fit(row, found) for row, found in zip(rows, errors, strict=True)]
+    fits = [_pairs_that_fit(row, clip_errors) for row, clip_errors in zip(rows, errors, strict=True)]
     everywhere = set.intersection(*fits)
-    hits = sum(matches(row, float(found.mean())) for row, found in zip(rows, errors, strict=True))
+    hits = sum(matches(row, float(clip_errors.mean())) for row, clip_errors in zip(rows, errors, strict=True))
     statement = (
         f"The error files say n = {', '.join(map(str, counts))}. All {max(counts)} clips give {hits} of {len(rows)} "
         f"printed one-step errors; {len(everywhere)} choices of {TEST_CLIPS} clips, the stated test partition, do."
@@ -36,7 +36,7 @@ def errors_are_over_all_clips(folder: PublishedFolder) -> Outcome:
         {
             "row": [row_name(row) for row in rows],
             "printed": [row.printed for row in rows],
-            "all clips": [float(found.mean()) for found in errors],
+            "all clips": [float(clip_errors.mean()) for clip_errors in errors],
             "pairs of clips that give it": [len(pairs) for pairs in fits],
         }
     )

@@ -1,4 +1,4 @@
-"""The audit: each published number derived again from the result files, in every way that could have made it."""
+"""The audit: derive each published number again from the result files, by every derivation that could produce it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from validation.audit.derive import Derivation, Recipe
 REPRODUCED = "reproduced"
 DIFFERS = "differs"
 NOT_DERIVABLE = "cannot be derived"
-KINDS = {"result files": 0, "metadata": 1, "error file": 2, "printed numbers": 3}  # what a number rests on, best first
+KINDS = {"result files": 0, "metadata": 1, "error file": 2, "printed numbers": 3}  # kinds of source, best first
 
 _IRIS = "tab:iris_results"
 _DELFYS = "tab:delfys75_baseline_unified"
@@ -43,7 +43,7 @@ _MULTI_STEP: tuple[Recipe, ...] = (
 _MULTI_MINUS_UNIFIED = derive.error_difference("iris_unified_multistep", "iris_unified", as_stated=False)
 _MULTI_MINUS_BASELINE = derive.error_difference("iris_unified_multistep", "iris_baseline", as_stated=False)
 
-# (table or section, column) -> the ways in which the number could have been made
+# (table or section, column) -> the recipes that could produce the number
 RECIPES: Mapping[tuple[str, str], tuple[Recipe, ...]] = {
     (_DELFYS, "difference"): (
         derive.displayed_difference("corrected", "baseline"),
@@ -141,10 +141,11 @@ def audit(published_folder: str | Path) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row a published number and way to it: its ``key``, ``place`` and ``line``; what it is of; ``printed``,
+        One row for each derivation of each published number: its ``key``, ``place`` and ``line``; its data set and
+        parameter; ``printed``,
         ``published`` (the number), ``unit`` and ``tolerance`` (half of the last printed digit); ``status``
-        ``reproduced``, ``differs`` or ``cannot be derived``; ``as_stated``, whether this is the way that the
-        publication describes; ``derived`` and ``difference`` (derived - published), NaN where there is none;
+        ``reproduced``, ``differs`` or ``cannot be derived``; ``as_stated``, whether the publication describes
+        this derivation; ``derived`` and ``difference`` (derived - published), NaN where there is none;
         ``conversion`` of alpha, ``rule`` for failures, ``split`` really used, ``n``, ``n_failed``, ``n_zero``
         (estimates set to 0), ``kind`` of source, ``source`` (file), ``note``.
 
@@ -165,7 +166,7 @@ AUDIT_COLUMNS = (
 
 
 def recipes_for(value: PublishedValue) -> tuple[Recipe, ...]:
-    """The ways in which a published number could have been made; empty when no released file could hold it."""
+    """The recipes that could produce a published number; empty when no released file can."""
     if value.parameter == "angle" and value.column in ANGLE_COLUMNS:
         return (_ANGLE,)
     if value.parameter in MEASURED:
@@ -194,23 +195,23 @@ def _gap(why: str) -> Derivation:
     return Derivation(math.nan, "", "", False, note=why)
 
 
-def _row(value: PublishedValue, found: Derivation) -> dict[str, Any]:
-    difference = found.value - value.number
-    tolerance = value.tolerance + found.tolerance
+def _row(value: PublishedValue, derivation: Derivation) -> dict[str, Any]:
+    difference = derivation.value - value.number
+    tolerance = value.tolerance + derivation.tolerance
     return asdict(value) | {
         "key": value.key,
         "published": value.number,
         "tolerance": tolerance,
         "status": status_of(difference, tolerance),
-        "derived": found.value,
+        "derived": derivation.value,
         "difference": difference,
-        **{name: getattr(found, name) for name in ("as_stated", "conversion", "rule", "split")},
-        **{name: getattr(found, name) for name in ("n", "n_failed", "n_zero", "kind", "source", "note")},
+        **{name: getattr(derivation, name) for name in ("as_stated", "conversion", "rule", "split")},
+        **{name: getattr(derivation, name) for name in ("n", "n_failed", "n_zero", "kind", "source", "note")},
     }
 
 
 def status_of(difference: float, tolerance: float) -> str:
-    """Whether a derived number is the published one within its printed digits; NaN cannot be derived."""
+    """Whether a derived number equals the published one within its printed digits; NaN means it cannot be derived."""
     if not math.isfinite(difference):
         return NOT_DERIVABLE
     # 1e-9: a printed 2.675 and a derived 2.6750000000000003 are the same number
@@ -218,10 +219,10 @@ def status_of(difference: float, tolerance: float) -> str:
 
 
 def verdicts(rows: pd.DataFrame) -> pd.DataFrame:
-    """Sum the audit up to one row a published number.
+    """Reduce the audit to one row for each published number.
 
-    ``rows`` come from :func:`audit`. The row kept is the way that reproduces the number, one as stated before any
-    other; failing that the first that gives a number. ``way`` says whether that is as stated, and what it rests on.
+    ``rows`` come from :func:`audit`. The row kept is the derivation that reproduces the number, as stated before
+    any other; otherwise the first that gives a number. ``way`` says whether it is as stated, and its kind of source.
     """
     rank = rows["status"].map({REPRODUCED: 0, DIFFERS: 20, NOT_DERIVABLE: 40})
     rank = rank + 10 * (~rows["as_stated"]).astype(int) + rows["kind"].map(KINDS).fillna(len(KINDS))

@@ -1,4 +1,4 @@
-"""The audit written down: `audit.csv`, `audit.md`, `audit.html` and `audit.tex` in one folder."""
+"""Write the audit: `audit.csv`, `audit.md`, `audit.html` and `audit.tex` in one folder."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ class _Report:
 
 
 def write_audit(published_folder: str | Path, output_folder: str | Path, *, overwrite: bool = False) -> dict[str, Path]:
-    """Derive the published numbers again and write what came out.
+    """Derive the published numbers again and write the results.
 
-    ``audit.csv`` holds every number and every way to it, ``audit.md``, ``audit.html`` and ``audit.tex`` the findings,
+    ``audit.csv`` holds every derivation of every number, ``audit.md``, ``audit.html`` and ``audit.tex`` the findings,
     the counts, the numbers that are not reproduced, the re-scored parameters and the re-scored selection. The same
     files give the same bytes.
 
@@ -135,7 +135,7 @@ def _csv(rows: pd.DataFrame) -> str:
     return rows.to_csv(index=False, lineterminator="\n")
 
 
-# --------------------------------------------------------------------------- what the pages share
+# --------------------------------------------------------------------------- tables that the pages share
 
 
 def counts(numbers: pd.DataFrame) -> pd.DataFrame:
@@ -164,7 +164,7 @@ def unreproduced(numbers: pd.DataFrame) -> pd.DataFrame:
 
 
 def _number_table(numbers: pd.DataFrame, caption: str) -> Table:
-    """The numbers with what became of each; the place is shown where there is more than one."""
+    """The numbers with their derived values and status; a column names the table or section where there are several."""
     whose = numbers["phenomenon"].where(numbers["phenomenon"] != "all", numbers["dataset"])
     shown = pd.DataFrame(
         {
@@ -185,7 +185,7 @@ def _number_table(numbers: pd.DataFrame, caption: str) -> Table:
 
 
 def _one_digit_more(derived: float, printed: str) -> str:
-    """The derived number with one digit more than the printed one has, so that rounding can be seen."""
+    """The derived number with one digit more than the printed one, to show the rounding."""
     if not math.isfinite(derived) or not re.fullmatch(r"[+-]?\d+(\.\d+)?", printed):
         return displayed(derived)
     return f"{derived:.{len(printed.partition('.')[2]) + 1}f}"
@@ -229,8 +229,8 @@ def _summary(report: _Report) -> str:
     )
 
 
-def _sources(found: Finding) -> str:
-    return "Files: " + ", ".join(found.sources) if found.sources else "Files: all"
+def _sources(finding: Finding) -> str:
+    return "Files: " + ", ".join(finding.sources) if finding.sources else "Files: all"
 
 
 # --------------------------------------------------------------------------- pages
@@ -238,13 +238,13 @@ def _sources(found: Finding) -> str:
 
 def _markdown(report: _Report) -> str:
     parts = [f"# {TITLE}\n", f"{_summary(report)}\n", f"{READING}\n", "## Findings\n"]
-    for found in report.findings:
+    for finding in report.findings:
         parts += [
-            f"### {found.point}. {markdown_text(found.title)}: {found.verdict}\n",
-            f"{markdown_text(found.statement)}\n",
+            f"### {finding.point}. {markdown_text(finding.title)}: {finding.verdict}\n",
+            f"{markdown_text(finding.statement)}\n",
         ]
-        parts += [render(frame_table(found.evidence, ""), "markdown")] if len(found.evidence) else []
-        parts.append(f"{markdown_text(_sources(found))}\n")
+        parts += [render(frame_table(finding.evidence, ""), "markdown")] if len(finding.evidence) else []
+        parts.append(f"{markdown_text(_sources(finding))}\n")
     parts += ["## Numbers\n", render(frame_table(counts(report.numbers), "How each table is reproduced"), "markdown")]
     parts.append(
         render(_number_table(unreproduced(report.numbers), "Numbers that differ, or come about otherwise"), "markdown")
