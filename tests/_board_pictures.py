@@ -1,4 +1,4 @@
-"""Pictures of boards by a camera that is known exactly, and the corners as it sees them."""
+"""Images of boards by a camera that is known exactly, and the corners as it sees them."""
 
 import cv2
 import numpy as np
@@ -27,7 +27,7 @@ def pose(tilt=(0.0, 0.0), roll=0.0, distance=0.6, aside=(0.0, 0.0), board=BOARD)
 
 
 def random_pose(rng, tilt=0.5, size=SIZE, board=BOARD, camera=PHONE):
-    """A pose in which the whole board is in the picture."""
+    """A pose in which the whole board is in the image."""
     while True:
         candidate = pose(
             rng.uniform(-tilt, tilt, 2), rng.uniform(-0.3, 0.3), rng.uniform(0.4, 0.7), rng.uniform(-0.15, 0.15, 2)

@@ -1,7 +1,7 @@
 """Discs: centre and apparent radius of balls and round plates, by a model fitted to the pixels round them.
 
 A first pass finds where bodies are: those that move before a still background, or, where these are few (a ball
-that falls away from the camera does not move sideways, it gets smaller), circles that follow one another. Several
+that falls away from the camera does not move sideways, it gets smaller), circles that follow each other. Several
 bodies of which one is missed, as where it rests so long that it became background, are tracked together.
 A few frames teach the shading, the shutter and the noise. The second pass fits every frame.
 """

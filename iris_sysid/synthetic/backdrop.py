@@ -15,7 +15,7 @@ from iris_sysid.types import Array
 
 NEUTRAL = 128.0  # level of no colour in the colour-difference planes
 
-# Reflections of lamps on a glossy board: centre, size (fractions of the picture), added grey levels.
+# Reflections of lamps on a glossy board: centre, size (fractions of the image), added grey levels.
 LAMPS = (
     *[(0.455 + 0.1 * k, 0.108, 0.036, 0.07, 6.0 + 6.0 * k) for k in range(5)],
     *[(x, 0.40, 0.032, 0.08, grey) for x, grey in ((0.36, 6.0), (0.535, 7.0), (0.755, 14.0), (0.857, 11.0))],
@@ -26,7 +26,7 @@ LAMPS = (
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Planes:
-    """A picture as the encoder takes it: ``luma`` (h, w), ``blue`` and ``red`` difference (h/2, w/2), float32 0-255."""
+    """An image as the encoder takes it: ``luma`` (h, w), ``blue`` and ``red`` difference (h/2, w/2), float32 0-255."""
 
     luma: Plane
     blue: Plane

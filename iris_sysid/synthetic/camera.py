@@ -9,13 +9,13 @@ import numpy as np
 
 from iris_sysid.types import Array
 
-# Of a phone's main camera: 26 mm equivalent, so the picture is 36/26 focal lengths wide.
+# Of a phone's main camera: 26 mm equivalent, so the image is 36/26 focal lengths wide.
 FOCAL_PER_WIDTH = 26 / 36
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """The part of the plane of motion (m; x right, z up) that must be in the picture, and how far away it is.
+    """The part of the plane of motion (m; x right, z up) that must be in the image, and how far away it is.
 
     ``distance_m`` None means as far as a phone's main camera has to stand.
     """
@@ -32,9 +32,9 @@ class Camera:
     """Where the camera stands and how it draws.
 
     ``size`` (width, height) px. ``aim_m`` (x, z) is the point of the plane of motion seen at the centre of the
-    picture, ``pixels_per_metre`` the scale there, ``distance_m`` how far away it is.
+    image, ``pixels_per_metre`` the scale there, ``distance_m`` how far away it is.
     ``tilt_rad`` turns the plane about the camera's horizontal and vertical axis, ``roll_rad`` about the line of
-    sight; ``distortion`` is k1, k2 of OpenCV's radial model; ``aspect`` stretches the picture horizontally.
+    sight; ``distortion`` is k1, k2 of OpenCV's radial model; ``aspect`` stretches the image horizontally.
     """
 
     size: tuple[int, int]
@@ -53,12 +53,12 @@ class Camera:
 
     @property
     def centre_px(self) -> tuple[float, float]:
-        """Principal point, px: the centre of the picture, with the origin at the centre of pixel (0, 0)."""
+        """Principal point, px: the centre of the image, with the origin at the centre of pixel (0, 0)."""
         return (self.size[0] - 1) / 2, (self.size[1] - 1) / 2
 
     @property
     def is_flat(self) -> bool:
-        """Whether the picture is a similar copy of the plane: no tilt, roll, distortion or stretching."""
+        """Whether the image is a similar copy of the plane: no tilt, roll, distortion or stretching."""
         return not any((*self.tilt_rad, self.roll_rad, *self.distortion)) and self.aspect == 1.0
 
     def rotation(self) -> Array:
@@ -111,7 +111,7 @@ class Camera:
 
 
 def camera_for(view: View, size: tuple[int, int], **lens: Any) -> Camera:
-    """A camera of that size (width, height) px that has the whole view in its picture; ``lens`` sets tilt and such."""
+    """A camera of that size (width, height) px that has the whole view in its image; ``lens`` sets tilt and such."""
     scale = min(size[0] / (view.right - view.left), size[1] / (view.top - view.bottom))
     distance = view.distance_m if view.distance_m is not None else FOCAL_PER_WIDTH * size[0] / scale
     aim = ((view.left + view.right) / 2, (view.bottom + view.top) / 2)

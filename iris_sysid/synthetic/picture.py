@@ -20,7 +20,7 @@ NO_SHIFT: Array = np.zeros(2)
 
 
 class Picture:
-    """The scene's picture, frame after frame; only what moves is painted anew."""
+    """The scene's image, frame after frame; only what moves is painted anew."""
 
     def __init__(self, stage: Stage, camera: Camera, look: Look, rng: np.random.Generator) -> None:
         self.stage, self.camera, self.look = stage, camera, look
@@ -36,7 +36,7 @@ class Picture:
         self.planes = self.background.copy()
 
     def at(self, t_s: float, shift_px: Array = NO_SHIFT) -> Planes:
-        """The exact picture exposed about time ``t_s``, moved by ``shift_px`` (2,); valid until the next call."""
+        """The exact image exposed about time ``t_s``, moved by ``shift_px`` (2,); valid until the next call."""
         self._restore(shift_px)
         for layer in self.stage.layers:
             if layer.start_s <= t_s <= layer.stop_s:
@@ -126,7 +126,7 @@ def _copy(planes: Planes, source: Planes, left: int, top: int, right: int, botto
 
 
 def painted(stage: Stage, camera: Camera, look: Look, times_s: Sequence[float], seed: int = 0) -> list[Planes]:
-    """Exact pictures at some times, before noise and rounding: what tests of the geometry look at.
+    """Exact images at some times, before noise and rounding: what tests of the geometry look at.
 
     Parameters
     ----------

@@ -241,7 +241,7 @@ def _shift(
     effects: Mapping[str, float],
     rng: np.random.Generator,
 ) -> Array:
-    """Offset (n, 2) px of the whole picture in each frame."""
+    """Offset (n, 2) px of the whole image in each frame."""
     scale = size[0] / SHAKE_WIDTH
     every = shake(round(timing.true_s[-1] * fps) + 1, fps, look.shake_px * scale, rng)
     offset = every[np.round(timing.true_s * fps).astype(int)]
@@ -281,7 +281,7 @@ def _table(
 
 
 def _inside(xy_px: Array, size: tuple[int, int]) -> NDArray[np.bool_]:
-    """Whether a point lies in the picture."""
+    """Whether a point lies in the image."""
     return np.all((xy_px > -0.5) & (xy_px < np.array(size) - 0.5), axis=1)
 
 

@@ -39,7 +39,7 @@ def hand(
     release_s: float,
     skin: tuple[Colour, Colour] = SKIN,
 ) -> tuple[list[Layer], list[Layer]]:
-    """A hand that holds a ball until the release and then draws back, out of the picture.
+    """A hand that holds a ball until the release and then draws back, out of the image.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def floor(level_m: float, left_m: float, right_m: float, bottom_m: float, skirti
     level_m
         Height at which things stand.
     left_m, right_m, bottom_m
-        How far it reaches; beyond the picture.
+        How far it reaches; beyond the image.
     skirting_m
         Height of the strip.
     """

@@ -1,4 +1,4 @@
-"""What a scene is: one phenomenon, from its parameters to everything that moves in the picture."""
+"""What a scene is: one phenomenon, from its parameters to everything that moves in the image."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ def kept_frames(count: int, fraction: float, rng: np.random.Generator) -> NDArra
 
 
 def shake(count: int, fps: float, deviation_px: float, rng: np.random.Generator) -> Array:
-    """Offset (count, 2) px of the picture in each frame: smooth random motion.
+    """Offset (count, 2) px of the image in each frame: smooth random motion.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Shapes in the plane of motion, as functions of time: what the picture is painted from."""
+"""Shapes in the plane of motion, as functions of time: what the image is painted from."""
 
 from __future__ import annotations
 

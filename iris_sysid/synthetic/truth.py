@@ -25,7 +25,7 @@ class Truth:
     ``table`` has one row per frame and body: ``frame`` (number in the file), ``t_s`` (the file's time of the frame,
     the middle of its exposure), ``body``, ``x_px``, ``y_px`` (true centre at that time; origin at the centre of
     pixel (0, 0), y down), ``x_mean_px``, ``y_mean_px`` (mean over the exposure), ``radius_px``, ``x_m``, ``z_m``,
-    ``phase`` (hand, motion, contact, rest), ``inside`` (whether the centre lies in the picture), ``shift_x_px``,
+    ``phase`` (hand, motion, contact, rest), ``inside`` (whether the centre lies in the image), ``shift_x_px``,
     ``shift_y_px`` (how far the camera shook; contained in the positions), then what the scene observes, e.g.
     ``theta_rad``.
     ``parameters`` and ``camera`` are what a user would be told. ``effects`` are hidden; ``hidden`` holds the
@@ -64,7 +64,7 @@ class Truth:
 
     @property
     def pixels_per_metre(self) -> float:
-        """Scale at the centre of the picture, px/m."""
+        """Scale at the centre of the image, px/m."""
         return float(self.camera["pixels_per_metre"])
 
 

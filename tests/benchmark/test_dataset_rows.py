@@ -275,7 +275,7 @@ def test_a_shrunken_track_is_taken_back_to_the_pixels_of_the_clip(plain_clip):
     with changed(plain_clip, Change(size=(48, 32))) as video:
         track = Track(np.array([0.0]), np.array([[23.5, 15.5]]), np.ones((1, 2)), np.array([True]), np.array([0]))
         (back,) = as_in(video, [track], (96, 64))
-    assert back.xy_px.tolist() == [[47.5, 31.5]]  # the centre of the picture is its centre in either size
+    assert back.xy_px.tolist() == [[47.5, 31.5]]  # the centre of the image is its centre in either size
     assert back.sigma_px.tolist() == [[2.0, 2.0]]
 
 

@@ -1,4 +1,4 @@
-"""Corners of calibration boards: on OpenCV's own pictures, and on pictures whose corners are known."""
+"""Corners of calibration boards: on OpenCV's own images, and on images whose corners are known."""
 
 import cv2
 import numpy as np
@@ -26,11 +26,11 @@ def opencv_pictures():
 
 @pytest.fixture(scope="module")
 def straight():
-    """A sharp picture of the board, nearly straight on, with noise of 2 grey levels."""
+    """A sharp image of the board, nearly straight on, with noise of 2 grey levels."""
     return picture(pose((0.05, -0.04), 0.03), camera=STRAIGHT, rng=np.random.default_rng(1))
 
 
-# --------------------------------------------------------------------------- pictures whose corners are known
+# --------------------------------------------------------------------------- images whose corners are known
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -134,7 +134,7 @@ def test_charuco_picture_that_cannot_be_used_says_why(change, board, match):
         find_board(np.ascontiguousarray(change(seen)), board)
 
 
-# --------------------------------------------------------------------------- OpenCV's pictures
+# --------------------------------------------------------------------------- OpenCV's images
 
 
 def test_opencv_pictures_show_the_board_in_one_orientation():

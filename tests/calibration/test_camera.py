@@ -140,7 +140,7 @@ def test_points_that_fix_no_plane_are_refused(points, match):
         fit_homography(points, points)
 
 
-# --------------------------------------------------------------------------- OpenCV's own pictures
+# --------------------------------------------------------------------------- OpenCV's own images
 
 
 @pytest.fixture(scope="module")
@@ -540,12 +540,12 @@ def test_plumb_line_turns_the_world_upright():
         with_plumb_line(tilted, (5, 5), (5, 8))
 
 
-# --------------------------------------------------------------------------- the whole way, from pictures
+# --------------------------------------------------------------------------- the whole way, from images
 
 
 @pytest.fixture(scope="module")
 def from_pictures():
-    """A camera calibrated from six pictures, and a seventh of a board tilted by 18 degrees in all, with its pose."""
+    """A camera calibrated from six images, and a seventh of a board tilted by 18 degrees in all, with its pose."""
     rng = np.random.default_rng(7)
     poses = [random_pose(rng, tilt=0.6) for _ in range(6)]
     views = [find_board(picture(pose, rng=rng), BOARD, name=f"view {k}") for k, pose in enumerate(poses)]

@@ -279,7 +279,7 @@ def test_to_world_frames_left_out_give_no_first_frame():
 
 def test_from_osp_puts_origin_and_axes_where_the_file_does():
     axes = SimpleNamespace(scale_px_per_m=400.0, angle_rad=math.pi / 6, origin_px=(100.0, 300.0))
-    along = (100 + 400 * math.cos(math.pi / 6), 300 - 400 * math.sin(math.pi / 6))  # up in the picture is -y
+    along = (100 + 400 * math.cos(math.pi / 6), 300 - 400 * math.sin(math.pi / 6))  # up in the image is -y
     across = (100 - 400 * math.sin(math.pi / 6), 300 - 400 * math.cos(math.pi / 6))
     world = to_world(track([[100.0, 300.0], along, across]), from_osp(axes))
     np.testing.assert_allclose(world.position, [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], atol=1e-14)
@@ -353,6 +353,6 @@ def test_read_calibration_of_a_tracker_file_asks_its_reader(monkeypatch, name):
 def test_read_calibration_of_the_ball_toss_has_its_scale_and_origin():
     calibration = read_calibration(recording("tracker_balltoss/BallToss.trz"))
     assert calibration.scale.value == pytest.approx(398.709, abs=1e-3)
-    # the file's origin, 131.28, 207.86, counts from the corner of the picture: half a pixel from ours
+    # the file's origin, 131.28, 207.86, counts from the corner of the image: half a pixel from ours
     world = to_world(track([[130.777, 207.358]]), calibration)
     np.testing.assert_allclose(world.position, 0, atol=1e-5)

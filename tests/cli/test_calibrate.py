@@ -365,7 +365,7 @@ def test_camera_of_a_calibration_is_the_one_it_was_made_with(calibration):
 
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory):
-    """Five pictures of the board by one camera; the last lies 15 degrees tilted in the plane of motion."""
+    """Five images of the board by one camera; the last lies 15 degrees tilted in the plane of motion."""
     folder, rng = tmp_path_factory.mktemp("board"), np.random.default_rng(3)
     poses = [random_pose(rng, tilt=0.6) for _ in range(4)] + [pose((0.2, -0.17), 0.02, 0.75)]
     for k, where in enumerate(poses):
@@ -448,7 +448,7 @@ def test_command_calibrates_without_a_board(pictures, tmp_path):
 
 
 def spoilt(folder, tmp_path, change):
-    """The pictures, changed one by one."""
+    """The images, changed one by one."""
     for k in range(4):
         image = cv2.imread(str(folder / f"view{k}.png"), cv2.IMREAD_GRAYSCALE)
         cv2.imwrite(str(tmp_path / f"view{k}.png"), change(k, image))

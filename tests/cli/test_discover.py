@@ -1,4 +1,4 @@
-"""The command ``iris-sysid discover``: its file, its picture, its refusals."""
+"""The command ``iris-sysid discover``: its file, its figure, its refusals."""
 
 import json
 

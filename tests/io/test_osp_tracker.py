@@ -174,7 +174,7 @@ def test_balltoss_marks_agree_with_the_balls_centroid_only_after_the_half_pixel_
     luma = np.stack([frame.luma for frame in open_video(path).frames()]).astype(np.int16)
     change = np.abs(luma - np.median(luma, axis=0))
     frames, xy_px = read_osp(path).marks["ball"]
-    inside = (frames >= 3) & (frames <= 11)  # before, a hand holds the ball; after, it leaves the picture
+    inside = (frames >= 3) & (frames <= 11)  # before, a hand holds the ball; after, it leaves the image
     offset = np.array([xy - centroid_near(change[k], xy) for k, xy in zip(frames[inside], xy_px[inside], strict=True)])
     rms = np.sqrt(np.mean(np.sum(offset**2, axis=1)))
     unshifted_rms = np.sqrt(np.mean(np.sum((offset + 0.5) ** 2, axis=1)))

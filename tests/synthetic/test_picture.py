@@ -17,11 +17,11 @@ from iris_sysid.synthetic.sensor import Sensor, kept_frames, shake
 from iris_sysid.synthetic.shapes import Layer, circle, disc, polyline, rounded, still
 
 SIZE = (96, 64)
-SCALE = 100.0  # px/m in the pictures of single discs
+SCALE = 100.0  # px/m in the images of single discs
 
 
 def stage_with(*layers, view=None):
-    """A stage that shows only these layers, x and z in units of 1/100 m from the centre of the picture."""
+    """A stage that shows only these layers, x and z in units of 1/100 m from the centre of the image."""
     half = (SIZE[0] / SCALE / 2, SIZE[1] / SCALE / 2)
     view = view or View(-half[0], half[0], -half[1], half[1])
     return Stage(view, Wall((100.0, 100.0, 100.0)), (), layers, (), {}, lambda t: ["motion"] * len(t))
@@ -57,7 +57,7 @@ def supersampled(polygon, width, height, n=24):
         [(-5.3, -7.0), (3.25, 2.1), (60.0, 8.0), (3.0, 90.0)],  # beyond every border
         [(4.0, 4.0), (9.0, 4.0), (9.0, 9.0), (4.0, 9.0)],
         [(5.1, 5.1), (5.3, 5.1), (5.3, 5.2), (5.1, 5.2)],  # within one pixel
-        [(-20.0, -20.0), (60.0, -20.0), (60.0, 60.0), (-20.0, 60.0)],  # all of the picture
+        [(-20.0, -20.0), (60.0, -20.0), (60.0, 60.0), (-20.0, 60.0)],  # all of the image
     ],
 )
 def test_coverage_agrees_with_counting_points(polygon):

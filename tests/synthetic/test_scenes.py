@@ -1,4 +1,4 @@
-"""Every scene: its motion obeys its equation, its picture shows its bodies where its truth says."""
+"""Every scene: its motion obeys its equation, its frames show its bodies where its truth says."""
 
 import math
 

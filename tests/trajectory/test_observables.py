@@ -65,7 +65,7 @@ def test_errors_of_the_level_are_as_large_as_stated():
 
 
 def test_level_that_leaves_the_picture_is_a_gap():
-    level = np.linspace(60.0, 130.0, 80)  # the picture ends at 119.5
+    level = np.linspace(60.0, 130.0, 80)  # the image ends at 119.5
     track = tracked("level", draining(level))
     assert not track.valid[level > 121].any()
     assert track.valid[level < 110].all()

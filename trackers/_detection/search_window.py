@@ -142,7 +142,7 @@ def _followed(foreground: list[Blob]) -> list[Box]:
 
 
 def merged(boxes: Iterable[Box]) -> list[Box]:
-    """Boxes that hold all of those given and do not overlap one another."""
+    """Boxes that hold all of those given and do not overlap each other."""
     apart: list[Box] = []
     for box in boxes:
         while near := [other for other in apart if _overlap(box, other)]:

@@ -94,7 +94,7 @@ def path_of_circles(video: FrameSource, view: View) -> ExpectedPath | None:
 
 
 def _best_chain(nodes: list[tuple[int, Array]]) -> Chain | None:
-    """The longest chain of circles that follow one another and change over time."""
+    """The longest chain of circles that follow each other and change over time."""
     left = set(range(len(nodes)))
     for _ in range(COURSES_TRIED):
         chain = _longest_chain(nodes, left)

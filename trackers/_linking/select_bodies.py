@@ -85,7 +85,7 @@ def _only_alike(
 
 
 def _main_tracklets(tracklets: Sequence[Tracklet], count: int) -> list[Tracklet]:
-    """The best tracklet of each body: those that move most, seen together, not the shadow of one another."""
+    """The best tracklet of each body: those that move most, seen together, not the shadow of each other."""
     moving = [
         tracklet
         for tracklet in tracklets

@@ -12,7 +12,7 @@ ACCELERATION = 0.15  # radii per frame squared, standard deviation: hands, gravi
 FIRST_SPEED = 1.0  # radii per frame, standard deviation before anything is known
 MEASURED = 0.05  # radii, standard deviation of a centre at the size of the search
 STRUCK = 0.5  # radii per frame, standard deviation of what a contact may change
-TOUCHING = 1.25  # times the sum of the radii: nearer than that two bodies may strike one another
+TOUCHING = 1.25  # times the sum of the radii: nearer than that two bodies may strike each other
 RESTITUTION = 0.5  # assumed of an impact: the frames after it tell the truth
 OVERLAP = 0.97  # times the sum of the radii: bodies cannot come nearer
 SWEEPS = 6  # through the contacts of a pile
@@ -67,7 +67,7 @@ class MotionStates:
         return np.linalg.norm(self.position[:, np.newaxis] - self.position, axis=-1)
 
     def after_impacts(self, frames: float) -> Array:
-        """Positions (n, 2) so many frames later if bodies that would overlap strike one another on the way.
+        """Positions (n, 2) so many frames later if bodies that would overlap strike each other on the way.
 
         Pair by pair the normal velocities are exchanged as for solid balls of one material,
         v_i' = v_i - (1 + e) m_j / (m_i + m_j) ((v_i - v_j).n) n, until no pair approaches; then what

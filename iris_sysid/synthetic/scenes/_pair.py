@@ -133,11 +133,11 @@ class Pair:
         return Phase("motion", self._free, (Event("impact", self._gap, -1.0, self._struck),), step)
 
     def together(self) -> Phase:
-        """The balls lie against one another until they are pulled apart."""
+        """The balls lie against each other until they are pulled apart."""
         return Phase("contact", self._joined, (Event("parting", self._force, -1.0, self._parted),), 0.02)
 
     def never_touching(self) -> Phase:
-        """The balls pass through one another: the benchmark's continuous coupling alone."""
+        """The balls pass through each other: the benchmark's continuous coupling alone."""
         return Phase("motion", self._free)
 
     def _free(self, t: float, state: Array) -> Array:

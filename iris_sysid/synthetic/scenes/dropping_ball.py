@@ -17,7 +17,7 @@ from iris_sysid.types import Array, Parameter
 
 BALL: Colour = (222.0, 112.0, 38.0)
 SEAM: Colour = (150.0, 70.0, 30.0)
-ASIDE_M = -0.15  # where it falls, from the middle of the picture
+ASIDE_M = -0.15  # where it falls, from the middle of the image
 EFFECTS = ("linear-drag", "quadratic-drag", "constant-force", "release-velocity", "zero-offset", "parameter-drift")
 
 PARAMETERS = (

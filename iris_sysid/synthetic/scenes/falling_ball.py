@@ -31,7 +31,7 @@ PARAMETERS = (
 
 
 def stage(setup: Setup) -> Stage:
-    """Hold the ball at h0 under the camera and let it go; the plane of the picture is the one at h0."""
+    """Hold the ball at h0 under the camera and let it go; the plane of the image is the one at h0."""
     start, radius = setup["h0"], setup["ball_radius"]
     if setup["floor_distance"] <= start + radius:
         raise DataError(f"floor_distance must exceed h0 + ball_radius = {start + radius:g} m")
@@ -39,7 +39,7 @@ def stage(setup: Setup) -> Stage:
     height = motion.state(0)
 
     def shrunk(t_s: Array) -> Array:
-        """Size in the picture relative to that at h0."""
+        """Size in the image relative to that at h0."""
         return np.asarray(start / (setup["floor_distance"] - height(t_s)))
 
     def centre(t_s: Array) -> Array:

@@ -92,7 +92,7 @@ Moves = tuple[list[Path], list[Curve], tuple[tuple[float, str], ...]]
 
 
 def _collided(setup: Setup, start: Array) -> Moves:
-    """Paths and angles of bodies that strike one another."""
+    """Paths and angles of bodies that strike each other."""
     release, cup_radius = setup["release_time"], setup["cup_radius"]
     masses = np.array([BALL_OVER_CUP_MASS, *[1.0] * CUPS])
     pile = pile_of(start, np.array([setup["ball_radius"], *[cup_radius] * CUPS]), masses)
