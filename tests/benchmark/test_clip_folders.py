@@ -47,7 +47,7 @@ def test_data_set_needs_a_phenomenon(tmp_path, cli):
     (tmp_path / "Pendulum").mkdir()
     outcome = cli("diagnose", tmp_path, "--model", "pendulum", "-o", tmp_path / "out")
     assert outcome.status == 1
-    assert "is a data set: say which of its clips, e.g. --phenomenon pendulum" in outcome.err
+    assert "is a data set: choose its clips, e.g. --phenomenon pendulum" in outcome.err
 
 
 def test_diagnose_asks_for_a_model_or_a_phenomenon(angles, tmp_path, cli):

@@ -134,7 +134,7 @@ def test_a_study_that_fails_is_a_row_with_the_reason(error, reason, subject, mon
     assert set(rows["answer"]) == {reason}
 
 
-def test_what_a_fit_was_told_and_what_has_no_scale_is_no_estimate(subject):
+def test_what_a_fit_was_given_and_what_has_no_scale_is_no_estimate(subject):
     estimates = {"length": Estimate(0.5, 0.0, "m", "assumed"), "damping": Estimate(0.1, 0.0, "1/s", "fitted")}
     rows = flat_rows(subject.records(estimates, "ok", method="x")).set_index("parameter")
     assert rows.loc["length", "status"] == "not estimated"
@@ -151,7 +151,7 @@ def test_extrapolation_needs_more_samples_than_are_fitted(subject):
     assert [row["parameter"] for row in rows] == [f"E_{k}" for k in AHEAD]
 
 
-def test_a_refit_is_told_what_the_measurement_was_told_and_no_more(tmp_path):
+def test_a_refit_is_given_what_the_measurement_was_given_and_no_more(tmp_path):
     clip = failed_clip(tmp_path, "Falling_ball/big/01")
     entries = {"r0_f": (76.3, "direct"), "gravity": (9.8, "fitted"), "h_0": (0.75, "fitted"), "h0": (0.75, "derived")}
     parameters = {
@@ -254,7 +254,7 @@ def test_every_change_gives_a_clip_with_the_times_of_its_frames(name, pendulum_c
     assert len(times) >= len(known) // CHANGES[name].every // 2
 
 
-def test_noise_is_of_the_size_that_was_asked_for(plain_clip):
+def test_noise_is_of_the_size_that_was_requested(plain_clip):
     with changed(plain_clip, Change(noise_grey=10.0)) as video:
         deviations = [frame.bgr().std(axis=(0, 1)).mean() for frame in video.frames()]
     assert np.mean(deviations) == pytest.approx(10.0, rel=0.35)  # colour is coded at half the resolution

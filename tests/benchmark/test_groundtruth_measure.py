@@ -152,7 +152,7 @@ def test_measure_refuses_numbers_that_make_no_sense(work, dataset, changes, mess
         measure(dataset, work[0], **changes)
 
 
-def test_fit_is_told_nothing_that_it_is_to_find():
+def test_fit_is_given_nothing_that_it_is_to_find():
     known = {"gravity": Estimate(9.8, 0.01, "m/s^2"), "length": Estimate(0.5, 0.1, "m"), "angle": Estimate(1, 0, "rad")}
     uncalibrated = clip.uncalibrated()
     assert clip.known_to_fit(PHENOMENA["dropping-ball"], known, uncalibrated) == ({}, [])

@@ -110,7 +110,7 @@ def test_error_of_a_boards_angle_does_not_average_out():
     assert regenerate(rows, "angle").standard_uncertainty > math.degrees(0.01)
 
 
-def test_an_assumed_constant_is_never_said_to_be_measured():
+def test_an_assumed_constant_is_never_reported_as_measured():
     clips = [
         clip_measured(f"{k}", {"gravity": (9.80665, 0.0, "m/s^2", "assumed")}, class_name="Falling_ball", setting="big")
         for k in (1, 2)

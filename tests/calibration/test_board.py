@@ -34,7 +34,7 @@ def straight():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_corner_of_a_sharp_picture_is_found_to_a_hundredth_px(seed):
+def test_corner_of_a_sharp_image_is_found_to_a_hundredth_px(seed):
     rng = np.random.default_rng(seed)
     where = random_pose(rng)
     seen = picture(where, rng=rng)
@@ -46,7 +46,7 @@ def test_corner_of_a_sharp_picture_is_found_to_a_hundredth_px(seed):
     assert view.blur_px == pytest.approx(0.76, abs=0.05)  # 0.7 px of blur and the pixel's own 0.29
 
 
-def test_corner_of_a_picture_blurred_by_motion_is_not_pulled_along():
+def test_corner_of_an_image_blurred_by_motion_is_not_pulled_along():
     where = pose((0.1, 0.2))
     streak = np.full((1, 9), 1 / 9)
     seen = cv2.filter2D(picture(where), -1, streak, borderType=cv2.BORDER_REPLICATE)
@@ -65,7 +65,7 @@ def test_corners_of_one_board_are_numbered_alike_however_it_is_held(straight):
     assert np.allclose(back, first.corners_px, atol=0.02)
 
 
-def test_board_that_looks_the_same_turned_is_said_to_have_no_first_corner():
+def test_board_that_looks_the_same_turned_is_reported_to_have_no_first_corner():
     board = Board(8, 6, 0.03)
     seen = picture(pose((0.1, 0.1), board=board), board=board, camera=STRAIGHT)
     view, turned = find_board(seen, board), find_board(np.ascontiguousarray(seen[::-1, ::-1]), board)
@@ -76,7 +76,7 @@ def test_board_that_looks_the_same_turned_is_said_to_have_no_first_corner():
     assert turned.corners_px[1, 0] > turned.corners_px[0, 0]
 
 
-def test_corners_in_a_large_picture_are_found_at_a_smaller_scale_and_fitted_at_full_size(straight):
+def test_corners_in_a_large_image_are_found_at_a_smaller_scale_and_fitted_at_full_size(straight):
     large = cv2.resize(straight, None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC)
     view = find_board(large, BOARD, thorough=False)
     small = find_board(straight, BOARD)
@@ -128,7 +128,7 @@ def test_charuco_board_that_is_half_hidden_gives_the_corners_that_are_seen():
         (lambda seen: seen, Board(9, 6, 0.03, marker_m=0.022, dictionary="9x9"), "no dictionary of markers is named"),
     ],
 )
-def test_charuco_picture_that_cannot_be_used_says_why(change, board, match):
+def test_charuco_image_that_cannot_be_used_says_why(change, board, match):
     seen, _ = charuco_picture(pose((0.1, -0.1)))
     with pytest.raises(CalibrationError, match=match):
         find_board(np.ascontiguousarray(change(seen)), board)
@@ -137,7 +137,7 @@ def test_charuco_picture_that_cannot_be_used_says_why(change, board, match):
 # --------------------------------------------------------------------------- OpenCV's images
 
 
-def test_opencv_pictures_show_the_board_in_one_orientation():
+def test_opencv_images_show_the_board_in_one_orientation():
     search = find_boards(opencv_pictures(), OPENCV_BOARD)
     assert len(search.views) == 13
     assert not search.missing
@@ -188,7 +188,7 @@ def cut_at(seen, side):
         (lambda seen: seen[None, None], BOARD, "must be uint8"),
     ],
 )
-def test_picture_that_cannot_be_used_says_why_and_what_to_do(straight, change, board, match):
+def test_image_that_cannot_be_used_says_why_and_what_to_do(straight, change, board, match):
     changed = change(straight)
     with pytest.raises(CalibrationError, match=match):
         find_board(np.ascontiguousarray(changed), board)
@@ -202,7 +202,7 @@ def test_part_of_a_larger_board_is_never_taken_for_the_board(name, size):
         find_board(recording("opencv_checkerboard") / name, Board(*map(int, size.split("x")), 0.025))
 
 
-def test_file_that_is_no_picture_is_refused(tmp_path):
+def test_file_that_is_no_image_is_refused(tmp_path):
     (tmp_path / "a.png").write_bytes(b"not a picture")
     with pytest.raises(CalibrationError, match="is no image that can be read"):
         find_board(tmp_path / "a.png", BOARD)
@@ -210,12 +210,12 @@ def test_file_that_is_no_picture_is_refused(tmp_path):
         find_board(tmp_path / "b.png", BOARD)
 
 
-def test_window_that_does_not_fit_the_picture_is_refused(straight):
+def test_window_that_does_not_fit_the_image_is_refused(straight):
     with pytest.raises(CalibrationError, match="window of 400 px"):
         find_board(straight, BOARD, window_px=400)
 
 
-def test_pictures_without_a_board_are_named_with_the_reason(straight):
+def test_images_without_a_board_are_named_with_the_reason(straight):
     done = []
     search = find_boards(
         {"good": straight, "empty": np.full_like(straight, 9)}, BOARD, progress=lambda *now: done.append(now)

@@ -286,7 +286,7 @@ def test_views_that_do_not_fix_the_camera_are_refused(views_of, options, match):
         calibrate_camera(views_of(np.random.default_rng(0)), BOARD, **options)
 
 
-def test_resized_camera_sees_the_resized_picture():
+def test_resized_camera_sees_the_resized_image():
     half = resized_camera(known(PHONE, np.eye(9)), (SIZE[0] // 2, SIZE[1] // 2))
     where = pose((0.2, 0.1))
     assert np.allclose((corners(where) + 0.5) / 2 - 0.5, projected(half.parameters, where, BOARD.points_m)[0])
@@ -295,7 +295,7 @@ def test_resized_camera_sees_the_resized_picture():
         resized_camera(known(PHONE), (960, 720))
 
 
-def test_cropped_camera_sees_the_cropped_picture():
+def test_cropped_camera_sees_the_cropped_image():
     part = cropped_camera(known(PHONE), (100, 50, 640, 400))
     where = pose((0.2, 0.1))
     assert np.allclose(corners(where) - [100, 50], projected(part.parameters, where, BOARD.points_m)[0])
@@ -420,7 +420,7 @@ def scored(seed, offset_m=0.0, with_camera=True):
     return np.append((scale.value - local_scale(exact, at).value) / scale.stderr, error / sigma)
 
 
-def test_interval_of_the_scale_from_one_picture_covers_the_truth():
+def test_interval_of_the_scale_from_one_image_covers_the_truth():
     scores = np.array([scored(seed, with_camera=False) for seed in range(200)])
     assert 0.93 <= np.mean(np.abs(scores[:, 0]) < 1.96) <= 0.97
     covered = np.sum(np.abs(scores) < 1.96, axis=0)
@@ -436,7 +436,7 @@ def test_interval_of_the_scale_with_a_calibrated_camera_covers_the_truth():
     assert all(scipy.stats.binomtest(int(count), 600, 0.95).pvalue > 0.001 for count in covered)
 
 
-def test_scores_of_scale_and_places_have_unit_variance_with_a_calibrated_camera():
+def test_scores_of_scale_and_positions_have_unit_variance_with_a_calibrated_camera():
     scores = np.array([scored(seed, offset_m=0.05) for seed in range(1000, 1025)])
     within = scipy.stats.chi2.ppf([0.001, 0.999], 25) / 25
     assert np.all((np.mean(scores**2, axis=0) > within[0]) & (np.mean(scores**2, axis=0) < within[1]))
@@ -468,7 +468,7 @@ def test_focal_length_hardly_matters_in_the_boards_own_plane():
     assert off_plane.stderr / off_plane.value == pytest.approx(0.02 * 0.1 / 0.5, rel=0.1)
 
 
-def test_one_picture_shows_a_lens_and_corrects_it():
+def test_one_image_shows_a_lens_and_corrects_it():
     rng = np.random.default_rng(0)
     camera = STRAIGHT.copy()
     camera[4] = 0.1
@@ -554,7 +554,7 @@ def from_pictures():
 
 
 @pytest.mark.parametrize("offset_m", [0.0, 0.05])
-def test_places_from_pictures_are_right_to_a_thousandth_of_the_field(from_pictures, offset_m):
+def test_positions_from_images_are_right_to_a_thousandth_of_the_field(from_pictures, offset_m):
     camera, view, where = from_pictures
     plane = plane_from_board(view, BOARD, camera, offset_m=offset_m)
     error = np.abs(to_plane(plane, FIELD)[0] - to_plane(true_plane(where, plane, offset_m), FIELD)[0]).max()
@@ -648,7 +648,7 @@ def test_drawing_of_a_camera_shows_every_corner_and_view():
         camera_figure(known(PHONE))
 
 
-def test_drawing_of_a_view_and_of_the_worlds_grid_lie_over_the_picture(tmp_path):
+def test_drawing_of_a_view_and_of_the_worlds_grid_lie_over_the_image(tmp_path):
     rng = np.random.default_rng(5)
     camera = calibrate_camera(simulated_views(rng, 5), BOARD)
     seen = np.full((SIZE[1], SIZE[0], 3), 100, np.uint8)

@@ -209,7 +209,7 @@ def test_direction_of_the_flight_has_the_error_that_it_states():
     assert np.std(angles) == pytest.approx(stated, rel=0.5)
 
 
-def test_plumb_line_or_assumption_is_said():
+def test_plumb_line_or_assumption_is_reported():
     flat, body = scale(400.0, 1.0), falling(scale(400.0, 1.0), np.random.default_rng(1))
     drop = PHENOMENA["dropping-ball"]
     note = vertical_note(upright(flat, body, drop, None, "assumed"))
@@ -391,7 +391,7 @@ def made(pictures):
     return command(folder, *BOARD_OPTIONS, *place, "-o", out, "--plot"), out
 
 
-def test_command_calibrates_from_a_folder_of_pictures_and_draws(made, pictures):
+def test_command_calibrates_from_a_folder_of_images_and_draws(made, pictures):
     done, out = made
     _, poses = pictures
     calibration = read_calibration(out)
@@ -425,7 +425,7 @@ def test_command_takes_the_camera_of_an_earlier_calibration(made, pictures, tmp_
     assert calibration.scale.value == pytest.approx(true_plane(poses[-1], calibration).scale.value, rel=5e-4)
 
 
-def test_command_calibrates_from_one_picture_without_a_camera(pictures, tmp_path):
+def test_command_calibrates_from_one_image_without_a_camera(pictures, tmp_path):
     folder, _ = pictures
     done = command(folder / "view4.png", *BOARD_OPTIONS, "--one-picture", "-o", tmp_path / "c.json")
     assert "assumed: view4.png, the first that shows the board, lies in its plane" in done.output
@@ -500,7 +500,7 @@ def same(folder):
         (lambda k, image: image, ("--one-picture", "--offset", "5cm"), "needs the distance from the camera"),
     ],
 )
-def test_command_says_why_pictures_give_no_calibration(pictures, tmp_path, change, options, match):
+def test_command_says_why_images_give_no_calibration(pictures, tmp_path, change, options, match):
     folder = pictures[0]
     bad = spoilt(folder, tmp_path, same(folder) if change == "same" else change)
     with pytest.raises(IrisError, match=match):

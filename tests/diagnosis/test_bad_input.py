@@ -93,7 +93,7 @@ def test_few_samples_that_suffice_are_diagnosed():
     assert diagnosis.added == ()
 
 
-def test_noise_larger_than_the_motion_is_said():
+def test_noise_larger_than_the_motion_is_reported():
     trembling = clip(0.02 * np.random.default_rng(0).standard_normal(T_S.size), Quantity("theta", "rad"))
     diagnosis = diagnose(trembling, MODELS["linear-pendulum"], effects=[EFFECTS["zero-offset"]])
     assert diagnosis.base.usable

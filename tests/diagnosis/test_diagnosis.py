@@ -74,7 +74,7 @@ def test_two_effects_that_a_substitute_outdoes_alone_are_found_as_a_pair():
         assert abs(estimate.value - size) < 3.5 * estimate.stderr
 
 
-def test_effect_whose_size_and_duration_cannot_be_told_apart_is_still_significant():
+def test_effect_whose_size_and_duration_cannot_be_distinguished_is_still_significant():
     release, t_s = EFFECTS["late-release"], np.arange(48) / 60
     flight = MODELS["projectile"]
     values = {"x_0": 0.08, "z_0": 0.52, "vx_0": 1.8, "vz_0": 2.14}

@@ -26,7 +26,7 @@ def slide(rate_hz: float, noise_m: float, seed: int, *, scale: float = 1.0, unit
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rate_hz", [10.0, 60.0])
-def test_seam_between_two_surfaces_is_found_with_its_place(rate_hz):
+def test_seam_between_two_surfaces_is_found_with_its_position(rate_hz):
     diagnosis = diagnose(slide(rate_hz, 1.5e-4, seed=1), MODELS["incline"])
     assert [effect.name for effect in diagnosis.added] == ["friction-change"]
     for name, truth in (("friction_change", FIRST - SECOND), ("change_place", PLACE_M)):

@@ -56,7 +56,7 @@ def test_hessian_at_the_optimum_of_good_data_is_close_to_the_fisher_information(
     assert scaled_condition(fitted.fisher) == pytest.approx(determined.condition, rel=1e-6)
 
 
-def test_null_direction_of_the_apparent_radius_is_said_in_words():
+def test_null_direction_of_the_apparent_radius_is_reported_in_words():
     model = MODELS["apparent-radius"]
     clip = clip_of(model, {"r0_f": 60.0, "h_0": 0.8, "v_0": 0.1}, np.arange(200) / 240, 0.05)
     result = fit(clip, model, free=["gravity"])

@@ -61,7 +61,7 @@ def test_disagreement_is_flagged_with_both_intervals_and_what_to_trust():
     assert text.startswith("the profile interval of a, 0.9 to 1.3, disagrees with the robust one, 0.9 to 1.1")
 
 
-def test_blocks_grow_with_the_memory_of_the_noise():
+def test_blocks_grow_with_the_noise_autocorrelation():
     def noise(rho):
         return Autoregression(np.array([rho]), np.array([rho]), 1.0, 1000)
 

@@ -55,7 +55,7 @@ def test_function_that_uses_another_value_is_another_function(cache, monkeypatch
     assert len(list(cache.iterdir())) == 2
 
 
-def test_function_that_uses_what_cannot_be_told_apart_is_not_kept(cache, monkeypatch):
+def test_function_that_uses_what_cannot_be_distinguished_is_not_kept(cache, monkeypatch):
     monkeypatch.setitem(globals(), "FACTOR", dataclasses.make_dataclass("Thing", ["x"])(1.0))
     assert machine_code._name_of(columns()) is None
 

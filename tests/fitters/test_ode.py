@@ -179,7 +179,7 @@ def test_fit_bridges_motion_segments_with_nothing_between():
     assert fit(pendulum_clip(segments=segments), PENDULUM).n == 850
 
 
-def test_wild_samples_are_left_out_and_named():
+def test_outliers_are_left_out_and_named():
     clip = pendulum_clip()
     spoiled = changed(clip, [0, 100, 101, 500], np.array([[2.0], [-1.0], [0.7], [3.0]]))
     result, clean = fit(spoiled, PENDULUM), fit(clip, PENDULUM)
@@ -195,13 +195,13 @@ def test_clean_samples_are_all_kept():
     assert fit(pendulum_clip(), PENDULUM).used.all()
 
 
-def test_slow_misfit_is_not_taken_for_wild_samples():
+def test_slow_misfit_is_not_taken_for_outliers():
     clip = pendulum_clip()
     bent = clip.with_(position=clip.position + 0.03 * np.sin(clip.t_s)[:, None])
     assert fit(bent, PENDULUM).used.all()
 
 
-def test_soft_loss_bears_many_wild_samples():
+def test_soft_loss_bears_many_outliers():
     clip = pendulum_clip()
     rows = np.random.default_rng(1).choice(900, 120, replace=False)
     spoiled = changed(clip, rows, np.random.default_rng(2).normal(0, 0.3, (120, 1)))
@@ -394,7 +394,7 @@ def test_apparent_radius_alone_does_not_determine_gravity_and_says_which_values_
     assert given.budget["gravity"]["h_0"] == pytest.approx(0.005 * given.estimates["gravity"].value, rel=0.01)
 
 
-def test_tank_that_runs_empty_on_the_way_is_fitted_to_the_end():
+def test_tank_that_runs_empty_is_fitted_to_the_end():
     t_s = np.arange(600) / 10
     level = simulate(TORRICELLI, t_s, {"outflow": 0.05, "h_0": 0.25}).observed
     assert np.abs(level[-100:]).max() < 1e-6
@@ -702,7 +702,7 @@ def test_wooden_bob_has_its_length_within_one_percent():
     assert result.n >= 910
 
 
-def test_wooden_bob_with_wild_rows_has_the_same_length():
+def test_wooden_bob_with_outlier_rows_has_the_same_length():
     clip = wooden_bob()
     spoiled = fit(changed(clip, [15, 400], np.array([[1.5], [-2.0]])), PENDULUM)
     assert not spoiled.used[15]
@@ -719,7 +719,7 @@ def test_alexiev_length_68_has_its_dynamic_length_within_one_percent():
     assert result.used.sum() >= 495
 
 
-def test_equation_too_stiff_for_its_steps_is_said_to_diverge():
+def test_equation_too_stiff_for_its_steps_is_reported_as_diverging():
     t_s = np.arange(49) / 60
     height = 1e-3 * np.random.default_rng(0).standard_normal((49, 1))
     clip = Trajectory(t_s, (Quantity("z", "m"),), height, np.full((49, 1), 1e-3), np.ones(49, bool))

@@ -35,7 +35,7 @@ def test_position_of_a_bob_is_taken_for_the_angle_of_a_pendulum_about_a_pivot_th
     assert linear.heldout > 5 * choice.chosen.heldout
 
 
-def test_fall_and_slide_are_told_apart_by_their_direction():
+def test_fall_and_slide_are_distinguished_by_their_direction():
     t_s = np.arange(30) / 60
     fall = track(t_s, {"x": np.full(30, 0.3), "z": 1.5 - 9.8 * t_s**2 / 2}, ["m", "m"])
     way = 5.0 * t_s**2 / 2

@@ -88,7 +88,7 @@ def test_rest_position_off_the_origin_is_no_other_model():
     assert matched.parameters["stiffness"].value == pytest.approx(20.0, rel=2e-3)
 
 
-def test_equation_that_the_bank_lacks_is_said_to_differ_from_the_nearest():
+def test_equation_that_the_bank_lacks_is_reported_to_differ_from_the_nearest():
     library = library_of((Z,))
     t_s = np.arange(600) / 60
     values = dict.fromkeys(library.names, 0.0) | {"z_linear": -20.0, "z_drag": -0.8, "z_0": 0.4, "d_z_0": 0.0}
@@ -159,7 +159,7 @@ def test_gap_is_not_bridged_by_any_window():
     assert selected(discover(clip, resampled=5)) == {"theta_sin", "theta_rate"}
 
 
-def test_first_samples_that_are_wild_move_nothing_in_time():
+def test_first_samples_that_are_outliers_move_nothing_in_time():
     clip = motion("pendulum", PENDULUM, 8.0)
     wild = clip.position.copy()
     wild[:2] += [[0.05], [-0.05]]

@@ -88,7 +88,7 @@ def test_random_uncertainty_of_white_noise_is_that_of_least_squares():
     np.testing.assert_allclose(uncertainty.degrees, 197)
 
 
-def test_lost_frames_keep_their_place_in_the_noise():
+def test_lost_frames_keep_their_position_in_the_noise():
     t_s = np.array([0.0, 1.0, 2.0, 5.0, 6.0]) / 60
     assert grid_positions(t_s).tolist() == [0, 1, 2, 5, 6]
     assert grid_positions(np.array([0.0, 0.1, 1e6]))[-1] < 1e4
@@ -183,7 +183,7 @@ def test_noise_of_uneven_times_is_found():
     )
 
 
-def test_noise_is_unmoved_by_wild_samples_and_unknown_for_a_few():
+def test_noise_is_unmoved_by_outliers_and_unknown_for_a_few():
     rng = np.random.default_rng(0)
     values = NOISE * rng.standard_normal(1000)
     values[::100] += 5.0

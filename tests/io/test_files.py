@@ -181,7 +181,7 @@ def test_sha256_of_abc_is_the_published_value(tmp_path):
     assert sha256_of(tmp_path / "abc") == ABC_SHA256
 
 
-def test_sha256_of_folder_depends_on_content_and_names_not_on_place(tmp_path):
+def test_sha256_of_folder_depends_on_content_and_names_not_on_location(tmp_path):
     hashes = []
     for folder, name, content in (("one", "1.png", b"a"), ("two", "1.png", b"a"), ("x", "2.png", b"a")):
         write_atomic(tmp_path / folder / name, content)

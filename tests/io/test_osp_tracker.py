@@ -132,7 +132,7 @@ def test_axes_stored_for_several_frames_but_alike_are_read(read):
     assert read(project(where=coords(axes(), axes()))).scale_px_per_m == 400.0
 
 
-def test_first_picture_of_a_sequence_is_the_video(read):
+def test_first_image_of_a_sequence_is_the_video(read):
     paths = (
         '<property name="paths" type="array"><property name="[0]" type="string">shots/a 00.jpg</property></property>'
     )

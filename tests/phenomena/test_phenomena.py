@@ -199,7 +199,7 @@ def test_dropping_ball_gives_the_height():
     assert acceleration == pytest.approx(-9.81, rel=0.01)
 
 
-def test_last_sample_of_a_drop_before_the_floor_is_left_out_and_that_is_said():
+def test_last_sample_of_a_drop_before_the_floor_is_left_out_and_that_is_reported():
     t_s = np.arange(150) / 100
     ball, _ = bouncing_ball(t_s, 2.0, 9.81)
     world = segment(in_plane(t_s, ball, 0.001, unit="m", rng=np.random.default_rng(1)), kind="flight")
@@ -298,7 +298,7 @@ def test_gif_of_a_sliding_cup_shows_the_board_at_29_degrees():
 
 
 @pytest.mark.slow
-def test_christmas_ball_swings_in_all_frames_below_a_pivot_out_of_the_picture():
+def test_christmas_ball_swings_in_all_frames_below_a_pivot_out_of_the_image():
     got = real("juangomez_pendulum/pendulum.mp4", "pendulum")
     assert got.n - np.diff(span(got, "motion")) <= 5
     radius = got.geometry["arc_radius"]

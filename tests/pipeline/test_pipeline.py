@@ -26,7 +26,7 @@ def test_run_on_a_tiny_clip_finds_the_length(result, pendulum_clip):
     assert 0 < length.stderr < 0.01
 
 
-def test_run_tracks_most_of_so_small_a_picture(result):
+def test_run_tracks_most_of_so_small_an_image(result):
     (track,) = result.tracks
     assert track.t_s.size == 90
     assert track.n_valid >= 60

@@ -70,7 +70,7 @@ def lines_from(path: Path) -> list[CodeLine]:
     return code_lines(path.read_text(encoding="utf-8"), path.relative_to(ROOT).as_posix())
 
 
-def test_two_places_that_share_lines_are_found():
+def test_two_functions_that_share_lines_are_found():
     steps = "\n".join(f"    step_{k}()  # as above" for k in range(4))
     drawn = code_lines(f'import numpy\n\ndef a():\n    """Do."""\n{steps}\n    end()', "first.py")
     filled = code_lines(f"def b():\n\n{steps}\n    # here too\n    stop()", "second.py")
@@ -79,7 +79,7 @@ def test_two_places_that_share_lines_are_found():
     assert not list(shared_runs([drawn, filled], most=4))
 
 
-def test_no_two_places_share_more_than_ten_lines():
+def test_no_two_functions_share_more_than_ten_lines():
     runs = shared_runs([lines_from(path) for path in python_files()], MOST_SHARED)
     pairs = [
         f"{first.file}:{first.number} and {second.file}:{second.number}: {count} lines" for first, second, count in runs

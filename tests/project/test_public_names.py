@@ -23,7 +23,7 @@ def test_dir_shows_the_public_names_and_nothing_else():
     assert dir(iris_sysid) == list(iris_sysid.__all__)
 
 
-def test_type_checker_is_told_where_each_name_is_defined():
+def test_type_checker_knows_where_each_name_is_defined():
     (block,) = [node for node in SOURCE.body if isinstance(node, ast.If)]
     defined_in = {alias.asname: node.module for node in block.body for alias in node.names}
     assert defined_in == iris_sysid._HOME

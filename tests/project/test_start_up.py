@@ -38,7 +38,7 @@ def test_command_that_computes_nothing_loads_nothing_heavy(arguments):
     assert loaded(*arguments) == set()
 
 
-def test_clip_that_cannot_be_read_is_told_before_trackers_and_fitters_are_loaded():
+def test_clip_that_cannot_be_read_is_reported_before_trackers_and_fitters_are_loaded():
     assert loaded("run", "none.mp4", "--phenomenon", "pendulum", "-o", "none") <= {"av", "cv2"}
 
 

@@ -102,7 +102,7 @@ def a_page(text="clip"):
     return Page(text, text, text, pictures, [], {})
 
 
-def test_page_is_written_with_its_pictures_the_same_again(tmp_path):
+def test_page_is_written_with_its_images_the_same_again(tmp_path):
     for name in ("a", "b"):
         assert clip_page.write_page(a_page(), tmp_path / name) == tmp_path / name / "report.html"
     assert set(listing(tmp_path / "a")) == {"one.png", "two.png", "report.html"}
@@ -301,7 +301,7 @@ def test_overlay_of_a_clip_that_breaks_off_leaves_nothing(tmp_path):
     assert listing(tmp_path) == {}
 
 
-def test_picture_files_can_be_read(hostile_run, tmp_path):
+def test_image_files_can_be_read(hostile_run, tmp_path):
     write_report(hostile_run, tmp_path)
     for name in ("track.png", "fit.png"):
         picture = cv2.imread(str(tmp_path / name))

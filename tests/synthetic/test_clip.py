@@ -50,7 +50,7 @@ def test_odd_frame_rates_are_kept_exactly(tmp_path, fps):
     np.testing.assert_allclose(times, truth.body().t_s, atol=1e-9)
 
 
-def test_lossless_clip_holds_the_exact_picture(tmp_path):
+def test_lossless_clip_holds_the_exact_image(tmp_path):
     from iris_sysid.synthetic.picture import painted
 
     look = Look.plain()
@@ -60,7 +60,7 @@ def test_lossless_clip_holds_the_exact_picture(tmp_path):
     np.testing.assert_array_equal(read_clip(tmp_path / "clip.mp4")[1][0], np.floor(expected + 0.5))
 
 
-def test_h264_clip_stays_near_the_bit_rate_and_the_picture(tmp_path):
+def test_h264_clip_stays_near_the_bit_rate_and_the_image(tmp_path):
     clip = tmp_path / "clip.mp4"
     render_clip("pendulum", clip, size=(640, 360), duration_s=2.0, look=Look(bit_rate=2e6))
     assert clip.stat().st_size * 8 / 2.0 == pytest.approx(2e6, rel=0.3)
@@ -100,7 +100,7 @@ def test_small_time_scale_is_kept():
     assert truth.body().t_s.iloc[-1] == pytest.approx(59 / 60 * 1.0001, rel=1e-9)
 
 
-def test_shake_moves_picture_and_truth_together(tmp_path):
+def test_shake_moves_image_and_truth_together(tmp_path):
     look = Look.plain(shake_px=8.0)
     truth = render_clip("pendulum", tmp_path / "clip.mp4", look=look, size=(320, 180), duration_s=0.5)
     still = plan_clip("pendulum", look=Look.plain(), size=(320, 180), duration_s=0.5).truth.body()
@@ -173,7 +173,7 @@ def test_truth_of_an_unknown_body_lists_the_bodies():
         truth.body("2")
 
 
-def test_progress_is_told_of_every_frame(tmp_path):
+def test_progress_reports_every_frame(tmp_path):
     progress = []
     render_clip("pendulum", tmp_path / "clip.mp4", progress=lambda done, n: progress.append((done, n)), **SMALL)
     assert progress == [(k + 1, 15) for k in range(15)]
@@ -246,7 +246,7 @@ def test_unknown_format_is_refused(tmp_path, name):
 
 
 @pytest.mark.parametrize("present", ["clip.mp4", "clip.truth.csv", "clip.hidden.json"])
-def test_existing_output_is_kept_unless_told_otherwise(tmp_path, present):
+def test_existing_output_is_kept_unless_overwrite_is_given(tmp_path, present):
     (tmp_path / present).write_text("mine")
     with pytest.raises(OutputError, match=rf"{present} exists already"):
         render_clip("pendulum", tmp_path / "clip.mp4", **SMALL)

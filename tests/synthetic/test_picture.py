@@ -128,7 +128,7 @@ def test_flashing_layer_shows_the_mean_of_its_opacity_over_the_exposure():
     assert image[32, 48] == pytest.approx(150.0, abs=1e-3)
 
 
-def test_moving_picture_leaves_no_trace_behind():
+def test_moving_image_leaves_no_trace_behind():
     layers = (
         Layer(disc(moving(1.0), 0.05), (220, 90, 40)),
         Layer(polyline(lambda t_s: np.stack([still(0, 0.3)(t_s), moving(1.0)(t_s)], axis=1), 0.01), (20, 20, 20)),
@@ -164,7 +164,7 @@ def test_camera_is_a_similarity_without_tilt_and_lens():
     np.testing.assert_allclose(camera.project(np.array([[0.0, 0.0], [0.5, 0.25]])), [[99.5, 49.5], [149.5, 24.5]])
 
 
-def test_camera_shows_the_whole_view_at_any_shape_of_picture():
+def test_camera_shows_the_whole_view_at_any_shape_of_image():
     for size in ((200, 100), (100, 200), (160, 160)):
         camera = camera_for(View(-1, 1, -0.5, 0.5), size)
         corners = camera.project(np.array([[-1.0, -0.5], [1.0, 0.5]]))
@@ -229,7 +229,7 @@ def noisy_frames(level, look, count=20):
 
 
 @pytest.mark.parametrize(("read", "shot", "level"), [(3.0, 0.0, 120.0), (1.0, 0.05, 80.0), (0.0, 0.1, 150.0)])
-def test_noise_has_the_variance_asked_for(read, shot, level):
+def test_noise_has_the_requested_variance(read, shot, level):
     frames = noisy_frames(level, Look.plain(read_noise=read, shot_noise=shot))
     rounding = 1 / 12
     assert frames.std() == pytest.approx(np.sqrt(read**2 + shot * level + rounding), rel=0.01)
@@ -257,7 +257,7 @@ def test_dropped_frames_keep_the_first_and_the_last():
     assert kept_frames(50, 0.0, np.random.default_rng(0)).tolist() == list(range(50))
 
 
-def test_shake_has_the_deviation_asked_for():
+def test_shake_has_the_requested_deviation():
     offsets = shake(40_000, 60.0, 0.7, np.random.default_rng(2))
     assert offsets.std(axis=0) == pytest.approx([0.7, 0.7], rel=0.05)
     assert np.abs(np.diff(offsets, axis=0)).max() < 0.7 * 2
@@ -267,7 +267,7 @@ def test_shake_has_the_deviation_asked_for():
 
 
 @pytest.mark.parametrize("switch", ["marks", "cord", "clamp", "hand", "shading"])
-def test_switching_off_changes_the_picture_and_not_the_motion(switch):
+def test_switching_off_changes_the_image_and_not_the_motion(switch):
     pictures, tables = [], []
     for look in (Look(), Look(**{switch: False})):
         plan = plan_clip("pendulum", size=(320, 180), duration_s=1.0, look=look)
@@ -278,7 +278,7 @@ def test_switching_off_changes_the_picture_and_not_the_motion(switch):
 
 
 @pytest.mark.parametrize("number", ["texture", "vignetting", "uneven_light", "shadow", "exposure_s"])
-def test_setting_a_number_to_zero_changes_the_picture(number):
+def test_setting_a_number_to_zero_changes_the_image(number):
     pictures = []
     for look in (Look(), Look(**{number: 0.0})):
         stage = stage_of(scene_named("pendulum"), look=look, duration_s=2.0)
@@ -293,7 +293,7 @@ def test_plain_look_shows_nothing_but_the_bodies():
     assert np.unique(luma[:, 200:]).size == 1
 
 
-def test_plain_look_switches_on_what_is_asked_for():
+def test_plain_look_switches_on_the_requested_parts():
     assert Look.plain(read_noise=2.0).read_noise == 2.0
     assert Look.plain().codec == "lossless"
 

@@ -126,7 +126,7 @@ def test_bodies_are_drawn_where_the_truth_says(name):
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_realistic_picture_has_light_to_spare(name):
+def test_realistic_image_has_light_to_spare(name):
     plan = plan_clip(name, size=(320, 180), duration_s=2.0)
     for planes in painted(plan.stage, plan.camera, plan.look, [0.1, 1.2]):
         assert 5 < planes.luma.min() < planes.luma.max() < 252
@@ -295,7 +295,7 @@ def test_lamp_fades_to_a_hundredth_in_its_time():
     assert rows.intensity_1.iloc[200] == pytest.approx(0.01, rel=1e-8)
 
 
-def test_lamp_is_as_bright_in_the_picture_as_in_the_truth():
+def test_lamp_is_as_bright_in_the_image_as_in_the_truth():
     look = Look.plain(exposure_s=0.05)
     plan = plan_clip("led", size=(320, 180), duration_s=3.0, fps=20.0, look=look)
     rows = plan.truth.body()
@@ -425,7 +425,7 @@ def test_struck_cups_fall_and_stay_above_the_floor():
     assert sum(way > 0.05 for way in moved) >= 12
 
 
-def test_bodies_that_leave_the_picture_are_said_to():
+def test_bodies_that_leave_the_image_are_reported():
     rows = cones(setting="fast", duration_s=4.0).table
     out = rows[~rows.inside]
     assert len(out) > 0

@@ -39,7 +39,7 @@ def test_samples_before_a_ball_comes_to_rest_show_what_is_behind_it():
     assert usable[:, 10, 10].all()
 
 
-def test_ball_that_passes_beside_its_resting_place_is_no_background_there():
+def test_ball_that_passes_beside_its_resting_position_is_no_background_there():
     passing = [(30, 44), (30, 42), (31, 43)]
     stack = samples([(30, 5 + 2 * k) for k in range(12)] + passing + [REST] * 20)
     usable = usable_samples(stack, estimate_background(stack))

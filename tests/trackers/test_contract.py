@@ -106,7 +106,7 @@ def test_same_frames_give_the_same_tracks(tracker, tracks):
     np.testing.assert_array_equal(again.sigma_px, tracks[0].sigma_px)
 
 
-def test_region_that_is_not_in_the_picture_is_refused(tracker):
+def test_region_that_is_not_in_the_image_is_refused(tracker):
     with pytest.raises(DataError, match="160"):
         tracker.track(clip_for(tracker).clip, options_for(tracker, roi=(100, 50, 200, 100)))
 

@@ -142,7 +142,7 @@ def test_soft_shadow_round_a_ball_does_not_enlarge_it():
 # --------------------------------------------------------------------------- gaps, two discs, bad input
 
 
-def test_disc_that_leaves_the_picture_leaves_a_gap():
+def test_disc_that_leaves_the_image_leaves_a_gap():
     path = swing(60, (80, 48), (110, 10), period=60)
     track = one_track(moving_disc(path, 7, SHAPE))
     gone = (path[:, 0] < -8) | (path[:, 0] > SHAPE[1] + 7)

@@ -37,14 +37,14 @@ def test_values_of_the_masks_name_the_bodies_and_brightness_gives_the_centres():
     assert all(np.isfinite(track.sigma_px).all() for track in tracks)
 
 
-def test_bodies_of_masks_with_one_value_are_told_apart_by_assignment():
+def test_bodies_of_masks_with_one_value_are_distinguished_by_assignment():
     clip, masks, paths = two_that_cross()
     tracks = track(clip, TrackOptions(bodies=2, mask=DrawnClip([(mask > 0).astype(np.uint8) * 255 for mask in masks])))
     order = np.argsort([np.linalg.norm(track.xy_px[0] - paths[0][0]) for track in tracks])
     assert max(errors_of([tracks[k] for k in order], paths)) < 0.1
 
 
-def test_folder_of_label_pictures_is_read_with_its_values(tmp_path):
+def test_folder_of_label_images_is_read_with_its_values(tmp_path):
     clip, masks, paths = two_that_cross()
     for k, mask in enumerate(masks):
         cv2.imwrite(str(tmp_path / f"{k:04d}.png"), mask)

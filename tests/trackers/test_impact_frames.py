@@ -59,7 +59,7 @@ def test_motion_beside_an_impact_is_that_of_the_side_on_which_it_is(frame, veloc
     np.testing.assert_allclose([motion.bend_x, motion.bend_y], 0.0, atol=1e-6)
 
 
-def test_motion_on_a_smooth_course_is_that_of_the_discs_on_both_sides():
+def test_motion_on_a_smooth_path_is_that_of_the_discs_on_both_sides():
     discs = {number: Disc(0.5 * 2.0 * number**2, 3.0 * number, 20.0) for number in range(21)}
     motion = ExpectedPath({number: number / FPS for number in discs}, discs).motion(7, SHUTTER)
     np.testing.assert_allclose([motion.x, motion.y], [SHUTTER * 14.0, SHUTTER * 3.0], atol=1e-6)

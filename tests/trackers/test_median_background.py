@@ -105,7 +105,7 @@ def test_textured_body_is_found_at_its_middle():
     assert rms(errors_px(track, path)) < 0.1
 
 
-def test_wide_picture_is_searched_small_and_measured_at_full_size():
+def test_wide_image_is_searched_small_and_measured_at_full_size():
     shape = (240, 2000)
     path = swing(30, (1000, 120), (800, 60), period=29.3)
     track = one_track(moving_disc(path, 20, shape))
@@ -190,7 +190,7 @@ def test_body_that_rests_for_most_of_the_clip_is_found_moving_and_at_rest():
 ORANGE, WALL = (40.0, 110.0, 215.0), (150.0, 165.0, 170.0)  # blue, green, red
 
 
-def test_large_body_that_hardly_leaves_its_place_leaves_no_rim_of_itself_in_the_background():
+def test_large_body_that_hardly_leaves_its_position_leaves_no_rim_of_itself_in_the_background():
     shape = (180, 300)
     path = swing(75, (150.0, 90.0), (50, 20), period=73.7)
     (tracked,) = track(moving_disc(path, 40, shape, contrast=100, noise=3), TrackOptions())
@@ -254,7 +254,7 @@ def test_streak_of_a_fast_shaded_ball_has_its_middle_and_its_area():
 # --------------------------------------------------------------------------- gaps
 
 
-def test_body_that_leaves_the_picture_leaves_a_gap_and_is_found_again():
+def test_body_that_leaves_the_image_leaves_a_gap_and_is_found_again():
     path = swing(120, (80, 48), (110, 10), period=60)
     track = one_track(moving_disc(path, 7, SHAPE))
     inside = (path[:, 0] > 9) & (path[:, 0] < SHAPE[1] - 10)

@@ -33,7 +33,7 @@ def across(speed):
 
 
 @pytest.mark.parametrize(("radius", "speed"), [(76, 90.0), (76, 25.0), (40, 25.0), (40, 90.0), (12, 25.0)])
-def test_body_in_a_large_picture_is_found_where_it_is_drawn_in_one_pass(radius, speed):
+def test_body_in_a_large_image_is_found_where_it_is_drawn_in_one_pass(radius, speed):
     path = across(speed)
     clip = clip_of(path, radius)
     (track,) = TRACKERS["median-background"].track(clip, TrackOptions())
@@ -43,12 +43,12 @@ def test_body_in_a_large_picture_is_found_where_it_is_drawn_in_one_pass(radius, 
 
 
 @pytest.mark.parametrize(("radius", "step"), [(76, 6), (40, 3)])
-def test_picture_is_searched_at_half_the_usual_size_where_the_body_is_large(radius, step):
+def test_image_is_searched_at_half_the_usual_size_where_the_body_is_large(radius, step):
     clip = clip_of(across(90.0), radius)
     assert detection_setup(clip, view_of(clip, TrackOptions()), coarse=True).view.step == step
 
 
-def test_picture_with_a_small_body_beside_a_large_one_is_searched_at_the_usual_size():
+def test_image_with_a_small_body_beside_a_large_one_is_searched_at_the_usual_size():
     path, small = across(90.0), disc((21, 21), 10, 10, 8, 8)
     images = [image.copy() for image in clip_of(path, 76).images]
     for (x, _), image in zip(path, images, strict=True):

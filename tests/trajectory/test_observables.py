@@ -64,7 +64,7 @@ def test_errors_of_the_level_are_as_large_as_stated():
     assert 0.8 < pull_sd(track.xy_px[:, 1] - level, track.sigma_px[:, 1]) < 1.2
 
 
-def test_level_that_leaves_the_picture_is_a_gap():
+def test_level_that_leaves_the_image_is_a_gap():
     level = np.linspace(60.0, 130.0, 80)  # the image ends at 119.5
     track = tracked("level", draining(level))
     assert not track.valid[level > 121].any()
@@ -97,13 +97,13 @@ def test_light_refuses_what_moves():
 
 
 @pytest.mark.parametrize("factor", [1.0, 3.0])
-def test_scatter_about_a_smooth_course_is_told_from_the_stated_error(factor):
+def test_scatter_about_a_smooth_path_is_distinguished_from_the_stated_error(factor):
     rng, t_s = np.random.default_rng(1), np.arange(400) / 60
     values = np.exp(-t_s) + factor * 1e-3 * rng.normal(size=400)
     assert np.mean(excess_scatter(t_s, values, np.full(400, 1e-3))) == pytest.approx(factor, rel=0.1)
 
 
-def test_smooth_course_that_swings_fast_is_not_taken_for_scatter():
+def test_smooth_path_that_swings_fast_is_not_taken_for_scatter():
     rng, t_s = np.random.default_rng(2), np.arange(400) / 60
     values = np.sin(2 * np.pi * 1.5 * t_s) + 1e-3 * rng.normal(size=400)
     assert np.mean(excess_scatter(t_s, values, np.full(400, 1e-3))) < 1.2

@@ -166,7 +166,7 @@ def test_two_flights_whose_bounce_was_not_seen_do_not_outweigh_the_first_fall():
     assert abs(t_s[motion(got)[1]] - bounces[0]) < 2 / 60
 
 
-def test_ball_that_enters_and_leaves_the_picture_in_flight_is_all_motion():
+def test_ball_that_enters_and_leaves_the_image_in_flight_is_all_motion():
     t_s = np.arange(40) / 60
     ball, _ = bouncing_ball(t_s, 600.0, 1500.0, speed_x=900.0)
     valid = (np.arange(40) >= 5) & (np.arange(40) < 33)

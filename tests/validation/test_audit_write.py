@@ -62,7 +62,7 @@ def test_pages_name_no_folder_of_this_machine(written):
         assert str(recording("iris_published")) not in text_of(written, name)
 
 
-def test_csv_has_a_line_for_every_way_to_every_number(written):
+def test_csv_has_a_line_for_every_derivation_of_every_number(written):
     rows = list(csv.DictReader(text_of(written, "audit.csv").splitlines()))
     assert len({row["key"] for row in rows}) == 494
     assert len(rows) > 800
@@ -90,7 +90,7 @@ def test_latex_is_balanced_and_needs_only_named_packages(written):
     assert plain.count("{") == plain.count("}")
 
 
-def test_existing_audit_is_not_replaced_unless_asked(written):
+def test_existing_audit_is_not_replaced_unless_overwrite_is_given(written):
     folder = written["audit.csv"].parent
     with pytest.raises(OutputError, match="exists already"):
         write_audit(recording("iris_published"), folder)

@@ -157,7 +157,7 @@ def test_a_file_that_is_no_tensor_is_refused(content, message, tmp_path):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -0.5, 255.0])
-def test_values_that_are_no_brightness_are_refused_with_their_place(value, tmp_path):
+def test_values_that_are_no_brightness_are_refused_with_their_position(value, tmp_path):
     bad = GOOD.copy()
     bad[0, 1, 0, 3, 3] = value
     np.save(tmp_path / "bad.npy", bad)

@@ -396,7 +396,7 @@ def test_sample_of_a_large_clip_with_few_key_frames_reads_it_through(tmp_path, m
 
 
 @pytest.mark.parametrize("frames", [40, 200])
-def test_sample_of_large_pictures_holds_as_many_of_a_short_clip_as_of_a_long_one(tmp_path, monkeypatch, frames):
+def test_sample_of_large_images_holds_as_many_of_a_short_clip_as_of_a_long_one(tmp_path, monkeypatch, frames):
     path = write_clip(tmp_path / "a.mp4", frames, options={"g": "4"})
     monkeypatch.setattr(iris_sysid.video.reader, "HELD_PIXELS", 13 * WIDTH * HEIGHT)
     assert len(open_video(path).sample(40)) == 13
@@ -623,7 +623,7 @@ def test_frame_whose_data_changed_is_damage_where_the_decoder_sees_it(tmp_path):
         times(path)
 
 
-def test_packets_that_silently_give_no_picture_are_counted_as_lost(tmp_path):
+def test_packets_that_silently_give_no_image_are_counted_as_lost(tmp_path):
     path = write_clip(tmp_path / "a.mkv", 20, codec="libx265", options={"x265-params": "log-level=none:keyint=1"})
     delimiter = b"\x46\x01\x50"  # an access unit delimiter: a packet without an image that is no error
     with av.open(str(path)) as reader, av.open(str(tmp_path / "b.mkv"), "w") as writer:
@@ -774,7 +774,7 @@ def write_pictures(folder, numbers=range(12), name="frame_{}.png"):
     return folder
 
 
-def test_pictures_come_in_natural_order_with_times_from_fps(tmp_path):
+def test_images_come_in_natural_order_with_times_from_fps(tmp_path):
     video = open_video(write_pictures(tmp_path / "shots"), fps=4)
     frames = list(video.frames())
     assert [frame.t_s for frame in frames] == [k / 4 for k in range(12)]
@@ -784,27 +784,27 @@ def test_pictures_come_in_natural_order_with_times_from_fps(tmp_path):
         np.testing.assert_array_equal(frame.bgr()[..., 1], image_of(frame.index))
 
 
-def test_pictures_without_fps_are_refused(tmp_path):
+def test_images_without_fps_are_refused(tmp_path):
     with pytest.raises(VideoError, match=r"shots holds images without times; give the frame rate \(--fps\)"):
         open_video(write_pictures(tmp_path / "shots"))
 
 
 @pytest.mark.parametrize("suffix", ["png", "jpg", "jpeg", "bmp", "tif", "tiff", "webp", "pgm", "PNG"])
-def test_pictures_of_each_kind_agree_with_opencv(tmp_path, suffix):
+def test_images_of_each_kind_agree_with_opencv(tmp_path, suffix):
     write_pictures(tmp_path / "shots", range(2), "a{}." + suffix)
     frame = next(open_video(tmp_path / "shots", fps=1).frames())
     expected = cv2.imread(str(tmp_path / "shots" / f"a0.{suffix}"), cv2.IMREAD_GRAYSCALE)
     assert np.abs(frame.luma.astype(int) - expected).max() <= 2
 
 
-def test_pictures_of_sixteen_bits_give_their_upper_eight(tmp_path):
+def test_images_of_sixteen_bits_give_their_upper_eight(tmp_path):
     (tmp_path / "shots").mkdir()
     Image.fromarray(image_of(0).astype(np.uint16) * 256 + 77).save(tmp_path / "shots" / "a.png")
     np.testing.assert_array_equal(next(open_video(tmp_path / "shots", fps=1).frames()).luma, image_of(0))
 
 
 @pytest.mark.parametrize("exif", [1, 3, 6, 8])
-def test_pictures_are_turned_as_their_exif_says_like_opencv_does(tmp_path, exif):
+def test_images_are_turned_as_their_exif_says_like_opencv_does(tmp_path, exif):
     (tmp_path / "shots").mkdir()
     path = tmp_path / "shots" / "a.jpg"
     tags = Image.Exif()
@@ -816,7 +816,7 @@ def test_pictures_are_turned_as_their_exif_says_like_opencv_does(tmp_path, exif)
     assert np.abs(next(video.frames()).luma.astype(int) - expected).max() <= 2
 
 
-def test_pictures_sampled_near_nothing_are_picked_by_number(tmp_path, monkeypatch):
+def test_images_sampled_near_nothing_are_picked_by_number(tmp_path, monkeypatch):
     monkeypatch.setattr(iris_sysid.video.reader, "SAMPLING_PIXELS", 1)
     frames = open_video(write_pictures(tmp_path / "shots", range(40)), fps=10).sample(10)
     assert len(frames) == 10
@@ -855,7 +855,7 @@ def test_folder_that_cannot_be_read_is_refused(tmp_path, spoil, message):
         open_video(tmp_path / "shots", fps=1)
 
 
-def test_folder_with_a_video_but_no_pictures_names_the_video(tmp_path):
+def test_folder_with_a_video_but_no_images_names_the_video(tmp_path):
     write_clip(tmp_path / "a.mp4", 2)
     with pytest.raises(VideoError, match=r"without images .*; give the video in it: a\.mp4"):
         open_video(tmp_path)
@@ -869,7 +869,7 @@ def test_folder_with_a_video_but_no_pictures_names_the_video(tmp_path):
         (png(20, 10), "frame_3.png is 20x10 px, not 94x70 like the first|cannot be read|damaged"),
     ],
 )
-def test_damaged_picture_ends_the_sequence(tmp_path, content, message):
+def test_damaged_image_ends_the_sequence(tmp_path, content, message):
     folder = write_pictures(tmp_path / "shots", range(6))
     written(folder / "frame_3.png", content)
     with pytest.raises(VideoError, match=message) as caught:
@@ -879,7 +879,7 @@ def test_damaged_picture_ends_the_sequence(tmp_path, content, message):
 
 
 @pytest.mark.parametrize("suffix", ["png", "jpg"])
-def test_cut_off_picture_is_damage(tmp_path, suffix):
+def test_cut_off_image_is_damage(tmp_path, suffix):
     folder = write_pictures(tmp_path / "shots", range(3), "a{}." + suffix)
     cut_to(folder / f"a1.{suffix}", 0.6)
     with pytest.raises(VideoError, match=f"a1.{suffix} .*; 1 of 3 promised frames were read"):
@@ -915,7 +915,7 @@ def test_video_in_an_archive_is_read(tmp_path, name):
     assert video.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def test_pictures_in_an_archive_are_read(tmp_path):
+def test_images_in_an_archive_are_read(tmp_path):
     path = pack(tmp_path / "a.zip", picture_bytes(tmp_path, 12))
     frames = list(open_video(path, fps=2).frames())
     assert [frame.t_s for frame in frames] == [k / 2 for k in range(12)]
@@ -1010,7 +1010,7 @@ def test_archive_with_several_videos_gives_the_one_its_tracker_project_names(tmp
     assert len(times(path)) == 5
 
 
-def test_archive_with_thumbnails_gives_the_pictures_its_tracker_project_names(tmp_path):
+def test_archive_with_thumbnails_gives_the_images_its_tracker_project_names(tmp_path):
     members = picture_bytes(tmp_path) | {"thumb.png": b"", "a.trk": tracker_project("shots/frame_0.png")}
     assert len(times(pack(tmp_path / "a.trz", members), fps=1)) == 5
 
@@ -1053,7 +1053,7 @@ def test_real_clip_is_read_to_its_last_frame(name, count, step):
     assert len(video.sample(11)) == 11
 
 
-def test_real_clip_agrees_with_opencv_in_time_and_picture():
+def test_real_clip_agrees_with_opencv_in_time_and_image():
     path = recording("juangomez_pendulum/pendulum.mp4")
     by_opencv, images = read_by_opencv(path)
     frames = list(open_video(path).frames())
