@@ -33,7 +33,7 @@ class Planes:
     red: Plane
 
     def copy(self) -> Planes:
-        """Planes of its own with the same content."""
+        """A copy of the planes."""
         return Planes(self.luma.copy(), self.blue.copy(), self.red.copy())
 
 
@@ -63,18 +63,18 @@ def wall(size: tuple[int, int], colour: Colour, glossy: bool, look: Look, rng: n
     size
         Width and height, px.
     colour
-        Of the wall.
+        Colour of the wall.
     glossy
         Whether lamps are reflected in it.
     look
-        Says how strong the texture is, and whether there are marks at all.
+        Strength of the texture, and whether marks are drawn.
     rng
         Source of the texture.
 
     Returns
     -------
     Planes
-        To paint props on, and then to light.
+        Planes to paint props on and then to light.
     """
     width, height = size
     luma, blue, red = ycbcr(colour)

@@ -1,4 +1,4 @@
-"""A checkerboard held before the camera of a scene: what a calibration is made from, with every corner known."""
+"""A checkerboard in front of the camera of a scene, for calibration, with the exact position of every corner."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from iris_sysid.types import Array, Progress
 SQUARES = (10, 7)  # across, down: 9 by 6 inner corners
 FIELD_SHARE = 0.34  # of the field's width that the board takes up
 POSES = 18
-HELD_S, MOVED_S = 0.3, 0.2  # how long each pose is held, and how long it takes to the next
+HELD_S, MOVED_S = 0.3, 0.2  # s, duration of each pose, and of the move to the next
 SIDE_POINTS = 4  # a lens bends the sides of a square
 WHITE, BLACK = (212.0, 212.0, 210.0), (22.0, 22.0, 24.0)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Board:
-    """A board on its way: side of its squares (m), times (p,) at which poses hold, places (p, 3) m and turns.
+    """A moving board: side of its squares (m), times (p,) of its poses, positions (p, 3) m and rotations.
 
     Axes are the plane of motion's: right, down, away from the camera. At first the board lies in that plane.
     """
@@ -43,7 +43,7 @@ class Board:
     turns: Rotation
 
     def at(self, points_m: Array, t_s: Array) -> Array:
-        """Where points (v, 2) m of the board, right and down from its middle, are at times (k,): (k, v, 3) m."""
+        """Positions (k, v, 3) m, at times (k,), of points (v, 2) m of the board, right and down from its middle."""
         t_s = np.clip(t_s, self.times_s[0], self.times_s[-1])
         turned = Slerp(self.times_s, self.turns)(t_s).as_matrix()
         middle = np.stack([np.interp(t_s, self.times_s, positions_m) for positions_m in self.places_m.T], axis=-1)
@@ -64,7 +64,7 @@ def board_for(camera: Camera, seed: int) -> Board:
     spots = rng.permutation(np.stack([across.ravel() * width, down.ravel() * height], axis=-1))[: POSES - 2]
     nearer = -camera.distance_m * rng.uniform(0.0, 0.3, (len(spots), 1))
     tilts = rng.uniform(-1, 1, (len(spots), 3)) * np.radians([35, 35, 20])
-    start = np.zeros((2, 3))  # lies in the plane of motion, and is left there for a while
+    start = np.zeros((2, 3))  # lies in the plane of motion, and rests there for a while
     places = np.concatenate([start, np.hstack([spots * (1 + nearer / camera.distance_m), nearer])])
     turns = Rotation.from_rotvec(np.concatenate([start, tilts]))
     every = HELD_S + MOVED_S
@@ -91,7 +91,7 @@ def render_checkerboard(
     Parameters
     ----------
     phenomenon, setting
-        Whose camera.
+        Scene and setting whose camera films the board.
     path
         The clip.
     size, fps, seed, look
@@ -114,14 +114,14 @@ def render_checkerboard(
     board = board_for(plan.camera, seed)
     corners = _corner_table(board, plan)
     filmed = Plan(_stage(board, plan), plan.camera, plan.look, plan.timing, plan.shift_px, 0.0, seed, plan.truth)
-    told, table, _ = truth_paths(clip)
+    truth_path, table, _ = truth_paths(clip)
     with film(clip, filmed, progress, overwrite=overwrite):
         write_atomic(table, corners.to_csv(index=False, lineterminator="\n"), overwrite=True)
-        write_atomic(told, json_text(_told(clip.name, board, plan)), overwrite=True)
+        write_atomic(truth_path, json_text(_known_to_a_user(clip.name, board, plan)), overwrite=True)
     return board.square_m, corners
 
 
-def _told(clip: str, board: Board, plan: Plan) -> dict[str, Any]:
+def _known_to_a_user(clip: str, board: Board, plan: Plan) -> dict[str, Any]:
     described: Mapping[str, Any] = {
         "squares": list(SQUARES),
         "inner_corners": [SQUARES[0] - 1, SQUARES[1] - 1],
@@ -154,7 +154,7 @@ def _stage(board: Board, plan: Plan) -> Stage:
     black = [box(columns[i], rows[j], board.square_m, board.square_m) for i, j in dark]
     layers = (
         Layer(_seen(board, plan.camera, sheet), WHITE),
-        # the squares share the layer's weight, so that together they have the weight of one each
+        # the squares share the layer's weight, so that their sum is the weight of one shape
         Layer(_seen(board, plan.camera, black), BLACK, opacity=float(len(black))),
     )
     bare: View = plan.stage.view
@@ -162,7 +162,7 @@ def _stage(board: Board, plan: Plan) -> Stage:
 
 
 def _seen(board: Board, camera: Camera, tiles: list[Array]) -> Outline:
-    """Outlines of tiles of the board, as the shadows that they throw from the camera onto the plane of motion."""
+    """Outlines of tiles of the board, projected from the camera onto the plane of motion."""
     points = np.concatenate([_divided(tile) for tile in tiles])
 
     def outline(t_s: Array, scale: float) -> Array:

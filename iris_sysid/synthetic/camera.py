@@ -15,9 +15,9 @@ FOCAL_PER_WIDTH = 26 / 36
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """The part of the plane of motion (m; x right, z up) that must be in the image, and how far away it is.
+    """The part of the plane of motion (m; x right, z up) that must be in the image, and its distance.
 
-    ``distance_m`` None means as far as a phone's main camera has to stand.
+    ``distance_m`` None means the distance that a phone's main camera needs.
     """
 
     left: float
@@ -29,10 +29,10 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """Where the camera stands and how it draws.
+    """Position and projection of the camera.
 
     ``size`` (width, height) px. ``aim_m`` (x, z) is the point of the plane of motion seen at the centre of the
-    image, ``pixels_per_metre`` the scale there, ``distance_m`` how far away it is.
+    image, ``pixels_per_metre`` the scale there, ``distance_m`` its distance.
     ``tilt_rad`` turns the plane about the camera's horizontal and vertical axis, ``roll_rad`` about the line of
     sight; ``distortion`` is k1, k2 of OpenCV's radial model; ``aspect`` stretches the image horizontally.
     """
@@ -97,7 +97,7 @@ class Camera:
         return out
 
     def description(self) -> dict[str, Any]:
-        """What a calibration should find, by name, for the truth file."""
+        """True values of a calibration, by name, for the truth file."""
         return {
             "size_px": list(self.size),
             "pixels_per_metre": self.pixels_per_metre,
@@ -111,7 +111,7 @@ class Camera:
 
 
 def camera_for(view: View, size: tuple[int, int], **lens: Any) -> Camera:
-    """A camera of that size (width, height) px that has the whole view in its image; ``lens`` sets tilt and such."""
+    """A camera of that size (width, height) px that shows the whole view; ``lens`` sets tilt, roll and distortion."""
     scale = min(size[0] / (view.right - view.left), size[1] / (view.top - view.bottom))
     distance = view.distance_m if view.distance_m is not None else FOCAL_PER_WIDTH * size[0] / scale
     aim = ((view.left + view.right) / 2, (view.bottom + view.top) / 2)

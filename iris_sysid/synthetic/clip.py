@@ -1,4 +1,4 @@
-"""Render one clip: a scene, its hidden effects, a camera and a sensor; the truth goes beside it."""
+"""Render one clip: a scene, its hidden effects, a camera and a sensor; its truth is written to files beside it."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ def render_clip(
     progress: Progress | None = None,
     overwrite: bool = False,
 ) -> Truth:
-    """Render a clip of a phenomenon and write what is true of it beside it.
+    """Render a clip of a phenomenon and write its truth beside it.
 
-    The same arguments give the same bytes. Nothing half-written is ever seen under the clip's name.
+    The same arguments give the same bytes. The file appears under its name only when it is complete.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ def render_clip(
     overrides
         Parameters of the scene that differ from the setting's, in SI units.
     look
-        What is drawn and how; None is a phone's camera on a tripod.
+        Appearance of the clip; None is a phone's camera on a tripod.
     progress
         Called with (frames done, frames in all).
     overwrite
@@ -68,7 +68,7 @@ def render_clip(
     Returns
     -------
     Truth
-        What was written beside the clip.
+        The truth that was written beside the clip.
 
     Raises
     ------
@@ -117,14 +117,14 @@ def check_paths(path: str | Path, *, overwrite: bool) -> Path:
 def film(clip: Path, plan: Plan, progress: Progress | None, *, overwrite: bool) -> Iterator[None]:
     """Render a planned clip; within the block its truth is written; the clip appears when the block ends.
 
-    So a clip is never seen without its truth, nor half-written.
+    So a clip exists only when it and its truth are complete.
 
     Parameters
     ----------
     clip
-        Where it goes.
+        Path of the clip.
     plan
-        What to render.
+        The plan to render.
     progress
         Called with (frames done, frames in all).
     overwrite
@@ -138,12 +138,12 @@ def film(clip: Path, plan: Plan, progress: Progress | None, *, overwrite: bool) 
 def _expose(temporary: Path, plan: Plan, progress: Progress | None) -> None:
     """Draw, read out and encode frame after frame."""
     wall_rng, sensor_rng = (np.random.default_rng([plan.seed, k]) for k in (2, 3))
-    picture = Picture(plan.stage, plan.camera, plan.look, wall_rng)
-    picture.readout_s = plan.readout_s
+    painter = Picture(plan.stage, plan.camera, plan.look, wall_rng)
+    painter.readout_s = plan.readout_s
     sensor = Sensor(plan.camera.size, plan.look, sensor_rng)
     count = len(plan.timing.ticks)
     with Encoder(temporary, plan.camera.size, plan.timing.rate, plan.look) as encoder:
         for k in with_progress(range(count), progress, count):
             frame, arrays = encoder.blank()
-            sensor.read(picture.at(float(plan.timing.true_s[k]), plan.shift_px[k]), arrays)
+            sensor.read(painter.at(float(plan.timing.true_s[k]), plan.shift_px[k]), arrays)
             encoder.write(frame, int(plan.timing.ticks[k]))

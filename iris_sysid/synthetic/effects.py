@@ -1,4 +1,4 @@
-"""What can be hidden in a clip: names, units, and the terms they add to an acceleration."""
+"""Effects that can be hidden in a clip: names, units, and the terms they add to an acceleration."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from iris_sysid.types import Array
 FORCING_HZ = 0.7  # frequency of periodic-forcing
 WEAKENING_SPEED = 0.3  # rad/s or m/s over which velocity-weakening-friction falls to 1/e
 
-# name -> what its number means. q is the scene's coordinate, e.g. theta in rad or z in m.
+# name -> meaning of its number. q is the scene's coordinate, e.g. theta in rad or z in m.
 FORCES: Mapping[str, str] = {
     "linear-drag": "q'' loses c q'; c in 1/s",
     "quadratic-drag": "q'' loses c |q'| q'; c in 1/rad or 1/m",
@@ -105,7 +105,7 @@ def effect_within(effects: Mapping[str, float], name: str, low: float, high: flo
     effects
         Sizes by name.
     name
-        Which.
+        Name of the effect.
     low, high
         Bounds, included.
     """

@@ -1,4 +1,4 @@
-"""What makes a clip look like footage: every part can be switched off, none of it changes the motion."""
+"""Realistic appearance of a clip: every part can be switched off, and none changes the motion."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Look:
         return cls(**{**off, "codec": "lossless", **changes})
 
     def bits_per_second(self, size: tuple[int, int], fps: float) -> float:
-        """Bit rate of the file: as asked, or a phone's (45 Mbit/s at 3840x2160, 60 frames/s) scaled by pixels."""
+        """Bit rate of the file: as given, or a phone's (45 Mbit/s at 3840x2160, 60 frames/s) scaled by pixels."""
         if self.bit_rate is not None:
             return self.bit_rate
         return max(2e5, PHONE_BITS_PER_PIXEL * size[0] * size[1] * fps)

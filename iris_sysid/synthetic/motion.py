@@ -1,6 +1,6 @@
 """True trajectories: equations of motion integrated piece by piece between events, kept as dense solutions.
 
-Deliberately not the engine of ``fitters``: what tests that engine must not share its code.
+Deliberately not the engine of ``fitters``: clips that test that engine must not share its code.
 """
 
 from __future__ import annotations
@@ -71,10 +71,10 @@ class Motion:
             return self.pieces[index[0]](inside).T
         out: Array | None = None
         for piece in np.unique(index):
-            here = index == piece
-            values = self.pieces[piece](inside[here]).T
+            in_piece = index == piece
+            values = self.pieces[piece](inside[in_piece]).T
             out = np.empty((inside.size, values.shape[1])) if out is None else out
-            out[here] = values
+            out[in_piece] = values
         return np.empty((0, 0)) if out is None else out
 
     def state(self, column: int) -> Callable[[Array], Array]:

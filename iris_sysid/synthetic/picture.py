@@ -1,4 +1,4 @@
-"""Paint a frame: restore what the last frame changed, lay every moving layer over it, integrate the exposure."""
+"""Paint a frame: restore what the last frame changed, paint every moving layer over it, integrate the exposure."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NO_SHIFT: Array = np.zeros(2)
 
 
 class Picture:
-    """The scene's image, frame after frame; only what moves is painted anew."""
+    """The scene's image, frame after frame; only moving layers are painted again."""
 
     def __init__(self, stage: Stage, camera: Camera, look: Look, rng: np.random.Generator) -> None:
         self.stage, self.camera, self.look = stage, camera, look
@@ -126,7 +126,7 @@ def _copy(planes: Planes, source: Planes, left: int, top: int, right: int, botto
 
 
 def painted(stage: Stage, camera: Camera, look: Look, times_s: Sequence[float], seed: int = 0) -> list[Planes]:
-    """Exact images at some times, before noise and rounding: what tests of the geometry look at.
+    """Exact images at some times, before noise and rounding, for tests of the geometry.
 
     Parameters
     ----------
@@ -135,11 +135,11 @@ def painted(stage: Stage, camera: Camera, look: Look, times_s: Sequence[float], 
     camera
         Where it is seen from.
     look
-        What is drawn.
+        The stage to draw.
     times_s
         Middle times of the exposures.
     seed
         Of the wall's texture.
     """
-    picture = Picture(stage, camera, look, np.random.default_rng(seed))
-    return [picture.at(t_s).copy() for t_s in times_s]
+    painter = Picture(stage, camera, look, np.random.default_rng(seed))
+    return [painter.at(t_s).copy() for t_s in times_s]

@@ -151,7 +151,7 @@ def floor(level_m: float, left_m: float, right_m: float, bottom_m: float, skirti
     level_m
         Height at which things stand.
     left_m, right_m, bottom_m
-        How far it reaches; beyond the image.
+        Its length; it extends beyond the image.
     skirting_m
         Height of the strip.
     """

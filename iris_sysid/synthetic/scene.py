@@ -1,4 +1,4 @@
-"""What a scene is: one phenomenon, from its parameters to everything that moves in the image."""
+"""A scene: one phenomenon, from its parameters to everything that moves in the image."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Curve = Callable[[Array], Array]  # times (n,) s -> values (n,)
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What a scene is asked for: parameters and hidden effects by name, length, look, and its source of chance."""
+    """Request for a scene: parameters and hidden effects by name, length, look, and the random generator."""
 
     parameters: Mapping[str, float]
     effects: Mapping[str, float]

@@ -1,4 +1,4 @@
-"""Shapes in the plane of motion, as functions of time: what the image is painted from."""
+"""Shapes in the plane of motion, as functions of time, from which the image is painted."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Outline = Callable[[Array, float], Array]
 Path = Callable[[Array], Array]  # times (k,) s -> points (k, 2) in m
 Colour = tuple[float, float, float]  # red, green, blue, 0 to 255
 
-CURVE_ERROR_PX = 0.005  # how far a polygon may leave the curve it stands for
+CURVE_ERROR_PX = 0.005  # largest distance between a polygon and its curve
 PENUMBRA_STEPS = 5
 SPLINE_STEPS = 6  # points a side of a rounded polygon
 PENUMBRA_FINENESS = 0.05  # a blurred edge needs fewer vertices
@@ -41,7 +41,7 @@ class Shading:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Layer:
-    """One painted shape: its outline over time, colour, how much it hides, and when it is there.
+    """One painted shape: its outline over time, colour, opacity, and when it is visible.
 
     ``opacity`` (0 to 1) is a number or a function of the times (k,). ``start_s`` and ``stop_s`` bound when it is
     drawn. ``shading`` is applied when the look asks for it. ``blur_step_px`` is the travel between two
@@ -95,11 +95,11 @@ def soft(outline: Outline, centre: Path, spread: float, steps: int = PENUMBRA_ST
     Parameters
     ----------
     outline, centre
-        Of the shape, which is grown about its centre.
+        The shape, which is scaled about its centre.
     spread
         Sizes go from 1 - spread to 1 + spread.
     steps
-        How many.
+        Number of sizes.
     """
     sizes = np.linspace(1 - spread, 1 + spread, steps)
 

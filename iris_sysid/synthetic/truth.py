@@ -1,4 +1,4 @@
-"""What is true of a rendered clip, and the files that say so."""
+"""The truth of a rendered clip, and the files that hold it."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class Truth:
     the middle of its exposure), ``body``, ``x_px``, ``y_px`` (true centre at that time; origin at the centre of
     pixel (0, 0), y down), ``x_mean_px``, ``y_mean_px`` (mean over the exposure), ``radius_px``, ``x_m``, ``z_m``,
     ``phase`` (hand, motion, contact, rest), ``inside`` (whether the centre lies in the image), ``shift_x_px``,
-    ``shift_y_px`` (how far the camera shook; contained in the positions), then what the scene observes, e.g.
+    ``shift_y_px`` (shift by camera shake; contained in the positions), then what the scene observes, e.g.
     ``theta_rad``.
-    ``parameters`` and ``camera`` are what a user would be told. ``effects`` are hidden; ``hidden`` holds the
-    parameters that they change (e.g. the length that the equation of motion has, where the one told is the cord's)
-    and ``true_camera`` the camera that they change. These are kept in a file of their own, which nothing else reads.
+    ``parameters`` and ``camera`` are the values that a user would know. ``effects`` are hidden; ``hidden`` holds the
+    parameters that they change (e.g. the length in the equation of motion, where ``parameters`` has that of the cord)
+    and ``true_camera`` the camera that they change. A separate file holds these; nothing else reads it.
     """
 
     phenomenon: str
@@ -69,7 +69,7 @@ class Truth:
 
 
 def truth_paths(clip: str | Path) -> tuple[Path, Path, Path]:
-    """The files beside a clip: parameters and camera, trajectory, and what is hidden in it."""
+    """The files beside a clip: parameters and camera, trajectory, and hidden effects."""
     clip = Path(clip)
     return clip.with_suffix(".truth.json"), clip.with_suffix(".truth.csv"), clip.with_suffix(".hidden.json")
 
@@ -80,19 +80,19 @@ def write_truth(truth: Truth, clip: str | Path, *, overwrite: bool = False) -> N
     Parameters
     ----------
     truth
-        What to write.
+        The truth to write.
     clip
         The clip beside which the files go.
     overwrite
         Replace files that are there.
     """
-    told, table, hidden = truth_paths(clip)
+    truth_path, table, hidden = truth_paths(clip)
     write_atomic(table, truth.table.to_csv(index=False, lineterminator="\n"), overwrite=overwrite)
     write_atomic(hidden, json_text(_hidden(truth)), overwrite=overwrite)
-    write_atomic(told, json_text(_told(truth, Path(clip).name)), overwrite=overwrite)
+    write_atomic(truth_path, json_text(_known_to_a_user(truth, Path(clip).name)), overwrite=overwrite)
 
 
-def _told(truth: Truth, clip: str) -> dict[str, Any]:
+def _known_to_a_user(truth: Truth, clip: str) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "clip": clip,
@@ -121,23 +121,23 @@ def _hidden(truth: Truth) -> dict[str, Any]:
 
 
 def read_truth(clip: str | Path) -> Truth:
-    """Read what is true of a clip from the files beside it, the hidden one included.
+    """Read the truth of a clip from the files beside it, including the hidden effects.
 
     Raises DataError when a file is missing or is not one of ours.
     """
-    told_path, table_path, hidden_path = truth_paths(clip)
-    told, hidden = _read_json(told_path), _read_json(hidden_path)
+    truth_path, table_path, hidden_path = truth_paths(clip)
+    content, hidden = _read_json(truth_path), _read_json(hidden_path)
     try:
         return Truth(
-            phenomenon=told["phenomenon"],
-            setting=told["setting"],
-            size=(told["size_px"][0], told["size_px"][1]),
-            fps=told["fps"],
-            duration_s=told["duration_s"],
-            seed=told["seed"],
-            parameters=_estimates(told["parameters"]),
-            camera=told["camera"],
-            look=told["look"],
+            phenomenon=content["phenomenon"],
+            setting=content["setting"],
+            size=(content["size_px"][0], content["size_px"][1]),
+            fps=content["fps"],
+            duration_s=content["duration_s"],
+            seed=content["seed"],
+            parameters=_estimates(content["parameters"]),
+            camera=content["camera"],
+            look=content["look"],
             events=tuple((event["t_s"], event["event"]) for event in hidden["events"]),
             effects=hidden["effects"],
             hidden=_estimates(hidden["consequences"]),
@@ -145,7 +145,7 @@ def read_truth(clip: str | Path) -> Truth:
             table=pd.read_csv(table_path, dtype={"body": str}),
         )
     except (KeyError, TypeError, IndexError, OSError, ValueError) as error:
-        raise DataError(f"{told_path} and its companions are not the truth of a rendered clip: {error!r}") from error
+        raise DataError(f"{truth_path} and its companions are not the truth of a rendered clip: {error!r}") from error
 
 
 def _read_json(path: Path) -> dict[str, Any]:

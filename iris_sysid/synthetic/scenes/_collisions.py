@@ -1,7 +1,7 @@
 """Round bodies in a vertical plane: gravity, a floor, a pile that stands until it is struck, impacts with friction.
 
-Small fixed steps with impulses, as rigid-body simulators do (Guendelman, Bridson and Fedkiw, SIGGRAPH 2003): what is
-recorded at each step is, by definition, the truth of the clip.
+Small fixed steps with impulses, as rigid-body simulators do (Guendelman, Bridson and Fedkiw, SIGGRAPH 2003). The
+state recorded at each step is, by definition, the truth of the clip.
 """
 
 # mypy: disallow-untyped-decorators=False
@@ -43,7 +43,7 @@ class Pile(NamedTuple):
 
 
 class Material(NamedTuple):
-    """What all bodies have in common: restitution, friction coefficient, rolling loss 1/s, gravity m/s^2."""
+    """Constants common to all bodies: restitution, friction coefficient, rolling loss 1/s, gravity m/s^2."""
 
     restitution: float
     friction: float
@@ -80,9 +80,9 @@ def run(pile: Pile, material: Material, steps: int) -> tuple[Array, Array]:
     pile
         At the start.
     material
-        What the bodies are made of.
+        Contact constants of the bodies.
     steps
-        How many.
+        Number of steps.
     """
     count = len(pile.radius)
     positions, angles = np.empty((steps + 1, count, 2)), np.empty((steps + 1, count))
@@ -117,7 +117,7 @@ def _meet(pile: Pile, material: Material, a: int, b: int, step: int) -> None:
         if closing > WAKING_SPEED and not pile.awake[body]:
             pile.awake[body] = True
             pile.woken_at[body] = step
-    # one that still sleeps does not give way
+    # a body that is not awake does not move
     inverse_a, inverse_b = pile.awake[a] / pile.mass[a], pile.awake[b] / pile.mass[b]
     share = 0.5 * overlap / (inverse_a + inverse_b)
     pile.position[a, 0] -= share * inverse_a * x
@@ -149,7 +149,7 @@ def _push(pile: Pile, material: Material, a: int, b: int, normal: tuple[float, f
 
 @compiled
 def _land_all(pile: Pile, material: Material) -> None:
-    """The floor throws back what falls, and slows what slides or rolls."""
+    """Contact with the floor: bodies bounce, and friction slows sliding and rolling."""
     for body in range(len(pile.radius)):
         below = pile.radius[body] - pile.position[body, 1]
         if below <= 0 or not pile.awake[body]:
@@ -167,7 +167,7 @@ def _land_all(pile: Pile, material: Material) -> None:
 
 @compiled
 def _wake_unsupported(pile: Pile) -> None:
-    """What stood on a body that has gone begins to fall."""
+    """Bodies whose support has moved away begin to fall."""
     for body in range(len(pile.radius)):
         if pile.awake[body]:
             continue

@@ -1,4 +1,4 @@
-"""What hangs: cords and balls of the pendulum scenes."""
+"""Cords and balls of the pendulum scenes."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def hanging(theta: Curve, distance: Curve, pivot: tuple[float, float] = (0.0, 0.
 
 
 def cord(centre: Path, pivot: tuple[float, float], length_m: float, width_m: float, gap_m: float = 0.0) -> Layer:
-    """One strand from the pivot to a body's centre: straight when taut, sagging when there is more cord than way.
+    """One strand from the pivot to a body's centre: straight when taut, sagging when the cord is slack.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def cord(centre: Path, pivot: tuple[float, float], length_m: float, width_m: flo
     length_m, width_m
         Of the strand.
     gap_m
-        How far beside the centre it ends, for doubled cords.
+        Distance of its end from the centre, for doubled cords.
     """
     along = np.linspace(0.0, 1.0, CORD_POINTS)[:, np.newaxis]
 
@@ -104,7 +104,7 @@ def seams(centre: Path, radius_m: float, turned: Curve, colour: Colour) -> list[
 def holding_hand(
     centre: Path, pivot: tuple[float, float], radius_m: float, setup: Setup
 ) -> tuple[list[Layer], list[Layer]]:
-    """A hand that holds a hanging ball from beyond, and lets go at the release: layers behind and before the ball.
+    """A hand that holds a hanging ball from behind, and lets go at the release: layers behind and in front of the ball.
 
     Parameters
     ----------

@@ -88,7 +88,7 @@ class Pair:
         return float(np.linalg.norm(self._geometry(state)[0])) - float(self.radius.sum())
 
     def normal(self, state: Array) -> tuple[Array, Array]:
-        """The gap's slope d gap / d theta_i (2,), and what a unit impulse does.
+        """The gap's slope d gap / d theta_i (2,), and the effect of a unit impulse.
 
         The gap's rate is the product of its slope with omega. The second (2,) is the change of omega_i by a unit
         impulse along the line of centres.

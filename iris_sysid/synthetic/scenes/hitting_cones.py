@@ -96,7 +96,7 @@ def _collided(setup: Setup, start: Array) -> Moves:
     release, cup_radius = setup["release_time"], setup["cup_radius"]
     masses = np.array([BALL_OVER_CUP_MASS, *[1.0] * CUPS])
     pile = pile_of(start, np.array([setup["ball_radius"], *[cup_radius] * CUPS]), masses)
-    # each trial's ball goes off a little differently, as from a hand
+    # the launch differs a little in each trial, as from a hand
     pile.velocity[0, 0] = setup["launch_speed"] * (1 + 0.02 * setup.rng.standard_normal())
     pile.spin[0] = -pile.velocity[0, 0] / setup["ball_radius"]
     pile.awake[0] = True
