@@ -1,8 +1,8 @@
-"""The command line: each command is one arrow of the flow, thin over the library.
+"""The command line: each command is one step of the pipeline and calls the library.
 
 Results go to files and, with ``--json``, to stdout; progress goes to stderr. Exit status: 0 done,
-1 a stated failure, 2 wrong usage. A command's module is imported when the command is called, and
-imports that take time are made by the command that needs them.
+1 a reported failure, 2 wrong usage. A command's module is imported when the command is called, and
+slow imports are made inside the command that needs them.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from typer._click import Context, HelpFormatter
     from typer._click.core import Command
 
-# Every command in the order in which help shows them: the module and function of its own name, and what help says.
-# A test holds the sentences to the functions' own.
+# Every command in the order of the help: its module (with a function of the same name), and its sentence in the help.
+# A test checks that the sentences equal the first sentences of the functions' docstrings.
 COMMANDS = {
     "run": ("run", "Run the whole chain on one clip."),
     "calibrate": ("calibrate", "Calibrate camera and plane of motion."),
@@ -75,20 +75,20 @@ class _Loaded(MutableMapping[str, "Command"]):
 
 def _command(name: str) -> Command:
     module, _ = COMMANDS[name]
-    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-    alone.command(name)(getattr(importlib.import_module(f"iris_sysid.cli.{module}"), module))
-    return typer.main.get_command(alone)
+    application = typer.Typer(add_completion=False, rich_markup_mode=None)
+    application.command(name)(getattr(importlib.import_module(f"iris_sysid.cli.{module}"), module))
+    return typer.main.get_command(application)
 
 
 class _Group(TyperGroup):
-    """A group that imports only the command that is called, and none to show its help."""
+    """A group that imports only the command that is called, and none for its own help."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
         self.commands = _Loaded()
 
     def list_commands(self, ctx: Context) -> list[str]:
-        """The names in the order of help."""
+        """The names in the order of the help."""
         return list(COMMANDS)
 
     def get_command(self, ctx: Context, cmd_name: str) -> Command | None:
@@ -96,7 +96,7 @@ class _Group(TyperGroup):
         return self.commands[cmd_name] if cmd_name in COMMANDS else None
 
     def format_commands(self, ctx: Context, formatter: HelpFormatter) -> None:
-        """Write one line a command."""
+        """Write one line per command."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, sentence) for name, (_, sentence) in COMMANDS.items()])
 
@@ -114,11 +114,11 @@ app = typer.Typer(
 
 @app.callback()
 def _every_command() -> None:
-    """Take no options: a group without registered commands needs a callback."""
+    """No options; typer needs a callback in a group without registered commands."""
 
 
 def main() -> None:
-    """Run the command line; a stated failure is one line on stderr and exit status 1."""
+    """Run the command line; a reported failure is one line on stderr and exit status 1."""
     from iris_sysid.cli import _terminal
     from iris_sysid.errors import IrisError
 

@@ -11,7 +11,7 @@ Text = str | None
 
 @dataclass(frozen=True)
 class BoardArguments:
-    """The board, and where it is."""
+    """The board and its position."""
 
     board: Annotated[Text, typer.Option(help="Inner corners, columns x rows: 9x6 for 10 x 7 squares.")] = None
     square: Annotated[Text, typer.Option(help="Measured side of a square: 25mm or 25.0+-0.1mm.")] = None
@@ -34,7 +34,7 @@ class BoardArguments:
 
 @dataclass(frozen=True)
 class CameraArguments:
-    """How the camera is fitted, or which one is taken."""
+    """Options of the camera fit, or a known camera."""
 
     camera: Annotated[Path | None, typer.Option(help="Use the camera of this calibration.json.")] = None
     resized: Annotated[Text, typer.Option(help="The clip was resized from that camera's images to WIDTHxHEIGHT.")] = (
@@ -55,7 +55,7 @@ class CameraArguments:
 
 @dataclass(frozen=True)
 class SizeArguments:
-    """What is known without a board."""
+    """Known sizes and distances, without a board."""
 
     known: Annotated[
         Text, typer.Option("--object", help="Without a board: an object of known length, 200+-1px=50.0+-0.1cm.")

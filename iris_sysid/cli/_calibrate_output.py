@@ -1,4 +1,4 @@
-"""What ``iris-sysid calibrate`` writes, draws and prints."""
+"""Files, drawings and text output of ``iris-sysid calibrate``."""
 
 from __future__ import annotations
 
@@ -72,12 +72,12 @@ def text_of(calibration: Calibration, *, json: bool = False) -> str:
     calibration
         Of the plane.
     json
-        As calibration.json instead.
+        Return calibration.json instead.
 
     Returns
     -------
     str
-        Scale, stretch, shear and turn with their standard errors, what the data fixed, what is assumed, notes.
+        Scale, stretch, shear and turn with their standard errors, quantities fixed by the data, assumptions, notes.
     """
     if json:
         return document_text(calibration_document(calibration)).rstrip("\n")

@@ -139,11 +139,11 @@ def _choice(text: str, choices: dict[str, Name], option: str) -> Name:
 def _camera(camera: CameraArguments) -> CameraCalibration | None:
     if camera.camera is None:
         return None
-    known = camera_of(read_calibration(camera.camera))
+    calibrated = camera_of(read_calibration(camera.camera))
     if camera.resized is not None:
-        known = resized_camera(known, _parsing.size(camera.resized))
+        calibrated = resized_camera(calibrated, _parsing.size(camera.resized))
     crop = _parsing.region(camera.cropped)
-    return known if crop is None else cropped_camera(known, crop)
+    return calibrated if crop is None else cropped_camera(calibrated, crop)
 
 
 def _field_of_view(size: SizeArguments) -> FieldOfView:

@@ -15,7 +15,7 @@ def with_groups(command: Callable[..., None]) -> Callable[..., None]:
     Parameters
     ----------
     command
-        Its groups are annotated with the class of the group; every field has a default and a typer annotation.
+        Parameters annotated with a dataclass are groups; every field has a default and a typer annotation.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Text that users type, turned into the values that the library takes: ``gravity=9.79+-0.01``, ``10,20,300,200``."""
+"""Parse option texts into the library's values: ``gravity=9.79+-0.01``, ``10,20,300,200``."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ Value = TypeVar("Value")
 def settings(texts: Sequence[str], units: Mapping[str, str] = ANY_UNIT) -> dict[str, Estimate]:
     """Read ``name=value``, with or without ``+-standard error`` and a unit, into estimates by name.
 
-    Lengths in mm and cm come out in m, angles in deg in rad. ``units`` are those of the names that have one: a value
-    without a unit is in it, and one of another kind (an angle for a length) is refused; px may stand for m. Raises
-    DataError that shows what is right.
+    Lengths in mm and cm are converted to m, angles in deg to rad. ``units`` gives the unit of each name: a value
+    without a unit is in that unit, and a value of another kind (an angle for a length) is refused; px may replace m.
+    Raises a DataError that shows the right form.
     """
     values = _each_once((_setting(text) for text in texts), "setting")
     return {name: _in_unit(name, value, units.get(name, "")) for name, value in values.items()}
@@ -123,7 +123,7 @@ def _mark(text: str) -> tuple[str, tuple[float, float]]:
 
 
 def vertical(text: str) -> Literal["assumed", "motion"]:
-    """Read how gravity's direction is to be found."""
+    """Read the method for the direction of gravity."""
     if text not in ("assumed", "motion"):
         raise DataError(f"the vertical is assumed or taken from the motion, not {text!r}; write assumed or motion")
     return "motion" if text == "motion" else "assumed"
@@ -154,7 +154,7 @@ def board(corners: str | None, square: str | None, marker: str = "", dictionary:
     DataError
         When a text is missing or cannot be read.
     CalibrationError
-        When they make no board.
+        When they do not define a board.
     """
     from iris_sysid.calibration.board.board import BOARD_HELP, Board
 
@@ -179,7 +179,7 @@ def angle(text: str, example: str = "60deg+-1deg") -> Measure:
 
 
 def effects(texts: Sequence[str]) -> dict[str, float]:
-    """Read ``quadratic-drag=0.08`` into sizes by effect name."""
+    """Read ``quadratic-drag=0.08`` into effect sizes by name."""
     return _each_once(map(_effect, texts), "effect")
 
 
@@ -193,7 +193,7 @@ def _effect(text: str) -> tuple[str, float]:
 def calibration_of(
     scale: str | None, scale_bar: str | None, file: Path | None
 ) -> tuple[Estimate | None, Calibration | None]:
-    """What ``--scale``, ``--scale-bar`` and ``--calibration`` say: gravity to take the scale from, or the calibration.
+    """Read ``--scale``, ``--scale-bar`` and ``--calibration``: gravity, which then gives the scale, or a calibration.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def calibration_of(
         return None, scale_bar_from_text(scale_bar)
     if file is None:
         return None, None
-    from iris_sysid.calibration.calibration_json import read_calibration  # here: it loads pydantic
+    from iris_sysid.calibration.calibration_json import read_calibration  # imported here, because it loads pydantic
 
     return None, read_calibration(file)
 
@@ -252,7 +252,7 @@ def track_options(
     Parameters
     ----------
     bodies
-        How many to follow.
+        Number of bodies to track.
     roi
         ``x,y,width,height`` in px.
     colour
@@ -264,8 +264,8 @@ def track_options(
 
 
 def with_options(trajectory: Trajectory, **options: object) -> Trajectory:
-    """The trajectory with the command's options, and the versions of the packages that will run it, in its origin."""
-    before = trajectory.origin.get("options")
-    now = origin_of(None, {**(before if isinstance(before, dict) else {}), **options})
-    changed = {key: now[key] for key in ("options", "versions", "python")}
+    """The trajectory with the command's options and the package versions in its origin."""
+    earlier = trajectory.origin.get("options")
+    origin = origin_of(None, {**(earlier if isinstance(earlier, dict) else {}), **options})
+    changed = {key: origin[key] for key in ("options", "versions", "python")}
     return trajectory.with_(origin={**trajectory.origin, **changed})

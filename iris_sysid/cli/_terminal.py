@@ -1,4 +1,4 @@
-"""What the commands say to a terminal: results to stdout, progress and complaints to stderr."""
+"""Terminal output of the commands: results to stdout, progress and warnings to stderr."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ def check_outputs(source: Path, paths: Sequence[Path | None], *, overwrite: bool
     Parameters
     ----------
     source
-        What the command reads.
+        The file that the command reads.
     paths
-        What it will write; None is passed over.
+        The files that it will write; None is ignored.
     overwrite
-        Whether files that exist may be replaced, the source excepted.
+        Whether existing files other than the source may be replaced.
     """
     from iris_sysid.io.files import check_writable
 
@@ -40,7 +40,7 @@ def check_outputs(source: Path, paths: Sequence[Path | None], *, overwrite: bool
 
 
 def check_suffix(path: Path | None, suffix: str) -> None:
-    """Raise OutputError when the name of a result does not have the suffix of its format; None is passed over."""
+    """Raise OutputError when the name of a result does not have the suffix of its format; None is ignored."""
     if path is not None and path.suffix.lower() != suffix:
         raise OutputError(f"cannot write {path}: it will be a {suffix} file; end its name with {suffix}")
 
@@ -53,9 +53,9 @@ def show_fit(fit: FitResult, trajectory: Trajectory, json: bool) -> None:
     fit
         The result.
     trajectory
-        What was fitted.
+        The fitted trajectory.
     json
-        Print what fit.json holds.
+        Print the content of fit.json.
     """
     from iris_sysid.io import json_documents
     from iris_sysid.report.text import fit_table
@@ -64,7 +64,7 @@ def show_fit(fit: FitResult, trajectory: Trajectory, json: bool) -> None:
 
 
 def exit_unless_ok(fit: FitResult) -> None:
-    """Raise IrisError when a fit has no estimates; warn on stderr when they come with a reservation."""
+    """Raise IrisError when a fit has no estimates; warn on stderr when its status is not ok."""
     if not fit.usable:
         raise IrisError(f"the fit failed ({fit.status}): {fit.message}")
     if not fit.ok:
@@ -85,7 +85,7 @@ def print_rows(rows: list[dict[str, Any]], json: bool) -> None:
 
 @contextmanager
 def progress(what: str) -> Iterator[Callable[[int, int], None]]:
-    """Show a bar on stderr while work goes on, when stderr is a terminal."""
+    """Show a progress bar on stderr while the block runs, when stderr is a terminal."""
     if not sys.stderr.isatty():
         yield lambda done, expected: None
         return
@@ -100,12 +100,12 @@ def progress(what: str) -> Iterator[Callable[[int, int], None]]:
 
 
 def one_line(text: str) -> str:
-    """The text on one line, control characters (a file may be named with them) shown as escapes."""
+    """The text on one line, with control characters (possible in file names) shown as escapes."""
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
 
 
 def replace_unprintable() -> None:
-    """Write ``?`` for what the terminal's encoding lacks (± in ASCII) rather than stop."""
+    """Write ``?`` for characters that the terminal's encoding lacks (± in ASCII) instead of failing."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")

@@ -1,4 +1,4 @@
-"""Arguments and options that commands share, spelt and explained alike everywhere."""
+"""Arguments and options that several commands share, with the same name and help everywhere."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ ModelName = Annotated[str, typer.Option("--model", help="Governing equation; see
 
 @dataclass(frozen=True)
 class ClipArguments:
-    """Which part of a clip is read, and its frame rate."""
+    """Time range and frame rate of a clip."""
 
     fps: Fps = None
     start: Start = None
@@ -54,7 +54,7 @@ class ClipArguments:
     keep_partial: KeepPartial = False
 
     def options(self, fps_stderr: float = 0.0) -> ClipOptions:
-        """As the library takes them; ``fps_stderr`` is the relative standard error of the frame rate."""
+        """The library's options; ``fps_stderr`` is the relative standard error of the frame rate."""
         from iris_sysid.types import ClipOptions
 
         return ClipOptions(self.fps, fps_stderr, self.start, self.stop, self.keep_partial)
@@ -62,7 +62,7 @@ class ClipArguments:
 
 @dataclass(frozen=True)
 class ScaleArguments:
-    """How pixels become metres."""
+    """The scale from pixels to metres."""
 
     scale: Scale = None
     scale_bar: ScaleBar = None
@@ -71,7 +71,7 @@ class ScaleArguments:
 
 @dataclass(frozen=True)
 class TrackerArguments:
-    """How bodies are found."""
+    """The tracker and its hints."""
 
     roi: Roi = None
     colour: Colour = None
@@ -80,7 +80,7 @@ class TrackerArguments:
 
 @dataclass(frozen=True)
 class SceneArguments:
-    """What is known about the scene and the clock."""
+    """Known properties of the scene and the clock."""
 
     mark: Marks = None
     vertical: Vertical = "assumed"
@@ -89,7 +89,7 @@ class SceneArguments:
 
 @dataclass(frozen=True)
 class ModelArguments:
-    """What is known about the model, and what is estimated."""
+    """Known values of the model, and additional estimated constants."""
 
     known: Settings = None
     free: Free = None

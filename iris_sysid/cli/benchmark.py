@@ -103,7 +103,7 @@ def named_files(arguments: Sequence[str], option: str) -> dict[str, Path]:
 
 
 def _options(plan: Plan) -> dict[str, object]:
-    """What the rows depend on, for the manifest."""
+    """The options that the rows depend on, for the manifest."""
     return {
         "name": plan.name,
         "studies": plan.studies,

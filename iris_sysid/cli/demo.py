@@ -1,4 +1,4 @@
-"""The command ``iris-sysid demo``: a clip with a hidden effect, and what the chain finds of it beside the truth."""
+"""The command ``iris-sysid demo``: a clip with a hidden effect, its diagnosis, and a comparison with the truth."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from iris_sysid.types import FitResult
 
 CLIP = "pendulum.mp4"
-HIDDEN = {"quadratic-drag": 0.12}  # 1/rad; the real footage of the benchmark's pendulum shows about as much
+HIDDEN = {"quadratic-drag": 0.12}  # 1/rad; the real footage of the benchmark's pendulum shows a similar value
 
 
 def demo(output: Output = Path("demo-output"), force: Force = False) -> None:
@@ -34,7 +34,7 @@ def demo(output: Output = Path("demo-output"), force: Force = False) -> None:
 
 
 def run_demo(folder: Path, *, overwrite: bool = False, progress: Callable[[int, int], None] | None = None) -> str:
-    """Render a clip with a hidden effect, fit the textbook equation to it, diagnose it, compare both with the truth.
+    """Render a clip with a hidden effect, fit the textbook equation, diagnose it, compare both fits with the truth.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def run_demo(folder: Path, *, overwrite: bool = False, progress: Callable[[int, 
     Returns
     -------
     str
-        Estimates beside the truth, without and with the effect, and where the pages are.
+        Estimates beside the truth, without and with the effect, and the paths of the pages.
     """
     from iris_sysid.diagnosis.diagnose import diagnose
     from iris_sysid.pipeline import check_folder, run, save
@@ -93,13 +93,13 @@ def render_demo(
     Parameters
     ----------
     folder
-        Where ``pendulum.mp4`` goes, with its truth beside it; made when missing.
+        Folder of ``pendulum.mp4`` and its truth; created when missing.
     size
         Width and height, px.
     seconds
         Length of the clip, at 60 frames per second.
     seed
-        Same seed, same bytes.
+        Random seed; the same seed gives the same bytes.
     progress
         Called with (frames rendered, total number of frames).
     overwrite
@@ -110,7 +110,7 @@ def render_demo(
     clip : Path
         The clip.
     truth : Truth
-        Everything that is true of it.
+        The true values of the clip.
     """
     from iris_sysid.synthetic import render_clip
 
@@ -150,15 +150,15 @@ def compare(truth: Truth, fit: FitResult) -> pd.DataFrame:
 
     true_values = {name: estimate.value for name, estimate in {**truth.parameters, **truth.hidden}.items()}
     true_values = {name.replace("-", "_"): size for name, size in truth.effects.items()} | true_values
-    # constants were put in, and initial states hold at the fit's own start
+    # constants are inputs of the fit, and initial states refer to the start of the fit, not of the clip
     names = {*fit.free} & true_values.keys() - {*fit.model.initial_names}
     rows = []
     for name, estimate in fit.estimates.items():
         if name not in names:
             continue
         true = true_values[name]
-        off = (estimate.value - true) / estimate.stderr if estimate.stderr > 0 else float("nan")
-        rows.append((name, estimate.value, estimate.stderr, true, estimate.unit, off))
+        deviation = (estimate.value - true) / estimate.stderr if estimate.stderr > 0 else float("nan")
+        rows.append((name, estimate.value, estimate.stderr, true, estimate.unit, deviation))
     columns = ["parameter", "estimate", "stderr", "truth", "unit", "off"]
     return pd.DataFrame(rows, columns=columns).set_index("parameter")
 

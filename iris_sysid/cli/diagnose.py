@@ -55,23 +55,23 @@ def diagnose(
     from iris_sysid.registry import EFFECTS
     from iris_sysid.report.diagnosis_files import check_folder
 
-    equation, usually_free = _equation(model, phenomenon)
+    equation, free_by_default = _equation(model, phenomenon)
     check_folder(output, overwrite=force)
     fixed = _parsing.settings(known or (), equation.units())
     options = {"model": equation.name if model is None else model, "set": known, "free": free, "holdout": holdout}
     measured = _measured(clips, phenomenon, output, trials, board, square)
-    # imported after the clips are read: a file that cannot be read is told at once
+    # imported after the clips are read, so that an unreadable file is reported without delay
     from iris_sysid.diagnosis.diagnose import diagnose as find_missing_effects
     from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
     from iris_sysid.report.text import diagnosis_text
 
     trajectories = [_parsing.with_options(clip, **options) for clip in measured]
-    freed = [*(name for name in usually_free if name not in fixed), *(free or ())]
+    estimated = [*(name for name in free_by_default if name not in fixed), *(free or ())]
     diagnosis = find_missing_effects(
         trajectories,
         equation,
         fixed=fixed,
-        free=list(dict.fromkeys(freed)),
+        free=list(dict.fromkeys(estimated)),
         effects=[*EFFECTS.values(), *map(EFFECTS.named, effect or ())],
         holdout=holdout,
         progress=lambda text: typer.echo(text, err=True),
@@ -83,44 +83,44 @@ def diagnose(
 
 
 def _equation(model: str | None, phenomenon: str | None) -> "tuple[OdeModel, Sequence[str]]":
-    """The model to diagnose, and the constants of it that its phenomenon usually frees."""
+    """The model to diagnose, and the constants that its phenomenon estimates by default."""
     from iris_sysid.registry import MODELS, PHENOMENA
 
-    filmed = None if phenomenon is None else PHENOMENA.named(phenomenon)
+    described = None if phenomenon is None else PHENOMENA.named(phenomenon)
     if model is not None:
         return MODELS.named(model), ()
-    if filmed is None:
+    if described is None:
         raise typer.BadParameter("Missing option '--model' or '--phenomenon'")
-    return MODELS.named(filmed.model), filmed.free
+    return MODELS.named(described.model), described.free
 
 
 def _measured(
     clips: list[Path], phenomenon: str | None, output: Path, trials: int | None, board: str | None, square: str | None
 ) -> "list[Trajectory]":
-    """The trajectories of tables and folders; clips of a data set are measured, and kept beside the output."""
+    """The trajectories of tables and folders; clips of a data set are measured, with results beside the output."""
     from iris_sysid.benchmark.clip_folders import clips_of, clips_of_dataset, is_dataset
     from iris_sysid.cli import _parsing
     from iris_sysid.errors import DataError
     from iris_sysid.io.schemas.groundtruth import MeasuredDocument
 
-    shown = MeasuredDocument()
+    direct = MeasuredDocument()
     if board is not None or square is not None:
         from iris_sysid.benchmark.groundtruth.direct import with_board
 
-        shown = with_board(shown, _parsing.board(board, square))
+        direct = with_board(direct, _parsing.board(board, square))
     trajectories: list[Trajectory] = []
     for path in clips:
         if not is_dataset(path):
             trajectories += clips_of([path])
             continue
         if phenomenon is None:
-            raise DataError(f"{path} is a data set: say which of its clips, e.g. --phenomenon pendulum")
+            raise DataError(f"{path} is a data set: choose its clips, e.g. --phenomenon pendulum")
         with _terminal.progress("measuring clips") as report_progress:
             trajectories += clips_of_dataset(
                 path,
                 phenomenon,
                 Path(f"{output}".rstrip("/") + ".work"),
-                board=shown,
+                board=direct,
                 trials=trials,
                 tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
                 progress=report_progress,

@@ -14,11 +14,11 @@ Tables = Annotated[list[Path], typer.Argument(help="CSV with t_s and <quantity>_
 def discover(
     tables: Tables,
     output: Output,
-    quantity: Annotated[list[str] | None, typer.Option(help="Only this quantity, e.g. theta.")] = None,
+    quantity: Annotated[list[str] | None, typer.Option(help="Use only this quantity, e.g. theta.")] = None,
     known: Settings = None,
-    residual_of: Annotated[str | None, typer.Option(help="Keep this model's terms; find what it lacks.")] = None,
+    residual_of: Annotated[str | None, typer.Option(help="Keep this model's terms; find the missing ones.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Also draw terms and fit to this PNG file.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the resampling.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Random seed of the resampling.", min=0)] = 0,
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -41,14 +41,14 @@ def discover(
     _terminal.check_suffix(plot, ".png")
     units = {parameter.name: parameter.unit for model in MODELS.values() for parameter in model.parameters}
     constants = _parsing.settings(known or (), units)
-    asked = {"quantity": quantity, "set": known, "residual_of": residual_of, "seed": seed}
-    clips = [_parsing.with_options(read_trajectory(table), **asked) for table in tables]
-    found = find(clips, quantities=quantity or (), known=constants, residual_of=residual_of, seed=seed)
-    document = discovery_json.discovery_document(found, discovery_sentence(found))
+    options = {"quantity": quantity, "set": known, "residual_of": residual_of, "seed": seed}
+    clips = [_parsing.with_options(read_trajectory(table), **options) for table in tables]
+    discovery = find(clips, quantities=quantity or (), known=constants, residual_of=residual_of, seed=seed)
+    document = discovery_json.discovery_document(discovery, discovery_sentence(discovery))
     json_documents.write_document(document, output, overwrite=force)
     if plot is not None:
         from iris_sysid.report.discovery_figure import discovery_figure
         from iris_sysid.report.page import png_of
 
-        files.write_atomic(plot, png_of(discovery_figure(found, clips)), overwrite=force)
-    typer.echo(json_documents.document_text(document).rstrip("\n") if json else discovery_text(found))
+        files.write_atomic(plot, png_of(discovery_figure(discovery, clips)), overwrite=force)
+    typer.echo(json_documents.document_text(document).rstrip("\n") if json else discovery_text(discovery))

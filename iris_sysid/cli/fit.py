@@ -23,8 +23,8 @@ def fit(
     known: Settings = None,
     free: Free = None,
     start: Starts = None,
-    shared: Annotated[list[str] | None, typer.Option(help="Parameter that several clips have in common.")] = None,
-    per_clip: Annotated[list[str] | None, typer.Option(help="Parameter of which no mean over clips is wanted.")] = None,
+    shared: Annotated[list[str] | None, typer.Option(help="Parameter with one value for all clips.")] = None,
+    per_clip: Annotated[list[str] | None, typer.Option(help="Parameter fitted per clip; report no mean.")] = None,
     uncertainty: Annotated[list[str] | None, typer.Option(help="robust, profile, bootstrap or all.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Also draw the fit and its residual to this PNG file.")] = None,
     force: Force = False,
@@ -32,7 +32,7 @@ def fit(
 ) -> None:
     """Fit a governing equation to a trajectory. Writes fit.json: values, standard errors, intervals, units.
 
-    With --model auto the equation is chosen from the bank; several tables are fitted together.
+    With --model auto the equation is chosen from the bank; several tables are fitted jointly.
 
     \b
     Example:
@@ -51,13 +51,11 @@ def fit(
     if len(tables) > 1 and (plot or uncertainty or model == AUTO):
         raise DataError("--plot, --uncertainty and --model auto are about one table; give one")
     if model == AUTO and (plot or uncertainty or known or start):
-        raise DataError(
-            "--plot, --uncertainty, --set and --start-at need the name of a model; --model auto has none yet"
-        )
+        raise DataError("--plot, --uncertainty, --set and --start-at need the name of a model, not --model auto")
     chosen = None if model == AUTO else MODELS.named(model)
     units = {} if chosen is None else chosen.units()
     fixed, first = (_parsing.settings(texts or (), units) for texts in (known, start))
-    asked = {
+    options = {
         "model": model,
         "set": known,
         "free": free,
@@ -65,7 +63,7 @@ def fit(
         "shared": shared,
         "uncertainty": uncertainty,
     }
-    clips = [_parsing.with_options(read_trajectory(table), **asked) for table in tables]
+    clips = [_parsing.with_options(read_trajectory(table), **options) for table in tables]
     if chosen is None:
         _choose(clips[0], free or [], output, force, json)
         return
@@ -94,7 +92,7 @@ def _fit_one(
     from fitters.ode.identifiability import identifiability
     from iris_sysid.io import json_documents
 
-    methods = [one for text in uncertainty for one in text.split(",")]
+    methods = [method for text in uncertainty for method in text.split(",")]
     result = fit_model(trajectory, model, fixed=fixed, free=free, start=starts, uncertainty=methods)
     if result.identifiability is not None:
         result = replace(result, identifiability=identifiability(result, trajectory))

@@ -10,11 +10,11 @@ from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Settings
 from iris_sysid.errors import DataError, UnknownNameError
 
-# defaults; clips of the data set are as the benchmark's
+# defaults; clips of a data set have the benchmark's size and number
 SIZE, SECONDS = "1280x720", 10.0
 DATASET_SIZE, TRIALS = "3840x2160", 10
 EVERY_CLASS = "all"
-BENCHMARK = "iris"  # the data set whose classes are rendered; scenes of another one only when named
+BENCHMARK = "iris"  # the data set whose classes are rendered; classes of other data sets only when named
 
 
 def render(
@@ -73,14 +73,14 @@ def _render_clip(
     output: Path,
     effect: list[str],
     known: list[str],
-    film: tuple[str, float, float, int],
+    video: tuple[str, float, float, int],
     force: bool,
 ) -> None:
     from iris_sysid.cli import _parsing
     from iris_sysid.synthetic import render_clip
     from iris_sysid.synthetic.plan import scene_named
 
-    size, fps, seconds, seed = film
+    size, fps, seconds, seed = video
     units = {parameter.name: parameter.unit for parameter in scene_named(phenomenon).parameters}
     with _terminal.progress("rendering") as report_progress:
         render_clip(
@@ -126,7 +126,7 @@ def _render_dataset(
 
 
 def _phenomena(classes: list[str]) -> list[str]:
-    """Names of the scenes of some classes, each named by its folder or its phenomenon; without any, the benchmark's."""
+    """The scenes of classes, each given by its folder or its phenomenon; without any, those of the benchmark."""
     from iris_sysid.benchmark.dataset import benchmark_classes
     from iris_sysid.synthetic.scene import SCENES
 

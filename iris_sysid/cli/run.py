@@ -47,7 +47,7 @@ def run(
     pipeline.check_folder(output, overwrite=force)
     chosen = PHENOMENA.named(phenomenon)
     if tracking.tracker is not None:
-        TRACKERS.named(tracking.tracker)  # an unknown one is refused before the clip is opened
+        TRACKERS.named(tracking.tracker)  # refuses an unknown name before the clip is opened
         chosen = replace(chosen, tracker=tracking.tracker)
     gravity, calibration = _parsing.calibration_of(scale.scale, scale.scale_bar, scale.calibration)
     marks = scene.mark or ()

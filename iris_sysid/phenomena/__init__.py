@@ -1,1 +1,1 @@
-"""The phenomena of the benchmark, one a file: how a track becomes what its model observes."""
+"""The phenomena of the benchmark, one per file: how a track becomes the observable of its model."""

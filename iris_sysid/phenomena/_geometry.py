@@ -1,8 +1,8 @@
-"""Circles and lines through measured positions, robust and with honest covariance.
+"""Robust fits of circles and lines to measured positions, with the covariance of autocorrelated residuals.
 
 Residuals about an arc or a board are not white: the lens, the perspective and a cord that swings out of the plane make
-them slow. The covariance of each fit is therefore that of white residuals times ``(1 + rho) / (1 - rho)`` with their
-correlation rho from one sample to the next (Bayley and Hammersley 1946, J. R. Stat. Soc. Suppl. 8, 184, eq. 5).
+them vary slowly. The covariance of each fit is therefore that of white residuals times ``(1 + rho) / (1 - rho)`` with
+their correlation rho from one sample to the next (Bayley and Hammersley 1946, J. R. Stat. Soc. Suppl. 8, 184, eq. 5).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from iris_sysid.errors import DataError
 from iris_sysid.types import Array, Estimate, Mask
 
 NORMAL_MAD = 1.4826  # median absolute deviation to standard deviation of a normal
-OUTLYING = 5.0  # scatters: a good sample is that far off once in two million
-TURNS = 10  # of leaving out; two or three are usual
+OUTLYING = 5.0  # standard deviations: a normal residual exceeds it once in two million samples
+TURNS = 10  # rounds of rejecting outliers; two or three are usual
 DETERMINED = 3.0  # standard errors by which the curvature must differ from zero
 
 
@@ -27,8 +27,8 @@ DETERMINED = 3.0  # standard errors by which the curvature must differ from zero
 class Circle:
     """A circle through positions: ``x``, ``z``, ``radius`` and their covariance (3, 3) in that order.
 
-    ``off`` (n,) is how far each position lies outside it (negative: inside), ``scatter`` the standard deviation of
-    those that belong to it, ``belongs`` (n,).
+    ``off`` (n,) is the distance of each position from it (positive outside), ``belongs`` (n,) marks the positions that
+    are not outliers, and ``scatter`` is the standard deviation of their distances.
     """
 
     x: float
@@ -46,22 +46,23 @@ class Circle:
 
 
 def fit_circle(position: Array, sigma: float = 0.0, radius: float | None = None, radius_stderr: float = 0.0) -> Circle:
-    """Fit a circle that lies below its centre, by least squares of the distances from it, without what lies off it.
+    """Fit a circle to an arc below its centre, by least squares of the orthogonal distances, without outliers.
 
     Centre and radius are in the unit of ``position`` (n, 2).
 
     Starts from the algebraic fit of Taubin (1991, IEEE Trans. PAMI 13, 1115) and minimises orthogonal distances over
-    (direction to the centre, place along it, curvature), which stay finite as the arc becomes straight (Chernov 2010,
-    Circular and Linear Regression, section 3.1 and 5.9). Samples more than five scatters off are left out, in turns.
+    (direction to the centre, offset along it, curvature), which stay finite as the arc becomes straight (Chernov 2010,
+    Circular and Linear Regression, section 3.1 and 5.9). Samples more than five standard deviations off are rejected,
+    in rounds.
 
     Parameters
     ----------
     position
         (n, 2): x, z.
     sigma
-        Standard error of a coordinate: the scatter is never taken to be smaller.
+        Standard error of a coordinate, the lower limit of the scatter.
     radius, radius_stderr
-        Where it is known beforehand, with its standard error: only the centre is fitted.
+        A known radius with its standard error: then only the centre is fitted.
 
     Returns
     -------
@@ -110,7 +111,7 @@ def circle_about(x: Estimate, z: Estimate, position: Array, sigma: float = 0.0) 
     position
         (n, 2): x, z.
     sigma
-        Standard error of a coordinate: the scatter is never taken to be smaller.
+        Standard error of a coordinate, the lower limit of the scatter.
     """
     away = position - np.array([x.value, z.value])
     distance = np.hypot(*away.T)
@@ -119,7 +120,7 @@ def circle_about(x: Estimate, z: Estimate, position: Array, sigma: float = 0.0) 
     off = distance - np.median(distance)
     scatter = max(NORMAL_MAD * float(np.median(np.abs(off))), sigma)
     belongs = np.abs(off) <= OUTLYING * scatter
-    towards = away[belongs].mean(axis=0) / distance[belongs].mean()  # the radius follows the centre this way
+    towards = away[belongs].mean(axis=0) / distance[belongs].mean()  # change of the radius with the centre
     own = np.var(off[belongs]) * inflation(off[belongs]) / belongs.sum()
     covariance = np.diag([x.stderr**2, z.stderr**2, 0.0])
     covariance[:2, 2] = covariance[2, :2] = -towards * np.diag(covariance)[:2]
@@ -129,7 +130,7 @@ def circle_about(x: Estimate, z: Estimate, position: Array, sigma: float = 0.0) 
 
 
 def _taubin(position: Array) -> Array:
-    """(direction to the centre, place, curvature) of Taubin's fit, by the singular values of its design."""
+    """(direction to the centre, offset, curvature) of Taubin's fit, from the SVD of its design matrix."""
     middle = position.mean(axis=0)
     centred = position - middle
     square = np.sum(centred**2, axis=1)
@@ -146,15 +147,15 @@ def _taubin(position: Array) -> Array:
     curvature = 2 * a / slope
     direction = np.arctan2(-gradient[1], -gradient[0])
     length = np.hypot(*gradient) / slope  # distance to the centre in radii
-    place = (length - 1.0) / curvature if curvature > 1e-9 else 0.0
-    return np.array([direction, place, curvature])
+    offset = (length - 1.0) / curvature if curvature > 1e-9 else 0.0
+    return np.array([direction, offset, curvature])
 
 
 def _distances(shape: Array, position: Array) -> Array:
     """Signed orthogonal distance (n,), positive outside; regular where the curvature is zero."""
-    direction, place, curvature = shape
+    direction, offset, curvature = shape
     normal = np.array([np.cos(direction), np.sin(direction)])
-    from_foot = position - place * normal
+    from_foot = position - offset * normal
     bulge = curvature * np.sum(from_foot**2, axis=1) - 2 * from_foot @ normal
     return np.asarray(bulge / (1.0 + np.sqrt(np.maximum(1.0 + curvature * bulge, 0.0))))
 
@@ -162,20 +163,22 @@ def _distances(shape: Array, position: Array) -> Array:
 def _least_squares(
     position: Array, start: Array, curvature: float | None, loss: Literal["linear", "soft_l1"], sigma: float
 ) -> Array:
-    """The shape of least squares, or of least soft deviations, from a start; the curvature may be given."""
-    from scipy.optimize import least_squares  # here: it takes long to load, and names are checked without it
+    """The shape of least squares, or of least soft-L1 deviations, from a start; the curvature may be given."""
+    from scipy.optimize import (
+        least_squares,  # imported here, because it loads slowly and listing names does not need it
+    )
 
-    def misses(shape: Array) -> Array:
+    def distances(shape: Array) -> Array:
         return _distances(shape if curvature is None else np.append(shape, curvature), position)
 
     soft = max(NORMAL_MAD * float(np.median(np.abs(_distances(start, position)))), sigma, 1e-9)
     free = start if curvature is None else start[:2]
-    found = least_squares(misses, free, loss=loss, f_scale=soft, xtol=1e-14).x
-    return np.asarray(found if curvature is None else np.append(found, curvature))
+    fitted = least_squares(distances, free, loss=loss, f_scale=soft, xtol=1e-14).x
+    return np.asarray(fitted if curvature is None else np.append(fitted, curvature))
 
 
 def _circle(shape: Array, scaled: Array, belongs: Mask, free: bool, anchor: Array, size: float) -> Circle:
-    """Back to the units of the positions, and the covariance of the centre and the radius."""
+    """The circle in the units of the positions, with the covariance of centre and radius."""
     parameters = 3 if free else 2
     off = _distances(shape, scaled)
     residual = off[belongs]
@@ -186,7 +189,7 @@ def _circle(shape: Array, scaled: Array, belongs: Mask, free: bool, anchor: Arra
         _refuse(shape[2] / size, float(np.sqrt(spread[2, 2])) / size)
     if np.sin(shape[0]) < 0:
         raise DataError(
-            "the arc bends downwards, its centre lies below it: is it a pendulum, is down really down in the picture?"
+            "the arc bends downwards, its centre lies below it: is it a pendulum, and is down really down in the image?"
         )
     to_centre = _jacobian(_centre, shape)[:, :parameters]
     x, z, radius = _centre(shape) * size + np.append(anchor, 0.0)
@@ -209,9 +212,9 @@ def _refuse(curvature: float, stderr: float) -> None:
 
 
 def _centre(shape: Array) -> Array:
-    """x, z and radius from (direction, place, curvature)."""
-    direction, place, curvature = shape
-    away = place + 1.0 / curvature
+    """x, z and radius from (direction, offset, curvature)."""
+    direction, offset, curvature = shape
+    away = offset + 1.0 / curvature
     return np.array([away * np.cos(direction), away * np.sin(direction), 1.0 / curvature])
 
 

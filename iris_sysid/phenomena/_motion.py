@@ -1,4 +1,4 @@
-"""What every phenomenon asks of the trajectory and of the user's settings before it begins."""
+"""Checks of the trajectory and of the user's settings that all phenomena share."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def in_motion(body: Trajectory, fewest: int) -> Mask:
 
 
 def stated(settings: Mapping[str, Estimate], *names: str) -> dict[str, Estimate]:
-    """Those of the named settings that the user gave."""
+    """The named settings that the user gave."""
     return {name: settings[name] for name in names if name in settings}
 
 
@@ -52,11 +52,11 @@ def stated_length(settings: Mapping[str, Estimate], names: Sequence[str], unit: 
     Parameters
     ----------
     settings
-        What the user gave, by name.
+        The user's settings by name.
     names
         In order of preference.
     unit
-        Of the positions: m or px.
+        Unit of the positions: m or px.
     """
     for name in names:
         if name not in settings:

@@ -1,4 +1,4 @@
-"""Two pendulums that meet: the angle of each about the pivot that its own arc shows, over the whole motion."""
+"""Two colliding pendulums: the angle of each about the pivot from its own arc, over the whole motion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from iris_sysid.types import Array, Estimate, Mask, Quantity, Segment, Trajector
 
 TAUT = 3  # samples on their arcs in a row after which the cords count as taut
 FEWEST = 8  # samples of each body
-# names in the benchmark's parameters.json; damping and restitution have none there, and keep ours
+# names in the benchmark's parameters.json; damping and restitution are not in it and keep ours
 PAIR_PARAMETERS = {
     **{f"length_{body}": f"rope_length_{body}" for body in (1, 2)},
     **{name: name for name in ("damping_1", "damping_2", "restitution")},
@@ -23,7 +23,7 @@ PAIR_PARAMETERS = {
 def observe_pair(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
     """Turn the positions of two bodies into angles from the downward vertical, positive to the right, left body first.
 
-    The motion is everything from where nothing holds the bodies and their cords are taut: impacts are part of it.
+    The motion begins when both bodies are released and their cords are taut; impacts are part of it.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def _two_bodies(world: Sequence[Trajectory]) -> tuple[Trajectory, Trajectory]:
 
 
 def _free(body: Trajectory) -> Mask:
-    """Valid samples after the last one in a hand that the motion comes after."""
+    """Valid samples after the last sample in a hand before the motion."""
     held = body.mask("hand") if body.segments else np.zeros(body.n, dtype=np.bool_)
     moving = np.flatnonzero(body.mask("motion"))
     before = np.flatnonzero(held[: int(moving[0])] if moving.size else held)
@@ -87,24 +87,24 @@ def _free(body: Trajectory) -> Mask:
 def _circles(
     bodies: tuple[Trajectory, Trajectory], free: Mask, settings: Mapping[str, Estimate]
 ) -> tuple[Circle, Circle]:
-    """The arcs of both; one that is too small for its noise has the other's radius."""
+    """The arcs of both bodies; an arc that is too small for its noise takes the other's radius."""
     unit = bodies[0].quantities[0].unit
-    told = settings.get("arc_radius")
-    if told is not None and told.unit not in (unit, ""):
-        raise DataError(f"arc_radius is given in {told.unit}, but positions are in {unit}: give the scale as well")
-    found: list[Circle | DataError] = []
+    given = settings.get("arc_radius")
+    if given is not None and given.unit not in (unit, ""):
+        raise DataError(f"arc_radius is given in {given.unit}, but positions are in {unit}: give the scale as well")
+    outcomes: list[Circle | DataError] = []
     for body in bodies:
         try:
-            found.append(_circle(body, free, told))
+            outcomes.append(_circle(body, free, given))
         except DataError as error:
-            found.append(error)
-    good = [circle for circle in found if isinstance(circle, Circle)]
-    if not good and isinstance(found[0], DataError):
-        raise found[0]
+            outcomes.append(error)
+    good = [outcome for outcome in outcomes if isinstance(outcome, Circle)]
+    if not good and isinstance(outcomes[0], DataError):
+        raise outcomes[0]
     radius = Estimate(good[0].radius, float(good[0].stderr[2]), unit)
     first, second = (
-        fitted if isinstance(fitted, Circle) else _circle(body, free, radius)
-        for fitted, body in zip(found, bodies, strict=True)
+        outcome if isinstance(outcome, Circle) else _circle(body, free, radius)
+        for outcome, body in zip(outcomes, bodies, strict=True)
     )
     return first, second
 
@@ -126,14 +126,14 @@ def _angle(body: Trajectory, circle: Circle) -> tuple[Array, Array]:
 
 
 def _segments(body: Trajectory, free: Mask, taut: Mask) -> tuple[Segment, ...]:
-    """What was held or slack before, then the motion from the first three samples in a row with both cords taut."""
+    """Hand and slack cords first, then the motion from the first three consecutive samples with both cords taut."""
     seen = np.flatnonzero(free)
     runs = np.lib.stride_tricks.sliding_window_view(taut[seen], TAUT).all(axis=1)
     if not runs.any():
         raise DataError("the bodies are never on their arcs for three frames in a row; do they hang on cords?")
     start, stop = int(seen[int(np.argmax(runs))]), int(np.flatnonzero(taut)[-1]) + 1
-    why = f"both cords are taut from {body.t_s[start]:.3g} s on, until {body.t_s[stop - 1]:.3g} s; impacts included"
-    motion = Segment("motion", start, stop, why)
+    reason = f"both cords are taut from {body.t_s[start]:.3g} s on, until {body.t_s[stop - 1]:.3g} s; impacts included"
+    motion = Segment("motion", start, stop, reason)
     before = []
     if seen[0] > 0:
         before.append(Segment("hand", 0, int(seen[0]), "one of the two is held, or not seen"))
@@ -145,18 +145,20 @@ def _segments(body: Trajectory, free: Mask, taut: Mask) -> tuple[Segment, ...]:
 def _geometry(circles: tuple[Circle, Circle], unit: str) -> dict[str, Estimate]:
     left, right = circles
     source = "circle through the arc of the motion"
-    apart, stderr = right.x - left.x, math.hypot(float(left.stderr[0]), float(right.stderr[0]))
+    separation, stderr = right.x - left.x, math.hypot(float(left.stderr[0]), float(right.stderr[0]))
     return {
         "arc_radius_1": Estimate(left.radius, float(left.stderr[2]), unit, "fitted", source),
         "arc_radius_2": Estimate(right.radius, float(right.stderr[2]), unit, "fitted", source),
-        "pivot_ratio": Estimate(apart / left.radius, stderr / left.radius, "1", "fitted", "centres of the right arcs"),
+        "pivot_ratio": Estimate(
+            separation / left.radius, stderr / left.radius, "1", "fitted", "centres of the right arcs"
+        ),
         **_off_pivot("1", left),
         **_off_pivot("2", right),
     }
 
 
 def _off_pivot(body: str, circle: Circle) -> dict[str, Estimate]:
-    """How far the pivot taken may be from the true one, sideways and upwards, over the arc's radius."""
+    """Standard error of the pivot, sideways and upwards, over the arc's radius."""
     share = "pivot's error over the arc's radius"
     return {
         f"pivot_{direction}_{body}": Estimate(0.0, float(circle.stderr[k]) / circle.radius, "1", "assumed", share)

@@ -1,4 +1,4 @@
-"""A start at which nothing changes yet, before a course that sets off without a jerk: found by the course itself."""
+"""Detect rest at the start of a motion that sets off smoothly, from the trajectory alone."""
 
 from __future__ import annotations
 
@@ -8,30 +8,30 @@ import numpy as np
 
 from iris_sysid.types import Array, Segment, Trajectory
 
-FEWEST = 5  # samples of the still part
-LATEST = 0.7  # of the motion: the still part must end by then
-CLEARLY = 0.8  # of the squared residual at most is left when the still part is told apart
+FEWEST = 5  # samples at rest
+LATEST = 0.7  # of the motion: rest must end by then
+CLEARLY = 0.8  # times the squared residual of a single parabola: rest is accepted below it
 
 
 def without_still_start(body: Trajectory) -> Trajectory:
-    """The trajectory with what is still constant at the start of its motion labelled as rest.
+    """The trajectory with constant samples at the start of its motion labelled as rest.
 
-    A constant up to a sample and a parabola from there on are fitted to the motion, for every sample; the best of
-    them is taken where it leaves much less than a parabola through all.
+    Fits a constant up to a sample and a parabola from there on, for every sample of the motion; the best of these fits
+    is taken where its residual is much smaller than that of one parabola through all samples.
     """
-    segments = [_parted(segment, body) if segment.label == "motion" else [segment] for segment in body.segments]
+    segments = [_split(segment, body) if segment.label == "motion" else [segment] for segment in body.segments]
     return body.with_(segments=tuple(part for parts in segments for part in parts))
 
 
-def _parted(motion: Segment, body: Trajectory) -> list[Segment]:
+def _split(motion: Segment, body: Trajectory) -> list[Segment]:
     index = motion.start + np.flatnonzero(body.valid[motion.start : motion.stop])
     if index.size < 4 * FEWEST:
         return [motion]
     t_s, values = body.t_s[index], body.position[index, 0]
     starts = np.arange(FEWEST, int(LATEST * index.size))
-    left = np.array([_constant(values[:k]) + _parabola(t_s[k:], values[k:]) for k in starts])
-    best = int(np.argmin(left))
-    if left[best] > CLEARLY * _parabola(t_s, values):
+    residual = np.array([_constant(values[:k]) + _parabola(t_s[k:], values[k:]) for k in starts])
+    best = int(np.argmin(residual))
+    if residual[best] > CLEARLY * _parabola(t_s, values):
         return [motion]
     start = int(index[starts[best]])
     still = Segment("rest", motion.start, start, f"constant until {body.t_s[start]:.3g} s")

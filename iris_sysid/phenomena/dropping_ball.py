@@ -10,7 +10,7 @@ import numpy as np
 from iris_sysid.phenomena._motion import in_motion, only_body, stated
 from iris_sysid.types import BenchmarkClass, Estimate, Mask, Phenomenon, Quantity, Segment, Trajectory
 
-SHORTEST = 8  # samples of a fall that can spare its last one
+SHORTEST = 8  # samples of a fall from which the last one can be dropped
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
@@ -26,8 +26,8 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
     Returns
     -------
     Trajectory
-        ``z``; the motion is the segment from the release to the first contact, without the last sample before it:
-        the floor is behind the ball there, and moves its middle by half a pixel.
+        ``z``; the motion is the segment from the release to the first contact, without its last sample: there the
+        floor is behind the ball, which shifts the measured centre by half a pixel.
 
     Raises
     ------
@@ -49,7 +49,7 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
 
 
 def _clear_of_the_floor(body: Trajectory) -> tuple[tuple[Segment, ...], Mask]:
-    """The segments, and which samples are valid (n,), without the last one before a fall ends at the floor."""
+    """The segments and the mask (n,) of valid samples, both without the last sample before contact with the floor."""
     segments, valid = list(body.segments), body.valid.copy()
     followed = {segment.start for segment in segments if segment.label == "contact"}
     for k, segment in enumerate(segments):

@@ -1,8 +1,8 @@
 """A ball that falls away from a camera that looks down on it: its apparent radius until the first bounce.
 
-Radius and time alone leave a common factor of gravity, distance and r0 f open: r = r0 f / h with h'' = g stays the same
-when all three are multiplied by it. One of them must be known. Gravity is taken as known unless h0, the distance from
-the camera at which the ball is let go, is stated: then gravity follows from it.
+Radius and time alone do not determine a common factor of gravity, distance and r0 f: r = r0 f / h with h'' = g is
+unchanged when all three are multiplied by it. One of them must be known. Gravity is assumed unless h0, the distance
+from the camera at the release, is given: then gravity follows from it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Index = NDArray[np.int64]
 
 FEWEST = 5  # samples of the fall
 CLEARLY = 3.0  # standard errors by which the radius shrinks from sample to sample
-LONGER = 1.5  # times the fall that the motion holds: then the release holds the first one
+LONGER = 1.5  # times the fall in the motion: a longer fall in the release before it is the first one
 LONGEST_GAP = 3.5  # times the usual step: a bounce may hide in a longer one
 
 
@@ -33,28 +33,28 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
     world
         One trajectory of r in px, segmented.
     settings
-        ``h0``, the distance from the camera at which the ball is let go, in m, is passed on.
+        ``h0``, the distance from the camera at the release, in m, is passed on.
 
     Returns
     -------
     Trajectory
-        ``r``; the motion is the fall from the release to the first contact, the stretch of samples, each
-        smaller than the one before, in which the radius shrinks most, without the last one before it grows again.
+        ``r``; the motion is the fall from the release to the first contact: the run of consecutive decreases with the
+        largest total decrease of the radius, without its last sample where the radius grows again.
 
     Raises
     ------
     DataError
-        When the motion has fewer than five samples, or h0 is no length in m.
+        When the motion has fewer than five samples, or h0 is not a length in m.
     """
     body = only_measured(world, "falling-ball", "r")
     in_motion(body, 5)
     stated_length(settings, ("h0",), "m")
-    segments = tuple(part for segment in _with_missed_fall(body) for part in _parted(segment, body))
+    segments = tuple(part for segment in _with_missed_fall(body) for part in _split(segment, body))
     return body.with_(segments=segments, geometry={**body.geometry, **stated(settings, "h0")}, smoothed=None)
 
 
 def _with_missed_fall(body: Trajectory) -> list[Segment]:
-    """The segments; a release that holds a longer fall than the motion after it was none: a bounce looks like one."""
+    """The segments; a release with a longer fall than the motion after it joins that motion: it was no release."""
     segments: list[Segment] = []
     for segment in body.segments:
         if segments and segments[-1].label == "release" and segment.label == "motion":
@@ -67,13 +67,13 @@ def _with_missed_fall(body: Trajectory) -> list[Segment]:
 
 
 def _shrinkage(segment: Segment, body: Trajectory) -> float:
-    """By how much the radius shrinks in the longest fall of a segment, px."""
+    """Decrease of the radius in the longest fall of a segment, px."""
     index, (first, last) = _fall(segment, body)
     return float(body.position[index[first], 0] - body.position[index[last], 0]) if index.size else 0.0
 
 
 def _fall(segment: Segment, body: Trajectory) -> tuple[Index, tuple[int, int]]:
-    """Valid samples of a segment, and from which to which of them the radius shrinks most; the same where never."""
+    """Valid samples of a segment, and the first and last index of the largest decrease; both 0 without one."""
     index = segment.start + np.flatnonzero(body.valid[segment.start : segment.stop])
     if index.size < 2:
         return index, (0, 0)
@@ -86,14 +86,14 @@ def _fall(segment: Segment, body: Trajectory) -> tuple[Index, tuple[int, int]]:
     return index, max(runs, key=lambda run: radius[run[0]] - radius[run[1]], default=(0, 0))
 
 
-def _parted(motion: Segment, body: Trajectory) -> list[Segment]:
-    """The fall, and what is before and after it: where a hand is not seen by itself, or the bounce is hidden."""
+def _split(motion: Segment, body: Trajectory) -> list[Segment]:
+    """Split a motion into the fall and the parts before and after it, e.g. a hand or a bounce that was not detected."""
     if motion.label != "motion":
         return [motion]
     index, (first, last) = _fall(motion, body)
     if index.size <= FEWEST or first == last:
         return [motion]
-    bounced = last < index.size - 1  # the exposure of the last sample may hold the bounce as well
+    bounced = last < index.size - 1  # the exposure of the last sample may include the bounce
     start, stop = int(index[first]), int(index[last - bounced]) + 1
     if last - bounced - first < FEWEST - 1:
         return [motion]
@@ -104,14 +104,14 @@ def _parted(motion: Segment, body: Trajectory) -> list[Segment]:
 
 
 def refine(fit: FitResult, trajectory: Trajectory) -> Mapping[str, Estimate]:
-    """Gravity from the stated h0: the fit's h0 is in proportion to the gravity that it assumed."""
+    """Gravity from the given h0: the fitted h0 is proportional to the assumed gravity."""
     known, gravity = trajectory.geometry.get("h0"), fit.estimates["gravity"]
     if known is None or not fit.usable or gravity.measurement_type not in ("assumed", "derived"):
         return {}
-    found = fit.estimates["h0"]
-    value = gravity.value * known.value / found.value
-    share = math.hypot(known.stderr / known.value, found.stderr / found.value)
-    return {"gravity": Estimate(value, value * share, "m/s^2", "derived", f"the fall, from h0 = {known.value:g} m")}
+    fitted = fit.estimates["h0"]
+    value = gravity.value * known.value / fitted.value
+    relative = math.hypot(known.stderr / known.value, fitted.stderr / fitted.value)
+    return {"gravity": Estimate(value, value * relative, "m/s^2", "derived", f"the fall, from h0 = {known.value:g} m")}
 
 
 PHENOMENON = Phenomenon(

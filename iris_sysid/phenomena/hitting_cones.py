@@ -1,8 +1,8 @@
-"""A ball that rolls towards a pyramid of cups: its way until it strikes the first.
+"""A ball that rolls towards a pyramid of cups: the distance it rolls until it strikes the first cup.
 
-The run-up gives the damping of the published equation, z'' + damping z' + coupling sum (z - z_j) = 0, where nothing is
-coupled yet. The coupling itself is not measured: what follows are impacts, which it does not describe, among sixteen
-bodies that hide one another. That a cup moves says when the run-up is over.
+The run-up gives the damping of the published equation, z'' + damping z' + coupling sum (z - z_j) = 0, because the ball
+touches nothing yet. The coupling is not measured: after the run-up come impacts, which it does not describe, among
+sixteen bodies that occlude one another. The run-up ends when a cup moves.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ FEWEST = 6  # samples of the run-up
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
-    """Turn positions of the ball into the way along its run-up, which ends when the first cup moves.
+    """Turn positions of the ball into the distance along its run-up, which ends when the first cup moves.
 
-    The ball is the body that leaves its place first.
+    The ball is the body that moves first.
 
     Parameters
     ----------
@@ -50,23 +50,23 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
     Raises
     ------
     DataError
-        When no cup is left standing while the ball rolls for six samples.
+        When the ball rolls for fewer than six samples before a cup moves.
     """
     only_body(world, "hitting-cones")
-    left = sorted((_leaves(body), k) for k, body in enumerate(world))
-    start, ball = left[0]
+    departures = sorted((_departs(body), k) for k, body in enumerate(world))
+    start, ball = departures[0]
     body = world[ball]
-    struck = left[1][0] if len(left) > 1 else body.n
-    stop = struck - 1 if struck < body.n else body.n  # the exposure before may hold the impact as well
+    struck = departures[1][0] if len(departures) > 1 else body.n
+    stop = struck - 1 if struck < body.n else body.n  # the exposure before may include the impact
     used = start + np.flatnonzero(body.valid[start : max(stop, start)])
     if used.size < FEWEST:
         raise DataError(
             f"the ball rolls by itself for {used.size} samples, {FEWEST} are needed; is it seen before it strikes?"
         )
-    way, sigma = _along(body, used)
+    distance, sigma = _along(body, used)
     return body.with_(
         quantities=(Quantity("s", body.quantities[0].unit, "s"),),
-        position=way[:, None],
+        position=distance[:, None],
         sigma=sigma[:, None],
         segments=_segments(body, start, stop),
         geometry={**body.geometry, **stated(settings, "ball_radius")},
@@ -74,20 +74,20 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
     )
 
 
-def _leaves(body: Trajectory) -> int:
-    """Sample at which a body has left the place where it was first seen, for good; their number where it stays."""
+def _departs(body: Trajectory) -> int:
+    """Index of the sample from which a body stays away from its first position; ``body.n`` for a body at rest."""
     index = np.flatnonzero(body.valid)
     first = index[:N_REST_SAMPLES]
     if index.size <= N_REST_SAMPLES:
         return body.n
     scatter = np.std(body.position[first, :2], axis=0)
-    stated = np.median(np.nan_to_num(body.sigma[first, :2]), axis=0)
-    gone = departure(body.position[index, :2], float(np.hypot(*np.maximum(scatter, stated))))
-    return int(index[gone]) if gone < index.size else body.n
+    measured = np.median(np.nan_to_num(body.sigma[first, :2]), axis=0)
+    first_away = departure(body.position[index, :2], float(np.hypot(*np.maximum(scatter, measured))))
+    return int(index[first_away]) if first_away < index.size else body.n
 
 
 def _along(body: Trajectory, used: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Way (n,) along the line of the run-up, and its standard error."""
+    """Distance (n,) along the line of the run-up, and its standard error."""
     line = fit_line(body.position[used, :2]).direction
     first, last = body.position[used[0], :2], body.position[used[-1], :2]
     direction = line if (last - first) @ line >= 0 else -line
@@ -103,7 +103,7 @@ def _segments(body: Trajectory, start: int, stop: int) -> tuple[Segment, ...]:
 
 PHENOMENON = Phenomenon(
     name="hitting-cones",
-    summary="a ball rolls at a pyramid of cups; its way until it strikes the first",
+    summary="a ball rolls at a pyramid of cups; its distance until it strikes the first",
     tracker="median-background",
     model="coasting-ball",
     observe=observe,

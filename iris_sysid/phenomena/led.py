@@ -18,7 +18,7 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
     world
         One trajectory of intensity, segmented.
     settings
-        Nothing is used of them; ``background`` is a constant of the model.
+        Not used; ``background`` is a constant of the model.
 
     Returns
     -------

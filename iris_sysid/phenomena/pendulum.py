@@ -1,7 +1,7 @@
-"""A bob on a cord: the angle about a pivot that the arc itself shows, in the picture or out of it.
+"""A bob on a cord: the angle about a pivot that follows from the arc, inside the image or outside it.
 
-What a wrong pivot does: with a radius wrong by a fraction e, angles are wrong by -e and nothing else. The frequency,
-and so the length in theta'' = -(g/L) sin theta, does not feel it at small angles; through the amplitude's part of the
+Effect of a wrong pivot: with a radius wrong by a fraction e, angles are wrong by -e and nothing else. The frequency,
+and so the length in theta'' = -(g/L) sin theta, is not affected at small angles; through the amplitude's part of the
 period, theta_0²/16 (Baker and Blackburn 2005, eq. 3.21), L is wrong by about -e theta_0²/4: 0.4 % at 15 degrees for
 e = 0.25. The pivot's standard errors are in ``geometry`` so that this can be propagated:
 d theta / d pivot_x = -cos(theta) / arc_radius, d theta / d pivot_z = -sin(theta) / arc_radius.
@@ -21,9 +21,9 @@ from iris_sysid.phenomena._geometry import Circle, circle_about, fit_circle
 from iris_sysid.phenomena._motion import in_motion, only_body, stated, stated_length
 from iris_sysid.types import Array, BenchmarkClass, Estimate, FitResult, Mask, Phenomenon, Quantity, Segment, Trajectory
 
-TAUT = 3  # samples on the arc in a row after which the cord counts as taut
+TAUT = 3  # consecutive samples on the arc after which the cord counts as taut
 RADIUS = ("arc_radius", "length")  # settings that give the arc's radius, in order of preference
-NEAR_THE_TOP = 2.6  # rad; below it an angle cannot have gone round, and a gap must not be taken for a turn
+NEAR_THE_TOP = 2.6  # rad; below it no full turn is possible, and a gap must not be unwrapped as one
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
@@ -40,7 +40,7 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
     Returns
     -------
     Trajectory
-        ``theta`` in rad; ``sigma`` is the part across the cord only, without the pivot's error, which all samples
+        ``theta`` in rad; ``sigma`` is the error across the cord only, without the pivot's error, which all samples
         share. ``geometry``: ``pivot_x``, ``pivot_z``, ``arc_radius``, and ``arc_scatter``, the standard deviation of
         the distances from the arc. Samples off the arc by more than five of it are not valid; where the motion begins
         with them the cord is slack, and they are labelled release.
@@ -86,9 +86,11 @@ def _circle(body: Trajectory, used: Mask, settings: Mapping[str, Estimate]) -> C
 
 
 def _stated_radius(settings: Mapping[str, Estimate], unit: str) -> Estimate | None:
-    """The arc's radius if the user gave it; the model's length in m says nothing of an arc in px."""
-    told = [name for name in RADIUS if name == "arc_radius" or (name in settings and settings[name].unit in (unit, ""))]
-    return stated_length(settings, told, unit)
+    """The arc's radius if the user gave it; a length in m is not used for an arc in px."""
+    usable = [
+        name for name in RADIUS if name == "arc_radius" or (name in settings and settings[name].unit in (unit, ""))
+    ]
+    return stated_length(settings, usable, unit)
 
 
 def _angles(body: Trajectory, circle: Circle) -> tuple[Array, Array]:
@@ -122,7 +124,7 @@ def _geometry(circle: Circle, unit: str, settings: Mapping[str, Estimate]) -> di
 
 
 def _without_slack(body: Trajectory, used: Mask, belongs: Mask, off: Array) -> tuple[Segment, ...]:
-    """The segments, the motion beginning where the cord is taut, and saying which samples are left out."""
+    """The segments; each motion begins where the cord is taut, and its reason lists the rejected samples."""
     segments = []
     for segment in body.segments or (Segment("motion", 0, body.n, "the whole clip"),):
         if segment.label != "motion":
@@ -141,7 +143,7 @@ def _without_slack(body: Trajectory, used: Mask, belongs: Mask, off: Array) -> t
 
 
 def _taut_from(on_arc: Mask) -> int:
-    """Number of the first of three samples in a row on the arc; 0 where the first sample lies on it, or none do."""
+    """Index of the first of three consecutive samples on the arc; 0 where the first sample is on it, or none are."""
     if on_arc[0] or on_arc.size < TAUT:
         return 0
     taut = np.lib.stride_tricks.sliding_window_view(on_arc, TAUT).all(axis=1)
@@ -158,7 +160,7 @@ def _reason(body: Trajectory, motion: Segment, inside: NDArray[np.intp], belongs
 
 
 def refine(fit: FitResult, trajectory: Trajectory) -> Mapping[str, Estimate]:
-    """Take the arc's radius from the period where that fixes it better than the arc does, and the unit is m.
+    """Take the arc's radius from the period where that is more precise than the arc, and the unit is m.
 
     On a short arc the radius is poorly known, but a bob on a taut cord moves at its pendulum's length from the
     pivot; the ball's own inertia changes that by less than (2/3) (ball radius / length)^2.

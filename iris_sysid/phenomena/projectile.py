@@ -1,4 +1,4 @@
-"""A thrown ball: its place in the plane from first sight, or from the hand, to the first bounce."""
+"""A thrown ball: its position in the plane from the hand, or the first frame with it, to the first bounce."""
 
 from __future__ import annotations
 

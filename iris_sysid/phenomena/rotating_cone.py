@@ -9,14 +9,14 @@ from iris_sysid.types import BenchmarkClass, Estimate, Phenomenon, Trajectory
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
-    """Keep the angle phi, anticlockwise from the right, as it was tracked; the fit finds the direction of rest.
+    """Keep the angle phi, anticlockwise from the right, as it was tracked; the fit estimates the direction of rest.
 
     Parameters
     ----------
     world
         One trajectory of phi in rad, segmented.
     settings
-        Nothing is used of them; ``rest`` is a constant of the model.
+        Not used; ``rest`` is a constant of the model.
 
     Returns
     -------

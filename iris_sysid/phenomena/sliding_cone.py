@@ -1,4 +1,4 @@
-"""A cup or block that slides down a straight board: the way along it, and its angle, both from the motion itself."""
+"""A cup or block that slides down a straight board: the distance along it and its angle, both from the motion."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ STRAIGHT = 0.02  # scatter across the line over its length: a lens bends a board
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
-    """Turn positions into the way along the principal direction of the motion, increasing downhill.
+    """Turn positions into the distance along the principal direction of the motion, increasing downhill.
 
     Parameters
     ----------
     world
         One trajectory of x and z, segmented, in m or px.
     settings
-        ``angle`` of the board in rad, as the user measured it: it becomes ``geometry["angle"]`` and the one of the
-        motion ``geometry["angle_of_motion"]``.
+        ``angle`` of the board in rad, as the user measured it, becomes ``geometry["angle"]``; the angle of the motion
+        is then ``geometry["angle_of_motion"]``.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def _geometry(
 
 
 def _drift(body: Trajectory, used: Mask, line: Line) -> float:
-    """Standard error, rad, of the line's angle from a place that drifts against the body on the way."""
+    """Standard error, rad, of the line's angle from a drift of the measured position along the slide."""
     scale = body.geometry.get("scale")
     px = scale.value if scale is not None and body.quantities[0].unit == "m" else 1.0
     return DRIFT_PX / px / float(np.ptp(body.position[used, :2] @ line.direction))
@@ -89,14 +89,14 @@ def _check_straight(line: Line, position: Array, unit: str) -> None:
     length = float(np.ptp((position - line.point) @ line.direction))
     if line.scatter > STRAIGHT * length:
         raise DataError(
-            f"the motion is not along a straight line: it scatters by {line.scatter:.3g} {unit} across a way of "
+            f"the motion is not along a straight line: it scatters by {line.scatter:.3g} {unit} across a distance of "
             f"{length:.3g} {unit}; choose the slide with --start and --stop, or another phenomenon"
         )
 
 
 PHENOMENON = Phenomenon(
     name="sliding-cone",
-    summary="a cup or block slides down a board; the way along it and the board's angle, from the motion",
+    summary="a cup or block slides down a board; the distance along it and the board's angle, from the motion",
     tracker="median-background",
     model="incline",
     observe=observe,

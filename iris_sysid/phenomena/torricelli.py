@@ -1,4 +1,4 @@
-"""A vessel that drains through a hole: the height of its surface; the course itself shows where the hole is."""
+"""A vessel that drains through a hole: the height of its surface; its curve over time gives the height of the hole."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from iris_sysid.types import BenchmarkClass, Estimate, Phenomenon, Quantity, Tra
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
-    """Count the level from the lowest at which it was seen.
+    """Measure the level from the lowest level seen.
 
-    The height of the hole above that is the model's ``hole``: below it nothing drains, and z(t) is a parabola whose
-    lowest point it is.
+    The height of the hole above it is the model's ``hole``: nothing drains below the hole, and z(t) is a parabola with
+    its lowest point there.
 
     Parameters
     ----------
     world
         One trajectory of z, segmented, in m or px.
     settings
-        Nothing is used of them; ``hole`` is a constant of the model.
+        Not used; ``hole`` is a constant of the model.
 
     Returns
     -------
     Trajectory
-        ``h``; ``geometry["lowest"]`` is the z from which it is counted.
+        ``h``; ``geometry["lowest"]`` is its zero on the z axis.
 
     Raises
     ------
@@ -37,13 +37,13 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
     body = without_still_start(only_measured(world, "torricelli", "z"))
     used = in_motion(body, 5)
     unit = body.quantities[0].unit
-    place = int(np.flatnonzero(used)[np.argmin(body.position[used, 0])])
-    lowest = float(body.position[place, 0])
-    from_where = Estimate(lowest, float(body.sigma[place, 0]), unit, "direct", "lowest level seen, where h is 0")
+    index = int(np.flatnonzero(used)[np.argmin(body.position[used, 0])])
+    lowest = float(body.position[index, 0])
+    zero = Estimate(lowest, float(body.sigma[index, 0]), unit, "direct", "lowest level seen, where h is 0")
     return body.with_(
         quantities=(Quantity("h", unit, "h"),),
         position=body.position - lowest,
-        geometry={**body.geometry, "lowest": from_where},
+        geometry={**body.geometry, "lowest": zero},
         smoothed=None,
     )
 
