@@ -1,8 +1,8 @@
 """Autoregressive noise in the residual of a fit: order by BIC, coefficients by restricted maximum likelihood.
 
-A residual has lost to the fit what looks like its parameters, mostly slow parts, so plain estimates of its
-autocorrelation are too small. The restricted likelihood (Patterson and Thompson 1971, Biometrika 58, 545) is that
-of the part of the data which the fit cannot reach, and has no such bias to first order.
+A fit absorbs the part of the noise that its parameters can imitate, mostly slow parts, so plain estimates of the
+residual's autocorrelation are too small. The restricted likelihood (Patterson and Thompson 1971, Biometrika 58, 545)
+uses only the part of the data that the fit cannot imitate, and has no such bias to first order.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from iris_sysid.types import Array
 Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 MAX_ORDER = 8
-LONGEST_GAP = 5000  # samples; noise is not correlated for longer
-RESTRICTED_UP_TO = 5000  # samples; beyond, what the fit took out is too small a share to matter
-EDGE = 0.999  # of the unit circle, for partial autocorrelations
+LONGEST_GAP = 5000  # samples; noise is not correlated over more
+RESTRICTED_UP_TO = 5000  # samples; beyond, the share that the fit absorbs is negligible
+EDGE = 0.999  # largest partial autocorrelation; 1 is the unit circle
 TOLERANCE = 1e-10  # relative, of the likelihood
-DIGITS_LOST = 1e-4  # of minus twice the log likelihood: products of very smooth columns cancel when they are whitened
+DIGITS_LOST = 1e-4  # largest rounding error of -2 log L: products of very smooth columns cancel when whitened
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -42,7 +42,7 @@ class Autoregression:
 
     @classmethod
     def of(cls, residual: Array, basis: Array, partial: Array) -> Autoregression:
-        """That with given partial autocorrelations (q,), and the innovations that these leave of a residual.
+        """The autoregression with given partial autocorrelations (q,), and its innovations from a residual.
 
         Partial autocorrelations are dimensionless, innovations in the unit of the residual.
 
@@ -61,8 +61,8 @@ class Autoregression:
 
         It is dimensionless.
 
-        That of the coefficients is the innovation variance over n times the inverse autocovariance matrix
-        (Brockwell and Davis 1991, section 8.1); central differences carry it over.
+        The covariance of the coefficients is the innovation variance over n times the inverse autocovariance matrix
+        (Brockwell and Davis 1991, section 8.1); central differences transform it to partial autocorrelations.
         """
         order = self.partial.size
         steps = 1e-5 * np.eye(order) * (1.0 - self.partial**2)
@@ -75,7 +75,7 @@ class Autoregression:
 
 
 def grid_positions(t_s: Array) -> NDArray[np.int64]:
-    """Position of each sample on an even grid of frames; lost frames leave holes, long gaps are shortened.
+    """Index of each sample on an even grid of frames; lost frames leave holes, long gaps are shortened.
 
     ``t_s`` (n,), s.
     """
@@ -87,9 +87,9 @@ def grid_positions(t_s: Array) -> NDArray[np.int64]:
 
 
 def on_grid(positions: NDArray[np.int64], values: Array, fill: float) -> Array:
-    """Spread values (n, ...) over the even grid, with ``fill`` where no sample is.
+    """Put values (n, ...) on the even grid, with ``fill`` where there is no sample.
 
-    The unit stays; ``positions`` (n,) are indices.
+    The unit does not change; ``positions`` (n,) are indices.
     """
     spread = np.full((int(positions[-1]) + 1, *values.shape[1:]), fill)
     spread[positions] = values
@@ -161,7 +161,7 @@ def fit_autoregression(residual: Array, basis: Array) -> Autoregression:
     residual
         (n,) with NaN where there is no sample.
     basis
-        (n, r) orthonormal basis of what the fit could have taken out; anything in the gaps.
+        (n, r) orthonormal basis of what the fit can absorb; any values in the gaps.
     """
     n = int(np.isfinite(residual).sum())
     most = int(np.clip((n - basis.shape[1]) // 10, 0, MAX_ORDER))
@@ -174,7 +174,7 @@ def fit_autoregression(residual: Array, basis: Array) -> Autoregression:
 
 
 def _most_likely(residual: Array, basis: Array, start: Array) -> Array:
-    """Partial autocorrelations of the largest restricted likelihood, from a start; tanh keeps them inside."""
+    """Partial autocorrelations of largest restricted likelihood, from a start; tanh keeps them below 1."""
     products = _LaggedProducts.of(residual, basis, start.size)
 
     def quick(unbounded: Vector) -> tuple[float, Vector]:
@@ -198,10 +198,10 @@ def _most_likely(residual: Array, basis: Array, start: Array) -> Array:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _LaggedProducts:
-    """All that the restricted likelihood of order q needs of a residual and a basis x (n, c), in one pass over them.
+    """Sufficient sums of a residual and a basis x (n, c) for the restricted likelihood of order q, from one pass.
 
-    ``products`` (q + 1, q + 1, c, q + 1, c): sums of x[t - i, a] x[t - j, b] over the samples that a predictor of
-    each order is for, the lower ones after each gap, and ``counts`` (q + 1,) of them; ``degrees`` of freedom.
+    ``products`` (q + 1, q + 1, c, q + 1, c): sums of x[t - i, a] x[t - j, b] over the samples that the predictor of
+    each order predicts (lower orders just after a gap); ``counts`` (q + 1,) of these samples; ``degrees`` of freedom.
     """
 
     products: Array
@@ -223,7 +223,7 @@ class _LaggedProducts:
         return cls(products.reshape(shape), counts, max(int(present.sum()) - basis.shape[1], 1))
 
     def minus_restricted(self, partial: Array) -> tuple[float, Array]:
-        """As :func:`minus_restricted`, and its gradient (q,); LinAlgError or ValueError when there is none."""
+        """:func:`minus_restricted` and its gradient (q,); LinAlgError or ValueError when they do not exist."""
         filters, slopes = _filters(partial)
         shares, share_slopes = _shares(partial)
         half = np.einsum("piajb,pj->piab", self.products, filters)
@@ -266,7 +266,7 @@ def _shares(partial: Array) -> tuple[Array, Array]:
 
 
 def minus_restricted(residual: Array, basis: Array, partial: Array) -> tuple[float, float]:
-    """Minus twice the log restricted likelihood, innovation variance profiled out; and its root.
+    """Minus twice the log restricted likelihood, innovation variance profiled out; and the root of that variance.
 
     The root has the unit of ``residual`` (n,); ``basis`` (n, r) and ``partial`` (q,) are dimensionless.
     """

@@ -1,7 +1,7 @@
-"""Noise that is known beforehand to last over some samples, for fits too short to see it in their own residual.
+"""Known autocorrelation of the noise, for fits too short to estimate it from their own residual.
 
-Twenty-five samples less what a parabola takes out of them look white whatever they are. Where the tracker says how
-long its errors last, that is where the autoregression starts from, and the residual moves it as far as it can.
+The residual of a parabola fitted to 25 samples looks white, whatever the noise. Where the tracker measured the
+autocorrelation of its errors, that is the prior of the autoregression, and the residual updates it.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ from fitters.noise.autoregression import EDGE, Autoregression, Vector, minus_res
 from iris_sysid.types import Array, ErrorAutocorrelation
 
 SHORT = 100  # samples; more tell each partial autocorrelation to 0.1 by themselves, better than the tracker does
-MOST = 0.95  # of the unit circle, for a partial autocorrelation that was measured
+MOST = 0.95  # largest measured partial autocorrelation that is used
 
 
 def with_measured_correlation(
     residual: Array, basis: Array, measured: ErrorAutocorrelation | None, alone: Autoregression
 ) -> Autoregression:
-    """Autoregression of the largest restricted likelihood times the density of what is known of it beforehand.
+    """Autoregression of largest posterior density: restricted likelihood times the prior that the tracker measured.
 
     ``residual`` (n,), NaN in the gaps, in units of its noise; ``basis`` (n, r), dimensionless.
 
-    Known are the inverse hyperbolic tangents of the partial autocorrelations, with normal errors. That is for short
-    residuals: others, and those whose own order is higher, keep what they tell alone.
+    The prior is normal in the inverse hyperbolic tangents of the partial autocorrelations. It is used for short
+    residuals only; longer ones, and those whose own order is higher, keep their own autoregression.
 
     Parameters
     ----------
     residual, basis
         As for :func:`fitters.noise.autoregression.fit_autoregression`.
     measured
-        What the tracker measured of the noise; None where it did not.
+        Autocorrelation of the noise as the tracker measured it; None where it did not.
     alone
-        What the residual tells without it.
+        The autoregression from the residual without the prior.
     """
     if measured is None or alone.n > SHORT or alone.partial.size > len(measured.partial):
         return alone

@@ -1,4 +1,4 @@
-"""Measurement noise without a model, and outliers: what the data say before anything is fitted."""
+"""Measurement noise and outliers, estimated from the data before any model is fitted."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from iris_sysid.types import Array, Mask
 
 MAD_TO_SD = 1.4826  # median absolute deviation to standard deviation of a normal
 ORDERS = range(2, 7)
-FAR = 6.0  # robust standard deviations from the neighbours: 2e-9 of normal noise
-LARGEST_SHARE = 0.05  # more than this is no outlier but a part of the motion
+FAR = 6.0  # robust standard deviations from the neighbours: a probability of 2e-9 for normal noise
+LARGEST_SHARE = 0.05  # a larger share of samples is a part of the motion and no outlier
 NEIGHBOURS = 5  # samples on each side
 
 
@@ -49,7 +49,7 @@ def noise_from_differences(t_s: Array, values: Array) -> float:
 
     The smallest of the robust standard deviations of the differences of orders 2 to 6: too low an order
     still contains the motion, too high an order needs more samples. Noise that is correlated over samples
-    is seen only in part. NaN with fewer than 8 samples. After von Neumann (1941, Ann. Math. Stat. 12, 367).
+    is underestimated. NaN with fewer than 8 samples. After von Neumann (1941, Ann. Math. Stat. 12, 367).
     """
     if t_s.size < 8:
         return float("nan")
@@ -57,7 +57,7 @@ def noise_from_differences(t_s: Array, values: Array) -> float:
 
 
 def deviations_from_neighbours(values: Array) -> Array:
-    """Each value less the median of it and of NEIGHBOURS on each side.
+    """Each value minus the running median over it and NEIGHBOURS samples on each side.
 
     ``values`` (n,) and the result (n,) have the same unit.
     """
@@ -67,7 +67,7 @@ def deviations_from_neighbours(values: Array) -> Array:
 
 
 def outliers_in_residual(residual: Array, floor: float) -> Mask:
-    """True where a residual (n, d) stands alone: far from its neighbours, not part of a slow misfit.
+    """True where a residual (n, d) is isolated: far from its neighbours, not part of a slow misfit.
 
     No sample is an outlier when more than LARGEST_SHARE are. ``floor`` is the smallest deviation that counts.
     """
@@ -83,7 +83,7 @@ def outliers_in_motion(t_s: Array, values: Array) -> Mask:
 
     ``t_s`` (n,), s; ``values`` in any unit.
 
-    For a start only: it sees what is far out, and leaves the rest to :func:`outliers_in_residual`. A kink of the
+    For starting values only: it finds far outliers; :func:`outliers_in_residual` finds the others. A kink of the
     motion is not marked, because differences that end at it are small. No sample is an outlier when too many are.
     """
     order = 4

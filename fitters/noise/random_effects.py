@@ -1,7 +1,7 @@
-"""Random effects: what several clips say of one value that may differ from clip to clip.
+"""Random effects: combine estimates of one value that may differ from clip to clip.
 
 Each clip gives an estimate y_i with variance v_i; the true values scatter about a mean with variance tau^2. The
-methods are those of meta-analysis, where trials take the place of clips.
+methods are those of meta-analysis; a clip corresponds to a trial.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from scipy.optimize import brentq, minimize_scalar
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array, Estimate, Population, chi2_ppf, chi2_sf, student_ppf
 
-WIDEST = 1e3  # tau searched up to so many times the scatter of the estimates
+WIDEST = 1e3  # upper limit of tau in the search, in units of the scatter of the estimates
 LEAST_CLIPS = 2
 
 
@@ -101,7 +101,7 @@ def between_clips(y: Array, v: Array) -> tuple[float, float, float]:
 
 
 def _where_q_is(y: Array, v: Array, level: float) -> float:
-    """The tau at which the generalised Q falls to a value; 0 where it is below that from the start."""
+    """The tau at which the generalised Q falls to ``level``; 0 where Q is below it at tau = 0."""
     if generalised_q(y, v, 0.0) <= level:
         return 0.0
     return float(brentq(lambda tau: generalised_q(y, v, tau**2) - level, 0.0, WIDEST, xtol=1e-10))

@@ -39,7 +39,7 @@ def quantile_975(degrees: float) -> float:
 
 
 def inverse_normal(jacobian: Array, smallest: float = 0.0) -> Array:
-    """(J'J)^-1 (k, k) of sensitivities (m, k), columns scaled to unit length on the way.
+    """(J'J)^-1 (k, k) of sensitivities (m, k), computed with columns scaled to unit length.
 
     Directions whose singular value is below ``smallest`` times the largest are left out (pseudo-inverse).
     """
@@ -109,8 +109,8 @@ def orthonormal_basis(columns: Array) -> Array:
 def middle(columns: Array, coefficients: Array) -> Array:
     """J' Gamma J (k, k) for an autoregression of unit innovation variance and J (n, k) on an even grid.
 
-    Noise e = sum_k psi_k u[t - k] of white u gives J'e = sum_t w[t] u[t] with w the filter run backwards over J,
-    on beyond the first sample for as long as the noise is correlated. So J' Gamma J = sum_t w[t] w[t]'.
+    Noise e = sum_k psi_k u[t - k] of white u gives J'e = sum_t w[t] u[t]. Here w is the filter run backwards over J,
+    and beyond the first sample for as long as the noise is correlated. So J' Gamma J = sum_t w[t] w[t]'.
     """
     if coefficients.size == 0:
         return np.asarray(columns.T @ columns)
@@ -145,7 +145,7 @@ def _memory(coefficients: Array) -> int:
 
 
 def _variance_of_variance(columns: Array, bread: Array, process: Autoregression, variance: Array) -> Array:
-    """Variance (k,) of one quantity's part of the variances."""
+    """Variance (k,) of the contribution of one quantity to the variances."""
     spread = 2.0 * variance**2 / process.n
     if process.coefficients.size == 0:
         return np.asarray(spread)
@@ -154,7 +154,7 @@ def _variance_of_variance(columns: Array, bread: Array, process: Autoregression,
 
 
 def _slope(columns: Array, bread: Array, process: Autoregression, index: int) -> Array:
-    """Derivative of the variance (k,) by one partial autocorrelation, by central differences."""
+    """Derivative of the variance (k,) with respect to one partial autocorrelation, by central differences."""
     step = 1e-4 * (1.0 - process.partial[index] ** 2)
     sides = []
     for sign in (1.0, -1.0):

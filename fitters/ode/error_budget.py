@@ -44,11 +44,11 @@ def estimate_all(task: Task, values: Array, errors: Errors) -> Budget:
     Parameters
     ----------
     task
-        What was asked.
+        The prepared fit.
     values
         (p + s,) the solution.
     errors
-        Of the free values.
+        Errors of the free values.
     """
     names = value_names(task.model)
     units = _units(task.model)
@@ -95,7 +95,7 @@ def _parts(gradient: Array, errors: Errors, direct: Mapping[str, float]) -> dict
 
 
 def _estimate(value: float, parts: Mapping[str, float], degrees: float, unit: str, kind: str) -> Estimate:
-    """Combine the parts; the effective degrees of freedom are those of Welch and Satterthwaite (GUM G.4)."""
+    """Combine the parts; effective degrees of freedom by Welch and Satterthwaite (GUM G.4)."""
     stderr = float(np.sqrt(sum(part**2 for part in parts.values())))
     share = (parts[RANDOM] / stderr) ** 2 if stderr > 0 else 0.0
     effective = degrees / share**2 if share > 0 else np.inf

@@ -1,4 +1,4 @@
-"""What a fit is asked to do, checked: which samples, which values are known, free, and where they start."""
+"""The checked input of a fit: its samples, its known and free values, and their starting values."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Selection:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Task:
-    """A fit, ready to run.
+    """A fit that is prepared to run.
 
     ``known`` by name: the values held, with their uncertainty; ``priors`` those estimated that were measured
     elsewhere; ``noise`` (d,) is the standard deviation of the measurement from differences of neighbours, in the
@@ -59,7 +59,7 @@ class Task:
 
 
 def select(trajectory: Trajectory, labels: Sequence[SegmentLabel]) -> Selection:
-    """The valid samples inside segments of these labels; of several stretches with something between, the longest."""
+    """The valid samples inside segments of these labels; the longest stretch where other segments lie between."""
     stretches = list(_stretches(trajectory, labels))
     best = Selection(0, 0, np.zeros(trajectory.n, dtype=np.bool_))
     for first, last in stretches:
@@ -76,7 +76,7 @@ def select(trajectory: Trajectory, labels: Sequence[SegmentLabel]) -> Selection:
 
 
 def _stretches(trajectory: Trajectory, labels: Sequence[SegmentLabel]) -> Iterator[tuple[int, int]]:
-    """Runs of wanted segments that no unwanted segment interrupts, as (start, stop)."""
+    """Runs of segments with these labels without any other segment between, as (start, stop)."""
     if not trajectory.segments:
         yield 0, trajectory.n
         return
@@ -106,7 +106,7 @@ def check_names(model: OdeModel, **given: Sequence[str]) -> None:
 def known_values(
     model: OdeModel, trajectory: Trajectory, fixed: Mapping[str, float | Estimate], free: Sequence[str]
 ) -> dict[str, Estimate]:
-    """Values that are held, by name: those given, then those measured on the way, then the model's constants.
+    """Values that are held, by name: those given, then those from the geometry, then the model's constants.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def priors_of(
     model, trajectory
         As for :func:`known_values`.
     fixed, free
-        What stands in both is a prior; FitError when it has no standard error.
+        A name in both is a prior; FitError when its value has no standard error.
     """
     both = {name: estimate for name, estimate in _all_given(model, trajectory, fixed).items() if name in free}
     exact = sorted(name for name, estimate in both.items() if not 0 < estimate.stderr < np.inf)
@@ -192,7 +192,7 @@ def _constant(parameter: Parameter, trajectory: Trajectory, model: OdeModel) -> 
     if parameter.default is None or (in_pixels(trajectory, model) and METRE.search(parameter.unit)):
         return Estimate(np.nan, np.nan, parameter.unit, "assumed", "not known")
     stderr, source = parameter.stderr, parameter.source
-    scale = None if trajectory.systematic else trajectory.geometry.get("scale")  # its error counts once
+    scale = None if trajectory.systematic else trajectory.geometry.get("scale")  # count its error only once
     if parameter.role == "magnification" and scale is not None and scale.value > 0 and scale.stderr > 0:
         stderr, source = scale.stderr / scale.value, f"scale: {scale.source}"
     return Estimate(parameter.default, stderr, parameter.unit, "assumed", source)
@@ -244,18 +244,18 @@ def prepare(
     hold: Hold,
     priors: Mapping[str, Estimate] = NO_PRIORS,
 ) -> Task:
-    """Put data and model together.
+    """Combine data and model into a fit that is ready to run.
 
     Parameters
     ----------
     trajectory, model, selection
-        What is fitted, and to which samples.
+        The data, the model, and the samples to use.
     known
         Values held; everything else is free.
     hold
         How inputs vary between samples.
     priors
-        Measured elsewhere, and estimated.
+        Values that are estimated and were also measured elsewhere.
     """
     span, used = selection.span, selection.used[selection.span]
     columns = [trajectory.column(quantity.name) for quantity in model.observed]
@@ -298,7 +298,7 @@ def _relative(sigma: Array, used: Mask) -> Array:
 
 
 def _usable(noise: Array, observed: Array) -> Array:
-    """The noise as a unit to weigh by: never zero, also for exact data."""
+    """The noise as the unit of the residuals: never zero, also for exact data."""
     size = np.std(observed, axis=0)
     size = np.where(size > 0, size, 1.0)
     return np.asarray(np.where(np.isfinite(noise), np.maximum(noise, 1e-9 * size), 1e-2 * size))
@@ -335,14 +335,14 @@ def _unknowns(model: OdeModel, free: Sequence[str], priors: Mapping[str, Estimat
 
 
 def with_priors(unknowns: Unknowns, priors: Mapping[str, Estimate]) -> Unknowns:
-    """The unknowns with normal priors by name, weighed by their standard errors alone."""
+    """The unknowns with normal priors by name, weighted by their standard errors alone."""
     expected = np.array([priors[name].value if name in priors else 0.0 for name in unknowns.names])
     precision = np.array([1.0 / priors[name].stderr if name in priors else 0.0 for name in unknowns.names])
     return replace(unknowns, expected=expected, precision=precision)
 
 
 def starting_values(task: Task, start: Mapping[str, float]) -> Iterator[Array]:
-    """Full vectors of values to start from: the caller's over the model's own guess, then the guess alone.
+    """Full vectors of starting values: the model's guess overridden by the caller's values, then the guess alone.
 
     Each vector is (p + s,), every value in its own unit.
 
@@ -393,7 +393,7 @@ def _guess(task: Task, *, needed: bool) -> dict[str, float]:
 
 
 def _middle(model: OdeModel, name: str) -> float:
-    """A value inside the bounds, for one that the data do not let the model guess: 1 where that lies inside."""
+    """A starting value inside the bounds where the model has no finite guess: 1 if that lies inside."""
     bounds = {parameter.name: (parameter.lower, parameter.upper) for parameter in model.parameters}
     lower, upper = bounds.get(name, (-np.inf, np.inf))
     return 1.0 if lower < 1.0 < upper else float(np.clip(0.5 * (lower + upper), lower, upper))

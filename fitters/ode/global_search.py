@@ -1,8 +1,8 @@
 """Find the global minimum, by shooting with a growing horizon.
 
-The misfit of an oscillation has a minimum near every period that slips in by one more turn. A short piece at
-the start of the motion has none of these, so the fit begins there and then grows: each time to where the
-present solution still follows the data, never further. Starts are tried in turn until one explains the data.
+The misfit of an oscillation has a local minimum for every frequency that changes the number of periods by one. A short
+horizon at the start of the motion has only one minimum, so the fit begins there and then grows: each time as far as the
+present solution follows the data. Starts are tried in turn until one explains the data.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from fitters.noise.measurement_noise import robust_sd
 from fitters.ode.least_squares import Solution, Target, Unknowns, minimise
 from iris_sysid.types import Array
 
-FOLLOWS = 0.3  # a solution follows while its error is below this share of the motion's size
+FOLLOWS = 0.3  # a solution follows the data while its error is below this fraction of the motion's size
 GROWTH = (1.3, 8.0)  # least and largest growth of the horizon
 EXPLAINED_NOISE, EXPLAINED_MOTION = 3.0, 0.1  # residual below 3 times the noise, or 10 % of the motion
 ENOUGH, THINNEST = 500, 8  # samples for a rough fit; at 60 Hz, 8 frames are still one step of the integrator
@@ -28,8 +28,8 @@ def grow(problem: InitialValueProblem, target: Target, unknowns: Unknowns, value
 
     ``values`` (p + s,), each in its own unit.
 
-    The horizons are solved roughly, on some of their samples where there are many; so are all samples together
-    when the motion has not been followed that far.
+    The horizons are solved with a loose tolerance, on a subset of their samples where there are many. So is the fit to
+    all samples when the solution does not explain the last horizon.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def grow(problem: InitialValueProblem, target: Target, unknowns: Unknowns, value
 
 
 def thinned(problem: InitialValueProblem, target: Target) -> tuple[InitialValueProblem, Target]:
-    """Every k-th sample, k at most THINNEST, so that ENOUGH are left; all where inputs vary from one to the next."""
+    """Every k-th sample, k at most THINNEST, so that ENOUGH remain; all samples where the model has inputs."""
     k = min(THINNEST, problem.t_s.size // ENOUGH)
     if k < 2 or problem.model.inputs or target.every(k).used.sum() < ENOUGH // 2:
         return problem, target
@@ -59,7 +59,7 @@ def thinned(problem: InitialValueProblem, target: Target) -> tuple[InitialValueP
 
 
 def first_horizon(target: Target, n_free: int) -> int:
-    """Number of samples in which the motion has covered half of its range, and that suffice for the unknowns."""
+    """Number of samples that cover half of the motion's range and suffice for the unknowns."""
     seen = target.observed[target.used]
     span = np.maximum.accumulate(seen, axis=0) - np.minimum.accumulate(seen, axis=0)
     share = np.mean(span / np.where(span[-1] > 0, span[-1], 1.0), axis=1)
@@ -87,11 +87,11 @@ def next_horizon(problem: InitialValueProblem, target: Target, values: Array, st
 
 
 def reach(problem: InitialValueProblem, target: Target, values: Array) -> int:
-    """Number of samples over which the solution follows the data: until two of three used samples are off.
+    """Number of samples over which the solution follows the data: until two of three used samples deviate.
 
     ``values`` (p + s,), each in its own unit.
 
-    A single one may be an outlier.
+    A single deviating sample may be an outlier.
     """
     rough = problem.with_step(float(np.median(np.diff(problem.t_s))))
     with np.errstate(all="ignore"):
@@ -103,7 +103,7 @@ def reach(problem: InitialValueProblem, target: Target, values: Array) -> int:
 
 
 def explains(solution: Solution, target: Target, motion_share: float = EXPLAINED_MOTION) -> bool:
-    """Whether most of each quantity's residual is near the noise, or small beside the motion: there is none better."""
+    """Whether most of each quantity's residual is near the noise or small compared with the motion."""
     if not np.isfinite(solution.rms):
         return False
     motion = float(np.sqrt(np.mean((target.size / np.median(target.sigma[target.used], axis=0)) ** 2)))
@@ -116,8 +116,8 @@ def search(
 ) -> Solution:
     """Fit from each start in turn until one explains the data, or two starts end in the same best minimum.
 
-    A residual that is only small beside the motion, which an incomplete equation leaves, is reason enough to
-    try no random start, but not to pass over a trusted one.
+    An incomplete equation leaves a residual above the noise but small compared with the motion. Then random starts are
+    skipped, but trusted starts are still tried.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def search(
 
 
 def scattered_starts(unknowns: Unknowns, values: Array, target: Target, count: int, seed: int = 0) -> Iterator[Array]:
-    """Random starts about one: parameters within a factor of about 2, initial states within the motion's size.
+    """Random starts about a given one: parameters within a factor of about 2, initial states within the motion's size.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def scattered_starts(unknowns: Unknowns, values: Array, target: Target, count: i
     target
         Gives the size of the motion.
     count
-        How many.
+        Number of starts.
     seed
         Same seed, same starts.
     """

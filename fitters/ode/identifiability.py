@@ -1,4 +1,4 @@
-"""How well the data determine what was fitted: the Hessian at the optimum beside the Fisher information."""
+"""Identifiability of a fit: the Hessian at the optimum, to compare with the Fisher information."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WIDER = 10.0  # second differences lose twice the digits of first ones: steps th
 
 
 def identifiability(result: FitResult, trajectory: Trajectory | None = None) -> Identifiability:
-    """What the data can tell of the free values of a fit, with the Hessian at its optimum.
+    """Identifiability of the free values of a fit, with the Hessian at its optimum.
 
     The Hessian of minus the log likelihood differs from the Fisher information by the curvature of the model along
     the residual. Where the two disagree, the fit is no minimum, or the error bars cannot be ellipses.
@@ -31,9 +31,9 @@ def identifiability(result: FitResult, trajectory: Trajectory | None = None) -> 
     Parameters
     ----------
     result
-        A fit that found something.
+        A fit with estimates.
     trajectory
-        What was fitted; needed for a model with inputs.
+        The fitted trajectory; needed for a model with inputs.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""95 % intervals by other ways than the linearised fit: profile likelihood and block bootstrap.
+"""95 % intervals by other methods than the linearised fit: profile likelihood and block bootstrap.
 
-All are of the random error: errors of known values come on top of each in the same way.
+All describe the random error only; errors of known values add to each of them equally.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ Interval = tuple[float, float]
 
 CLOSE = 0.01  # of the quantile, at which the end of a profile interval is found
 TRIES = 8
-REPLICATES = 400  # the ends of the interval then scatter by 7 % of its half width
+REPLICATES = 400  # the ends of the interval scatter by 7 % of its half width
 CHORD_STEPS = 8
-DISAGREE = 0.25  # of the robust half width; three times what 400 replicates scatter
+DISAGREE = 0.25  # fraction of the robust half width: three times the scatter with 400 replicates
 LAGS = 2000  # longest autocorrelation of the noise that a block covers, in samples
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Found:
-    """A finished fit, as the intervals need it.
+    """A finished fit with the quantities that the intervals need.
 
     ``covariance`` (k, k) of the free values, priors included; ``quantile`` (k,) of Student's t; ``usable`` (k,) false
     for values at a bound or undetermined; ``noise`` of each quantity.
@@ -64,7 +64,7 @@ class Found:
 
 
 def checked_methods(methods: Sequence[str]) -> tuple[Method, ...]:
-    """The methods in their order; FitError lists those there are when one is unknown."""
+    """The methods in the order of METHODS; for an unknown method, a FitError lists the known ones."""
     unknown = [method for method in methods if method not in (*METHODS, "all")]
     if unknown:
         raise FitError(f"uncertainty: there is no {', '.join(unknown)}; there are: {', '.join(METHODS)}, all")
@@ -72,7 +72,7 @@ def checked_methods(methods: Sequence[str]) -> tuple[Method, ...]:
 
 
 def intervals_by(found: Found, methods: Sequence[Method]) -> dict[str, dict[str, Interval]]:
-    """Intervals by method and name, of the values that have an error at all."""
+    """Intervals by method and name, for the values that have an error."""
     functions: Mapping[Method, Callable[[Found], dict[str, Interval]]] = {
         "robust": _robust,
         "profile": _profile,
@@ -82,7 +82,7 @@ def intervals_by(found: Found, methods: Sequence[Method]) -> dict[str, dict[str,
 
 
 def disagreements(intervals: Mapping[str, Mapping[str, Interval]]) -> list[str]:
-    """One sentence for each value whose interval by another method ends elsewhere than the robust one."""
+    """One sentence for each value whose interval by another method disagrees with the robust one."""
     texts = []
     for method, meaning in (
         ("profile", "the fit is not linear over its own error, and the profile is to be trusted"),
@@ -128,7 +128,7 @@ def _profile(optimum: Found) -> dict[str, Interval]:
 
 
 def _end(optimum: Found, index: int, scale: float, side: float) -> float:
-    """Where the signed root of the misfit's growth reaches the quantile, by the secant through the optimum."""
+    """The value at which the signed root of the misfit's growth reaches the quantile, by the secant method."""
     unknowns = optimum.task.unknowns
     best, quantile = optimum.values[index], optimum.quantile[index]
     distance = side * quantile * float(np.sqrt(optimum.covariance[index, index]))
@@ -188,10 +188,10 @@ def block_length(noise: Sequence[Autoregression], n: int) -> int:
 
 
 def _bootstrap(optimum: Found) -> dict[str, Interval]:
-    """Basic bootstrap interval (Davison and Hinkley 1997, section 5.2) of residuals drawn anew in circular blocks.
+    """Basic bootstrap interval (Davison and Hinkley 1997, section 5.2) of residuals resampled in circular blocks.
 
     Blocks (Kuensch 1989, Ann. Stat. 17, 1217) keep the noise's autocorrelation. Each replicate is a full fit, by
-    the chord method from the optimum: the Jacobian stays, the prediction is computed anew.
+    the chord method from the optimum: it keeps the Jacobian and recomputes the prediction.
     """
     rng = np.random.default_rng(0)
     size = max(1, BATCH_NUMBERS // optimum.near.residual.size)
@@ -210,7 +210,7 @@ def _bootstrap(optimum: Found) -> dict[str, Interval]:
 
 
 def _replicates(optimum: Found, count: int, rng: np.random.Generator) -> Array:
-    """Changes of the usable free values (k, count) in refits to residuals drawn anew."""
+    """Changes of the usable free values (k, count) in refits to resampled residuals."""
     near, unknowns = optimum.near, optimum.task.unknowns
     usable = np.flatnonzero(optimum.usable)
     drawn = _drawn_residual(optimum, count, rng)
@@ -236,7 +236,7 @@ def _prior_spread(optimum: Found) -> Array:
 
 
 def _drawn_residual(optimum: Found, count: int, rng: np.random.Generator) -> Array:
-    """Residuals (n * d, count) drawn in circular blocks, inflated for what the fit took out of them."""
+    """Residuals (n * d, count) drawn in circular blocks, inflated for the degrees of freedom that the fit uses."""
     residual = optimum.near.residual - optimum.near.residual.mean(axis=0)
     n, d = residual.shape
     residual = residual * np.sqrt(n * d / max(n * d - optimum.usable.size, 1))

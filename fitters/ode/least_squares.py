@@ -1,4 +1,4 @@
-"""Least squares on the trajectory itself: the residual, its Jacobian, and SciPy's trust region with bounds."""
+"""Least squares on the trajectory: the residual, its Jacobian, and SciPy's trust region with bounds."""
 
 from __future__ import annotations
 
@@ -14,17 +14,20 @@ from iris_sysid.types import Array, Mask
 
 Loss = Literal["linear", "soft_l1"]
 
-ROUGH, FINE = 1e-5, 1e-8  # relative change of the sum of squares at which a horizon, or the fit, is done
+ROUGH, FINE = 1e-5, 1e-8  # relative change of the sum of squares at which a horizon, or the fit, has converged
 ROUGH_STEP, FINE_STEP = 1e-6, 1e-8  # relative error from the finite time step
-NEGLIGIBLE = 1e-2, 1e-4  # of the noise, and of the motion: error from the time step where the equation has a kink
+NEGLIGIBLE = (
+    1e-2,
+    1e-4,
+)  # error from the time step at a kink, as fractions of the noise and of the motion
 ROUGH_EVALUATIONS, FINE_EVALUATIONS = 40, 200
 LARGEST = 1e100  # in units of sigma: squares and their sums stay finite
-SOFT_AT = 2.0  # soft_l1 bends over at this many standard deviations
+SOFT_AT = 2.0  # standard deviations above which soft_l1 grows linearly
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Target:
-    """What has to be explained: ``observed`` and ``sigma`` (n, d) at the samples of a problem, ``used`` (n,)."""
+    """The data to fit: ``observed`` and ``sigma`` (n, d) at the samples of a problem, ``used`` (n,)."""
 
     observed: Array
     sigma: Array
@@ -50,7 +53,7 @@ class Target:
 
     @property
     def negligible(self) -> float:
-        """Error of a prediction, relative to the largest value seen, that disappears in the noise."""
+        """Negligible error of a prediction, relative to the largest observed value."""
         seen = np.max(np.abs(self.observed[self.used]), axis=0)
         noise = np.median(self.sigma[self.used], axis=0)
         return float(min(NEGLIGIBLE[0] * np.min(noise / np.where(seen > 0, seen, 1.0)), NEGLIGIBLE[1]))
@@ -58,7 +61,7 @@ class Target:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Unknowns:
-    """Which values are free: their places ``which`` (k,), names and bounds (k,).
+    """The free values: their indices ``which`` (k,), names and bounds (k,).
 
     Those measured elsewhere have a normal prior of mean ``expected`` (k,) and standard error 1 / ``precision`` (k,);
     a precision of zero is no prior.
@@ -78,11 +81,11 @@ class Unknowns:
 
     @property
     def prior_rows(self) -> Array:
-        """What the priors add to the sensitivities (j, k), one row each. Rows are in one per unit of the value."""
+        """Rows (j, k) that the priors add to the sensitivities, in one per unit of the value."""
         return np.asarray(np.diag(self.precision)[self.measured])
 
     def prior_residual(self, values: Array) -> Array:
-        """What the priors add to the residual (j,), expected - value in standard errors.
+        """Residuals (j,) of the priors: expected - value in standard errors.
 
         It is dimensionless; ``values`` (p + s,), each in its own unit.
         """
@@ -90,11 +93,11 @@ class Unknowns:
         return np.asarray((self.expected[part] - values[self.which[part]]) * self.precision[part])
 
     def weighing_priors(self, factor: float) -> Unknowns:
-        """The same with the weight of every prior multiplied by a factor."""
+        """The unknowns with the weight of every prior multiplied by a factor."""
         return replace(self, precision=self.precision * factor)
 
     def without(self, index: int) -> Unknowns:
-        """The same with one of the free values held."""
+        """The unknowns with one of the free values held."""
         kept = np.arange(self.which.size) != index
         names = tuple(name for name, keep in zip(self.names, kept, strict=True) if keep)
         arrays = (self.lower, self.upper, self.expected, self.precision)
@@ -110,7 +113,7 @@ class Unknowns:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Solution:
-    """What least squares found.
+    """The result of least squares.
 
     ``values`` (p + s,); ``predicted`` (n, d) by the ``problem`` with its time steps; ``steps`` (k,) for differences;
     ``rms`` of the residual in units of sigma, infinite where the solution diverges; ``fine`` when the optimiser was
@@ -184,14 +187,14 @@ def minimise(
     gradients: tuple[float, ...] = (),
     most: int | None = None,
 ) -> Solution:
-    """Least squares from one start over all samples of the problem, by SciPy's trust region with our Jacobian.
+    """Least squares from one start over all samples of the problem, by SciPy's trust region with the model's Jacobian.
 
     Parameters
     ----------
     problem
         The model at the samples; its time steps are chosen here, for the start.
     target
-        What to explain.
+        The data to fit.
     unknowns
         The free values and their bounds.
     values
@@ -205,7 +208,7 @@ def minimise(
     gradients
         Of the iterations so far.
     most
-        Evaluations after which it is given up, where that is sooner than usual, unless it is rough.
+        Largest number of evaluations, where smaller than the default; ignored when ``rough``.
     """
     start = unknowns.inside(values)
     problem = problem.planned(start, ROUGH_STEP if rough else FINE_STEP, target.negligible)
@@ -254,7 +257,7 @@ def _minimised(objective: _Objective, loss: Loss, most: int, *, rough: bool) -> 
 
 
 def reweighted(target: Target, solution: Solution) -> Target:
-    """The target with the weights that a robust loss ends with: sigma grows where the residual is large."""
+    """The target with the final weights of a robust loss: a larger sigma where the residual is large."""
     residual = target.observed - solution.predicted
     softness = np.sqrt(1.0 + (residual / target.sigma / SOFT_AT) ** 2)
     return replace(target, sigma=np.where(np.isfinite(softness), target.sigma * np.sqrt(softness), target.sigma))

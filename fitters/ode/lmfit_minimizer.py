@@ -18,7 +18,7 @@ LARGEST = 1e50  # in units of the noise: a diverging solution stays comparable, 
 
 
 def lmfit_minimizer(fitted: FitResult, trajectory: Trajectory) -> lmfit.Minimizer:
-    """State a fit as an lmfit Minimizer, starting from the estimates, so that lmfit's own tools can go on from there.
+    """Convert a fit to an lmfit Minimizer that starts from the estimates, for use with lmfit's own tools.
 
     The residual is (predicted - observed) / noise at the samples that the fit used, so that ``scale_covar`` is off.
     White noise is assumed: where the residual is autocorrelated, lmfit's standard errors are smaller than those of the
@@ -29,7 +29,7 @@ def lmfit_minimizer(fitted: FitResult, trajectory: Trajectory) -> lmfit.Minimize
     fitted
         A usable fit.
     trajectory
-        What it was fitted to; gives the inputs of a driven model.
+        The fitted trajectory; it gives the inputs of a driven model.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""What a fit is asked to do: one type for a single clip, several clips, model selection and diagnosis."""
+"""The request for a fit: one type for a single clip, several clips, model selection and diagnosis."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ NOTHING: Mapping[str, float] = MappingProxyType({})
 
 @dataclass(frozen=True, slots=True)
 class FitOptions:
-    """What is rarely changed in a fit.
+    """Options of a fit that are rarely changed.
 
     ``segments``: labels of the segments whose samples are used. ``loss``: ``linear`` (least squares) or ``soft_l1``
     (large residuals count less); with both, single samples far from their neighbours' residual are left out, and a
     note says how many. ``hold``: inputs between samples vary on a line (``linear``) or keep the value of the last
     sample (``zero-order``). ``multistart``: number of random starts to try when no start explains the data.
-    ``local``: the start is near the minimum, e.g. that of a simpler model; go straight down from it, without a search.
+    ``local``: the start is near the minimum, e.g. that of a simpler model; minimise from it without a global search.
     """
 
     segments: tuple[SegmentLabel, ...] = ("motion",)
@@ -53,5 +53,5 @@ class FitRequest:
         return replace(self, **changes)
 
     def from_near(self, start: Mapping[str, float]) -> FitRequest:
-        """A copy that starts near its minimum and goes straight down from there."""
+        """A copy that starts near its minimum and skips the global search."""
         return replace(self, start=start, options=replace(self.options, local=True))

@@ -82,7 +82,7 @@ def linearise(task: Task, target: Target, solution: Solution) -> Linearised:
     Parameters
     ----------
     task, target, solution
-        What was asked, the samples that count with their weights, what was found.
+        The prepared fit, the samples used with their weights, and the solution.
     """
     names = value_names(task.model)
     uncertain = [name for name, estimate in task.known.items() if estimate.stderr > 0]
@@ -107,7 +107,7 @@ def errors_of(task: Task, near: Linearised, usable: Mask, undetermined: Mask) ->
     Parameters
     ----------
     task
-        Its priors are sources of error of their own.
+        The prepared fit; its priors are separate sources of error.
     near
         The linearised fit.
     usable
@@ -147,12 +147,12 @@ def _prior_shifts(task: Task, bread: Array, usable: Mask) -> dict[str, Array]:
 
 
 def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -> FitResult:
-    """Judge the solution and put everything that is known about it together.
+    """Judge the solution and build the result with errors, criteria, status and notes.
 
     Parameters
     ----------
     task, target, solution
-        What was asked, the samples that count with their weights, what was found.
+        The prepared fit, the samples used with their weights, and the solution.
     notes
         What a reader should know beside the status.
     """
@@ -201,7 +201,7 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -
 
 
 def _determination(near: Linearised, usable: Mask) -> Determination:
-    """What the values that are not at a bound leave undetermined, spread over all free values."""
+    """The null directions of the values that are not at a bound, as vectors over all free values."""
     part = determination(near.informed[:, usable])
     null = np.zeros((part.null.shape[0], usable.size))
     null[:, usable] = part.null
@@ -211,7 +211,7 @@ def _determination(near: Linearised, usable: Mask) -> Determination:
 
 
 def information_loss(near: Linearised) -> float:
-    """Variance of the noise as the free values feel it, in units of sigma squared: more than its own when correlated.
+    """Effective variance of the noise for the free values, in units of sigma squared: larger for correlated noise.
 
     The mean ratio of the middle of the sandwich to the information, trace(B J' Gamma J) / trace(B J'J) with
     B = (J'J + priors)^-1; NaN when there is no information.
@@ -331,16 +331,16 @@ def _spread(task: Task, values: Array | Mask, fill: float) -> Array:
 def failed(
     trajectory: Trajectory, model: OdeModel, known: Mapping[str, Estimate], status: FitStatus, problem: FitProblem
 ) -> FitResult:
-    """The result of a fit that gave nothing: NaN everywhere, and what to do as the remedy.
+    """The result of a failed fit: NaN everywhere, and a problem with its remedy.
 
     Parameters
     ----------
     trajectory, model
-        What should have been fitted.
+        The data and the model.
     known
         Values held; they are kept.
     status, problem
-        What happened and the remedy.
+        The status, and the problem with its remedy.
     """
     n, d = trajectory.n, len(model.observed)
     free = tuple(name for name in value_names(model) if name not in known)

@@ -27,17 +27,17 @@ from iris_sysid.types import (
 )
 
 ROUNDS = 12  # Gauss-Newton steps of the shared values; three are enough where the fit is nearly linear
-DONE = 1e-3  # of a standard error: a step that small ends the search
-UNLIKELY = 0.01  # chance below which shared values are said to differ
+DONE = 1e-3  # fraction of a standard error: a smaller step ends the search
+UNLIKELY = 0.01  # probability below which shared values differ significantly
 STATUSES: tuple[FitStatus, ...] = ("singular", "at-bound", "misfit", "not-converged", "diverged", "too-short")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _View:
-    """What one clip says of the shared values (s of them) when its own values follow.
+    """The information of one clip on the s shared values, with its own values fitted.
 
-    ``near`` has the sensitivities to them, those to its own values taken out; ``weight`` is one over the variance of
-    its noise as they feel it; ``known`` by name (r, n * d): response to one standard error of a known
+    ``near`` has the sensitivities to them, orthogonal to those to its own values; ``weight`` is one over the effective
+    variance of its noise for them; ``known`` by name (r, n * d): response to one standard error of a known
     value (r = 1), or of each pattern of a source.
     """
 
@@ -73,7 +73,7 @@ def fit_clips(
     shared
         Parameters that are the same in all clips; a constant named here is estimated.
     per_clip
-        Parameters that differ without being draws of one kind, e.g. an angle that was set: no mean is given. Initial
+        Parameters that differ without being random draws, e.g. an angle that was set: no mean is given. Initial
         states always belong here.
     fixed, free, start
         As for :func:`fitters.ode.fit`, the same for all clips. A value in ``fixed`` is one and the same in all clips,
@@ -151,13 +151,13 @@ def _free(free: Sequence[str], shared: Sequence[str], model: OdeModel) -> list[s
 
 
 def _others(clips: Sequence[FitResult], shared: Sequence[str], per_clip: Sequence[str]) -> list[str]:
-    """Fitted parameters that are draws from clip to clip."""
+    """Fitted parameters that are random draws from clip to clip."""
     left_out = {*shared, *per_clip, *clips[0].model.initial_names}
     return [name for name in clips[0].free if name not in left_out]
 
 
 def _populations(clips: Sequence[FitResult], names: Sequence[str]) -> dict[str, Population]:
-    """Scatter of each value over the clips that determine it; values that fewer than two do are left out."""
+    """Scatter of each value over the clips that determine it; values with fewer than two such clips are left out."""
     populations = {}
     for name in names:
         rows = [(clip.estimates[name].value, _random(clip, name)) for clip in clips if clip.usable]
@@ -169,12 +169,12 @@ def _populations(clips: Sequence[FitResult], names: Sequence[str]) -> dict[str, 
 
 
 def _random(clip: FitResult, name: str) -> float:
-    """Standard error of the random kind of a value in one clip."""
+    """Random standard error of a value in one clip."""
     return float(clip.budget.get(name, {}).get("random", np.nan))
 
 
 def _with_common_errors(population: Population, clips: Sequence[FitResult], name: str) -> Population:
-    """The mean with the errors that all clips have in common: those of known values do not average out."""
+    """Add the errors that all clips have in common to the mean: errors of known values do not average out."""
     sources = {source for clip in clips for source in clip.budget.get(name, {}) if source != "random"}
     parts = [np.nanmean([clip.budget[name].get(s, np.nan) for clip in clips if name in clip.budget]) for s in sources]
     stderr = float(np.hypot(population.mean.stderr, np.linalg.norm(parts)))
@@ -188,7 +188,7 @@ def _with_common_errors(population: Population, clips: Sequence[FitResult], name
 
 
 def _joint(usable: Sequence[tuple[FitRequest, FitResult]], shared: Sequence[str]) -> tuple[Array, list[_View]]:
-    """The shared values (s,) of the smallest weighted sum of squares, and what each clip says there."""
+    """The shared values (s,) with the smallest weighted sum of squares, and each clip's information there."""
     values = _first_values([clip for _, clip in usable], shared)
     weights: list[float] = []
     best, step = np.inf, np.asarray(np.zeros(values.size))
@@ -197,7 +197,7 @@ def _joint(usable: Sequence[tuple[FitRequest, FitResult]], shared: Sequence[str]
         now = [_view(request, clip, shared, values) for request, clip in usable]
         weights = weights or [view.weight for view in now]
         total = sum(weight * view.sum_of_squares for weight, view in zip(weights, now, strict=True))
-        if not total <= best * (1 + 1e-9) and views:  # too far: half the way back
+        if not total <= best * (1 + 1e-9) and views:  # the step was too large: halve it
             step = step / 2
             values = values - step
             continue
@@ -212,7 +212,7 @@ def _joint(usable: Sequence[tuple[FitRequest, FitResult]], shared: Sequence[str]
 
 
 def _first_values(clips: Sequence[FitResult], shared: Sequence[str]) -> Array:
-    """Mean of each clip's own values, weighed by their errors where they have any."""
+    """Mean of each clip's own values, weighted by their errors where they have any."""
     values = []
     for name in shared:
         rows = np.array([(clip.estimates[name].value, _random(clip, name)) for clip in clips])
@@ -223,7 +223,7 @@ def _first_values(clips: Sequence[FitResult], shared: Sequence[str]) -> Array:
 
 
 def _view(request: FitRequest, clip: FitResult, shared: Sequence[str], values: Array) -> _View:
-    """Fit a clip's own values with the shared ones held, and take their part out of the shared sensitivities."""
+    """Fit a clip's own values with the shared ones held, and project them out of the shared sensitivities."""
     units = {name: clip.estimates[name].unit for name in shared}
     # An error of any size makes the engine compute the response to a known value; it is divided out again.
     tried = dict(zip(shared, values.tolist(), strict=True))
@@ -283,10 +283,9 @@ def _shared_estimates(
 
 
 def _shift(views: Sequence[_View], name: str, bread: Array) -> Array:
-    """How far one standard error of a known value moves the shared values (s,), in all clips alike.
+    """Change of the shared values (s,) for one standard error of a known value, common to all clips.
 
-    Several patterns of one source are not in the same order in all clips: their sizes are added, which is the most
-    that they can come to.
+    The patterns of one source have a different order in each clip, so their sizes are added, which is an upper limit.
     """
     moved = [bread @ (view.weight * view.near.flat.T @ view.known[name].T) for view in views]
     if all(shift.shape[1] == 1 for shift in moved):
@@ -295,14 +294,14 @@ def _shift(views: Sequence[_View], name: str, bread: Array) -> Array:
 
 
 def _one_clip(view: _View, bread: Array) -> tuple[Array, Array]:
-    """What one clip's noise adds to the covariance (s, s), and the degrees of freedom (s,) of its variances."""
+    """Contribution of one clip's noise to the covariance (s, s), and the degrees of freedom (s,) of its variances."""
     near = view.near
     uncertainty = random_uncertainty(near.t_s, near.residual, near.sensitivity, view.weight * bread, near.measured)
     return uncertainty.covariance, uncertainty.degrees
 
 
 def _held_fit(request: FitRequest, clip: FitResult) -> FitResult:
-    """The clip's own values with the shared ones held; what failed alone stays as it is."""
+    """The clip's own values with the shared ones held; a clip that failed alone keeps its result."""
     return solve(request.from_near(_own_values(clip, request.fixed))) if clip.usable else clip
 
 
@@ -345,7 +344,7 @@ def _pooled(
 
 
 def _verdict(clips: Sequence[FitResult], scatter: Mapping[str, Population]) -> tuple[FitStatus, str]:
-    """The most serious status of clips that are left; failed ones are named, and are no part of the result."""
+    """The most serious status of the usable clips; failed ones are named and not part of the result."""
     usable = [clip for clip in clips if clip.usable]
     texts = [f"clip {k + 1} is {clip.status}: {clip.message}" for k, clip in enumerate(clips) if not clip.ok]
     texts += [

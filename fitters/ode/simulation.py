@@ -1,4 +1,4 @@
-"""Integrate a model at given values: its states, what is observed of them, and how that changes with the values."""
+"""Integrate a model at given values: its states, its observed quantities, and their sensitivities to the values."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ def simulate(
     model
         The governing equation.
     t_s
-        (n,) s, increasing, as uneven as it likes.
+        (n,) s, increasing; the spacing may be uneven.
     values
         Parameters and initial states (``theta_0``) by name; constants have their defaults. Derived quantities,
-        as a fit returns them too, are passed over.
+        which a fit also returns, are ignored.
     inputs
         (n, m) known inputs at these times, for a model that declares them.
     hold
@@ -62,7 +62,7 @@ def simulate(
     Raises
     ------
     FitError
-        When a value is missing or unknown, or the right-hand side does not return what it must.
+        When a value is missing or unknown, or the right-hand side does not return one rate per state.
     DataError
         When times do not increase or inputs have the wrong shape.
 
@@ -89,7 +89,7 @@ def sensitivity(
     hold: Hold = "linear",
     tolerance: float = 1e-9,
 ) -> Array:
-    """How the observed quantities change with parameters and initial states: d observed / d value (n, d, k).
+    """Sensitivities of the observed quantities to parameters and initial states: d observed / d value (n, d, k).
 
     Central differences of solutions with the same time steps; relative error about 1e-7.
 

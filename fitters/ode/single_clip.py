@@ -1,4 +1,4 @@
-"""The ODE engine: fit a model to a measured trajectory, with honest errors."""
+"""The ODE engine: fit a model to a measured trajectory, with errors that allow for autocorrelation and known values."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from iris_sysid.types import (
     Trajectory,
 )
 
-PATIENCE = 500_000, 50  # samples evaluated, and evaluations at least, until a fit that began nearby is given up
+PATIENCE = 500_000, 50  # samples evaluated, and least evaluations, before a local fit is abandoned
 SMALLEST_DEVIATION = 3.0  # in units of the noise, for a sample to count as an outlier
 
 
@@ -62,7 +62,7 @@ def fit(
     Parameters
     ----------
     trajectory
-        Measured positions; only valid samples inside the wanted segments are used, smoothed ones never.
+        Measured positions; only valid samples inside the chosen segments are used, and never the smoothed ones.
         ``sigma`` gives relative weights, the size of the noise is estimated. Its ``geometry`` gives the model's
         constants of the same name, e.g. ``angle``, and the error of ``scale``.
     model
@@ -71,12 +71,12 @@ def fit(
     fixed
         Values to hold, by name; an Estimate's standard error is propagated.
     free
-        Constants to estimate as well, e.g. ``("gravity",)``. What is in ``fixed`` too, with its standard error, has
-        that as a normal prior: it takes part in the fit, and its share of each error is kept apart in ``budget``.
+        Constants to estimate as well, e.g. ``("gravity",)``. A name that is also in ``fixed``, with a standard error,
+        has that as a normal prior: it takes part in the fit, and its share of each error is kept apart in ``budget``.
     start
         Starting values by name, tried before the model's own guess.
     uncertainty
-        Ways to the 95 % intervals of the random error in ``intervals``: ``robust`` (linearised, allowing for
+        Methods for the 95 % intervals of the random error in ``intervals``: ``robust`` (linearised, allowing for
         autocorrelation, as the estimates have it), ``profile`` (likelihood), ``bootstrap`` (of residuals in blocks),
         or ``all``. The notes say where they disagree.
     options
@@ -90,8 +90,8 @@ def fit(
     Raises
     ------
     FitError
-        When the call makes no sense: a quantity or an input that is missing or in another unit, an
-        unknown name or way to an interval, an exact value both fixed and free, a right-hand side that does not return
+        When the call is inconsistent: a quantity or an input that is missing or in another unit, an
+        unknown name or interval method, an exact value both fixed and free, a right-hand side that does not return
         one number a state.
 
     Examples
@@ -114,20 +114,20 @@ def fit(
 
 
 def solve(request: FitRequest) -> FitResult:
-    """Carry out a request; see :func:`fit`."""
+    """Fit a request; see :func:`fit`."""
     methods = checked_methods(request.uncertainty)
     try:
         minimum = find_minimum(request)
     except NoMinimumError as error:
         return error.result
-    with np.errstate(all="ignore"):  # garbage has errors without bound: infinite, and shown as such
+    with np.errstate(all="ignore"):  # meaningless data give unbounded errors: they become infinite
         result = conclude(minimum.task, minimum.target, minimum.solution, _notes(minimum.task, minimum.target))
         return result if methods == ("robust",) else _with_intervals(minimum, result, methods)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Minimum:
-    """A fit before it is judged: the task, the samples that count with their weights, the solution found."""
+    """A fit before it is judged: the task, the samples used with their weights, and the solution."""
 
     task: Task
     target: Target
@@ -135,7 +135,7 @@ class Minimum:
 
 
 class NoMinimumError(FitError):
-    """A fit that gave nothing; ``result`` says why."""
+    """A failed fit; ``result`` says why."""
 
     def __init__(self, result: FitResult) -> None:
         super().__init__(result.message)
@@ -143,7 +143,7 @@ class NoMinimumError(FitError):
 
 
 def find_minimum(request: FitRequest) -> Minimum:
-    """Minimise the residual of a request, with outliers left out and priors weighed.
+    """Minimise the residual of a request, with outliers left out and priors weighted.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def find_minimum(request: FitRequest) -> Minimum:
 
 
 def _task_of(request: FitRequest) -> Task:
-    """The request, checked and put together; NoMinimumError when it has fewer samples than unknowns need."""
+    """The checked and prepared request; NoMinimumError when it has too few samples for its unknowns."""
     trajectory, model = request.trajectory, request.model
     check_names(model, fixed=list(request.fixed), free=list(request.free), start=list(request.start))
     check_columns(trajectory, model)
@@ -204,7 +204,7 @@ def _downhill(task: Task, start: Mapping[str, float]) -> Solution:
 
 
 def _starts(task: Task, start: Mapping[str, float], multistart: int) -> Iterator[tuple[Array, bool]]:
-    """Starts in the order of trust, and whether to trust them: the last are random ones about the one before."""
+    """Starts in the order of trust, each with whether it is trusted; the last are random ones about the one before."""
     values = np.zeros(0)
     for values in starting_values(task, start):
         yield values, True
@@ -213,7 +213,7 @@ def _starts(task: Task, start: Mapping[str, float], multistart: int) -> Iterator
 
 
 def _with_intervals(minimum: Minimum, result: FitResult, methods: tuple[Method, ...]) -> FitResult:
-    """The result with intervals by several methods, and with what they disagree about in its notes."""
+    """The result with intervals by several methods, and notes on their disagreements."""
     task, target, solution = minimum.task, minimum.target, minimum.solution
     near = linearise(task, target, solution)
     touching = at_bounds(task.unknowns, solution.values)
@@ -236,7 +236,7 @@ def _nothing_to_fit(task: Task) -> Solution:
 
 
 def _without_outliers(task: Task, solution: Solution, loss: Loss, most: int | None) -> tuple[Target, Solution]:
-    """Finish the fit while judging every sample by it: outliers leave, good samples come back."""
+    """Finish the fit and reselect the samples: outliers are removed, good samples are restored."""
     candidates = task.selection.used[task.selection.span]
     target = task.target
     for _ in range(4):
@@ -261,7 +261,7 @@ def _without_outliers(task: Task, solution: Solution, loss: Loss, most: int | No
 
 
 def _exact(solution: Solution, target: Target) -> bool:
-    """Whether the time steps are short enough for the values found: as short as they would now be chosen."""
+    """Whether the time steps are short enough for the fitted values: as short as they would be chosen for them."""
     problem = solution.problem
     error = problem.prediction_error(solution.values, solution.predicted)
     if error < 10 * FINE_STEP or problem.model.events:
@@ -271,10 +271,10 @@ def _exact(solution: Solution, target: Target) -> bool:
 
 
 def _with_priors_weighed(task: Task, target: Target, solution: Solution, loss: Loss) -> tuple[Task, Solution]:
-    """Weigh the priors against what the data really say: they know less when their noise is large, or correlated.
+    """Weight the priors against the information of the data, which is smaller for large or correlated noise.
 
-    Least squares takes each sample for a new one; the mean ratio of the information in the sandwich to that says
-    how far off it is.
+    Least squares treats all samples as independent; the mean ratio of the sandwich's information to that of least
+    squares corrects it.
     """
     for _ in range(2):
         factor = float(np.sqrt(information_loss(linearise(task, target, solution))))
@@ -290,7 +290,7 @@ def _with_priors_weighed(task: Task, target: Target, solution: Solution, loss: L
 
 
 def _notes(task: Task, target: Target) -> list[str]:
-    """What a reader should know beside the status."""
+    """Notes for the reader, in addition to the status."""
     candidates = task.selection.used[task.selection.span]
     left_out_s = task.problem.t_s[candidates & ~target.used]
     notes = [task.selection.note, task.problem.rhs.note]

@@ -1,4 +1,4 @@
-"""Judge a fit: what it cannot have determined, which status it gets, and what to do about it, in words."""
+"""Judge a fit: what it leaves undetermined, its status, and the remedy in words."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from fitters.ode.least_squares import Solution, Unknowns
 from iris_sysid.types import Array, Estimate, FitProblem, FitStatus, Mask
 
 SINGULAR = 1e12  # condition of the scaled Fisher information; derivatives are good to 1e-7, so 1e14 is rounding
-PART = 1e-4  # of a null direction, in scaled values, that makes a value part of it; rounding gives 1e-8
-SHARE = 0.05  # of the strongest relative change, for a value to be named with the others
-WEAK = 0.3  # of the largest share in a direction, for a value to be named
+PART = 1e-4  # smallest component that makes a value part of a null direction, in scaled values; rounding gives 1e-8
+SHARE = 0.05  # fraction of the strongest relative change above which a value is named
+WEAK = 0.3  # fraction of the largest component of a direction above which a value is named
 MISFIT_NOISE, MISFIT_MOTION = 5.0, 0.05  # residual above 5 times the noise and 5 % of the motion
 NEARER_START = "Give starting values nearer to the truth with start={...}"
-SPARE = 3  # samples beyond one for each unknown
+SPARE = 3  # samples needed in addition to one per unknown
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Determination:
-    """What the data determine of the free values.
+    """Which of the free values the data determine.
 
     ``condition`` of the Fisher information after scaling each parameter to unit information; ``null`` (j, k)
     its null directions in the free values; ``undetermined`` (k,) has a share in one of them.
@@ -35,7 +35,7 @@ class Determination:
 
 
 def determination(sensitivity: Array) -> Determination:
-    """Find what sensitivities (m, k) leave undetermined, by the singular values of the scaled columns."""
+    """Find the null directions of sensitivities (m, k) by the singular values of the scaled columns."""
     size = np.sqrt(np.sum(sensitivity**2, axis=0))
     if size.size == 0:
         return Determination(1.0, np.empty((0, 0)), np.zeros(0, dtype=np.bool_))
@@ -49,7 +49,7 @@ def determination(sensitivity: Array) -> Determination:
 
 
 def null_direction_text(names: tuple[str, ...], values: Array, direction: Array) -> str:
-    """Say which changes of the parameters leave the prediction as it is.
+    """Say which changes of the parameters do not change the prediction.
 
     ``values`` (k,) and ``direction`` (k,), each in its own unit.
     """
@@ -70,7 +70,7 @@ def null_direction_text(names: tuple[str, ...], values: Array, direction: Array)
 
 
 def weakest_text(names: tuple[str, ...], sensitivity: Array) -> str:
-    """Say which free values the data tell apart least, and by how much their common error grows through that.
+    """Say which free values the data distinguish least, and by how much this increases their common error.
 
     ``sensitivity`` (n * d, k), in the observed unit per unit of the value.
     """
@@ -185,7 +185,7 @@ def _without_slope(task: Task, values: Array) -> list[str]:
 
 
 def _is_needed(task: Task, name: str, values: Array) -> bool:
-    """Whether the prediction has no value as long as this one has none."""
+    """Whether the prediction depends on this value, so that it is unknown without it."""
     known = np.where(np.isnan(values), 1.0, values)
     known[value_names(task.model).index(name)] = np.nan
     return not np.isfinite(task.problem.first(2).predicted(known)).all()
@@ -236,7 +236,7 @@ def status_of(*, converged: bool, singular: bool, touching: bool, misfit: bool) 
     Parameters
     ----------
     converged, singular, touching, misfit
-        What was found: the optimiser was done; a null direction; a value at its bound; a residual above the noise.
+        Whether the optimiser converged, there is a null direction, a value at its bound, a residual above the noise.
     """
     if not converged:
         return "not-converged"

@@ -1,15 +1,15 @@
-"""Discover the governing equation itself: sparse regression proposes it, trajectory fitting disposes.
+"""Discover the governing equation: sparse regression proposes it, trajectory fits select and refine it.
 
 1. The weak form of every candidate equation, with the noise of its rows known, gives rows to pysindy's stepwise sparse
-   regression; how many terms it proposes is decided by prediction of rows held out.
+   regression; the prediction of held-out rows decides the number of terms.
 2. The proposed equation is fitted to the trajectories by the ODE engine. About that fit, all candidates compete again
    on the sensitivities of the trajectory; the price of a term is chosen by prediction of held-out parts of the clips.
-   The new choice is fitted in turn, until the choice stays.
+   The new choice is fitted again, until the choice does not change.
 3. Blocks of time and clips are resampled, which gives each term the probability that it is included. A term that fewer
-   than half of the resampled data sets include is taken out again (stability selection).
+   than half of the resampled data sets include is removed again (stability selection).
 4. The result is compared with the bank, see :mod:`fitters.sindy.model_matching`.
 
-Numbers come from the trajectory fit, never from the regression.
+All numbers come from the trajectory fit, none from the regression.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from iris_sysid.types import (
 )
 
 NOTHING: Mapping[str, Estimate] = MappingProxyType({})
-ALIKE = 3.84  # chi-squared, one degree of freedom, 95 %: choices that differ by less cannot be told apart
+ALIKE = 3.84  # chi-squared, one degree of freedom, 95 %: choices that differ by less are indistinguishable
 
 
 def discover(
@@ -65,15 +65,15 @@ def discover(
     trajectories
         One or several clips of the same quantities, of any lengths; only valid samples in motion are used.
     quantities
-        Names of those to find equations for; all when not given.
+        Names of the quantities to find equations for; by default all.
     known
         Constants of the bank's models by name, e.g. gravity, with their errors.
     residual_of
-        Name of a model of the bank whose terms are kept: only what its fit leaves is explained by further terms.
+        Name of a model of the bank whose terms are kept: further terms explain only the residual of its fit.
     resampled
         Number of resampled data sets for the inclusion probabilities.
     seed
-        Of the resampling.
+        Seed of the resampling.
 
     Returns
     -------
@@ -101,7 +101,7 @@ def discover(
     """
     clips = _clips(trajectories, quantities)
     library = library_of(clips[0].quantities, clips[0].input_quantities)
-    with threadpool_limits(limits=1, user_api="blas"):  # the matrices are small: threads cost more than they give
+    with threadpool_limits(limits=1, user_api="blas"):  # the matrices are small: threads cost more time than they save
         pieces = [piece for clip in clips for piece in pieces_of(clip, library)]
         if not pieces:
             raise DataError("no stretch of motion without a gap is long enough to discover an equation in")
@@ -170,7 +170,7 @@ def _only(clip: Trajectory, names: Sequence[str]) -> Trajectory:
 
 
 def _origin(clips: Sequence[Trajectory]) -> dict[str, Any]:
-    """Where the first clip comes from, and the sources of all where there are several."""
+    """Origin of the first clip, with the sources of all clips where there are several."""
     origin = dict(clips[0].origin)
     if len(clips) > 1:
         origin["clips"] = [{key: clip.origin.get(key) for key in ("source", "sha256")} for clip in clips]
@@ -181,7 +181,7 @@ def _origin(clips: Sequence[Trajectory]) -> dict[str, Any]:
 
 
 def _starts(pieces: list[Piece], library: Library) -> list[tuple[Kept, dict[str, float]]]:
-    """Proposed choices with coefficients: pysindy's, the significant ones, all smooth ones, then single terms."""
+    """Proposed choices with coefficients: pysindy's, the significant terms, all smooth terms, then single terms."""
     rows = rows_of(pieces, library)
     choices = [proposed(row) for row in rows]
     best = [path[predicted_best(row, path)] for row, path in zip(rows, choices, strict=True)]
@@ -216,7 +216,7 @@ def _start(library: Library, rows: Sequence[Rows], choice: Sequence[Any]) -> tup
 def _named(
     clips: Sequence[Trajectory], library: Library, choice: Refined, constants: Mapping[str, Estimate]
 ) -> tuple[Refined, list[Kept], Match | None, Match | None]:
-    """Match with the bank; of choices that the data cannot tell apart, one that the bank has is taken."""
+    """Match with the bank; of indistinguishable choices, prefer one that the bank has."""
     alike = as_good(choice, library, ALIKE)
     matched, nearest = _compared(clips, library, choice, constants)
     for other in alike if matched is None else ():
@@ -235,7 +235,7 @@ def _named(
 def _compared(
     clips: Sequence[Trajectory], library: Library, choice: Refined, constants: Mapping[str, Estimate]
 ) -> tuple[Match | None, Match | None]:
-    """The model of the bank with this structure, and the nearest one with what it comes to by itself."""
+    """The model of the bank with this structure, and the nearest one with its own fit."""
     matched, nearest = _match(library, choice, constants)
     if nearest is not None and not nearest.missing:
         nearest = _alone(clips, library, choice, nearest, constants)
@@ -263,7 +263,7 @@ def _match(library: Library, choice: Refined, known: Mapping[str, Estimate]) -> 
 
 
 def _values(choice: Refined) -> tuple[Array, Array]:
-    """Coefficients (k,) and standard errors: of the fit for those chosen, if added for the others."""
+    """Coefficients (k,) and standard errors: from the fit for chosen terms, as if added for the others."""
     values, errors = added_alone(choice)
     values[list(choice.kept)] = choice.coefficients
     errors[list(choice.kept)] = np.sqrt(np.diag(choice.covariance))
@@ -318,7 +318,7 @@ def _discovery(
 
 
 def _equation(library: Library, equation: int, terms: Sequence[DiscoveredTerm]) -> DiscoveredEquation:
-    """The equation with its numbers."""
+    """The equation with its coefficients as numbers."""
     own = [terms[k] for k in library.of_equation(equation) if terms[k].selected]
     variable = library.variables[equation]
     text = " ".join(_signed(term.coefficient, term.term if term.term != "1" else "", " ") for term in own)
@@ -340,7 +340,7 @@ def _digits(coefficient: Estimate) -> int:
 
 
 def _exchange(library: Library, kept: Kept, other: Kept) -> str:
-    """Say which term could be which other, e.g. ``theta in place of sin(theta) in theta''``."""
+    """Say which term can be exchanged for which other, e.g. ``theta in place of sin(theta) in theta''``."""
     gone = [library.terms[k] for k in kept if k not in other]
     come = [library.terms[k] for k in other if k not in kept]
     pairs = zip(gone, come, strict=True)

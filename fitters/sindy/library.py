@@ -1,7 +1,7 @@
-"""Candidate terms for each kind of observable, dimensionally consistent, and the model that any choice of them makes.
+"""Candidate terms for each kind of observable, dimensionally consistent, and the model of any choice of terms.
 
-An angle may feel sin, cos and itself, a position powers of itself, a level its square root; whatever moves may feel its
-speed, |v| v and the sign of v; bodies of one kind may feel their difference; everything may feel an input.
+Candidates for an angle are its sine, cosine and the angle itself; for a position its powers; for a level its square
+root. For all moving bodies also v, |v| v and the sign of v; for bodies of one kind their difference; for all an input.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from iris_sysid.units import rate_of
 
 Kind = Literal["angle", "position", "size", "amount"]
 
-# What a term computes from its own value a, another one b, its rate v and the body's speed w.
+# The function of a term: of its own value a, another value b, its rate v and the body's speed w.
 ONE, LINEAR, SIN, COS, CUBE, ROOT, SQUARE, DIFFERENCE, RATE, DRAG, DRY, INPUT, OTHER_ROOT = range(13)
 
 CODES: dict[Kind, tuple[int, ...]] = {
@@ -30,7 +30,7 @@ CODES: dict[Kind, tuple[int, ...]] = {
     "size": (ONE, LINEAR, RATE),
     "amount": (ONE, LINEAR, ROOT, SQUARE),
 }
-# Within this share of the usual speed the sign of the velocity turns over smoothly, for the integrator to follow it.
+# Below this fraction of the usual speed, sign(v) changes smoothly, so that the integrator can follow it.
 TURNOVER = 0.1
 NAMES = {
     ONE: "constant", LINEAR: "linear", SIN: "sin", COS: "cos", CUBE: "cube", ROOT: "root", SQUARE: "square",
@@ -48,7 +48,7 @@ EFFECTS = {
 
 @dataclass(frozen=True, slots=True)
 class Variable:
-    """What an equation is about: an observed quantity, or its reciprocal for an apparent size.
+    """The variable of an equation: an observed quantity, or its reciprocal for an apparent size.
 
     ``order`` is that of the equation; ``name`` is the observed quantity's, ``state`` and ``rate`` are the model's.
     """
@@ -72,7 +72,7 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """One candidate: ``code`` says what is computed, ``own`` and ``other`` of which variables (or input)."""
+    """One candidate: ``code`` is its function, ``own`` and ``other`` are the variables (or input) that it takes."""
 
     equation: int
     code: int
@@ -116,7 +116,7 @@ class Library:
 
 
 def kind_of(quantity: Quantity) -> Kind:
-    """What sort of observable it is, by its unit and, for a level or a radius, its name."""
+    """The kind of observable, by its unit and, for a level or a radius, its name."""
     letters = quantity.name.rstrip("0123456789")
     if quantity.unit == "rad":
         return "angle"
@@ -128,7 +128,7 @@ def kind_of(quantity: Quantity) -> Kind:
 
 
 def variable_of(quantity: Quantity) -> Variable:
-    """The variable of an observed quantity: itself, or 1/r for an apparent radius, which a distance is in line with."""
+    """The variable of an observed quantity: itself, or 1/r (a distance) for an apparent radius."""
     kind = kind_of(quantity)
     symbol = quantity.symbol or symbol_of(quantity.name)
     if kind == "size":
@@ -142,7 +142,7 @@ def variable_of(quantity: Quantity) -> Variable:
 
 
 def turnover_of(rates: Array) -> float:
-    """The speed below which sign(v) turns over, for rates (n, d): a power of 4, so that few models differ.
+    """The speed below which sign(v) changes smoothly, for rates (n, d): a power of 4, so that few models differ.
 
     In the unit of the rates.
     """
@@ -181,7 +181,7 @@ def library_of(
 
 
 def _partners(variables: tuple[Variable, ...]) -> tuple[int, ...]:
-    """For each variable the one that moves with it in a plane, itself where there is none."""
+    """For each variable, the other coordinate of the same body in a plane; the variable itself where there is none."""
     bare = bare_model(variables)
     bodies = bodies_of(bare)
     partners = {k: next((j for j in body if j != k), k) for body in bodies for k in body}
@@ -275,12 +275,12 @@ def unit_of(base: str, power: float, times: int) -> str:
 def term_value(  # noqa: C901 - one line a function; a table of functions is nothing that numba could compile
     code: int, own: Any, other: Any, velocity: Any, speed: Any, pushed: Any, turnover: Any
 ) -> Any:  # numbers in the integrator, arrays over samples elsewhere
-    """What a term is worth.
+    """Value of a term.
 
     Parameters
     ----------
     code
-        Which function, see the constants of this module.
+        The function of the term, see the constants of this module.
     own, other
         Value of the equation's variable, and of the other one of a coupling.
     velocity, speed
@@ -361,7 +361,7 @@ def bare_model(variables: tuple[Variable, ...], rhs: Callable[..., Any] = tuple,
 
 
 def _guess(variables: tuple[Variable, ...]) -> Callable[[Trajectory], Mapping[str, float]]:
-    """Initial states from the first samples; coefficients have the start that they are given."""
+    """Initial states from the first samples; coefficients need a given start."""
 
     def guess(trajectory: Trajectory) -> Mapping[str, float]:
         start = {}

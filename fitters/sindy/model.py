@@ -1,4 +1,4 @@
-"""The model that any choice of terms makes: put together from functions, ready for the ODE engine."""
+"""Build the model of a choice of terms from functions, for the ODE engine."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def _in_kernels(function: Function) -> Function:
-    """Let numba compile the function into others; in Python it stays as it is."""
+    """Let numba inline the function into compiled ones; in Python it is unchanged."""
     made: Function = register_jitable(function)
     return made
 
@@ -59,7 +59,7 @@ def _reciprocal(sizes: tuple[bool, ...]) -> Callable[[Array, Array, Array], Arra
 def _rhs(
     d: int, order: int, spec: tuple[tuple[int, int, int], ...], partner: tuple[int, ...], turnover: float
 ) -> Callable[..., tuple[Any, ...]]:
-    """The right-hand side for a choice of terms, put together from functions; the same choice is the same function."""
+    """The right-hand side for a choice of terms, built from functions; the same choice gives the same function."""
     slopes = _nothing
     for k in range(d if order == 2 else 0):
         slopes = _and(slopes, _state(d + k))
@@ -104,7 +104,7 @@ _term_value = _in_kernels(term_value)
 def _equation(
     k: int, shift: int, along: int, own: tuple[tuple[int, int, int], ...], turnover: float
 ) -> Callable[..., Any]:
-    """The sum of one equation's terms: parameter ``index`` times what ``code`` makes of variable ``k``.
+    """The sum of one equation's terms: parameter ``index`` times the function ``code`` of variable ``k``.
 
     One loop over a table of whole numbers, so that numba has one function to compile, not one a term.
     """

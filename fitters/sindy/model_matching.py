@@ -71,7 +71,7 @@ def match(
 
 
 def _strangers(structure: Structure, library: Library) -> int:
-    """How many quantities have another name or unit than the model's."""
+    """Number of quantities whose name or unit differs from the model's."""
     pairs = zip(structure.library.variables, library.variables, strict=True)
     return sum((a.quantity.name != b.quantity.name) + (a.quantity.unit != b.quantity.unit) for a, b in pairs)
 
@@ -86,7 +86,7 @@ def _parameters(
     known: Mapping[str, Estimate],
     off: bool,
 ) -> tuple[dict[str, Estimate], str]:
-    """Parameters whose coefficients are nearest to those discovered, with errors, and a note where none are near."""
+    """Parameters whose coefficients are nearest to the discovered ones, with errors, and a note on a contradiction."""
     keys = structure.shifted if off else structure.sometimes
     indices = [k for k in range(len(library.terms)) if key_of(library, k) in keys]
     own = {key_of(structure.library, k): k for k in range(len(structure.library.terms))}
@@ -124,7 +124,7 @@ def _joint_covariance(indices: list[int], kept: tuple[int, ...], errors: Array, 
 
 
 def _first_that_matters(structure: Structure) -> str:
-    """Of a model all of whose parameters are constants, the first on which its coefficients depend."""
+    """The first constant on which the coefficients depend, for a model with constants only."""
     values = {parameter.name: parameter.default or 1.0 for parameter in structure.model.parameters}
     none = np.zeros(len(structure.library.variables))
     base = coefficients_of(structure.model, structure.library, values, none, strict=False)
@@ -172,7 +172,7 @@ class _Inversion:
         return made
 
     def prior(self, vector: Array) -> Array:
-        """How far uncertain constants are from their values, in standard errors."""
+        """Deviations of uncertain constants from their known values, in standard errors."""
         pairs = [(value, self.constants.get(name)) for name, value in zip(self.names, vector, strict=False)]
         return np.array(
             [(value - constant.value) / constant.stderr for value, constant in pairs if constant is not None]

@@ -32,9 +32,9 @@ RANGES: dict[Kind, tuple[float, float]] = {
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Structure:
-    """A model's terms in the library: those that are ``always`` there, and ``sometimes``, with all damping in.
+    """A model's terms in the library: those ``always`` present, and those ``sometimes`` present, with all damping.
 
-    ``shifted`` are those that are there when the origin is off as well.
+    ``shifted`` are those present with a shifted origin.
     """
 
     model: OdeModel
@@ -52,7 +52,7 @@ def key_of(library: Library, index: int) -> Key:
 
 
 def structures(library: Library) -> Iterator[Structure]:
-    """Models of the bank that observe quantities of the same kinds, with what they are made of."""
+    """Structures of the models of the bank that observe quantities of the same kinds."""
     kinds = tuple(variable.kind for variable in library.variables)
     models = list(MODELS.values())
     if kinds == ("position",) * len(kinds) and len(kinds) > 1:
@@ -134,9 +134,9 @@ def coefficients_of(
     values
         Parameters by name.
     offsets
-        (d,) added to the variables: where the origin is.
+        (d,) added to the variables: the position of the origin.
     strict
-        Give None where the library cannot express the model; otherwise the nearest.
+        Return None where the library cannot express the model; otherwise return the best approximation.
     """
     states = _states(model, library, values)
     params = np.array([values[parameter.name] for parameter in model.parameters])
@@ -185,7 +185,7 @@ def _along_the_flow(model: OdeModel, library: Library, states: Array, params: Ar
 
 
 def _slopes(model: OdeModel, states: Array, params: tuple[float, ...]) -> Array:
-    """Derivatives of the states (n, s): of all at once, or one by one where the model takes numbers only."""
+    """Derivatives of the states (n, s): all samples at once, or one by one where the model takes numbers only."""
     try:
         return np.column_stack([np.broadcast_to(rate, len(states)) for rate in model.rhs(0.0, tuple(states.T), params)])
     except ValueError:

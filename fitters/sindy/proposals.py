@@ -1,8 +1,7 @@
-"""What a fit leaves over, as terms that no effect is named after; for any model, the user's own included.
+"""Terms without a named effect that the residual of a fit suggests, for any model, including the user's own.
 
-A candidate is a small force along the fitted motion, of which :mod:`fitters.effect_sensitivity` gives the answer to
-first order.
-Candidates compete for the residual as in discovery, what the fitted parameters can imitate being taken out.
+A candidate is a small force along the fitted motion; :mod:`fitters.effect_sensitivity` gives the first-order response.
+Candidates compete for the residual as in discovery, after projecting out what the fitted parameters can imitate.
 """
 
 from __future__ import annotations
@@ -20,15 +19,15 @@ from fitters.sindy.residual import called_for, share_called_for
 from fitters.sindy.sparse_regression import Compressed, together
 from iris_sysid.types import NORMAL_975, Array, DiscoveredTerm, Estimate, FitResult, OdeModel, Trajectory
 
-# Powers of position and rate, up to the third order. Those left out are linear drag and cubic stiffness, named effects.
+# Powers of position and rate up to third order, without linear drag and cubic stiffness, which are named effects.
 POWERS = ((1, 0), (2, 0), (1, 1), (0, 2), (2, 1), (1, 2), (0, 3))
-LEVEL_POWERS = (0.5, 1.0, 2.0)  # of what drains
-HIDDEN = 1e-3  # of a candidate's answer: less is left of one that the fitted parameters imitate, by rounding alone
+LEVEL_POWERS = (0.5, 1.0, 2.0)  # powers of the level, for equations of first order
+HIDDEN = 1e-3  # fraction of a candidate's response: a smaller remainder after projection is rounding
 
 
 @dataclass(frozen=True, slots=True)
 class _Candidate:
-    """A force on one highest derivative: position^``power`` rate^``times``, or what ``name`` says."""
+    """A force on one highest derivative: position^``power`` rate^``times``, or the function ``name``."""
 
     equation: int
     power: float
@@ -36,13 +35,13 @@ class _Candidate:
     name: str = ""
 
     def values(self, position: Array, rate: Array) -> Array:
-        """At points of the motion (m,)."""
+        """Values (m,) along the motion."""
         if self.name:
             return np.sin(position) if self.name == "sin" else np.cos(position)
         return np.asarray(np.abs(position) ** self.power if self.power % 1 else position**self.power * rate**self.times)
 
     def text(self, name: str, rate: str) -> str:
-        """How it is written, with the names or symbols of position and rate."""
+        """The term as text, with the names or symbols of position and rate."""
         if self.name:
             return f"{self.name}({name})"
         powers = ((name, self.power), (rate, self.times))
@@ -52,23 +51,23 @@ class _Candidate:
 def proposals(
     trajectories: Sequence[Trajectory], fits: Sequence[FitResult], *, resampled: int = 50, seed: int = 0
 ) -> tuple[DiscoveredTerm, ...]:
-    """Terms that the residual of fits calls for, each chosen in at least half of the resampled data sets.
+    """Terms that the residual of fits requires, each chosen in at least half of the resampled data sets.
 
     Parameters
     ----------
     trajectories
         The clips.
     fits
-        Of the same model, one a clip; their parameters stay free.
+        Fits of the same model, one a clip; their parameters stay free.
     resampled
         Number of resampled data sets.
     seed
-        Of the resampling.
+        Seed of the resampling.
 
     Returns
     -------
     tuple of DiscoveredTerm
-        Those proposed, with coefficients to first order; none when nothing is called for.
+        The proposed terms, with coefficients to first order; empty when the residual requires none.
     """
     model = fits[0].model
     candidates = _candidates(model)
@@ -90,7 +89,7 @@ def proposals(
 def _not_imitated(
     rows: list[list[Compressed]], candidates: list[_Candidate]
 ) -> tuple[list[list[Compressed]], list[_Candidate]]:
-    """Only those candidates of which something is left when the fitted parameters have taken their part."""
+    """The candidates that the fitted parameters cannot imitate completely."""
     total, first = together([part for clip in rows for part in clip]), len(candidates)
     before = np.linalg.norm(total.rows[:, :first], axis=0)
     after = np.linalg.norm(total.without(first).rows[:, :first], axis=0)

@@ -1,8 +1,8 @@
-"""SINDy proposes, the fit disposes: trajectory fits of a choice of terms, and selection among all terms about the fit.
+"""Refine proposed equations: trajectory fits of a choice of terms, and selection among all terms about the fit.
 
-About a fitted motion the samples are, to first order, a linear function of all coefficients of the library, those that
-are zero included: y = prediction + S dc + noise. The sensitivities S come from the ODE engine. So sparse regression on
-S weighs every term by what it does to the trajectory itself, with the noise where it arose, and no derivative at all.
+About a fitted motion the samples are, to first order, a linear function of all coefficients of the library, also of
+those that are zero: y = prediction + S dc + noise. The sensitivities S come from the ODE engine. So sparse regression
+on S weighs every term by its effect on the trajectory, with the noise of the samples, and without any derivative.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from fitters.sindy.sparse_regression import Compressed, Kept, predictive_price, 
 from fitters.sindy.weak_form import grid_step, inputs_of
 from iris_sysid.types import Array, FitResult, OdeModel, Trajectory
 
-BLOCKS = 24  # of a clip, for resampling
+BLOCKS = 24  # largest number of blocks of a clip, for resampling
 LEAST_IN_BLOCK = 4
 ROUNDS = 8
 MOST_CORRELATION = 0.98
@@ -49,20 +49,20 @@ class Refined:
 
     @property
     def total(self) -> Compressed:
-        """All blocks of all clips, initial states fitted whatever the terms are."""
+        """All blocks of all clips as one problem; initial states are fitted for any choice of terms."""
         return together([part for clip in self.parts for part in clip]).without(self.terms)
 
     @property
     def count(self) -> float:
-        """How many independent samples the residuals are worth."""
+        """Effective number of independent samples of the residuals."""
         return sum(part.count for clip in self.parts for part in clip)
 
     @property
     def least_seen(self) -> float:
-        """What a term explains that moves the samples by their rounding error, in squared standard errors.
+        """The chi-square explained by a term that moves the samples by their rounding error.
 
         Samples on a grid (whole pixels, whole millimetres) are off by up to half a step, which is a function of the
-        motion and does not average out. So terms that do less than it (step / sqrt 12) are not seen.
+        motion and does not average out. So terms with a smaller effect than that (step / sqrt 12) cannot be detected.
         """
         shares = [
             sum(part.count for part in parts) * np.log1p(np.mean((_steps(fit) / fit.rms) ** 2 / 12))
@@ -73,7 +73,7 @@ class Refined:
     def criterion(self, count: float, least: float = 0.0) -> float:
         """Information criterion of this choice, from its own residual.
 
-        For so many independent samples, when a term must explain at ``least`` so much.
+        ``count`` is the number of independent samples, ``least`` the smallest price of a term.
         """
         if not self.usable:
             return np.inf
@@ -87,7 +87,7 @@ def _noise(fit: FitResult) -> Array:
 
 
 def _steps(fit: FitResult) -> Array:
-    """The step (d,) of the grid that the samples of each quantity lie on; 0 where they lie on none."""
+    """Step (d,) of the grid of rounded samples of each quantity; 0 where there is no grid."""
     return np.array([grid_step(column) for column in (fit.predicted + fit.residual)[fit.used].T])
 
 
@@ -104,7 +104,7 @@ def refined(clips: Sequence[Trajectory], library: Library, kept: Kept, start: Ma
     library
         All candidates.
     kept
-        Indices of those chosen.
+        Indices of the chosen terms.
     start
         Starting values by parameter name.
     """
@@ -197,7 +197,7 @@ def blocks_of(columns: Array, target: Array, one: FitResult, shared: int, where:
     columns, target
         (n, d, k) and (n, d), in units of the noise.
     one
-        The fit, which says how the residual hangs together.
+        The fit, which gives the autocorrelation of the residual.
     shared
         Number of columns that all clips share, the first ones; the others are this clip's own.
     where
@@ -217,7 +217,7 @@ def blocks_of(columns: Array, target: Array, one: FitResult, shared: int, where:
 
 
 def _inflation(fit: FitResult) -> float:
-    """How many neighbouring samples are worth one independent one, from their correlation."""
+    """Number of neighbouring samples per independent sample, from their correlation."""
     correlation = float(np.clip(np.nan_to_num(fit.correlation), 0.0, MOST_CORRELATION))
     return (1 + correlation) / (1 - correlation)
 
@@ -228,7 +228,7 @@ def _inflation(fit: FitResult) -> float:
 def disposed(
     clips: Sequence[Trajectory], library: Library, starts: Sequence[tuple[Kept, Mapping[str, float]]]
 ) -> Refined:
-    """From proposed structures to the one that the trajectories support: fit, select about the fit, until it stays.
+    """Refine proposed structures: fit, select terms about the fit, and repeat until the choice does not change.
 
     Parameters
     ----------
@@ -259,7 +259,7 @@ def disposed(
 
 
 def start_about(found: Refined, library: Library, kept: Kept) -> dict[str, float]:
-    """Where to start a fit of other terms: by the linear problem about a fit; of one clip, its initial states too.
+    """Starting values for a fit of other terms, from the linear problem about a fit; for one clip, also initial states.
 
     Parameters
     ----------
@@ -280,16 +280,16 @@ def start_about(found: Refined, library: Library, kept: Kept) -> dict[str, float
 
 
 def chosen_about(found: Refined) -> Kept:
-    """The terms that the linear problem about a fit supports, at the price that predicts best what is held out."""
+    """The terms that the linear problem about a fit supports, at the price that best predicts held-out data."""
     total, price = found.total, price_about(found)
     chosen = significant(total, price, ((), tuple(range(found.terms)), found.kept))
-    # from two terms that imitate another one no exchange of single terms leads away
+    # no exchange of single terms replaces two terms that together imitate a third
     pairs = [tuple(k for k in chosen if k not in gone) for gone in itertools.combinations(chosen, 2)]
     return significant(total, price, (chosen, *pairs)) if pairs else chosen
 
 
 def price_about(found: Refined) -> float:
-    """What a term must explain: what predicts held-out parts of the clips best, and more than rounding does."""
+    """The price of a term: the one that best predicts held-out parts of the clips, at least that of rounding."""
     return max(predictive_price([together(group) for group in folds_of(found.parts)], found.terms), found.least_seen)
 
 
@@ -303,7 +303,7 @@ def folds_of(parts: Sequence[Sequence[Compressed]], folds: int = 5) -> list[list
 
 
 def added_alone(found: Refined) -> tuple[Array, Array]:
-    """Each term's coefficient and standard error (k,): with the chosen ones, or added to them.
+    """Coefficient and standard error (k,) of each term: in the choice, or as if added to it.
 
     Each has the unit of its term.
     """

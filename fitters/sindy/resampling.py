@@ -46,14 +46,14 @@ def inclusion(found: Refined, rng: np.random.Generator, count: int = RESAMPLED) 
 def stable(
     clips: Sequence[Trajectory], library: Library, found: Refined, rng: np.random.Generator, count: int
 ) -> tuple[Refined, Array]:
-    """Take out terms that fewer than half of the resampled data sets include, the least included first.
+    """Remove terms that fewer than half of the resampled data sets include, the least included first.
 
-    One without which the fit is clearly worse stays: something like it is there, and ``alternatives`` say what.
+    A term without which the fit is clearly worse stays: a similar term is needed; see ``alternatives``.
 
     Parameters
     ----------
     clips, library
-        What was fitted, with which candidates.
+        The clips, and the library of candidates.
     found
         A fitted choice.
     rng
@@ -64,7 +64,7 @@ def stable(
     Returns
     -------
     found, shares
-        The choice that is left, fitted, and the inclusion (k,) of every term about it.
+        The remaining choice, fitted, and the inclusion (k,) of every term.
     """
     shares, needed = inclusion(found, rng, count), set[int]()
     while unsure := [k for k in found.kept if shares[k] < STABLE and k not in needed]:

@@ -1,7 +1,6 @@
-"""What is missing in a model of the bank, as terms: discovery on the residual of its fit.
+"""Find the terms that a model of the bank lacks, by discovery on the residual of its fit.
 
-The model's own terms are kept whatever else is chosen; all other candidates of the library compete to explain what its
-fit leaves.
+The model's own terms are always kept; all other candidates of the library compete to explain the residual.
 """
 
 from __future__ import annotations
@@ -24,14 +23,14 @@ ROUNDS = 4
 def beyond(
     clips: Sequence[Trajectory], library: Library, own: Kept, rng: np.random.Generator, resampled: int
 ) -> tuple[Refined, Array]:
-    """Fit terms that are kept, and those beside them that the residual requires, until the choice stays.
+    """Fit the kept terms and those that the residual requires, and repeat until the choice does not change.
 
     Inclusion is dimensionless.
 
     Parameters
     ----------
     clips, library
-        What is fitted, with which candidates.
+        The clips, and the library of candidates.
     own
         Indices of the terms that are kept.
     rng
@@ -66,7 +65,7 @@ def beyond(
 
 
 def _rearranged(choice: Refined, own: Kept) -> tuple[Blocks, list[int]]:
-    """Compressed rows of each clip with the candidates first, and which terms those are."""
+    """Compressed rows of each clip with the candidates first, and the indices of the candidates."""
     size = choice.parts[0][0].size
     candidates = [k for k in range(choice.terms) if k not in own]
     order = [*candidates, *own, *range(choice.terms, size), size]
@@ -74,7 +73,7 @@ def _rearranged(choice: Refined, own: Kept) -> tuple[Blocks, list[int]]:
 
 
 def called_for(clips: Blocks, first: int, least: float = 0.0) -> tuple[Kept, float]:
-    """Which of the first columns the residual requires, and the price that held-out prediction sets.
+    """The columns among the ``first`` that the residual requires, and the price of a term from held-out prediction.
 
     Parameters
     ----------
@@ -83,7 +82,7 @@ def called_for(clips: Blocks, first: int, least: float = 0.0) -> tuple[Kept, flo
     first
         Number of columns to choose from.
     least
-        What a term must explain at least, in squared standard errors.
+        Smallest price of a term, in squared standard errors.
     """
     folds = [together(group) for group in folds_of(clips)]
     price = max(predictive_price(folds, first), least)
@@ -98,9 +97,9 @@ def share_called_for(clips: Blocks, first: int, price: float, rng: np.random.Gen
     Parameters
     ----------
     clips, first
-        As there.
+        As for :func:`called_for`.
     price
-        What a term must explain.
+        Price of a term.
     rng
         Source of chance.
     resampled

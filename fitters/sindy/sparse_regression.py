@@ -18,15 +18,15 @@ from fitters.sindy.weak_form import Rows
 from iris_sysid.types import Array
 
 FOLDS = 5
-PRICES = (1.0, 1.5, 2.5, 4.0, 8.0, 16.0, 32.0)  # of a term, relative to the least
-ALIKE = 1e-8  # of a column's own length: the part of one that others do not span, for it to be another one
+PRICES = (1.0, 1.5, 2.5, 4.0, 8.0, 16.0, 32.0)  # prices of a term, relative to the smallest
+ALIKE = 1e-8  # fraction of a column's length that other columns must not span, for it to be independent
 
 
 # --------------------------------------------------------------------------- proposals from rows, by pysindy
 
 
 def proposed(rows: Rows) -> list[NDArray[np.intp]]:
-    """Choices of terms by number of terms, none first, from whitened rows, by pysindy's SSR.
+    """Choices of terms for each number of terms, from none upwards, from whitened rows, by pysindy's SSR.
 
     Each choice (c,) holds indices of terms.
     """
@@ -43,7 +43,7 @@ def proposed(rows: Rows) -> list[NDArray[np.intp]]:
 
 
 def predicted_best(rows: Rows, choices: Sequence[NDArray[np.intp]]) -> int:
-    """Which of the choices of terms predicts rows that were held out best, or as well with fewer terms.
+    """Index of the choice of terms that predicts held-out rows best, or equally well with fewer terms.
 
     Each choice (c,) holds indices of terms.
 
@@ -90,7 +90,7 @@ class Compressed:
 
     @classmethod
     def of(cls, columns: Array, target: Array, share: float = 1.0) -> Compressed:
-        """Of rows; each counts for ``share`` of an independent one.
+        """Compress rows; each counts as ``share`` independent samples.
 
         ``columns`` (n, k) and ``target`` (n,), whitened: dimensionless.
         """
@@ -108,7 +108,7 @@ class Compressed:
         return self.rows[:, -1]
 
     def without(self, first: int) -> Compressed:
-        """The first columns alone, the others being fitted whatever the first are."""
+        """The problem of the first columns; the others are always fitted."""
         others = self.size - first
         order = [*range(first, self.size), *range(first), self.size]
         return Compressed(_triangular(self.rows[:, order])[others:, others:], self.count - others)
@@ -124,7 +124,7 @@ class Compressed:
         return inverse @ self.target, inverse @ inverse.T
 
     def misfit(self, kept: Sequence[int], coefficients: Array) -> float:
-        """Sum of squares that these coefficients (of the kept columns) leave.
+        """Residual sum of squares with these coefficients of the kept columns.
 
         ``coefficients`` (c,), in the units of the terms.
         """
@@ -132,11 +132,11 @@ class Compressed:
         return float(left @ left)
 
     def residual(self, kept: Sequence[int]) -> float:
-        """Sum of squares that the best coefficients of the kept columns leave."""
+        """Residual sum of squares with the best coefficients of the kept columns."""
         return self.misfit(kept, self.solved(kept)[0]) if kept else float(self.target @ self.target)
 
     def gains(self, kept: Kept) -> tuple[float, Array]:
-        """Sum of squares that the kept columns leave, and what each other one takes from it (-1 for those kept).
+        """Residual sum of squares of the kept columns, and its decrease by each other column (-1 for the kept ones).
 
         Gains (k,) are in squared units of the target.
         """
@@ -164,9 +164,9 @@ def _length(columns: Array) -> Array:
 
 
 def term_price(problem: Compressed) -> float:
-    """What one more term must explain, in squared standard errors: log n + 2 log p.
+    """The price of one more term, in squared standard errors: log n + 2 log p.
 
-    The extended Bayesian information criterion, which pays for the number p of terms there were to choose from as well
+    The extended Bayesian information criterion, which also penalises the number p of candidate terms
     (Chen and Chen 2008, Biometrika 95, 759, with gamma = 1).
     """
     return float(np.log(max(problem.count, 3.0)) + 2 * np.log(max(problem.size, 1)))
@@ -178,29 +178,29 @@ def criterion(problem: Compressed, residual: float, size: int, price: float) -> 
     Parameters
     ----------
     problem
-        Says how many samples there are, and how large.
+        Gives the number of samples and their size.
     residual
-        Sum of squares that is left.
+        Residual sum of squares.
     size
         Number of terms.
     price
-        Of each.
+        Price of each term.
     """
     count = max(problem.count, 3.0)
-    # the digits of the numbers bound how small a residual can be known
+    # rounding limits how small a residual can be resolved
     least = max(1e-24 * float(problem.target @ problem.target), 1e-300)
     return float(count * np.log(max(residual, least) / count) + size * price)
 
 
 def significant(problem: Compressed, price: float, starts: Sequence[Kept] | None = None) -> Kept:
-    """The choice of terms with the least criterion that adding, removing and exchanging one at a time leads to.
+    """The choice of terms with the smallest criterion, by adding, removing and exchanging one term at a time.
 
     Parameters
     ----------
     problem
         The columns to choose from.
     price
-        What a term must explain, in squared standard errors.
+        Price of a term, in squared standard errors.
     starts
         Choices to begin with; none and all terms when not given.
     """
@@ -219,7 +219,7 @@ def _improved(problem: Compressed, kept: Kept, price: float) -> tuple[float, Kep
 
 
 def _neighbours(problem: Compressed, kept: Kept, price: float) -> Iterator[tuple[float, Kept]]:
-    """With their criterion: the best choice with one term more, those with one less, the best exchange of each."""
+    """Neighbouring choices with their criterion: the best with one more term, all with one less, the best exchanges."""
     for fewer in (kept, *(kept[:index] + kept[index + 1 :] for index in range(len(kept)))):
         residual, gains = problem.gains(fewer)
         yield criterion(problem, residual, len(fewer), price), fewer
@@ -230,7 +230,7 @@ def _neighbours(problem: Compressed, kept: Kept, price: float) -> Iterator[tuple
 
 
 def predictive_price(parts: Sequence[Compressed], first: int) -> float:
-    """The price of a term that predicts best what is held out, see :func:`predicted_best`; never below term_price.
+    """The price of a term that best predicts held-out data, see :func:`predicted_best`; at least term_price.
 
     Parameters
     ----------

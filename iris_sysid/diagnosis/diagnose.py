@@ -1,12 +1,12 @@
 """Find the effects that a model lacks: residual, score tests, refits, then the error before and after.
 
 1. Fit the model to every clip. 2. Test every effect that applies by its score: its sensitivity, without what the fitted
-parameters can imitate, against the residual. 3. Refit with the best few; the one that explains most is added when it
-is significant at 5 % over the whole library, autocorrelation allowed for, when it moves the trajectory by more than
-the stated errors of its samples, and when samples that were held out are predicted better. Where no single effect is
-significant, pairs are tried. 4. Repeat until nothing is significant; each time, effects that the others have made
-needless are removed, and those with a better rival are replaced. Effects that explain the data as well as the one added
-are named beside it, and every effect that was not added has an upper limit.
+parameters can imitate, against the residual. 3. Refit with the best few. Add the effect that explains most if it is
+significant at 5 % over the whole library (autocorrelation allowed for), if it moves the trajectory by more than the
+stated errors of its samples, and if it improves the prediction of held-out samples. If no single effect is significant,
+try pairs. 4. Repeat until no effect is significant. After each addition, remove the effects that are no longer needed
+and replace those with a better rival. The result also lists the effects that explain the data as well as an added one,
+and an upper limit on every effect that was not added.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
 from iris_sysid.types import Diagnosis, DiscoveredTerm, Effect, Estimate, FitResult, OdeModel, Trajectory
 
-ABOVE_NOISE = 1.1  # times the noise, which is itself known to a few percent: the residual is more than noise
+ABOVE_NOISE = 1.1  # residual / noise above which terms are suggested; the noise itself is known to a few percent
 
 
 def diagnose(
@@ -45,25 +45,25 @@ def diagnose(
     Parameters
     ----------
     trajectories
-        What was measured: one clip, or several of the same kind. Each clip has its own values of the model's
-        parameters; an effect has the same size in all, up to the scatter that they show.
+        One clip, or several of the same kind. Each clip has its own values of the model's
+        parameters; an effect has the same size in all clips, apart from the scatter that the data show.
     model
-        The governing equation to question.
+        The governing equation to test.
     fixed
         Known values by name.
     free
         Constants of the model to estimate as well.
     effects
-        What it may lack; every registered effect that applies when not given.
+        Effects to test; by default every registered effect that applies to the model.
     holdout
-        Fraction of each clip, at its end, that the held-out error is computed on after fitting the rest.
+        Fraction of each clip, at its end, that is held out: the model is fitted to the rest and predicts it.
     progress
         Called with a line of text at each step.
 
     Returns
     -------
     Diagnosis
-        With nothing added when the model lacks nothing that the data can show.
+        Without added effects when no effect is significant.
 
     Raises
     ------
@@ -103,7 +103,7 @@ def _base(clips: Sequence[FitRequest], fits: tuple[FitResult, ...]) -> ModelWith
 
 
 def _diagnosis(cache: FitCache, path: Sequence[ModelWithEffects]) -> Diagnosis:
-    """What the search has to report, from the models on its way."""
+    """The diagnosis from the models that the search visited, the base first."""
     base, final = path[0], path[-1]
     report = SearchReport(cache, final)
     rounds = [tuple(combined(scores) for scores in cache.screening(model).scores) for model in path]

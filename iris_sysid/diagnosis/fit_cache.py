@@ -12,8 +12,8 @@ from iris_sysid.diagnosis.screening import Candidate, Screening
 from iris_sysid.types import Effect, Errors, FitResult, OdeModel
 
 REFITTED = 4  # best candidates that are refitted in each round
-WORTH_REFITTING = 0.7  # of the chi-square that is significant; a refit can find more than the first order shows
-NEARLY = 0.2  # less of the gain to first order than another's; a refit can be that much better
+WORTH_REFITTING = 0.7  # fraction of the significant chi-square; a refit can explain more than the first-order test
+NEARLY = 0.2  # a rival's first-order gain may be smaller by this fraction; a refit can be that much better
 
 
 class FitCache:
@@ -22,13 +22,13 @@ class FitCache:
     Parameters
     ----------
     clips
-        What is fitted, with the values that are fixed and freed.
+        The fit requests, one a clip, with their fixed and free values.
     model
-        The governing equation to question.
+        The governing equation to test.
     library
-        The effects that it may lack.
+        The effects to test.
     base
-        The fits without any.
+        The fits without effects.
     holdout
         Fraction of each clip that is held out for the prediction error.
     report
@@ -65,7 +65,7 @@ class FitCache:
         return self._screenings[current.names]
 
     def errors(self, current: ModelWithEffects, parts: int = 1) -> Errors:
-        """The errors of a model; held out are the ends of so many parts of each clip."""
+        """The prediction errors of a model; each clip is cut into ``parts`` and the end of each part is held out."""
         key = current.names, parts
         if key not in self._errors:
             self._errors[key] = errors_of(self.clips, current, self._holdout, parts)
@@ -82,7 +82,7 @@ class FitCache:
         no_starts: list[Starts] = [{}] * len(self.clips)
         if len(effects) != 1:
             return self._fitted(current, effects, no_starts, ())
-        # from the base, as wherever a single effect is fitted
+        # a model with a single effect is always fitted from the base
         alone = self.with_added(self.base, self.screening(self.base).single(effects[0].name))
         if not alone.usable:
             alone = refitted(self.clips, current, self._model, effects, no_starts)
@@ -100,7 +100,7 @@ class FitCache:
         return self._models[key]
 
     def refits(self, current: ModelWithEffects, candidates: Sequence[Candidate]) -> list[ModelWithEffects]:
-        """The model with each of the candidates that are worth a refit, best first."""
+        """The usable refits with the most promising candidates, smallest cost first."""
         allowed = [candidate for candidate in candidates if self.library.allows(candidate)]
         worth = [candidate for candidate in allowed if candidate.ratio > WORTH_REFITTING]
         models = [self.with_added(current, candidate) for candidate in worth[:REFITTED]]
@@ -108,17 +108,17 @@ class FitCache:
         return sorted(usable, key=lambda model: model.cost)
 
     def testable(self, current: ModelWithEffects) -> frozenset[str]:
-        """The effects that neither this model nor the base can imitate, whatever else is added."""
+        """The effects that the parameters of neither this model nor the base can imitate."""
         return self.screening(self.base).visible & self.screening(current).visible
 
     def rivals(self, rest: ModelWithEffects, effect: Effect) -> list[ModelWithEffects]:
-        """The model with each effect in place of ``effect`` that explains nearly as much to first order, or more."""
+        """Refits of ``rest`` with one effect whose first-order gain is nearly that of ``effect``, or larger."""
         screening, testable = self.screening(rest), self.testable(rest)
         least = (1.0 - NEARLY) * screening.score(effect.name).gain
         near = [name for name in screening.names if name in testable and screening.score(name).gain > least]
         return self.refits(rest, [screening.single(name) for name in near])
 
     def equally_good(self, final: ModelWithEffects, effect: Effect) -> list[ModelWithEffects]:
-        """The models with another effect in place of one of those added that explain the data as well."""
+        """The models in which another effect replaces ``effect`` and explains the data as well."""
         rivals = self.rivals(self.without(final, effect), effect)
         return [rival for rival in rivals if rival.names != final.names and rival.cost - final.cost < final.margin]

@@ -1,4 +1,4 @@
-"""The effects that a model may lack, with the sign that each may have."""
+"""The library of effects to test, and the sign that the size of each effect may have."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from iris_sysid.types import Effect
 
 
 def two_sided(effect: Effect) -> Effect:
-    """The effect with a size that may be fitted below zero too, so that sizes near zero have no bias."""
+    """The effect without a lower bound of zero on its size, so that sizes near zero are estimated without bias."""
     size, *rest = effect.parameters
     return replace(effect, parameters=(replace(size, lower=-np.inf), *rest)) if size.lower == 0.0 else effect
 
 
 class EffectLibrary:
-    """The effects to search, by name, with two-sided sizes; an effect that only dissipates is allowed one sign only.
+    """The effects to search, by name, with two-sided sizes. A purely dissipative effect must have a positive size.
 
     Parameters
     ----------
     effects
-        Those that apply to the model, as they are registered.
+        The registered effects that apply to the model.
     """
 
     def __init__(self, effects: Sequence[Effect]) -> None:
@@ -32,11 +32,11 @@ class EffectLibrary:
         self._one_sided = frozenset(effect.name for effect in effects if effect.parameters[0].lower == 0.0)
 
     def allows(self, candidate: Candidate) -> bool:
-        """Whether the first-order sizes of a candidate have a sign that its effects may have, in every clip."""
+        """Whether the first-order sizes of a candidate have an allowed sign in every clip."""
         names = self._one_sided & set(candidate.names)
         return all(start[name][0] >= 0.0 for start in candidate.starts for name in names)
 
     def allows_fit(self, model: ModelWithEffects) -> bool:
-        """Whether the fitted sizes, over all clips, have a sign that the effects may have."""
+        """Whether the fitted sizes, averaged over all clips, have an allowed sign."""
         sizes = [effect.parameters[0].name for effect in model.effects if effect.name in self._one_sided]
         return all(pooled(sizes_of(model.fits, name)).value >= 0.0 for name in sizes)

@@ -1,8 +1,8 @@
-"""The stated errors of a track: weights of its samples, and the size below which no effect is named.
+"""The stated errors of a track: weights of its samples, and the smallest size of an effect that they can resolve.
 
-Tracking errors are correlated: a bias returns at the same position in the image, or lasts while a body turns its
-other side to the light. So the mean over many samples is not better than one sample by the root of their number, and a
-change of the trajectory below the stated errors of single samples may come from the tracker.
+Tracking errors are correlated: a bias returns at the same position in the image, or lasts while the light falls on
+another side of a turning body. So averaging n samples does not reduce the error by sqrt(n), and a change of the
+trajectory below the stated errors of single samples may come from the tracker.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import numpy as np
 
 from iris_sysid.types import Array, FitResult, Trajectory
 
-RESOLVED_AT = 3.0  # stated errors of a sample; a normal error exceeds that once in 370 times
-RESOLVED_SAMPLES = 3  # that must show it: one or two may be outliers
+RESOLVED_AT = 3.0  # stated errors of a sample; a normal error exceeds 3 standard errors once in 370 samples
+RESOLVED_SAMPLES = 3  # samples that must show the effect: one or two may be outliers
 
 
 def unit_noise(fitted: FitResult, trajectory: Trajectory) -> Array:
@@ -38,7 +38,7 @@ def unit_noise(fitted: FitResult, trajectory: Trajectory) -> Array:
 def stated_errors(fitted: FitResult, trajectory: Trajectory) -> Array:
     """The error (n, d) of each sample, in observed units: the stated one, or the noise of the fit where that is larger.
 
-    0 where the trajectory states none: then only the residual tells its errors.
+    0 where the trajectory states no errors: then they are known from the residual only.
 
     Parameters
     ----------
@@ -51,14 +51,14 @@ def stated_errors(fitted: FitResult, trajectory: Trajectory) -> Array:
 
 
 def resolvable_size(change: Array, stated: Array) -> float:
-    """The size from which an effect changes RESOLVED_SAMPLES samples by RESOLVED_AT of their stated errors.
+    """The smallest size at which an effect changes RESOLVED_SAMPLES samples by RESOLVED_AT stated errors.
 
     0 where no errors are stated.
 
     Parameters
     ----------
     change
-        (n, d) of the prediction per unit of the size, without what the fitted parameters can imitate.
+        (n, d) change of the prediction per unit of the size, without the part that the fitted parameters can imitate.
     stated
         (n, d) from :func:`stated_errors`.
     """
@@ -89,9 +89,9 @@ def is_resolved(before: FitResult, after: FitResult, trajectory: Trajectory) -> 
 
 
 def _without_systematic(change: Array, systematic: Sequence[Array]) -> Array:
-    """A change (n, d) less what systematic errors (each (r, n, d) for one standard error) can make of it.
+    """A change (n, d) less the part that systematic errors, each (r, n, d) for one standard error, can imitate.
 
-    Each error as large as it is most likely to be: least squares with one more sample for each, that it is 0 +- 1.
+    Least squares estimates the size of each systematic error, with the prior 0 +- 1 as one more sample.
     """
     if not systematic:
         return change

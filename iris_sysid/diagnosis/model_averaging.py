@@ -1,9 +1,9 @@
-"""The error of an effect's size when other effects may act as well: Bayesian model averaging, to first order.
+"""The error of an effect's size when other effects may act too: Bayesian model averaging, to first order.
 
-An interval that assumes no further missing effect is too narrow: an effect too small to be detected beside the one
-found has still taken part of its size, or added to it. So the interval is that of a mixture over no further effect and
-each one more effect of the library (Hoeting, Madigan, Raftery and Volinsky 1999, Stat. Sci. 14, 382), each as likely
-beforehand as none, with the weight exp(-BIC / 2) (Raftery 1995, Sociol. Methodol. 25, 111).
+An interval that assumes no further missing effect is too narrow: a second effect, too small to be detected, can still
+bias the size of the first. So the interval is that of a mixture of models: without a further effect, and with each one
+more effect of the library (Hoeting, Madigan, Raftery and Volinsky 1999, Stat. Sci. 14, 382). All have the same prior
+probability and the weight exp(-BIC / 2) (Raftery 1995, Sociol. Methodol. 25, 111).
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from scipy.optimize import brentq
 from iris_sysid.diagnosis.score_test import combined
 from iris_sysid.types import Estimate, Score, normal_cdf
 
-FAR = 8.0  # standard errors within which the quantiles of a mixture lie: beyond is 1e-15
+FAR = 8.0  # standard errors that bracket the quantiles of a mixture: the probability beyond is 1e-15
 
 
 @dataclass(frozen=True, slots=True)
 class CompetingEffect:
-    """What one more effect would do to a size: ``shift`` it, and add the standard error ``spread``, in its unit.
+    """How one more effect would change a size: it adds ``shift``, and the standard error ``spread``, in its unit.
 
     ``log_weight`` is the logarithm of its probability over that of no further effect.
     """
@@ -33,17 +33,17 @@ class CompetingEffect:
 
 
 def averaged_over_alternatives(chosen: Estimate, alternatives: Sequence[tuple[Estimate, float]]) -> Estimate:
-    """Widen a size for the choice among sets of effects that explain the data as well; its value stays.
+    """Widen the interval of a size for the choice among sets of effects that explain the data equally well.
 
-    The unconditional standard error of Buckland, Burnham and Augustin (1997, Biometrics 53, 603), about the value
-    beside the effects that were added.
+    The value does not change; its error is the unconditional standard error of Buckland, Burnham and Augustin (1997,
+    Biometrics 53, 603).
 
     Parameters
     ----------
     chosen
-        The size beside the effects that were added.
+        The size in the model with the added effects.
     alternatives
-        The size beside others, and by how much their fit costs more (:attr:`ModelWithEffects.cost`).
+        The size in each alternative model, and by how much its cost is larger (:attr:`ModelWithEffects.cost`).
     """
     if not alternatives or not chosen.stderr > 0:
         return chosen
@@ -57,16 +57,16 @@ def averaged_over_alternatives(chosen: Estimate, alternatives: Sequence[tuple[Es
 
 
 def competing_effect(scores: Sequence[Score], name: str, independent: float) -> CompetingEffect | None:
-    """What an effect that was not added would do to a size; None where the data cannot show it, or it does nothing.
+    """How an effect that was not added would change a size; None where the data cannot show it, or it changes nothing.
 
     Parameters
     ----------
     scores
-        Of the effect, one a clip, beside all that were added.
+        Scores of the effect in the final model, one a clip.
     name
         Parameter name of the size.
     independent
-        Number of independent samples that the data are worth.
+        Effective number of independent samples.
     """
     score = combined(scores)
     shifts = [clip.shifts[name] for clip in scores if name in clip.shifts]
@@ -78,14 +78,14 @@ def competing_effect(scores: Sequence[Score], name: str, independent: float) -> 
 
 
 def averaged_over_competitors(chosen: Estimate, competitors: Sequence[CompetingEffect]) -> Estimate:
-    """Widen a size for one more effect that may act; its value stays.
+    """Widen the interval of a size for one more effect that may act. The value does not change.
 
     Parameters
     ----------
     chosen
         The size, assuming no further missing effect.
     competitors
-        Any one of which may act as well.
+        The effects of which one may act too.
     """
     if not competitors or not chosen.stderr > 0:
         return chosen

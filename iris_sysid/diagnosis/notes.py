@@ -1,4 +1,4 @@
-"""What a reader of a diagnosis must know beside the result: what was not tested, and which effects were rejected."""
+"""Notes on a diagnosis: what was not tested, and which effects were rejected."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from iris_sysid.diagnosis.measurement_errors import RESOLVED_AT, RESOLVED_SAMPLES
 from iris_sysid.types import DiagnosticNote, FitResult, NoteKind, Score
 
-MOST_NAMED = 3  # clips, or effects, with the same note; more are counted
+MOST_NAMED = 3  # clips or effects that a note names; further ones are counted
 REJECTED = {
     "rejected-sign": "because a negative value adds energy (in a tank: water)",
     "rejected-size": f"because it moves fewer than {RESOLVED_SAMPLES} samples by {RESOLVED_AT:g} stated errors",
@@ -45,12 +45,12 @@ def diagnostic_notes(
 
 
 def rejected_effect_note(scores: Sequence[Score], kind: NoteKind) -> tuple[DiagnosticNote, ...]:
-    """Say which effects the residual fits best, and why they were not added; nothing for none.
+    """Name the effects that explain the residual but were rejected, and say why; no note without such effects.
 
     Parameters
     ----------
     scores
-        Of these effects, best first.
+        Scores of these effects, best first.
     kind
         A key of REJECTED.
     """

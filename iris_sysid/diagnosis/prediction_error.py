@@ -11,22 +11,22 @@ from fitters.ode import FitRequest
 from iris_sysid.diagnosis.refit import ModelWithEffects, estimate_values, fit_from, pooled, predicted_by, sizes_of
 from iris_sysid.types import Array, Errors, FitResult
 
-SAMPLES_A_VALUE = 2  # that a fit must have for each free value when other samples are held out
+SAMPLES_A_VALUE = 2  # samples per free value that a fit needs after others are held out
 
 
 def errors_of(clips: Sequence[FitRequest], model: ModelWithEffects, holdout: float, parts: int = 1) -> Errors:
-    """The error over the samples fitted, and over those held out; NaN where a clip has none to spare.
+    """The error over the fitted samples, and over the held-out samples; NaN where a clip is too short to hold out any.
 
     Parameters
     ----------
     clips
-        What was fitted, with the values that are fixed and freed.
+        The fit requests, one a clip, with their fixed and free values.
     model
         The fits to them; for each clip, the sizes of the effects come from the other clips where there are any.
     holdout
         Fraction of each part of a clip, at its end, that is held out.
     parts
-        Number of parts that a clip is cut into; 1 holds out its end only.
+        Number of parts that a clip is cut into; 1 holds out only its end.
     """
     fits, heldout, weighed = model.fits, [], []
     for k, (clip, fitted, unit) in enumerate(zip(clips, fits, model.units, strict=True)):
@@ -48,7 +48,7 @@ def _rms(values: Array) -> float:
 
 
 def _heldout_error(clip: FitRequest, fitted: FitResult, holdout: float, parts: int) -> tuple[NDArray[np.intp], Array]:
-    """The last samples (m,) of each part, and observed - predicted (m, d) there after a fit to the others.
+    """Indices (m,) of the last samples of each part, and the residual (m, d) there after a fit to the other samples.
 
     One sample and NaN where none can be held out.
     """

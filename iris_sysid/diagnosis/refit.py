@@ -15,13 +15,13 @@ from iris_sysid.diagnosis.measurement_errors import unit_noise
 from iris_sysid.diagnosis.score_test import shaped
 from iris_sysid.types import Array, Effect, Estimate, FitResult, Mask, OdeModel, Trajectory, normal_isf, student_sf
 
-MOST_MOVES = 4  # of an effect's shape to a better one nearby
-HIGHEST = 0.95  # correlation from sample to sample that is allowed for
+MOST_MOVES = 4  # steps from an effect's shape to a better one nearby
+HIGHEST = 0.95  # largest lag-1 correlation that is allowed for
 DETERMINED = ("ok", "misfit")  # statuses of a fit whose free values the data determine
 
 
 def with_free_geometry(clip: FitRequest) -> tuple[FitRequest, FitResult]:
-    """Free the uncertain geometry of a clip, where the data fix it; the request so made, and its fit.
+    """Free the uncertain geometry of a clip if the data determine it; return that request and its fit.
 
     A constant without a default is not part of the motion, e.g. the angle of a board, and stays fixed.
 
@@ -56,7 +56,7 @@ class ModelWithEffects:
 
     @classmethod
     def without_effects(cls, clips: Sequence[FitRequest], fits: Sequence[FitResult]) -> ModelWithEffects:
-        """The model as it is; its noise is the unit of the residuals of all that follow."""
+        """The model without effects; its noise is the unit of the residuals of all later models."""
         units = [unit_noise(fitted, clip.trajectory) for fitted, clip in zip(fits, clips, strict=True)]
         return cls(tuple(fits), tuple(units))
 
@@ -75,13 +75,13 @@ class ModelWithEffects:
 
     @property
     def margin(self) -> float:
-        """Difference of cost that is decisive: twice the log of 20 : 1, more as correlation thins out the samples."""
+        """Decisive difference of cost: 2 log 20, larger where correlation leaves fewer independent samples."""
         correlation = max(min(abs(fitted.correlation), HIGHEST) for fitted in self.fits)
         return float(2 * np.log(20.0) * (1 + correlation) / (1 - correlation))
 
     @property
     def independent(self) -> float:
-        """Number of independent samples that these are worth: correlation thins them out."""
+        """Effective number of independent samples, from the lag-1 correlation of the residual."""
         counts = [(fitted.n * len(fitted.rms), min(abs(fitted.correlation), HIGHEST)) for fitted in self.fits]
         return float(sum(samples * (1.0 - rho) / (1.0 + rho) for samples, rho in counts))
 
@@ -96,7 +96,7 @@ class ModelWithEffects:
         return tuple(parameter.name for effect in self.effects for parameter in effect.parameters)
 
 
-# of effects by name: the first size, then the values of their other parameters (or none, for their defaults)
+# by effect name: the first size, then the values of the effect's other parameters (none: their defaults)
 Starts = Mapping[str, tuple[float, tuple[float, ...]]]
 
 
@@ -112,13 +112,13 @@ def refitted(
     Parameters
     ----------
     clips
-        What is fitted, with the values that are fixed and freed.
+        The fit requests, one a clip, with their fixed and free values.
     current
-        The fits that give the starting values of all that they share with the new ones.
+        The fits that give the starting values of the parameters that they share with the new ones.
     model
         Without effects.
     effects
-        All that are to be added, in order.
+        All effects to add, in order.
     starts
         One a clip: of effects that are new, the size and the shape to begin with.
     """
@@ -130,7 +130,7 @@ def refitted(
 def _refitted(
     clip: FitRequest, fitted: FitResult, start: Starts, unit: Array, model: OdeModel, effects: Sequence[Effect]
 ) -> FitResult:
-    """One clip's fit; an effect whose shape is chosen, not fitted, gets the best shape around its starting one."""
+    """One clip's fit; an effect whose shape is chosen and not fitted gets the best shape near its starting shape."""
     best = _fit_from(clip, {**estimate_values(fitted), **_values(effects, start)}, fitted.free, model, effects)
     for effect in effects:
         for _ in range(MOST_MOVES):
@@ -145,7 +145,7 @@ def _refitted(
 def _fit_from(
     clip: FitRequest, values: Mapping[str, float], free: Sequence[str], model: OdeModel, effects: Sequence[Effect]
 ) -> FitResult:
-    """The fit of the model with effects, starting from these values, with what was free before free."""
+    """The fit of the model with effects from these starting values; free constants stay free."""
     composed = model
     for effect in effects:
         composed = with_effect(
@@ -158,7 +158,7 @@ def _fit_from(
 
 
 def _in_better_shape(effect: Effect, clip: FitRequest, fitted: FitResult, unit: Array) -> dict[str, float]:
-    """The values of a fit with the effect in the nearby shape that fits best; none where the present shape does."""
+    """The values of a fit with the effect in the best nearby shape; none where the present shape fits best."""
     if effect.nearby is None or not fitted.usable:
         return {}
     values, names = estimate_values(fitted), [parameter.name for parameter in effect.parameters[1:]]
@@ -170,9 +170,9 @@ def _in_better_shape(effect: Effect, clip: FitRequest, fitted: FitResult, unit: 
 
 
 def _misfit(clip: FitRequest, fitted: FitResult, unit: Array, values: Mapping[str, float] | None = None) -> float:
-    """Sum of squares of the residual over all samples, those that the fit took for outliers included.
+    """Sum of squares of the residual over all samples, outliers of the fit included.
 
-    With other values than the fitted ones where they are given.
+    ``values``, where given, replace the fitted ones.
     """
     used = np.flatnonzero(fitted.used)
     stop, trajectory = int(used[-1]) + 1, clip.trajectory
@@ -200,7 +200,7 @@ def _values(effects: Sequence[Effect], start: Starts) -> dict[str, float]:
 
 
 def significance(before: ModelWithEffects, after: ModelWithEffects, effects: Sequence[Effect]) -> float:
-    """How significant the effects between two fits are, as standard errors of one normal number.
+    """Significance of the effects by which two fits differ, as standard errors of one normal variable.
 
     Of one clip, the root of the chi-square that they explain, in units of the noise that remains, thinned by the
     autocorrelation of that noise along them: unlike a size over its standard error, this also holds where an effect
@@ -236,7 +236,7 @@ def _sum_of_squares(fitted: FitResult, unit: Array, samples: Mask) -> float:
 
 
 def sizes_of(fits: Sequence[FitResult], name: str) -> list[Estimate]:
-    """A value's estimates in all clips."""
+    """The estimates of one value in all clips."""
     return [fitted.estimates[name] for fitted in fits]
 
 

@@ -21,8 +21,8 @@ from iris_sysid.diagnosis.measurement_errors import resolvable_size, stated_erro
 from iris_sysid.types import Array, Effect, FitResult, Score, Trajectory, normal_isf
 
 PARALLEL = 0.99  # cosine between projected sensitivities above which two effects are indistinguishable
-MOST_NUMBERS = 20_000_000  # in the array of directions; beyond, pairs use each effect's best shape only
-SINGULAR = 1e-9  # of the largest singular value: the fitted parameters' own null directions
+MOST_NUMBERS = 20_000_000  # largest array of directions; beyond it, pairs use only the best shape of each effect
+SINGULAR = 1e-9  # fraction of the largest singular value: below it lie null directions of the fitted parameters
 NOT_IMITATED = 1e-4  # fraction of a sensitivity that the fitted parameters must not be able to imitate
 
 
@@ -91,7 +91,7 @@ class _Residual:
         return _Direction(effect, shape, unit, length, float(unit @ self.values.ravel()), -self.solve @ imitated)
 
     def score(self, effect: Effect, directions: Sequence[_Direction], tried: int) -> Score:
-        """The score of an effect in the shape that explains most; NaN where the parameters imitate all shapes."""
+        """The score of an effect in its best shape; NaN where the parameters can imitate all shapes."""
         unit = effect.parameters[0].unit.replace("{x}", self.unit)
         hidden = Score(effect.name, np.nan, np.nan, unit, 0.0, self.total, 0.0, tried=tried)
         if not directions:
@@ -136,7 +136,7 @@ class Pair:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Screen:
-    """The score tests of one clip: what every effect, in every shape tried, would explain of its residual.
+    """The score tests of one clip: how much of its residual every effect, in every shape tried, would explain.
 
     ``scores`` by effect are those of its best shape. Of the m effects and shapes that the parameters cannot imitate:
     ``effects`` are their names, ``shapes`` their shapes, ``directions`` (m, n * d) s' of unit length, ``lengths`` (m,)
@@ -156,7 +156,7 @@ class Screen:
         return frozenset(self.effects)
 
     def cosine(self, first: str, second: str) -> float:
-        """Between two effects in their best shapes; 0 where the parameters imitate one of them."""
+        """Cosine between two effects in their best shapes; 0 where the parameters imitate one of them."""
         if not {first, second} <= self.visible:
             return 0.0
         return float(self.directions[self._best(first)] @ self.directions[self._best(second)])
@@ -196,9 +196,9 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
     Parameters
     ----------
     effects
-        All apply to the fitted model.
+        Effects that apply to the fitted model.
     fitted
-        The model without them.
+        The fit without them.
     trajectory
         What it was fitted to.
     """
@@ -213,7 +213,7 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
         direction_of = partial(_direction_of, effect, residual, noise, fitted, trajectory, motion)
         visible = _visible_directions(effect, shapes, residual.t_s, direction_of)
         rows += visible
-        tried = len(shapes) if effect.nearby is None else residual.t_s.size  # the best of all, wherever it began
+        tried = len(shapes) if effect.nearby is None else residual.t_s.size  # the best of all, whatever the start
         scores[effect.name] = residual.score(effect, visible, tried)
     return Screen(
         scores,
@@ -245,7 +245,7 @@ def _visible_directions(
     t_s: Array,
     direction_of: Callable[[tuple[float, ...]], _Direction],
 ) -> list[_Direction]:
-    """The shapes that the parameters cannot imitate, and those near the best as long as one of these explains more."""
+    """The shapes that the parameters cannot imitate; shapes near the best are added while one of them explains more."""
     directions = [direction for direction in map(direction_of, shapes) if direction.length > 0]
     best = max(directions, key=lambda direction: abs(direction.component), default=None)
     while effect.trials is not None and effect.nearby is not None and best is not None:
@@ -258,14 +258,14 @@ def _visible_directions(
 
 
 def shaped(effect: Effect, shape: Sequence[float]) -> Effect:
-    """The effect with other defaults of its parameters after the first; unchanged when no values are given.
+    """The effect with new defaults for its parameters after the first; unchanged when no values are given.
 
     Parameters
     ----------
     effect
         The effect.
     shape
-        As many values as parameters after the first, or none.
+        One value for each parameter after the first, or none.
     """
     if not shape:
         return effect
@@ -275,12 +275,12 @@ def shaped(effect: Effect, shape: Sequence[float]) -> Effect:
 
 
 def critical_value(level: float, tries: int) -> float:
-    """Standard errors from which a size is significant at a two-sided ``level``, Bonferroni for so many ``tries``."""
+    """Standard errors above which a size is significant at a two-sided ``level``, Bonferroni for ``tries`` tests."""
     return normal_isf(level / 2 / tries)
 
 
 def combined(scores: Sequence[Score]) -> Score:
-    """One effect's scores in several clips as the score of one size in all; unchanged where there is one clip."""
+    """Combine the scores of one effect in several clips to the score of a common size; a single score is unchanged."""
     first = scores[0]
     if len(scores) == 1:
         return first

@@ -11,15 +11,15 @@ from iris_sysid.diagnosis.refit import ModelWithEffects, Starts
 from iris_sysid.diagnosis.score_test import PARALLEL, Pair, Screen, combined, critical_value, screen
 from iris_sysid.types import Effect, Score, chi2_isf
 
-SINGLE_LEVEL = 0.04  # chance of adding a single effect to a model that lacks nothing
-PAIR_LEVEL = 0.01  # and of adding two at once
+SINGLE_LEVEL = 0.04  # probability of adding a single effect to a complete model
+PAIR_LEVEL = 0.01  # probability of adding a pair of effects to a complete model
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Candidate:
-    """Effects that may be added at once, ``names``, from ``starts``, one a clip.
+    """Effects ``names`` that may be added at once, with their starting values ``starts``, one a clip.
 
-    ``chi2`` is what they would take off the chi-square of white noise, to first order; ``needed`` what is significant.
+    ``chi2`` is the first-order decrease of the chi-square for white noise; ``needed`` is the significant decrease.
     """
 
     names: tuple[str, ...]
@@ -29,15 +29,15 @@ class Candidate:
 
     @property
     def ratio(self) -> float:
-        """1 where the first order is just significant for white noise."""
+        """First-order chi-square over the significant one: 1 is just significant for white noise."""
         return self.chi2 / self.needed
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Screening:
-    """The score tests of all clips, of every effect that a model does not have yet, of a ``library`` of so many.
+    """The score tests, in all clips, of every effect that a model does not have yet.
 
-    ``scores`` holds one a clip for each effect, best effect first.
+    ``scores`` holds one score a clip for each effect, best effect first; ``library`` is the size of the library.
     """
 
     screens: tuple[Screen, ...]
@@ -46,7 +46,7 @@ class Screening:
 
     @classmethod
     def of(cls, library: Collection[Effect], current: ModelWithEffects, clips: Sequence[FitRequest]) -> Screening:
-        """Test every effect of the library that the model does not have against its residuals."""
+        """Score every effect of the library that the model does not have."""
         effects = [effect for effect in library if effect.name not in current.names]
         screens = tuple(
             screen(effects, fitted, clip.trajectory) for fitted, clip in zip(current.fits, clips, strict=True)
@@ -57,7 +57,7 @@ class Screening:
 
     @property
     def names(self) -> list[str]:
-        """The effects, best first."""
+        """Names of the effects, best first."""
         return [first.effect for first, *_ in self.scores]
 
     @property
@@ -74,14 +74,14 @@ class Screening:
         return next(by_clip for by_clip in self.scores if by_clip[0].effect == name)
 
     def single(self, name: str) -> Candidate:
-        """One effect, starting from its size in all clips and the shape that explains most in each."""
+        """One effect as a candidate: it starts from the common size and, in each clip, from its best shape."""
         scores = self.scores_of(name)
         joint = combined(scores)
         starts = tuple({name: (joint.size, score.shape)} for score in scores)
         return Candidate((name,), starts, joint.chi2, self.needed(name))
 
     def needed(self, name: str) -> float:
-        """The chi-square from which one effect is significant."""
+        """The chi-square above which one effect is significant."""
         scores = self.scores_of(name)
         return critical_value(SINGLE_LEVEL / self.library, scores[0].tried ** len(scores)) ** 2
 
@@ -95,7 +95,7 @@ class Screening:
         return sorted(candidates, key=lambda candidate: (-candidate.ratio, candidate.names))
 
     def _pair(self, names: tuple[str, str], clips: Sequence[Pair], pairs: int) -> Candidate:
-        """Two effects at once, of so many ``pairs`` that are tried."""
+        """A candidate of two effects; ``pairs`` is the number of pairs that are tried."""
         degrees, total = sum(score.degrees for score in self.scores[0]), sum(score.total for score in self.scores[0])
         gain = min(sum(clip.gain for clip in clips) / total, 1.0 - 1e-12)
         tries = prod(self.scores_of(name)[0].tried for name in names) ** len(clips) * pairs
@@ -103,10 +103,10 @@ class Screening:
         return Candidate(names, starts, degrees * gain / (1.0 - gain), chi2_isf(PAIR_LEVEL / tries, 2))
 
     def explaining(self, least: float) -> list[str]:
-        """Effects that take more than ``least`` off the chi-square, to first order."""
+        """Effects that decrease the chi-square by more than ``least``, to first order."""
         return [name for name in self.names if self.score(name).chi2 > least]
 
     def parallel(self, name: str) -> list[str]:
-        """Effects whose sensitivity is parallel to that of the one named, in every clip."""
+        """Effects whose sensitivity is parallel to that of the named effect in every clip."""
         others = [other for other in self.names if other != name]
         return [other for other in others if all(abs(clip.cosine(name, other)) > PARALLEL for clip in self.screens)]

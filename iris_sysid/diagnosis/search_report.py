@@ -1,4 +1,4 @@
-"""What a finished search can say: indistinguishable effects, model-averaged sizes, limits, rejected effects."""
+"""The results of a finished search: indistinguishable effects, model-averaged sizes, limits, rejected effects."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from iris_sysid.types import DiagnosticNote, Effect, Estimate, Limit, Score, nor
 
 
 class SearchReport:
-    """The report on a search that ended.
+    """The results of a finished search.
 
     Parameters
     ----------
     cache
-        What the search fitted.
+        The refits of the search.
     final
-        Where it ended.
+        The model with which the search ended.
     """
 
     def __init__(self, cache: FitCache, final: ModelWithEffects) -> None:
@@ -30,9 +30,9 @@ class SearchReport:
         self._screening = cache.screening(final)
 
     def indistinguishable(self, effect: Effect) -> tuple[str, ...]:
-        """Effects that explain the data as well as one of those added, beside all the others.
+        """Effects that explain the data as well as an added one, with all other added effects in the model.
 
-        When refitted in its place, by a parallel sensitivity, or by what they take off the chi-square to first order.
+        The criterion is a refit, a parallel sensitivity, or the first-order decrease of the chi-square.
         """
         cache, final = self._cache, self._final
         rest = cache.without(final, effect)
@@ -44,7 +44,7 @@ class SearchReport:
         return tuple(name for name in names if name not in final.names)
 
     def size(self, name: str) -> Estimate:
-        """A size over all clips; its error allows for alternatives to the effects added, and for one more effect."""
+        """A size over all clips; its error allows for alternatives to the added effects, and for one more effect."""
         final = self._final
         rivals = [rival for effect in final.effects for rival in self._cache.equally_good(final, effect)]
         alternatives = [
@@ -54,9 +54,9 @@ class SearchReport:
         return averaged_over_competitors(size, self._competing(name))
 
     def _competing(self, name: str) -> list[CompetingEffect]:
-        """What each effect that was not added, with a sign that it may have, would do to a size.
+        """How each effect that was not added would change a size, if its sign is allowed.
 
-        Those parallel to the effect of that size do not compete: they are named as indistinguishable from it.
+        Effects parallel to the effect of that size do not compete: they are reported as indistinguishable from it.
         """
         own = next(
             effect for effect in self._final.effects if name in [parameter.name for parameter in effect.parameters]
@@ -75,7 +75,7 @@ class SearchReport:
         return Limit(score.effect, size, max(upper, score.resolvable_size), score.unit)
 
     def rejected(self) -> tuple[DiagnosticNote, ...]:
-        """Effects that would explain the residual, but with a sign or a size that they may not have."""
+        """Effects that would explain the residual, but with a forbidden sign or a size below their resolution."""
         names = [name for name in self._screening.names if self._screening.single(name).ratio > 1.0]
         wrong_sign = [self._screening.score(name) for name in names if not self._allows(name)]
         allowed = [self._screening.score(name) for name in names if self._allows(name)]

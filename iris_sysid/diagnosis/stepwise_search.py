@@ -1,8 +1,8 @@
-"""Stepwise search for missing effects: one at a time, two at once where no single one is significant, with revisions.
+"""Stepwise search for missing effects: one at a time, pairs where no single effect is significant, with revisions.
 
-An effect that hides behind another is significant only when both are there, and one that was added early may be a
-substitute for two that came later. So pairs are tried where no single effect is significant, and after each addition
-every effect must still be significant, and better than its rivals, beside all the others.
+Two effects may mask one another: each is significant only when the other is in the model. And an effect that was added
+early may imitate two that are added later. So pairs are tried where no single effect is significant, and after each
+addition every effect must still be significant, and better than its rivals, given all others.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from iris_sysid.types import Effect
 
 MOST_ADDED = 4
 MOST_REVISIONS = 4
-FAR_LESS = 0.6  # of the gain to first order of the best: no refit makes up for that
-SAMPLES_A_PART = 10  # of a clip that is cut into short parts, the ends of which are held out
+FAR_LESS = 0.6  # fraction of the best first-order gain: a refit does not make up for a larger difference
+SAMPLES_A_PART = 10  # samples of each short part of a clip whose end is held out
 
 
 class StepwiseSearch:
@@ -35,7 +35,7 @@ class StepwiseSearch:
         self._cache = cache
 
     def run(self) -> tuple[ModelWithEffects, ...]:
-        """The models on the way: the base, then with more and more effects, until nothing is significant."""
+        """The models of each step: the base first, the last without any further significant effect."""
         base = self._cache.base
         path = self._continued([base])
         pairs = self._cache.screening(base).pairs(self._cache.testable(base)) if len(path[-1].effects) > 1 else []
@@ -46,7 +46,7 @@ class StepwiseSearch:
         return tuple(path if path[-1].cost <= other[-1].cost else other)
 
     def _continued(self, path: list[ModelWithEffects]) -> list[ModelWithEffects]:
-        """The path, continued with what is significant at its end, step by step."""
+        """The path, extended by significant effects step by step."""
         while len(path[-1].effects) < MOST_ADDED:
             longer = self._longer(path[-1])
             if longer is None:
@@ -59,14 +59,14 @@ class StepwiseSearch:
         return path
 
     def _longer(self, current: ModelWithEffects) -> ModelWithEffects | None:
-        """The model with the effect, or the pair, that explains most and predicts better; None when none does."""
+        """The model with the best effect, or pair, that is significant and predicts better; None when there is none."""
         single = next(self._singles(current), None)
-        return single or next(self._pairs(current), None)  # pairs are fitted only where no single effect will do
+        return single or next(self._pairs(current), None)  # pairs are fitted only where no single effect qualifies
 
     def _singles(self, current: ModelWithEffects) -> Iterator[ModelWithEffects]:
         """The model with one more effect that is significant and predicts better, best first.
 
-        What explains far less than another is refitted only where that one will not do.
+        Effects with a far smaller first-order gain are refitted only where none of the others qualifies.
         """
         screening, testable = self._cache.screening(current), self._cache.testable(current)
         singles = [(screening.score(name).gain, screening.single(name)) for name in screening.names if name in testable]
@@ -79,7 +79,7 @@ class StepwiseSearch:
                     yield model
 
     def _pairs(self, current: ModelWithEffects) -> Iterator[ModelWithEffects]:
-        """The model with two more effects that are significant at once, and each beside the other, best first."""
+        """The model with two more effects that are significant as a pair and each given the other, best first."""
         if len(current.effects) + 2 > MOST_ADDED:
             return
         candidates = self._cache.screening(current).pairs(self._cache.testable(current))
@@ -94,19 +94,19 @@ class StepwiseSearch:
                 yield model
 
     def _is_needed(self, current: ModelWithEffects, effect: Effect) -> bool:
-        """Whether an effect is significant beside all the others, and larger than the stated errors."""
+        """Whether an effect is significant given all others, and larger than the stated errors."""
         rest = self._cache.without(current, effect)
         if not rest.usable:
             return True
         fits = zip(rest.fits, current.fits, self._cache.clips, strict=True)
         if not any(is_resolved(before, after, clip.trajectory) for before, after, clip in fits):
             return False
-        # as many shapes are tried as in the base, whatever else is there
+        # as many shapes are tried as in the base, whatever the other effects
         needed = self._cache.screening(self._cache.base).needed(effect.name)
         return significance(rest, current, [effect]) ** 2 > needed
 
     def _revised(self, current: ModelWithEffects) -> ModelWithEffects:
-        """The model without effects that are no longer needed, and with better rivals in their place."""
+        """The model without effects that are no longer needed, and with better rivals substituted."""
         for _ in range(MOST_REVISIONS if len(current.effects) > 1 else 0):
             better = next(filter(None, (self._revision(current, effect) for effect in current.effects)), None)
             if better is None:
@@ -126,8 +126,8 @@ class StepwiseSearch:
     def _predicts_better(self, candidate: ModelWithEffects, current: ModelWithEffects) -> bool:
         """Whether held-out samples are predicted better; true where none can be held out.
 
-        The end of a short clip, or what acts at one moment in it, can often not be learnt from the beginning: it is
-        enough when the ends of many short parts are predicted better.
+        The beginning of a short clip often does not determine its end, nor an effect that acts at one moment. Then it
+        is enough that the ends of many short parts are predicted better.
         """
         parts = max(min(fitted.n for fitted in current.fits) // SAMPLES_A_PART, 1)
         for count in (1, parts):

@@ -1,1 +1,1 @@
-"""Pages, figures and sentences that say what a run, a fit, a diagnosis or a calibration gave."""
+"""Pages, figures and sentences that report a run, a fit, a diagnosis or a calibration."""

@@ -47,14 +47,14 @@ def _rows(
 
 
 def _spelled(source: str, known: Mapping[str, Estimate]) -> str:
-    """A source in words: what it is, and how well it is known where it is a constant."""
+    """A source in words; for a constant, with its value and error."""
     if source in known:
         return f"{source} = {with_error(known[source])}"
     return SPELLED.get(source, source)
 
 
 def calibration_section(calibration: Calibration, tracks: Sequence[Track]) -> Section:
-    """The scale and its departures at the position of the bodies, what the data determine, and what is assumed.
+    """The scale and its distortions at the position of the bodies, what the data determine, and what is assumed.
 
     ``tracks`` give that position in the image; ``calibration`` is that of the clip.
     """
@@ -70,7 +70,7 @@ def calibration_section(calibration: Calibration, tracks: Sequence[Track]) -> Se
     x, y = np.median(positions, axis=0)
     try:
         geometry = local_geometry(calibration, (float(x), float(y)))
-    except CalibrationError:  # the middle of a path need not lie on the plane
+    except CalibrationError:  # the median position need not lie on the calibrated plane
         return Section(title, lines=lines)
     table = estimates_section(
         title, {f"{name} at ({x:.0f}, {y:.0f}) px": estimate for name, estimate in geometry.items()}

@@ -1,6 +1,6 @@
 """Figures of a calibration: corners with their residuals, their coverage of the image, the world's grid on a frame.
 
-Each function returns a matplotlib ``Figure``; nothing here shows or saves one.
+Each function returns a matplotlib ``Figure``; none shows or saves it.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from iris_sysid.report.text import with_error
 from iris_sysid.types import Array, Calibration
 
 USED, LEFT_OUT, GRID, ORIGIN = "#0072B2", "#D55E00", "#56B4E9", "#E69F00"
-ARROW_PART = 0.03  # a typical residual is drawn this long, of the image's width
-LINES = 12  # about so many lines of the grid across the image
+ARROW_PART = 0.03  # length of the arrow of a typical residual, as a fraction of the image's width
+LINES = 12  # approximate number of grid lines across the image
 POINTS_A_LINE = 60
 NAMES_SHOWN = 40
-LABEL_PART = 0.06  # of the image
+LABEL_PART = 0.06  # margin for labels, as a fraction of the image
 
 
 def camera_figure(camera: CameraCalibration) -> Figure:
@@ -181,7 +181,7 @@ def _reach(calibration: Calibration, size: tuple[int, int]) -> tuple[Array, Arra
 def _position(calibration: Calibration, point: Array) -> Array | None:
     try:
         return np.asarray(to_plane(calibration, point[None])[0][0])
-    except CalibrationError:  # beyond the horizon or the lens model: there is no grid there
+    except CalibrationError:  # beyond the horizon or the lens model the grid is undefined
         return None
 
 
@@ -193,7 +193,7 @@ def _draw_line(
     reach: tuple[Array, Array],
     size: tuple[int, int],
 ) -> None:
-    """One line of the grid, with its value at the edge of the image where it leaves."""
+    """One line of the grid, labelled with its value where it crosses the edge of the image."""
     other = np.linspace(reach[0][1 - axis], reach[1][1 - axis], POINTS_A_LINE)
     points = np.empty((POINTS_A_LINE, 2))
     points[:, axis], points[:, 1 - axis] = value, other
@@ -205,6 +205,6 @@ def _draw_line(
     axes.plot(*line.T, color=ORIGIN if zero else GRID, linewidth=1.1 if zero else 0.7, alpha=0.9)
     x, y = line[inside][0]
     if (x > LABEL_PART * size[0]) if axis == 1 else (y < (1 - LABEL_PART) * size[1]):
-        return  # only at the image's left and bottom edge, where one reads them
+        return  # labels only at the left and bottom edge
     label = axes.text(x, y, f"{value:g}", fontsize=7, color="#000000", clip_on=True)
     label.set_bbox({"facecolor": "#ffffff", "alpha": 0.6, "linewidth": 0, "pad": 0.8})

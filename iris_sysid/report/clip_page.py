@@ -44,9 +44,9 @@ def write_page(page: Page, folder: str | Path, *, overwrite: bool = False) -> Pa
     Parameters
     ----------
     page
-        What it says.
+        The content of the page.
     folder
-        Made when it does not exist.
+        Created when it does not exist.
     overwrite
         Replace files of an earlier report.
 
@@ -64,7 +64,7 @@ def write_page(page: Page, folder: str | Path, *, overwrite: bool = False) -> Pa
 
 
 def clip_page(run: Run) -> Page:
-    """Say what one clip gave."""
+    """The page of one clip."""
     fit, trajectory = run.fit, run.trajectory
     track = track_figure(run.video, run.tracks, trajectory, run.calibration)
     images = [

@@ -1,4 +1,4 @@
-"""The files of a diagnosis, apart from what draws them: a command checks them before it loads matplotlib."""
+"""The output files of a diagnosis, checked before matplotlib is loaded."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ FILES = ("diagnosis.json", "residual.png", "state.png", "report.html")
 
 
 def check_folder(folder: str | Path, *, overwrite: bool = False) -> Path:
-    """Raise OutputError when a diagnosis could not be written into the folder: to be called before the work."""
+    """Raise OutputError when a diagnosis cannot be written into the folder; call it before the computation."""
     for name in FILES:
         check_writable(Path(folder) / name, overwrite=overwrite)
     return Path(folder)

@@ -28,9 +28,9 @@ from iris_sysid.report.text import (
 )
 from iris_sysid.types import Array, Diagnosis, FitResult, Limit, Score, Trajectory
 
-MARKERS = ".x+1"  # of the observed quantities, in their order
+MARKERS = ".x+1"  # one for each observed quantity, in their order
 WITHOUT, WITH = "without the added effects", "with the added effects"
-ENLARGED_BELOW = 0.1  # of the residual without the effects: below, one scale for both shows nothing
+ENLARGED_BELOW = 0.1  # ratio of the residuals below which the smaller one gets its own, enlarged panel
 BEFORE, AFTER = "#D55E00", "#0072B2"  # Okabe and Ito (2008)
 
 
@@ -48,9 +48,9 @@ def write_diagnosis(
     diagnosis
         What :func:`iris_sysid.diagnose` returned.
     trajectories
-        What was diagnosed, one clip or several.
+        The diagnosed clips, one or several.
     folder
-        Made when it does not exist.
+        Created when it does not exist.
     overwrite
         Replace the files of an earlier diagnosis.
 
@@ -99,7 +99,7 @@ def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Dia
 
 
 def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Page:
-    """Say what the model lacks; the images and fitted values are those of the first clip."""
+    """The page of a diagnosis; the images and fitted values are those of the first clip."""
     model = diagnosis.base.model
     name = _name(clips[0]) + (f" and {len(clips) - 1} more" if len(clips) > 1 else "")
     return Page(
@@ -133,7 +133,7 @@ def _images(diagnosis: Diagnosis) -> list[PageImage]:
 
 
 def _added_section(diagnosis: Diagnosis) -> list[Section]:
-    """Sizes of what was added, over all clips, model-averaged, and what they are indistinguishable from."""
+    """Model-averaged sizes of the added effects over all clips, and the effects indistinguishable from them."""
     rows = [
         (
             effect.name,
@@ -157,7 +157,7 @@ def _notes_section(diagnosis: Diagnosis) -> list[Section]:
 
 
 def _fits(diagnosis: Diagnosis) -> list[tuple[FitResult, str]]:
-    """The first clip's fit with the effects, and without; the only one where none was added."""
+    """The first clip's fit with the effects and without; a single fit where no effect was added."""
     if not diagnosis.added:
         return [(diagnosis.base, "")]
     return [(diagnosis.final, WITH), (diagnosis.base, WITHOUT)]
@@ -171,7 +171,7 @@ def _fit_sections(diagnosis: Diagnosis) -> list[Section]:
 
 
 def _changed_section(diagnosis: Diagnosis) -> list[Section]:
-    """Parameters of the model that the added effects move."""
+    """Parameters of the model that change when the effects are added."""
     rows = [(name, with_error(base), with_error(final)) for name, base, final in changed_parameters(diagnosis)]
     columns = (*words("parameter"), *numbers(WITHOUT, WITH))
     return [Section("Parameters that change", columns, rows)] if rows else []
@@ -265,9 +265,9 @@ def _limit_text(limit: Limit) -> str:
 
 
 def residual_figure(diagnosis: Diagnosis) -> Figure:
-    """The residual over time, without the effects above and with them below; the noise is a band.
+    """The residual over time, without the effects (top) and with them (bottom); a band shows the noise.
 
-    The last panel enlarges a residual that the effects have made much smaller.
+    The last panel enlarges a residual that the effects reduce strongly.
     """
     fits = [(fit, which, False) for fit, which in _fits(diagnosis)[::-1]]
     if _largest_residual(diagnosis.final) < ENLARGED_BELOW * _largest_residual(diagnosis.base):
@@ -315,7 +315,7 @@ def state_figure(diagnosis: Diagnosis) -> Figure:
 
 
 def _size_of_dots(fit: FitResult) -> float:
-    """Points; few samples are drawn larger, so that they are seen."""
+    """Points, drawn larger where there are few samples."""
     return float(np.clip(60.0 / np.sqrt(max(fit.n, 1)), 2.0, 6.0))
 
 

@@ -11,22 +11,22 @@ from matplotlib.figure import Figure
 from iris_sysid.report.figures import COLOURS, FIT_COLOUR, draw_residual, fitted_curve
 from iris_sysid.types import DiscoveredTerm, Discovery, FitResult, Trajectory
 
-TERM_HEIGHT = 0.3  # inches a term
+TERM_HEIGHT = 0.3  # inches per term
 OTHER_COLOUR = "#999999"
 
 
 def discovery_figure(discovery: Discovery, clips: Sequence[Trajectory]) -> Figure:
     """Every candidate with its inclusion and interval, then the data of the longest clip with the equation's motion.
 
-    Intervals are drawn relative to their own half width, so that terms of all units fit in: what matters is whether
-    zero is inside.
+    Intervals are drawn relative to their own half width, so that terms of all units share one axis and show whether
+    they contain zero.
 
     Parameters
     ----------
     discovery
         The discovery.
     clips
-        What it was made from.
+        The clips that it was made from.
 
     Returns
     -------

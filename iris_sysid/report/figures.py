@@ -1,6 +1,6 @@
 """Figures of a report: the track on the clip, the trajectory with its fit, the residual.
 
-Each function returns a matplotlib ``Figure``; nothing here shows or saves one.
+Each function returns a matplotlib ``Figure``; none shows or saves it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from fitters.ode import simulate
 from iris_sysid.calibration.plane import to_pixels
 from iris_sysid.types import Array, Calibration, FitResult, FrameSource, Track, Trajectory
 
-# Okabe and Ito (2008): eight colours that stay apart for every kind of colour vision.
+# Okabe and Ito (2008): eight colours that people with any colour vision can distinguish.
 COLOURS = {
     "motion": "#0072B2",
     "release": "#E69F00",
@@ -55,12 +55,12 @@ def track_figure(
     trajectory
         Its segments colour the samples; its geometry gives the pivot, when it has one.
     calibration
-        Takes the pivot back to px.
+        Maps the pivot to px.
 
     Returns
     -------
     Figure
-        As wide as a page, in the clip's own aspect.
+        As wide as a page, with the clip's aspect ratio.
     """
     image = multiple_exposure(video)
     height, width = image.shape[:2]
@@ -88,7 +88,7 @@ def multiple_exposure(video: FrameSource) -> NDArray[np.uint8]:
     change = np.abs(stack - background).max(axis=3)
     strongest = change.argmax(axis=0)
     image = np.take_along_axis(stack, strongest[None, :, :, None], axis=0)[0]
-    # 24 of 255 grey levels: well above sensor noise, so that only what moved is laid over
+    # 24 of 255 grey levels: well above sensor noise, so that only moving parts are superposed
     return np.where(change.max(axis=0)[..., None] > 24, image, background).astype(np.uint8)
 
 
@@ -136,7 +136,7 @@ def fit_figure(trajectory: Trajectory, fit: FitResult) -> Figure:
 
 
 def fitted_curve(fit: FitResult) -> tuple[Array, Array]:
-    """The fitted motion (m,) s and (m, d) between the samples too, where there are few of them."""
+    """Times (m,) s and the fitted motion (m, d), with points between the samples where there are few samples."""
     used = np.flatnonzero(fit.used)
     if not fit.usable or used.size < 2 or used.size > CURVE_POINTS or fit.model.inputs:
         return fit.t_s, fit.predicted
@@ -164,7 +164,7 @@ def draw_residual(axes: Axes, fit: FitResult, k: int) -> None:
 
 
 def equation_figure(equation: str) -> Figure:
-    """An equation given as LaTeX math, drawn with matplotlib's own math text; as it is written where that fails."""
+    """An equation in LaTeX math, drawn with matplotlib's math text; plain text where that fails."""
     text, size = f"${equation}$", FontProperties(size=15)
     try:
         width_pt = MathTextParser("path").parse(text, dpi=72, prop=size)[0]

@@ -1,4 +1,4 @@
-"""What the data determine of a fit, as a section of its page: null directions, correlations, one-step residuals."""
+"""The identifiability of a fit as a section of its page: null directions, correlations, one-step residuals."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from iris_sysid.report.page import Section, numbers, words
 from iris_sysid.report.text import as_sentence
 from iris_sysid.types import FitResult
 
-CORRELATED = 0.9  # beyond that, two values are known only in combination
-MOST = 5  # pairs shown
+CORRELATED = 0.9  # above this correlation, two values are known only in combination
+MOST = 5  # largest number of pairs shown
 
 
 def identifiability_sections(fit: FitResult) -> list[Section]:
-    """One section: what is undetermined or known least, which values correlate, and the one-step residual."""
+    """One section: undetermined or weakest directions, correlated values, and the one-step residual."""
     known = fit.identifiability
     if known is None or not known.names:
         return []
@@ -38,7 +38,7 @@ def correlations(fit: FitResult) -> list[tuple[float, str, str]]:
 
 
 def _one_step_lines(fit: FitResult) -> list[str]:
-    """The mean squared residual of one step of the equation from sample to sample, and what the noise makes of it."""
+    """The mean squared residual of one step of the equation from sample to sample, and the part due to noise."""
     known = fit.identifiability
     if known is None:
         return []

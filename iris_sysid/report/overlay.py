@@ -1,4 +1,4 @@
-"""The track drawn over its own video."""
+"""The video with the track drawn over it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from iris_sysid.io.files import atomic_path
 from iris_sysid.types import FrameSource, Progress, Track, with_progress
 
-# BGR of the same colour-vision-safe set that the figures use
+# BGR of the colour-blind-safe palette of the figures
 BODY_COLOURS = ((178, 114, 0), (0, 94, 213), (115, 158, 0), (167, 121, 204), (0, 159, 230))
 TAIL_S = 0.5
-TIME_BASE = Fraction(1, 90_000)  # the clock of MPEG transport: every common frame time is exact enough in it
+TIME_BASE = Fraction(1, 90_000)  # the clock of MPEG transport streams represents every common frame time closely enough
 
 
 def write_overlay(
@@ -50,7 +50,7 @@ def write_overlay(
     """
     width, height = video.width - video.width % 2, video.height - video.height % 2  # yuv420p needs even sides
     with atomic_path(path, overwrite=overwrite) as unfinished, av.open(str(unfinished), "w", format="mp4") as container:
-        # the same bytes each time take one thread and no look-ahead: what that chooses varies now and then
+        # one thread and no look-ahead give the same bytes each time: the choices of the look-ahead vary
         stream = container.add_stream("libx264", options={"crf": "20", "preset": "superfast", "bf": "0"})
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.codec_context.time_base = TIME_BASE
@@ -66,12 +66,12 @@ def write_overlay(
 
 
 def draw_body(image: NDArray[np.uint8], body: Track, t_s: float, colour: tuple[int, int, int]) -> None:
-    """Draw one body's ring and tail at a time into an image, in place, to 1/16 px.
+    """Draw the ring and tail of one body at a time ``t_s`` into an image, in place, to 1/16 px.
 
     Parameters
     ----------
     image
-        (h, w, 3) uint8 BGR, written.
+        (h, w, 3) uint8 BGR, changed in place.
     body
         Its track.
     t_s

@@ -1,4 +1,4 @@
-"""The page that every report uses: a headline, images, then sections of tables and lines."""
+"""The HTML page of every report: a headline, images, then sections of tables and lines."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DPI = 130
 
 @dataclass(frozen=True, slots=True)
 class PageImage:
-    """A drawn figure and what it shows."""
+    """A drawn figure with its description."""
 
     name: str
     png: bytes
@@ -63,7 +63,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """What a page says, before it is HTML."""
+    """The content of a page, before it becomes HTML."""
 
     title: str
     headline: str

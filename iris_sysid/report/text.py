@@ -1,4 +1,4 @@
-"""How numbers and results are written for people: value, standard error and unit in one way everywhere."""
+"""Numbers and results as text: one format of value, standard error and unit everywhere."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import numpy as np
 
 from iris_sysid.types import Diagnosis, Discovery, Effect, Estimate, FitResult, Match, PooledFit, Segment, Trajectory
 
-MOST_NAMED = 5  # of the effects that one is indistinguishable from
-MUCH_WIDER = 1.5  # times the standard error that assumes no further missing effect, from which both are given
-NOTEWORTHY = 0.2  # inclusion of a term that was not selected, from which on it is shown
+MOST_NAMED = 5  # indistinguishable effects that are named; further ones are counted
+MUCH_WIDER = 1.5  # ratio of the two standard errors (model-averaged over plain) above which both are given
+NOTEWORTHY = 0.2  # smallest inclusion at which a term that was not selected is shown
 
 
 # --------------------------------------------------------------------------- numbers
@@ -23,7 +23,7 @@ def rounded_to_error(value: float, stderr: float) -> tuple[str, str]:
         return "undetermined", ""
     if not math.isfinite(stderr) or stderr <= 0:
         return f"{value:.6g}", ""
-    digits = 1 - math.floor(math.log10(float(f"{stderr:.1e}")))  # of 0.00999, which is 0.010
+    digits = 1 - math.floor(math.log10(float(f"{stderr:.1e}")))  # 0.00999 rounds to 0.010
     if stderr >= 1e7 or abs(value) >= 1e7 or digits > 9:
         decimals = max(digits + math.floor(math.log10(max(abs(value), stderr))), 1)
         return f"{value:.{decimals}e}", f"{stderr:.1e}"
@@ -42,7 +42,7 @@ def with_error(estimate: Estimate) -> str:
 
 
 def with_unit(number: str, unit: str) -> str:
-    """A number with its unit; without one where it has none."""
+    """A number with its unit, if it has one."""
     return number if unit in ("", "1") else f"{number} {unit}"
 
 
@@ -64,7 +64,7 @@ def as_sentence(text: str) -> str:
 
 
 def shown_estimates(fit: FitResult) -> dict[str, Estimate]:
-    """The estimates to show: all but unknown constants, and what would be derived from them."""
+    """The estimates to show: all except unknown constants and quantities derived from them."""
     hidden = ("assumed", "derived")
     return {
         name: estimate
@@ -74,7 +74,7 @@ def shown_estimates(fit: FitResult) -> dict[str, Estimate]:
 
 
 def fit_headline(fit: FitResult) -> str:
-    """The result in one line: the fitted and derived values that are no initial state, or why there are none."""
+    """The result in one line: fitted and derived values except initial states, or the reason why there are none."""
     parts = [
         f"{name} = {with_error(estimate)}"
         for name, estimate in shown_estimates(fit).items()
@@ -130,7 +130,7 @@ def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def diagnosis_sentence(diagnosis: Diagnosis) -> str:
-    """What a model lacks, in at most three sentences: what was found, its effect on the error, what remains."""
+    """The diagnosis in at most three sentences: added effects, their influence on the error, remaining residual."""
     if diagnosis.added:
         sentences = [_added_sentence(diagnosis), _indistinguishable_sentence(diagnosis), _remaining_sentence(diagnosis)]
     else:
@@ -182,7 +182,7 @@ def _suggested_sentence(diagnosis: Diagnosis) -> str:
 
 
 def _errors(diagnosis: Diagnosis) -> tuple[str, float, float]:
-    """The held-out error before and after, or the residual where nothing could be held out; and what it is called."""
+    """The held-out error before and after, or the residual where nothing could be held out; and its name."""
     before, after = diagnosis.before, diagnosis.after
     if math.isfinite(before.heldout) and math.isfinite(after.heldout):
         return "held-out error", before.heldout, after.heldout
@@ -190,7 +190,7 @@ def _errors(diagnosis: Diagnosis) -> tuple[str, float, float]:
 
 
 def _effect_text(effect: Effect, diagnosis: Diagnosis) -> str:
-    """The effect's name and size, how sure, and when or where it acts."""
+    """The effect's name and size with its error, and when or where it acts."""
     size, *others = (diagnosis.sizes[parameter.name] for parameter in effect.parameters)
     alone = diagnosis.final.estimates[effect.parameters[0].name]
     parts = [with_error(size)]
@@ -223,7 +223,7 @@ def _angle(diagnosis: Diagnosis, value: float) -> str:
 
 
 def changed_parameters(diagnosis: Diagnosis) -> list[tuple[str, Estimate, Estimate]]:
-    """Parameters that the added effects move by more than twice their standard error, before and after.
+    """Parameters that change by more than twice their standard error when the effects are added, before and after.
 
     Initial states and the small offsets of a geometry are left out.
     """
@@ -241,7 +241,7 @@ def changed_parameters(diagnosis: Diagnosis) -> list[tuple[str, Estimate, Estima
 
 
 def discovery_sentence(discovery: Discovery) -> str:
-    """Name the discovered equation: a model of the bank with its parameters, or the nearest one and how it differs."""
+    """The discovered equation in words: a model of the bank with its parameters, or the nearest one."""
     sentences = [_model_sentences(discovery)]
     if discovery.alternatives:
         sentences.append(f"The data cannot distinguish it from {' or from '.join(discovery.alternatives)}.")
@@ -289,7 +289,7 @@ def _values(match: Match) -> str:
 
 
 def discovery_text(discovery: Discovery) -> str:
-    """The equations, their terms with interval and inclusion, and the sentence, as plain text."""
+    """The equations, their terms with interval and inclusion, and a summary, as plain text."""
     rows = [("term", "coefficient", "95 % interval", "inclusion")]
     rows += [
         (
