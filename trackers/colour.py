@@ -1,6 +1,6 @@
 """A body by its colour alone: no background is needed, so that the camera may move and the body may rest.
 
-Pixels of the colour asked for (``--colour``) are joined into compact bodies. Each is measured to a fraction of a
+Pixels of the given colour (``--colour``) are joined into compact bodies. Each is measured to a fraction of a
 pixel by how far the pixels at its outline lie between its own colour and that just outside of it.
 """
 
@@ -28,7 +28,7 @@ RING, GAP = 9, 3  # px at the size of the search: width of the ring outside of a
 FIRST_REACH, LEAST_REACH = 0.25, 0.1  # of the image's diagonal: how far a body may go unforeseen
 FEWEST_DETECTIONS = 3
 LEAST_OVERLAP = 0.3  # of the shorter tracklet: two tracklets seen together as long are two bodies
-FEWEST_RING = 12  # px that show what is outside
+FEWEST_RING = 12  # px that show the surroundings
 
 
 def track(video: FrameSource, options: TrackOptions) -> list[Track]:
@@ -51,7 +51,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     Raises
     ------
     TrackingError
-        When no colour is given, or fewer bodies have it than are asked for.
+        When no colour is given, or fewer bodies than requested have it.
     DataError, UnknownNameError
         When the options do not fit the clip, or name an unknown colour.
     """
@@ -70,7 +70,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
 
 
 def _detections_of(view: View, frame: Frame) -> FrameDetections:
-    """The candidates of one frame, each measured against what is round it."""
+    """The candidates of one frame, each measured against its surroundings."""
     image, colour_mask = view.search_image(frame), np.asarray(view.colour_mask(frame))
     bodies = blobs_of(_components(colour_mask.astype(np.uint8)), colour_mask.shape)
     covered = cv2.dilate(colour_mask.astype(np.uint8), np.ones((GAP, GAP), np.uint8))
@@ -97,7 +97,7 @@ def _components(mask: Bytes) -> list[Component]:
 
 
 def _detector(view: View, frame: Frame, image: Bytes, covered: Bytes, blob: Blob) -> Detector | None:
-    """What measures one body against the colour just outside of it; None where nothing is seen outside."""
+    """The measurement of one body against the colour just outside of it; None where nothing is visible outside."""
     left, top, right, bottom = blob.box
     reach = GAP + RING
     window = (slice(max(0, top - reach), bottom + reach), slice(max(0, left - reach), right + reach))

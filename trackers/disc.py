@@ -32,7 +32,7 @@ from trackers._linking.to_track import error_model
 from trackers._multi_body.track_together import track_together
 from trackers._uncertainty.excess_scatter import with_scatter
 
-WELL_SEEN = 0.8  # of the frames: where a body is found less often, it is looked for in another way as well
+WELL_SEEN = 0.8  # of the frames: a body found in fewer frames is also searched by another method
 # by how much the autocorrelation of position errors at lag 1 is below that of the lobes, on synthetic clips: the fitted
 # shading and blur absorb it
 CORRELATION_ABSORBED = 0.25
@@ -40,7 +40,7 @@ REPORT_EVERY = 10  # frames between two calls of the progress function
 EMPTY = (np.nan,) * 8
 LinkedBodies = tuple[
     list[FrameDetections], list[Tracklet], TrackingError | None
-]  # what frames show, tracklets, why there are none
+]  # detections of each frame, tracklets, reason for their absence
 PLANES = ("luma", "red difference", "blue difference")  # by DiscAppearance.channel
 
 
@@ -60,12 +60,12 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     list of Track
         ``radius_px`` and ``sigma_radius_px`` beside the position. Position and radius are those at the
         middle of the exposure, whose length is found from the motion. A frame in which no disc is seen is a gap.
-        ``origin`` says what was found: ``shutter`` is the exposure over the time between frames.
+        ``origin`` holds estimates: ``shutter`` is the exposure over the time between frames.
 
     Raises
     ------
     TrackingError
-        When nothing moves or changes its size, or what does is not round.
+        When nothing moves or changes its size, or the moving body is not round.
     DataError, UnknownNameError
         When the options do not fit the clip, or name an unknown colour.
     """

@@ -21,7 +21,7 @@ from trackers._uncertainty.local_polynomial import excess_scatter, persistent, p
 
 SAMPLES = 40  # frames in which the region is sought
 FEWEST_FRAMES = 3
-LEAST_EXPLAINED = 0.8  # of what changes in the image must follow the time series of the region
+LEAST_EXPLAINED = 0.8  # of the changing pixels must follow the time series of the region
 SLOW = 45  # frames on either side: compression is late over so many, while the light fades smoothly
 REPORT_EVERY = 10  # frames between two calls of the progress function
 
@@ -32,7 +32,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     Parameters
     ----------
     video
-        The clip; its camera and what shines stand still.
+        The clip; its camera and its light sources do not move.
     options
         ``bodies`` is the number of regions, ``roi`` limits the image, ``colour`` limits the regions to one colour,
         ``progress`` is called now and then.
@@ -50,7 +50,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     Raises
     ------
     TrackingError
-        When nothing changes its brightness, fewer regions do than asked for, or what changes moves.
+        When nothing changes its brightness, fewer regions than requested do, or the changing region moves.
     DataError, UnknownNameError
         When the options do not fit the clip, or name an unknown colour.
     """
@@ -83,7 +83,7 @@ def linear_light(grey: Array) -> Array:
 
 
 def _regions(view: View, samples: Sequence[Frame], options: TrackOptions) -> list[Region]:
-    """As many regions as asked for, found at the size of the search; the strongest change first."""
+    """The requested number of regions, found at the size of the search, strongest change first."""
     stack = np.stack([view.small(luma_of(view, frame)) for frame in samples])
     free = np.ones(stack.shape[1:], dtype=np.bool_)
     if view.colour is not None:

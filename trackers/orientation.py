@@ -33,8 +33,8 @@ from trackers._regions.rotation_template import Pattern, centred, learn_pattern,
 from trackers._uncertainty.local_polynomial import excess_scatter, persistent, pooled
 
 BLURS = (6.0, 3.0, 1.5, 0.7, 0.7)  # px, from rough to fine: how far off the angles may be before each
-LEAST_TURN = 0.03  # rad: what turns less is not told from what shakes
-EXPLAINED = 0.5  # of what changes must turn with the body
+LEAST_TURN = 0.03  # rad: a smaller rotation cannot be distinguished from shaking
+EXPLAINED = 0.5  # of the changing pixels must turn with the body
 SHOWN = 0.4  # of the points of the body must show it in a frame
 LARGEST_ERROR = 0.1  # rad
 REPORT_EVERY = 10  # frames between two calls of the progress function
@@ -54,14 +54,14 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     Returns
     -------
     list of Track
-        ``angle_rad`` is the direction from the axis to the middle of what turns, anticlockwise from the right, counted
+        ``angle_rad`` is the direction from the axis to the middle of the body, anticlockwise from the right, counted
         on through full turns, and ``sigma_angle_rad`` its standard error without that of the zero, which all frames
         share. The position is that middle. ``origin["axis_px"]`` is the axis.
 
     Raises
     ------
     TrackingError
-        When nothing turns, or what moves does not turn about a point in the image.
+        When nothing turns, or the moving body does not turn about a point in the image.
     DataError, UnknownNameError
         When the options do not fit the clip, or name an unknown colour.
     """
@@ -133,7 +133,7 @@ def _blurred(image: Image, sigma: float) -> Image:
 
 
 def _check_turns(pattern: Pattern, images: Sequence[Image]) -> None:
-    """TrackingError when what changes in the images does not turn with the pattern."""
+    """TrackingError when the changing pixels do not turn with the pattern."""
     axis = pattern.axis
     rows = np.clip(np.rint(pattern.offset[:, 1] + axis.y), 0, images[0].shape[0] - 1).astype(int)
     columns = np.clip(np.rint(pattern.offset[:, 0] + axis.x), 0, images[0].shape[1] - 1).astype(int)

@@ -77,7 +77,7 @@ class Patch:
     def _sigma(self, window: Image, shift: Array) -> Array:
         """Standard errors (2,) of a position, px.
 
-        With the patch T, its gain a and offset b fitted to the image, and r what remains,
+        With the patch T, its gain a and offset b fitted to the image, and the residual r,
         cov = var(r) / a^2 (sum grad T grad T')^-1: the Cramer-Rao bound, with the noise as it is seen.
         """
         height, width = self.image.shape
@@ -90,7 +90,7 @@ class Patch:
 
 
 def track(video: FrameSource, options: TrackOptions) -> list[Track]:
-    """Follow what lies in ``options.roi`` in the first frame.
+    """Follow the content of ``options.roi`` in the first frame.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     TrackingError
         When no region is given, or nothing is to be seen in it.
     DataError
-        When the region does not lie in the image, is smaller than 6 px a side, or several bodies are asked for.
+        When the region does not lie in the image, is smaller than 6 px a side, or several bodies are requested.
     """
     view = view_of(video, options)
     if options.bodies != 1 or options.colour is not None:

@@ -1,4 +1,4 @@
-"""What a video file says that it holds, what was read of it, and whether something is missing."""
+"""Completeness of a video: its declared content, the content read, and the difference."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _DECODER_DELAY = 64  # images; beyond that of any decoder
 
 @dataclass(frozen=True, slots=True)
 class Promise:
-    """What a file says that it holds.
+    """Declared content of a file.
 
     ``packets`` are those in its index, ``frames`` the images to be shown (0 where it does not say),
     ``end_s`` the end of its last image, where known only from a duration.
@@ -31,7 +31,7 @@ class Promise:
 
 @dataclass(slots=True)
 class Tally:
-    """What was read so far: packets, those of them without an image of their own, and images."""
+    """Content read so far: packets, those of them without an image of their own, and images."""
 
     packets: int = 0
     silent: int = 0
@@ -69,7 +69,7 @@ class Tally:
 
 
 def promise_of(container: InputContainer, stream: VideoStream, path: Path) -> Promise:
-    """What the file's index promises, or else its header."""
+    """Number of frames that the file's index promises, or else its header."""
     kind, listed = container.format.name, len(stream.index_entries)
     if kind.startswith("mov") and stream.frames:
         hidden = sum(entry.is_discard for entry in stream.index_entries)  # before or after an edit list's cut
@@ -92,9 +92,9 @@ def what_is_missing(promise: Promise, tally: Tally, stream: VideoStream, path: P
     Parameters
     ----------
     promise
-        What the header says.
+        Content of the header.
     tally
-        What was decoded.
+        Decoded content.
     stream
         The stream, for its codec and its rate.
     path

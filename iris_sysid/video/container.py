@@ -111,7 +111,7 @@ class ContainerSource:
     def pick(self, bursts: Sequence[tuple[int, Sequence[int]]]) -> Iterator[tuple[int, av.VideoFrame]]:
         """Images with the wanted stamps, by seeking: each burst is a key frame's stamp and the wanted ones after it.
 
-        What cannot be read is left out. Two decoders share the work: one decoder of several threads decodes ahead of
+        Unreadable frames are left out. Two decoders share the work: one decoder of several threads decodes ahead of
         every seek for nothing.
         """
         half = -(-len(bursts) // 2)
@@ -131,9 +131,9 @@ class ContainerSource:
 
 
 def open_container(path: Path, label: str) -> ContainerSource:
-    """Open a video file: check what it is and how large its images are, then decode the first one.
+    """Open a video file: check its type and image size, then decode the first image.
 
-    Raises VideoError, which says what the file is instead, or what is wrong with it.
+    Raises VideoError, which states the actual file type or the fault.
     """
     try:
         with _opened(path, label) as (container, stream):
@@ -223,7 +223,7 @@ def _first_image(container: InputContainer, stream: VideoStream, promise: Promis
 
 
 def _why(path: Path, error: av.FFmpegError) -> str:
-    """What a file is that is not a video, from its first bytes."""
+    """Type of a file that is not a video, from its first bytes."""
     size = path.stat().st_size
     with path.open("rb") as file:
         head = file.read(512)

@@ -1,4 +1,4 @@
-"""Image sequences from a folder or an archive, and videos in archives; what an archive says is not believed."""
+"""Image sequences from a folder or an archive, and videos in archives; declared sizes are not trusted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a decoded image to arrays: the luma plane as it is coded, BGR when asked, both turned as displayed."""
+"""From a decoded image to arrays: the luma plane as it is coded, BGR on request, both turned as displayed."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 Times are ``pts * time_base`` of each frame, as the file states them: an uneven rate stays uneven, and
 the first frame keeps its own time, which need not be 0. Frames are decoded in order; an index or a
 nominal rate is never used to guess a time. Reading is defensive: a name is never taken for a protocol
-or a pattern, and what a header claims is checked against what comes.
+or a pattern, and the claims of a header are checked against the decoded frames.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class _Source(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class _Clock:
-    """The time of a frame, and which times are wanted (s, both ends included)."""
+    """The time of a frame, and the requested range of times (s, both ends included)."""
 
     fps: float | None
     start_s: float
@@ -75,7 +75,7 @@ class _Clock:
         return seconds
 
     def count(self, frames: int, rate: float | None, first_s: float) -> int:
-        """About how many of so many frames are wanted; 0 when that cannot be said."""
+        """Estimated number of requested frames out of all; 0 when unknown."""
         if self.start_s == -math.inf and self.stop_s == math.inf:
             return frames
         rate, first_s = (self.fps, 0.0) if self.fps else (rate, first_s)
@@ -93,7 +93,7 @@ class Video:
     Attributes
     ----------
     path
-        What was opened.
+        The opened source.
     width, height
         Size in px as displayed, rotation applied.
     rotation_deg
@@ -132,7 +132,7 @@ class Video:
 
     @property
     def warning(self) -> str:
-        """What was found wrong in the latest pass, in words; empty when nothing was."""
+        """Faults found in the latest pass, as text; empty when there were none."""
         notes = [self._source.note, self._damage]
         if self._repeated:
             notes.append(
@@ -143,18 +143,18 @@ class Video:
 
     @cached_property
     def sha256(self) -> str:
-        """SHA-256 of the file, or of the folder's names and files, computed when first asked for."""
+        """SHA-256 of the file, or of the folder's names and files, computed on first access."""
         return sha256_of(self.path)
 
     def frames(self) -> Iterator[Frame]:
-        """Decode the clip from its start and yield the wanted frames, in display order.
+        """Decode the clip from its start and yield the requested frames, in display order.
 
         ``index`` is the number of the frame in the file, from 0. ``t_s`` is the frame's own time as the
         container has it, or ``index / fps``; it strictly increases: a frame with the same time as the one
         before is left out and counted in ``warning``. ``luma`` is read-only, may be kept, and is not a copy
         (see :func:`open_video`).
 
-        Damage is noticed by what the decoder reports, by packets that are cut off, and by comparing what
+        Damage is noticed by reports of the decoder, by packets that are cut off, and by comparing the frames that
         came with what the index or the header promises. Bits changed within a frame's data are not always
         noticed, and a transport stream or bare stream that was cut promises nothing to compare with.
 
@@ -163,13 +163,13 @@ class Video:
         VideoError
             Where the file is damaged, times run backwards, or frames are missing at the end, unless
             ``keep_partial``: then the frames end there and ``warning`` says why. Also when a frame has no
-            time, and when no frame lies in the part that is wanted.
+            time, and when no frame lies in the requested part.
         """
         for index, t_s, image in self._wanted():
             yield self._frame(index, t_s, image)
 
     def sample(self, count: int) -> list[Frame]:
-        """About ``count`` frames spread evenly over the wanted part, in order, for the background.
+        """About ``count`` frames spread evenly over the requested part, in order, for the background.
 
         A small clip is decoded once. Of a large one, only key frames and a few frames after each are
         decoded, where it has enough key frames: their moments are then even to about half the distance of
@@ -216,7 +216,7 @@ class Video:
         return Frame(index, t_s, luma, partial(bgr_of, image, orientation), partial(chroma_of, image, orientation))
 
     def _wanted(self, last: int | None = None) -> Iterator[tuple[int, float, av.VideoFrame]]:
-        """Number, time and image of each wanted frame, up to number ``last``."""
+        """Number, time and image of each requested frame, up to number ``last``."""
         self._damage, self._repeated, self.decoded, found = "", [], 0, 0
         t_s = -math.inf
         try:
@@ -292,7 +292,7 @@ def open_video(
     Returns
     -------
     Video
-        Frames are decoded when asked for, as often as asked for.
+        Frames are decoded on access, each time again.
 
     Raises
     ------
@@ -360,7 +360,7 @@ def _thinned(frames: Iterator[Frame], count: int) -> list[Frame]:
 def _near_keys(keys: Sequence[int], wanted: Sequence[int], count: int, affordable: int) -> dict[int, list[int]]:
     """Frames to decode after each key frame, so that about ``affordable`` frames have to be decoded in all.
 
-    Moments are drawn one from each of ``count`` equal stretches, at places that follow the golden ratio,
+    Moments are drawn one from each of ``count`` equal stretches, at positions that follow the golden ratio,
     so that they do not keep step with a motion that repeats. Each is then drawn towards the key frame
     before it.
     """

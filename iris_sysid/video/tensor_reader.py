@@ -32,7 +32,7 @@ ROUNDING = 1e-3  # in the range from 0 to 1: half-precision numbers, and a resiz
 
 @dataclass(eq=False)
 class TensorSource:
-    """A tensor file that was opened and checked; ``places`` (n, 2) says in which window and where in it a frame is."""
+    """A tensor file that was opened and checked; ``places`` (n, 2) gives the window and the index of a frame."""
 
     label: str
     tensor: NDArray[np.generic]
@@ -212,7 +212,7 @@ def _one_line(error: BaseException) -> str:
 
 
 def places_of(windows: int, frames: int, step: int, stride: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Which frames of a clip a tensor holds, and where each is first: numbers (n,), and (window, place in it) (n, 2).
+    """Which frames of a clip a tensor holds, and the first position of each: numbers (n,), and (window, index) (n, 2).
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ def write_tensor(
     Returns
     -------
     TensorDocument
-        What the file beside the tensor says: shape, true time step and its spread, time of every frame used.
+        Content of the file beside the tensor: shape, true time step and its spread, time of every frame used.
 
     Raises
     ------

@@ -26,7 +26,7 @@ WIDE = 33  # px: noise that varies over more is flicker
 
 
 class BackgroundEstimate(NamedTuple):
-    """What an image shows where nothing moves: background and noise, (h, w) or (h, w, 3), grey levels."""
+    """Image without moving bodies: background and noise, (h, w) or (h, w, 3), grey levels."""
 
     background: Image
     noise: Image

@@ -15,12 +15,12 @@ from trackers._frames.arrays import Bytes, Flags, Image
 SMALLEST_HOLE = 12  # px
 EDGE_RATIO = 2.0  # how much stronger an edge is in the background than in the frame
 LEAST_EDGE = 1.0  # grey levels a px beyond that
-OUTLINE_SHARE = 0.3  # of a hole's outline: the rest is the outline of what hides the hole's other part
-SHADE = 0.4  # of a component's peak: what is fainter is the shadow of something near
+OUTLINE_SHARE = 0.3  # of a hole's outline: the rest is the outline of an object that hides part of the hole
+SHADE = 0.4  # of a component's peak: fainter pixels are the shadow of a near object
 FEWEST_SAMPLES = 3  # that must show what is behind
 AS_HOLE = 0.6  # of the samples in which a pixel differs: where fewer are holes, something passes before the background
-MARGIN = 4  # px round what differs, in which its edges lie
-SURROUNDED = 0.5  # of what lies round a hole: if more of it is a hand or arm, the hole is something that these hide
+MARGIN = 4  # px round a foreground component, in which its edges lie
+SURROUNDED = 0.5  # of a hole's surroundings: if more of it is a hand or arm, these hide the hole
 RIM = np.ones((5, 5), np.uint8)  # the outline of a resting body is blurred
 
 
@@ -61,7 +61,7 @@ def usable_samples(stack: Bytes, estimate: BackgroundEstimate) -> Flags | None:
 
 
 def _reaching_in(background_range: BackgroundRange, image: Bytes) -> Flags:
-    """What differs from the background and is connected to the edge of the image (h, w)."""
+    """Foreground that is connected to the edge of the image (h, w)."""
     differs = any_channel(background_range.excess(image) > background_range.weak).astype(np.uint8)
     count, labels = cv2.connectedComponents(cv2.morphologyEx(differs, cv2.MORPH_CLOSE, SQUARE), connectivity=8)
     reaches = np.zeros(count, dtype=np.bool_)
@@ -72,7 +72,7 @@ def _reaching_in(background_range: BackgroundRange, image: Bytes) -> Flags:
 
 
 def _without_hidden(holes: Flags, reaching: Flags) -> Flags:
-    """The holes (h, w) but those that lie in the midst of what reaches in from the edge."""
+    """The holes (h, w) except those enclosed by an object that reaches in from the edge."""
     if not reaching.any():
         return holes
     count, labels = cv2.connectedComponents(holes.astype(np.uint8), connectivity=8)
@@ -88,7 +88,7 @@ def _without_hidden(holes: Flags, reaching: Flags) -> Flags:
 def _edges(image: Image) -> Image:
     """Strength of the edges of an image (h, w[, 3]): length of the gradient, grey levels a px; the largest of channels.
 
-    A body may differ from what is behind it in colour alone, as an orange ball on a brown floor.
+    A body may differ from its background in colour alone, as an orange ball on a brown floor.
     """
     slopes = (cv2.Sobel(image, cv2.CV_32F, *along, scale=1 / 8) for along in ((1, 0), (0, 1)))
     strength = np.hypot(*slopes)
@@ -96,7 +96,7 @@ def _edges(image: Image) -> Image:
 
 
 def _holes(level: Bytes, edges: Image, edges_now: Image) -> Flags:
-    """Those parts of what differs whose outline is an edge of the background rather than of the frame."""
+    """Foreground parts whose outline is an edge of the background rather than of the frame."""
     holes = np.zeros(level.shape, dtype=np.bool_)
     closed = cv2.morphologyEx((level > 0).astype(np.uint8), cv2.MORPH_CLOSE, SQUARE)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
@@ -115,6 +115,6 @@ def _holes(level: Bytes, edges: Image, edges_now: Image) -> Flags:
 
 
 def _without_shade(level: Bytes, shape: Flags) -> Bytes:
-    """A component without what is faint beside its strongest contrast."""
+    """A component without its pixels of low contrast, relative to its strongest."""
     faint = SHADE * float(cv2.blur(level, (3, 3))[shape].max())
     return (shape & (level >= faint)).astype(np.uint8)

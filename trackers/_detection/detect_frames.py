@@ -21,19 +21,19 @@ from trackers._frames.sampled_frames import SampledFrames
 from trackers._frames.working_image import View
 
 SAMPLES = 40  # frames from which the background is made, fewer of a large clip
-MISSED_BY_LUMA = 0.1  # of what moves in colour: from here on colour is looked at too
+MISSED_BY_LUMA = 0.1  # share of the moving pixels that luma misses, above which colour is used too
 SHADED = 0.3  # of the body's area is added to it by luma: its shadow
-VIVID = 4.0  # times what is noise: so far from the background must its colour be
+VIVID = 4.0  # times the noise: least colour difference from the background
 MOSTLY = 0.5  # of the frames
 LARGE_ENOUGH, SPECKS = 12.0, 10  # px, inscribed radius at half the usual size; % of what moves that may be smaller
-AROUND = np.ones((5, 5), np.uint8)  # px about what moves: two more than its edge
+AROUND = np.ones((5, 5), np.uint8)  # px about moving bodies: two more than their edge
 FEWEST_COLOURED = 20  # px that must move in colour for a frame to count
 REPORT_EVERY = 10  # frames between two calls of the progress function
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DetectionSetup:
-    """What the sampled frames give: the view, the background range for the search, the detector for centroids."""
+    """Setup from the sampled frames: the view, the background range for the search, the detector for centroids."""
 
     view: View
     background_range: BackgroundRange
@@ -98,7 +98,7 @@ def detection_setup(video: FrameSource, view: View, coarse: bool = False) -> Det
 
 
 def _shows_large(view: View, samples: Sequence[Frame]) -> bool:
-    """Whether what moves is large at the size at which this view is searched, all but a few specks."""
+    """Whether the moving bodies, all but a few specks, are large at the search size of this view."""
     stack = np.stack([view.with_chroma().search_image(frame) for frame in samples])
     background_range = background_range_of(estimate_background(stack))
     moving = [blob.inscribed for image in stack for blob in blobs(background_range, image) if not blob.held]
@@ -109,7 +109,7 @@ def _shows_large(view: View, samples: Sequence[Frame]) -> bool:
 def luma_misses(stack: Bytes) -> bool:
     """Whether colour must be looked at too: where luma shows a body badly, not at all, or with its shadow.
 
-    A green ball on a wall as bright as it is such a case: what luma shows of it is mostly shade, and its centre
+    A green ball on a wall as bright as it is such a case: in luma it is mostly shade, and its centre
     that of the lit side. A ball whose shadow on the wall touches it is another: luma shows both as one. Looking at
     colour takes longer. ``stack`` (k, h, w, 3) are sampled images.
     """
@@ -145,7 +145,7 @@ def _in_colour(
 
 
 def _standing_out(background_range: BackgroundRange, image: Bytes, moving: Flags) -> tuple[float, float]:
-    """How far luma and chroma stand above what they must for a body, times that, over most of what moves."""
+    """Contrast of luma and chroma over the least contrast of a body, over most of the moving pixels."""
     excess = background_range.excess(image)[moving].astype(np.float64) / background_range.strong[moving]
     return float(np.median(excess[:, 0])), float(np.median(excess[:, 1:].max(axis=1)))
 
@@ -160,7 +160,7 @@ def _covered(background_range: BackgroundRange, image: Bytes) -> Flags:
 
 
 def observe(video: FrameSource, setup: DetectionSetup, options: TrackOptions) -> list[FrameDetections]:
-    """The candidates of every frame, in one pass; ``options.progress`` is told how far it is."""
+    """The candidates of every frame, in one pass; ``options.progress`` is called after each."""
     all_detections: list[FrameDetections] = []
     search_windows = setup.search_windows()
     for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):

@@ -21,13 +21,13 @@ HAND_SHARE = 0.35  # of the body's inscribed radius: a hand or arm is at least a
 HAND_GAP = 0.5  # of the body's inscribed radius: a hand so near is taken to touch it
 MARGIN = 10  # px round a body that its outline and the ring about it need
 RING = 4  # px from the body to the ring in which the background's level is compared
-DARKEST_SHADE = 0.6  # of the light is left in a shadow
+DARKEST_SHADE = 0.6  # of the light remains in a shadow
 GREY = 128.0  # grey level of a colour plane where there is no colour
 COLOUR_SIGMAS, COLOUR_FLOOR = 3.0, 3.0  # floor in grey levels: by so much a shadow's colour may be off
 MOSTLY_BODY = 0.5  # of the inscribed radius: deeper than that lies the body
-ROUNDER = 1.15  # times as round must a body be without what may be its shadow
-STILL = 0.4  # of the radius: what moved less since the frame before is no streak
-LARGE_RADIUS = 24.0  # px, inscribed: what is larger is measured in larger pixels, which tell its centre as well
+ROUNDER = 1.15  # times: least gain in roundness when a possible shadow is removed
+STILL = 0.4  # of the radius: a body that moved less since the frame before is no streak
+LARGE_RADIUS = 24.0  # px, inscribed: larger bodies are measured in larger pixels, which give the centre as accurately
 
 Box = tuple[float, float, float, float]  # left, top, right, bottom, px
 
@@ -47,7 +47,7 @@ class Detection:
 
     ``centre`` is that in the window whose corner is (left, top), px of the frame; ``brightening`` is
     the mean signed difference in luma, grey levels; ``sharpness`` that of the outline in grey levels a
-    px; ``compactness`` is 1 for a disc, less for what is long; ``hand`` says that something that reaches
+    px; ``compactness`` is 1 for a disc, less for a long shape; ``hand`` says that something that reaches
     in from the edge touches it.
     """
 
@@ -114,7 +114,7 @@ class Detector:
     ) -> FrameDetections:
         """Measure the centroid of each body.
 
-        ``foreground`` are the blobs of whatever moves, bodies and hands; ``before`` is what the frame before showed.
+        ``foreground`` are the blobs of all bodies and hands; ``before`` are the detections of the frame before.
         """
         reaching = [blob for blob in foreground if blob.held and blob.inscribed > THINNEST_BODY]
         inside = [blob for blob in bodies if not blob.at_edge and blob.inscribed > THINNEST_BODY]
@@ -125,7 +125,7 @@ class Detector:
         )
 
     def edge_object(self, blob: Blob) -> EdgeObject:
-        """What reaches in, in px of the frame."""
+        """An object that reaches in from the edge, in px of the frame."""
         step, view = self.view.step, self.view
         left, top, right, bottom = (side * step for side in blob.box)
         box = (left + view.left, top + view.top, right + view.left, bottom + view.top)
@@ -150,9 +150,9 @@ class Detector:
         bodies
             All bodies of the frame: pixels of the others do not count.
         reaching
-            What reaches in from the edge and may be a hand.
+            Objects that reach in from the edge and may be a hand.
         before
-            What the frame before showed: a body that has hardly moved since is no streak.
+            Detections of the frame before: a body that has hardly moved since is no streak.
         """
         size = self._pixel(blob)
         window, left, top = self._window(frame, blob, bodies, size)
@@ -208,14 +208,14 @@ class Detector:
 def _hardly_moved(centre: Centre, left: int, top: int, before: Sequence[Detection]) -> bool:
     """Whether a detection of the frame before is at about the position of a centre in the window at (left, top).
 
-    An exposure is no longer than the time between two frames, and so is the way in it.
+    An exposure is no longer than the time between two frames, which bounds the distance moved in it.
     """
     least = STILL * np.sqrt(centre.area / np.pi)
     return any(np.hypot(left + centre.x - detection.x, top + centre.y - detection.y) < least for detection in before)
 
 
 def _in_pixels(centre: Centre, size: int) -> Centre:
-    """What was measured in pixels of ``size`` px a side, in px."""
+    """Convert a centre from pixels of ``size`` px a side to px."""
     if size == 1:
         return centre
     return replace(

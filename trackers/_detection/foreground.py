@@ -15,11 +15,11 @@ STRONG_SIGMAS, STRONG_FLOOR = 6.0, 8.0  # floor in grey levels: surely something
 WEAK_SIGMAS, WEAK_FLOOR = 3.5, 4.0  # belongs to it when it touches it
 SMALLEST_AREA = 6  # px
 SMALLEST_SUPPORT = 3  # px of strong evidence
-CONTRAST_SHARES = (0.1, 0.2)  # of a component's peak: what is fainter is shade or shadow round it
+CONTRAST_SHARES = (0.1, 0.2)  # of a component's peak: fainter pixels are shade or shadow round it
 IN_DOUBT = 1.5  # times as clear must a body be to be cut at the higher share
 THINNEST = 2.5  # px: a component with a smaller inscribed circle is not taken apart
 BLOB_SHARE = 0.5  # of the inscribed radius: thinner parts are cords, arms of clamps, fingers
-ARM_SHARE = 0.25  # of the inscribed radius: what holds a body at the edge is at least as thick
+ARM_SHARE = 0.25  # of the inscribed radius: an object that holds a body at the edge is at least as thick
 MOST_BLOBS = 16  # a frame
 FRINGE = 4  # px that the outline of a body may lie beyond its stout part
 CORD_RADIUS = 6.0  # px: half the width of the thickest cord that is cut off
@@ -29,7 +29,7 @@ SQUARE = np.ones((3, 3), np.uint8)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BackgroundRange:
-    """Grey levels that are background: from ``lowest`` to ``highest``, and what counts beyond them, as bytes."""
+    """Grey levels of the background, from ``lowest`` to ``highest``, and the threshold beyond them, as bytes."""
 
     lowest: Bytes
     highest: Bytes
@@ -37,11 +37,11 @@ class BackgroundRange:
     strong: Bytes
 
     def excess(self, image: Bytes) -> Bytes:
-        """How far each pixel lies outside of what the background shows, grey levels."""
+        """Distance of each pixel from the background range, grey levels."""
         return np.asarray(cv2.max(cv2.subtract(image, self.highest), cv2.subtract(self.lowest, image)))
 
     def part(self, box: Box) -> BackgroundRange:
-        """What a part of the image shows."""
+        """Foreground of a part of the image."""
         window = (slice(box[1], box[3]), slice(box[0], box[2]))
         return BackgroundRange(self.lowest[window], self.highest[window], self.weak[window], self.strong[window])
 
@@ -94,7 +94,7 @@ class Component:
 
 
 def background_range_of(estimate: BackgroundEstimate) -> BackgroundRange:
-    """What the background shows; a camera that shakes by a pixel stays within it."""
+    """The background range; a camera that shakes by a pixel stays within it."""
     return BackgroundRange(
         lowest=rounded(cv2.erode(estimate.background, SQUARE)),
         highest=rounded(cv2.dilate(estimate.background, SQUARE)),
@@ -179,7 +179,7 @@ def blobs_of(parts: Iterable[Component], shape: tuple[int, ...]) -> list[Blob]:
 
 
 def stout(component: Component) -> Component:
-    """A component cut to the box of what is thicker than a cord: a cord's box is large, and slow to look through."""
+    """A component cut to the box of its parts thicker than a cord: the box of a cord is large, and slow to search."""
     if component.mask.size < LARGE_BOX:
         return component
     depth = cv2.distanceTransform(padded(component.mask), cv2.DIST_L2, cv2.DIST_MASK_3)
@@ -231,7 +231,7 @@ def _blobs_at(component: Component, faintest: float, shape: tuple[int, ...]) -> 
 
 
 def _split(component: Bytes, left: int, top: int, shape: tuple[int, ...]) -> list[Blob]:
-    """Cut a component where it is thin: what is left when a disc of half its thickness has rolled inside it."""
+    """Cut a component where it is thin: morphological opening by a disc of half its thickness."""
     wider = padded(component)
     depth = np.asarray(cv2.distanceTransform(wider, cv2.DIST_L2, cv2.DIST_MASK_PRECISE))
     thickest = float(depth.max())
@@ -283,7 +283,7 @@ def _near_edge(box: Box, arm: float, shape: tuple[int, ...]) -> bool:
 
 
 def _box(mask: Bytes, left: int, top: int) -> Box:
-    """Left, top, right, bottom (exclusive) of what is set in a mask whose corner is (left, top)."""
+    """Left, top, right, bottom (exclusive) of the set pixels of a mask whose corner is (left, top)."""
     x, y, width, height = cv2.boundingRect(mask)
     return left + x, top + y, left + x + width, top + y + height
 

@@ -18,7 +18,7 @@ from iris_sysid.types import Array
 from trackers._detection.subpixel_centroid import Centre, Window, largest
 from trackers._frames.arrays import MAD_TO_SD, Flags
 
-SHORTEST = 0.5  # of the radius: after a shorter way the outline still shows the body
+SHORTEST = 0.5  # of the radius: after a shorter distance the outline still shows the body
 SMALLEST = 15.0  # px, radius: of a smaller disc too few pixels tell shading, shadow and sweep apart
 FRINGE = 5  # px round the body that are compared
 THINNED = 4  # of the pixels one tells the sweep well enough to see which are outliers
@@ -38,7 +38,7 @@ Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """A disc whose centre moves evenly along a way (across, down) about (x, y) during the exposure, all px."""
+    """A disc whose centre moves evenly by ``way`` (across, down) about (x, y) during the exposure, all px."""
 
     x: float
     y: float
@@ -62,7 +62,7 @@ class Sweep:
         return self.radius > SMALLEST and self.length > SHORTEST * self.radius
 
     def terms(self, columns: Array, rows: Array) -> Array:
-        """What pixels (n,) see of the disc, (4, n).
+        """Coverage of pixels (n,) by the disc and its shading terms, (4, n).
 
         The share of the exposure for which each is covered, and, summed over that time, u, v and u^2 + v^2: the
         position on the disc that it sees, along the way and across it, in radii.
@@ -130,7 +130,7 @@ def streak_centre(window: Window, centre: Centre) -> Centre:
 
 
 def _guess(window: Window) -> Sweep:
-    """The sweep with the moments of what differs from the background."""
+    """The sweep with the moments of the difference from the background."""
     near = cv2.dilate(window.mask, np.ones((2 * FRINGE + 1, 2 * FRINGE + 1), np.uint8)) > window.other
     level = largest(np.abs((window.image - window.background) / window.noise))
     usual = max(float(np.median(level[window.mask > 0])), 1e-6)
@@ -156,7 +156,7 @@ class _Pixels:
         return _Pixels(self.columns[which], self.rows[which], self.difference[which], self.background[which])
 
     def left_over(self, sweep: Sweep) -> Array:
-        """What the best brightness and shadow leave over (n, channels)."""
+        """Residual of the best brightness and shadow (n, channels)."""
         disc = sweep.terms(self.columns, self.rows)
         free = 1.0 - disc[0]
         x, y = (self.columns - sweep.x) / sweep.radius, (self.rows - sweep.y) / sweep.radius
@@ -166,7 +166,7 @@ class _Pixels:
         return shown - terms.T @ np.linalg.solve(gram, terms @ shown)
 
     def unexplained(self, sweep: Sweep) -> float:
-        """Share of the sum of squares of the difference that is left over."""
+        """Residual share of the sum of squares of the difference."""
         return float((self.left_over(sweep) ** 2).sum() / (self.difference**2).sum())
 
 
@@ -201,7 +201,7 @@ def _swept(pixels: _Pixels, start: Sweep, enough: float, evaluations: int = EVAL
 def _covariance(pixels: _Pixels, solution: OptimizeResult) -> Array:
     """Of the five numbers of a sweep that was found, (5, 5).
 
-    What is left over is alike within the blocks of a coder: the covariance is the one that is robust to clusters (Liang
+    The residual is correlated within the blocks of a coder: the covariance is the one that is robust to clusters (Liang
     and Zeger 1986, Biometrika 73, 13), H^-1 (sum over blocks of s s') H^-1 with H = J'J and s = J'r of a block.
     """
     jacobian = np.asarray(solution.jac)

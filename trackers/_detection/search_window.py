@@ -33,7 +33,7 @@ from trackers._frames.working_image import View
 WHOLE_EVERY, WATCH_EVERY = 12, 3  # frames
 SPACING = 4  # pixels of the search between those of the sparse grid
 WATCH_SIGMAS, WATCH_FLOOR = 5.0, 8.0  # floor in grey levels: surely something
-PAIR = np.ones((2, 2), np.uint8)  # pixels of the sparse grid: what shows in fewer is left to the search of the whole
+PAIR = np.ones((2, 2), np.uint8)  # pixels of the sparse grid: the search of the whole image finds smaller bodies
 GROWN_SHARE, GROWN_PX = 0.2, 6  # of its size, and px of the search: how far a thing may go in a frame
 MOST_CHANGES = 16  # a frame: more are flicker, or a camera that was pushed
 GROWTHS = 3  # times a part of the image is made larger until it holds what is in it
@@ -55,7 +55,7 @@ class SearchWindows:
     _until_whole: int = 0
 
     def blobs(self, frame: Frame) -> tuple[list[Blob], list[Blob]]:
-        """The blobs of the bodies in a frame, and those of whatever moves: more where a colour is wanted."""
+        """The blobs of the bodies in a frame, and those of all foreground, which are more where a colour is given."""
         parts, foreground = self._found(frame, self._where(frame))
         if len(_followed(foreground)) < self._count and self._whole not in parts:
             parts, foreground = self._found(frame, [self._whole])

@@ -26,11 +26,11 @@ SHADINGS, FEWEST_A_TERM, MOST_SHADED = (3, 6), 60, 1500  # terms of a polynomial
 EXPLAINED = 0.15  # of the variance that fewer terms leave
 RIDGE = 1e-9  # of the mean square of the constant term, added to each: pixels in one line do not tell all terms apart
 OUTSKIRTS, FAINT, LEAST_FREE = 4.0, 0.45, 0.02  # px outside of the outline; coverage and share of pixels there
-RIM_PX, RIM_SHARE = 1.4, 0.45  # px and share of the depth: what is nearer to the outline is blurred
+RIM_PX, RIM_SHARE = 1.4, 0.45  # px and share of the depth: pixels nearer to the outline are blurred
 OUTLINE_DEPTH = 4.0  # px within which the body's brightness must fit that of its outline
 FEWEST_OUTSIDE = 12  # px from which the noise outside of a body is judged
 SHARE_RANGE = (-0.3, 1.3)  # coverage beyond this is another thing, not noise
-CORD_SHARE = 0.2  # of the inscribed radius: what is thinner is a cord
+CORD_SHARE = 0.2  # of the inscribed radius: a thinner part is a cord
 TAIL = 0.03  # mean coverage, or fall of it, at which the outline has ended
 STEPS_APART = 6  # quarters of a px over which the coverage falls, or no longer does
 AXES, SMALLEST_STREAK = 4, 5.0  # directions in which an outline may be wide; px, half the thickness of the body
@@ -61,7 +61,7 @@ class Centre:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Window:
-    """What is known about the pixels round a body: grey levels (h, w, channels) of frame, background and noise.
+    """Pixels round a body: grey levels (h, w, channels) of frame, background and noise.
 
     ``mask`` (h, w) is 1 where the body is, right to about two pixels; ``other`` (h, w) is 1 where
     something else is. ``inflation`` is the variance of sums of noise over that of white noise.
@@ -93,7 +93,7 @@ def coverage_centre(window: Window) -> Centre:
 
     over the pixels i of the band, where v = inflation * q * var a + e^2 a^2 d. Here q >= 1 is how much
     noisier than the still background the pixels just outside of the band are: compression keeps the
-    noise of what moves. e^2 is the variance of a just inside of the band beyond its noise, that is how
+    noise of the moving body. e^2 is the variance of a just inside of the band beyond its noise, that is how
     badly F is known on a textured body, and d the distance in px over which such an error persists.
     """
     depth = np.asarray(cv2.distanceTransform(window.mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), dtype=np.float32)
@@ -118,7 +118,7 @@ def coverage_centre(window: Window) -> Centre:
 
 
 def _first_look(window: Window, depth: Image, rim: float, persistence: float) -> tuple[Image, Image, Image, int]:
-    """Coverage, distance to the outline, half its width, and in how many directions that is told apart.
+    """Coverage, distance to the outline, half its width, and the number of directions in which they are determined.
 
     Where the outline is wide, the body's brightness is taken from deep inside instead of from the rim inwards. A
     streak is as thick then; a body whose rim is of another brightness is not, and stays as it is by its rim.
@@ -166,7 +166,7 @@ def _continued(window: Window, depth: Image, blur: float) -> tuple[Image, Image]
     """The body's own brightness, and the strength of its difference in units of noise, continued outwards.
 
     ``depth`` (h, w), px, is above 0 where a pixel is of the body alone. Its shading is followed by a polynomial, what
-    is left by the mean of what is near.
+    is replaced by the mean of the near pixels.
     """
     inner = np.clip(depth, 0.0, 1.0).astype(np.float32)
     weight = np.maximum(_blurred(inner, blur), np.float32(1e-6))
@@ -195,7 +195,7 @@ def _inner(first: Image, other: Image) -> Image:
 def _shading(image: Image, inside: Flags) -> Image:
     """The polynomial in x and y (h, w, channels), constant to quadratic, that the pixels inside speak for.
 
-    More terms must explain a good part of what fewer leave: shading does, texture does not.
+    More terms must explain a good part of the residual of fewer: shading does, texture does not.
     """
     rows, columns = np.nonzero(inside)
     if rows.size == 0:
@@ -244,7 +244,7 @@ def _polynomial(best: Array, u: Array, v: Array) -> Image:
 def _level_outside(window: Window, share: Image, beyond: Image) -> Image:
     """By how much the background about the body differs from the still one, e.g. in a soft shadow: continued inwards.
 
-    ``beyond`` is negative outside of the outline; what covers much of a pixel there, a cord, does not count.
+    ``beyond`` is negative outside of the outline; a cord that covers much of a pixel there does not count.
     """
     free = (beyond < 0) & (beyond > -OUTSKIRTS) & (np.abs(share) < FAINT) & (window.other == 0)
     weight = free.astype(np.float32)

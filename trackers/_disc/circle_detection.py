@@ -59,7 +59,7 @@ def circles(image: Bytes) -> Array:
     """Circles (k, 3) x, y, radius in px of a grey image, by the Hough transform of its gradients.
 
     H. K. Yuen et al., "Comparative study of Hough transform methods for circle finding", 1990, as in OpenCV's
-    HOUGH_GRADIENT_ALT: what it returns is already tested for a closed outline.
+    HOUGH_GRADIENT_ALT: its result is already tested for a closed outline.
     """
     smooth = cv2.GaussianBlur(image, (0, 0), SMOOTHING)
     detected = cv2.HoughCircles(
@@ -108,7 +108,7 @@ def _best_chain(nodes: list[tuple[int, Array]]) -> Chain | None:
 
 
 def _longest_chain(nodes: list[tuple[int, Array]], allowed: Iterable[int]) -> Chain:
-    """The chain with the most circles, less what they differ from one to the next (dynamic programming)."""
+    """The chain with the most circles, less their differences from one to the next (dynamic programming)."""
     best: dict[int, float] = {}
     before: dict[int, int | None] = {}
     order = sorted(allowed)

@@ -22,7 +22,7 @@ def disc_coverage(x: Array, y: Array, outline: Array, way: Array, count: int) ->
 
     The coverage is that of a straight edge, its distance corrected for the curvature of the circle over the pixel
     and the blur, d = r - rho - (v + 1/12) / (2 rho). It is averaged over ``count`` equal parts of the exposure;
-    within each the edge moves evenly, which blurs it by a twelfth of its way squared.
+    within each the edge moves evenly, which blurs it by a twelfth of its squared distance.
 
     Parameters
     ----------

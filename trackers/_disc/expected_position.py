@@ -13,7 +13,7 @@ from trackers._disc.model import Disc, Motion
 from trackers._linking.frame_to_frame import Tracklet
 
 NEIGHBOURS = 2  # detections on either side that tell the radius
-LONGEST_BREAK_S = 0.3  # no velocity is told across a longer gap
+LONGEST_BREAK_S = 0.3  # no velocity is estimated across a longer gap
 LESS_BENT = 0.5  # of the bend of the discs on both sides: from here on those of one side tell the motion
 
 
@@ -25,7 +25,7 @@ class ExpectedPath:
     discs: dict[int, Disc] = field(default_factory=dict)
 
     def motion(self, frame: int, exposure_share: float) -> Motion:
-        """What moves within an exposure that takes that share of the time between frames.
+        """Motion within an exposure that takes that share of the time between frames.
 
         Velocity and acceleration are those of the parabola through three discs: that before and that after it if
         there are both. Before and after an impact they are those of one side, where these bend much less (Harten,

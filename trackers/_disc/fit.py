@@ -52,7 +52,7 @@ class Cutout:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DiscFit:
-    """A disc as fitted, and what it was fitted to: rows and columns in the cutout of the pixels that count.
+    """A fitted disc and its pixels: rows and columns in the cutout of the pixels that count.
 
     ``lobes`` are the lobes of the outline that the disc does not have, px.
     """
@@ -65,7 +65,7 @@ class DiscFit:
 
     @property
     def outline_share(self) -> float:
-        """Share of the outline that looks as it should: by weight, of what tells the radius."""
+        """Share of the outline that agrees with the model, by weight in the estimate of the radius."""
         tells = self.solution.jacobian[:, RADIUS] ** 2
         return float((self.solution.weight * tells).sum() / max(float(tells.sum()), 1e-9))
 
@@ -87,7 +87,7 @@ def whole_image_cutout(image: Bytes) -> Cutout:
 
 
 def shows_disc(fitted: DiscFit, expected: Disc) -> bool:
-    """Whether a fit is of a disc that is there: near what was expected, along most of its outline, well determined."""
+    """Whether a fit is valid: near the expected disc, along most of its outline, and well determined."""
     disc = fitted.disc
     away = float(np.hypot(disc.x - expected.x, disc.y - expected.y))
     near = away <= max(FARTHEST[0], FARTHEST[1] * expected.radius)

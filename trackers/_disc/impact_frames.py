@@ -10,7 +10,7 @@ from iris_sysid.types import Array
 
 SIDE = 3  # samples before, and after: a parabola leads from them to the exposure between
 CLEAR = 6.0  # standard errors of the change of velocity from which on it is an impact
-FOREMOST = 0.5  # of the largest change near by: what less is seen of it beside the impact is its echo
+FOREMOST = 0.5  # of the largest change nearby: a smaller change beside an impact is its echo
 EVEN = 1.5  # times its even length in time that both sides may take: gaps
 
 
@@ -25,7 +25,7 @@ def struck_within(t_s: Array, xy: Array, sigma: Array, shutter: float) -> Array:
     t_s
         Times (n,) of the middles of the exposures, s.
     xy, sigma
-        Places and standard errors (n, 2), px; NaN in gaps.
+        Positions and standard errors (n, 2), px; NaN in gaps.
     shutter
         Exposure over the time between frames.
     """
@@ -53,7 +53,7 @@ def struck_within(t_s: Array, xy: Array, sigma: Array, shutter: float) -> Array:
 
 
 def _led_to(u: Array, values: Array) -> tuple[Array, Array, Array]:
-    """Place and velocity at u = 0 by parabolas through samples (n, 3), (n, 3, 2), and that of errors of 1."""
+    """Position and velocity at u = 0 by parabolas through samples (n, 3), (n, 3, 2), and that of errors of 1."""
     inverse = np.linalg.inv(u[..., np.newaxis] ** np.arange(SIDE))
     coefficients = inverse @ values
     return coefficients[:, 0], coefficients[:, 1], np.linalg.norm(inverse[:, 1], axis=1)

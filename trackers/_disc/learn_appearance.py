@@ -25,7 +25,7 @@ ROOM = 2.0  # px of radius for each further term of the shading
 SMALLEST_OVAL = 5.0  # px, radius
 FRAMES_STUDIED = 8  # frames
 FAST = 1.5  # px moved between two frames from which on the shutter shows
-TOO_FAST = 4.0  # radii moved between two frames: the way from one to the other is no longer known
+TOO_FAST = 4.0  # radii moved between two frames: above this the path between them is unknown
 FEWEST_FAST = 3  # frames
 SHUTTERS = (0.0, 0.25, 0.5, 0.75, 1.0)  # exposure over the time between frames
 FINER = (-0.12, -0.06, 0.0, 0.06, 0.12)  # about the best of them
@@ -58,7 +58,7 @@ class DiscAppearance:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class DiscFitter:
-    """What turns a frame into fitted discs: the region, its background, and where each body is expected."""
+    """Fits discs to a frame: holds the region, its background, and the expected position of each body."""
 
     view: View
     background: KnownBackground
@@ -79,7 +79,7 @@ class DiscFitter:
     def rough(self, appearance: DiscAppearance, body: int, number: int, image: Bytes) -> Disc | None:
         """The disc of a plain fit with a soft outline at first, which finds an edge that is farther off; None if none.
 
-        An expected path may be off by what a shadow adds to the body.
+        An expected path may be wrong by the width of a shadow.
         """
         expected = self.expected_paths[body].discs.get(number)
         if expected is None:
@@ -92,7 +92,7 @@ class DiscFitter:
         return self.appearances.get(body, DiscAppearance())
 
     def _fit_from(self, body: int, number: int, image: Bytes, start: Disc) -> DiscFit | None:
-        """The disc fitted from a start, and again from what is found until it stays; None where it is not seen."""
+        """The disc fitted from a start, and again from each result until it converges; None where it is not seen."""
         fitted = None
         for _ in range(REPEATS):
             fitted = self.fit_as(self._appearance_of(body), body, number, image, start)
@@ -150,7 +150,7 @@ class DiscFitter:
 
 
 def with_learned_appearance(fitter: DiscFitter, frames: Iterable[Frame]) -> DiscFitter:
-    """The fitter with what some frames, spread over the clip, teach about each body."""
+    """The fitter with the appearance of each body, learned from frames spread over the clip."""
     images = {frame.index: fitter.view.image(frame) for frame in frames}
     appearances = {body: _appearance_of(fitter, body, images) for body in range(len(fitter.expected_paths))}
     return replace(fitter, appearances=appearances)
@@ -216,14 +216,14 @@ def _shaded(trials: _Trials, appearance: DiscAppearance, numbers: Sequence[int])
 
 
 def precision(fitted: DiscFit | None) -> float:
-    """How sure a fit is of the centre: log of its inverse variance; what is not seen counts as nearly nothing."""
+    """Precision of the fitted centre: log of its inverse variance; nearly zero precision where the disc is not seen."""
     if fitted is None:
         return NOT_SEEN
     return -float(np.log(fitted.disc.sigma_x**2 + fitted.disc.sigma_y**2))
 
 
 def evidence(fitted: DiscFit | None) -> float:
-    """How well a fit explains its pixels, less what its parameters cost; what is not seen counts as nearly nothing."""
+    """Quality of a fit less the penalty of its parameters; very low where the disc is not seen."""
     return NOT_SEEN if fitted is None else -fitted.aic
 
 
@@ -274,7 +274,7 @@ class _Trials:
         *,
         shown: bool = True,
     ) -> Array:
-        """What each appearance is worth, by the mean over the frames but the worst."""
+        """Score of each appearance: the mean over the frames but the worst."""
         values = np.array(
             [[score(fitted) for fitted in self.fits(appearance, numbers, shown=shown)] for appearance in appearances]
         )

@@ -66,7 +66,7 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """What is free beside centre, radius and blur.
+    """Free parameters besides centre, radius and blur.
 
     ``interior`` of the terms 1, u, v, u^2 + v^2 - 1, u^2 - v^2, u v shade the body, ``exterior`` of them its
     surroundings; with ``known_background`` these come on top of the background image. ``oval`` lets the radius vary.
@@ -147,7 +147,7 @@ class DiscModel:
         return float(np.average(body - surroundings, weights=edge)), float(np.average(body, weights=edge))
 
     def _levels(self, parameters: Array) -> tuple[Array, Array]:
-        """Grey levels (n,) of the body and of what is behind it."""
+        """Grey levels (n,) of the body and of the background behind it."""
         levels = parameters[self.form.outline :]
         body = self.terms[:, : self.form.interior] @ levels[: self.form.interior]
         return body, self.background + self.terms[:, : self.form.exterior] @ levels[self.form.interior :]

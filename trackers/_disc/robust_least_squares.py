@@ -25,7 +25,7 @@ Model = Callable[[Array], tuple[Array, Array]]  # parameters (p,) -> prediction 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Pixels:
-    """What is fitted: values (n,) and the noise (n,) known of them, grey levels, and the zone (n,) of each.
+    """Data of a fit: values (n,) and the noise (n,) known of them, grey levels, and the zone (n,) of each.
 
     Each zone has its own scale of the noise: inside, outside and on an edge, residuals differ.
     """
@@ -83,9 +83,9 @@ def robust_fit(model: Model, start: Start, pixels: Pixels) -> Solution:
     model
         Prediction and jacobian for parameters.
     start
-        Where to start, and what bounds the steps.
+        Start values, and bounds of the steps.
     pixels
-        What is fitted.
+        Data of the fit.
     """
     solution = _Fit(model, start, pixels).round(start.parameters, pixels.noise, 0)
     for number in range(1, len(ROUNDS)):
@@ -95,7 +95,7 @@ def robust_fit(model: Model, start: Start, pixels: Pixels) -> Solution:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Fit:
-    """What stays the same in all rounds."""
+    """Constants of all rounds."""
 
     model: Model
     start: Start
@@ -154,7 +154,7 @@ def _step(solution: Solution, start: Start) -> Array:
 
 
 def _measured_noise(solution: Solution, pixels: Pixels) -> Array:
-    """Noise of each pixel: that of its zone by the residuals, allowing for what the fit took up; at least the known."""
+    """Noise of each pixel: that of its zone by the residuals, corrected for the parameters; at least the known."""
     taken_up = np.einsum("ij,ij->i", solution.scores(), solution.jacobian) / solution.sigma
     noise = pixels.noise.copy()
     ratio = np.abs(solution.residual) / pixels.noise

@@ -19,7 +19,7 @@ NAMED_RGB = {
     "white": (255, 255, 255), "grey": (128, 128, 128), "gray": (128, 128, 128), "black": (0, 0, 0),
 }  # fmt: skip
 HUE_TOLERANCE = 13  # of OpenCV's 180 steps of hue: 26 degrees
-PALEST = 0.6  # of the saturation of what moves in that hue
+PALEST = 0.6  # of the saturation of the moving pixels in that hue
 DARKEST = 30  # of 255: below this there is no hue
 SATURATED = 60  # of 255: from here on a hue is known
 GREY_TOLERANCE = 60  # grey levels
@@ -38,7 +38,7 @@ class Colour:
     least: int = SATURATED
 
     def mask(self, bgr: Bytes) -> Flags:
-        """True for pixels of about this colour; a grey one is told by its brightness, others by their hue."""
+        """True for pixels of about this colour; grey is matched by brightness, other colours by hue."""
         hsv = cv2.cvtColor(bgr, cv2.COLOR_BGR2HSV).astype(np.int16)
         hue, saturation, value = hsv[..., 0], hsv[..., 1], hsv[..., 2]
         if self.saturation < SATURATED:
@@ -48,7 +48,7 @@ class Colour:
         return np.asarray(near & (saturation >= self.least) & (value >= DARKEST))
 
     def fitted(self, bgr: Bytes) -> Colour:
-        """The same colour with the least saturation set by pixels (n, 3) of what moves: skin is a pale orange."""
+        """The same colour with the least saturation set by moving pixels (n, 3): skin is a pale orange."""
         saturation = cv2.cvtColor(bgr[np.newaxis], cv2.COLOR_BGR2HSV)[0, :, 1]
         of_it = saturation[self.mask(bgr[np.newaxis])[0]]
         if self.saturation < SATURATED or of_it.size == 0:
@@ -100,7 +100,7 @@ def _coded(plane: Bytes, shape: tuple[int, ...], box: Box, step: int) -> Bytes:
 
 def reduced(image: Bytes, step: int) -> Bytes:
     """An image (h, w[, 3]) with each pixel the mean of ``step`` x ``step``; itself when that is 1."""
-    while step % 2 == 0 and step > 1:  # halving is the quickest way that OpenCV has
+    while step % 2 == 0 and step > 1:  # halving is the fastest resize of OpenCV
         image = _shrunk(image, 2)
         step //= 2
     return image if step == 1 else _shrunk(image, step)

@@ -18,7 +18,7 @@ WIDEST_DETECTION = 960  # px: wider images are searched at reduced size
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """Region of the frame (px), whether colour counts, the colour wanted, and the reduction for detection.
+    """Region of the frame (px), whether colour counts, the given colour, and the reduction for detection.
 
     ``coarser`` is how many times smaller than usual a large image is searched.
     """
@@ -82,7 +82,7 @@ class View:
         return reduced(image[:height, :width], self.step)
 
     def colour_mask(self, frame: Frame, box: Box | None = None) -> Flags | None:
-        """True for pixels of the colour asked for, in a box of the image of the search; None when none was."""
+        """True for pixels of the given colour, in a box of the search image; None when no colour is given."""
         if self.colour is None:
             return None
         left, top, right, bottom = (side * self.step for side in box or (0, 0, *self.search_size))

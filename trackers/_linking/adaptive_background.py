@@ -20,7 +20,7 @@ from trackers._frames.working_image import view_of
 from trackers._linking.select_bodies import link_bodies
 from trackers._linking.to_track import track_of
 
-HISTORY = 500  # frames after which what was seen counts little, as OpenCV has it
+HISTORY = 500  # frames after which an observation has little weight, as in OpenCV
 OPENED = np.ones((2, 2), np.uint8)  # single pixels of the foreground are noise
 
 
@@ -31,7 +31,7 @@ class Subtractor(Protocol):
         """The foreground of the next ``image``, not 0 where it is; ``fgmask`` and ``learningRate`` as OpenCV's."""
 
     def getBackgroundImage(self) -> Bytes:
-        """What the background shows."""
+        """The background image."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -70,7 +70,7 @@ class Tracklet:
 def dissimilarity(detection: Detection, other: Detection) -> float:
     """How different two detections look: log ratios of area, contrast and, weighing half, compactness; and the side.
 
-    The side is -1 for a body darker than what is behind it, 1 for a brighter one: two balls that strike each other are
+    The side is -1 for a body darker than its background, 1 for a brighter one: two balls that strike each other are
     where the other one is predicted, and may differ in nothing else.
     """
     sides = (detection.brightening / detection.contrast, other.brightening / other.contrast)

@@ -12,7 +12,7 @@ from trackers._frames.arrays import Flags
 from trackers._linking.frame_to_frame import Tracklet
 
 OFTEN = 0.4  # of the samples: where a body is more often, it may have become background
-ROUND_BODY = 1.1  # times the radius of the disc of the same area, for a disc; more for what is long
+ROUND_BODY = 1.1  # times the radius of the disc of the same area, for a disc; more for a long shape
 FEWEST_SAMPLES = 3  # that must show what is behind
 
 

@@ -32,7 +32,7 @@ ONE_SIGN = 0.5  # of the contrast: a body is brighter, or darker, than the backg
 SPEED_MARGIN = 1.5  # times the fastest that the body was seen to go
 END_MARGIN = 1.5  # times the reach: how far off the first or last detection may be
 LONE_END_MARGIN = 0.4  # the same after a gap: one detection beyond it is soon a chance
-BIGGER = 1.5  # times the body's area: what reaches in is not the body itself
+BIGGER = 1.5  # times the body's area: a larger object that reaches in is not the body itself
 BREAK = 3  # frames: shorter breaks in a hold are an arm that does not show
 NEARBY = 2.25  # radii round the body in which a hand holds it
 
@@ -53,7 +53,7 @@ def link_bodies(all_detections: Sequence[FrameDetections], count: int, diagonal:
 
     Linked twice: among all detections, cautiously, to learn what the bodies look like; then boldly
     among the detections that look like one of them. Raises TrackingError when nothing moves or fewer
-    bodies than asked for do.
+    bodies than requested do.
     """
     first = link(all_detections, FIRST_REACH * diagonal, CAUTIOUS_REACH * diagonal)
     main = _main_tracklets(first, count)
@@ -160,7 +160,7 @@ def _trimmed(detections: list[Detection]) -> list[Detection]:
 
 
 def _appearance(tracklet: Tracklet) -> dict[str, float]:
-    """What a tracklet looks like: the logarithms of what ``SAME`` names, and how much brighter it is, -1 to 1."""
+    """Appearance of a tracklet: the logarithms of the features in ``SAME``, and how much brighter it is, -1 to 1."""
     appearance = {name: float(np.log(tracklet.typical(name))) for name in SAME}
     return appearance | {"side": tracklet.typical("brightening") / tracklet.typical("contrast")}
 

@@ -1,1 +1,1 @@
-"""Many bodies, or bodies that touch: tracked together."""
+"""Joint tracking of many bodies, or of bodies that touch."""

@@ -24,21 +24,21 @@ from trackers._detection.foreground import (
 )
 from trackers._frames.arrays import Box, Bytes, Flags, Image
 
-SOLID = 0.88  # of its convex hull: what fills less of it is several bodies, or a hand
+SOLID = 0.88  # of its convex hull: a blob that fills less of it is several bodies, or a hand
 ROUND = 0.4  # of its area lies within the inscribed circle: less is a cord
-THINNEST = 2.0  # px, inscribed radius of what can tell a colour
+THINNEST = 2.0  # px, inscribed radius of the smallest blob with a reliable colour
 SAME_COLOUR = 0.3  # of the contrast: colours nearer than this are of one class
-FAINTEST = 0.3  # of the strongest contrast: what is fainter is shade
+FAINTEST = 0.3  # of the strongest contrast: fainter pixels are shade
 HALF_COVERED = 0.5
 OFF_COLOUR = 0.5  # of the contrast: a pixel farther off the line from background to body is something else
 FULLEST = 95  # percentile over the samples: in the others bodies are hidden or have left
 RING = 4  # px round a part in which its surroundings are seen
 LIKE = 0.35  # of the contrast: a sample's pixel so near to a body's colour shows it, whatever the background is
 FEWEST_SAMPLES = 3  # that must show what is behind
-SMALLEST = 0.2  # of the area of the largest class: what is smaller is a part of something
+SMALLEST = 0.2  # of the area of the largest class: a smaller class is a part of a body
 FEWEST = 4  # detections of a class
 TOO_MUCH = 1.5  # times the area of all bodies
-INPAINT_RADIUS = 5  # px round what is never seen from which it is continued
+INPAINT_RADIUS = 5  # px round the never visible background from which it is continued
 MOVED = 1.0  # px between two samples: less is one thing that stands still, counted once
 SIZE_SPREAD = 0.08  # standard deviation of the log area of one body as it turns
 
@@ -150,7 +150,7 @@ class _Filled:
 
 
 def _filled_in(setup: DetectionSetup, usable: Flags, unseen: Flags) -> DetectionSetup:
-    """The setup with what is never seen (h, w) continued from its surroundings, in every sample.
+    """The setup with the never visible background (h, w) continued from its surroundings, in every sample.
 
     The method is that of A. Telea, J. Graphics Tools 9 (2004) 23. ``usable`` (k, h, w) says which samples show the
     background.
@@ -234,7 +234,7 @@ def _inner(background_range: BackgroundRange, image: Bytes) -> tuple[Image, Byte
 def _covered(
     appearance: AppearanceClass, others: Sequence[AppearanceClass], image: Image, where: Bytes, background: Image
 ) -> float:
-    """Area in px that bodies of a class cover, without what is more like the others."""
+    """Area in px that bodies of a class cover, without pixels more similar to other classes."""
     chosen = where > 0
     return float(class_coverages([appearance, *others], image[chosen], background[chosen])[0].sum())
 

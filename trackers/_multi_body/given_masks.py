@@ -1,4 +1,4 @@
-"""Segmentation masks from elsewhere in place of the detector."""
+"""Given segmentation masks instead of the detector."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def track_with_masks(
     Raises
     ------
     DataError
-        When the masks do not fit the clip in number or size, or hold another number of bodies than asked for.
+        When the masks do not fit the clip in number or size, or hold another number of bodies than requested.
     TrackingError
         When the masks are empty, or bodies of one value are never seen apart.
     """
@@ -113,7 +113,7 @@ def _values(images: Sequence[Bytes]) -> list[int]:
 
 
 def _shown(image: Bytes, values: Sequence[int], frame: int, t_s: float, size: tuple[int, int]) -> CoveredPixels:
-    """What a mask covers, the number of each pixel's value as its class."""
+    """Pixels that a mask covers, with the index of each pixel's value as its class."""
     rows, columns = np.nonzero(image)
     class_index: NDArray[np.int8] = np.searchsorted(values, image[rows, columns]).astype(np.int8)
     xy = np.stack([columns, rows], axis=-1).astype(np.int16)

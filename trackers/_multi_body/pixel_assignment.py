@@ -18,7 +18,7 @@ from trackers._multi_body.appearance_classes import HALF_COVERED, AppearanceClas
 
 FAINTEST_SHARE = 0.25  # of a pixel: less is noise, shade or the blurred outline
 REACH = 1.6  # radii: a pixel farther from every body is of none
-THIN = 0.35  # of a body's radius: what is thinner on both sides is a cord
+THIN = 0.35  # of a body's radius: a part thinner on both sides is a cord
 ROUNDS = 12
 SETTLED = 0.02  # px that the centres move in a round
 TRIES = 12  # starts of the search without a prediction
@@ -27,7 +27,7 @@ FULL, EMPTY = 1.45, 0.55  # of a body's area: two bodies in one share, one body 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class CoveredPixels:
-    """What bodies cover in one frame: pixels ``xy`` (n, 2), the share of each (n,), and the number of its class (n,).
+    """Pixels that bodies cover in one frame: ``xy`` (n, 2), the share of each (n,), and the number of its class (n,).
 
     ``size`` is width and height of the image of the search, px.
     """
@@ -101,7 +101,7 @@ def covered_pixels(
 
 
 def _thick(share: Image, radius: float) -> Image:
-    """1 where what is covered is as thick as a body, or next to that; cords and specks come off."""
+    """1 where the covered region is as thick as a body, or adjacent to that; removes cords and specks."""
     side = 2 * max(1, int(THIN * radius)) + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (side, side))
     covered = cv2.copyMakeBorder((share > HALF_COVERED).astype(np.uint8), side, side, side, side, cv2.BORDER_REPLICATE)

@@ -41,7 +41,7 @@ class FrameAssignment:
 
 @dataclass(eq=False, slots=True)
 class BodyGroup:
-    """All bodies of a clip: the number of the class of each (k,), and what is known of their motion."""
+    """All bodies of a clip: the number of the class of each (k,), and the prediction of their motion."""
 
     classes: Sequence[AppearanceClass]
     class_of: NDArray[np.int64]
@@ -61,7 +61,7 @@ def follow_bodies(frames: Sequence[CoveredPixels], classes: Sequence[AppearanceC
     Parameters
     ----------
     frames
-        What bodies cover in each frame, in order.
+        Pixels that bodies cover in each frame, in order.
     classes
         The classes of bodies, with their numbers.
 

@@ -206,7 +206,7 @@ def core_of(pixels: CoveredPixels, assignment: FrameAssignment, body: int) -> Bl
 
 
 def _is_of(thing: Blob, bodies: Sequence[Blob]) -> bool:
-    """Whether most of what reaches in is bodies: a pile at the edge is no hand."""
+    """Whether bodies are most of an object that reaches in: a pile at the edge is no hand."""
     covered: Bytes = thing.mask.copy()
     left, top, right, bottom = thing.box
     for body in bodies:

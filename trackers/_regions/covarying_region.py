@@ -19,7 +19,7 @@ LEAST_CHANGE = 4.0  # times the noise of a pixel
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Region:
-    """Pixels (h, w) that change together, and how far that explains what changes.
+    """Pixels (h, w) that covary, and the share of the change that they explain.
 
     ``explained_share`` is the share of the variance, beyond the noise, that the common time series explains, in these
     pixels or in the whole image, whichever is less; ``clipped`` the share of these pixels clipped in some sample.
@@ -31,7 +31,7 @@ class Region:
 
 
 def noise_of(stack: Bytes) -> float:
-    """Noise of a pixel, grey levels, from what most pixels change between successive samples (k, h, w)."""
+    """Noise of a pixel, grey levels, from the change of most pixels between successive samples (k, h, w)."""
     steps = np.diff(stack.astype(np.float32), axis=0).std(axis=0) / np.sqrt(2)
     return max(float(np.median(steps)), float(1 / np.sqrt(12)))
 

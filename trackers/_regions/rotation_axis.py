@@ -13,11 +13,11 @@ from iris_sysid.types import Array
 from trackers._detection.foreground import BackgroundRange, any_channel, most_of_channels
 from trackers._frames.arrays import MAD_TO_SD, Bytes, Image
 
-STRONGEST = 60  # grey levels: what differs more counts no more than this
+STRONGEST = 60  # grey levels: upper limit of the difference
 SPOKES, RINGS = 360, 24  # of the polar image
 QUARTER = SPOKES // 4  # a body may turn by less than this between two frames
 LEARNING = 0.1  # share of each new frame in the polar image that the next is compared with
-REACH = 0.98  # of what differs lies within this radius of the axis
+REACH = 0.98  # of the foreground lies within this radius of the axis
 FEWEST_PIXELS = 12  # that must differ
 TRIPLES = 400  # of frames that are tried for the circle of the middles
 OWN_AXIS = 0.05  # of the reach: a middle that stays so near one position is taken to turn about it
@@ -35,7 +35,7 @@ class Axis:
 
 
 def activity(background_range: BackgroundRange, small: Bytes) -> Image:
-    """By how much each pixel (h, w) lies outside of what the background shows, grey levels, at most 60."""
+    """Distance of each pixel (h, w) from the background range, grey levels, at most 60."""
     excess = background_range.excess(small)
     level = np.where(any_channel(excess > background_range.weak), most_of_channels(excess), 0)
     opened = cv2.morphologyEx(np.minimum(level, STRONGEST).astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
@@ -43,7 +43,7 @@ def activity(background_range: BackgroundRange, small: Bytes) -> Image:
 
 
 def axis_of(images: Sequence[Image]) -> Axis:
-    """The axis about which the middle of what differs goes round in some images (h, w).
+    """The axis about which the middle of the foreground turns in some images (h, w).
 
     The axis is in px.
 
@@ -70,7 +70,7 @@ def _middle(image: Image) -> Array:
 
 
 def _reach(image: Image, centre: Array) -> float:
-    """Radius about a centre within which most of what differs lies."""
+    """Radius about a centre that contains most of the foreground."""
     rows, columns = np.nonzero(image)
     away = np.hypot(columns - centre[0], rows - centre[1])
     order = np.argsort(away)
@@ -119,7 +119,7 @@ def _off(middles: Array, circle: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class Middle:
-    """The middle of what turns: how far from the axis, px, with its standard error, and in which direction, rad."""
+    """The middle of the turning body: distance from the axis, px, with its standard error, and direction, rad."""
 
     radius: float
     direction: float
@@ -127,7 +127,7 @@ class Middle:
 
 
 def middle_of(images: Sequence[Image], axis: Axis, angles: Array) -> Middle:
-    """The middle of what differs in images turned by some angles (k,) rad, at angle zero."""
+    """The middle of the foreground in images turned by some angles (k,) rad, at angle zero."""
     shown = [k for k, image in enumerate(images) if np.count_nonzero(image) >= FEWEST_PIXELS]
     x, y = (np.array([_middle(images[k]) for k in shown]) - np.array([axis.x, axis.y])).T
     cosine, sine = np.cos(angles[shown]), np.sin(angles[shown])
@@ -138,7 +138,7 @@ def middle_of(images: Sequence[Image], axis: Axis, angles: Array) -> Middle:
 
 
 class RotationFollower:
-    """Follows the angle from frame to frame by the polar image of what differs, to about a degree."""
+    """Follows the angle from frame to frame by the polar image of the foreground, to about a degree."""
 
     def __init__(self, axis: Axis) -> None:
         angle = 2 * np.pi * np.arange(SPOKES) / SPOKES

@@ -83,7 +83,7 @@ def learn_pattern(images: Sequence[Image], angles: Array, axis: Axis) -> Pattern
 
     Angles are in rad.
 
-    It is the median over the images, each with its own brightness, so that what does not turn leaves no trace.
+    It is the median over the images, each with its own brightness, so that static parts leave no trace.
     """
     side = min(FINEST, int(axis.reach))
     step = axis.reach / side
@@ -113,7 +113,7 @@ def _seen(image: Image, axis: Axis, shift: tuple[float, float], offsets: Array) 
 
 
 def _lighting(level: Array, offsets: Array) -> Array:
-    """What brightness, its slopes and an offset add to the grey levels (n, 4)."""
+    """Contributions of brightness, its slopes and an offset to the grey levels (n, 4)."""
     return np.column_stack([level, level * offsets[:, 0], level * offsets[:, 1], np.ones_like(level)])
 
 
@@ -139,7 +139,7 @@ def match_rotation(pattern: Pattern, image: Image, start: float, *, loose: bool 
     Parameters
     ----------
     pattern
-        What is sought.
+        Parameters of the fit.
     image
         Where.
     start
@@ -199,7 +199,7 @@ def _normal(terms: Array, values: Array, weight: Array) -> tuple[Array, Array]:
 
 
 def _solved(information: Array, projected: Array) -> Array:
-    """Solution (..., p) of normal equations; what the points do not tell stays at zero."""
+    """Solution (..., p) of normal equations; undetermined parameters stay at zero."""
     scale = np.sqrt(np.maximum(np.einsum("...ii->...i", information), 1e-12))
     scaled = information / scale[..., np.newaxis] / scale[..., np.newaxis, :] + RIDGE * np.eye(scale.shape[-1])
     return np.asarray(np.linalg.solve(scaled, (projected / scale)[..., np.newaxis])[..., 0] / scale)

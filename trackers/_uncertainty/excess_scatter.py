@@ -23,7 +23,7 @@ EVEN = 1.5  # times its length at even frames: a longer window holds gaps
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ErrorModel:
-    """What is known of the errors of a track beside their size.
+    """Autocorrelation of the errors of a track.
 
     ``moving`` (n,) is true where the body moves: the encoder copies a resting body from frame to frame, with its
     errors. ``autocorrelation`` is None where it could not be measured; the errors then count as independent.

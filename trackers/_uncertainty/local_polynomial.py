@@ -14,10 +14,10 @@ from trackers._frames.arrays import MAD_TO_SD
 
 DEGREE, HIGHER = 4, 6  # of the polynomial through a window, and of one that shows whether that follows the time series
 HALF_WINDOWS = (25, 15, 8)  # samples on either side: the longest through which the polynomial follows the time series
-FOLLOWS = 0.8  # of the residual is left by the higher degree where the lower one follows the time series
+FOLLOWS = 0.8  # of the residual remains after the higher degree where the lower one follows the time series
 HALF_MEAN = 20  # samples on either side over which the scatter is averaged
 OUTLIER = 6.0  # standard deviations: a sample farther off, e.g. at a kink, counts as one that far off
-FEWEST = 12  # samples below which nothing can be said
+FEWEST = 12  # least number of samples for an estimate
 BLOCK = 1000  # samples at once
 
 

@@ -17,7 +17,7 @@ def noise_correlation(images: Iterable[tuple[Array, Array]]) -> Array | None:
     """Correlation (5, 5) of residuals by the distance of two pixels in rows and columns; None when they are white.
 
     ``images`` are residuals (h, w) over their sigma, zero where unknown, and 1 where known. Texture that a model
-    does not follow and compression make neighbours alike. Only what is significant is kept.
+    does not follow and compression make neighbours alike. Only significant correlations are kept.
     """
     size = 2 * LAGS + 1
     product, count = np.zeros((size, size)), np.zeros((size, size))
