@@ -174,7 +174,7 @@ def _clips(folder: Path, prefix: str, gaps: list[Gap]) -> dict[str, Path]:
         if path.stem in clips:
             gaps.append(Gap(f"{prefix}{name}", f"left out: {clips[path.stem].name} is the same clip"))
         elif not path.is_file():
-            gaps.append(Gap(f"{prefix}{name}", "left out: a broken link, or no ordinary file"))
+            gaps.append(Gap(f"{prefix}{name}", "left out: a broken link, or not a regular file"))
         elif not os.access(path, os.R_OK):
             gaps.append(Gap(f"{prefix}{name}", "left out: no permission to read it"))
         else:

@@ -193,7 +193,7 @@ def _all_done(units: Sequence[Unit], workers: int, progress: Progress | None) ->
     for unit, whole in with_progress(outcomes, progress, len(units), done=len(units) - len(missing)):
         kept[unit.path] = _kept(unit)
         if not whole:
-            lost.append(f"{unit.subject.clip.place}: the process of study {unit.study} died; is memory short?")
+            lost.append(f"{unit.subject.clip.place}: the process of study {unit.study} died; is there enough memory?")
     return [rows for rows in kept.values() if rows is not None], sorted(lost)
 
 

@@ -256,7 +256,7 @@ def fit_line(position: Array) -> Line:
     point = position.mean(axis=0)
     _, length, rows = np.linalg.svd(position - point, full_matrices=False)
     if length[0] == 0:
-        raise DataError("the body does not move: there is no direction to find")
+        raise DataError("the body does not move, so its motion has no direction")
     direction = rows[0] * (np.sign((position[-1] - position[0]) @ rows[0]) or 1.0)
     across = (position - point) @ np.array([-direction[1], direction[0]])
     scatter = float(np.sqrt(across @ across / max(across.size - 2, 1)))

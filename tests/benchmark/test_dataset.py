@@ -61,7 +61,7 @@ def test_dataset_odd_files_are_left_out_by_name(tmp_path):
     assert "same clip" in reason_of["Pendulum/pendulum_45/01.mp4"]
     assert "rename it" in reason_of["Pendulum/pendulum_45/'a\\nb.mp4'"]
     assert "broken link" in reason_of["Pendulum/pendulum_45/03.mp4"]
-    assert "no ordinary file" in reason_of["Pendulum/pendulum_45/05.mp4"]
+    assert "not a regular file" in reason_of["Pendulum/pendulum_45/05.mp4"]
 
 
 @pytest.mark.parametrize("place", ["missing", "file.mp4"])

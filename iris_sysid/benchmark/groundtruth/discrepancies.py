@@ -10,7 +10,7 @@ from iris_sysid.io.schemas.groundtruth import RegeneratedValue, ValueEntry
 from iris_sysid.types import NORMAL_975, Estimate
 
 ROPES = ("rope_length", "rope_length_1", "rope_length_2")
-ROPE_SAID = (
+ROPE_NOTE = (
     "from clips it is the length of the equation, from the pivot to the ball's centre; a tape along the rope leaves "
     "out the ball's radius"
 )
@@ -39,7 +39,7 @@ def notes_on(
     list of str
         Empty without a note.
     """
-    notes = [ROPE_SAID] if name in ROPES and regenerated is not None else []
+    notes = [ROPE_NOTE] if name in ROPES and regenerated is not None else []
     if regenerated is not None and any(clip.used and clip.status == "misfit" for clip in regenerated.clips.values()):
         notes.append(MISFIT)
     if regenerated is None or difference is None:

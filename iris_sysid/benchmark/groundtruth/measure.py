@@ -189,7 +189,7 @@ def _job(clip: Clip, root: Path, measured: MeasuredDocument, conditions: Conditi
 
 def _lost(job: Job) -> tuple[bool, str]:
     """The outcome of a clip whose process died."""
-    return True, record_failure(job, "the process that read it died; is the file damaged, or memory short?")
+    return True, record_failure(job, "the process that read it died; is the file damaged, or memory full?")
 
 
 def _read(job: Job, gaps: dict[str, str]) -> ClipMeasurement:

@@ -76,7 +76,7 @@ def read_columns(path: str | Path, texts: Sequence[str], numbers: Sequence[str] 
 def _finite(text: str, path: str | Path, line: int, name: str) -> float:
     number = parse_number(text)
     if not math.isfinite(number):
-        raise DataError(f"{path} line {line}: {name} is {text!r:.40}, which is no finite number")
+        raise DataError(f"{path} line {line}: {name} is {text!r:.40}, which is not a finite number")
     return number
 
 

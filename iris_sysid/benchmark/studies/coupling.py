@@ -78,7 +78,7 @@ def first_struck(bodies: Sequence[Trajectory], run_up: Trajectory) -> Trajectory
     lowest = heights[cups].min() + LEVEL * float(np.ptp(heights[cups]))
     first = sorted((k for k in cups if heights[k] <= lowest), key=lambda k: direction * positions[k, 0, 0])[:2]
     if len(first) < 2:
-        raise DataError("there are no two cups beside one another in the ball's way")
+        raise DataError("the ball's path has no two cups of the bottom row")
     return _horizontal([tracked[ball], *(tracked[k] for k in first)], direction, float(run_up.t_s[rolls[-1]]))
 
 
