@@ -80,10 +80,10 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     second_half = part_of_progress(options.progress, 1, 2)
     for frame in with_progress(video.frames(), second_half, len(all_detections), every=REPORT_EVERY):
         image = fitter.view.image(frame)
-        for body, found in enumerate(fits):
+        for body, body_fits in enumerate(fits):
             fitted = fitter.fit(body, frame.index, image)
             if fitted is not None:
-                found[frame.index] = fitted
+                body_fits[frame.index] = fitted
     if not all(fits):
         raise TrackingError(
             "the moving body is not round: no disc fits it; use the tracker median-background, or restrict the region "
@@ -227,8 +227,8 @@ def _track_of(
 
 def _row(fitted: DiscFit) -> tuple[float, ...]:
     disc = fitted.disc
-    place = (disc.x, disc.y, disc.sigma_x, disc.sigma_y)
-    return (*place, disc.radius, disc.sigma_radius, disc.intensity, np.pi * disc.radius**2)
+    centre = (disc.x, disc.y, disc.sigma_x, disc.sigma_y)
+    return (*centre, disc.radius, disc.sigma_radius, disc.intensity, np.pi * disc.radius**2)
 
 
 TRACKER = Tracker(

@@ -67,7 +67,7 @@ class Patch:
         left, top, right, bottom = 0, 0, luma.shape[1], luma.shape[0]
         if near is not None:
             reach = int(REACH * max(height, width))
-            x, y = (round(place) for place in near)
+            x, y = (round(coordinate) for coordinate in near)
             left, top = (
                 min(max(0, low), high) for low, high in ((x - reach, right - width), (y - reach, bottom - height))
             )

@@ -313,5 +313,5 @@ def touches(blob: Blob, thing: Blob) -> bool:
     canvas = np.ones((max(y1, b1) - top, max(x1, a1) - left), dtype=np.uint8)
     canvas[b0 - top : b1 - top, a0 - left : a1 - left] -= thing.mask
     away = cv2.distanceTransform(canvas, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-    there = away[y0 - top : y1 - top, x0 - left : x1 - left]
-    return bool(there[blob.mask > 0].min() <= reach)
+    distance = away[y0 - top : y1 - top, x0 - left : x1 - left]
+    return bool(distance[blob.mask > 0].min() <= reach)

@@ -206,7 +206,7 @@ def _shading(image: Image, inside: Flags) -> Image:
     terms = _terms((columns - x0) / scale, (rows - y0) / scale)
     values = np.ascontiguousarray(image[rows, columns].T, dtype=np.float64)  # (channels, n): quick to sum over n
     best = values.mean(axis=1)[np.newaxis]
-    left = _mean_square(values - best.T)
+    residual = _mean_square(values - best.T)
     gram = terms @ terms.T + RIDGE * rows.size * np.eye(len(terms))
     moments = terms @ values.T
     for count in SHADINGS:
@@ -214,8 +214,8 @@ def _shading(image: Image, inside: Flags) -> Image:
             break
         solved = np.linalg.solve(gram[:count, :count], moments[:count])
         spread = _mean_square(values - solved.T @ terms[:count])
-        if spread < (1 - EXPLAINED) * left:
-            best, left = solved, spread
+        if spread < (1 - EXPLAINED) * residual:
+            best, residual = solved, spread
     across, down = ((np.arange(n) - middle) / scale for n, middle in zip(image.shape[1::-1], (x0, y0), strict=True))
     limits = (np.tile(limit.astype(np.float32), image.shape[1]) for limit in (values.min(axis=1), values.max(axis=1)))
     return np.clip(_polynomial(best, across, down), *limits).reshape(image.shape)

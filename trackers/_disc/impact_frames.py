@@ -38,13 +38,13 @@ def struck_within(t_s: Array, xy: Array, sigma: Array, shutter: float) -> Array:
     frame_s = float(np.median(np.diff(t_s)))
     u = (t - t[:, SIDE, np.newaxis]) / frame_s
     both = np.stack([x, y], axis=-1)
-    (place, velocity, doubt), (place_after, velocity_after, doubt_after) = (
+    (position, velocity, doubt), (position_after, velocity_after, doubt_after) = (
         _led_to(u[:, side], both[:, side]) for side in (slice(SIDE), slice(SIDE + 1, None))
     )
     change = velocity_after - velocity
     size = np.maximum(np.hypot(*change.T), 1e-6)
     foremost = size > FOREMOST * maximum_filter1d(size, 2 * SIDE + 1)
-    meets = ((place - place_after) * change).sum(axis=1) / size**2
+    meets = ((position - position_after) * change).sum(axis=1) / size**2
     error = np.hypot(doubt, doubt_after) * np.median(sigma[known], axis=0).max()
     even = u[:, -1] - u[:, 0] <= EVEN * 2 * SIDE
     struck = even & foremost & (size > CLEAR * error) & (np.abs(meets) < shutter / 2 + error / size)

@@ -190,11 +190,11 @@ def _may_be(fragment: Tracklet, body: Tracklet, properties: _BodyProperties) -> 
     """Whether a piece looks like the body and could be reached by it."""
     if not _alike(_appearance(fragment), properties.appearance):
         return False
-    here, there = _ends(fragment, body)
-    allowed = SPEED_MARGIN * properties.fastest * abs(here.t_s - there.t_s) + 2 * np.exp(
+    fragment_end, body_end = _ends(fragment, body)
+    allowed = SPEED_MARGIN * properties.fastest * abs(fragment_end.t_s - body_end.t_s) + 2 * np.exp(
         properties.appearance["radius"]
     )
-    return bool(np.hypot(here.x - there.x, here.y - there.y) <= allowed)
+    return bool(np.hypot(fragment_end.x - body_end.x, fragment_end.y - body_end.y) <= allowed)
 
 
 def _ends(fragment: Tracklet, body: Tracklet) -> tuple[Detection, Detection]:
@@ -209,8 +209,8 @@ def _ends(fragment: Tracklet, body: Tracklet) -> tuple[Detection, Detection]:
 
 
 def _gap_px(fragment: Tracklet, body: Tracklet) -> float:
-    here, there = _ends(fragment, body)
-    return float(np.hypot(here.x - there.x, here.y - there.y))
+    fragment_end, body_end = _ends(fragment, body)
+    return float(np.hypot(fragment_end.x - body_end.x, fragment_end.y - body_end.y))
 
 
 def held_frames(tracklet: Tracklet, all_detections: Sequence[FrameDetections]) -> set[int]:
