@@ -81,7 +81,7 @@ _RAYS = {}
 
 
 def _rays(camera, size):
-    """Undistorted place of each pixel's centre and how it goes on within the pixel."""
+    """Undistorted position of each pixel's centre, and its derivative within the pixel."""
     key = (tuple(camera), size)
     if key not in _RAYS:
         grid = np.stack(np.meshgrid(np.arange(size[0]), np.arange(size[1])), axis=-1).reshape(-1, 2).astype(float)
@@ -90,7 +90,7 @@ def _rays(camera, size):
 
 
 def picture(pose, *, board=BOARD, camera=PHONE, size=SIZE, blur_px=0.7, noise=2.0, rng=None, samples=34):
-    """The board on white paper before grey, each pixel the mean of that many places in it; uint8 (h, w)."""
+    """The board on white paper before grey, each pixel the mean of that many positions in it; uint8 (h, w)."""
     places, slopes = _rays(camera, size)
     to_board = _homography(pose, camera, 0.0, 1.0, board.centre_m).reshape(3, 3) / board.square_m
     to_board[2] *= board.square_m

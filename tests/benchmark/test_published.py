@@ -1,4 +1,4 @@
-"""The transcribed numbers stand where they are said to stand, digit by digit."""
+"""The transcribed numbers agree with the stated positions in the paper, digit by digit."""
 
 import re
 

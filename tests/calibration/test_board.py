@@ -271,7 +271,7 @@ class Clip:
 
 @pytest.fixture(scope="module")
 def clip():
-    """The board at rest for five frames, one of them blurred, then in five other places, one blurred by motion."""
+    """The board at rest for five frames, one of them blurred, then in five other positions, one blurred by motion."""
     rng = np.random.default_rng(4)
     still = picture(pose((0.1, 0.1)), rng=rng)
     others = [picture(random_pose(rng), rng=rng) for _ in range(5)]

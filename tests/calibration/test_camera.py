@@ -402,7 +402,7 @@ def test_derivatives_by_the_calibration_are_those_of_differences():
 
 
 def scored(seed, offset_m=0.0, with_camera=True):
-    """Errors over standard errors of scale and places, for a new camera, board and noise."""
+    """Errors over standard errors of scale and positions, for a new camera, board and noise."""
     rng = np.random.default_rng(seed)
     true_camera = PHONE if with_camera else STRAIGHT
     camera = None

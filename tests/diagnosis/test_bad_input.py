@@ -1,4 +1,4 @@
-"""A diagnosis that cannot be made says which part failed and why; what can be said of the base fit stays."""
+"""A failed diagnosis states which part failed and why, and keeps the base fit."""
 
 import re
 from dataclasses import replace

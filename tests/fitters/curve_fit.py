@@ -31,7 +31,7 @@ SCATTER = (0.5, 2.5)  # natural logarithm of the factors by which random starts 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Curve:
-    """A formula at given places: what the solver asks of a problem, without any equation of motion.
+    """A formula at given positions, with the interface that the solver needs, without any equation of motion.
 
     Derivatives by a complex step, exact to rounding (Squire and Trapp 1998, SIAM Rev. 40, 110).
     """

@@ -1,4 +1,4 @@
-"""Fits of synthetic and real trajectories: what is recovered, what is refused, and what is said."""
+"""Fits of synthetic and real trajectories: recovered parameters, refusals and messages."""
 
 import dataclasses
 

@@ -86,7 +86,7 @@ def smoothed(n=5, d=1, *, correlated=True):
 
 
 def assert_same(track, other):
-    """Every field equal, arrays to the bit, NaN at the same places."""
+    """Every field equal, arrays to the bit, NaN at the same positions."""
     assert type(track) is type(other)
     for field in fields(track):
         have, want = getattr(track, field.name), getattr(other, field.name)

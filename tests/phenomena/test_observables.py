@@ -1,4 +1,4 @@
-"""What is no place reaches the models: angle, light, level and radius of a track, segmented, fit back the truth."""
+"""Observables other than position: angle, light, level and radius of a track, segmented, fit the truth."""
 
 import numpy as np
 import pytest

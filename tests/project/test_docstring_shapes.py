@@ -44,7 +44,7 @@ def states_shape_and_unit(node: ast.FunctionDef) -> bool:
 
 
 def stated_and_missing() -> tuple[list[str], list[str]]:
-    """The places of the functions whose docstring states shape and unit, and of those whose docstring does not."""
+    """Locations of the functions whose docstring states shape and unit, and of those whose docstring does not."""
     stated: list[str] = []
     missing: list[str] = []
     for path in python_files():

@@ -1,4 +1,4 @@
-"""One direction of flow: who may import whom, and what costs nothing to import."""
+"""Imports go one way only, and light modules import nothing heavy."""
 
 import ast
 import subprocess

@@ -1,4 +1,4 @@
-"""No two places of the three packages share more than ten lines of code."""
+"""No two functions or blocks of the three packages share more than ten lines of code."""
 
 import ast
 from collections import defaultdict
@@ -43,7 +43,7 @@ def lines_of(node: ast.AST) -> range:
 
 
 def shared_runs(files: list[list[CodeLine]], most: int) -> Iterator[tuple[CodeLine, CodeLine, int]]:
-    """Pairs of places that share more than ``most`` lines: the first line of each, and how many lines they share."""
+    """Pairs of positions that share more than ``most`` lines: the first line of each, and how many lines they share."""
     windows = defaultdict(list)
     for k, lines in enumerate(files):
         for start in range(len(lines) - most):

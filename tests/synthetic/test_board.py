@@ -1,4 +1,4 @@
-"""The checkerboard clip: its corners are where they are said to be, and calibrate the camera that filmed the scene."""
+"""The checkerboard clip: its corners agree with the truth file, and calibrate the camera that filmed the scene."""
 
 import json
 

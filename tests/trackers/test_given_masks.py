@@ -1,4 +1,4 @@
-"""A segmentation in place of the detector: bodies by the values of the masks, or told apart by assignment."""
+"""Given masks instead of the detector: bodies by the values of the masks, or distinguished by assignment."""
 
 import cv2
 import numpy as np

@@ -1,4 +1,4 @@
-"""What an impact does to the motion within an exposure, and to the place that an image shows."""
+"""Effect of an impact on the motion within an exposure, and on the position that an image shows."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ SIGMA = 0.05  # px
 
 
 def place(frame, struck_at):
-    """Place at a time in frames of a body that is struck at another, at (300, 100) px."""
+    """Position at a time in frames of a body that is struck at another, at (300, 100) px."""
     elapsed = np.asarray(frame, dtype=float)[..., np.newaxis] - struck_at
     return np.array([300.0, 100.0]) + np.where(elapsed < 0, BEFORE, AFTER) * elapsed
 
 
 def seen(struck_at, n=21, seed=1):
-    """Mean places over each exposure, with noise, and those at its middle."""
+    """Mean positions over each exposure, with noise, and those at its middle."""
     middle = np.arange(n, dtype=float)
     within = middle[:, np.newaxis] + np.linspace(-SHUTTER / 2, SHUTTER / 2, 401)
     mean = place(within, struck_at).mean(axis=1)

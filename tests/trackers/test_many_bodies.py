@@ -81,7 +81,7 @@ def test_prediction_through_an_impact_exchanges_the_normal_velocity_and_conserve
 
 
 def crossed():
-    """Two bodies over ten frames; the tracks change places after the sixth."""
+    """Two bodies over ten frames; the tracks swap bodies after the sixth."""
     true_px = np.zeros((10, 2, 2))
     true_px[:, 1, 0] = 100.0
     found_px = true_px.copy()

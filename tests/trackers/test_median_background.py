@@ -279,7 +279,7 @@ def test_body_that_is_hidden_for_a_moment_is_a_gap():
 
 
 def two_bodies(n=90):
-    """A light and a dark disc that swing through each other's places."""
+    """A light and a dark disc that swing through each other's positions."""
     paths = swing(n, (80, 30), (55, 5), 60), swing(n, (80, 66), (-55, 5), 47)
     images = [
         paint(paint(PLAIN, disc(SHAPE, *a, 9), 220.0), disc(SHAPE, *b, 9), 40.0) for a, b in zip(*paths, strict=True)

@@ -65,7 +65,7 @@ def test_colour_that_is_not_given_or_not_there_is_refused(options, message):
 
 
 def pattern(path, noise=2.0, hidden=()):
-    """A bright bar across a dark one at each place, drawn to a fraction of a pixel by shifting a smooth function."""
+    """A bright bar across a dark one at each position, drawn to a fraction of a pixel by shifting a smooth function."""
     y, x = np.indices(SHAPE, dtype=float)
     frames = []
     for k, (px, py) in enumerate(path):

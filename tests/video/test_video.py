@@ -27,7 +27,7 @@ WIDTH, HEIGHT = 94, 70  # 94: rows of the decoder's buffer are longer than the i
 
 
 def image_of(number, width=WIDTH, height=HEIGHT):
-    """An image that tells its number: texture, and a bright block at a place of its own."""
+    """An image that encodes its number: texture, and a bright block at its own position."""
     texture = np.random.default_rng(5).integers(40, 120, (height, width), dtype=np.uint8)
     x, y = (7 * number) % (width - 12), (3 * number) % (height - 10)
     texture[y : y + 10, x : x + 12] = 200 + number % 20
@@ -49,7 +49,7 @@ def write_clip(
     size=(WIDTH, HEIGHT),
     container_format=None,
 ):
-    """Encode numbered grey images, at the stamps given or at a rate; x264 is lossless unless told otherwise."""
+    """Encode numbered grey images, at the stamps given or at a rate; x264 is lossless by default."""
     options = {"qp": "0", "g": "10"} | (options or {}) if codec == "libx264" else options or {}
     with av.open(str(path), "w", format=container_format, options=container_options or {}) as container:
         stream = container.add_stream(codec, rate=rate, options=options)
@@ -382,7 +382,7 @@ def test_sample_near_key_frames_gives_the_frames_of_a_full_pass(tmp_path, monkey
 
 
 def test_sample_near_key_frames_does_not_keep_step_with_them(tmp_path, monkeypatch):
-    """A motion with the period of the key frames would else be met in one place, and end up in the background."""
+    """A motion with the period of the key frames would else be sampled at one position, and enter the background."""
     path = write_clip(tmp_path / "a.mp4", 200, options={"g": "10"})
     monkeypatch.setattr(iris_sysid.video.reader, "SAMPLING_PIXELS", 100 * WIDTH * HEIGHT)
     places = [frame.index % 10 for frame in open_video(path).sample(20)]
