@@ -1,8 +1,8 @@
-"""What each effect would add to a fitted model's prediction, to first order, without fitting it.
+"""First-order sensitivity of a fitted model's prediction to each effect, without fitting it.
 
-An effect that acts on the motion is a small force e(t) along the motion without it. The linearised motion answers
-with P(t) times the integral of P(t)^-1 e(t), where P(t) = d state(t) / d state(0): a few integrations for P serve
-all effects. An effect that acts on what is seen needs no integration.
+An effect that acts on the motion is a small force e(t) along the motion without it. The response of the linearised
+motion is P(t) times the integral of P(t)^-1 e(t), where P(t) = d state(t) / d state(0): a few integrations for P serve
+all effects. An effect that acts on the observation needs no integration.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from iris_sysid.types import Array, Effect, FitResult, OdeModel, Quantity, Traje
 
 REFINEMENT = 4  # points in a sample interval at which the force is given
 RESPONSE = 1e-4  # size of a trial change, relative to the range of what is changed
-WORST_CONDITION = 1e8  # of the transition, which loses digits as the motion forgets how it began
+WORST_CONDITION = 1e8  # of the transition matrix, which loses digits as initial conditions decay
 
 _FORCED = """
 def rhs(t, state, params, inputs):
@@ -36,7 +36,7 @@ def rhs(t, state, params, inputs):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Motion:
-    """A fitted motion on a grid finer than the samples, and how it answers to small forces.
+    """A fitted motion on a grid finer than the samples, and its response to small forces.
 
     ``grid`` (m,) s, of which ``at_samples`` (n,) are the samples used; ``states`` and ``slopes`` (m, s);
     ``values`` of the parameters by name; ``inputs`` (m, i) or None; ``transition`` (m, s, s) d state / d initial

@@ -1,6 +1,6 @@
 """The benchmark's own estimators, as its paper describes them: envelope, damped cosine, second-order polynomial.
 
-They stand beside the fits of the full model, so that their bias can be seen; none of them is used for anything else.
+They are compared with the fits of the full model to show their bias; they are not used for anything else.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ def free_fall(trajectory: Trajectory, known: Known) -> dict[str, Estimate]:
 
 
 def incline(trajectory: Trajectory, known: Known) -> dict[str, Estimate]:
-    """Friction tan(angle) - a / (g cos(angle)), a by a second-order polynomial through the way along the board.
+    """Friction tan(angle) - a / (g cos(angle)), a by a second-order polynomial through the distance along the board.
 
     Parameters
     ----------

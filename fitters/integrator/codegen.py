@@ -1,4 +1,4 @@
-"""Functions made from source text, the only place where the project does so.
+"""Functions compiled from source text; no other module does this.
 
 Right-hand sides are composed from others (a model with an effect, a loop over columns), and numba wants them written
 out: numbers and tuples only, one line a derivative. The text is made of numbers of states and parameters, never of

@@ -36,7 +36,7 @@ PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis))
 
 
 class NoFingerprintError(Exception):
-    """A function uses something that cannot be told from another one in another process."""
+    """A function uses an object without a fingerprint that is the same in every process."""
 
 
 class LoadedFunction(WrapperAddressProtocol):
@@ -119,7 +119,7 @@ def _name_of(function: Callable[..., Any]) -> str | None:
 
 @functools.cache
 def _circumstances() -> tuple[Any, ...]:
-    """Everything beside the function on which its machine code depends."""
+    """Everything except the function on which its machine code depends."""
     cpu_target.target_context.refresh()  # what machine code calls must be there before any is loaded
     return (
         FORMAT,
@@ -135,7 +135,7 @@ def _circumstances() -> tuple[Any, ...]:
 
 
 def _fingerprint(value: Any, seen: dict[int, int]) -> tuple[Any, ...]:  # noqa: C901 - one line a kind of value
-    """What tells a value from all others, in any process; ``seen`` are functions on the way here, by identity."""
+    """Fingerprint of a value, the same in every process; ``seen`` are the enclosing functions, by identity."""
     if isinstance(value, PLAIN):
         return type(value).__name__, repr(value)
     if isinstance(value, tuple):

@@ -42,7 +42,7 @@ class Trial:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Begun:
-    """A model fitted to the first part of an observable, and the error of what it predicts.
+    """A model fitted to the first part of an observable, and its prediction error.
 
     ``request`` asks for all samples, ``first`` is the fit of the first part.
     """
@@ -134,7 +134,7 @@ def _no_candidate(model: OdeModel, observable: ObservableCandidate, why: str) ->
 def _adapted(
     model: OdeModel, observable: ObservableCandidate, free: Sequence[str]
 ) -> tuple[OdeModel, dict[str, float | Estimate], list[str]]:
-    """The model with its zero left open; the values that the observable knows; the names that it leaves open."""
+    """The model with its zero free; the values that the observable fixes; the names of the values that it frees."""
     names = {parameter.name for parameter in model.parameters}
     fixed: dict[str, float | Estimate] = {name: value for name, value in observable.known.items() if name in names}
     pivot = {parameter.name for parameter in model.with_role("pivot")}  # the model estimates it itself
@@ -159,12 +159,12 @@ def _adapted(
 
 
 def _held_gravity(model: OdeModel) -> list[str]:
-    """Gravity of a model that takes it for known: held, it would put models that estimate it at a disadvantage."""
+    """Gravity of a model that holds it: a held gravity would favour that model over those that estimate it."""
     return [parameter.name for parameter in model.with_role("gravity") if parameter.constant]
 
 
 def _pulls(full: FitResult, fixed: Mapping[str, float | Estimate]) -> float:
-    """Squared distances from the priors in their standard errors."""
+    """Sum of squared deviations from the priors, in their standard errors."""
     priors = {name: prior for name, prior in fixed.items() if isinstance(prior, Estimate)}
     return float(
         sum(((full.estimates[name].value - prior.value) / prior.stderr) ** 2 for name, prior in priors.items())

@@ -114,7 +114,7 @@ def _first_of(used: Mask) -> Mask:
 
 
 def _departures(tracks: Sequence[Trajectory]) -> NDArray[np.intp]:
-    """Sample at which each body leaves its position; their number for one that stays, or is hardly seen."""
+    """Sample at which each body leaves its rest position; the number of samples for one at rest, or hardly seen."""
     seen = [select(track, ("motion",)).used for track in tracks]
     noise = [
         np.max(raw_of(track, used).noise) for track, used in zip(tracks, seen, strict=True) if used.sum() >= FEWEST
@@ -135,7 +135,7 @@ def _most_moving(tracks: Sequence[Trajectory], moving: Sequence[int]) -> list[in
 
 
 def _first_mover(tracks: Sequence[Trajectory], departures: NDArray[np.intp]) -> Raw | None:
-    """The body that leaves its position first, until the exposure before another does; None when that is too short."""
+    """The body that moves first, up to the last exposure before another one moves; None when that is too short."""
     first, second = np.argsort(departures, kind="stable")[:2]
     used = select(tracks[first], ("motion",)).used.copy()
     used[: departures[first]] = used[max(departures[second] - 1, 0) :] = False
@@ -143,7 +143,7 @@ def _first_mover(tracks: Sequence[Trajectory], departures: NDArray[np.intp]) -> 
 
 
 def _until_others_move(alone: ModelChoice, joint: ModelChoice) -> ModelChoice:
-    """What the first body does alone, and named so; where nothing fits that either, what was found of all."""
+    """The choice for the first body alone, with the observable named so; the joint choice where nothing fits it."""
     if alone.chosen is None:
         return joint
     ranking = tuple(
@@ -153,7 +153,7 @@ def _until_others_move(alone: ModelChoice, joint: ModelChoice) -> ModelChoice:
 
 
 def _observables_of(raws: Sequence[Raw], known: Mask) -> list[ObservableCandidate]:
-    """Readings of one body; of several bodies those that they have in common."""
+    """Observables of one body; for several bodies, those that they have in common."""
     if len(raws) == 1:
         return observables_of(raws[0], known)
     bodies = [{observable.name: observable for observable in observables_of(raw, known)} for raw in raws]
@@ -178,7 +178,7 @@ def _common_distances(raws: Sequence[Raw]) -> ObservableCandidate:
 def _each_alone(
     raws: Sequence[Raw], known: Mask, bank: Mapping[str, OdeModel], free: Sequence[str]
 ) -> list[ModelCandidate]:
-    """One-body models for each body by itself: bodies that have nothing to do with one another."""
+    """One-body models for each body separately, for bodies that do not interact."""
     per_body = []
     for raw in raws:
         trials = [Trial(raw.t_s, known, _motion([raw]), observable) for observable in observables_of(raw, known)]
@@ -194,7 +194,7 @@ def _each_alone(
 
 
 def _all_of(key: tuple[str, str], parts: Sequence[ModelCandidate]) -> ModelCandidate:
-    """One model under one observable, for each body by itself."""
+    """One model under one observable, for each body separately."""
     heldout, residual = (
         float(np.sqrt(np.mean([getattr(part, name) ** 2 for part in parts]))) for name in ("heldout", "residual")
     )

@@ -39,7 +39,7 @@ INPUT = re.compile(r"u[0-9]*")
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """What one column holds: ``name`` in ``unit``, after multiplication by ``factor``."""
+    """The quantity of one column: ``name`` in ``unit``, after multiplication by ``factor``."""
 
     header: str
     name: str

@@ -39,12 +39,12 @@ SPECIAL_COLUMNS = ("t_s", "valid", "segment")
 
 
 def side_car_of(path: str | Path) -> Path:
-    """The file beside the table ``path`` that holds what a CSV cannot say."""
+    """Path of the origin file of the table ``path``, which holds what a CSV cannot store."""
     return Path(f"{path}.origin.json")
 
 
 def _read_beside(path: str | Path) -> tuple[OriginDocument | None, dict[str, Any]]:
-    """What stands beside the table, if anything, and the origin of the table."""
+    """The content of the origin file, if there is one, and the origin of the table."""
     if not side_car_of(path).exists():
         return None, origin_of(path, {})
     try:
@@ -102,7 +102,7 @@ def read_track(path: str | Path) -> list[Track]:
 
 
 def _beside_body(document: OriginDocument | None, origin: Mapping[str, Any], body: str) -> dict[str, Any]:
-    """What the file beside a track says of one body: fields of its Track."""
+    """The fields of a Track that the origin file gives for one body."""
     if document is None:
         return {"origin": origin}
     stated = document.body_error_autocorrelation.get(body, document.error_autocorrelation)
@@ -148,7 +148,7 @@ def _track(sheet: Sheet, columns: Mapping[str, Any], body: str, rows: list[int],
 
 
 def _valid(sheet: Sheet, positions: Mapping[str, Array]) -> Mask:
-    """Where every position is known, and not said to be wrong by a ``valid`` column."""
+    """Where every position is known, and a ``valid`` column does not exclude it."""
     known = np.all([np.isfinite(values) for values in positions.values()], axis=0)
     if "valid" not in sheet:
         return known
@@ -213,7 +213,7 @@ def read_trajectory(path: str | Path) -> Trajectory:
 
 
 def _systematic(sheet: Sheet, document: OriginDocument | None, shape: tuple[int, int]) -> dict[str, Array]:
-    """What errors have in common, by source (r, n, d); DataError when it is not of the table's shape (n, d)."""
+    """Systematic error patterns by source (r, n, d); DataError when the shape is not that of the table (n, d)."""
     by_source = {}
     for source, patterns in document.systematic.items() if document else ():
         if any(len(rows) != shape[0] or any(len(row) != shape[1] for row in rows) for rows in patterns):
@@ -281,14 +281,14 @@ def _some_valid(sheet: Sheet, positions: Mapping[str, Array]) -> Mask:
 
 
 def _restored(columns: Sequence[Column], document: OriginDocument | None) -> tuple[Quantity, ...]:
-    """The quantities of the columns, with the symbols that the file beside the table gives them."""
+    """The quantities of the columns, with the symbols that the origin file gives them."""
     entries = [*document.quantities, *document.inputs] if document else []
     known = {entry.quantity().column: entry.quantity() for entry in entries}
     return tuple(known.get(column.quantity.column, column.quantity) for column in columns)
 
 
 def _segments(sheet: Sheet, document: OriginDocument | None) -> tuple[Segment, ...]:
-    """The segments of the table; with their reasons where the file beside the table has the same segments."""
+    """The segments of the table; with their reasons where the origin file has the same segments."""
     if "segment" not in sheet:
         return ()
     labels = [cell.strip() or None for cell in sheet.columns["segment"]]
@@ -353,7 +353,7 @@ def _covariance(
 
 
 def _smoothing(sheet: Sheet, d: int, document: OriginDocument | None) -> tuple[Array, Array]:
-    """Process noise and NIS of each quantity, NaN where nothing beside the table states them."""
+    """Process noise and NIS of each quantity, NaN where the origin file does not state them."""
     smoothing = document.smoothing if document else None
     if smoothing is None:
         return np.full(d, np.nan), np.full(d, np.nan)

@@ -162,7 +162,7 @@ def _sha256_of_folder(folder: Path) -> str:
 
 
 def origin_of(source: str | Path | None, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Say where a result comes from, the same way each time: no time stamp, no folder of this machine.
+    """Record the origin of a result reproducibly: without time stamp and without the folders of this machine.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def json_text(value: Any) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """The value in the types that JSON knows."""
+    """The value converted to JSON types."""
     if value is None or isinstance(value, bool | int):
         return value
     if isinstance(value, str | Path):

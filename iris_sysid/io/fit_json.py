@@ -32,7 +32,7 @@ def pooled_document(pooled: PooledFit, tables: Sequence[str], trajectory: Trajec
     tables
         Name of each clip's file.
     trajectory
-        The first clip: its origin says what was asked.
+        The first clip; its origin records the request.
     """
     free = list(pooled.estimates)
     means = [population.mean.stderr**2 for population in pooled.population.values()]
@@ -129,7 +129,7 @@ def selection_document(choice: ModelChoice, origin: Trajectory) -> FitDocument:
     choice
         The ranking; its first fit must not have failed.
     origin
-        What was read: its origin says what was asked.
+        The trajectory that was read; its origin records the request.
     """
     first = choice.nearest
     if first.fit is None:

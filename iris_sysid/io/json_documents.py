@@ -240,7 +240,7 @@ def write_fit(result: FitResult, trajectory: Trajectory, path: str | Path, *, ov
 
 
 def plain_origin(origin: Mapping[str, Any]) -> dict[str, Any]:
-    """The origin in the types that JSON knows; DataError when it holds anything else."""
+    """The origin converted to JSON types; DataError when it holds anything else."""
     plain: dict[str, Any] = json.loads(json_text(origin))
     return plain
 

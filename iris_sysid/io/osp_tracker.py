@@ -41,7 +41,7 @@ _ZIP_TROUBLE = (zipfile.BadZipFile, NotImplementedError, RuntimeError, zlib.erro
 
 @dataclass(frozen=True, eq=False, slots=True)
 class OspProject:
-    """What a Tracker project says about a clip.
+    """The content of a Tracker project for one clip.
 
     ``scale_px_per_m`` is NaN where the project was never calibrated; ``length_unit`` is the unit it was
     stated in (empty when the project does not say: then metres are assumed). ``origin_px`` (x, y) is the

@@ -35,14 +35,14 @@ def lost_time(t_s: Array, values: Array, scale: Array) -> Array:
         after = np.arange(t_s.size)[around] > step
         if min(after.sum(), (~after).sum()) < FEWEST_BESIDE or after.size < AROUND + FEWEST_BESIDE:
             continue
-        without, given_back = _left(near_s, near), _left(near_s + lost_s * after, near)
+        without, given_back = _residual_rms(near_s, near), _residual_rms(near_s + lost_s * after, near)
         if without > CLEAR and without > BETTER * given_back:
             missing_s[step + 1 :] += lost_s
     return missing_s
 
 
 def _ahead(t_s: Array, values: Array) -> list[tuple[int, float]]:
-    """Steps that are longer than those beside them by the way of whole frames, and the time of these in s."""
+    """Steps that are longer than their neighbours by the distance of whole frames, and the lost time of each in s."""
     if t_s.size < AROUND + FEWEST_BESIDE:
         return []
     apart_s = np.diff(t_s)
@@ -57,8 +57,8 @@ def _ahead(t_s: Array, values: Array) -> list[tuple[int, float]]:
     return [(int(k) + 1, float(lost[k]) * frame_s) for k in np.flatnonzero(whole)]
 
 
-def _left(t_s: Array, values: Array) -> float:
-    """Root mean square of what one parabola leaves, its degrees of freedom allowed for."""
+def _residual_rms(t_s: Array, values: Array) -> float:
+    """Root mean square residual of one parabola, with its degrees of freedom allowed for."""
     every = np.arange(t_s.size)[None]
     residual = local.fit_windows(t_s, values, every, t_s[:1], 2)[2]
     return float(np.sqrt(np.sum(residual**2) / (values.shape[1] * (t_s.size - 3))))

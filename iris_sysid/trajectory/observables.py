@@ -9,7 +9,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.trajectory.segmentation import segment
 from iris_sysid.types import Array, Calibration, Phenomenon, Quantity, Track, Trajectory
 
-# what a track may measure beside positions -> the quantity, its column, and that of its standard error
+# what a track may measure besides positions -> the quantity, its column, and that of its standard error
 OF_TRACK = {
     "radius": (Quantity("r", "px", "r"), "radius_px", "sigma_radius_px"),
     "angle": (Quantity("phi", "rad", r"\varphi"), "angle_rad", "sigma_angle_rad"),
@@ -37,7 +37,7 @@ def measured(track: Track, calibration: Calibration, phenomenon: Phenomenon) -> 
     Raises
     ------
     DataError
-        When the track does not hold what is asked of it: it was made by another kind of tracker.
+        When the track lacks the requested quantity: another kind of tracker made it.
     """
     world = to_world(track, calibration)
     if phenomenon.measures == "position":

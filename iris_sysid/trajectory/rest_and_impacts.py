@@ -89,7 +89,7 @@ def runs(mask: Mask) -> list[tuple[int, int]]:
 
 
 def rests(body: Body, part: Stretch) -> list[Stretch]:
-    """Where the speed cannot be told from zero for at least 0.2 s and five samples."""
+    """Where the speed is indistinguishable from zero for at least 0.2 s and five samples."""
     inside = body.part(part.start, part.stop)
     if inside.index.size < FEWEST:
         return []

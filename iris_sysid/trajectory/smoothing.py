@@ -169,7 +169,7 @@ class _Column:
         )
 
     def time_unit_s(self, ratio: float) -> float:
-        """The smoother's own time constant: in it all elements of the covariance are about 1, none is lost."""
+        """The smoother's own time constant: in this unit all elements of the covariance are of order 1."""
         if ratio <= 0:
             return self.span_s
         return float(np.clip((self.unit**2 * self.step_s / ratio) ** (1 / 6), self.step_s, self.span_s))

@@ -47,9 +47,9 @@ def straight_part(t_s: Array, position: Array, scale: Array) -> StraightPart:
 
 
 def _robust_line(position: Array, scale: Array) -> tuple[Array, Array]:
-    """A point on the line and its direction: median direction over half the way, then total least squares on what fits.
+    """A point on the line and its direction: median direction of chords, then total least squares of inliers.
 
-    The median (Theil 1950, Sen 1968) stands a quarter of the way off the line.
+    The median (Theil 1950, Sen 1968) tolerates a quarter of the points off the line.
     """
     half = len(position) // 2
     chord = position[half:] - position[: len(position) - half]

@@ -1,4 +1,4 @@
-"""What errors of an observed quantity have in common: the errors of calibration and clock, sent all the way through."""
+"""Systematic errors of an observed quantity, common to all samples: errors of calibration and clock, propagated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What gravity tells: which way is up, by a plumb line, by the flight or as assumed, and the scale of a flight."""
+"""The vertical, from a plumb line, from a flight or as assumed, and the scale of a flight from known gravity."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def with_motion_vertical(calibration: Calibration, body: Track, kind: MotionKind
 
 
 def _direction_stderr(t_s: Array, position: Array) -> float:
-    """Standard error of the acceleration's direction, rad, from what a parabola leaves across it."""
+    """Standard error of the acceleration's direction, rad, from the residual of a parabola across it."""
     coefficients = np.polyfit(t_s, position, 2)
     acceleration = coefficients[0]
     size = float(np.hypot(*acceleration))

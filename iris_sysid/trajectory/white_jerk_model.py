@@ -48,7 +48,7 @@ def _stacked(rows: list[list[Array]]) -> Array:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Start:
-    """What the first three measurements say when nothing is known beforehand (an exactly diffuse start).
+    """The state after the first three measurements without prior knowledge (an exactly diffuse start).
 
     ``state`` (3,) and ``covariance`` (3, 3) hold at the third measurement. Given the state there, an earlier
     state is ``offset + matrix @ state`` with covariance ``spread``: see :meth:`earlier`.

@@ -1,4 +1,4 @@
-"""How pixels become metres in the plane of motion."""
+"""The calibration: the map from pixels to metres in the plane of motion, with its uncertainty."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from iris_sysid.types._arrays import Array, frozen_array
 from iris_sysid.types._numbers import Estimate
 
-# what fixed the direction of gravity: "unstated" where a calibration does not say
+# how the direction of gravity was determined: "unstated" where a calibration does not record it
 VerticalSource = Literal["unstated", "image", "board-edge", "file-axes", "plumb-line", "flight"]
 MEASURED_VERTICALS: tuple[VerticalSource, ...] = ("plumb-line", "flight")
 N_VALUES = 18  # nine entries of the homography, row by row, then fx, fy, cx, cy, k1, k2, p1, p2, k3
@@ -29,18 +29,18 @@ def _no_distortion() -> Array:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Calibration:
-    """How pixels become metres in the plane of motion; :func:`iris_sysid.to_world` applies it.
+    """The map from pixels to metres in the plane of motion; :func:`iris_sysid.to_world` applies it.
 
     ``homography`` (3, 3) maps homogeneous (x, y, 1) undistorted px, y down, to metres, x right, z up. ``scale`` is px
     per ``unit`` at ``centre_px``, where the calibration was made, with its standard error. ``unit`` is ``m``, or ``px``
-    when no scale is known: then angles and times are still right, lengths are not. ``camera_matrix`` (3, 3) and
+    when no scale is known: then angles and times are still correct, lengths are not. ``camera_matrix`` (3, 3) and
     ``distortion`` (5,) k1, k2, p1, p2, k3, as OpenCV defines them, undistort.
 
     ``budget`` holds, by source, parts of the covariance (18, 18) of ``values``: common to all samples, so an average
     over frames does not shrink it. They are independent and add up to ``covariance``. ``image_size`` (width, height) px
-    is that of the images it is valid for, None where it was not made from images. ``vertical_source`` says what fixed
-    the direction of gravity. ``fixed`` says in words what else the data fixed, ``assumed`` what else was taken for
-    granted, ``notes`` what a user should know. ``rms_px`` is the root mean square residual of the board's corners, NaN
+    is that of the images it is valid for, None where it was not made from images. ``vertical_source`` is how the
+    direction of gravity was determined. ``fixed`` lists in words what else the data determined, ``assumed`` the
+    assumptions, ``notes`` other remarks. ``rms_px`` is the root mean square residual of the board's corners, NaN
     without a board.
     """
 

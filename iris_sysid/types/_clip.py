@@ -1,4 +1,4 @@
-"""What is read of a clip, and what a tracker makes of it."""
+"""Frames of a clip, options of a tracker, and the track that it returns."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _no_chroma() -> None:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Frame:
-    """One decoded frame. ``luma`` is (h, w) uint8; ``bgr()`` converts to (h, w, 3) uint8 when asked.
+    """One decoded frame. ``luma`` is (h, w) uint8; ``bgr()`` converts to (h, w, 3) uint8 on demand.
 
     ``chroma()`` gives the two colour planes (cb, cr) as coded, uint8, each as large as luma or smaller; None where
     the image is not coded so.
@@ -35,7 +35,7 @@ class Frame:
 
 
 class FrameSource(Protocol):
-    """What a tracker is given: frames in order, as often as it asks, with the container's exact times."""
+    """The input of a tracker: frames in order, as many times as needed, with the container's exact times."""
 
     @property
     def width(self) -> int:
@@ -58,11 +58,11 @@ class FrameSource(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TrackOptions:
-    """What a user may tell any tracker.
+    """Options that every tracker accepts.
 
     ``roi`` is (x, y, width, height) in px. ``colour`` is a name or ``#rrggbb``: only pixels of about
     that hue count. ``progress`` is called with (frames done, frames expected). ``mask`` gives an image for each
-    frame in which 0 is background and every other value a body: it takes the place of the detector.
+    frame in which 0 is background and every other value a body: it replaces the detector.
     """
 
     bodies: int = 1
@@ -85,8 +85,8 @@ class Track:
     (true where something that reaches in from the edge of the image touches the body), and the standard
     errors ``sigma_radius_px``, ``sigma_angle_rad``, ``sigma_intensity`` of what they are named after.
     ``frame`` (n,) is the number of each frame in the file. A gap is NaN and not valid.
-    ``error_autocorrelation`` says how long the errors of the position last, None where the tracker cannot tell.
-    ``origin`` says in words and numbers where the track comes from; nothing is computed from it.
+    ``error_autocorrelation`` is that of the position errors, None where the tracker does not measure it.
+    ``origin`` records the source of the track; nothing is computed from it.
     """
 
     t_s: Array

@@ -1,4 +1,4 @@
-"""What a diagnosis gives: the effects that a model lacks, the error before and after, and limits on all others."""
+"""The result of a diagnosis: missing effects, the error before and after, and limits on all other effects."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from iris_sysid.types._model import Effect
 from iris_sysid.types._numbers import Estimate
 from iris_sysid.types._result import FitResult
 
-UNEXPLAINED = 2.0  # residual over noise from which the model is incomplete: no error of the noise estimate is as large
+UNEXPLAINED = 2.0  # residual / noise above which the model is incomplete: the noise estimate errs by less
 
 NoteKind = Literal[
     "base-fit", "noise", "no-effect", "refit-failed", "rejected-sign", "rejected-size", "negative-damping"
@@ -23,8 +23,8 @@ class Score:
     """One effect in one round of score tests, from its sensitivity alone: nothing is refitted.
 
     ``size`` and ``stderr`` are its first-order estimate in ``unit``; ``gain`` is the fraction of the residual's
-    sum of squares ``total``, in units of the noise, that it would explain; ``chi2`` is what that would take off
-    the chi-square of white noise, with ``degrees`` degrees of freedom. ``size`` and ``stderr`` are NaN when the data
+    sum of squares ``total``, in units of the noise, that it would explain; ``chi2`` is the resulting decrease of
+    the chi-square for white noise, with ``degrees`` degrees of freedom. ``size`` and ``stderr`` are NaN when the data
     cannot show the effect. ``shape`` holds the best values of its other parameters, of ``tried`` sets of them.
     Below ``resolvable_size`` the effect changes the trajectory by less than its stated errors. ``shifts`` say by
     how much each fitted value changes when the effect is added, per unit of its size.
@@ -66,8 +66,8 @@ class Limit:
 class Errors:
     """Root mean square of the residual, in the observed unit: over the samples fitted, and over those held out.
 
-    Held out is the end of each clip, after a fit to its beginning; of several clips, also the size of every effect
-    added, which then comes from the other clips. ``weighed`` is the held-out error in units of each sample's noise.
+    The end of each clip is held out and predicted by a fit to its beginning. With several clips, the size of every
+    added effect comes from the other clips. ``weighed`` is the held-out error in units of each sample's noise.
     NaN where nothing could be held out.
     """
 
@@ -78,7 +78,7 @@ class Errors:
 
 @dataclass(frozen=True, slots=True)
 class DiagnosticNote:
-    """Something to know beside the result: ``kind`` says what for, ``text`` says it in words.
+    """A note on the result: ``kind`` is its code, ``text`` its wording.
 
     ``base-fit``: the fit without effects is doubtful. ``noise``: the noise hides the motion. ``no-effect``: no effect
     of the library applies, or the fitted parameters imitate all of them. ``refit-failed``: an effect could not be
@@ -93,7 +93,7 @@ class DiagnosticNote:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Diagnosis:
-    """What a model lacks, if anything.
+    """The effects that a model lacks, if any.
 
     ``bases`` and ``finals`` are fits to the same samples, one a clip, without and with the effects; ``added`` are
     the effects in the order in which they were found; ``sizes`` by parameter name their model-averaged size over all

@@ -1,4 +1,4 @@
-"""What discovery gives: the equation itself, how sure each of its terms is, and what the bank calls it."""
+"""The result of a discovery: the equation, the inclusion of each term, and the matching model of the bank."""
 
 from __future__ import annotations
 

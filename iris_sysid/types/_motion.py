@@ -1,4 +1,4 @@
-"""A motion in world units, what it is cut into, and how pixels become it."""
+"""A trajectory in world units, its segments, and its smoothed states."""
 
 from __future__ import annotations
 
@@ -67,8 +67,8 @@ class Trajectory:
     common: (r, n, d), r independent patterns, each the change of every position for one standard error; an average over
     samples does not shrink them. ``smoothed`` is there after :func:`iris_sysid.smooth`. ``error_autocorrelation`` says
     how long the random errors of the positions last, ``first_frame`` is the number in the video of the first sample
-    (None where frames were left out); both None where not known. ``origin`` says in words and numbers where the
-    trajectory comes from; nothing is computed from it.
+    (None where frames were left out); both None where not known. ``origin`` records the source of the
+    trajectory; nothing is computed from it.
     """
 
     t_s: Array

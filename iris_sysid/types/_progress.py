@@ -14,20 +14,20 @@ def with_progress(
 ) -> Iterator[Item]:
     """Yield the items, and report after every so many of them, and after the last.
 
-    An item counts as done when the next one is asked for, that is, at the end of the loop's body.
+    An item counts as done when the next one is requested, that is, at the end of the loop's body.
 
     Parameters
     ----------
     items
-        What the loop is over.
+        The items of the loop.
     progress
         Called with (items done, items expected); None reports nothing.
     expected
-        How many items there should be; 0 where that is unknown. A container may promise fewer than it holds.
+        Expected number of items; 0 where that is unknown. A container may declare fewer than it holds.
     every
         Report after this many items.
     done
-        Items that were done before this loop; they are reported at once.
+        Number of items done before this loop; they are reported at once.
     """
     start = done
     if progress is not None and start:
@@ -47,11 +47,11 @@ def part_of_progress(progress: Progress | None, part: int, parts: int) -> Progre
     Parameters
     ----------
     progress
-        Of the whole; None gives None.
+        Progress of the whole; None gives None.
     part
         Number of the part, from 0.
     parts
-        How many there are.
+        Number of parts.
     """
     if progress is None:
         return None

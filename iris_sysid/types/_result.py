@@ -1,4 +1,4 @@
-"""What a fit gives."""
+"""The result of a fit to one clip or several."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ FitReason = Literal[
 class FitProblem:
     """Why a fit gave no estimates, or why they need care.
 
-    ``reason`` is for programs, everything else for readers: ``finding`` says what is wrong in one clause, ``detail``
-    adds the numbers, ``remedy`` is a sentence that says what to do.
+    ``reason`` is a code for programs. ``finding`` describes the problem in one clause, ``detail`` adds the numbers, and
+    ``remedy`` is a sentence with the action to take.
     """
 
     reason: FitReason
@@ -45,13 +45,13 @@ class FitProblem:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Identifiability:
-    """What the data can tell of the free values ``names``, k of them.
+    """Which of the k free values ``names`` the data determine.
 
     ``condition`` of the Fisher information after scaling each value to unit information; ``undetermined`` holds its
     null directions in words, ``weakest`` the direction that is known least. ``gradients``: norm of the gradient of
     the mean squared residual, in units of the noise, by the free values relative to their size, at each iteration.
     ``ode_residual`` (d,): mean squared error of one step of the equation from sample to sample, in squared units;
-    ``ode_residual_noise`` (d,): what the noise alone makes of it. ``hessian`` (k, k), where it was asked for: second
+    ``ode_residual_noise`` (d,): the part due to noise alone. ``hessian`` (k, k), where it was requested: second
     derivatives of minus the log likelihood at the optimum by the free values, for white noise, and
     ``hessian_condition`` after scaling each value to a unit diagonal.
     """
@@ -81,7 +81,7 @@ class FitResult:
     after scaling each parameter to unit information. ``budget[name][source]`` is the standard error
     of a parameter from each source. ``t0_s`` is the time at which the initial states hold.
     ``intervals[method][name]`` are 95 % intervals of the random part by other methods than that of the estimates.
-    ``problems`` say why the status is not ``ok``, the most serious first; ``notes`` what a reader should know beside.
+    ``problems`` are the reasons why the status is not ``ok``, the most serious first; ``notes`` are further remarks.
     """
 
     model: OdeModel
@@ -147,12 +147,12 @@ class FitResult:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Population:
-    """How one value is spread over clips, beyond what each clip's own error makes of it.
+    """The scatter of one value over clips, in excess of the error within each clip.
 
     ``mean`` over all clips that there could be; ``between`` the standard deviation from clip to clip, with its 95 %
     interval; ``within`` the typical random standard error in one clip. ``q`` is Cochran's sum of squared distances
-    from the weighted mean in standard errors, over ``degrees`` degrees of freedom, and ``p_value`` the chance of so
-    much when all clips have one value.
+    from the weighted mean in standard errors, over ``degrees`` degrees of freedom, and ``p_value`` the probability of
+    a larger ``q`` if all clips have the same value.
     """
 
     mean: Estimate

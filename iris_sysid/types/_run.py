@@ -1,4 +1,4 @@
-"""What one clip is measured with, and what it gave."""
+"""The options of a run on one clip, and its result."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from iris_sysid.types._result import FitResult
 
 @dataclass(frozen=True, slots=True)
 class ClipOptions:
-    """Which part of a clip is read, and how its frames are timed.
+    """The part of a clip to read, and the timing of its frames.
 
     ``fps`` is the true frame rate in 1/s, where that of the file is the one of slow-motion playback; ``fps_stderr`` its
     relative standard error, common to all times. ``start_s`` and ``stop_s`` limit the part that is read, s.
@@ -33,7 +33,7 @@ class ClipOptions:
 
 @dataclass(frozen=True, slots=True)
 class GeometryOptions:
-    """What is known about the scene beside the calibration.
+    """Known geometry of the scene, in addition to the calibration.
 
     ``marks_px`` are points marked in the image, (x, y) px by name: ``pivot`` of a pendulum, ``launch`` of a throw.
     ``plumb_px`` holds two points of a plumb line (x1, y1, x2, y2), px, upper end first. ``vertical``: ``motion`` takes
@@ -49,7 +49,7 @@ class GeometryOptions:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Run:
-    """Everything that one clip gave, from the track to the fit; :func:`iris_sysid.write_report` draws it.
+    """All results of one clip, from the track to the fit; :func:`iris_sysid.write_report` draws them.
 
     ``tracks`` in px and ``world``, x and z, have one entry per body; ``trajectory`` is the observable that the model
     was fitted to. ``notes`` say what a user should know.

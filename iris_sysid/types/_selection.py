@@ -1,4 +1,4 @@
-"""What model selection gives: the models of the bank ranked by what they predict."""
+"""The result of model selection: the models of the bank, ranked by their prediction error."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from iris_sysid.types._result import FitResult
 class ModelCandidate:
     """One model of the bank under one observable of the track.
 
-    ``observable`` names what the track was taken for, e.g. ``angle``. ``heldout`` and ``residual``: root mean square,
+    ``observable`` is the interpretation of the track, e.g. ``angle``. ``heldout`` and ``residual``: root mean square,
     in units of the measurement's noise, of all raw channels over the samples held out and over all of them; ``bic``
     over all samples. ``fit`` is that of all samples, None when it failed; ``adequate`` when its residual is near the
     noise. ``count`` numbers describe the samples: those of the model and of the observable. ``idle``: the model has
-    events, and none happens in these samples, which so say nothing of them.
+    events, but none happens in these samples, so the data do not test them.
     """
 
     model: str
@@ -31,13 +31,13 @@ class ModelCandidate:
 
     @property
     def unknowns(self) -> int:
-        """How many of the numbers are the equation's own."""
+        """Number of fitted values of the equation."""
         return 0 if self.fit is None else len(self.fit.free)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ModelChoice:
-    """Models ranked, the best first, and what that says.
+    """The ranked models, the best first, and the choice.
 
     ``chosen`` is None when none of them fits. ``heldout_margin`` is the held-out error of the next model over that of
     the first, ``bic_margin`` how much larger its BIC is.
