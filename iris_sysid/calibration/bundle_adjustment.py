@@ -1,4 +1,4 @@
-"""Least squares of a camera's parameters and of the pose of each view, and how well the data fix them.
+"""Least squares of a camera's parameters and of the pose of each view, with their covariance.
 
 Parameters of the camera are those of :data:`iris_sysid.calibration.distortion.CAMERA_PARAMETERS`, nine numbers. A pose
 is a rotation vector and a translation, six numbers: board to camera.
@@ -56,12 +56,12 @@ class CameraFit:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Coordinates measured less parameters fitted."""
+        """Degrees of freedom: measured coordinates minus fitted parameters."""
         return 2 * sum(map(len, self.residuals)) - self.poses.size - self.free.shape[1]
 
     @property
     def noise_px(self) -> float:
-        """Standard deviation of a corner's coordinate, px, from what the fit leaves."""
+        """Standard deviation of a corner's coordinate, px, from the residual."""
         return float(np.sqrt(self.squares / self.degrees_of_freedom))
 
     @property
@@ -72,11 +72,11 @@ class CameraFit:
 
     @property
     def clustering(self) -> float:
-        """How much larger the fitted parameters' variance is than independent corner errors would make it; 1 or above.
+        """Ratio of the fitted parameters' variance to that for independent corner errors; 1 or above.
 
         With S the information, S_v its part from view v and g_v that view's score, independent errors give
         ``sum g_v' S^-1 g_v`` the mean ``s^2 (p - sum tr (S^-1 S_v)^2)``. A larger value, beyond twice its scatter,
-        means that the errors of a view's corners go together: a bent board, or a lens unlike the model. (The ratio of
+        means that the errors of a view's corners are correlated: a bent board, or a wrong lens model. (The ratio of
         the cluster-robust to the usual covariance, Liang and Zeger 1986, as one number: views are few.)
         """
         total = self.information.sum(axis=0)

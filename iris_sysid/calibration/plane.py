@@ -1,4 +1,4 @@
-"""The plane of motion as a camera sees it: pixels to metres and back, with the errors that all samples share."""
+"""Map pixels to metres in the plane of motion and back, with the systematic errors that all samples share."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from iris_sysid.calibration.homography import apply_homography, homography_sensi
 from iris_sysid.errors import CalibrationError
 from iris_sysid.types import N_VALUES, Array, Calibration, Estimate
 
-STEP = 1e-2  # of a standard error: well within where the map is straight
+STEP = 1e-2  # fraction of a standard error: the map is linear over such a step
 UNKNOWN_SCALE = Estimate(math.nan, math.nan, "px/m")
-NEGLIGIBLE = 1e-3  # of the largest pattern of a source: adds 1e-6 to its variance
+NEGLIGIBLE = 1e-3  # fraction of the largest pattern of a source: contributes 1e-6 of its variance
 
 
 def with_scale(calibration: Calibration) -> Calibration:
@@ -23,7 +23,7 @@ def with_scale(calibration: Calibration) -> Calibration:
 
 
 def to_plane(calibration: Calibration, xy_px: Array) -> tuple[Array, Array, Array]:
-    """Map pixels to the plane of motion, with the derivatives through which errors go.
+    """Map pixels to the plane of motion, with the derivatives for error propagation.
 
     The random error of a sample is ``A diag(sigma_px^2) A'`` with A = ``by_px``; the error that samples i and j have in
     common is ``B_i C B_j'`` with B = ``by_calibration`` and C = ``calibration.covariance`` (GUM, 5.2.2).
@@ -77,20 +77,20 @@ def to_pixels(calibration: Calibration, position_m: Array) -> Array:
 
 
 def common_errors(calibration: Calibration, xy_px: Array) -> dict[str, Array]:
-    """What can be wrong with a calibration, as independent changes of its numbers, as far as it shows at some pixels.
+    """Systematic errors of a calibration as independent changes of its numbers, as far as they matter at some pixels.
 
     Parameters
     ----------
     calibration
         Of the plane.
     xy_px
-        Pixels (n, 2); NaN is passed over.
+        Pixels (n, 2); NaN is ignored.
 
     Returns
     -------
     dict
         By source of its budget: changes (r, 18) of ``calibration.values`` by one standard error each. To first order
-        the covariance of positions is the sum of the outer products of what they do to them (GUM, 5.2.2).
+        the covariance of positions is the sum of the outer products of the resulting changes (GUM, 5.2.2).
     """
     seen = xy_px[np.isfinite(xy_px).all(axis=1)]
     sensitivity = to_plane(calibration, seen)[2].reshape(-1, N_VALUES)
@@ -134,7 +134,7 @@ def local_scale(calibration: Calibration, at_px: tuple[float, float]) -> Estimat
 
 
 def local_geometry(calibration: Calibration, at_px: tuple[float, float]) -> dict[str, Estimate]:
-    """Scale and its departures at a position ``at_px`` of the image, each with the error common to all samples.
+    """Scale and its distortions at a position ``at_px`` of the image, each with the error common to all samples.
 
     ``stretch`` is the ratio of the scales along the image's x and y, ``shear_rad`` how far the image's right angle
     is off a right angle in the plane, ``turn_rad`` how far the image's up is turned clockwise from z.
@@ -195,13 +195,13 @@ def positions_of(values: Array, xy_px: Array) -> Array:
     return apply_homography(values[:9].reshape(3, 3), undistorted)
 
 
-# --------------------------------------------------------------------------- does it belong to the clip
+# --------------------------------------------------------------------------- agreement with the clip
 
 
 def check_image_size(calibrated: tuple[int, int] | None, clip: tuple[int, int]) -> None:
     """Refuse a calibration made at another resolution or crop than the clip's; sizes are (width, height) px.
 
-    ``calibrated`` None stands for a calibration that was not made from images. Raises CalibrationError.
+    ``calibrated`` is None for a calibration that was not made from images. Raises CalibrationError.
     """
     if calibrated is None or tuple(calibrated) == tuple(clip):
         return

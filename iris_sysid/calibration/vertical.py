@@ -81,12 +81,12 @@ def with_vertical(
     calibration
         Of the plane.
     angle_of
-        By how much to turn the world anticlockwise, rad, from the 18 numbers of a calibration: the errors of these
-        follow it.
+        Angle by which to turn the world anticlockwise, rad, as a function of the 18 numbers of a calibration, so that
+        their errors propagate.
     angle_stderr
         Standard error of the angle by its own measurement, rad.
     source
-        What fixed the vertical.
+        How the vertical was determined.
 
     Returns
     -------
@@ -103,7 +103,7 @@ def with_vertical(
 
 
 def with_assumed_vertical(calibration: Calibration, angle_stderr: float) -> Calibration:
-    """Add to a calibration's budget how far its assumed vertical may be off.
+    """Add the uncertainty of an assumed vertical to a calibration's budget.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def with_assumed_vertical(calibration: Calibration, angle_stderr: float) -> Cali
     Returns
     -------
     Calibration
-        Its budget has the part ``assumed vertical``; as it was where the vertical was measured.
+        Its budget has the part ``assumed vertical``; unchanged where the vertical was measured.
     """
     if calibration.vertical_measured:
         return calibration
@@ -138,7 +138,7 @@ def turned(calibration: Calibration, angle: float) -> Calibration:
 def upright(calibration: Calibration, up: Literal["image", "board"]) -> Calibration:
     """Turn the world so that z is up at ``centre_px``, where the ``calibration`` was made.
 
-    ``up``: ``image`` takes what is up in the image there, ``board`` the axis of the world nearest to that.
+    ``up``: ``image`` takes the upward direction of the image there, ``board`` the axis of the world nearest to it.
     """
     quarter = math.pi / 2
 
@@ -151,23 +151,23 @@ def upright(calibration: Calibration, up: Literal["image", "board"]) -> Calibrat
 
 
 def vertical_text(calibration: Calibration) -> str:
-    """What fixed the direction of gravity, in words."""
+    """How the direction of gravity was determined, in words."""
     return VERTICAL_TEXTS[calibration.vertical_source]
 
 
 def fixed_by_data(calibration: Calibration) -> tuple[str, ...]:
-    """What the data fixed, in words, the vertical included where it was measured."""
+    """Quantities that the data determine, in words, including a measured vertical."""
     return (*calibration.fixed, vertical_text(calibration)) if calibration.vertical_measured else calibration.fixed
 
 
 def assumptions(calibration: Calibration) -> tuple[str, ...]:
-    """What was taken for granted, in words, the vertical included where it was not measured."""
+    """The assumptions, in words, including a vertical that was not measured."""
     stated = calibration.vertical_measured or calibration.vertical_source == "unstated"
     return calibration.assumed if stated else (*calibration.assumed, vertical_text(calibration))
 
 
 def _turned_by(calibration: Calibration, angle_of: Callable[[Array], float]) -> Calibration:
-    """Turn the world anticlockwise by an angle that follows from the calibration's own numbers, errors included."""
+    """Turn the world anticlockwise by an angle computed from the calibration's numbers, with error propagation."""
     values = calibration.values
     angle = angle_of(values)
     cos, sin = math.cos(angle), math.sin(angle)

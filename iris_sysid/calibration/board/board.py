@@ -1,4 +1,4 @@
-"""What a calibration board is, and what one image of it shows."""
+"""A calibration board, and the view of it in one image."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ BOARD_HELP = "write the inner corners as columns x rows, e.g. 9x6 for a board of
 class BoardError(CalibrationError):
     """An image gives no view of the board.
 
-    ``reason`` is the message without the image's name; ``seen`` is False where no board was seen at all, rather than
-    part of one, another one, or one that cannot be measured.
+    ``reason`` is the message without the image's name; ``seen`` is False where no board was detected, and True for a
+    part of a board, another board, or one that cannot be measured.
     """
 
     def __init__(self, image: str, reason: str, *, seen: bool) -> None:
@@ -57,7 +57,7 @@ class Board:
 
     @property
     def label(self) -> str:
-        """How it is written, e.g. ``9x6``."""
+        """Its size as text, e.g. ``9x6``."""
         return f"{self.columns}x{self.rows}"
 
     @property
@@ -68,12 +68,12 @@ class Board:
 
     @property
     def centre_m(self) -> Array:
-        """The middle of its inner corners (2,) in m."""
+        """The centre of its inner corners (2,) in m."""
         return np.array([self.columns - 1, self.rows - 1]) * self.square_m / 2
 
     @property
     def symmetric(self) -> bool:
-        """Whether it looks the same turned by 180 degrees, so that its first corner cannot be told from its last."""
+        """Whether it looks the same turned by 180 degrees, so that its first and last corner are indistinguishable."""
         return self.marker_m is None and (self.columns + self.rows) % 2 == 0
 
     @property
@@ -132,7 +132,7 @@ class BoardView:
         return board.points_m[self.ids]
 
     def outline_px(self, board: Board) -> Array:
-        """Where the ``board``'s four outermost inner corners are (4, 2), px, also where they were not found."""
+        """Positions (4, 2), px, of the ``board``'s four outermost inner corners, also of undetected ones."""
         homography, _ = fit_homography(self.points_m(board), self.corners_px)
         last = board.columns * board.rows - 1
         return apply_homography(homography, board.points_m[[0, board.columns - 1, last, last + 1 - board.columns]])

@@ -27,7 +27,7 @@ Luma = NDArray[np.uint8]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BoardCalibration:
-    """What images of a board gave.
+    """The calibration from images of a board.
 
     ``calibration`` of the plane of motion; ``camera`` and, in it, the view of the board in the plane, or parallel
     to it (``fitted``); None when one image was all. ``image`` (h, w) uint8 is that view's.
@@ -41,7 +41,7 @@ class BoardCalibration:
 
 @dataclass(frozen=True, slots=True)
 class BoardPlacement:
-    """Where the board is relative to the plane of motion.
+    """The position of the board relative to the plane of motion.
 
     ``view`` is the number of a frame of the clip, or of an image counted from 1, or an image file; None takes the
     first that shows the board. ``offset_m`` is how far the board is behind the plane of motion, ``distance_m`` from the
@@ -74,7 +74,7 @@ class CameraOptions:
 
 
 class Views(NamedTuple):
-    """The ``views`` of a board, what to note about them, and by name why an image gave none (``missing``)."""
+    """The ``views`` of a board, notes on them, and by name the reason why an image has no view (``missing``)."""
 
     views: tuple[BoardView, ...]
     notes: tuple[str, ...]
@@ -98,13 +98,13 @@ def calibrate_board(
     sources
         Images, folders of images, or one clip.
     board
-        What they show.
+        The board that they show.
     placement
-        Which view is in the plane of motion, or how far off it.
+        The view in the plane of motion, or its distance from that plane.
     camera
-        Known already, from an earlier calibration at the same zoom, focus and resolution; then one view is enough.
+        Camera from an earlier calibration at the same zoom, focus and resolution; then one view is enough.
     one_image
-        Calibrate the plane without a camera, from its view alone.
+        Calibrate the plane from its view alone, without a camera.
     options
         How the camera is fitted.
     progress
@@ -214,7 +214,7 @@ def _views(
 
 
 def _camera(views: Views, board: Board, options: CameraOptions) -> tuple[CameraCalibration, tuple[str, ...]]:
-    """The camera that the views fix, with notes; the error says also why other images gave no view."""
+    """The camera from the views, with notes; an error also lists why other images have no view."""
     try:
         camera = calibrate_camera(
             views.views,

@@ -1,4 +1,4 @@
-"""Where exactly a corner of a checkerboard is: a model of the blurred corner, fitted to the grey levels around it."""
+"""Sub-pixel position of a checkerboard corner: a model of the blurred corner, fitted to the grey levels around it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ROOT_PI = np.sqrt(np.pi)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Saddles:
-    """Corners as fitted: ``xy_px`` (n, 2), and (n,) each ``stderr_px`` of one coordinate, ``blur_px``, ``contrast``.
+    """Fitted corners: ``xy_px`` (n, 2), and (n,) each ``stderr_px`` of one coordinate, ``blur_px``, ``contrast``.
 
     ``blur_px`` is the standard deviation of the wider of a corner's two edges; ``contrast`` half the step between
     dark and light, positive where the square on the side of +a and +b is light. NaN: no corner was found there.
@@ -64,7 +64,7 @@ def refine_by_model(grey: NDArray[np.uint8], xy_px: Array, squares_px: Array, cl
 
     d1 and d2 are distances from the corner's two edges, E the error function: a step blurred by a Gaussian of
     standard deviation s. The edges' directions, blurs, the levels m and c, and a slope g of the light are fitted with
-    the position. Unlike the classical window, this takes no pixel of another corner, and says how well it is known.
+    the position. Unlike the classical window, the fit uses no pixel of another corner, and gives the standard error.
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def _refine_one(
     grey: NDArray[np.uint8], start: Array, sides: Array, clear: float
 ) -> tuple[float, float, float, float, float]:
     pixels, levels = _patch(grey, start, sides, clear)
-    if len(levels) < 25:  # ten unknowns need some pixels more
+    if len(levels) < 25:  # ten unknowns need more pixels
         return NOTHING
     params, covariance = _fit(pixels, levels, _guess(pixels, levels, sides))
     moved = np.linalg.solve(sides, params[:2])
@@ -155,7 +155,7 @@ def _predicted(pixels: Array, params: Array) -> tuple[Array, Array]:
 
 
 def _fit(pixels: Array, levels: Array, params: Array) -> tuple[Array, Array]:
-    """Parameters of least squares, and their covariance (10, 10) from the scatter that is left."""
+    """Parameters of least squares, and their covariance (10, 10) from the residual scatter."""
     predicted, slopes = _predicted(pixels, params)
     residual, damping = levels - predicted, 1e-3
     for _ in range(STEPS):
@@ -179,7 +179,7 @@ def _covariance(slopes: Array, residual: Array) -> Array:
     normal = slopes.T @ slopes
     size = np.sqrt(np.diag(normal)) + 1e-12
     scaled = normal / np.outer(size, size)
-    if not np.linalg.cond(scaled) < 1e12:  # a flat patch: nothing fixes the corner
+    if not np.linalg.cond(scaled) < 1e12:  # a flat patch does not determine the corner
         return np.full((10, 10), np.nan)
     variance = residual @ residual / max(len(residual) - 10, 1)
     return variance * np.linalg.inv(scaled) / np.outer(size, size)

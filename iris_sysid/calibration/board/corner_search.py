@@ -1,4 +1,4 @@
-"""Look for a board's inner corners in an image, roughly, and say why when they are not there."""
+"""Locate a board's inner corners approximately, and diagnose an image without them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Grey = NDArray[np.uint8]
 SEARCH_SIDES_PX = (960, 1920)
 CLASSICAL = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
 SECTORS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
-SMALLEST_SEEN = 12  # inner corners, 4x3: fewer are found in any clutter
+SMALLEST_SEEN = 12  # inner corners, 4x3: fewer are detected in any cluttered image
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -40,9 +40,9 @@ def locate(grey: Grey, board: Board, thorough: bool) -> Found | None:
     grey
         Image (h, w).
     board
-        What to look for.
+        The board to find.
     thorough
-        Look at every scale and by the slower method too.
+        Search every scale, and use the slower method too.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def locate(grey: Grey, board: Board, thorough: bool) -> Found | None:
 
 
 def _grown(grey: Grey, board: Board) -> Found | None:
-    """The board as the largest grid that can be seen, when that has as many corners as the board."""
+    """The largest visible grid, if it has as many corners as the board."""
     part = part_of_board(grey)
     if part is None or sorted(part.shape[:2]) != sorted((board.rows, board.columns)):
         return None
@@ -75,7 +75,7 @@ def _grown(grey: Grey, board: Board) -> Found | None:
 
 
 def _scales(grey: Grey, thorough: bool) -> Iterator[tuple[float, Grey]]:
-    """The image at each size that is searched, with how many of its pixels one pixel covers."""
+    """The image at each scale that is searched, with the number of original pixels per pixel."""
     longer = max(grey.shape)
     for side in SEARCH_SIDES_PX if thorough else SEARCH_SIDES_PX[:1]:
         if longer > side:
@@ -122,7 +122,7 @@ def locate_markers(grey: Grey, board: Board) -> Found | None:
 
 
 def _markers(grey: Grey, board: Board, legacy: bool = False) -> tuple[Array, NDArray[np.int64], int]:
-    """Corners, their numbers, and how many markers were read."""
+    """Corners, their numbers, and the number of decoded markers."""
     squares = board.columns + 1, board.rows + 1
     marker_m = board.marker_m or 0.0
     pattern = cv2.aruco.CharucoBoard(squares, board.square_m, marker_m, dictionary_of(board.dictionary))
@@ -147,7 +147,7 @@ def dictionary_of(name: str) -> cv2.aruco.Dictionary:
 
 
 def why_not_found(grey: Grey, board: Board) -> tuple[str, bool]:
-    """What a ``grey`` image shows instead of the whole ``board`` and what to do; whether any board is seen."""
+    """Why a ``grey`` image does not show the whole ``board``, with a remedy; and whether any board is visible."""
     return _why_no_markers(grey, board) if board.marker_m is not None else _why_no_checkerboard(grey, board)
 
 
@@ -159,7 +159,7 @@ def _why_no_markers(grey: Grey, board: Board) -> tuple[str, bool]:
     _, ids, n_markers = _markers(grey, board)
     if len(ids):
         return f"only {len(ids)} corners of the ChArUco board are seen, 6 are needed; show more of it, evenly lit", True
-    if n_markers > 3:  # a few are read by chance in any clutter
+    if n_markers > 3:  # a few markers are decoded by chance in any cluttered image
         return (
             f"{n_markers} markers of {board.dictionary} are seen, but they do not fit a ChArUco board of {board.label} "
             f"inner corners; {BOARD_HELP}"
@@ -191,7 +191,7 @@ def _why_no_checkerboard(grey: Grey, board: Board) -> tuple[str, bool]:
 
 
 def part_of_board(grey: Grey) -> Array | None:
-    """The largest grid of corners to be seen in a ``grey`` image (rows, columns, 2), px; None when hardly any."""
+    """The largest grid of corners (rows, columns, 2), px, in a ``grey`` image; None when it is too small."""
     scale, small = next(_scales(grey, thorough=True))
     success, corners, grid = cv2.findChessboardCornersSBWithMeta(small, (3, 3), SECTORS | cv2.CALIB_CB_LARGER)
     if not success or grid is None:
@@ -204,7 +204,7 @@ def part_of_board(grey: Grey) -> Array | None:
 
 
 def check_ends(grey: Grey, corners_px: Array, board: Board) -> None:
-    """Refuse a board that goes on beyond the corners (columns * rows, 2) found in a ``grey`` image.
+    """Refuse a board that extends beyond the corners (columns * rows, 2) found in a ``grey`` image.
 
     Corners are in px.
     """

@@ -24,12 +24,12 @@ Image = str | Path | NDArray[np.uint8]
 # Beyond this blur (standard deviation, squares) the edges of neighbouring corners run into one another.
 BLUR_LIMIT_SQUARES = 0.2
 SMALLEST_SQUARE_PX = 6.0
-FEWEST_KEPT = 0.8  # of the corners found
+FEWEST_KEPT = 0.8  # smallest fraction of the detected corners to keep
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BoardSearch:
-    """What was found in several images: ``views``, and by name why an image gave none (``missing``)."""
+    """Views of a board in several images, and by name the reason why an image has none (``missing``)."""
 
     views: tuple[BoardView, ...]
     missing: Mapping[str, str] = field(default_factory=dict)
@@ -53,19 +53,19 @@ def find_board(
     image
         Path of an image file, or an array: grey (h, w) or BGR (h, w, 3), uint8.
     board
-        What to look for.
+        The board to find.
     window_px
         Use the classical method instead, with windows of this half side in px, as OpenCV's calibration sample does with
         11. A window larger than half a square jumps to other corners.
     name
-        What to call the image in messages; its file name when not given.
+        Name of the image in messages; by default its file name.
     thorough
-        Look at every scale, by a slower method too, and say why a board was not found.
+        Search every scale, also by a slower method, and report why a board was not found.
 
     Returns
     -------
     BoardView
-        Positions, standard errors and blur. A mirrored image of a plain checkerboard cannot be told from a true one.
+        Positions, standard errors and blur. A mirrored image of a plain checkerboard looks like a true one.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def find_boards(
     window_px: int | None = None,
     progress: Progress | None = None,
 ) -> BoardSearch:
-    """Find a board in several images; an image that gives none is named with the reason.
+    """Find a board in several images; images without a view are listed with the reason.
 
     Images are grey (h, w) or BGR (h, w, 3), in grey levels.
 
@@ -133,7 +133,7 @@ def find_boards(
 
 
 def grey_image(image: Image) -> NDArray[np.uint8]:
-    """The ``image`` in grey levels (h, w); CalibrationError for what is no image."""
+    """The ``image`` in grey levels (h, w); CalibrationError for an array or file that is not an image."""
     if isinstance(image, str | Path):
         return _read_grey(Path(image))
     array = np.asarray(image)
@@ -199,7 +199,7 @@ def _classical(grey: NDArray[np.uint8], rough_px: Array, window_px: int) -> Sadd
 
 
 def _checked(saddles: Saddles, square_px: float) -> NDArray[np.bool_]:
-    """Which corners to keep; CalibrationError when the image is blurred or too many corners are lost."""
+    """True for corners to keep; CalibrationError when the image is blurred or too many corners are lost."""
     kept = np.asarray(np.isfinite(saddles.xy_px).all(axis=1))
     blurs = saddles.blur_px[np.isfinite(saddles.blur_px)]
     limit_px = BLUR_LIMIT_SQUARES * min(square_px, LARGEST_REACH_PX / 0.42)

@@ -1,4 +1,4 @@
-"""Choose the frames of a clip from which a camera is calibrated: sharp, all over the image, none nearly twice."""
+"""Choose the frames of a clip for a camera calibration: sharp, covering the image, without near duplicates."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from iris_sysid.calibration.board.detect import find_board
 from iris_sysid.errors import CalibrationError
 from iris_sysid.types import Array, Frame, FrameSource, Progress, with_progress
 
-NEARLY_ALIKE = 0.02  # of the image's diagonal
+NEARLY_ALIKE = 0.02  # fraction of the image's diagonal
 SEARCHED_SLOWLY = 4  # frames
 BLURRED_TIMES = 2.0  # the median blur of the sharper half
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ChosenFrames:
-    """Views chosen from a clip, in order of time, and how many frames went which way."""
+    """Views chosen from a clip, in order of time, and the number of frames rejected for each reason."""
 
     views: tuple[BoardView, ...]
     n_examined: int
@@ -46,7 +46,7 @@ def choose_frames(
     examine: int = 200,
     progress: Progress | None = None,
 ) -> ChosenFrames:
-    """Find the board in frames spread over a clip and choose those that say most about the camera.
+    """Find the board in frames spread over a clip and choose the most informative ones for the camera.
 
     Frames whose edges are more than twice as wide as usual are dropped. Of frames in which the board has nearly the
     same position, the sharpest stays. Of the rest, each next view is the one whose outline differs most from all
@@ -59,9 +59,9 @@ def choose_frames(
     board
         The board shown in it.
     count
-        How many frames to choose at most.
+        Largest number of frames to choose.
     examine
-        How many frames to look at, spread evenly over the clip.
+        Number of frames to examine, spread evenly over the clip.
     progress
         Called with (frames decoded, frames expected).
 
@@ -97,7 +97,7 @@ def choose_frames(
 
 
 def _spread(video: FrameSource, examine: int, progress: Progress | None) -> Iterator[Frame]:
-    """Every k-th frame, so that about so many come; where the length is unknown, ever fewer as the clip goes on."""
+    """Every k-th frame, to give about ``examine`` frames; where the length is unknown, k grows along the clip."""
     every = max(1, math.ceil(video.n_expected / examine))
     taken = 0
     for number, frame in enumerate(with_progress(video.frames(), progress, video.n_expected)):
@@ -140,7 +140,7 @@ def _sharp(views: list[BoardView]) -> list[BoardView]:
 
 
 def _different(views: list[BoardView], outlines: Array) -> list[int]:
-    """Numbers of the views that are not nearly the same as a sharper one."""
+    """Indices of the views that are not near duplicates of a sharper one."""
     limit_px = NEARLY_ALIKE * math.hypot(*views[0].image_size)
     kept: list[int] = []
     for k, outline in enumerate(outlines):
@@ -150,7 +150,7 @@ def _different(views: list[BoardView], outlines: Array) -> list[int]:
 
 
 def _spread_out(outlines: Array, count: int) -> list[int]:
-    """Numbers of the outlines (n, 4, 2) that differ most, beginning with the first (Gonzalez 1985)."""
+    """Indices of the outlines (n, 4, 2) that differ most, beginning with the first (Gonzalez 1985)."""
     chosen = [0]
     nearest = _differences(outlines, outlines[0])
     while len(chosen) < min(count, len(outlines)):

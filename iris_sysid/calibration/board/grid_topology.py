@@ -1,4 +1,4 @@
-"""The squares of a checkerboard: where the board ends, which way round it is."""
+"""The squares of a checkerboard: the extent of the board and its orientation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ IMAGE_SIDES = ("left edge", "right edge", "top edge", "bottom edge")
 CONTRAST_OF_CORNER = 0.3
 FAINTEST_STEP = 3.0  # grey levels
 MOST = 0.6
-INNER = np.linspace(-0.2, 0.2, 5)  # the part of a square that is looked at, squares from its centre
+INNER = np.linspace(-0.2, 0.2, 5)  # the sampled part of a square, in squares from its centre
 QUARTERS = np.array([[1, 1], [-1, -1], [1, -1], [-1, 1]]) * 0.27  # squares from a corner
 
 
@@ -49,7 +49,7 @@ def goes_on(grey: Grey, grid_px: Array) -> dict[str, bool]:
 
 
 def _real_corners(grey: Grey, grid_px: Array) -> Mask:
-    """Which corners of the grid and of one ring around it (rows + 2, columns + 2) alternate as inner corners do."""
+    """True for corners of the grid and a ring around it (rows + 2, columns + 2) that alternate as inner corners do."""
     rows, columns = grid_px.shape[:2]
     positions = numbered(rows, columns, beyond=1)[:, None, None] + QUARTERS[:, None] + _spots(0.1)
     quarters = _levels(grey, apply_homography(_homography(grid_px), positions.reshape(-1, 2)).reshape(*positions.shape))
@@ -63,12 +63,12 @@ def _real_corners(grey: Grey, grid_px: Array) -> Mask:
 
 
 def _spots(reach: float) -> Array:
-    """A square of 5x5 positions (25, 2) that reaches so far to each side."""
+    """A square of 5x5 positions (25, 2) that extends so far to each side."""
     return np.stack(np.meshgrid(INNER, INNER), axis=-1).reshape(-1, 2) * reach / INNER[-1]
 
 
 def _levels(grey: Grey, places_px: Array) -> Array:
-    """Mean grey level over the last but one axis of positions (..., k, 2); 0 outside the image."""
+    """Mean grey level over the second-last axis of positions (..., k, 2); 0 outside the image."""
     x, y = np.moveaxis(places_px.astype(np.float32), -1, 0).reshape(2, -1, places_px.shape[-2])
     levels = cv2.remap(grey, np.ascontiguousarray(x), np.ascontiguousarray(y), cv2.INTER_LINEAR)
     return levels.mean(axis=1, dtype=np.float64).reshape(places_px.shape[:-2])
@@ -100,7 +100,7 @@ def whole_grid(grey: Grey, grid_px: Array) -> Array:
 
 
 def _with_side(grid_px: Array, side: int) -> Array:
-    """The grid with one more line of corners at that side, where the homography puts them."""
+    """The grid with one more line of corners at that side, extrapolated by the homography."""
     rows, columns = grid_px.shape[:2]
     ring = apply_homography(_homography(grid_px), numbered(rows, columns, beyond=1)).reshape(rows + 2, columns + 2, 2)
     line = (ring[1:-1, :1], ring[1:-1, -1:], ring[:1, 1:-1], ring[-1:, 1:-1])[side]

@@ -50,13 +50,13 @@ def plane_from_board(
     Parameters
     ----------
     view
-        The board in the image.
+        View of the board in the image.
     board
-        Its squares, with their standard error.
+        The board, with the standard error of its squares.
     camera
         The camera that took the image and the clip; without it, only what one image shows is corrected.
     offset_m
-        How far the board is behind the plane of motion, away from the camera; negative in front of it.
+        Distance of the board behind the plane of motion, away from the camera; negative in front of it.
     offset_stderr_m
         Its standard error.
     distance_m
@@ -169,7 +169,7 @@ def _homography(pose: Array, parameters: Array, behind_m: float, size: float, ce
 
 
 def _in_front(pose: Array, behind_m: float) -> bool:
-    """Whether the plane of motion's middle is in front of the camera."""
+    """Whether the centre of the plane of motion is in front of the camera."""
     return bool(pose[5] - behind_m * rotation_of(pose)[2, 2] > 0)
 
 
@@ -248,7 +248,7 @@ def _without_camera(
 
 
 def _one_view(world: Array, seen: Array, image_size: tuple[int, int]) -> _OneView:
-    """Fit a homography, and k1 of a lens centred in the image where the corners show it beyond doubt."""
+    """Fit a homography, and k1 of a lens centred in the image where it is significant."""
     focal = USUAL_FOCAL * max(image_size)  # only gives k1 its unit
     camera_matrix = matrix_of(np.array([focal, focal, (image_size[0] - 1) / 2, (image_size[1] - 1) / 2]))
     to_image, covariance = fit_homography(world, seen)
