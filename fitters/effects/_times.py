@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from iris_sysid.types import Array
+from iris_sysid.types import Array, Parameter
 
 FEWEST, MOST = 8, 40
 SAMPLES_EACH = 10  # between two moments, unless that makes too many
@@ -33,3 +33,13 @@ def sudden(t_s: Array) -> float:
 def frame_interval(t_s: Array) -> float:
     """The usual time (s) between two samples at these times (n,)."""
     return float(np.median(np.diff(t_s)))
+
+
+def start_parameter(name: str) -> Parameter:
+    """The time from which an effect counts: that of the first sample, so that no result depends on the clock's zero."""
+    return Parameter(name, "s", "t_0", default=0.0, constant=True, source="the first sample used")
+
+
+def first_time(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
+    """The time (s) of the first of the samples (n,), as the only value to try; ``observed`` (n, d) is not used."""
+    return [(float(t_s[0]),)]

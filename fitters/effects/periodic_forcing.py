@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitters.effects._domain import moves_on_a_line
+from fitters.effects._times import start_parameter
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 MOST_CYCLES = 12.0  # in the clip, of the slowest forcings; half a cycle is what the clip resolves
@@ -12,32 +13,34 @@ QUARTER_TURNS = (0.0, 0.5 * np.pi)
 
 
 def acceleration(
-    t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, float, float]
+    t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, float, float, float]
 ) -> float:
-    """A sine."""
-    size, rate, phase = params
-    return size * np.sin(rate * t + phase)
+    """A sine of the time since the start."""
+    size, rate, phase, start = params
+    return size * np.sin(rate * (t - start) + phase)
 
 
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
-    """Angular frequencies that the clip can tell apart, each at two phases.
+    """Angular frequencies that the clip can tell apart, each at two phases at the first sample.
 
     ``t_s`` (n,), s; ``observed`` (n, d), in the observed unit.
     """
     span = float(t_s[-1] - t_s[0])
     cycles = np.arange(1.0, max(min(MOST_CYCLES, t_s.size / 8), 1.5), 0.5)
-    return [(float(2 * np.pi * count / span), phase) for count in cycles for phase in QUARTER_TURNS]
+    start = float(t_s[0])
+    return [(float(2 * np.pi * count / span), phase, start) for count in cycles for phase in QUARTER_TURNS]
 
 
 EFFECT = Effect(
     name="periodic-forcing",
     summary="a periodic force from outside",
-    equation=r"+f\,\sin(\omega t + \varphi)",
+    equation=r"+f\,\sin(\omega\,(t - t_0) + \varphi)",
     source="Rayleigh (1894), The Theory of Sound, section 46",
     parameters=(
         Parameter("periodic_forcing", "{x}/s^2", "f", default=0.0),
         Parameter("forcing_rate", "1/s", r"\omega", lower=0.0, default=1.0),
         Parameter("forcing_phase", "rad", r"\varphi", default=0.0),
+        start_parameter("forcing_start"),
     ),
     applies=moves_on_a_line,
     acceleration=acceleration,
