@@ -48,7 +48,8 @@ def axis_of(images: Sequence[Image]) -> Axis:
     The axis is in px.
 
     The middle of a turning body lies on a circle about the axis, or on the axis itself. Images in which something
-    else shows, such as a hand, are outvoted. TrackingError when nothing differs, or the centroid does not follow a circle.
+    else shows, such as a hand, are outvoted. TrackingError when nothing differs, or the centroid does not follow a
+    circle.
     """
     shown = [image for image in images if np.count_nonzero(image) >= FEWEST_PIXELS]
     if len(shown) < FEWEST_FRAMES:
