@@ -134,7 +134,7 @@ def _ranges(
 
 def _in_the_shape_of_the_scene(effect: Effect, clip: Trajectory, rng: np.random.Generator) -> Effect:
     """An effect of the library, with the only shape in which the scene can hide it."""
-    fixed = {"periodic-forcing": (2 * np.pi * FORCING_HZ, 0.0)}
+    fixed: dict[str, tuple[float, ...]] = {"periodic-forcing": (2 * np.pi * FORCING_HZ, 0.0, 0.0)}
     if effect.name == LOST:
         fixed[LOST] = (float(rng.uniform(*np.quantile(clip.t_s, (0.2, 0.8)))), 1.0 / FPS)
     return replace(shaped(effect, fixed.get(effect.name, ())), trials=None)
