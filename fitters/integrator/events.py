@@ -18,16 +18,8 @@ import numpy as np
 from numba import boolean, int64, types
 from numpy.typing import NDArray
 
-from fitters.integrator.dormand_prince import (
-    _COLUMNS,
-    _CUBE,
-    _MATRIX,
-    _VECTOR,
-    NODES,
-    STAGES,
-    _inputs_at,
-    _weighted,
-)
+from fitters.integrator.dop853_coefficients import NODES, STAGES
+from fitters.integrator.dormand_prince import _COLUMNS, _CUBE, _MATRIX, _VECTOR, _inputs_at, _weighted
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 
