@@ -37,7 +37,7 @@ def frame_interval(t_s: Array) -> float:
 
 def start_parameter(name: str) -> Parameter:
     """The time from which an effect counts: that of the first sample, so that no result depends on the clock's zero."""
-    return Parameter(name, "s", "t_0", default=0.0, constant=True, source="the first sample used")
+    return Parameter(name, "s", "t_0", default=0.0, constant=True, source="a diagnosis takes the first sample used")
 
 
 def first_time(t_s: Array, observed: Array) -> list[tuple[float, ...]]:

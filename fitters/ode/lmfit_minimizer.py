@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fitters.ode.simulation import simulate
+from fitters.ode.simulation import predicted_by
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, FitResult, OdeModel, Trajectory
+from iris_sysid.types import Array, FitResult, Trajectory
 
 if TYPE_CHECKING:
     import lmfit
@@ -79,13 +79,10 @@ def _residual_of(fitted: FitResult, trajectory: Trajectory) -> Callable[[dict[st
     """Residual (n_used * d,) in units of the noise, as a function of all values by name."""
     observed = (fitted.predicted + fitted.residual)[fitted.used]
     noise = np.where(fitted.noise > 0, fitted.noise, 1.0)
-    begin, stop = int(np.searchsorted(fitted.t_s, fitted.t0_s)), int(np.flatnonzero(fitted.used)[-1]) + 1
-    used = fitted.used[begin:stop]
-    model: OdeModel = fitted.model
-    inputs = None if trajectory.inputs is None else trajectory.inputs[begin:stop]
+    stop = int(np.flatnonzero(fitted.used)[-1]) + 1
 
     def residual(values: dict[str, float]) -> Array:
-        predicted = simulate(model, fitted.t_s[begin:stop], values, inputs=inputs).observed[used]
+        predicted = predicted_by(fitted, trajectory, values, stop)[fitted.used[:stop]]
         distance = np.nan_to_num((predicted - observed) / noise, nan=LARGEST, posinf=LARGEST, neginf=-LARGEST)
         return np.clip(distance, -LARGEST, LARGEST).ravel()
 

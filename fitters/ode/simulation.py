@@ -17,7 +17,7 @@ from fitters.integrator.initial_value_problem import (
 )
 from fitters.ode.fit_problem import check_names
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, OdeModel, frozen_array, increasing_times
+from iris_sysid.types import Array, FitResult, OdeModel, Trajectory, frozen_array, increasing_times
 
 
 class Simulation(NamedTuple):
@@ -131,3 +131,23 @@ def _problem_at(
 
 def _is_constant(model: OdeModel, name: str) -> bool:
     return any(parameter.name == name and parameter.constant for parameter in model.parameters)
+
+
+def predicted_by(fitted: FitResult, trajectory: Trajectory, values: Mapping[str, float], stop: int) -> Array:
+    """Predict the first samples (stop, d), in observed units, with the model of a fit; NaN before it begins.
+
+    Parameters
+    ----------
+    fitted
+        The fit that gives the model and the time at which it begins.
+    trajectory
+        Gives the times (n,) in s and the inputs.
+    values
+        Parameters and initial states by name.
+    stop
+        Number of samples to predict.
+    """
+    begin = int(np.searchsorted(trajectory.t_s, fitted.t0_s))
+    known = trajectory.inputs[begin:stop] if trajectory.inputs is not None else None
+    _, predicted = simulate(fitted.model, trajectory.t_s[begin:stop], values, inputs=known)
+    return np.concatenate([np.full((begin, predicted.shape[1]), np.nan), predicted])

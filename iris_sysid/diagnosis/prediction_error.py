@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitters.ode import FitRequest
-from iris_sysid.diagnosis.refit import ModelWithEffects, estimate_values, fit_from, pooled, predicted_by, sizes_of
+from fitters.ode.simulation import predicted_by
+from iris_sysid.diagnosis.refit import ModelWithEffects, estimate_values, fit_from, pooled, sizes_of
 from iris_sysid.types import Array, Errors, FitResult
 
 SAMPLES_A_VALUE = 2  # samples per free value that a fit needs after others are held out

@@ -10,10 +10,11 @@ import numpy as np
 from fitters.compose_effects import with_effect
 from fitters.noise.random_effects import random_effects
 from fitters.noise.sandwich_covariance import inverse_normal
-from fitters.ode import FitRequest, simulate, solve
+from fitters.ode import FitRequest, solve
+from fitters.ode.simulation import predicted_by
 from iris_sysid.diagnosis.measurement_errors import unit_noise
 from iris_sysid.diagnosis.score_test import shaped
-from iris_sysid.types import Array, Effect, Estimate, FitResult, Mask, OdeModel, Trajectory, normal_isf, student_sf
+from iris_sysid.types import Array, Effect, Estimate, FitResult, Mask, OdeModel, normal_isf, student_sf
 
 MOST_MOVES = 4  # steps from an effect's shape to a better one nearby
 HIGHEST = 0.95  # largest lag-1 correlation that is allowed for
@@ -250,23 +251,3 @@ def pooled(sizes: Sequence[Estimate]) -> Estimate:
         return known[0] if known else sizes[0]
     values, stderrs = np.array([size.value for size in known]), np.array([size.stderr for size in known])
     return random_effects(values, stderrs, known[0].unit).mean
-
-
-def predicted_by(fitted: FitResult, trajectory: Trajectory, values: Mapping[str, float], stop: int) -> Array:
-    """Predict the first samples (stop, d), in observed units, with the model of a fit; NaN before it begins.
-
-    Parameters
-    ----------
-    fitted
-        The fit that gives the model and the time at which it begins.
-    trajectory
-        Gives the times (n,) in s and the inputs.
-    values
-        Parameters and initial states by name.
-    stop
-        Number of samples to predict.
-    """
-    begin = int(np.searchsorted(trajectory.t_s, fitted.t0_s))
-    known = trajectory.inputs[begin:stop] if trajectory.inputs is not None else None
-    _, predicted = simulate(fitted.model, trajectory.t_s[begin:stop], values, inputs=known)
-    return np.concatenate([np.full((begin, predicted.shape[1]), np.nan), predicted])
