@@ -33,6 +33,7 @@ EFFECT = Effect(
     source="Hartley and Zisserman (2004), Multiple View Geometry, section 6.1: pixels that are not square",
     parameters=(Parameter("anisotropic_scale", "1", "e", lower=-0.9, default=0.0),),
     applies=applies,
+    cause="measurement",
     observe=observe,
     alike="radial-distortion and cubic-stiffness, for swings; horizontal speed, for throws",
     example=EffectExample("projectile", size=0.05),

@@ -22,6 +22,7 @@ EFFECT = Effect(
     source="first-order expansion of a slow movement of the camera",
     parameters=(Parameter("camera_drift", "{x}/s", "u", default=0.0), start_parameter("camera_start")),
     applies=on_a_line,
+    cause="measurement",
     observe=observe,
     trials=first_time,
     alike="initial velocity, where nothing pulls back",

@@ -21,6 +21,7 @@ EFFECT = Effect(
     source="Hartley and Zisserman (2004), Multiple View Geometry, section 2.4: projective map of a line",
     parameters=(Parameter("camera_tilt", "1/{x}", "k", default=0.0),),
     applies=is_filmed,
+    cause="measurement",
     observe=observe,
     alike="quadratic forces; zero-offset, for small swings",
     example=EffectExample("pendulum", size=0.05),

@@ -59,6 +59,7 @@ EFFECT = Effect(
         Parameter("drop_width", "s", "w_d", lower=1e-9, default=1.0, constant=True, source="frame interval"),
     ),
     applies=any_model,
+    cause="clock",
     warp=warp,
     alike="impact",
     trials=trials,

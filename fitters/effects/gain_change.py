@@ -34,6 +34,7 @@ EFFECT = Effect(
         Parameter("gain_level", "{x}", "x_g", default=0.0, role="location"),
     ),
     applies=is_read_in_volts,
+    cause="measurement",
     observe=observe,
     alike="a level from which the way out is another",
     trials=trials,

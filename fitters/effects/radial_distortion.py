@@ -21,6 +21,7 @@ EFFECT = Effect(
     source="Brown (1971), Photogrammetric Engineering 37, 855, first radial term",
     parameters=(Parameter("radial_distortion", "1/{x}^2", "k", default=0.0),),
     applies=is_filmed,
+    cause="measurement",
     observe=observe,
     alike="cubic-stiffness",
     example=EffectExample("pendulum", size=0.05),

@@ -21,6 +21,7 @@ EFFECT = Effect(
     source="Liang, Chang and Chen (2008), IEEE Trans. Image Process. 17, 1323",
     parameters=(Parameter("rolling_shutter", "s/{x}", r"\tau", default=0.0),),
     applies=is_filmed,
+    cause="measurement",
     observe=observe,
     alike="quadratic forces, weakly",
     example=EffectExample("pendulum", size=0.05),

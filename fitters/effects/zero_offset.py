@@ -21,6 +21,7 @@ EFFECT = Effect(
     source="a tilt of the camera about its axis by x_0, for an angle",
     parameters=(Parameter("zero_offset", "{x}", "x_0", default=0.0),),
     applies=on_a_line,
+    cause="measurement",
     observe=observe,
     alike="camera-tilt, constant-force",
     example=EffectExample("pendulum", size=0.05),

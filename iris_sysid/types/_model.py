@@ -18,6 +18,9 @@ ParameterRole = Literal[
 ]
 
 
+EffectCause = Literal["physics", "measurement", "clock"]
+
+
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """A parameter of a model: name, unit, LaTeX symbol, bounds.
@@ -174,6 +177,8 @@ class Effect:
     ``observe(t_s, observed (n, d), velocity (n, d), params)`` returns what the camera sees (n, d).
     ``warp(t_s, params)`` returns the times (n,) at which the motion really was.
     ``applies(model)`` says whether the effect makes sense for a model.
+    ``cause`` says where it comes from: the ``physics`` of the motion, its ``measurement`` (camera, scale, zero of a
+    sensor), or the ``clock``.
     ``alike`` names effects and parameters that do nearly the same, in words.
     ``trials(t_s (n,), observed (n, d))``, where given, returns the values of the parameters after the first to
     try, e.g. times at which something may have happened: at size zero nothing tells one from another.
@@ -187,6 +192,7 @@ class Effect:
     source: str
     parameters: tuple[Parameter, ...]
     applies: Callable[[OdeModel], bool]
+    cause: EffectCause = "physics"
     acceleration: Callable[..., float] | None = None
     observe: Callable[[Array, Array, Array, Array], Array] | None = None
     warp: Callable[[Array, Array], Array] | None = None
