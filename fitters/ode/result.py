@@ -186,6 +186,8 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -
         condition=determined.condition,
         correlation=_lag_one(near.residual),
         t0_s=float(solution.problem.t_s[0]),
+        prior_rows=task.unknowns.prior_rows,
+        prior_residual=task.unknowns.prior_residual(solution.values),
         budget=results.budget,
         identifiability=_identifiability(task, target, solution, near, determined),
         origin={

@@ -40,6 +40,8 @@ from iris_sysid.types import (
 )
 
 PATIENCE = 500_000, 50  # samples evaluated, and least evaluations, before a local fit is abandoned
+HELD = 1e3  # weight at which a prior holds its value
+PRIOR_ROUNDS, SETTLED = 4, 0.02  # fits with a new weight of the priors, and its last relative change
 SMALLEST_DEVIATION = 3.0  # in units of the noise, for a sample to count as an outlier
 
 
@@ -274,18 +276,20 @@ def _with_priors_weighed(task: Task, target: Target, solution: Solution, loss: L
     """Weight the priors against the information of the data, which is smaller for large or correlated noise.
 
     Least squares treats all samples as independent; the mean ratio of the sandwich's information to that of least
-    squares corrects it.
+    squares corrects it. The first weight is that of the fit with the priors held: where the equation lacks an effect,
+    what was measured must not move to imitate it, and then call the residual small.
     """
-    for _ in range(2):
-        factor = float(np.sqrt(information_loss(linearise(task, target, solution))))
-        if not (np.isfinite(factor) and factor > 0):
-            break
-        weighed = with_priors(task.unknowns, task.priors).weighing_priors(factor)
-        task = replace(task, unknowns=weighed)
-        before = solution
+    plain = with_priors(task.unknowns, task.priors)
+    factor = HELD
+    for _ in range(PRIOR_ROUNDS):
+        weighed = plain.weighing_priors(factor)
+        before, task = solution, replace(task, unknowns=weighed)
         solution = minimise(
             before.problem, target, weighed, before.values, loss=loss, steps=before.steps, gradients=before.gradients
         )
+        previous, factor = factor, float(np.sqrt(information_loss(linearise(task, target, solution))))
+        if not (np.isfinite(factor) and factor > 0) or abs(factor - previous) < SETTLED * previous:
+            break
     return task, solution
 
 

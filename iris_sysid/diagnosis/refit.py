@@ -22,9 +22,10 @@ DETERMINED = ("ok", "misfit")  # statuses of a fit whose free values the data de
 
 
 def with_free_geometry(clip: FitRequest) -> tuple[FitRequest, FitResult]:
-    """Free the uncertain geometry of a clip if the data determine it; return that request and its fit.
+    """Free the uncertain geometry of a clip, with what was measured as its prior; return that request and its fit.
 
-    A constant without a default is not part of the motion, e.g. the angle of a board, and stays fixed.
+    Without the prior the pivot or the vertical would move to where no effect is missing. A constant without a default
+    is not part of the motion, e.g. the angle of a board, and stays fixed; so does all geometry if the fit fails.
 
     Parameters
     ----------
@@ -35,8 +36,12 @@ def with_free_geometry(clip: FitRequest) -> tuple[FitRequest, FitResult]:
     constants = [
         parameter.name for parameter in clip.model.parameters if parameter.constant and parameter.default is not None
     ]
-    unsure = [name for name in constants if name in measured and measured[name].stderr > 0 and name not in chosen]
-    freed = clip.with_(free=[*clip.free, *unsure])
+    unsure = {
+        name: measured[name]
+        for name in constants
+        if name in measured and 0 < measured[name].stderr < np.inf and name not in chosen
+    }
+    freed = clip.with_(fixed={**clip.fixed, **unsure}, free=[*clip.free, *unsure])
     fitted = solve(freed)
     return (freed, fitted) if not unsure or fitted.status in DETERMINED else (clip, solve(clip))
 
@@ -70,7 +75,8 @@ class ModelWithEffects:
     def cost(self) -> float:
         """Bayesian information criterion: chi-square, and the logarithm of the sample count for each free value."""
         squares = sum(
-            _sum_of_squares(fitted, unit, fitted.used) for fitted, unit in zip(self.fits, self.units, strict=True)
+            _sum_of_squares(fitted, unit, fitted.used) + _prior_squares(fitted)
+            for fitted, unit in zip(self.fits, self.units, strict=True)
         )
         return squares + sum(len(fitted.free) * float(np.log(fitted.n * len(fitted.rms))) for fitted in self.fits)
 
@@ -154,7 +160,8 @@ def _fit_from(
         )
     free_now = {parameter.name for parameter in composed.parameters if not parameter.constant} | {*free, *clip.free}
     names = {parameter.name for parameter in composed.parameters} | set(composed.initial_names)
-    start = {name: values[name] for name in free_now & names if name in values and name not in clip.fixed}
+    held = {*clip.fixed} - {*clip.free}  # a name in both has a prior
+    start = {name: values[name] for name in free_now & names if name in values and name not in held}
     return fit_from(clip, composed, start)
 
 
@@ -213,9 +220,10 @@ def significance(before: ModelWithEffects, after: ModelWithEffects, effects: Seq
         return float(min(abs(size.value) / size.stderr for size in sizes))
     first, second, unit = before.fits[0], after.fits[0], after.units[0]
     both = first.used & second.used
-    remaining = _sum_of_squares(second, unit, both)
-    degrees = max(int(both.sum()) * len(second.rms) - len(second.free), 1)
-    gain = max(_sum_of_squares(first, unit, both) - remaining, 0.0) * degrees / max(remaining, 1e-300)
+    remaining = _sum_of_squares(second, unit, both) + _prior_squares(second)
+    degrees = max(int(both.sum()) * len(second.rms) + second.prior_residual.size - len(second.free), 1)
+    explained = _sum_of_squares(first, unit, both) + _prior_squares(first) - remaining
+    gain = max(explained, 0.0) * degrees / max(remaining, 1e-300)
     inflation = max(_inflation(second, unit, effect.parameters[0].name) for effect in effects)
     if len(effects) == 1:
         return normal_isf(student_sf(float(np.sqrt(gain / inflation)), degrees))
@@ -226,7 +234,7 @@ def _inflation(fitted: FitResult, unit: Array, name: str) -> float:
     """Variance of a value over what it would be for white noise of the same size."""
     k = fitted.free.index(name)
     noise = unit[fitted.used].ravel()
-    white = inverse_normal(fitted.jacobian / noise[:, None], 1e-9)[k, k]
+    white = inverse_normal(fitted.informed_jacobian(noise), 1e-9)[k, k]
     degrees = max(noise.size - len(fitted.free), 1)
     ratio = fitted.covariance[k, k] / (white * _sum_of_squares(fitted, unit, fitted.used) / degrees)
     return float(ratio) if np.isfinite(ratio) and ratio > 0 else float("inf")
@@ -234,6 +242,11 @@ def _inflation(fitted: FitResult, unit: Array, name: str) -> float:
 
 def _sum_of_squares(fitted: FitResult, unit: Array, samples: Mask) -> float:
     return float(np.nansum((fitted.residual[samples] / unit[samples]) ** 2))
+
+
+def _prior_squares(fitted: FitResult) -> float:
+    """Sum of squares of what the priors miss, in units of the noise."""
+    return float(fitted.prior_residual @ fitted.prior_residual)
 
 
 def sizes_of(fits: Sequence[FitResult], name: str) -> list[Estimate]:

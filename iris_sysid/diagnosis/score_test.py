@@ -30,8 +30,8 @@ NOT_IMITATED = 1e-4  # fraction of a sensitivity that the fitted parameters must
 class _Direction:
     """An effect in one shape: the part of its sensitivity that the parameters cannot imitate, and its length.
 
-    ``unit`` (n * d,) is that part with length 1, ``component`` the residual's component along it, ``shifts`` (k,) the
-    change of each fitted value per unit of the effect.
+    ``unit`` (n * d + j,), the j priors last, is that part with length 1, ``component`` the residual's component along
+    it, ``shifts`` (k,) the change of each fitted value per unit of the effect.
     """
 
     effect: str
@@ -46,13 +46,15 @@ class _Direction:
 class _Residual:
     """A fit's residual in units of the noise, with its autocorrelation.
 
-    ``values`` (n, d); ``basis`` (n * d, k) orthonormal, spans what the k fitted values can imitate, ``solve`` (k, k)
-    turns components along it into their values, ``free`` are their names; ``process`` is one autoregression a quantity;
+    ``values`` (n, d); ``priors`` (j,) those of the priors, each one more sample that no effect changes; ``basis``
+    (n * d + j, k) orthonormal, spans what the k fitted values can imitate, ``solve`` (k, k) turns components along it
+    into their values, ``free`` are their names; ``process`` is one autoregression a quantity;
     ``stated`` (n, d) the stated errors of the track, 0 where there are none; ``unit`` that of the observed quantity.
     """
 
     t_s: Array
     values: Array
+    priors: Array
     basis: Array
     solve: Array
     free: tuple[str, ...]
@@ -63,32 +65,38 @@ class _Residual:
     @classmethod
     def of(cls, fitted: FitResult, noise: Array, stated: Array) -> _Residual:
         values = fitted.residual[fitted.used] / noise
-        jacobian = fitted.jacobian / noise.ravel()[:, None]
+        jacobian = fitted.informed_jacobian(noise)
         scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
         jacobian = jacobian / scale
-        shaped = jacobian.reshape(*values.shape, -1)
+        shaped = jacobian[: values.size].reshape(*values.shape, -1)
         t_s = fitted.t_s[fitted.used]
         process = random_uncertainty(t_s, values, shaped, inverse_normal(jacobian)).noise
         basis, triangle = np.linalg.qr(jacobian)
         solve = np.linalg.pinv(triangle, rcond=SINGULAR) / scale[:, None]
         unit = fitted.model.observed[0].unit
-        return cls(t_s, values, basis, solve, tuple(fitted.free), process, stated / noise, unit)
+        priors = fitted.prior_residual
+        return cls(t_s, values, priors, basis, solve, tuple(fitted.free), process, stated / noise, unit)
+
+    @property
+    def flat(self) -> Array:
+        """Samples, then priors (n * d + j,)."""
+        return np.concatenate([self.values.ravel(), self.priors])
 
     @property
     def total(self) -> float:
         """Sum of squares."""
-        return max(float(np.sum(self.values**2)), 1e-300)
+        return max(float(np.sum(self.flat**2)), 1e-300)
 
     def direction(self, effect: str, shape: tuple[float, ...], sensitivity: Array) -> _Direction:
         """The direction of an effect's sensitivity (n, d); its length is 0 where the parameters can imitate it."""
-        flat = sensitivity.ravel()
+        flat = np.concatenate([sensitivity.ravel(), np.zeros_like(self.priors)])
         imitated = self.basis.T @ flat
         remainder = flat - self.basis @ imitated
         length = float(np.linalg.norm(remainder))
         if not np.isfinite(length) or length <= NOT_IMITATED * float(np.linalg.norm(flat)):
             return _Direction(effect, shape, np.zeros_like(flat), 0.0, 0.0, np.zeros(len(self.free)))
         unit = remainder / length
-        return _Direction(effect, shape, unit, length, float(unit @ self.values.ravel()), -self.solve @ imitated)
+        return _Direction(effect, shape, unit, length, float(unit @ self.flat), -self.solve @ imitated)
 
     def score(self, effect: Effect, directions: Sequence[_Direction], tried: int) -> Score:
         """The score of an effect in its best shape; NaN where the parameters can imitate all shapes."""
@@ -107,19 +115,24 @@ class _Residual:
             chi2=degrees * gain / max(1.0 - gain, 1e-12),
             degrees=degrees,
             shape=best.shape,
-            resolvable_size=resolvable_size(best.length * best.unit.reshape(self.values.shape), self.stated),
+            resolvable_size=resolvable_size(best.length * self._at_samples(best.unit), self.stated),
             shifts=dict(zip(self.free, best.shifts.tolist(), strict=True)),
         )
 
     def variance_along(self, direction: Array) -> float:
-        """Variance of the residual's component along a unit vector (n * d,): 1 for white noise of sigma."""
+        """Variance of the residual's component along a unit vector (n * d + j,): 1 for white noise of sigma."""
         positions = grid_positions(self.t_s)
-        shaped = direction.reshape(self.values.shape)
+        shaped = self._at_samples(direction)
         parts = [
             middle(on_grid(positions, shaped[:, [k]], 0.0), process.coefficients)[0, 0] * process.innovation_sd**2
             for k, process in enumerate(self.process)
         ]
-        return float(sum(parts))
+        known = direction[self.values.size :]
+        return float(sum(parts) + known @ known)
+
+    def _at_samples(self, direction: Array) -> Array:
+        """The part (n, d) of a direction (n * d + j,) that lies in the samples."""
+        return direction[: self.values.size].reshape(self.values.shape)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -139,8 +152,8 @@ class Screen:
     """The score tests of one clip: how much of its residual every effect, in every shape tried, would explain.
 
     ``scores`` by effect are those of its best shape. Of the m effects and shapes that the parameters cannot imitate:
-    ``effects`` are their names, ``shapes`` their shapes, ``directions`` (m, n * d) s' of unit length, ``lengths`` (m,)
-    those of s', and ``components`` (m,) the residual's components.
+    ``effects`` are their names, ``shapes`` their shapes, ``directions`` (m, n * d + j) s' of unit length, ``lengths``
+    (m,) those of s', and ``components`` (m,) the residual's components.
     """
 
     scores: Mapping[str, Score]
@@ -219,7 +232,7 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
         scores,
         tuple(row.effect for row in rows),
         tuple(row.shape for row in rows),
-        np.array([row.unit for row in rows]).reshape(len(rows), residual.values.size),
+        np.array([row.unit for row in rows]).reshape(len(rows), residual.flat.size),
         np.array([row.length for row in rows]),
         np.array([row.component for row in rows]),
     )

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+import numpy as np
+
 from iris_sysid.types._arrays import Array, Mask
 from iris_sysid.types._model import OdeModel
 from iris_sysid.types._numbers import Estimate
@@ -76,7 +78,9 @@ class FitResult:
     autocorrelated residuals. ``predicted`` and ``residual`` (n, d) at every sample of the
     trajectory, residual = observed - predicted, NaN outside ``used`` (n,). ``noise`` (d,) is the
     standard deviation of the measurement estimated independently of the model, ``rms`` (d,) that of
-    the residual. ``jacobian`` (n_used * d, p) is d predicted / d free, time-major.
+    the residual. ``jacobian`` (n_used * d, p) is d predicted / d free, time-major. Each of j priors is one more
+    sample: ``prior_rows`` (j, p) and ``prior_residual`` (j,) are its row of the Jacobian and its residual
+    expected - estimate, in units of the noise and weighted as they were in the fit.
     ``fisher`` (p, p) is the Fisher information for white noise, ``condition`` its condition number
     after scaling each parameter to unit information. ``budget[name][source]`` is the standard error
     of a parameter from each source. ``t0_s`` is the time at which the initial states hold.
@@ -102,6 +106,8 @@ class FitResult:
     condition: float
     correlation: float
     t0_s: float
+    prior_rows: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    prior_residual: Array = field(default_factory=lambda: np.zeros(0))
     budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     identifiability: Identifiability | None = None
     intervals: Mapping[str, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
@@ -143,6 +149,14 @@ class FitResult:
     def n(self) -> int:
         """Number of samples used."""
         return int(self.used.sum())
+
+    def informed_jacobian(self, noise: Array) -> Array:
+        """The Jacobian (n_used * d + j, p) in units of the noise, with the rows of the j priors below it.
+
+        ``noise`` (n_used, d) is that of each sample used, in the observed unit.
+        """
+        scaled = self.jacobian / noise.ravel()[:, None]
+        return np.concatenate([scaled, self.prior_rows]) if self.prior_residual.size else scaled
 
 
 @dataclass(frozen=True, eq=False, slots=True)
