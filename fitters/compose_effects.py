@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numba.extending import register_jitable
 
+from fitters.image_effects import through
 from fitters.integrator.codegen import generated, row
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, Effect, Event, OdeModel, Parameter, Trajectory
+from iris_sysid.types import Array, Effect, Event, OdeModel, Parameter, Trajectory, View
 
 # One line a derivative, so that the composed function holds numbers and tuples only, as numba needs.
 _SOURCE = """
@@ -23,10 +24,23 @@ def rhs(t, state, params{inputs}):
 """
 
 
-def with_effects(model: OdeModel, effects: Sequence[Effect]) -> OdeModel:
+def with_effects(model: OdeModel, effects: Sequence[Effect], view: View | None = None) -> OdeModel:
     """The model with each effect added in turn; its parameters are the model's, then the effects'.
 
-    Raises FitError when an effect does not apply to the model, or brings a parameter that is there already.
+    Parameters
+    ----------
+    model
+        The governing equation.
+    effects
+        In the order in which they act.
+    view
+        How the observed quantities lie in the image, for effects of a camera; where it is None, the picture is taken
+        to lie about the motion.
+
+    Raises
+    ------
+    FitError
+        When an effect does not apply to the model, or brings a parameter that is there already.
 
     Examples
     --------
@@ -36,14 +50,15 @@ def with_effects(model: OdeModel, effects: Sequence[Effect]) -> OdeModel:
     ('pendulum + quadratic-drag', '1/rad')
     """
     for effect in effects:
-        model = with_effect(model, effect)
+        model = with_effect(model, effect, view)
     return model
 
 
-def with_effect(model: OdeModel, effect: Effect) -> OdeModel:
+def with_effect(model: OdeModel, effect: Effect, view: View | None = None) -> OdeModel:
     """The model with one effect added, absent at size zero; see :func:`with_effects`."""
     if not effect.applies(model):
         raise FitError(f"the effect {effect.name!r} makes no sense for the model {model.name!r}")
+    effect = through(effect, model, view)
     added = tuple(_in_units_of(model, parameter) for parameter in effect.parameters)
     taken = {parameter.name for parameter in model.parameters} & {parameter.name for parameter in added}
     if taken:

@@ -19,6 +19,7 @@ from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicSpline
 
 from fitters.compose_effects import bodies_of, plain_observation, within
+from fitters.image_effects import through, view_of
 from fitters.integrator.codegen import generated, row
 from fitters.ode import simulate
 from iris_sysid.types import Array, Effect, FitResult, OdeModel, Quantity, Trajectory
@@ -145,6 +146,7 @@ def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory, motio
     if effect.acceleration is not None:
         motion = motion or motion_of(fitted, trajectory)
         return motion.answer(force_along(effect, sizes, fitted.model, motion.grid, motion.states, motion.slopes))
+    effect = through(effect, fitted.model, view_of(trajectory, fitted.model))
     t_s, seen = fitted.t_s[fitted.used], fitted.predicted[fitted.used]
     velocity = CubicSpline(t_s, seen).derivative()(t_s)
     step = np.zeros_like(sizes)

@@ -15,8 +15,11 @@ import numpy as np
 import pandas as pd
 
 from iris_sysid import MODELS, FitError, Quantity, Trajectory, diagnose
+from iris_sysid.types import View, kind_of
+from validation.independent.camera import SIZE_PX, Camera
 from validation.independent.cases import SEALED, Case, draw_case
-from validation.independent.effects import HIDDEN
+from validation.independent.effects import HIDDEN, camera_before
+from validation.independent.motions import Motion, Values, integrate
 
 HALF_CLASS_WIDTHS = (0.5, 0.9)
 
@@ -66,10 +69,37 @@ class Score:
 
 
 def trajectory_of(case: Case) -> Trajectory:
-    """The table of a case, without stated errors."""
+    """The table of a case, without stated errors; of a filmed case it says how the camera was thought to look."""
     quantities = tuple(Quantity(name, unit, name) for name, unit in case.motion.observed)
     unknown = np.full_like(case.observed, np.nan)
-    return Trajectory(case.t_s, quantities, case.observed, unknown, np.ones(case.t_s.size, dtype=bool))
+    table = Trajectory(case.t_s, quantities, case.observed, unknown, np.ones(case.t_s.size, dtype=bool))
+    if case.hidden is None or not case.hidden.filmed:
+        return table
+    undisturbed = integrate(case.motion, case.values, case.t_s)[:, : case.motion.size]
+    camera = camera_before(case.motion, case.values, undisturbed)
+    return table.with_(sensor="camera", view=view_through(camera, case.motion, case.values))
+
+
+def view_through(camera: Camera, motion: Motion, values: Values) -> View:
+    """How the coordinates of a motion lie in the picture of a camera that is taken as ideal.
+
+    Parameters
+    ----------
+    camera
+        Its own faults count for nothing.
+    motion, values
+        What it films.
+    """
+    scale, lever = camera.focal_px / camera.distance_m, values["length"] if motion.model == "pendulum" else 1.0
+    middle = np.array(SIZE_PX) / 2
+    right, up = np.array([lever * scale, 0.0]), np.array([0.0, -lever * scale])
+    if motion.model == "free-fall":
+        right, up = up, -right
+    origin = middle + np.array([-camera.centre_m[0], camera.centre_m[1]]) * scale
+    kind = kind_of([Quantity(name, unit) for name, unit in motion.observed])
+    assert kind is not None
+    places = [(float(x), float(y)) for x, y in (origin, right, up, SIZE_PX, middle)]
+    return View(kind, *places, focal_px=camera.focal_px)
 
 
 def score_case(seed: int, clean: bool) -> Score:

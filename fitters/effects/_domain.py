@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from iris_sysid.types import OdeModel
+from iris_sysid.types import OdeModel, Sensor, kind_of
+
+FILMED: frozenset[Sensor] = frozenset({"camera", "unknown"})
+CONTACT: frozenset[Sensor] = frozenset({"encoder", "gauge"})
 
 
 def moves(model: OdeModel) -> bool:
@@ -40,9 +43,16 @@ def is_read_in_volts(model: OdeModel) -> bool:
     return on_a_line(model) and model.observed[0].unit == "V"
 
 
-def is_filmed(model: OdeModel) -> bool:
-    """Whether one quantity is observed, and by a camera."""
-    return on_a_line(model) and not is_read_in_volts(model)
+def lies_in_image(model: OdeModel) -> bool:
+    """Whether what is observed may be a place in an image: an angle about a pivot, a way along a line, or x and z."""
+    if kind_of(model.observed) is None or reads_a_gauge(model):
+        return False
+    return model.observed[0].name != "r"  # the radius of a body's outline, wherever it is
+
+
+def reads_a_gauge(model: OdeModel) -> bool:
+    """Whether what is observed has no place in an image, whatever measured it: a brightness, a voltage."""
+    return all(quantity.unit in ("1", "V") for quantity in model.observed)
 
 
 def on_a_line(model: OdeModel) -> bool:

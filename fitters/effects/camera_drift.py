@@ -1,29 +1,42 @@
-"""The camera, or the zero of the scale, moves slowly."""
+"""The camera turns or moves slowly, and the picture with it."""
 
 from __future__ import annotations
 
-from fitters.effects._domain import on_a_line
+import numpy as np
+
+from fitters.effects._domain import FILMED, on_a_line, reads_a_gauge
 from fitters.effects._times import first_time, start_parameter
-from iris_sysid.types import Array, Effect, EffectExample, Parameter
+from iris_sysid.types import Array, Effect, EffectExample, OdeModel, Parameter, View
 
 
-def observe(t_s: Array, observed: Array, velocity: Array, params: Array) -> Array:
-    """Observed + rate * (time - start).
+def applies(model: OdeModel) -> bool:
+    """Where one place is observed: in a plane, a drift is a velocity."""
+    return on_a_line(model) and not reads_a_gauge(model)
 
-    ``observed`` and ``velocity`` (n, d): in the observed unit, and per second; ``params`` (k,).
+
+def image(t_s: Array, points_px: Array, params: Array, view: View) -> Array:
+    """Points that move evenly: along a line, or to the right by params[0] levers a second about a pivot.
+
+    Where nothing is known of the image of a pivot, it is the angle's zero that moves. ``t_s`` (n,) s; ``points_px``
+    (n, 2) px.
     """
-    return observed + params[0] * (t_s - params[1])[:, None]
+    way = params[0] * (t_s - params[1])
+    if view.kind == "angle" and not view.measured:
+        (x, y), cos, sin = (points_px - np.array(view.origin_px)).T, np.cos(way), np.sin(way)
+        return np.array(view.origin_px) + np.column_stack([x * cos + y * sin, y * cos - x * sin])
+    return np.asarray(points_px + np.outer(way, view.right_px))
 
 
 EFFECT = Effect(
     name="camera-drift",
     summary="a camera that moves slowly",
-    equation=r"x_\mathrm{seen} = x + u\,(t - t_0)",
+    equation=r"\mathbf{p}_\mathrm{seen} = \mathbf{p} + \mathbf{u}\,(t - t_0)",
     source="first-order expansion of a slow movement of the camera",
     parameters=(Parameter("camera_drift", "{x}/s", "u", default=0.0), start_parameter("camera_start")),
-    applies=on_a_line,
+    applies=applies,
     cause="measurement",
-    observe=observe,
+    sensors=FILMED,
+    image=image,
     trials=first_time,
     alike="initial velocity, where nothing pulls back",
     example=EffectExample("pendulum", size=0.05),

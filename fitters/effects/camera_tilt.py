@@ -2,27 +2,37 @@
 
 from __future__ import annotations
 
-from fitters.effects._domain import is_filmed
-from iris_sysid.types import Array, Effect, EffectExample, Parameter
+import numpy as np
+
+from fitters.effects._domain import FILMED, lies_in_image
+from iris_sysid.types import Array, Effect, EffectExample, Parameter, View
+
+NEAREST = 0.05  # of the plane's distance on the axis: what comes nearer is no longer in front of the camera
 
 
-def observe(t_s: Array, observed: Array, velocity: Array, params: Array) -> Array:
-    """Observed / (1 + k observed).
+def image(t_s: Array, points_px: Array, params: Array, view: View) -> Array:
+    """Points of a plane that is turned by params[0] rad about the image's vertical through the optical axis.
 
-    ``observed`` and ``velocity`` (n, d): in the observed unit, and per second; ``params`` (k,).
+    The plane of a motion along a line is turned about the line's normal instead. ``t_s`` (n,) s; ``points_px`` (n, 2)
+    px.
     """
-    return observed / (1.0 + params[0] * observed)
+    away, along = points_px - np.array(view.axis_px), view.along
+    way = away @ along
+    depth = np.maximum(1.0 - np.sin(params[0]) * way / view.focal_px, NEAREST)
+    turned = away + np.outer((np.cos(params[0]) - 1.0) * way, along)
+    return np.asarray(np.array(view.axis_px) + turned / depth[:, None])
 
 
 EFFECT = Effect(
     name="camera-tilt",
     summary="a camera that does not look square at the motion",
-    equation=r"x_\mathrm{seen} = x / (1 + k\,x)",
-    source="Hartley and Zisserman (2004), Multiple View Geometry, section 2.4: projective map of a line",
-    parameters=(Parameter("camera_tilt", "1/{x}", "k", default=0.0),),
-    applies=is_filmed,
+    equation=r"(u, v)_\mathrm{seen} = (u \cos\alpha, v) / (1 - (u / f) \sin\alpha)",
+    source="Hartley and Zisserman (2004), Multiple View Geometry, section 8.1.1: a plane in perspective",
+    parameters=(Parameter("camera_tilt", "rad", r"\alpha", lower=-1.2, upper=1.2, default=0.0),),
+    applies=lies_in_image,
     cause="measurement",
-    observe=observe,
+    sensors=FILMED,
+    image=image,
     alike="quadratic forces; zero-offset, for small swings",
     example=EffectExample("pendulum", size=0.05),
 )

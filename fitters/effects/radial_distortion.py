@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
-from fitters.effects._domain import is_filmed
-from iris_sysid.types import Array, Effect, EffectExample, Parameter
+import numpy as np
+
+from fitters.effects._domain import FILMED, lies_in_image
+from iris_sysid.types import Array, Effect, EffectExample, Parameter, View
 
 
-def observe(t_s: Array, observed: Array, velocity: Array, params: Array) -> Array:
-    """Observed * (1 + k observed^2).
+def image(t_s: Array, points_px: Array, params: Array, view: View) -> Array:
+    """Points whose distance from the optical axis is r (1 + k r^2), r in focal lengths.
 
-    ``observed`` and ``velocity`` (n, d): in the observed unit, and per second; ``params`` (k,).
+    ``t_s`` (n,) s; ``points_px`` (n, 2) px; ``params`` (k,).
     """
-    return observed * (1.0 + params[0] * observed**2)
+    away = points_px - np.array(view.axis_px)
+    square = np.sum(away**2, axis=1, keepdims=True) / view.focal_px**2
+    return np.asarray(np.array(view.axis_px) + away * (1.0 + params[0] * square))
 
 
 EFFECT = Effect(
     name="radial-distortion",
-    summary="a scale that changes away from the middle",
-    equation=r"x_\mathrm{seen} = x\,(1 + k\,x^2)",
+    summary="a scale that changes away from the optical axis",
+    equation=r"\mathbf{p}_\mathrm{seen} = \mathbf{p}\,(1 + k\,|\mathbf{p}|^2 / f^2)",
     source="Brown (1971), Photogrammetric Engineering 37, 855, first radial term",
-    parameters=(Parameter("radial_distortion", "1/{x}^2", "k", default=0.0),),
-    applies=is_filmed,
+    parameters=(Parameter("radial_distortion", "1", "k", default=0.0),),
+    applies=lies_in_image,
     cause="measurement",
-    observe=observe,
+    sensors=FILMED,
+    image=image,
     alike="cubic-stiffness",
     example=EffectExample("pendulum", size=0.05),
 )

@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from fitters.image_effects import offered
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.library import EffectLibrary
@@ -87,7 +88,7 @@ def diagnose(
     fitted = [with_free_geometry(request) for request in requests]
     clips = [request for request, _ in fitted]
     base = _base(clips, tuple(fit for _, fit in fitted))
-    applicable = [effect for effect in (EFFECTS.values() if effects is None else effects) if effect.applies(model)]
+    applicable = offered(EFFECTS.values() if effects is None else effects, model, measured)
     cache = FitCache(clips, model, EffectLibrary(applicable), base, holdout, progress or (lambda text: None))
     return _diagnosis(cache, StepwiseSearch(cache).run())
 

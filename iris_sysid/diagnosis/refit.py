@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fitters.compose_effects import with_effect
+from fitters.image_effects import view_of
 from fitters.noise.random_effects import random_effects
 from fitters.noise.sandwich_covariance import inverse_normal
 from fitters.ode import FitRequest, solve
@@ -155,9 +156,8 @@ def _fit_from(
     """The fit of the model with effects from these starting values; free constants stay free."""
     composed = model
     for effect in effects:
-        composed = with_effect(
-            composed, shaped(effect, [values[parameter.name] for parameter in effect.parameters[1:]])
-        )
+        variant = shaped(effect, [values[parameter.name] for parameter in effect.parameters[1:]])
+        composed = with_effect(composed, variant, view_of(clip.trajectory, model))
     free_now = {parameter.name for parameter in composed.parameters if not parameter.constant} | {*free, *clip.free}
     names = {parameter.name for parameter in composed.parameters} | set(composed.initial_names)
     held = {*clip.fixed} - {*clip.free}  # a name in both has a prior

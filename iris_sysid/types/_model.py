@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.types._arrays import Array
 from iris_sysid.types._motion import Trajectory
 from iris_sysid.types._numbers import Quantity
+from iris_sysid.types._view import Sensor, View
 
 ParameterRole = Literal[
     "physical", "gravity", "damping", "magnification", "offset", "vertical", "pivot", "inclination", "location"
@@ -19,6 +20,7 @@ ParameterRole = Literal[
 
 
 EffectCause = Literal["physics", "measurement", "clock"]
+ANY_SENSOR: frozenset[Sensor] = frozenset(get_args(Sensor))
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,7 +167,7 @@ class EffectExample:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Effect:
-    """Something that a governing equation may lack; one of its four maps acts, the others are None.
+    """Something that a governing equation may lack; one of its maps acts, the others are None.
 
     ``parameters``: the first is the size, and at zero the effect is absent. In a unit, ``{x}`` stands
     for the unit of the observed quantity: quadratic drag of an angle has the unit 1/rad.
@@ -174,9 +176,11 @@ class Effect:
     derivative ``base`` of a model of second order, or to one rate of a model of first order (there
     ``velocity`` is that rate). It is called for each component of each body; ``speed`` is the norm of
     the body's velocity. It must accept numbers, so that numba can compile it, and arrays of them.
-    ``observe(t_s, observed (n, d), velocity (n, d), params)`` returns what the camera sees (n, d).
+    ``observe(t_s, observed (n, d), velocity (n, d), params)`` returns what the sensor reads (n, d).
+    ``image(t_s (n,), points_px (n, 2), params, view)`` returns the points (n, 2) px of the picture at which a camera
+    shows what a perfect one would show at ``points_px``; the :class:`View` says how coordinates lie in the picture.
     ``warp(t_s, params)`` returns the times (n,) at which the motion really was.
-    ``applies(model)`` says whether the effect makes sense for a model.
+    ``applies(model)`` says whether the effect makes sense for a model, ``sensors`` which sensors can have it.
     ``cause`` says where it comes from: the ``physics`` of the motion, its ``measurement`` (camera, scale, zero of a
     sensor), or the ``clock``.
     ``alike`` names effects and parameters that do nearly the same, in words.
@@ -195,7 +199,9 @@ class Effect:
     cause: EffectCause = "physics"
     acceleration: Callable[..., float] | None = None
     observe: Callable[[Array, Array, Array, Array], Array] | None = None
+    image: Callable[[Array, Array, Array, View], Array] | None = None
     warp: Callable[[Array, Array], Array] | None = None
+    sensors: frozenset[Sensor] = ANY_SENSOR
     alike: str = ""
     trials: Callable[[Array, Array], Sequence[tuple[float, ...]]] | None = None
     nearby: Callable[[Array, tuple[float, ...]], Sequence[tuple[float, ...]]] | None = None

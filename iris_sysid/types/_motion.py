@@ -13,6 +13,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.types._arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
 from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation
 from iris_sysid.types._numbers import Estimate, Quantity
+from iris_sysid.types._view import Sensor, View
 
 MotionKind = Literal["oscillation", "slide", "flight", "any"]
 SegmentLabel = Literal["hand", "release", "motion", "contact", "rest"]
@@ -67,8 +68,9 @@ class Trajectory:
     common: (r, n, d), r independent patterns, each the change of every position for one standard error; an average over
     samples does not shrink them. ``smoothed`` is there after :func:`iris_sysid.smooth`. ``error_autocorrelation`` says
     how long the random errors of the positions last, ``first_frame`` is the number in the video of the first sample
-    (None where frames were left out); both None where not known. ``origin`` records the source of the
-    trajectory; nothing is computed from it.
+    (None where frames were left out); both None where not known. ``sensor`` is what measured, and ``view``, where it is
+    known, how the quantities lie in the image of a camera. ``origin`` records the source of the trajectory; nothing is
+    computed from it.
     """
 
     t_s: Array
@@ -85,6 +87,8 @@ class Trajectory:
     systematic: Mapping[str, Array] = field(default_factory=dict)
     error_autocorrelation: ErrorAutocorrelation | None = None
     first_frame: int | None = None
+    sensor: Sensor = "unknown"
+    view: View | None = None
 
     def __post_init__(self) -> None:
         times = increasing_times(self.t_s)
@@ -146,7 +150,9 @@ class Trajectory:
         return inside
 
     def with_(self, **changes: Any) -> Trajectory:
-        """A copy with some fields replaced; where positions are, ``systematic`` must be given anew or is dropped."""
+        """A copy with some fields replaced; other positions drop ``systematic``, other quantities ``view``."""
         if "position" in changes:
             changes = {"systematic": {}, **changes}
+        if "quantities" in changes:
+            changes = {"view": None, **changes}
         return replace(self, **changes)

@@ -33,8 +33,8 @@ class HiddenEffect:
     """An effect that may be hidden in a motion.
 
     ``show`` makes the observed values; ``shape`` draws the numbers beside the size; ``right`` are the library's names
-    for it; ``kind`` is physics, camera or clock; ``brakes`` effects have sizes above zero only; ``size`` is the
-    library's parameter that has the same definition, where one has.
+    for it; ``kind`` is physics, camera or clock, ``filmed`` whether a camera was there; ``brakes`` effects have sizes
+    above zero only; ``size`` is the library's parameter that has the same definition, where one has.
     """
 
     name: str
@@ -46,6 +46,7 @@ class HiddenEffect:
     brakes: bool = False
     own_form: bool = False
     size: str = ""
+    filmed: bool = False
 
 
 def _nothing(motion: Motion, t_s: Array, rng: np.random.Generator) -> dict[str, float]:
@@ -185,12 +186,17 @@ def filmed(change: str, motion: Motion, values: Values, t_s: Array, size: float,
     margin = 0.05 * float(t_s[-1] - t_s[0])
     dense = np.linspace(t_s[0], t_s[-1] + margin, 4 * t_s.size)
     course = CubicSpline(dense, integrate(motion, values, dense)[:, : motion.size])
-    camera = Camera.facing(_in_plane(motion, values, course(t_s))).with_(**{change: size})
-    pixels = camera.film(lambda t: _in_plane(motion, values, course(t)), t_s)
+    camera = camera_before(motion, values, course(t_s)).with_(**{change: size})
+    pixels = camera.film(lambda t: in_plane(motion, values, course(t)), t_s)
     return _read_back(motion, values, camera, pixels)
 
 
-def _in_plane(motion: Motion, values: Values, observed: Array) -> Array:
+def camera_before(motion: Motion, values: Values, observed: Array) -> Camera:
+    """The ideal camera that films an undisturbed motion (n, d)."""
+    return Camera.facing(in_plane(motion, values, observed))
+
+
+def in_plane(motion: Motion, values: Values, observed: Array) -> Array:
     """Positions (n, 2) m, x right and z up, of what is observed."""
     if motion.model == "pendulum":
         angle, length = observed[:, 0], values["length"]
@@ -299,7 +305,7 @@ HIDDEN: tuple[HiddenEffect, ...] = (
     HiddenEffect(
         "camera drift",
         "camera",
-        _names("camera-drift"),
+        _names("camera-drift zero-drift"),
         (*PULLED_BACK, *FIRST_ORDER),
         drifting,
         _nothing,
@@ -315,11 +321,26 @@ HIDDEN: tuple[HiddenEffect, ...] = (
         ("pendulum", "linear-oscillator", "incline"),
         partial(filmed, "tilt_rad"),
         _nothing,
+        filmed=True,
     ),
     HiddenEffect(
-        "radial distortion", "camera", _names("radial-distortion"), MOVES, partial(filmed, "distortion"), _nothing
+        "radial distortion",
+        "camera",
+        _names("radial-distortion"),
+        MOVES,
+        partial(filmed, "distortion"),
+        _nothing,
+        filmed=True,
     ),
-    HiddenEffect("rolling shutter", "camera", _names("rolling-shutter"), MOVES, partial(filmed, "line_s"), _nothing),
+    HiddenEffect(
+        "rolling shutter",
+        "camera",
+        _names("rolling-shutter"),
+        MOVES,
+        partial(filmed, "line_s"),
+        _nothing,
+        filmed=True,
+    ),
     HiddenEffect(
         "unequal scales",
         "camera",
@@ -327,6 +348,7 @@ HIDDEN: tuple[HiddenEffect, ...] = (
         ("pendulum", "projectile"),
         lambda motion, values, t_s, size, shape: filmed("aspect", motion, values, t_s, 1.0 + size, shape),
         _nothing,
+        filmed=True,
     ),
     # forms that are not the library's
     _force(

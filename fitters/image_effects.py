@@ -1,0 +1,89 @@
+"""Effects of a camera act on points of the picture: how coordinates go there and come back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from fitters.effects._domain import reads_a_gauge
+from iris_sysid.types import Array, Effect, OdeModel, Quantity, Sensor, Trajectory, View, kind_of
+
+
+def offered(effects: Iterable[Effect], model: OdeModel, clips: Sequence[Trajectory]) -> list[Effect]:
+    """The effects that make sense for the model, and that the sensors of all clips can have.
+
+    Parameters
+    ----------
+    effects
+        Registered effects, or others.
+    model
+        The governing equation.
+    clips
+        What it is fitted to.
+    """
+    sensors = {sensor_of(clip, model) for clip in clips}
+    return [effect for effect in effects if sensors <= effect.sensors and effect.applies(model)]
+
+
+def sensor_of(clip: Trajectory, model: OdeModel) -> Sensor:
+    """What measured the quantities that the model observes: a brightness or a voltage is always a gauge's."""
+    return "gauge" if reads_a_gauge(model) else clip.sensor
+
+
+def view_of(clip: Trajectory, model: OdeModel) -> View | None:
+    """How the quantities that the model observes lie in the image of a clip.
+
+    Where the clip does not say, :meth:`View.assumed` of its valid samples; None where they have no place in an image.
+
+    Parameters
+    ----------
+    clip
+        With the model's observed quantities.
+    model
+        The governing equation.
+    """
+    if clip.view is not None and clip.view.shows(model.observed):
+        return clip.view
+    names = {quantity.name for quantity in clip.quantities}
+    if kind_of(model.observed) is None or not {quantity.name for quantity in model.observed} <= names:
+        return None
+    columns = [clip.column(quantity.name) for quantity in model.observed]
+    return View.assumed(model.observed, clip.position[clip.valid][:, columns])
+
+
+def through(effect: Effect, model: OdeModel, view: View | None) -> Effect:
+    """The effect as one on what the model observes; as it is where it does not act on the image.
+
+    Parameters
+    ----------
+    effect
+        Applies to the model.
+    model
+        Says what is observed.
+    view
+        How that lies in the image; None for :meth:`View.assumed` of the motion itself, each time it is asked for.
+    """
+    if effect.image is None:
+        return effect
+    return replace(effect, image=None, observe=partial(_seen, effect, model.observed, view))
+
+
+def _seen(
+    effect: Effect,
+    quantities: tuple[Quantity, ...],
+    view: View | None,
+    t_s: Array,
+    observed: Array,
+    velocity: Array,
+    params: Array,
+) -> Array:
+    """What the picture shows (n, d) of ``observed`` (n, d); the pivot of an angle is seen through the same camera."""
+    assert effect.image is not None
+    view = view or View.assumed(quantities, observed)
+    points = effect.image(t_s, view.points_px(observed), params, view)
+    resting = np.tile(view.origin_px, (min(t_s.size, 2), 1))
+    pivot = effect.image(t_s[:2], resting, params, view)[0]
+    return view.coordinates(points, view.pivot_px(points, pivot), near=observed)
