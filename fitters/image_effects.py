@@ -8,7 +8,6 @@ from functools import partial
 
 import numpy as np
 
-from fitters.effects._domain import reads_a_gauge
 from iris_sysid.types import Array, Effect, OdeModel, Quantity, Sensor, Trajectory, View, kind_of
 
 
@@ -29,8 +28,8 @@ def offered(effects: Iterable[Effect], model: OdeModel, clips: Sequence[Trajecto
 
 
 def sensor_of(clip: Trajectory, model: OdeModel) -> Sensor:
-    """What measured the quantities that the model observes: a brightness or a voltage is always a gauge's."""
-    return "gauge" if reads_a_gauge(model) else clip.sensor
+    """What measured the quantities that the model observes; what has no place in an image is read as a gauge is."""
+    return clip.sensor if kind_of(model.observed) is not None else "gauge"
 
 
 def view_of(clip: Trajectory, model: OdeModel) -> View | None:

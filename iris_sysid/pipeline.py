@@ -86,6 +86,7 @@ def observe(
     *,
     marks_px: Mapping[str, tuple[float, float]] | None = None,
     clock_stderr: float = 0.0,
+    image_size: tuple[int, int] | None = None,
 ) -> tuple[list[Trajectory], Trajectory]:
     """Turn tracks into the trajectory that the phenomenon's model observes, segmented and smoothed.
 
@@ -103,6 +104,8 @@ def observe(
         Points marked in the image, (x, y) px by name.
     clock_stderr
         Relative standard error of the frame rate.
+    image_size
+        Width and height of the video, px; that of the calibration where it is not given.
 
     Returns
     -------
@@ -110,7 +113,7 @@ def observe(
         x and z of each body, with segments.
     trajectory : Trajectory
         The observable, e.g. theta in rad, with segments, geometry and the smoothed state; ``systematic`` holds the
-        errors that calibration and clock cause in all its samples alike.
+        errors that calibration and clock cause in all its samples alike, ``view`` how it lies in the image.
 
     Raises
     ------
@@ -118,6 +121,7 @@ def observe(
         When fewer bodies were tracked than the phenomenon has, or nothing moves.
     """
     from iris_sysid.trajectory import systematic_errors
+    from iris_sysid.trajectory.image_view import image_view
     from iris_sysid.trajectory.observables import measured, segmented
     from iris_sysid.trajectory.smoothing import smooth
 
@@ -145,7 +149,8 @@ def observe(
         **systematic_errors.from_pivots(trajectory),
         **systematic_errors.from_clock(trajectory, clock_stderr),
     }
-    return world, trajectory.with_(systematic=shared)
+    view = image_view(trajectory, tracks[0], calibration, image_size) if chosen.bodies == 1 else None
+    return world, trajectory.with_(systematic=shared, view=view)
 
 
 def _phenomenon(phenomenon: str | Phenomenon) -> Phenomenon:
@@ -213,7 +218,14 @@ def run(
         free = [*free, "magnification"]
     calibration = upright(calibration or uncalibrated(), tracks[0], chosen, geometry.plumb_px, geometry.vertical)
     world, trajectory, result = observe_and_fit(
-        tracks, calibration, chosen, known, free, marks_px=geometry.marks_px, clock_stderr=clip.fps_stderr
+        tracks,
+        calibration,
+        chosen,
+        known,
+        free,
+        marks_px=geometry.marks_px,
+        clock_stderr=clip.fps_stderr,
+        image_size=(video.width, video.height),
     )
     return Run(
         source=Path(source),
@@ -284,6 +296,7 @@ def observe_and_fit(
     *,
     marks_px: Mapping[str, tuple[float, float]] | None = None,
     clock_stderr: float = 0.0,
+    image_size: tuple[int, int] | None = None,
 ) -> tuple[list[Trajectory], Trajectory, FitResult]:
     """Observe and fit, repeatedly where the fit determines part of the geometry better than the image does.
 
@@ -299,7 +312,7 @@ def observe_and_fit(
         What is known beforehand, by name.
     free
         Constants of the model to estimate as well.
-    marks_px, clock_stderr
+    marks_px, clock_stderr, image_size
         As for :func:`observe`.
 
     Returns
@@ -317,7 +330,13 @@ def observe_and_fit(
     names = {parameter.name for parameter in model.parameters}
     for _ in range(PASSES):
         world, trajectory = observe(
-            tracks, calibration, phenomenon, known, marks_px=marks_px, clock_stderr=clock_stderr
+            tracks,
+            calibration,
+            phenomenon,
+            known,
+            marks_px=marks_px,
+            clock_stderr=clock_stderr,
+            image_size=image_size,
         )
         stated = {**known, **_marks_in_world(marks_px or {}, tracks[0], calibration)}
         fixed = {name: value for name, value in stated.items() if name in names}

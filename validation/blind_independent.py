@@ -98,8 +98,8 @@ def view_through(camera: Camera, motion: Motion, values: Values) -> View:
     origin = middle + np.array([-camera.centre_m[0], camera.centre_m[1]]) * scale
     kind = kind_of([Quantity(name, unit) for name, unit in motion.observed])
     assert kind is not None
-    places = [(float(x), float(y)) for x, y in (origin, right, up, SIZE_PX, middle)]
-    return View(kind, *places, focal_px=camera.focal_px)
+    lies = [(float(x), float(y)) for x, y in (origin, right, up, SIZE_PX, middle)]
+    return View(kind, lies[0], lies[1], lies[2], lies[3], lies[4], camera.focal_px)
 
 
 def score_case(seed: int, clean: bool) -> Score:

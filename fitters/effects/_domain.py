@@ -45,14 +45,7 @@ def is_read_in_volts(model: OdeModel) -> bool:
 
 def lies_in_image(model: OdeModel) -> bool:
     """Whether what is observed may be a place in an image: an angle about a pivot, a way along a line, or x and z."""
-    if kind_of(model.observed) is None or reads_a_gauge(model):
-        return False
-    return model.observed[0].name != "r"  # the radius of a body's outline, wherever it is
-
-
-def reads_a_gauge(model: OdeModel) -> bool:
-    """Whether what is observed has no place in an image, whatever measured it: a brightness, a voltage."""
-    return all(quantity.unit in ("1", "V") for quantity in model.observed)
+    return kind_of(model.observed) is not None
 
 
 def on_a_line(model: OdeModel) -> bool:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitters.effects._domain import FILMED, on_a_line, reads_a_gauge
+from fitters.effects._domain import FILMED, lies_in_image, on_a_line
 from fitters.effects._times import first_time, start_parameter
 from iris_sysid.types import Array, Effect, EffectExample, OdeModel, Parameter, View
 
 
 def applies(model: OdeModel) -> bool:
     """Where one place is observed: in a plane, a drift is a velocity."""
-    return on_a_line(model) and not reads_a_gauge(model)
+    return on_a_line(model) and lies_in_image(model)
 
 
 def image(t_s: Array, points_px: Array, params: Array, view: View) -> Array:

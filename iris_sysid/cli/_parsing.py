@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar, cast, get_args
 
 from iris_sysid.errors import CalibrationError, DataError
 from iris_sysid.io.files import origin_of
-from iris_sysid.types import Calibration, Estimate, TrackOptions, Trajectory
+from iris_sysid.types import Calibration, Estimate, Sensor, TrackOptions, Trajectory
 from iris_sysid.units import (
     ANGLES,
     FRACTIONS,
@@ -127,6 +127,16 @@ def vertical(text: str) -> Literal["assumed", "motion"]:
     if text not in ("assumed", "motion"):
         raise DataError(f"the vertical is assumed or taken from the motion, not {text!r}; write assumed or motion")
     return "motion" if text == "motion" else "assumed"
+
+
+def sensor(text: str | None) -> Sensor | None:
+    """Read the kind of sensor; None where none is stated."""
+    if text is None:
+        return None
+    for kind in get_args(Sensor):
+        if text == kind:
+            return cast("Sensor", kind)
+    raise DataError(f"there is no sensor {text!r}; write {', '.join(get_args(Sensor))}")
 
 
 def size(text: str) -> tuple[int, int]:

@@ -22,6 +22,9 @@ Effects = Annotated[list[str] | None, typer.Option("--effect", help="Try an effe
 Phenomenon = Annotated[
     str | None, typer.Option("--phenomenon", help="What is filmed, for its model; see list. Or FILE.py:NAME.")
 ]
+Sensor = Annotated[
+    str | None, typer.Option(help="What measured: camera, encoder, gauge or unknown; only a camera has its effects.")
+]
 
 Holdout = Annotated[float, typer.Option(help="Fraction of each clip held out for validation.", min=0.0, max=0.9)]
 
@@ -34,6 +37,7 @@ def diagnose(
     effect: Effects = None,
     known: Settings = None,
     free: Free = None,
+    sensor: Sensor = None,
     holdout: Holdout = 0.3,
     trials: Annotated[int | None, typer.Option(help="Number of clips of each setting of a data set.")] = None,
     board: Annotated[str | None, typer.Option(help="Inner corners of a data set's checkerboards: 9x6.")] = None,
@@ -58,7 +62,14 @@ def diagnose(
     equation, free_by_default = _equation(model, phenomenon)
     check_folder(output, overwrite=force)
     fixed = _parsing.settings(known or (), equation.units())
-    options = {"model": equation.name if model is None else model, "set": known, "free": free, "holdout": holdout}
+    options = {
+        "model": equation.name if model is None else model,
+        "set": known,
+        "free": free,
+        "sensor": sensor,
+        "holdout": holdout,
+    }
+    stated = _parsing.sensor(sensor)
     measured = _measured(clips, phenomenon, output, trials, board, square)
     # imported after the clips are read, so that an unreadable file is reported without delay
     from iris_sysid.diagnosis.diagnose import diagnose as find_missing_effects
@@ -66,6 +77,8 @@ def diagnose(
     from iris_sysid.report.text import diagnosis_text
 
     trajectories = [_parsing.with_options(clip, **options) for clip in measured]
+    if stated is not None:
+        trajectories = [clip.with_(sensor=stated) for clip in trajectories]
     estimated = [*(name for name in free_by_default if name not in fixed), *(free or ())]
     diagnosis = find_missing_effects(
         trajectories,

@@ -16,7 +16,18 @@ from iris_sysid.io.dataframes import OPTIONAL_TRACK_COLUMNS, segment_labels
 from iris_sysid.io.files import origin_of, sha256_of
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import OriginDocument, number
-from iris_sysid.types import TRACK_SIGMAS, Array, Mask, Quantity, Segment, SegmentLabel, Smoothed, Track, Trajectory
+from iris_sysid.types import (
+    TRACK_SIGMAS,
+    Array,
+    Mask,
+    Quantity,
+    Segment,
+    SegmentLabel,
+    Smoothed,
+    Track,
+    Trajectory,
+    View,
+)
 from iris_sysid.units import rate_of
 
 TRACK_COLUMNS = (
@@ -209,7 +220,23 @@ def read_trajectory(path: str | Path) -> Trajectory:
         systematic=_systematic(sheet, document, (t_s.size, len(measured))),
         error_autocorrelation=stated.autocorrelation() if stated else None,
         first_frame=document.first_frame if document else None,
+        sensor=document.sensor if document else "unknown",
+        view=_view(sheet, document, measured),
     )
+
+
+def _view(sheet: Sheet, document: OriginDocument | None, columns: Sequence[Column]) -> View | None:
+    """How the quantities lie in the image; DataError where the origin file states the view of other quantities."""
+    if document is None or document.view is None:
+        return None
+    remedy = f"{side_car_of(sheet.label)}: view: {{}}; delete that file, or write the table again"
+    try:
+        view = document.view.view()
+    except DataError as error:
+        raise DataError(remedy.format(error)) from error
+    if not view.shows([column.quantity for column in columns]):
+        raise DataError(remedy.format(f"{view.kind} is not what this table holds"))
+    return view
 
 
 def _systematic(sheet: Sheet, document: OriginDocument | None, shape: tuple[int, int]) -> dict[str, Array]:

@@ -18,7 +18,7 @@ from iris_sysid.io.csv_read import read_track, read_trajectory, side_car_of
 from iris_sysid.io.dataframes import estimates_frame, to_frame
 from iris_sysid.io.files import check_writable, sha256_of, write_atomic
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, write_document
-from iris_sysid.io.schemas import ErrorAutocorrelationEntry, OriginDocument, known_numbers
+from iris_sysid.io.schemas import ErrorAutocorrelationEntry, OriginDocument, ViewEntry, known_numbers
 from iris_sysid.types import ErrorAutocorrelation, Track, Trajectory
 
 if TYPE_CHECKING:
@@ -103,6 +103,8 @@ def write_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: boo
         "origin": plain_origin(trajectory.origin),
         "error_autocorrelation": _entry_of(trajectory.error_autocorrelation),
         "first_frame": trajectory.first_frame,
+        "sensor": trajectory.sensor,
+        "view": ViewEntry.of(trajectory.view),
     }
     return _write(to_frame(trajectory), path, beside, overwrite=overwrite)
 

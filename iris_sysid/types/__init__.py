@@ -76,6 +76,7 @@ from iris_sysid.types._run import GeometryOptions as GeometryOptions
 from iris_sysid.types._run import Run as Run
 from iris_sysid.types._selection import ModelCandidate as ModelCandidate
 from iris_sysid.types._selection import ModelChoice as ModelChoice
+from iris_sysid.types._view import FOCAL_PER_WIDTH as FOCAL_PER_WIDTH
 from iris_sysid.types._view import PivotSource as PivotSource
 from iris_sysid.types._view import Sensor as Sensor
 from iris_sysid.types._view import View as View

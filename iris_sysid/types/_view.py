@@ -18,6 +18,7 @@ ViewKind = Literal["angle", "line", "plane"]
 PivotSource = Literal["marked", "arc", "arc-of-known-radius"]
 Pair = tuple[float, float]
 
+NO_PLACE = ("1", "V")  # units of a brightness and of a voltage
 FILLED = 0.6  # of the picture's height, which a motion takes that nothing is known of
 WIDTH_OVER_HEIGHT = 16 / 9
 FOCAL_PER_WIDTH = 26 / 36  # a phone's main camera: 26 mm equivalent on 36 mm of film
@@ -166,8 +167,14 @@ class View:
 
 
 def kind_of(quantities: Sequence[Quantity]) -> ViewKind | None:
-    """What a view of these quantities is: an angle, a way along a line, or x and z; None for anything else."""
+    """What a view of these quantities is: an angle, a way along a line, or x and z.
+
+    None for what has no place in an image: a brightness, a voltage, the radius r of a body's outline; and for several
+    bodies.
+    """
     if len(quantities) == 1:
+        if quantities[0].unit in NO_PLACE or quantities[0].name == "r":
+            return None
         return "angle" if quantities[0].unit == "rad" else "line"
     return "plane" if [quantity.name for quantity in quantities] == ["x", "z"] else None
 

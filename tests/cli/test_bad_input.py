@@ -237,6 +237,7 @@ DIAGNOSE = "--model pendulum -o out"
 DIAGNOSE_TABLE = [(f"diagnose {name} {DIAGNOSE}", message) for name, message in TABLE_TABLE] + [
     (f"diagnose wrong_unit.csv {DIAGNOSE}", "model 'pendulum' needs theta in rad, but it is in m"),
     (f"diagnose short.csv {DIAGNOSE}", "the base model cannot be diagnosed, its fit failed .too-short"),
+    (f"diagnose good.csv {DIAGNOSE} --sensor radar", "there is no sensor 'radar'; write camera, encoder, gauge"),
     ("diagnose good.csv --model swing -o out", "no model is named 'swing'; there are"),
     (f"diagnose good.csv {DIAGNOSE} --set mass=1", "model 'pendulum' has no parameter 'mass'"),
     (f"diagnose good.csv {DIAGNOSE} --free mass", "model 'pendulum' has no parameter 'mass'"),

@@ -347,6 +347,19 @@ def test_diagnose_writes_a_complete_folder(angles, tmp_path, cli):
     assert document.origin["options"]["holdout"] == 0.3
 
 
+@pytest.mark.parametrize(
+    ("sensor", "tested", "missing"), [("encoder", "zero-drift", "camera-tilt"), ("camera", "camera-tilt", "zero-drift")]
+)
+def test_diagnose_offers_the_effects_of_the_sensor_that_is_stated(sensor, tested, missing, angles, tmp_path, cli):
+    outcome = cli("diagnose", angles, "--model", "pendulum", "--sensor", sensor, "-o", tmp_path / "out")
+    assert outcome.status == 0, outcome.err
+    document = read_document(tmp_path / "out" / "diagnosis.json", DiagnosisDocument)
+    effects = {limit.effect for limit in document.ruled_out}
+    assert tested in effects
+    assert missing not in effects
+    assert document.origin["options"]["sensor"] == sensor
+
+
 def test_diagnose_again_writes_the_same_bytes_and_prints_its_sentence(angles, tmp_path, cli):
     for name in ("one", "two"):
         outcome = cli("diagnose", angles, "--model", "pendulum", "-o", tmp_path / name)

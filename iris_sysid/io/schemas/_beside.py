@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, JsonValue
 
 from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part, QuantityEntry, SegmentEntry
-from iris_sysid.types import ErrorAutocorrelation, VerticalSource
+from iris_sysid.types import ErrorAutocorrelation, PivotSource, Sensor, VerticalSource, View, ViewKind
 
 Triple = tuple[float, float, float]
+Pixels = Annotated[float, Field(ge=-1e9, le=1e9)]
+PixelLength = Annotated[float, Field(gt=0, le=1e9)]
+PixelPair = tuple[Pixels, Pixels]
 PixelCount = Annotated[int, Field(ge=1, le=100_000)]
 
 
@@ -35,11 +39,43 @@ class ErrorAutocorrelationEntry(Part):
         return ErrorAutocorrelation(tuple(self.partial), tuple(self.stderr))
 
 
+class ViewEntry(Part):
+    """How coordinates lie in the image of a camera (px; x right, y down, origin at the centre of pixel (0, 0))."""
+
+    kind: ViewKind
+    """An angle about a pivot, a way along a line, or x and z in a plane."""
+    origin_px: PixelPair
+    """Where the coordinates are zero; the pivot of an angle."""
+    right_px: PixelPair
+    """Image of one unit along the line or x, or of one lever's length to the right of the pivot."""
+    up_px: PixelPair
+    """Image of one unit across the line or along z, or of one lever's length up from the pivot."""
+    size_px: tuple[PixelLength, PixelLength]
+    """Width and height of the picture."""
+    axis_px: PixelPair
+    """Where the optical axis meets the picture."""
+    focal_px: PixelLength
+    """Focal length."""
+    pivot: PivotSource
+    """Where the pivot of an angle comes from."""
+    measured: bool
+    """False where only the kind of the view is known."""
+
+    @classmethod
+    def of(cls, view: View | None) -> ViewEntry | None:
+        """The view as an entry."""
+        return None if view is None else cls(**asdict(view))
+
+    def view(self) -> View:
+        """The entry as a View; DataError where its axes are parallel."""
+        return View(**self.model_dump())
+
+
 class OriginDocument(Document):
     """What a CSV file cannot say (the .origin.json file beside it)."""
 
     document: Literal["origin"] = "origin"
-    version: Literal[2] = 2
+    version: Literal[3] = 3
     table: str
     """Name of the CSV file."""
     table_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
@@ -59,12 +95,23 @@ class OriginDocument(Document):
     """The same by body, where the bodies of a track differ."""
     first_frame: int | None = None
     """Number in the video of the frame that is the first sample of a trajectory; null when it is not known."""
+    sensor: Sensor = "unknown"
+    """What measured a trajectory."""
+    view: ViewEntry | None = None
+    """How the quantities of a trajectory lie in the image of a camera; null where that is not known."""
 
     @classmethod
     def upgraded(cls, content: dict[str, Any]) -> dict[str, Any]:
-        """Version 1 kept the error autocorrelation as ``error_memory`` in the origin or the geometry."""
-        if content.get("version") != 1:
+        """Version 1 kept the error autocorrelation elsewhere; version 2 did not say which sensor measured."""
+        content = cls._from_version_1(content) if content.get("version") == 1 else content
+        if content.get("version") != 2:
             return content
+        filmed = "calibration" in content.get("origin", {}) and bool(content.get("quantities"))
+        return {**content, "version": 3, "sensor": "camera" if filmed else "unknown"}
+
+    @classmethod
+    def _from_version_1(cls, content: dict[str, Any]) -> dict[str, Any]:
+        """Version 1 kept the error autocorrelation as ``error_memory`` in the origin or the geometry."""
         content = {**content, "version": 2}
         origin = dict(content.get("origin", {}))
         of_track = origin.pop("error_memory", None)
