@@ -8,14 +8,13 @@ all effects. An effect that acts on the observation needs no integration.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicSpline
 
 from fitters.compose_effects import bodies_of, plain_observation, within
@@ -24,8 +23,10 @@ from fitters.integrator.codegen import generated, row
 from fitters.ode import simulate
 from iris_sysid.types import Array, Effect, FitResult, OdeModel, Quantity, Trajectory
 
-REFINEMENT = 4  # points in a sample interval at which the force is given
+REFINEMENT = 4  # points in a sample interval at which the force is given; even, for Simpson's rule
+SIMPSON = np.array([1.0, *(4.0, 2.0) * (REFINEMENT // 2)])[:REFINEMENT]  # weights of these points; that of the end is 1
 RESPONSE = 1e-4  # size of a trial change, relative to the range of what is changed
+FORCES_AT_ONCE = 4_000_000  # numbers; more take memory, not less time
 WORST_CONDITION = 1e8  # of the transition matrix, which loses digits as initial conditions decay
 
 _FORCED = """
@@ -57,14 +58,29 @@ class Motion:
 
     def answer(self, force: Array) -> Array:
         """What is seen (n, d) of a unit of a small force (m, f) on the highest derivatives."""
-        largest = float(np.max(np.abs(force), initial=0.0))
-        if not largest > 0 or not np.all(np.isfinite(force)):
-            return np.zeros((self.at_samples.size, len(self.model.observed)))
-        if self.inverse is None:
-            return self._integrated(force, largest)
-        drawn = cumulative_simpson(np.einsum("msf,mf->ms", self.inverse, force), x=self.grid, axis=0, initial=0.0)
-        change = np.einsum("mrs,ms->mr", self.transition[self.at_samples], drawn[self.at_samples])
-        return self._seen(change)
+        return np.asarray(self.answers(force[None])[0])
+
+    def answers(self, forces: Array) -> Array:
+        """What is seen (k, n, d) of a unit of each of k small forces (k, m, f) on the highest derivatives."""
+        largest = np.max(np.abs(forces), axis=(1, 2), initial=0.0)
+        acts = (largest > 0) & np.isfinite(forces).all(axis=(1, 2))
+        seen = np.zeros((len(forces), self.at_samples.size, len(self.model.observed)))
+        for some in np.array_split(np.flatnonzero(acts), max(1, forces.size // FORCES_AT_ONCE)):
+            if self.inverse is None:
+                seen[some] = [self._integrated(forces[k], float(largest[k])) for k in some]
+            elif some.size:
+                seen[some] = self._responses(self.inverse, forces[some])
+        return seen
+
+    def _responses(self, inverse: Array, forces: Array) -> Array:
+        """The same through the transition matrices, of which ``inverse`` has the columns that forces act through."""
+        drawn = _integral_at_samples(self.grid, np.einsum("msf,kmf->kms", inverse, forces))
+        wanted = self.at_samples // REFINEMENT
+        changes = np.einsum("nrs,kns->knr", self.transition[self.at_samples], drawn[:, wanted])
+        if self.model.observe is None:
+            names = [state.name for state in self.model.states]
+            return changes[:, :, [names.index(quantity.name) for quantity in self.model.observed]]
+        return np.array([self._seen(change) for change in changes])
 
     def _seen(self, change: Array) -> Array:
         """Observed change (n, d) of a small change (n, s) of the states."""
@@ -84,6 +100,20 @@ class Motion:
             inputs = push if self.inputs is None else np.hstack([self.inputs, push])
             pushed.append(simulate(forced(self.model), self.grid, self.values, inputs=inputs)[1])
         return np.asarray((pushed[0] - pushed[1])[self.at_samples] / (2 * factor))
+
+
+def _integral_at_samples(grid: Array, rates: Array) -> Array:
+    """Integral (k, i + 1, s) of rates (k, m, s) on a grid (m,) s, up to the ends of i intervals of REFINEMENT steps.
+
+    Simpson's rule within each interval, where the steps are equal.
+    """
+    steps = np.diff(grid[::REFINEMENT]) / REFINEMENT
+    inner = rates[:, :-1].reshape(len(rates), steps.size, REFINEMENT, -1)
+    last = rates[:, REFINEMENT::REFINEMENT]
+    areas = np.einsum("kijs,j->kis", inner, SIMPSON) + last
+    drawn = np.zeros((len(rates), steps.size + 1, rates.shape[2]))
+    np.cumsum(areas * (steps[:, None] / 3.0), axis=1, out=drawn[:, 1:])
+    return drawn
 
 
 def motion_of(fitted: FitResult, trajectory: Trajectory) -> Motion:
@@ -142,7 +172,7 @@ def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory, motio
     ndarray
         (n_used, d), in observed units per unit of the size.
     """
-    sizes = np.array([parameter.default or 0.0 for parameter in effect.parameters])
+    sizes = _defaults(effect)
     if effect.acceleration is not None:
         motion = motion or motion_of(fitted, trajectory)
         return motion.answer(force_along(effect, sizes, fitted.model, motion.grid, motion.states, motion.slopes))
@@ -159,6 +189,53 @@ def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory, motio
     step[0] = 1e-6
     moved = (effect.warp(t_s, sizes + step) - effect.warp(t_s, sizes - step)) / (2 * step[0])
     return np.asarray(velocity * moved[:, None])
+
+
+def sensitivities(
+    effect: Effect,
+    shapes: Sequence[Sequence[float]],
+    fitted: FitResult,
+    trajectory: Trajectory,
+    motion: Motion | None = None,
+) -> Array:
+    """:func:`sensitivity` (k, n_used, d) to an effect in k shapes, in observed units per unit of the size.
+
+    Parameters
+    ----------
+    effect
+        Applies to the fitted model.
+    shapes
+        Values of its parameters after the first, or none for their defaults.
+    fitted, trajectory, motion
+        As for :func:`sensitivity`.
+    """
+    variants = [shaped(effect, shape) for shape in shapes]
+    if effect.acceleration is None:
+        return np.array([sensitivity(variant, fitted, trajectory, motion) for variant in variants])
+    motion = motion or motion_of(fitted, trajectory)
+    where = fitted.model, motion.grid, motion.states, motion.slopes
+    return motion.answers(np.array([force_along(variant, _defaults(variant), *where) for variant in variants]))
+
+
+def shaped(effect: Effect, shape: Sequence[float]) -> Effect:
+    """The effect with new defaults for its parameters after the first; unchanged when no values are given.
+
+    Parameters
+    ----------
+    effect
+        The effect.
+    shape
+        One value for each parameter after the first, or none.
+    """
+    if not shape:
+        return effect
+    size, *rest = effect.parameters
+    changed = (replace(parameter, default=value) for parameter, value in zip(rest, shape, strict=True))
+    return replace(effect, parameters=(size, *changed))
+
+
+def _defaults(effect: Effect) -> Array:
+    return np.array([parameter.default or 0.0 for parameter in effect.parameters])
 
 
 def effect_change(effect: Effect, t_s: Array, motion: Array, velocity: Array, sizes: Array, size: float) -> Array:

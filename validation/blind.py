@@ -12,9 +12,10 @@ import numpy as np
 import pandas as pd
 
 from fitters.compose_effects import with_effects
+from fitters.effect_sensitivity import shaped
 from fitters.ode import fit, simulate
 from iris_sysid.diagnosis.diagnose import diagnose
-from iris_sysid.diagnosis.score_test import Screen, critical_value, screen, shaped
+from iris_sysid.diagnosis.score_test import Screen, critical_value, screen
 from iris_sysid.diagnosis.screening import SINGLE_LEVEL
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS

@@ -17,12 +17,12 @@ from pathlib import Path
 
 import numpy as np
 
-from fitters.effect_sensitivity import sensitivity
+from fitters.effect_sensitivity import sensitivity, shaped
 from fitters.ode import fit
 from iris_sysid.benchmark.parallel import side_by_side
 from iris_sysid.calibration.pixel_scale import scale
 from iris_sysid.diagnosis.diagnose import diagnose
-from iris_sysid.diagnosis.score_test import critical_value, screen, shaped
+from iris_sysid.diagnosis.score_test import critical_value, screen
 from iris_sysid.diagnosis.screening import SINGLE_LEVEL
 from iris_sysid.errors import IrisError
 from iris_sysid.io.csv_read import read_trajectory

@@ -16,9 +16,8 @@ import numpy as np
 import pandas as pd
 import pysindy
 
-from fitters.effect_sensitivity import force_along, rates
+from fitters.effect_sensitivity import force_along, rates, shaped
 from fitters.ode import fit
-from iris_sysid.diagnosis.score_test import shaped
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
 from iris_sysid.types import Array, Effect, OdeModel, Trajectory

@@ -30,6 +30,7 @@ EFFECT = Effect(
     parameters=(Parameter("anisotropic_scale", "1", "e", lower=-0.9, default=0.0),),
     applies=applies,
     cause="measurement",
+    plausibility=0.3,
     sensors=FILMED,
     image=image,
     alike="radial-distortion and cubic-stiffness, for swings; horizontal speed, for throws",

@@ -35,6 +35,7 @@ EFFECT = Effect(
     parameters=(Parameter("camera_drift", "{x}/s", "u", default=0.0), start_parameter("camera_start")),
     applies=applies,
     cause="measurement",
+    plausibility=0.3,
     sensors=FILMED,
     image=image,
     trials=first_time,

@@ -31,6 +31,7 @@ EFFECT = Effect(
     parameters=(Parameter("camera_tilt", "rad", r"\alpha", lower=-1.2, upper=1.2, default=0.0),),
     applies=lies_in_image,
     cause="measurement",
+    plausibility=0.3,
     sensors=FILMED,
     image=image,
     alike="quadratic forces; zero-offset, for small swings",

@@ -19,6 +19,7 @@ EFFECT = Effect(
     source="Newton's second law",
     parameters=(Parameter("constant_force", "{x}/s^2", "f", default=0.0),),
     applies=moves_on_a_line,
+    plausibility=0.5,
     acceleration=acceleration,
     alike="zero-offset, for small swings; the acceleration itself, on an incline or in free fall",
     example=EffectExample("pendulum", size=0.05),

@@ -19,6 +19,7 @@ EFFECT = Effect(
     source="Duffing (1918), Erzwungene Schwingungen bei veraenderlicher Eigenfrequenz",
     parameters=(Parameter("cubic_stiffness", "1/{x}^2/s^2", "k_3", default=0.0),),
     applies=moves_on_a_line,
+    plausibility=0.3,
     acceleration=acceleration,
     alike="radial-distortion and a wrong scale, which also change the period with the amplitude",
     example=EffectExample("pendulum", size=0.05),

@@ -60,6 +60,7 @@ EFFECT = Effect(
     ),
     applies=any_model,
     cause="clock",
+    plausibility=0.5,
     warp=warp,
     alike="impact",
     trials=trials,

@@ -13,6 +13,7 @@ EFFECT = Effect(
     source="Nelson and Olsson (1986), Am. J. Phys. 54, 112, section III",
     parameters=(Parameter("finite_bob", "1", "k", lower=-0.5, default=0.0),),
     applies=swings,
+    plausibility=0.3,
     acceleration=slowed,
     alike="the length itself, unless it is known; time-scale",
     example=EffectExample("pendulum", size=0.05),

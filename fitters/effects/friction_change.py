@@ -42,6 +42,7 @@ EFFECT = Effect(
         Parameter("change_width", "s", "w_c", lower=1e-9, default=1.0, constant=True, source="frame interval"),
     ),
     applies=slides,
+    plausibility=0.3,
     acceleration=acceleration,
     alike="impact, where the rest of the way is short",
     trials=trials,

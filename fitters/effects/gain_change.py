@@ -35,6 +35,7 @@ EFFECT = Effect(
     ),
     applies=is_read_in_volts,
     cause="measurement",
+    plausibility=0.1,
     observe=observe,
     alike="a level from which the way out is another",
     trials=trials,

@@ -29,6 +29,7 @@ EFFECT = Effect(
         Parameter("impact_width", "s", "w_i", lower=1e-9, default=1.0, constant=True, source="frame interval"),
     ),
     applies=moves_on_a_line,
+    plausibility=0.5,
     acceleration=acceleration,
     alike="dropped-frame",
     trials=moments,

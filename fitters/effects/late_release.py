@@ -36,6 +36,7 @@ EFFECT = Effect(
         Parameter("release_width", "s", "w_r", lower=1e-9, default=1.0, constant=True, source="frame interval"),
     ),
     applies=moves,
+    plausibility=0.3,
     acceleration=acceleration,
     alike="the initial velocity, in part",
     trials=trials,

@@ -7,21 +7,27 @@ import numpy as np
 from fitters.effects._domain import drains
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
+SHALLOWEST = 1e-300  # added to a depth whose power is taken
 QUANTILES = (0.95, 0.9, 0.8, 0.7, 0.6, 0.5)  # of what was seen, tried as the level of the rim
 
 
 def acceleration(
-    t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, float]
+    t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, float, float, float]
 ) -> float:
-    """-w (h - h_r) above the rim."""
-    overflow, rim = params
-    above = position - rim
-    return -0.5 * overflow * (above + abs(above))
+    """-w (h - h_r) ((h - h_r) / h_1)^(p - 1) above the rim."""
+    overflow, rim, power, depth = params
+    above = 0.5 * (position - rim + abs(position - rim))
+    return -overflow * above * ((above + SHALLOWEST) / depth) ** (power - 1.0)
 
 
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
-    """Levels of the rim. ``t_s`` (n,), s; ``observed`` (n, d), in the observed unit."""
-    return [(float(level),) for level in np.nanquantile(observed[:, 0], QUANTILES)]
+    """Levels of the rim, a flow in proportion to the depth above it, and a usual depth.
+
+    ``t_s`` (n,), s; ``observed`` (n, d), in the observed unit.
+    """
+    levels = observed[:, 0]
+    depth = float(np.nanmax(levels) - np.nanmedian(levels)) or 1.0
+    return [(float(level), 1.0, depth) for level in np.nanquantile(levels, QUANTILES)]
 
 
 EFFECT = Effect(
@@ -32,8 +38,29 @@ EFFECT = Effect(
     parameters=(
         Parameter("overflow", "1/s", "w", lower=0.0, default=0.0),
         Parameter("rim", "{x}", "h_r", default=0.0, role="location"),
+        Parameter(
+            "overflow_power",
+            "1",
+            "p",
+            lower=0.5,
+            upper=3.0,
+            default=1.0,
+            constant=True,
+            source="first order; 3/2 over a weir",
+            role="form",
+        ),
+        Parameter(
+            "overflow_depth",
+            "{x}",
+            "h_1",
+            lower=1e-300,
+            default=1.0,
+            constant=True,
+            source="a usual depth; another power gives the same flow there",
+        ),
     ),
     applies=drains,
+    plausibility=0.3,
     acceleration=acceleration,
     alike="leak, when the rim is low",
     trials=trials,

@@ -22,6 +22,7 @@ EFFECT = Effect(
     source="first-order expansion of a slowly varying parameter",
     parameters=(Parameter("parameter_drift", "1/s", r"\epsilon", default=0.0), start_parameter("drift_start")),
     applies=any_model,
+    plausibility=0.3,
     acceleration=acceleration,
     trials=first_time,
     alike="time-scale errors that grow; frequency that depends on amplitude, in a damped swing",

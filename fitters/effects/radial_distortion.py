@@ -26,6 +26,7 @@ EFFECT = Effect(
     parameters=(Parameter("radial_distortion", "1", "k", default=0.0),),
     applies=lies_in_image,
     cause="measurement",
+    plausibility=0.1,
     sensors=FILMED,
     image=image,
     alike="cubic-stiffness",

@@ -34,6 +34,7 @@ EFFECT = Effect(
     parameters=(Parameter("rolling_shutter", "s", r"\tau", lower=-0.2, upper=0.2, default=0.0),),
     applies=lies_in_image,
     cause="measurement",
+    plausibility=0.1,
     sensors=FILMED,
     image=image,
     alike="quadratic forces, weakly",

@@ -25,6 +25,7 @@ EFFECT = Effect(
     source="one-sided stiffness; Shaw and Holmes (1983), J. Sound Vib. 90, 129",
     parameters=(Parameter("slack_tether", "1", "s", upper=1.5, default=0.0),),
     applies=applies,
+    plausibility=0.1,
     acceleration=acceleration,
     alike="zero-offset and constant-force, for swings of one size",
     example=EffectExample("pendulum", size=0.05),

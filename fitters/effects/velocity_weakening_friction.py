@@ -30,6 +30,7 @@ EFFECT = Effect(
         ),
     ),
     applies=moves,
+    plausibility=0.3,
     acceleration=acceleration,
     alike="coulomb-friction, at speeds below v_s",
     example=EffectExample("pendulum", size=0.05),

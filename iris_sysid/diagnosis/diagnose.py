@@ -1,12 +1,15 @@
 """Find the effects that a model lacks: residual, score tests, refits, then the error before and after.
 
-1. Fit the model to every clip. 2. Test every effect that applies by its score: its sensitivity, without what the fitted
-parameters can imitate, against the residual. 3. Refit with the best few. Add the effect that explains most if it is
-significant at 5 % over the whole library (autocorrelation allowed for), if it moves the trajectory by more than the
-stated errors of its samples, and if it improves the prediction of held-out samples. If no single effect is significant,
-try pairs. 4. Repeat until no effect is significant. After each addition, remove the effects that are no longer needed
-and replace those with a better rival. The result also lists the effects that explain the data as well as an added one,
-and an upper limit on every effect that was not added.
+1. Hold out the end of every clip, and search in the rest: fit the model, test every effect that applies by its score
+(its sensitivity, without what the fitted parameters can imitate, against the residual), refit with the best few, and
+add the effect that explains most if it is significant at 5 % over the whole library (autocorrelation allowed for), if
+it moves the trajectory by more than the stated errors of its samples, and if it improves the prediction of samples
+left out here and there. If no single effect is significant, try pairs. Repeat until no effect is significant. After
+each addition, remove the effects that are no longer needed and replace those with a better rival.
+2. Predict the samples that were held out: nothing above has seen them.
+3. Refit with all samples, and continue the search there: more samples show more. Effects whose interval holds zero are
+left out. The result lists the effects that explain the data as well as an added one, and an upper limit on every
+effect that was not added.
 """
 
 from __future__ import annotations
@@ -15,18 +18,19 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from fitters.image_effects import offered
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.library import EffectLibrary
-from iris_sysid.diagnosis.notes import diagnostic_notes, negative_damping_note
+from iris_sysid.diagnosis.notes import diagnostic_notes, negative_damping_note, weak_notes
+from iris_sysid.diagnosis.prediction_error import fitted_error
 from iris_sysid.diagnosis.refit import ModelWithEffects, with_free_geometry
 from iris_sysid.diagnosis.score_test import combined
-from iris_sysid.diagnosis.search_report import SearchReport
+from iris_sysid.diagnosis.search_report import SearchReport, holds_zero
 from iris_sysid.diagnosis.stepwise_search import StepwiseSearch
+from iris_sysid.diagnosis.training import Training
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS
-from iris_sysid.types import Diagnosis, DiscoveredTerm, Effect, Estimate, FitResult, OdeModel, Trajectory
+from iris_sysid.types import Diagnosis, DiscoveredTerm, Effect, Errors, Estimate, FitResult, OdeModel, Trajectory
 
 ABOVE_NOISE = 1.1  # residual / noise above which terms are suggested; the noise itself is known to a few percent
 
@@ -88,9 +92,14 @@ def diagnose(
     fitted = [with_free_geometry(request) for request in requests]
     clips = [request for request, _ in fitted]
     base = _base(clips, tuple(fit for _, fit in fitted))
-    applicable = offered(EFFECTS.values() if effects is None else effects, model, measured)
-    cache = FitCache(clips, model, EffectLibrary(applicable), base, holdout, progress or (lambda text: None))
-    return _diagnosis(cache, StepwiseSearch(cache).run())
+    library = EffectLibrary(EFFECTS.values() if effects is None else effects, model, measured)
+    say = progress or (lambda text: None)
+    trained = Training.of(clips, model, library, base, holdout, say)
+    cache = FitCache(clips, model, library, base, holdout, say)
+    search = StepwiseSearch(cache)
+    known = trained.refitted(cache) if trained is not None else None
+    path = search.continued_from(known) if known is not None else search.run()
+    return _diagnosis(cache, path, trained)
 
 
 def _base(clips: Sequence[FitRequest], fits: tuple[FitResult, ...]) -> ModelWithEffects:
@@ -103,13 +112,15 @@ def _base(clips: Sequence[FitRequest], fits: tuple[FitResult, ...]) -> ModelWith
     return ModelWithEffects.without_effects(clips, fits)
 
 
-def _diagnosis(cache: FitCache, path: Sequence[ModelWithEffects]) -> Diagnosis:
+def _diagnosis(cache: FitCache, path: Sequence[ModelWithEffects], trained: Training | None) -> Diagnosis:
     """The diagnosis from the models that the search visited, the base first."""
-    base, final = path[0], path[-1]
-    report = SearchReport(cache, final)
+    base, report, weak = path[0], *_without_weak(cache, path[-1])
+    final = report.final
     rounds = [tuple(combined(scores) for scores in cache.screening(model).scores) for model in path]
-    before, after = cache.errors(base), cache.errors(final)
     noise = float(np.sqrt(np.mean([np.mean(fitted.noise**2) for fitted in base.fits])))
+    unknown = (float("nan"), float("nan"))
+    before, after = (trained.errors_before, trained.errors_after) if trained is not None else (unknown, unknown)
+    errors = Errors(fitted_error(final.fits, base.fits), *after)
     return Diagnosis(
         bases=base.fits,
         finals=final.fits,
@@ -117,18 +128,39 @@ def _diagnosis(cache: FitCache, path: Sequence[ModelWithEffects]) -> Diagnosis:
         sizes={name: report.size(name) for name in final.sizes},
         rounds=tuple(rounds),
         indistinguishable={effect.name: report.indistinguishable(effect) for effect in final.effects},
+        probabilities={effect.name: report.probabilities(effect) for effect in final.effects},
+        causes={effect.name: report.causes(effect) for effect in final.effects},
         ruled_out=tuple(report.limit(score) for score in rounds[-1]),
-        before=before,
-        after=after,
+        before=Errors(fitted_error(base.fits, final.fits), *before),
+        after=errors,
         noise_floor=noise,
         unit=base.fits[0].model.observed[0].unit,
-        proposed=_proposed(cache.clips, final) if after.fitted > ABOVE_NOISE * noise else (),
+        proposed=_proposed(cache.clips, final) if errors.fitted > ABOVE_NOISE * noise else (),
         notes=(
             *diagnostic_notes(base.fits, rounds[0], cache.failed),
             *negative_damping_note(final.fits),
             *report.rejected(),
+            *weak_notes(weak),
+            *(trained.notes(final) if trained is not None else ()),
         ),
     )
+
+
+def _without_weak(cache: FitCache, final: ModelWithEffects) -> tuple[SearchReport, list[tuple[str, Estimate]]]:
+    """The report on the effects whose interval excludes zero, and the sizes of those that were left out."""
+    weak: list[tuple[str, Estimate]] = []
+    while True:
+        report = SearchReport(cache, final)
+        sizes = {effect.name: report.size(effect.parameters[0].name) for effect in final.effects}
+        doubtful = [effect for effect in final.effects if holds_zero(sizes[effect.name])]
+        if not doubtful:
+            return report, weak
+        least = min(doubtful, key=lambda effect: abs(sizes[effect.name].value) / sizes[effect.name].stderr)
+        rest = cache.without(final, least)
+        if not rest.usable:
+            return report, weak
+        weak.append((least.name, sizes[least.name]))
+        final = rest
 
 
 def _proposed(clips: Sequence[FitRequest], final: ModelWithEffects) -> tuple[DiscoveredTerm, ...]:

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from fitters.ode import FitRequest
+from iris_sysid.diagnosis.evidence import DECISIVE, best_first, cost_above
 from iris_sysid.diagnosis.library import EffectLibrary
-from iris_sysid.diagnosis.prediction_error import errors_of
-from iris_sysid.diagnosis.refit import ModelWithEffects, Starts, refitted
+from iris_sysid.diagnosis.prediction_error import validation_error
+from iris_sysid.diagnosis.refit import ModelWithEffects, Starts, fitted_forms, forms, refitted, with_free_form
 from iris_sysid.diagnosis.screening import Candidate, Screening
-from iris_sysid.types import Effect, Errors, FitResult, OdeModel
+from iris_sysid.types import Effect, FitResult, OdeModel
 
 REFITTED = 4  # best candidates that are refitted in each round
 WORTH_REFITTING = 0.7  # fraction of the significant chi-square; a refit can explain more than the first-order test
+SAMPLES_A_PART = 10  # samples of each short part of a clip whose end is left out
 NEARLY = 0.2  # a rival's first-order gain may be smaller by this fraction; a refit can be that much better
 
 
@@ -30,7 +32,7 @@ class FitCache:
     base
         The fits without effects.
     holdout
-        Fraction of each clip that is held out for the prediction error.
+        Fraction of each short part of a clip that is left out to validate an effect.
     report
         Called with a line of text at each step.
     """
@@ -46,9 +48,9 @@ class FitCache:
     ) -> None:
         self.clips, self.library, self.base, self.report = clips, library, base, report
         self._model, self._holdout = model, holdout
-        self._models: dict[frozenset[str], ModelWithEffects] = {base.names: base}
+        self._models: dict[frozenset[str], ModelWithEffects] = {base.key: base}
         self._screenings: dict[frozenset[str], Screening] = {}
-        self._errors: dict[tuple[frozenset[str], int], Errors] = {}
+        self._errors: dict[frozenset[str], float] = {}
 
     @property
     def failed(self) -> list[tuple[str, FitResult]]:
@@ -58,54 +60,68 @@ class FitCache:
 
     def screening(self, current: ModelWithEffects) -> Screening:
         """The score tests of every effect that a model does not have yet."""
-        if current.names not in self._screenings:
+        if current.key not in self._screenings:
             effects = self.library.by_name.values()
             self.report(f"screening {len(effects) - len(current.effects)} effects")
-            self._screenings[current.names] = Screening.of(effects, current, self.clips)
-        return self._screenings[current.names]
+            self._screenings[current.key] = Screening.of(effects, current, self.clips)
+        return self._screenings[current.key]
 
-    def errors(self, current: ModelWithEffects, parts: int = 1) -> Errors:
-        """The prediction errors of a model; each clip is cut into ``parts`` and the end of each part is held out."""
-        key = current.names, parts
-        if key not in self._errors:
-            self._errors[key] = errors_of(self.clips, current, self._holdout, parts)
-        return self._errors[key]
+    def validation_error(self, current: ModelWithEffects) -> float:
+        """The error, in units of the noise, at the ends of many short parts that are left out; NaN where none can be.
+
+        Every part of a clip shows the effects that act at one moment; its last third often does not.
+        """
+        if current.key not in self._errors:
+            parts = max(min(fitted.n for fitted in self.base.fits) // SAMPLES_A_PART, 1)
+            self._errors[current.key] = validation_error(self.clips, current, self._holdout, parts)
+        return self._errors[current.key]
 
     def with_added(self, current: ModelWithEffects, candidate: Candidate) -> ModelWithEffects:
         """The model with the effects of a candidate added."""
         effects = [*current.effects, *(self.library.by_name[name] for name in candidate.names)]
         return self._fitted(current, effects, candidate.starts, candidate.names)
 
+    def with_effects(self, effects: Sequence[Effect], starts: Sequence[Starts]) -> ModelWithEffects:
+        """The model with these effects, from the sizes and shapes of ``starts``, one a clip."""
+        return self._fitted(self.base, effects, starts, [effect.name for effect in effects])
+
     def without(self, current: ModelWithEffects, effect: Effect) -> ModelWithEffects:
         """The model with one of its effects removed."""
         effects = [other for other in current.effects if other.name != effect.name]
         no_starts: list[Starts] = [{}] * len(self.clips)
-        if len(effects) != 1:
+        if len(effects) != 1 or fitted_forms(effects[0]):
             return self._fitted(current, effects, no_starts, ())
         # a model with a single effect is always fitted from the base
         alone = self.with_added(self.base, self.screening(self.base).single(effects[0].name))
         if not alone.usable:
             alone = refitted(self.clips, current, self._model, effects, no_starts)
-            self._models[alone.names] = alone
+            self._models[alone.key] = alone
         return alone
 
     def _fitted(
         self, current: ModelWithEffects, effects: Sequence[Effect], starts: Sequence[Starts], added: Sequence[str]
     ) -> ModelWithEffects:
-        key = frozenset(effect.name for effect in effects)
+        names = [effect.name for effect in effects]
+        key = frozenset([*names, *(name for effect in effects for name in fitted_forms(effect))])
         if key not in self._models:
             if added:
                 self.report(f"refitting with {', '.join(added)}")
             self._models[key] = refitted(self.clips, current, self._model, effects, starts)
         return self._models[key]
 
+    def with_free_form(self, current: ModelWithEffects, effect: Effect) -> ModelWithEffects:
+        """The model with the form of one of its effects fitted, instead of the one that it usually has."""
+        effects = [with_free_form(other) if other.name == effect.name else other for other in current.effects]
+        no_starts: list[Starts] = [{}] * len(self.clips)
+        return self._fitted(current, effects, no_starts, forms(effect))
+
     def refits(self, current: ModelWithEffects, candidates: Sequence[Candidate]) -> list[ModelWithEffects]:
-        """The usable refits with the most promising candidates, smallest cost first."""
+        """The usable refits with the most promising candidates, the one with the smallest criterion first."""
         allowed = [candidate for candidate in candidates if self.library.allows(candidate)]
         worth = [candidate for candidate in allowed if candidate.ratio > WORTH_REFITTING]
         models = [self.with_added(current, candidate) for candidate in worth[:REFITTED]]
         usable = [model for model in models if model.usable and self.library.allows_fit(model)]
-        return sorted(usable, key=lambda model: model.cost)
+        return best_first(usable)
 
     def testable(self, current: ModelWithEffects) -> frozenset[str]:
         """The effects that the parameters of neither this model nor the base can imitate."""
@@ -118,7 +134,12 @@ class FitCache:
         near = [name for name in screening.names if name in testable and screening.score(name).gain > least]
         return self.refits(rest, [screening.single(name) for name in near])
 
+    def refitted(self, rest: ModelWithEffects) -> frozenset[str]:
+        """The effects of which a usable refit beside those of ``rest`` exists."""
+        added = [model.names - rest.names for key, model in self._models.items() if key > rest.key and model.usable]
+        return frozenset(name for names in added if len(names) == 1 for name in names)
+
     def equally_good(self, final: ModelWithEffects, effect: Effect) -> list[ModelWithEffects]:
         """The models in which another effect replaces ``effect`` and explains the data as well."""
         rivals = self.rivals(self.without(final, effect), effect)
-        return [rival for rival in rivals if rival.names != final.names and rival.cost - final.cost < final.margin]
+        return [rival for rival in rivals if rival.names != final.names and cost_above(rival, final) < DECISIVE]

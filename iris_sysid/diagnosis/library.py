@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from fitters.image_effects import offered
 from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, sizes_of
 from iris_sysid.diagnosis.screening import Candidate
-from iris_sysid.types import Effect
+from iris_sysid.types import Effect, OdeModel, Trajectory
 
 
 def two_sided(effect: Effect) -> Effect:
@@ -24,10 +25,15 @@ class EffectLibrary:
     Parameters
     ----------
     effects
-        The registered effects that apply to the model.
+        The registered effects.
+    model
+        Only the effects that apply to it are searched,
+    clips
+        and of them those that the sensor of every clip can have.
     """
 
-    def __init__(self, effects: Sequence[Effect]) -> None:
+    def __init__(self, effects: Iterable[Effect], model: OdeModel, clips: Sequence[Trajectory]) -> None:
+        effects = offered(effects, model, clips)
         self.by_name = {effect.name: two_sided(effect) for effect in effects}
         self._one_sided = frozenset(effect.name for effect in effects if effect.parameters[0].lower == 0.0)
 

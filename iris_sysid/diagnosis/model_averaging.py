@@ -43,7 +43,8 @@ def averaged_over_alternatives(chosen: Estimate, alternatives: Sequence[tuple[Es
     chosen
         The size in the model with the added effects.
     alternatives
-        The size in each alternative model, and by how much its cost is larger (:attr:`ModelWithEffects.cost`).
+        The size in each alternative model, and by how much its criterion is larger
+        (:func:`iris_sysid.diagnosis.evidence.cost_above`).
     """
     if not alternatives or not chosen.stderr > 0:
         return chosen

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from iris_sysid.diagnosis.measurement_errors import RESOLVED_AT, RESOLVED_SAMPLES
-from iris_sysid.types import DiagnosticNote, FitResult, NoteKind, Score
+from iris_sysid.types import DiagnosticNote, Estimate, FitResult, NoteKind, Score
 
 MOST_NAMED = 3  # clips or effects that a note names; further ones are counted
 REJECTED = {
@@ -61,6 +61,21 @@ def rejected_effect_note(scores: Sequence[Score], kind: NoteKind) -> tuple[Diagn
     others = f" (similar: {', '.join(similar[:MOST_NAMED])}{more})" if similar else ""
     size = f"{best.effect} = {best.size:.2g} {best.unit}"
     return (DiagnosticNote(kind, f"the residual fits best with {size}{others}; rejected, {REJECTED[kind]}"),)
+
+
+def weak_notes(sizes: Sequence[tuple[str, Estimate]]) -> tuple[DiagnosticNote, ...]:
+    """Name the effects that were significant, but whose size has an interval that holds zero.
+
+    Parameters
+    ----------
+    sizes
+        Name and size of each.
+    """
+    texts = [
+        f"{name} = {size.value:.2g} ± {size.stderr:.1g} {size.unit} is not named: its interval holds zero"
+        for name, size in sizes
+    ]
+    return _notes("weak", texts)
 
 
 def negative_damping_note(finals: Sequence[FitResult]) -> tuple[DiagnosticNote, ...]:

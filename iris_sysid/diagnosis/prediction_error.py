@@ -1,4 +1,4 @@
-"""The error of a model with effects over the samples that it was fitted to, and over samples that were held out."""
+"""The error of a model with effects over the samples that it was fitted to, and over samples that it never saw."""
 
 from __future__ import annotations
 
@@ -10,62 +10,120 @@ from numpy.typing import NDArray
 from fitters.ode import FitRequest
 from fitters.ode.simulation import predicted_by
 from iris_sysid.diagnosis.refit import ModelWithEffects, estimate_values, fit_from, pooled, sizes_of
-from iris_sysid.types import Array, Errors, FitResult
+from iris_sysid.types import Array, FitResult
 
 SAMPLES_A_VALUE = 2  # samples per free value that a fit needs after others are held out
+Indices = NDArray[np.intp]
 
 
-def errors_of(clips: Sequence[FitRequest], model: ModelWithEffects, holdout: float, parts: int = 1) -> Errors:
-    """The error over the fitted samples, and over the held-out samples; NaN where a clip is too short to hold out any.
+def held_out(fitted: FitResult, share: float, parts: int = 1) -> Indices | None:
+    """Indices (m,) of the last samples of each part of a clip; None where too few samples would be left.
+
+    Parameters
+    ----------
+    fitted
+        A fit of the clip: of its samples those that it used.
+    share
+        Fraction of each part, at its end, that is held out.
+    parts
+        Number of parts that the clip is cut into.
+    """
+    used = np.flatnonzero(fitted.used)
+    later = used[(np.arange(len(used)) * parts / len(used)) % 1.0 >= 1.0 - share]
+    enough = len(later) > 0 and len(used) - len(later) >= SAMPLES_A_VALUE * len(fitted.free)
+    return later if enough else None
+
+
+def without_samples(clip: FitRequest, left_out: Indices) -> FitRequest:
+    """The request for a fit that does not see these samples."""
+    kept = clip.trajectory.valid.copy()
+    kept[left_out] = False
+    return clip.with_(trajectory=clip.trajectory.with_(valid=kept))
+
+
+def fitted_error(fits: Sequence[FitResult], others: Sequence[FitResult]) -> float:
+    """Root mean square of the residuals of some fits, over the samples that other fits to the same clips use too."""
+    both = [fitted.residual[fitted.used & other.used].ravel() for fitted, other in zip(fits, others, strict=True)]
+    return _rms(np.concatenate(both))
+
+
+def prediction_error(
+    clips: Sequence[FitRequest], trained: ModelWithEffects, left_out: Sequence[Indices]
+) -> tuple[float, float]:
+    """Error over samples that a fit did not see: root mean square, and in units of each sample's noise.
+
+    NaN where one of the fits that predict fails.
 
     Parameters
     ----------
     clips
-        The fit requests, one a clip, with their fixed and free values.
-    model
-        The fits to them; for each clip, the sizes of the effects come from the other clips where there are any.
-    holdout
-        Fraction of each part of a clip, at its end, that is held out.
-    parts
-        Number of parts that a clip is cut into; 1 holds out only its end.
+        The fit requests with all samples.
+    trained
+        Fits that did not see those left out. With several clips, the sizes of the effects come from the other clips.
+    left_out
+        Indices (m,) of these samples, one a clip.
     """
-    fits, heldout, weighed = model.fits, [], []
-    for k, (clip, fitted, unit) in enumerate(zip(clips, fits, model.units, strict=True)):
-        others = [other for j, other in enumerate(fits) if j != k]
-        shared = (
-            [effect.parameters[0].name for effect in model.effects] if others else []
-        )  # moments are each clip's own
-        given = {name: pooled(sizes_of(others, name)).value for name in shared}
-        samples, error = _heldout_error(clip.with_(fixed={**clip.fixed, **given}), fitted, holdout, parts)
-        heldout.append(error.ravel())
-        weighed.append((error / unit[samples]).ravel())
-    inside = np.concatenate([fitted.residual[fitted.used].ravel() for fitted in fits])
-    return Errors(_rms(inside), _rms(np.concatenate(heldout)), _rms(np.concatenate(weighed)))
+    several = len(clips) > 1
+    errors, weighed = [], []
+    for k, (clip, fitted, unit, later) in enumerate(zip(clips, trained.fits, trained.units, left_out, strict=True)):
+        others = [other for j, other in enumerate(trained.fits) if j != k]
+        known = without_samples(clip, later)
+        trial = _with_sizes_of(others, trained, known, fitted) if several and trained.effects else fitted
+        if not trial.usable:
+            return float("nan"), float("nan")
+        seen = later[later >= int(np.searchsorted(clip.trajectory.t_s, trial.t0_s))]
+        error = (
+            _observed(clip, trial)[seen]
+            - predicted_by(trial, clip.trajectory, estimate_values(trial), int(later[-1]) + 1)[seen]
+        )
+        errors.append(error.ravel())
+        weighed.append((error / unit[seen]).ravel())
+    return _rms(np.concatenate(errors)), _rms(np.concatenate(weighed))
+
+
+def validation_error(clips: Sequence[FitRequest], model: ModelWithEffects, share: float, parts: int) -> float:
+    """:func:`prediction_error` in units of the noise, of a model refitted without the ends of short parts.
+
+    NaN where a clip is too short to leave out any.
+
+    Parameters
+    ----------
+    clips
+        The fit requests.
+    model
+        The fits to them.
+    share
+        Fraction of each part that is left out.
+    parts
+        Number of parts of a clip.
+    """
+    left_out = [held_out(fitted, share, parts) for fitted in model.fits]
+    known = [samples for samples in left_out if samples is not None]
+    if len(known) < len(left_out):
+        return float("nan")
+    fits = []
+    for clip, fitted, samples in zip(clips, model.fits, known, strict=True):
+        start = {name: fitted.estimates[name].value for name in fitted.free}
+        fits.append(fit_from(without_samples(clip, samples), fitted.model, start))
+    return prediction_error(clips, ModelWithEffects(tuple(fits), model.units, model.effects), known)[1]
+
+
+def _with_sizes_of(
+    others: Sequence[FitResult], trained: ModelWithEffects, clip: FitRequest, fitted: FitResult
+) -> FitResult:
+    """A fit of one clip with the sizes of the effects in the other clips; moments are each clip's own."""
+    sizes = {effect.parameters[0].name for effect in trained.effects}
+    given = {name: pooled(sizes_of(others, name)).value for name in sizes}
+    start = {name: fitted.estimates[name].value for name in fitted.free if name not in given}
+    return fit_from(clip.with_(fixed={**clip.fixed, **given}), fitted.model, start)
+
+
+def _observed(clip: FitRequest, fitted: FitResult) -> Array:
+    """What the fit observes (n, d), as measured."""
+    trajectory = clip.trajectory
+    return trajectory.position[:, [trajectory.column(quantity.name) for quantity in fitted.model.observed]]
 
 
 def _rms(values: Array) -> float:
     with np.errstate(over="ignore"):  # a prediction that diverges is infinitely wrong
-        return float(np.sqrt(np.mean(values**2)))
-
-
-def _heldout_error(clip: FitRequest, fitted: FitResult, holdout: float, parts: int) -> tuple[NDArray[np.intp], Array]:
-    """Indices (m,) of the last samples of each part, and the residual (m, d) there after a fit to the other samples.
-
-    One sample and NaN where none can be held out.
-    """
-    unknown = np.zeros(1, dtype=np.intp), np.full((1, fitted.residual.shape[1]), np.nan)
-    used = np.flatnonzero(fitted.used)
-    later = used[(np.arange(len(used)) * parts / len(used)) % 1.0 >= 1.0 - holdout]
-    if len(used) - len(later) < SAMPLES_A_VALUE * len(fitted.free) or len(later) == 0:
-        return unknown
-    trajectory = clip.trajectory
-    kept = trajectory.valid.copy()
-    kept[later] = False
-    start = {name: fitted.estimates[name].value for name in fitted.free if name not in clip.fixed}
-    part = fit_from(clip.with_(trajectory=trajectory.with_(valid=kept)), fitted.model, start)
-    if not part.usable:
-        return unknown
-    later = later[later >= int(np.searchsorted(trajectory.t_s, part.t0_s))]
-    columns = [trajectory.column(quantity.name) for quantity in fitted.model.observed]
-    predicted = predicted_by(part, trajectory, estimate_values(part), used[-1] + 1)
-    return later, np.asarray(trajectory.position[later][:, columns] - predicted[later])
+        return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")

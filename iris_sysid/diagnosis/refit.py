@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fitters.compose_effects import with_effect
+from fitters.effect_sensitivity import shaped
 from fitters.image_effects import view_of
 from fitters.noise.random_effects import random_effects
 from fitters.noise.sandwich_covariance import inverse_normal
 from fitters.ode import FitRequest, solve
 from fitters.ode.simulation import predicted_by
 from iris_sysid.diagnosis.measurement_errors import unit_noise
-from iris_sysid.diagnosis.score_test import shaped
-from iris_sysid.types import Array, Effect, Estimate, FitResult, Mask, OdeModel, normal_isf, student_sf
+from iris_sysid.diagnosis.score_test import common_size
+from iris_sysid.types import Array, Effect, Estimate, FitResult, Mask, OdeModel, Parameter, normal_isf, student_sf
 
 MOST_MOVES = 4  # steps from an effect's shape to a better one nearby
 HIGHEST = 0.95  # largest lag-1 correlation that is allowed for
@@ -53,6 +54,26 @@ def fit_from(clip: FitRequest, model: OdeModel, start: Mapping[str, float]) -> F
     return solve(request.from_near(start) if start else request)
 
 
+def forms(effect: Effect) -> tuple[str, ...]:
+    """Names of the parameters that hold the form of an effect, an exponent or a width."""
+    return tuple(parameter.name for parameter in effect.parameters if parameter.role == "form")
+
+
+def fitted_forms(effect: Effect) -> tuple[str, ...]:
+    """Those of :func:`forms` that are fitted."""
+    return tuple(name for name in forms(effect) if not _parameter(effect, name).constant)
+
+
+def with_free_form(effect: Effect) -> Effect:
+    """The effect with its form fitted as well."""
+    free = [replace(each, constant=False) if each.role == "form" else each for each in effect.parameters]
+    return replace(effect, parameters=tuple(free))
+
+
+def _parameter(effect: Effect, name: str) -> Parameter:
+    return next(parameter for parameter in effect.parameters if parameter.name == name)
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class ModelWithEffects:
     """The model with some effects, fitted to all clips; ``units`` (n, d) of the residuals, one a clip."""
@@ -73,19 +94,12 @@ class ModelWithEffects:
         return all(fitted.usable for fitted in self.fits)
 
     @property
-    def cost(self) -> float:
-        """Bayesian information criterion: chi-square, and the logarithm of the sample count for each free value."""
-        squares = sum(
+    def squares(self) -> float:
+        """Sum of squares of the residuals and of what the priors miss, in units of the noise."""
+        return sum(
             _sum_of_squares(fitted, unit, fitted.used) + _prior_squares(fitted)
             for fitted, unit in zip(self.fits, self.units, strict=True)
         )
-        return squares + sum(len(fitted.free) * float(np.log(fitted.n * len(fitted.rms))) for fitted in self.fits)
-
-    @property
-    def margin(self) -> float:
-        """Decisive difference of cost: 2 log 20, larger where correlation leaves fewer independent samples."""
-        correlation = max(min(abs(fitted.correlation), HIGHEST) for fitted in self.fits)
-        return float(2 * np.log(20.0) * (1 + correlation) / (1 - correlation))
 
     @property
     def independent(self) -> float:
@@ -94,9 +108,25 @@ class ModelWithEffects:
         return float(sum(samples * (1.0 - rho) / (1.0 + rho) for samples, rho in counts))
 
     @property
+    def inflation(self) -> float:
+        """Variance of slow sums of the residual over that for white noise, by its lag-1 correlation; at least 1."""
+        correlation = max(max(min(fitted.correlation, HIGHEST) for fitted in self.fits), 0.0)
+        return (1.0 + correlation) / (1.0 - correlation)
+
+    @property
     def names(self) -> frozenset[str]:
         """Names of the effects."""
         return frozenset(effect.name for effect in self.effects)
+
+    @property
+    def key(self) -> frozenset[str]:
+        """Names of the effects, and of the parameters of their form that are fitted: no two models have the same."""
+        return self.names | {name for effect in self.effects for name in fitted_forms(effect)}
+
+    @property
+    def names_in_order(self) -> tuple[str, ...]:
+        """Names of the effects in the order in which they were added."""
+        return tuple(effect.name for effect in self.effects)
 
     @property
     def sizes(self) -> tuple[str, ...]:
@@ -212,12 +242,13 @@ def significance(before: ModelWithEffects, after: ModelWithEffects, effects: Seq
 
     Of one clip, the root of the chi-square that they explain, in units of the noise that remains, thinned by the
     autocorrelation of that noise along them: unlike a size over its standard error, this also holds where an effect
-    has a shape that the data hardly fix. Of several clips, the smallest of the effects' mean sizes over their standard
-    errors, scatter between the clips included.
+    has a shape that the data hardly fix. Of several clips, the smallest of the effects' common sizes over their
+    standard errors (:func:`common_size`).
     """
     if len(after.fits) > 1:
-        sizes = [pooled(sizes_of(after.fits, effect.parameters[0].name)) for effect in effects]
-        return float(min(abs(size.value) / size.stderr for size in sizes))
+        sizes = [sizes_of(after.fits, effect.parameters[0].name) for effect in effects]
+        common = [common_size([(size.value, size.stderr) for size in clips]) for clips in sizes]
+        return float(min(abs(value) / stderr for value, stderr in common))
     first, second, unit = before.fits[0], after.fits[0], after.units[0]
     both = first.used & second.used
     remaining = _sum_of_squares(second, unit, both) + _prior_squares(second)

@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from fitters.effect_sensitivity import Motion, motion_of, sensitivity
+from fitters.effect_sensitivity import Motion, motion_of, sensitivities
 from fitters.noise.autoregression import Autoregression, grid_positions, on_grid
 from fitters.noise.sandwich_covariance import inverse_normal, middle, random_uncertainty
 from iris_sysid.diagnosis.measurement_errors import resolvable_size, stated_errors, unit_noise
@@ -87,16 +87,21 @@ class _Residual:
         """Sum of squares."""
         return max(float(np.sum(self.flat**2)), 1e-300)
 
-    def direction(self, effect: str, shape: tuple[float, ...], sensitivity: Array) -> _Direction:
-        """The direction of an effect's sensitivity (n, d); its length is 0 where the parameters can imitate it."""
-        flat = np.concatenate([sensitivity.ravel(), np.zeros_like(self.priors)])
-        imitated = self.basis.T @ flat
-        remainder = flat - self.basis @ imitated
-        length = float(np.linalg.norm(remainder))
-        if not np.isfinite(length) or length <= NOT_IMITATED * float(np.linalg.norm(flat)):
-            return _Direction(effect, shape, np.zeros_like(flat), 0.0, 0.0, np.zeros(len(self.free)))
-        unit = remainder / length
-        return _Direction(effect, shape, unit, length, float(unit @ self.flat), -self.solve @ imitated)
+    def directions(self, effect: str, shapes: Sequence[tuple[float, ...]], sensitivity: Array) -> list[_Direction]:
+        """The directions of an effect's sensitivities (k, n, d), one a shape, that the parameters cannot imitate."""
+        samples = sensitivity.reshape(len(shapes), -1)
+        flat = np.hstack([samples, np.zeros((len(shapes), self.priors.size))])
+        imitated = flat @ self.basis
+        remainder = flat - imitated @ self.basis.T
+        lengths, before = np.linalg.norm(remainder, axis=1), np.linalg.norm(flat, axis=1)
+        shifts = -imitated @ self.solve.T
+        visible = np.flatnonzero(np.isfinite(lengths) & (lengths > NOT_IMITATED * before))
+        units = remainder[visible] / lengths[visible, None]
+        rows = zip(visible, units, units @ self.flat, strict=True)
+        return [
+            _Direction(effect, shapes[int(k)], unit, float(lengths[k]), float(component), shifts[k])
+            for k, unit, component in rows
+        ]
 
     def score(self, effect: Effect, directions: Sequence[_Direction], tried: int) -> Score:
         """The score of an effect in its best shape; NaN where the parameters can imitate all shapes."""
@@ -223,8 +228,8 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
     scores, rows = {}, []
     for effect in effects:
         shapes = list(effect.trials(residual.t_s, observed)) if effect.trials is not None else [()]
-        direction_of = partial(_direction_of, effect, residual, noise, fitted, trajectory, motion)
-        visible = _visible_directions(effect, shapes, residual.t_s, direction_of)
+        directions_of = partial(_directions_of, effect, residual, noise, (fitted, trajectory, motion))
+        visible = _visible_directions(effect, shapes, residual.t_s, directions_of)
         rows += visible
         tried = len(shapes) if effect.nearby is None else residual.t_s.size  # the best of all, whatever the start
         scores[effect.name] = residual.score(effect, visible, tried)
@@ -238,31 +243,28 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
     )
 
 
-def _direction_of(
+def _directions_of(
     effect: Effect,
     residual: _Residual,
     noise: Array,
-    fitted: FitResult,
-    trajectory: Trajectory,
-    motion: Motion | None,
-    shape: tuple[float, ...],
-) -> _Direction:
-    return residual.direction(
-        effect.name, shape, sensitivity(shaped(effect, shape), fitted, trajectory, motion) / noise
-    )
+    where: tuple[FitResult, Trajectory, Motion | None],
+    shapes: Sequence[tuple[float, ...]],
+) -> list[_Direction]:
+    """The directions of an effect in those of the shapes that the parameters cannot imitate."""
+    return residual.directions(effect.name, shapes, sensitivities(effect, shapes, *where) / noise)
 
 
 def _visible_directions(
     effect: Effect,
     shapes: Sequence[tuple[float, ...]],
     t_s: Array,
-    direction_of: Callable[[tuple[float, ...]], _Direction],
+    directions_of: Callable[[Sequence[tuple[float, ...]]], list[_Direction]],
 ) -> list[_Direction]:
     """The shapes that the parameters cannot imitate; shapes near the best are added while one of them explains more."""
-    directions = [direction for direction in map(direction_of, shapes) if direction.length > 0]
+    directions = directions_of(shapes)
     best = max(directions, key=lambda direction: abs(direction.component), default=None)
     while effect.trials is not None and effect.nearby is not None and best is not None:
-        nearby = [direction for direction in map(direction_of, effect.nearby(t_s, best.shape)) if direction.length > 0]
+        nearby = directions_of(effect.nearby(t_s, best.shape))
         directions += nearby
         previous, best = best, max([best, *nearby], key=lambda direction: abs(direction.component))
         if best is previous:
@@ -270,39 +272,57 @@ def _visible_directions(
     return directions
 
 
-def shaped(effect: Effect, shape: Sequence[float]) -> Effect:
-    """The effect with new defaults for its parameters after the first; unchanged when no values are given.
-
-    Parameters
-    ----------
-    effect
-        The effect.
-    shape
-        One value for each parameter after the first, or none.
-    """
-    if not shape:
-        return effect
-    size, *rest = effect.parameters
-    changed = (replace(parameter, default=value) for parameter, value in zip(rest, shape, strict=True))
-    return replace(effect, parameters=(size, *changed))
-
-
 def critical_value(level: float, tries: int) -> float:
     """Standard errors above which a size is significant at a two-sided ``level``, Bonferroni for ``tries`` tests."""
     return normal_isf(level / 2 / tries)
 
 
+def common_size(sizes: Sequence[tuple[float, float]]) -> tuple[float, float]:
+    """The common value of independent sizes, each (value, standard error), and its standard error.
+
+    Where the sizes differ by more than their errors, the error grows by the Birge ratio (Birge 1932, Phys. Rev. 40,
+    207); it never shrinks, so that a test against zero is wrong no more often than it states. A size without an error
+    says nothing; where none has one, the common value is NaN, and its error infinite.
+    """
+    known = np.array([size for size in sizes if size[1] > 0 and np.all(np.isfinite(size))]).reshape(-1, 2)
+    if not len(known):
+        return float("nan"), float("inf")
+    weights = known[:, 1] ** -2.0
+    mean = float(weights @ known[:, 0] / weights.sum())
+    scatter = float(weights @ (known[:, 0] - mean) ** 2)
+    return mean, float(np.sqrt(max(scatter / max(len(known) - 1, 1), 1.0) / weights.sum()))
+
+
 def combined(scores: Sequence[Score]) -> Score:
-    """Combine the scores of one effect in several clips to the score of a common size; a single score is unchanged."""
+    """Combine the scores of one effect in several clips to the score of a common size; a single score is unchanged.
+
+    Its chi-square has one degree of freedom, as that of one clip: clips whose sizes contradict each other take from it.
+    """
     first = scores[0]
     if len(scores) == 1:
         return first
-    weights = np.array([1.0 / score.stderr**2 if score.stderr > 0 else 0.0 for score in scores])
-    total = sum(score.total for score in scores)
-    gain = sum(score.gain * score.total for score in scores) / total
-    chi2, resolvable = sum(score.chi2 for score in scores), min(score.resolvable_size for score in scores)
-    joint = replace(first, size=np.nan, stderr=np.nan, gain=gain, total=total, chi2=chi2, resolvable_size=resolvable)
-    if not weights.sum() > 0:
-        return joint
-    size = float(np.sum(weights * np.nan_to_num([score.size for score in scores])) / weights.sum())
-    return replace(joint, size=size, stderr=float(weights.sum() ** -0.5))
+    size, stderr = common_size([(score.size, score.stderr) for score in scores])
+    total, degrees = sum(score.total for score in scores), sum(score.degrees for score in scores)
+    gain = min(_common_gain(scores) / total, 1.0 - 1e-12)
+    return replace(
+        first,
+        size=size,
+        stderr=stderr if np.isfinite(stderr) else np.nan,
+        gain=gain,
+        total=total,
+        chi2=degrees * gain / (1.0 - gain),
+        degrees=degrees,
+        resolvable_size=min(score.resolvable_size for score in scores),
+    )
+
+
+def _common_gain(scores: Sequence[Score]) -> float:
+    """By how much a common size decreases the sum of squares of all clips: (sum L^2 s)^2 / sum L^2.
+
+    L^2 is the squared length of an effect's sensitivity, which a score of size s tells by its gain L^2 s^2.
+    """
+    seen = [score for score in scores if score.stderr > 0 and score.size != 0]
+    known = [(score.gain * score.total / score.size**2, score.size) for score in seen]
+    if not any(square > 0 for square, _ in known):
+        return 0.0
+    return sum(square * size for square, size in known) ** 2 / sum(square for square, _ in known)

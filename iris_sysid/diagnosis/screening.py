@@ -102,10 +102,6 @@ class Screening:
         starts = tuple(dict(zip(names, zip(clip.sizes, clip.shapes, strict=True), strict=True)) for clip in clips)
         return Candidate(names, starts, degrees * gain / (1.0 - gain), chi2_isf(PAIR_LEVEL / tries, 2))
 
-    def explaining(self, least: float) -> list[str]:
-        """Effects that decrease the chi-square by more than ``least``, to first order."""
-        return [name for name in self.names if self.score(name).chi2 > least]
-
     def parallel(self, name: str) -> list[str]:
         """Effects whose sensitivity is parallel to that of the named effect in every clip."""
         others = [other for other in self.names if other != name]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import numpy as np
+
+from iris_sysid.diagnosis.evidence import DECISIVE, cost_above
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.model_averaging import (
     CompetingEffect,
@@ -11,7 +14,13 @@ from iris_sysid.diagnosis.model_averaging import (
 )
 from iris_sysid.diagnosis.notes import rejected_effect_note
 from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, sizes_of
-from iris_sysid.types import DiagnosticNote, Effect, Estimate, Limit, Score, normal_isf
+from iris_sysid.types import DiagnosticNote, Effect, EffectCause, Estimate, Limit, Score, normal_isf
+
+
+def holds_zero(size: Estimate) -> bool:
+    """Whether the 95 % interval of a size holds zero, or there is none."""
+    low, high = size.interval
+    return not (low > 0.0 or high < 0.0)
 
 
 class SearchReport:
@@ -29,26 +38,62 @@ class SearchReport:
         self._cache, self._final = cache, final
         self._screening = cache.screening(final)
 
+    @property
+    def final(self) -> ModelWithEffects:
+        """The model that is reported on."""
+        return self._final
+
     def indistinguishable(self, effect: Effect) -> tuple[str, ...]:
         """Effects that explain the data as well as an added one, with all other added effects in the model.
 
-        The criterion is a refit, a parallel sensitivity, or the first-order decrease of the chi-square.
+        The criterion is a refit. For effects that were not refitted it is what they explain to first order.
         """
         cache, final = self._cache, self._final
         rest = cache.without(final, effect)
         rivals, screening = cache.equally_good(final, effect), cache.screening(rest)
-        enough = max(screening.single(effect.name).chi2, rest.cost - final.cost) - final.margin
-        similar = [*screening.parallel(effect.name), *screening.explaining(enough)]
-        allowed = [name for name in similar if cache.library.allows(screening.single(name))]
-        names = dict.fromkeys([*(rival.effects[-1].name for rival in rivals), *allowed])
+        tried = cache.refitted(rest)
+        explained = max(screening.score(effect.name).explained, rest.squares - final.squares)
+        least = explained - DECISIVE * final.inflation
+        alike = [
+            name
+            for name in screening.names
+            if name not in tried
+            and screening.score(name).explained > least
+            and cache.library.allows(screening.single(name))
+        ]
+        names = dict.fromkeys([*(rival.effects[-1].name for rival in rivals), *alike])
         return tuple(name for name in names if name not in final.names)
+
+    def probabilities(self, effect: Effect) -> dict[str, float]:
+        """The probability of an added effect and of each that explains the data as well, most probable first.
+
+        Given that one of them acts; effects that were not refitted count as explaining the data equally well.
+        """
+        cache, final = self._cache, self._final
+        above = {rival.effects[-1].name: cost_above(rival, final) for rival in cache.equally_good(final, effect)}
+        prior = 2.0 * float(np.log(effect.plausibility))
+        costs = {effect.name: 0.0} | {
+            name: above.get(name, prior - 2.0 * float(np.log(cache.library.by_name[name].plausibility)))
+            for name in self.indistinguishable(effect)
+        }
+        weights = {name: float(np.exp(-0.5 * (cost - min(costs.values())))) for name, cost in costs.items()}
+        total = sum(weights.values())
+        return {name: weights[name] / total for name in sorted(weights, key=lambda name: -weights[name])}
+
+    def causes(self, effect: Effect) -> dict[EffectCause, float]:
+        """The probability that the physics, the measurement or the clock is the cause, most probable first."""
+        causes: dict[EffectCause, float] = {}
+        for name, probability in self.probabilities(effect).items():
+            cause = self._cache.library.by_name[name].cause
+            causes[cause] = causes.get(cause, 0.0) + probability
+        return dict(sorted(causes.items(), key=lambda item: -item[1]))
 
     def size(self, name: str) -> Estimate:
         """A size over all clips; its error allows for alternatives to the added effects, and for one more effect."""
         final = self._final
         rivals = [rival for effect in final.effects for rival in self._cache.equally_good(final, effect)]
         alternatives = [
-            (pooled(sizes_of(rival.fits, name)), rival.cost - final.cost) for rival in rivals if name in rival.sizes
+            (pooled(sizes_of(rival.fits, name)), cost_above(rival, final)) for rival in rivals if name in rival.sizes
         ]
         size = averaged_over_alternatives(pooled(sizes_of(final.fits, name)), alternatives)
         return averaged_over_competitors(size, self._competing(name))

@@ -9,17 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
+from iris_sysid.diagnosis.evidence import DECISIVE, best_first, cost_above
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.measurement_errors import is_resolved
-from iris_sysid.diagnosis.refit import ModelWithEffects, significance
+from iris_sysid.diagnosis.refit import ModelWithEffects, fitted_forms, forms, significance
 from iris_sysid.types import Effect
 
 MOST_ADDED = 4
 MOST_REVISIONS = 4
 FAR_LESS = 0.6  # fraction of the best first-order gain: a refit does not make up for a larger difference
-SAMPLES_A_PART = 10  # samples of each short part of a clip whose end is held out
 
 
 class StepwiseSearch:
@@ -43,7 +41,12 @@ class StepwiseSearch:
             return tuple(path)
         best = next(self._pairs(base), path[-1])
         other = self._continued([base, best])
-        return tuple(path if path[-1].cost <= other[-1].cost else other)
+        return tuple(path if cost_above(path[-1], other[-1]) <= 0.0 else other)
+
+    def continued_from(self, known: ModelWithEffects) -> tuple[ModelWithEffects, ...]:
+        """The same, from effects that were found in a part of the samples."""
+        start = self._revised(known)
+        return tuple(self._continued([self._cache.base, start] if start.effects else [self._cache.base]))
 
     def _continued(self, path: list[ModelWithEffects]) -> list[ModelWithEffects]:
         """The path, extended by significant effects step by step."""
@@ -51,12 +54,25 @@ class StepwiseSearch:
             longer = self._longer(path[-1])
             if longer is None:
                 break
-            current = self._revised(longer)
-            if current.names in {model.names for model in path}:
+            current = self._in_another_form(path[-1], longer) or self._revised(longer)
+            if current.key in {model.key for model in path}:
                 break
             self._cache.report(f"added {', '.join(effect.name for effect in current.effects)}")
             path = [*path, current]
         return path
+
+    def _in_another_form(self, current: ModelWithEffects, longer: ModelWithEffects) -> ModelWithEffects | None:
+        """The model with another form of one of its effects, where that explains what one more effect would.
+
+        A friction that is rounded off, or a drag of another power, is no reason to name a second effect.
+        """
+        formed = [
+            self._cache.with_free_form(current, effect)
+            for effect in current.effects
+            if forms(effect) and not fitted_forms(effect)
+        ]
+        best = best_first([model for model in formed if model.usable and self._cache.library.allows_fit(model)])[:1]
+        return next((model for model in best if cost_above(model, longer) < DECISIVE), None)
 
     def _longer(self, current: ModelWithEffects) -> ModelWithEffects | None:
         """The model with the best effect, or pair, that is significant and predicts better; None when there is none."""
@@ -107,7 +123,7 @@ class StepwiseSearch:
 
     def _revised(self, current: ModelWithEffects) -> ModelWithEffects:
         """The model without effects that are no longer needed, and with better rivals substituted."""
-        for _ in range(MOST_REVISIONS if len(current.effects) > 1 else 0):
+        for _ in range(MOST_REVISIONS):
             better = next(filter(None, (self._revision(current, effect) for effect in current.effects)), None)
             if better is None:
                 break
@@ -120,18 +136,9 @@ class StepwiseSearch:
             return None
         if not self._is_needed(current, effect) and self._cache.library.allows_fit(rest):
             return rest
-        better = [rival for rival in self._cache.rivals(rest, effect) if rival.cost < current.cost - rival.margin]
-        return min(better, key=lambda rival: rival.cost, default=None)
+        rivals = self._cache.rivals(rest, effect)
+        return next(iter(best_first([rival for rival in rivals if cost_above(current, rival) > DECISIVE])), None)
 
     def _predicts_better(self, candidate: ModelWithEffects, current: ModelWithEffects) -> bool:
-        """Whether held-out samples are predicted better; true where none can be held out.
-
-        The beginning of a short clip often does not determine its end, nor an effect that acts at one moment. Then it
-        is enough that the ends of many short parts are predicted better.
-        """
-        parts = max(min(fitted.n for fitted in current.fits) // SAMPLES_A_PART, 1)
-        for count in (1, parts):
-            after, before = (self._cache.errors(model, count).weighed for model in (candidate, current))
-            if after < before or np.isnan(before):
-                return True
-        return False
+        """Whether samples that were left out are predicted better; false where none can be left out."""
+        return self._cache.validation_error(candidate) < self._cache.validation_error(current)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from iris_sysid.report.text import (
     with_error,
     with_unit,
 )
-from iris_sysid.types import Array, Diagnosis, FitResult, Limit, Score, Trajectory
+from iris_sysid.types import Array, Diagnosis, EffectCause, FitResult, Limit, Score, Trajectory
 
 MARKERS = ".x+1"  # one for each observed quantity, in their order
 WITHOUT, WITH = "without the added effects", "with the added effects"
@@ -90,6 +90,8 @@ def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Dia
         **first,
         added=added,
         indistinguishable={name: list(others) for name, others in diagnosis.indistinguishable.items()},
+        probabilities={name: dict(shares) for name, shares in diagnosis.probabilities.items()},
+        causes={name: dict(shares) for name, shares in diagnosis.causes.items()},
         ruled_out=limits,
         error={**errors, "noise_floor": known_number(diagnosis.noise_floor), "unit": diagnosis.unit},
         proposed=[term_entry(term) for term in diagnosis.proposed],
@@ -140,15 +142,21 @@ def _added_section(diagnosis: Diagnosis) -> list[Section]:
             parameter.name,
             with_error(diagnosis.sizes[parameter.name]),
             interval_text(diagnosis.sizes[parameter.name]),
-            ", ".join(diagnosis.indistinguishable[effect.name]),
+            _shares(diagnosis.probabilities.get(effect.name, {})),
+            _shares(diagnosis.causes.get(effect.name, {})),
         )
         for effect in diagnosis.added
         for parameter in effect.parameters
         if diagnosis.sizes[parameter.name].stderr > 0
     ]
     sizes = numbers("value ± standard error", "95 % interval (model-averaged)")
-    columns = (*words("effect", "parameter"), *sizes, *words("indistinguishable from"))
+    columns = (*words("effect", "parameter"), *sizes, *words("this or what explains the data as well", "cause"))
     return [Section("Missing effects", columns, rows)] if rows else []
+
+
+def _shares(probabilities: Mapping[str, float] | Mapping[EffectCause, float]) -> str:
+    """Names with their probabilities in percent."""
+    return ", ".join(f"{name} {probability:.0%}" for name, probability in probabilities.items())
 
 
 def _notes_section(diagnosis: Diagnosis) -> list[Section]:

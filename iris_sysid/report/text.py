@@ -3,12 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from iris_sysid.types import Diagnosis, Discovery, Effect, Estimate, FitResult, Match, PooledFit, Segment, Trajectory
+from iris_sysid.types import (
+    Diagnosis,
+    Discovery,
+    Effect,
+    EffectCause,
+    Estimate,
+    FitResult,
+    Match,
+    PooledFit,
+    Segment,
+    Trajectory,
+)
 
+SMALLEST_PROBABILITY = 0.05  # of a cause that is mentioned
+CAUSES: Mapping[EffectCause, str] = {
+    "physics": "the physics",
+    "measurement": "the measurement",
+    "clock": "the clock",
+}
 MOST_NAMED = 5  # indistinguishable effects that are named; further ones are counted
 MUCH_WIDER = 1.5  # ratio of the two standard errors (model-averaged over plain) above which both are given
 NOTEWORTHY = 0.2  # smallest inclusion at which a term that was not selected is shown
@@ -130,9 +147,14 @@ def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def diagnosis_sentence(diagnosis: Diagnosis) -> str:
-    """The diagnosis in at most three sentences: added effects, their influence on the error, remaining residual."""
+    """The diagnosis in at most four sentences: cause, added effects and the error without and with them, residual."""
     if diagnosis.added:
-        sentences = [_added_sentence(diagnosis), _indistinguishable_sentence(diagnosis), _remaining_sentence(diagnosis)]
+        sentences = [
+            _cause_sentence(diagnosis),
+            _added_sentence(diagnosis),
+            _indistinguishable_sentence(diagnosis),
+            _remaining_sentence(diagnosis),
+        ]
     else:
         sentences = [_nothing_added_sentence(diagnosis), _error_sentence(diagnosis), _suggested_sentence(diagnosis)]
     return " ".join(filter(None, sentences))
@@ -142,6 +164,23 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
     """The sentence, then a line for each note."""
     notes = [f"Note: {as_sentence(note.text)}" for note in diagnosis.notes]
     return "\n".join([diagnosis_sentence(diagnosis), *notes])
+
+
+def _cause_sentence(diagnosis: Diagnosis) -> str:
+    """Whether the physics, the measurement or the clock is the cause, with the probability of each."""
+    by_effect = {
+        effect.name: " or ".join(
+            f"{CAUSES[cause]} ({probability:.0%})"
+            for cause, probability in diagnosis.causes.get(effect.name, {}).items()
+            if probability >= SMALLEST_PROBABILITY
+        )
+        for effect in diagnosis.added
+    }
+    told = {name: text for name, text in by_effect.items() if text}
+    if len(set(told.values())) == 1:
+        return f"The cause is {next(iter(told.values()))}."
+    parts = [f"{text} of the {_spoken(name)}" for name, text in told.items()]
+    return f"The cause is {', '.join(parts)}." if parts else ""
 
 
 def _added_sentence(diagnosis: Diagnosis) -> str:

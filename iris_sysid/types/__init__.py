@@ -39,7 +39,11 @@ from iris_sysid.types._distributions import normal_isf as normal_isf
 from iris_sysid.types._distributions import student_ppf as student_ppf
 from iris_sysid.types._distributions import student_sf as student_sf
 from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation as ErrorAutocorrelation
+from iris_sysid.types._missing_force import ForceForm as ForceForm
+from iris_sysid.types._missing_force import ForceKind as ForceKind
+from iris_sysid.types._missing_force import MissingForce as MissingForce
 from iris_sysid.types._model import Effect as Effect
+from iris_sysid.types._model import EffectCause as EffectCause
 from iris_sysid.types._model import EffectExample as EffectExample
 from iris_sysid.types._model import Event as Event
 from iris_sysid.types._model import ModelExample as ModelExample

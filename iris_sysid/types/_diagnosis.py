@@ -7,14 +7,23 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from iris_sysid.types._discovery import DiscoveredTerm
-from iris_sysid.types._model import Effect
+from iris_sysid.types._model import Effect, EffectCause
 from iris_sysid.types._numbers import Estimate
 from iris_sysid.types._result import FitResult
 
 UNEXPLAINED = 2.0  # residual / noise above which the model is incomplete: the noise estimate errs by less
 
 NoteKind = Literal[
-    "base-fit", "noise", "no-effect", "refit-failed", "rejected-sign", "rejected-size", "negative-damping"
+    "base-fit",
+    "noise",
+    "no-effect",
+    "refit-failed",
+    "rejected-sign",
+    "rejected-size",
+    "negative-damping",
+    "weak",
+    "late",
+    "not-predictive",
 ]
 
 
@@ -48,6 +57,11 @@ class Score:
         """Size in standard errors; NaN where there is none."""
         return self.size / self.stderr if self.stderr > 0 else float("nan")
 
+    @property
+    def explained(self) -> float:
+        """The sum of squares that it would explain, in units of the noise."""
+        return self.gain * self.total
+
 
 @dataclass(frozen=True, slots=True)
 class Limit:
@@ -66,8 +80,9 @@ class Limit:
 class Errors:
     """Root mean square of the residual, in the observed unit: over the samples fitted, and over those held out.
 
-    The end of each clip is held out and predicted by a fit to its beginning. With several clips, the size of every
-    added effect comes from the other clips. ``weighed`` is the held-out error in units of each sample's noise.
+    The end of each third of a clip is held out from the search and from the fits, and predicted. With several clips,
+    the size of every added effect comes from the other clips. ``weighed`` is the held-out error in units of each
+    sample's noise.
     NaN where nothing could be held out.
     """
 
@@ -84,7 +99,9 @@ class DiagnosticNote:
     of the library applies, or the fitted parameters imitate all of them. ``refit-failed``: an effect could not be
     fitted. ``rejected-sign``: the residual fits an effect whose size would add energy, or water. ``rejected-size``: it
     fits an effect that changes the trajectory by less than its stated errors. ``negative-damping``: a damping of the
-    model is below zero.
+    model is below zero. ``weak``: an effect was significant, but the interval of its size holds zero. ``late``: the
+    hold-out does not test an effect that is named. ``not-predictive``: what was found in the beginning of the clips
+    predicts the held-out rest no better than the model alone.
     """
 
     kind: NoteKind
@@ -98,10 +115,11 @@ class Diagnosis:
     ``bases`` and ``finals`` are fits to the same samples, one a clip, without and with the effects; ``added`` are
     the effects in the order in which they were found; ``sizes`` by parameter name their model-averaged size over all
     clips. ``rounds`` hold the score tests of each round, best first. ``indistinguishable`` names, for each effect
-    added, those that explain the data as well. ``ruled_out`` has a limit for every other effect. ``before`` and
-    ``after`` are the errors without and with the effects, ``noise_floor`` the noise of the measurement, all in
-    ``unit``. ``proposed`` are terms without a named effect, where the residual is above that noise. ``notes`` say
-    what could not be tested, or was rejected, and why.
+    added, those that explain the data as well, and ``probabilities`` the probability of each of them and of the effect
+    itself, given that one of them acts; ``causes`` sums them up: physics, measurement or clock. ``ruled_out`` has a
+    limit for every other effect. ``before`` and ``after`` are the errors without and with the effects,
+    ``noise_floor`` the noise of the measurement, all in ``unit``. ``proposed`` are terms without a named effect, where
+    the residual is above that noise. ``notes`` say what could not be tested, or was rejected, and why.
     """
 
     bases: tuple[FitResult, ...]
@@ -117,6 +135,8 @@ class Diagnosis:
     unit: str
     proposed: tuple[DiscoveredTerm, ...] = ()
     notes: tuple[DiagnosticNote, ...] = ()
+    probabilities: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    causes: Mapping[str, Mapping[EffectCause, float]] = field(default_factory=dict)
 
     @property
     def base(self) -> FitResult:

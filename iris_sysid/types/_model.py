@@ -15,7 +15,16 @@ from iris_sysid.types._numbers import Quantity
 from iris_sysid.types._view import Sensor, View
 
 ParameterRole = Literal[
-    "physical", "gravity", "damping", "magnification", "offset", "vertical", "pivot", "inclination", "location"
+    "physical",
+    "gravity",
+    "damping",
+    "magnification",
+    "offset",
+    "vertical",
+    "pivot",
+    "inclination",
+    "location",
+    "form",
 ]
 
 
@@ -34,7 +43,8 @@ class Parameter:
     energy), ``magnification`` (observed length over true length; carries the error of the scale), ``offset`` (the
     value of the observed quantity at rest), ``vertical`` (direction of the true vertical), ``pivot`` (position of a
     pivot), ``inclination`` (angle of a line from the horizontal), ``location`` (of an effect: the time or the position
-    at which it acts); ``physical`` for everything else.
+    at which it acts), ``form`` (of an effect: an exponent or a width, held unless the data call for another);
+    ``physical`` for everything else.
     """
 
     name: str
@@ -183,6 +193,8 @@ class Effect:
     ``applies(model)`` says whether the effect makes sense for a model, ``sensors`` which sensors can have it.
     ``cause`` says where it comes from: the ``physics`` of the motion, its ``measurement`` (camera, scale, zero of a
     sensor), or the ``clock``.
+    ``plausibility`` are its odds, before the data, against plain drag (1): where the data cannot tell effects apart,
+    the more plausible one is named first.
     ``alike`` names effects and parameters that do nearly the same, in words.
     ``trials(t_s (n,), observed (n, d))``, where given, returns the values of the parameters after the first to
     try, e.g. times at which something may have happened: at size zero nothing tells one from another.
@@ -196,7 +208,6 @@ class Effect:
     source: str
     parameters: tuple[Parameter, ...]
     applies: Callable[[OdeModel], bool]
-    cause: EffectCause = "physics"
     acceleration: Callable[..., float] | None = None
     observe: Callable[[Array, Array, Array, Array], Array] | None = None
     image: Callable[[Array, Array, Array, View], Array] | None = None
@@ -206,3 +217,5 @@ class Effect:
     trials: Callable[[Array, Array], Sequence[tuple[float, ...]]] | None = None
     nearby: Callable[[Array, tuple[float, ...]], Sequence[tuple[float, ...]]] | None = None
     example: EffectExample | None = None
+    cause: EffectCause = "physics"
+    plausibility: float = 1.0

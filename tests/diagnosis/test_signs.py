@@ -25,7 +25,8 @@ def clip(name: str, values: dict[str, float], hidden: dict[str, float], seconds:
     t_s = np.arange(round(60 * seconds)) / 60
     seen = simulate(model, t_s, {**values, **sizes}).observed
     seen = seen + noise * np.random.default_rng(1).standard_normal(seen.shape)
-    return Trajectory(t_s, MODELS[name].observed, seen, np.full_like(seen, np.nan), np.ones(t_s.size, dtype=bool))
+    valid = np.ones(t_s.size, dtype=bool)  # no camera whose effects could imitate a gain of energy
+    return Trajectory(t_s, MODELS[name].observed, seen, np.full_like(seen, np.nan), valid, sensor="gauge")
 
 
 def test_what_only_takes_energy_or_water_away_has_no_size_below_zero():

@@ -57,7 +57,7 @@ class DiagnosisDocument(Document):
     document: Literal["diagnosis"] = "diagnosis"
     version: Literal[1] = 1
     sentence: str
-    """The result in at most three sentences."""
+    """The result in at most four sentences."""
     base: FitDocument
     """Of the first clip, as ``final``."""
     final: FitDocument
@@ -65,6 +65,10 @@ class DiagnosisDocument(Document):
     """In the order in which they were found; of several clips, their size over all."""
     indistinguishable: dict[str, list[str]]
     """For each effect added, those that explain the data as well."""
+    probabilities: dict[str, dict[str, float]] = {}
+    """For each effect added, the probability of it and of those that explain the data as well; they sum to 1."""
+    causes: dict[str, dict[str, float]] = {}
+    """For each effect added, the probability that its cause is the physics, the measurement, or the clock."""
     ruled_out: list[Excluded]
     error: ErrorTable
     proposed: list[TermEntry] = []

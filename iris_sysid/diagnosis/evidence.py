@@ -1,0 +1,64 @@
+"""How much better one set of effects explains the data than another: a criterion for correlated noise.
+
+The difference of two Bayesian information criteria (Schwarz 1978, Ann. Stat. 6, 461): that of chi-square, where the
+residuals are whitened by the autoregression of the better model's residual, that of the number of free values times
+the logarithm of the sample count, and twice the logarithm of the odds that the effects had before the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fitters.noise.autoregression import MAX_ORDER, burg, choose_order, grid_positions, on_grid, whiten
+from iris_sysid.diagnosis.refit import ModelWithEffects
+from iris_sysid.types import Array, FitResult, Mask
+
+DECISIVE = float(2 * np.log(20.0))  # odds of 20 to 1: "strong evidence" of Kass and Raftery (1995), JASA 90, 773
+
+
+def cost_above(first: ModelWithEffects, second: ModelWithEffects) -> float:
+    """By how much the criterion of ``first`` is larger than that of ``second``, both fitted to the same clips."""
+    each_clip = zip(first.fits, second.fits, first.units, strict=True)
+    return sum(_clip_difference(*clip) for clip in each_clip) + _prior_cost(first) - _prior_cost(second)
+
+
+def best_first(models: Sequence[ModelWithEffects]) -> list[ModelWithEffects]:
+    """The models, smallest criterion first."""
+    if len(models) < 2:
+        return list(models)
+    closest = min(models, key=lambda model: model.squares)
+    return sorted(models, key=lambda model: cost_above(model, closest))
+
+
+def _prior_cost(model: ModelWithEffects) -> float:
+    return -2.0 * sum(float(np.log(effect.plausibility)) for effect in model.effects)
+
+
+def _clip_difference(first: FitResult, second: FitResult, unit: Array) -> float:
+    """Difference of the criterion for one clip, over the samples that both fits use; ``unit`` (n, d) of residuals."""
+    both = first.used & second.used
+    residuals = [(fitted.residual[both] / unit[both]) for fitted in (first, second)]
+    chi2 = sum(
+        _whitened_difference(first.t_s[both], one, other) for one, other in zip(*(r.T for r in residuals), strict=True)
+    )
+    values = len(first.free) - len(second.free)
+    priors = float(np.sum(first.prior_residual**2) - np.sum(second.prior_residual**2))
+    return chi2 + priors + values * float(np.log(max(_count(both, first), 2)))
+
+
+def _count(both: Mask, fitted: FitResult) -> int:
+    return int(both.sum()) * len(fitted.rms)
+
+
+def _whitened_difference(t_s: Array, first: Array, second: Array) -> float:
+    """Chi-square of the first residual (n,) less that of the second, at times (n,) s; noise as the smaller one has."""
+    sums = float(np.sum(first**2)), float(np.sum(second**2))
+    sign, (better, worse) = (1.0, (second, first)) if sums[0] >= sums[1] else (-1.0, (first, second))
+    positions = grid_positions(t_s)
+    columns = np.column_stack([on_grid(positions, values, np.nan) for values in (better, worse)])
+    partial, variance = burg(columns[:, 0], int(np.clip(better.size // 10, 0, MAX_ORDER)))
+    white, _ = whiten(columns, partial[: choose_order(variance, better.size)])
+    squares = np.sum(white**2, axis=0)
+    return sign * float((squares[1] - squares[0]) * better.size / max(squares[0], 1e-300))
