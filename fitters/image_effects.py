@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from iris_sysid.types import Array, Effect, OdeModel, Quantity, Sensor, Trajectory, View, kind_of
+
+ROUNDS = 2  # of the fixed point for pivot and lever; each gains the size of the fault, a few percent
 
 
 def offered(effects: Iterable[Effect], model: OdeModel, clips: Sequence[Trajectory]) -> list[Effect]:
@@ -81,8 +83,28 @@ def _seen(
 ) -> Array:
     """What the picture shows (n, d) of ``observed`` (n, d); the pivot of an angle is seen through the same camera."""
     assert effect.image is not None
+    seen_by = partial(_seen_points, effect.image, t_s, params)
     view = view or View.assumed(quantities, observed)
-    points = effect.image(t_s, view.points_px(observed), params, view)
-    resting = np.tile(view.origin_px, (min(t_s.size, 2), 1))
-    pivot = effect.image(t_s[:2], resting, params, view)[0]
-    return view.coordinates(points, view.pivot_px(points, pivot), near=observed)
+    if view.kind == "angle" and view.measured:
+        view = _before_the_fault(seen_by, view, observed)
+    points, pivot = seen_by(view, observed)
+    return view.coordinates(points, pivot, near=observed)
+
+
+def _seen_points(
+    image: Callable[[Array, Array, Array, View], Array], t_s: Array, params: Array, view: View, observed: Array
+) -> tuple[Array, Array]:
+    """Points (n, 2) px at which the picture shows coordinates (n, d), and the pivot (2,) px that it shows."""
+    points = image(t_s, view.points_px(observed), params, view)
+    resting = image(t_s[:2], np.tile(view.origin_px, (min(t_s.size, 2), 1)), params, view)[0]
+    return points, view.pivot_px(points, resting)
+
+
+def _before_the_fault(seen_by: Callable[[View, Array], tuple[Array, Array]], view: View, observed: Array) -> View:
+    """The view without the fault: with that pivot and lever which the camera shows where they were measured."""
+    faultless = view
+    for _ in range(ROUNDS):
+        points, pivot = seen_by(faultless, observed)
+        lever = float(np.mean(np.hypot(*(points - pivot).T)))
+        faultless = view.corrected(faultless, pivot, lever)
+    return faultless

@@ -121,7 +121,7 @@ def observe(
         When fewer bodies were tracked than the phenomenon has, or nothing moves.
     """
     from iris_sysid.trajectory import systematic_errors
-    from iris_sysid.trajectory.image_view import image_view
+    from iris_sysid.trajectory.image_view import focal_ratio, image_view
     from iris_sysid.trajectory.observables import measured, segmented
     from iris_sysid.trajectory.smoothing import smooth
 
@@ -150,7 +150,8 @@ def observe(
         **systematic_errors.from_clock(trajectory, clock_stderr),
     }
     view = image_view(trajectory, tracks[0], calibration, image_size) if chosen.bodies == 1 else None
-    return world, trajectory.with_(systematic=shared, view=view)
+    geometry = {**trajectory.geometry, **(focal_ratio(calibration) if view is not None else {})}
+    return world, trajectory.with_(systematic=shared, view=view, geometry=geometry)
 
 
 def _phenomenon(phenomenon: str | Phenomenon) -> Phenomenon:

@@ -14,12 +14,12 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from iris_sysid import MODELS, FitError, Quantity, Trajectory, diagnose
+from iris_sysid import MODELS, Estimate, FitError, Quantity, Trajectory, diagnose
 from iris_sysid.types import View, kind_of
 from validation.independent.camera import SIZE_PX, Camera
 from validation.independent.cases import SEALED, Case, draw_case
-from validation.independent.effects import HIDDEN, camera_before
-from validation.independent.motions import Motion, Values, integrate
+from validation.independent.effects import HIDDEN, camera_before, in_plane
+from validation.independent.motions import Array, Motion, Values, integrate
 
 HALF_CLASS_WIDTHS = (0.5, 0.9)
 
@@ -73,29 +73,36 @@ def trajectory_of(case: Case) -> Trajectory:
     quantities = tuple(Quantity(name, unit, name) for name, unit in case.motion.observed)
     unknown = np.full_like(case.observed, np.nan)
     table = Trajectory(case.t_s, quantities, case.observed, unknown, np.ones(case.t_s.size, dtype=bool))
-    if case.hidden is None or not case.hidden.filmed:
+    if case.hidden is None or not case.hidden.fault:
         return table
     undisturbed = integrate(case.motion, case.values, case.t_s)[:, : case.motion.size]
     camera = camera_before(case.motion, case.values, undisturbed)
-    return table.with_(sensor="camera", view=view_through(camera, case.motion, case.values))
+    size = 1.0 + case.size if case.hidden.fault == "aspect" else case.size
+    view = view_through(camera.with_(**{case.hidden.fault: size}), case.motion, case.values, undisturbed)
+    known = {"focal_ratio": Estimate(1.0, 0.0, "1", "direct", "the camera's own")}
+    return table.with_(sensor="camera", view=view, geometry=known)
 
 
-def view_through(camera: Camera, motion: Motion, values: Values) -> View:
+def view_through(camera: Camera, motion: Motion, values: Values, observed: Array) -> View:
     """How the coordinates of a motion lie in the picture of a camera that is taken as ideal.
 
     Parameters
     ----------
     camera
-        Its own faults count for nothing.
+        With its faults: a pivot, and the lever from there to the body, are measured in its picture.
     motion, values
         What it films.
+    observed
+        (n, d) of the undisturbed motion.
     """
-    scale, lever = camera.focal_px / camera.distance_m, values["length"] if motion.model == "pendulum" else 1.0
-    middle = np.array(SIZE_PX) / 2
-    right, up = np.array([lever * scale, 0.0]), np.array([0.0, -lever * scale])
+    scale, middle = camera.focal_px / camera.distance_m, np.array(SIZE_PX) / 2
+    origin = middle + np.array([-camera.centre_m[0], camera.centre_m[1]]) * scale
+    if motion.model == "pendulum":
+        origin = camera.project(np.zeros((1, 2)))[0]
+        scale = float(np.mean(np.hypot(*(camera.project(in_plane(motion, values, observed)) - origin).T)))
+    right, up = np.array([scale, 0.0]), np.array([0.0, -scale])
     if motion.model == "free-fall":
         right, up = up, -right
-    origin = middle + np.array([-camera.centre_m[0], camera.centre_m[1]]) * scale
     kind = kind_of([Quantity(name, unit) for name, unit in motion.observed])
     assert kind is not None
     lies = [(float(x), float(y)) for x, y in (origin, right, up, SIZE_PX, middle)]

@@ -11,6 +11,7 @@ from iris_sysid.types import (
     FOCAL_PER_WIDTH,
     Array,
     Calibration,
+    Estimate,
     PivotSource,
     Track,
     Trajectory,
@@ -112,6 +113,19 @@ def _in_picture(view: View, seen_px: Array, calibration: Calibration, image_size
         return view.about(seen_px)
     matrix, (width, height) = calibration.camera_matrix, (float(size[0]), float(size[1]))
     axis, focal = ((width - 1) / 2, (height - 1) / 2), FOCAL_PER_WIDTH * width
-    if not np.array_equal(matrix, np.eye(3)):
+    if has_camera(calibration):
         axis, focal = (float(matrix[0, 2]), float(matrix[1, 2])), float(matrix[0, 0])
     return replace(view, size_px=(width, height), axis_px=axis, focal_px=focal)
+
+
+def focal_ratio(calibration: Calibration) -> dict[str, Estimate]:
+    """The focal length over that of the view, as a measured constant of effects; empty where none was calibrated."""
+    if not has_camera(calibration):
+        return {}
+    relative = float(np.sqrt(max(calibration.covariance[9, 9], 0.0))) / float(calibration.camera_matrix[0, 0])
+    return {"focal_ratio": Estimate(1.0, relative, "1", "direct", f"calibration: {calibration.source}")}
+
+
+def has_camera(calibration: Calibration) -> bool:
+    """Whether the calibration knows the focal length and the optical axis."""
+    return not np.array_equal(calibration.camera_matrix, np.eye(3))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
@@ -120,6 +120,28 @@ class View:
             return mapped_px
         radius = math.hypot(*self.right_px) if self.pivot == "arc-of-known-radius" else None
         return _circle_centre(points_px, mapped_px, radius)
+
+    def corrected(self, present: View, pivot_px: Array, lever_px: float) -> View:
+        """The view ``present`` of an angle, so changed that its pivot and lever would be seen where this view has them.
+
+        Parameters
+        ----------
+        present
+            A view of the same angle.
+        pivot_px
+            (2,) px, where the pivot of that view is seen.
+        lever_px
+            px, the mean distance from there at which the body is seen; a lever that is known otherwise stays.
+        """
+        if not (np.all(np.isfinite(pivot_px)) and 0 < lever_px < LARGEST_PX):
+            return present
+        longer = math.hypot(*self.right_px) / lever_px if self.pivot != "arc-of-known-radius" else 1.0
+        return replace(
+            present,
+            origin_px=tuple(np.add(present.origin_px, np.subtract(self.origin_px, pivot_px)).tolist()),
+            right_px=(longer * present.right_px[0], longer * present.right_px[1]),
+            up_px=(longer * present.up_px[0], longer * present.up_px[1]),
+        )
 
     @classmethod
     def assumed(cls, quantities: Sequence[Quantity], observed: Array) -> View:

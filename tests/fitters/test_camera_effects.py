@@ -10,7 +10,7 @@ from fitters.compose_effects import with_effect, with_effects
 from fitters.image_effects import offered, view_of
 from fitters.ode import fit, simulate
 from iris_sysid.registry import EFFECTS, MODELS
-from iris_sysid.types import Quantity, Trajectory, View
+from iris_sysid.types import Estimate, Quantity, Trajectory, View
 from validation.blind_independent import view_through
 from validation.independent.camera import SIZE_PX
 from validation.independent.effects import camera_before, filmed
@@ -50,13 +50,17 @@ def undisturbed(name):
     return motion, t_s, integrate(motion, VALUES[name], t_s)[:, : motion.size]
 
 
-def in_view(effect, name, t_s, observed, size):
-    """What the library's effect makes of a motion that SciPy integrated."""
-    motion = MOTIONS[name]
-    model, view = MODELS[name], view_through(camera_before(motion, VALUES[name], observed), motion, VALUES[name])
-    still = replace(model, observe=lambda t, states, params: observed)  # the motion is given, whatever the parameters
-    composed = with_effect(still, EFFECTS[effect], view)
-    params = np.array([1.0] * len(model.parameters) + [size])
+def seen_with(fault, name, observed):
+    """The view of a camera with a fault, whose pivot is where it is seen."""
+    motion, values = MOTIONS[name], VALUES[name]
+    return view_through(camera_before(motion, values, observed).with_(**fault), motion, values, observed)
+
+
+def in_view(effect, model, view, t_s, observed, size):
+    """What the library's effect makes of a motion that is given, whatever the model's parameters."""
+    composed = with_effect(replace(model, observe=lambda t, states, params: observed), EFFECTS[effect], view)
+    _, *shape = EFFECTS[effect].parameters
+    params = np.array([1.0] * len(model.parameters) + [size] + [parameter.default for parameter in shape])
     return composed.observe(t_s, np.zeros((t_s.size, len(model.states))), params)
 
 
@@ -66,7 +70,8 @@ def test_effect_is_what_opencv_makes_of_the_motion(name, effect, change, size):
     stated = 1.0 + size if change == "aspect" else size
     expected = filmed(change, motion, VALUES[name], t_s, stated, {}) - observed
     in_library = size * SIZE_PX[1] if change == "line_s" else size
-    changed = in_view(effect, name, t_s, observed, in_library) - observed
+    view = seen_with({change: stated}, name, observed)
+    changed = in_view(effect, MODELS[name], view, t_s, observed, in_library) - observed
     assert np.max(np.abs(expected)) > 1e-3 * np.ptp(observed)
     np.testing.assert_allclose(changed, expected, rtol=0, atol=0.02 * np.max(np.abs(expected)))
 
@@ -111,11 +116,10 @@ def test_image_of_a_table_lies_about_its_motion_wherever_the_zero_is():
     z = (2.0 - 4.9 * t_s**2)[:, None]
     views = [view_of(table(model.observed, 40).with_(position=z + shift), model) for shift in (0.0, 100.0)]
     for effect in CAMERA_EFFECTS[:3]:
-        seen = []
-        for shift, view in zip((0.0, 100.0), views, strict=True):
-            composed = with_effect(replace(model, observe=lambda t, s, p, z=z + shift: z), EFFECTS[effect], view)
-            params = np.array([1.0] * len(model.parameters) + [0.03])
-            seen.append(composed.observe(t_s, np.zeros((40, 2)), params) - shift)
+        seen = [
+            in_view(effect, model, view, t_s, z + shift, 0.03) - shift
+            for shift, view in zip((0.0, 100.0), views, strict=True)
+        ]
         np.testing.assert_allclose(seen[0], seen[1], atol=1e-9)
         assert np.max(np.abs(seen[0] - z)) > 1e-5
 
@@ -136,7 +140,7 @@ def test_shutter_of_a_filmed_pendulum_leaves_its_length_right():
     seen = filmed("line_s", motion, values, t_s, 0.02 / SIZE_PX[1], {})
     noisy = seen + 5e-4 * np.random.default_rng(3).standard_normal(seen.shape)
     undisturbed = integrate(motion, values, t_s)[:, :1]
-    view = view_through(camera_before(motion, values, undisturbed), motion, values)
+    view = seen_with({"line_s": 0.02 / SIZE_PX[1]}, "pendulum", undisturbed)
     clip = table(MODELS["pendulum"].observed, t_s.size).with_(t_s=t_s, position=noisy, sensor="camera", view=view)
     fitted = fit(clip, with_effects(MODELS["pendulum"], [EFFECTS["rolling-shutter"]], clip.view))
     length, delay = fitted.estimates["length"], fitted.estimates["rolling_shutter"]
@@ -145,24 +149,24 @@ def test_shutter_of_a_filmed_pendulum_leaves_its_length_right():
     assert length.stderr < 1e-3
 
 
-@pytest.mark.parametrize("pivot", ["arc", "arc-of-known-radius"])
-def test_pivot_of_a_distorted_arc_is_where_its_circle_has_its_centre(pivot):
-    quantities, theta = MODELS["pendulum"].observed, np.linspace(-0.9, 0.9, 200)[:, None]
-    view = View(
-        "angle", (640.0, 60.0), (500.0, 0.0), (0.0, -500.0), (1280.0, 720.0), (640.0, 360.0), 900.0, pivot=pivot
-    )
-    still = replace(MODELS["pendulum"], observe=lambda t, states, params: theta)
-    composed = with_effect(still, EFFECTS["radial-distortion"], view)
-    params = np.array([1.0] * len(still.parameters) + [-0.2])
-    seen = composed.observe(np.arange(200) / 60, np.zeros((200, 2)), params)
-    points = view.points_px(theta)
-    away = points - np.array(view.axis_px)
-    bent = view.axis_px + away * (1 - 0.2 * np.sum(away**2, axis=1, keepdims=True) / 900.0**2)
-    known = 500.0 if pivot == "arc-of-known-radius" else None
-    centre = circle_of(bent, known)
-    expected = np.arctan2(bent[:, 0] - centre[0], bent[:, 1] - centre[1])
-    np.testing.assert_allclose(seen[:, 0], expected, atol=1e-6)
-    assert view.shows(quantities)
+@pytest.mark.parametrize("pivot", ["arc", "arc-of-known-radius", "marked"])
+@pytest.mark.parametrize("distortion", [-0.25, 0.3])
+def test_pivot_is_where_the_analysis_of_the_bent_picture_puts_it(pivot, distortion):
+    theta, true_pivot, lever = np.linspace(-0.9, 0.8, 200)[:, None], np.array([640.0, 60.0]), 500.0
+    axis, focal = np.array([640.0, 360.0]), 900.0
+
+    def bent(points):
+        away = points - axis
+        return axis + away * (1 + distortion * np.sum(away**2, axis=1, keepdims=True) / focal**2)
+
+    seen = bent(true_pivot + lever * np.hstack([np.sin(theta), np.cos(theta)]))
+    centre = bent(true_pivot[None])[0] if pivot == "marked" else circle_of(seen, lever if "known" in pivot else None)
+    radius = lever if "known" in pivot else np.mean(np.hypot(*(seen - centre).T))
+    view = View("angle", tuple(centre), (radius, 0.0), (0.0, -radius), (1280.0, 720.0), tuple(axis), focal, pivot=pivot)
+    expected = np.arctan2(seen[:, 0] - centre[0], seen[:, 1] - centre[1])
+    found = in_view("radial-distortion", MODELS["pendulum"], view, np.arange(200) / 60, theta, distortion)
+    change = np.max(np.abs(expected - theta[:, 0]))
+    np.testing.assert_allclose(found[:, 0], expected, atol=0.01 * change)
 
 
 def circle_of(points, radius):
@@ -173,6 +177,22 @@ def circle_of(points, radius):
 
     start = [640.0, 60.0, 500.0] if radius is None else [640.0, 60.0]
     return least_squares(distances, start, xtol=1e-14, ftol=1e-14).x[:2]
+
+
+def test_unknown_focal_length_is_in_the_error_of_what_depends_on_it():
+    motion, values = MOTIONS["pendulum"], VALUES["pendulum"]
+    t_s = motion.times()
+    seen = filmed("tilt_rad", motion, values, t_s, 0.3, {})
+    noisy = seen + 1e-4 * np.random.default_rng(3).standard_normal(seen.shape)
+    undisturbed = integrate(motion, values, t_s)[:, :1]
+    view = seen_with({"tilt_rad": 0.3}, "pendulum", undisturbed)
+    stderrs, model = [], with_effects(MODELS["pendulum"], [EFFECTS["camera-tilt"]], view)
+    for focal in ({}, {"focal_ratio": Estimate(1.0, 0.0, "1", "direct")}):
+        clip = table(MODELS["pendulum"].observed, t_s.size).with_(t_s=t_s, position=noisy, geometry=focal)
+        length = fit(clip, model).estimates["length"]
+        assert abs(length.value - values["length"]) < 4 * length.stderr
+        stderrs.append(length.stderr)
+    assert stderrs[0] > 2 * stderrs[1]
 
 
 def test_simulated_effect_of_a_camera_is_found_again_by_a_fit():

@@ -33,8 +33,8 @@ class HiddenEffect:
     """An effect that may be hidden in a motion.
 
     ``show`` makes the observed values; ``shape`` draws the numbers beside the size; ``right`` are the library's names
-    for it; ``kind`` is physics, camera or clock, ``filmed`` whether a camera was there; ``brakes`` effects have sizes
-    above zero only; ``size`` is the library's parameter that has the same definition, where one has.
+    for it; ``kind`` is physics, camera or clock, ``fault`` the value of a camera that it changes; ``brakes`` effects
+    have sizes above zero only; ``size`` is the library's parameter that has the same definition, where one has.
     """
 
     name: str
@@ -46,7 +46,7 @@ class HiddenEffect:
     brakes: bool = False
     own_form: bool = False
     size: str = ""
-    filmed: bool = False
+    fault: str = ""
 
 
 def _nothing(motion: Motion, t_s: Array, rng: np.random.Generator) -> dict[str, float]:
@@ -321,7 +321,7 @@ HIDDEN: tuple[HiddenEffect, ...] = (
         ("pendulum", "linear-oscillator", "incline"),
         partial(filmed, "tilt_rad"),
         _nothing,
-        filmed=True,
+        fault="tilt_rad",
     ),
     HiddenEffect(
         "radial distortion",
@@ -330,7 +330,7 @@ HIDDEN: tuple[HiddenEffect, ...] = (
         MOVES,
         partial(filmed, "distortion"),
         _nothing,
-        filmed=True,
+        fault="distortion",
     ),
     HiddenEffect(
         "rolling shutter",
@@ -339,7 +339,7 @@ HIDDEN: tuple[HiddenEffect, ...] = (
         MOVES,
         partial(filmed, "line_s"),
         _nothing,
-        filmed=True,
+        fault="line_s",
     ),
     HiddenEffect(
         "unequal scales",
@@ -348,7 +348,7 @@ HIDDEN: tuple[HiddenEffect, ...] = (
         ("pendulum", "projectile"),
         lambda motion, values, t_s, size, shape: filmed("aspect", motion, values, t_s, 1.0 + size, shape),
         _nothing,
-        filmed=True,
+        fault="aspect",
     ),
     # forms that are not the library's
     _force(
