@@ -21,6 +21,7 @@ import numpy as np
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.library import EffectLibrary
+from iris_sysid.diagnosis.missing_force import missing_forces
 from iris_sysid.diagnosis.notes import diagnostic_notes, negative_damping_note, weak_notes
 from iris_sysid.diagnosis.prediction_error import fitted_error
 from iris_sysid.diagnosis.refit import ModelWithEffects, with_free_geometry
@@ -98,7 +99,7 @@ def diagnose(
     cache = FitCache(clips, model, library, base, holdout, say)
     search = StepwiseSearch(cache)
     known = trained.refitted(cache) if trained is not None else None
-    path = search.continued_from(known) if known is not None else search.run()
+    path = search.run_from(known) if known is not None else search.run()
     return _diagnosis(cache, path, trained)
 
 
@@ -121,6 +122,9 @@ def _diagnosis(cache: FitCache, path: Sequence[ModelWithEffects], trained: Train
     unknown = (float("nan"), float("nan"))
     before, after = (trained.errors_before, trained.errors_after) if trained is not None else (unknown, unknown)
     errors = Errors(fitted_error(final.fits, base.fits), *after)
+    lacking, remaining = missing_forces(
+        cache.clips[0], base.fits[0], final.fits[0], final.effects, errors.fitted > ABOVE_NOISE * noise
+    )
     return Diagnosis(
         bases=base.fits,
         finals=final.fits,
@@ -143,6 +147,8 @@ def _diagnosis(cache: FitCache, path: Sequence[ModelWithEffects], trained: Train
             *weak_notes(weak),
             *(trained.notes(final) if trained is not None else ()),
         ),
+        missing_force=lacking,
+        remaining_force=remaining,
     )
 
 

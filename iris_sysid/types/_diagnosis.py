@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from iris_sysid.types._discovery import DiscoveredTerm
+from iris_sysid.types._missing_force import MissingForce
 from iris_sysid.types._model import Effect, EffectCause
 from iris_sysid.types._numbers import Estimate
 from iris_sysid.types._result import FitResult
@@ -120,6 +121,9 @@ class Diagnosis:
     limit for every other effect. ``before`` and ``after`` are the errors without and with the effects,
     ``noise_floor`` the noise of the measurement, all in ``unit``. ``proposed`` are terms without a named effect, where
     the residual is above that noise. ``notes`` say what could not be tested, or was rejected, and why.
+    ``missing_force`` is the force that the model lacks in the first clip, ``remaining_force`` the one that it still
+    lacks with the effects (the same where none was added); None where it cannot be estimated, and ``remaining_force``
+    also where the residual is at the noise.
     """
 
     bases: tuple[FitResult, ...]
@@ -135,6 +139,8 @@ class Diagnosis:
     unit: str
     proposed: tuple[DiscoveredTerm, ...] = ()
     notes: tuple[DiagnosticNote, ...] = ()
+    missing_force: MissingForce | None = None
+    remaining_force: MissingForce | None = None
     probabilities: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     causes: Mapping[str, Mapping[EffectCause, float]] = field(default_factory=dict)
 

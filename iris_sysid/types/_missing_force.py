@@ -8,7 +8,11 @@ from typing import Literal
 from iris_sysid.types._arrays import Array
 from iris_sysid.types._numbers import NORMAL_975, Estimate, Quantity
 
-ForceKind = Literal["against-velocity", "odd-in-position", "even-in-position", "drift", "own-force-drift", "pulse", "sine"]
+DECISIVE = 4.605170185988092  # ln 100: reached in at most 1 % of complete models (Ville 1939)
+
+ForceKind = Literal[
+    "against-velocity", "odd-in-position", "even-in-position", "drift", "own-force-drift", "pulse", "sine"
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,12 +20,12 @@ class ForceForm:
     """A simple form of a missing force.
 
     ``kind``: ``against-velocity`` is -c |v|^p in the direction of the velocity, ``odd-in-position`` c sign(x) |x|^p,
-    ``even-in-position`` c |x|^p, ``drift`` grows evenly with time, ``own-force-drift`` is the model's own
-    force times a factor that does, ``pulse`` acts at one moment, ``sine`` is periodic.
-    ``size`` is the force, to first order, where |v| or |x| has its root mean square (for a drift, at the
-    end; NaN where it has a phase or several directions). ``shape`` is the power p, the moment in s or the frequency in Hz, None for a drift. ``share`` is the fraction of the
-    explainable sum of squares (residual beyond the noise) that this form explains. ``similar`` are kinds that the data
-    cannot tell from it.
+    ``even-in-position`` c |x|^p, ``drift`` grows evenly with time, ``own-force-drift`` is the model's own force times a
+    factor that does, ``pulse`` acts at one moment, ``sine`` is periodic. ``size`` is the force to first order, where
+    |v| or |x| has its root mean square (of a drift: at the end); NaN where it has a phase or several directions.
+    ``shape`` is the power p, the moment in s or the frequency in Hz; None for a drift, or where a refit gives no power.
+    ``share`` is the fraction of the explainable sum of squares (the residual beyond the noise) that this form explains.
+    ``similar`` are kinds that the data cannot tell from it.
     """
 
     kind: ForceKind
@@ -38,9 +42,10 @@ class MissingForce:
     ``t_s`` (m,) s; ``position`` and ``velocity`` (m, f) of the f degrees of freedom ``quantities``; ``force`` (m, f) in
     ``units`` (f,), freed of what the fitted parameters of the model can imitate, and ``stderr`` (m, f) its standard
     error. ``by_effects`` (m, f) is what the effects that were added afterwards contribute, in the same sense; None
-    where there are none. ``log_odds`` is the natural logarithm of the Bayes factor of some missing force over none.
-    ``rho`` is the likeliest correlation of the
-    noise from sample to sample, and ``noise_variance`` its variance in units of the stated one. ``whole`` is False where only the beginning of the clip is covered, as far as the times resolve its motion.
+    where none of them is a force. ``log_odds`` is the natural logarithm of the Bayes factor of some missing force over
+    none. ``rho`` is the likeliest correlation of the noise from sample to sample, and ``noise_variance`` its variance
+    in units of the stated one. ``whole`` is False where only the beginning of the clip is covered, as far as the times
+    resolve its motion. ``form`` is the simple form of the force, where it has one.
     """
 
     t_s: Array
@@ -65,8 +70,5 @@ class MissingForce:
 
     @property
     def significant(self) -> bool:
-        """Whether a missing force is a hundred times as probable as none (before the data: equally probable)."""
+        """Whether the data make a missing force a hundred times as probable as none, relative to before."""
         return self.log_odds > DECISIVE
-
-
-DECISIVE = 4.605170185988092  # ln 100: wrong in at most 1 % of complete models (Ville's inequality)

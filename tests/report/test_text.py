@@ -18,7 +18,7 @@ from iris_sysid.report.text import (
     samples_text,
     with_error,
 )
-from iris_sysid.types import DiagnosticNote, Quantity, Segment, Trajectory
+from iris_sysid.types import DiagnosticNote, ForceForm, MissingForce, Quantity, Segment, Trajectory
 from tests._motions import pendulum_angle
 
 NAN = float("nan")
@@ -147,9 +147,11 @@ def a_diagnosis(
     base_unit="m",
     notes=(),
     stderr=0.001,
+    remaining=None,
 ):
     drag = EFFECTS["quadratic-drag"]
-    size = {"quadratic_drag": Estimate(0.12, stderr, "1/rad")}
+    held = {each.name: Estimate(each.default, 0.0, each.unit, "assumed") for each in drag.parameters[1:]}
+    size = {**held, "quadratic_drag": Estimate(0.12, stderr, "1/rad")}
     after_it = {name: Estimate(1.1, 0.01, base_unit), "quadratic_drag": Estimate(0.12, 0.001, "1/rad")}
     final = SimpleNamespace(free=(name,), estimates=after_it)
     return SimpleNamespace(
@@ -167,7 +169,70 @@ def a_diagnosis(
         base=SimpleNamespace(model=MODELS["pendulum"], free=(name,), estimates={name: Estimate(1.0, 0.01, base_unit)}),
         final=final,
         finals=(final,),
+        causes={},
+        remaining_force=remaining,
     )
+
+
+def a_missing_force(form=None, log_odds=50.0):
+    """A force of 0.12 rad/s^2, on average over time."""
+    column = np.array([[0.12], [-0.12], [0.12]])
+    angle = (Quantity("theta", "rad"),)
+    return MissingForce(np.arange(3.0), angle, ("rad/s^2",), column, column, column, column / 10, log_odds, form=form)
+
+
+FORM_TEXTS = [
+    (
+        ForceForm("against-velocity", 0.1, Estimate(1.62, 0.21, "1"), 0.9),
+        "it acts against the velocity and grows like |v|^(1.62 ± 0.21).",
+    ),
+    (
+        ForceForm("against-velocity", 0.1, None, 0.9),
+        "it acts against the velocity.",
+    ),
+    (
+        ForceForm("odd-in-position", 0.1, Estimate(3.0, 0.1, "1"), 0.9),
+        "it changes sign with the position and grows like |x|^(3.00 ± 0.10).",
+    ),
+    (
+        ForceForm("even-in-position", 0.1, Estimate(2.0, 0.1, "1"), 0.9),
+        "it is even in the position and grows like |x|^(2.00 ± 0.10).",
+    ),
+    (
+        ForceForm("drift", 0.1, None, 0.9),
+        "it grows evenly with time.",
+    ),
+    (
+        ForceForm("own-force-drift", 0.1, None, 0.9),
+        "the model's own force grows or shrinks evenly with time.",
+    ),
+    (
+        ForceForm("pulse", 0.1, Estimate(3.217, 0.012, "s"), 0.9),
+        "it acts at t = 3.217 ± 0.012 s.",
+    ),
+    (
+        ForceForm("sine", NAN, Estimate(0.8435, 0.0012, "Hz"), 0.9),
+        "it is periodic with a frequency of 0.8435 ± 0.0012 Hz.",
+    ),
+    (
+        ForceForm("drift", 0.1, None, 0.9, ("sine", "pulse")),
+        "it grows evenly with time; a periodic force or a pulse explains it as well.",
+    ),
+]
+
+
+@pytest.mark.parametrize(("form", "text"), FORM_TEXTS)
+def test_sentence_says_how_the_missing_force_acts(form, text):
+    diagnosis = a_diagnosis("rad", (0.01, 0.02), (0.01, 0.02), added=False, remaining=a_missing_force(form))
+    start = "No effect of the library accounts for the missing force (0.12 rad/s^2 rms): "
+    assert diagnosis_sentence(diagnosis).endswith(f". {start}{text}")
+
+
+def test_sentence_of_a_missing_force_without_a_form_and_of_one_that_is_not_significant():
+    told = a_diagnosis("rad", added=True, remaining=a_missing_force())
+    assert diagnosis_sentence(told).endswith("missing force (0.12 rad/s^2 rms), and it has no simple form.")
+    untold = a_diagnosis("rad", added=True, remaining=a_missing_force(log_odds=1.0))
+    assert "missing force" not in diagnosis_sentence(untold)
 
 
 def test_sentence_names_the_effect_the_errors_its_alternatives_and_what_remains():

@@ -8,7 +8,8 @@ from pydantic import JsonValue
 
 from iris_sysid.io.schemas._discovery import TermEntry
 from iris_sysid.io.schemas._fit import FitDocument
-from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part
+from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part, QuantityEntry
+from iris_sysid.types import ForceKind
 
 
 class AddedEffect(Part):
@@ -51,13 +52,49 @@ class FurtherClip(Part):
     origin: dict[str, JsonValue]
 
 
+class ForceFormEntry(Part):
+    """The simple form of a missing force."""
+
+    kind: ForceKind
+    size: Number
+    """To first order, in the unit of the force; null where it has a phase or several directions."""
+    shape: EstimateEntry | None
+    """Its power, moment or frequency."""
+    share: float
+    """Fraction of the residual beyond the noise that this form explains."""
+    similar: list[ForceKind]
+    """Kinds that the data cannot tell from it."""
+
+
+class MissingForceEntry(Part):
+    """The acceleration that a model lacks along its motion; rows of tables are times, columns the quantities."""
+
+    t_s: list[float]
+    quantities: list[QuantityEntry]
+    """Degrees of freedom on which it acts."""
+    units: list[str]
+    """Of the force on each of them."""
+    position: list[list[Number]]
+    velocity: list[list[Number]]
+    force: list[list[Number]]
+    """What changes of the fitted parameters can imitate is removed."""
+    stderr: list[list[Number]]
+    by_effects: list[list[Number]] | None
+    """What the added effects contribute; null where none of them is a force."""
+    log_odds: Number
+    """Natural logarithm of the Bayes factor of some force over none."""
+    whole: bool
+    """False where only the beginning of the clip is covered."""
+    form: ForceFormEntry | None
+
+
 class DiagnosisDocument(Document):
     """What a model lacks, if anything (diagnosis.json)."""
 
     document: Literal["diagnosis"] = "diagnosis"
     version: Literal[1] = 1
     sentence: str
-    """The result in at most four sentences."""
+    """The result in at most five sentences."""
     base: FitDocument
     """Of the first clip, as ``final``."""
     final: FitDocument
@@ -75,5 +112,9 @@ class DiagnosisDocument(Document):
     """Terms without a named effect that the remaining residual suggests; coefficients to first order."""
     notes: list[str] = []
     """What could not be tested, and which effects were rejected, with the reason."""
+    missing_force: MissingForceEntry | None = None
+    """What the model lacks in the first clip, without the effects; null where it cannot be estimated."""
+    remaining_force: MissingForceEntry | None = None
+    """What it still lacks with the effects that were added, where the residual is above the noise."""
     further_clips: list[FurtherClip] = []
     origin: dict[str, JsonValue]

@@ -1,0 +1,143 @@
+"""The linear response of a fitted motion to small forces, and a residual as independent noise would have it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
+
+from fitters.compose_effects import plain_observation
+from fitters.effect_sensitivity import RESPONSE, Motion
+from iris_sysid.types import Array, OdeModel
+
+UNDETERMINED = 1e-9  # relative strength of a fitted value below which the data do not determine it
+MOST_NUMBERS = 4_000_000  # of the forces that are integrated at once
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class NoisyResidual:
+    """What a fit leaves, with its noise, at n used samples.
+
+    ``t_s`` (n,) s; ``values`` (n, d) in observed units; ``jacobian`` (n, d, p) of the prediction by the fitted values;
+    ``noise`` (n, d) standard deviations of independent noise, up to a common factor.
+    """
+
+    t_s: Array
+    values: Array
+    jacobian: Array
+    noise: Array
+
+    def at(self, rows: NDArray[np.intp]) -> NoisyResidual:
+        """The same at some of the samples."""
+        return NoisyResidual(self.t_s[rows], self.values[rows], self.jacobian[rows], self.noise[rows])
+
+    def whitened(self, responses: Array, rho: float) -> Whitened:
+        """The residual and responses (n, d, k) for noise that is correlated by ``rho`` over the median time step."""
+        steps = np.diff(self.t_s) / np.median(np.diff(self.t_s))
+        kept = rho**steps if rho > 0 else np.zeros_like(steps)
+        scale = np.concatenate([[1.0], 1.0 / np.sqrt(1.0 - kept**2)])
+        jacobian = _white(self.jacobian / self.noise[:, :, None], kept, scale)
+        basis, triangle = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))
+        strength = np.abs(np.diag(triangle))
+        basis = basis[:, strength > UNDETERMINED]
+        values = _white((self.values / self.noise)[:, :, None], kept, scale)[:, 0]
+        columns = _white(responses / self.noise[:, :, None], kept, scale)
+        volume = np.sum(np.log(np.maximum(np.abs(np.diag(triangle)), 1e-300)))
+        volume += np.sum(np.log(np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)))
+        return Whitened(
+            values - basis @ (basis.T @ values),
+            columns - basis @ (basis.T @ columns),
+            max(values.size - basis.shape[1], 1),
+            self.values.shape[1] * float(np.sum(np.log(scale))) - float(volume),
+        )
+
+
+def _white(series: Array, kept: Array, scale: Array) -> Array:
+    """Innovations (n * d, k) of a series (n, d, k), of the same variance as the series itself."""
+    rest = series.copy()
+    rest[1:] -= kept[:, None, None] * series[:-1]
+    return np.asarray((rest * scale[:, None, None]).reshape(-1, series.shape[2]))
+
+
+@dataclass(frozen=True, eq=False)
+class Whitened:
+    """A residual (q,) and responses (q, k), as independent noise has them, without what fitted values can imitate.
+
+    ``degrees`` is q less the number of fitted values; ``log_scale`` is what the change of variables and the fitted
+    values add to the log likelihood (restricted likelihood).
+    """
+
+    residual: Array
+    responses: Array
+    degrees: int
+    log_scale: float
+
+    @cached_property
+    def information(self) -> Array:
+        """Products of the responses (k, k)."""
+        return np.asarray(self.responses.T @ self.responses)
+
+    @cached_property
+    def components(self) -> Array:
+        """Products (k,) of the residual with the responses."""
+        return np.asarray(self.responses.T @ self.residual)
+
+    @cached_property
+    def squares(self) -> float:
+        """Sum of squares of the residual."""
+        return float(self.residual @ self.residual)
+
+    def log_likelihood(self, squares: Array | float) -> Array:
+        """Log likelihood where the sum of squares is ``squares``; the size of the noise is integrated out."""
+        return np.asarray(self.log_scale - 0.5 * self.degrees * np.log(np.maximum(squares, 1e-300) / self.degrees))
+
+
+def forces_of(model: OdeModel) -> int:
+    """The number f of highest derivatives, on which forces act."""
+    return len(model.states) // 2 if model.second_order else len(model.states)
+
+
+def responses(motion: Motion, forces: Array, rows: NDArray[np.intp]) -> Array:
+    """What is observed (r, d, q) of q small forces on a motion.
+
+    Parameters
+    ----------
+    motion
+        A fitted motion with the inverse of its transition matrices.
+    forces
+        (m, f, q) on its grid.
+    rows
+        (r,) indices of used samples.
+    """
+    at = motion.at_samples[rows]
+    observed = np.einsum("rdt,rts->rds", _observed_by_state(motion, at), motion.transition[at])
+    count = max(MOST_NUMBERS // (forces.shape[0] * len(motion.model.states)), 1)
+    parts = [
+        np.einsum("rds,rsq->rdq", observed, _drawn(motion, forces[:, :, first : first + count], at))
+        for first in range(0, forces.shape[2], count)
+    ]
+    return np.concatenate(parts, axis=2)
+
+
+def _drawn(motion: Motion, forces: Array, at: NDArray[np.int_]) -> Array:
+    """Integral (r, s, q) of the forces, carried back to the initial state."""
+    assert motion.inverse is not None
+    last = int(at[-1]) + 1
+    pulled = np.einsum("msf,mfq->msq", motion.inverse[:last], forces[:last])
+    return np.asarray(cumulative_trapezoid(pulled, x=motion.grid[:last], axis=0, initial=0)[at])
+
+
+def _observed_by_state(motion: Motion, at: NDArray[np.int_]) -> Array:
+    """Derivative (r, d, s) of what is observed by each state."""
+    params = np.array([motion.values[parameter.name] for parameter in motion.model.parameters])
+    states, t_s = motion.states[at], motion.grid[at]
+    columns = []
+    for k in range(states.shape[1]):
+        step = np.zeros(states.shape[1])
+        step[k] = RESPONSE * max(float(np.ptp(states[:, k])), 1e-12)
+        sides = [plain_observation(motion.model, t_s, states + sign * step, params) for sign in (1.0, -1.0)]
+        columns.append((sides[0] - sides[1]) / (2 * step[k]))
+    return np.stack(columns, axis=2)
