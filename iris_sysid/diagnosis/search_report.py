@@ -14,6 +14,7 @@ from iris_sysid.diagnosis.model_averaging import (
 )
 from iris_sysid.diagnosis.notes import rejected_effect_note
 from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, sizes_of
+from iris_sysid.diagnosis.selection_bias import corrected_for_selection
 from iris_sysid.types import DiagnosticNote, Effect, EffectCause, Estimate, Limit, Score, normal_isf
 
 
@@ -95,8 +96,17 @@ class SearchReport:
         alternatives = [
             (pooled(sizes_of(rival.fits, name)), cost_above(rival, final)) for rival in rivals if name in rival.sizes
         ]
-        size = averaged_over_alternatives(pooled(sizes_of(final.fits, name)), alternatives)
+        size = averaged_over_alternatives(self._unbiased(name), alternatives)
         return averaged_over_competitors(size, self._competing(name))
+
+    def _unbiased(self, name: str) -> Estimate:
+        """The size over all clips, corrected for being named only where it is significant."""
+        size = pooled(sizes_of(self._final.fits, name))
+        named = [effect.name for effect in self._final.effects if effect.parameters[0].name == name]
+        if not named:
+            return size
+        needed = self._cache.screening(self._cache.base).needed(named[0])
+        return corrected_for_selection(size, float(np.sqrt(needed)))
 
     def _competing(self, name: str) -> list[CompetingEffect]:
         """How each effect that was not added would change a size, if its sign is allowed.

@@ -43,10 +43,14 @@ class StepwiseSearch:
         other = self._continued([base, best])
         return tuple(path if cost_above(path[-1], other[-1]) <= 0.0 else other)
 
-    def continued_from(self, known: ModelWithEffects) -> tuple[ModelWithEffects, ...]:
-        """The same, from effects that were found in a part of the samples."""
+    def run_from(self, known: ModelWithEffects) -> tuple[ModelWithEffects, ...]:
+        """The same, or the path from effects that were found in a part of the samples where that ends better."""
+        path = self.run()
+        if known.key in {model.key for model in path}:
+            return path
         start = self._revised(known)
-        return tuple(self._continued([self._cache.base, start] if start.effects else [self._cache.base]))
+        other = self._continued([self._cache.base, start] if start.effects else [self._cache.base])
+        return path if cost_above(path[-1], other[-1]) <= 0.0 else tuple(other)
 
     def _continued(self, path: list[ModelWithEffects]) -> list[ModelWithEffects]:
         """The path, extended by significant effects step by step."""

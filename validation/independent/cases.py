@@ -16,6 +16,7 @@ FACTORS = (2.0, 8.0)  # of the detectable size
 STEP = 1e-4  # relative, of a value whose effect on the observation is wanted
 LARGEST_CHANGE = 0.3  # of the motion's own spread: beyond, the effect is no small correction
 ATTEMPTS = 20
+ALIKE = 1.0  # chi-square between two effects, fitted values free, below which no analysis can tell which one is there
 SEALED = 1_000_000  # seeds from here on are scored once and never looked at while code is written
 
 
@@ -24,7 +25,8 @@ class Case:
     """A table with its truth.
 
     ``t_s`` (n,) s; ``observed`` (n, d) in the motion's units, with noise; ``clean`` (n, d) without. ``hidden`` is None
-    for a clean case, ``size`` its size, ``factor`` that over the smallest detectable one.
+    for a clean case, ``size`` its size, ``factor`` that over the smallest detectable one. ``alike`` are the library's
+    names of other hidden effects that would have given these data, to within ALIKE.
     """
 
     seed: int
@@ -38,6 +40,12 @@ class Case:
     size: float = 0.0
     factor: float = 0.0
     shape: Mapping[str, float] = field(default_factory=dict)
+    alike: frozenset[str] = frozenset()
+
+    @property
+    def noise_rms(self) -> float:
+        """Root mean square of the noise that this case has, rounding and outliers included."""
+        return float(np.sqrt(np.mean((self.observed - self.clean) ** 2)))
 
 
 def draw_case(
@@ -91,7 +99,39 @@ def _hidden_case(seed: int, motion: Motion, effect: HiddenEffect, kind: str, rng
     if not np.all(np.isfinite(clean)) or np.max(np.abs(clean - undisturbed)) > LARGEST_CHANGE * 4 * spread:
         return None
     observed = NOISES[kind](clean, motion.noise, rng)
-    return Case(seed, motion, values, kind, t_s, observed, clean, effect, size, factor, shape)
+    others = _alike(motion, values, t_s, effect, clean - undisturbed, kind)
+    return Case(seed, motion, values, kind, t_s, observed, clean, effect, size, factor, shape, others)
+
+
+def draw_clips(seed: int, count: int) -> list[Case]:
+    """``count`` clean cases of one motion, each with its own values and noise; the same seed gives the same cases."""
+    rng = np.random.default_rng(seed)
+    motion = list(MOTIONS.values())[int(rng.integers(len(MOTIONS)))]
+    kind = list(NOISES)[int(rng.integers(len(NOISES)))]
+    return [_clean_case(seed, motion, kind, rng) for _ in range(count)]
+
+
+def _alike(
+    motion: Motion, values: Values, t_s: Array, effect: HiddenEffect, change: Array, kind: str
+) -> frozenset[str]:
+    """Library's names of the effects without a shape of their own that change what is observed as ``change`` does."""
+    fitted = np.stack([_slope(motion, values, t_s, name, kind) for name in motion.ranges], axis=1)
+    target = whitened(change, kind, motion.noise).ravel()
+    names: set[str] = set()
+    for other in HIDDEN:
+        shape = other.shape(motion, t_s, np.random.default_rng(0))
+        if other.name == effect.name or other.own_form or set(shape) - {"start"} or motion.model not in other.motions:
+            continue
+        try:
+            step = _step_of(motion, values, t_s, other, shape)
+            shown = other.show(motion, values, t_s, step, shape) - other.show(motion, values, t_s, 0.0, shape)
+        except (ArithmeticError, ValueError):
+            continue
+        columns = np.column_stack([fitted, whitened(shown, kind, motion.noise).ravel()])
+        columns /= np.linalg.norm(columns, axis=0)
+        rest = target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]
+        names |= other.right if float(rest @ rest) < ALIKE else set()
+    return frozenset(names)
 
 
 def smallest_detectable(
