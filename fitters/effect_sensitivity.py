@@ -67,7 +67,8 @@ class Motion:
         seen = np.zeros((len(forces), self.at_samples.size, len(self.model.observed)))
         for some in np.array_split(np.flatnonzero(acts), max(1, forces.size // FORCES_AT_ONCE)):
             if self.inverse is None:
-                seen[some] = [self._integrated(forces[k], float(largest[k])) for k in some]
+                for k in some:
+                    seen[k] = self._integrated(forces[k], float(largest[k]))
             elif some.size:
                 seen[some] = self._responses(self.inverse, forces[some])
         return seen
