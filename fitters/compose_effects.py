@@ -46,7 +46,7 @@ def with_effects(model: OdeModel, effects: Sequence[Effect], view: View | None =
     --------
     >>> from iris_sysid import EFFECTS, MODELS, with_effects
     >>> dragged = with_effects(MODELS["pendulum"], [EFFECTS["quadratic-drag"]])
-    >>> dragged.name, dragged.parameters[-1].unit
+    >>> dragged.name, dragged.parameter("quadratic_drag").unit
     ('pendulum + quadratic-drag', '1/rad')
     """
     for effect in effects:

@@ -95,6 +95,7 @@ if TYPE_CHECKING:
     from iris_sysid.types import TrackerExample as TrackerExample
     from iris_sysid.types import TrackOptions as TrackOptions
     from iris_sysid.types import Trajectory as Trajectory
+    from iris_sysid.types import View as View
     from iris_sysid.video.reader import open_video as open_video
 
 __version__ = "0.1.0"
@@ -142,7 +143,7 @@ _HOME = {
             "Array Calibration ClipOptions Diagnosis Discovery Effect EffectExample Estimate Event "
             "FitResult Frame FrameSource GeometryOptions ModelExample OdeModel Parameter Phenomenon "
             "PooledFit Quantity Run Segment Smoothed Track Tracker TrackerExample TrackOptions "
-            "Trajectory"
+            "Trajectory View"
         ),
         "iris_sysid.video.reader": "open_video",
     }.items()
