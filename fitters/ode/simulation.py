@@ -133,7 +133,9 @@ def _is_constant(model: OdeModel, name: str) -> bool:
     return any(parameter.name == name and parameter.constant for parameter in model.parameters)
 
 
-def predicted_by(fitted: FitResult, trajectory: Trajectory, values: Mapping[str, float], stop: int) -> Array:
+def predicted_by(
+    fitted: FitResult, trajectory: Trajectory, values: Mapping[str, float], stop: int, *, tolerance: float = 1e-9
+) -> Array:
     """Predict the first samples (stop, d), in observed units, with the model of a fit; NaN before it begins.
 
     Parameters
@@ -146,8 +148,10 @@ def predicted_by(fitted: FitResult, trajectory: Trajectory, values: Mapping[str,
         Parameters and initial states by name.
     stop
         Number of samples to predict.
+    tolerance
+        As for :func:`simulate`.
     """
     begin = int(np.searchsorted(trajectory.t_s, fitted.t0_s))
     known = trajectory.inputs[begin:stop] if trajectory.inputs is not None else None
-    _, predicted = simulate(fitted.model, trajectory.t_s[begin:stop], values, inputs=known)
+    _, predicted = simulate(fitted.model, trajectory.t_s[begin:stop], values, inputs=known, tolerance=tolerance)
     return np.concatenate([np.full((begin, predicted.shape[1]), np.nan), predicted])

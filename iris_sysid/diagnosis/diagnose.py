@@ -117,6 +117,7 @@ def _diagnosis(cache: FitCache, path: Sequence[ModelWithEffects], trained: Train
     """The diagnosis from the models that the search visited, the base first."""
     base, report, weak = path[0], *_without_weak(cache, path[-1])
     final = report.final
+    path = [*path[:-1], final] if weak else path
     rounds = [tuple(combined(scores) for scores in cache.screening(model).scores) for model in path]
     noise = float(np.sqrt(np.mean([np.mean(fitted.noise**2) for fitted in base.fits])))
     unknown = (float("nan"), float("nan"))

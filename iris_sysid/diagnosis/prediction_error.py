@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fitters.ode import FitRequest
 from fitters.ode.simulation import predicted_by
-from iris_sysid.diagnosis.refit import ModelWithEffects, estimate_values, fit_from, pooled, sizes_of
+from iris_sysid.diagnosis.refit import ACCURATE, ModelWithEffects, estimate_values, fit_from, pooled, sizes_of
 from iris_sysid.types import Array, FitResult
 
 SAMPLES_A_VALUE = 2  # samples per free value that a fit needs after others are held out
@@ -72,10 +72,9 @@ def prediction_error(
         if not trial.usable:
             return float("nan"), float("nan")
         seen = later[later >= int(np.searchsorted(clip.trajectory.t_s, trial.t0_s))]
-        error = (
-            _observed(clip, trial)[seen]
-            - predicted_by(trial, clip.trajectory, estimate_values(trial), int(later[-1]) + 1)[seen]
-        )
+        values, stop = estimate_values(trial), int(later[-1]) + 1
+        predicted = predicted_by(trial, clip.trajectory, values, stop, tolerance=ACCURATE)
+        error = _observed(clip, trial)[seen] - predicted[seen]
         errors.append(error.ravel())
         weighed.append((error / unit[seen]).ravel())
     return _rms(np.concatenate(errors)), _rms(np.concatenate(weighed))

@@ -19,6 +19,7 @@ from iris_sysid.diagnosis.score_test import common_size
 from iris_sysid.types import Array, Effect, Estimate, FitResult, Mask, OdeModel, Parameter, normal_isf, student_sf
 
 MOST_MOVES = 4  # steps from an effect's shape to a better one nearby
+ACCURATE = 1e-6  # error of a predicted state from its time step, relative: far below the noise of any sensor
 HIGHEST = 0.95  # largest lag-1 correlation that is allowed for
 DETERMINED = ("ok", "misfit")  # statuses of a fit whose free values the data determine
 
@@ -214,7 +215,7 @@ def _misfit(clip: FitRequest, fitted: FitResult, unit: Array, values: Mapping[st
     """
     used = np.flatnonzero(fitted.used)
     stop, trajectory = int(used[-1]) + 1, clip.trajectory
-    predicted = predicted_by(fitted, trajectory, values or estimate_values(fitted), stop)
+    predicted = predicted_by(fitted, trajectory, values or estimate_values(fitted), stop, tolerance=ACCURATE)
     observed = trajectory.position[:stop, [trajectory.column(quantity.name) for quantity in fitted.model.observed]]
     inside = trajectory.valid[:stop] & (np.arange(stop) >= used[0])
     return float(np.nansum(((observed - predicted) / unit[:stop])[inside] ** 2))

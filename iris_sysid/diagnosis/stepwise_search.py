@@ -1,12 +1,14 @@
-"""Stepwise search for missing effects: one at a time, pairs where no single effect is significant, with revisions.
+"""Stepwise search for missing effects, with pairs and triples where single steps would be wrong, and revisions.
 
 Two effects may mask one another: each is significant only when the other is in the model. And an effect that was added
-early may imitate two that are added later. So pairs are tried where no single effect is significant, and after each
-addition every effect must still be significant, and better than its rivals, given all others.
+early may imitate two that are added later. So pairs are tried where no single effect is significant; where two or more
+are found, the best pair and the best three from the start as well; and after each addition every effect must still be
+significant, and better than its rivals, given all others.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 from iris_sysid.diagnosis.evidence import DECISIVE, best_first, cost_above
@@ -36,21 +38,39 @@ class StepwiseSearch:
         """The models of each step: the base first, the last without any further significant effect."""
         base = self._cache.base
         path = self._continued([base])
-        pairs = self._cache.screening(base).pairs(self._cache.testable(base)) if len(path[-1].effects) > 1 else []
-        if not pairs or path[-1].names == set(pairs[0].names):
-            return tuple(path)
-        best = next(self._pairs(base), path[-1])
-        other = self._continued([base, best])
-        return tuple(path if cost_above(path[-1], other[-1]) <= 0.0 else other)
+        for start in self._together(path[-1]):
+            path = self._better(path, start)
+        return tuple(path)
 
     def run_from(self, known: ModelWithEffects) -> tuple[ModelWithEffects, ...]:
         """The same, or the path from effects that were found in a part of the samples where that ends better."""
-        path = self.run()
-        if known.key in {model.key for model in path}:
+        path = list(self.run())
+        if known.names <= path[-1].names:
+            return tuple(path)
+        return tuple(self._better(path, known))
+
+    def _better(self, path: list[ModelWithEffects], start: ModelWithEffects) -> list[ModelWithEffects]:
+        """The path, or one from another start where that ends better.
+
+        A start that is worse than the end of the path, without fewer effects, is not worth following.
+        """
+        if len(start.effects) >= len(path[-1].effects) and cost_above(start, path[-1]) > 0.0:
             return path
-        start = self._revised(known)
-        other = self._continued([self._cache.base, start] if start.effects else [self._cache.base])
-        return path if cost_above(path[-1], other[-1]) <= 0.0 else tuple(other)
+        other = self._continued([self._cache.base, start])
+        return path if cost_above(path[-1], other[-1]) <= 0.0 else other
+
+    def _together(self, final: ModelWithEffects) -> Iterator[ModelWithEffects]:
+        """Two and three effects that explain most when they are added at once; the first step may have been wrong."""
+        base, names = self._cache.base, self._cache.testable(self._cache.base)
+        if len(final.effects) < 2:
+            return
+        pairs = self._cache.screening(base).pairs(names)
+        if pairs and final.names != set(pairs[0].names):
+            yield from itertools.islice(self._pairs(base), 1)
+        triples = [three for three in self._cache.screening(base).triples(names) if set(three.names) != final.names]
+        for model in self._cache.refits(base, triples)[:1]:
+            if all(self._is_needed(model, effect) for effect in model.effects) and self._predicts_better(model, base):
+                yield model
 
     def _continued(self, path: list[ModelWithEffects]) -> list[ModelWithEffects]:
         """The path, extended by significant effects step by step."""

@@ -223,6 +223,8 @@ def _remaining_sentence(diagnosis: Diagnosis) -> str:
 
 def _nothing_added_sentence(diagnosis: Diagnosis) -> str:
     incomplete = "The model is incomplete; no" if diagnosis.incomplete else "No"
+    if any(note.kind == "weak" for note in diagnosis.notes):
+        return f"{incomplete} effect in the library can be named: the interval of its size would hold zero."
     return f"{incomplete} effect in the library is significant."
 
 

@@ -30,11 +30,12 @@ def test_common_size_of_clean_clips_is_significant_at_most_as_often_as_it_states
 
 def test_sizes_that_contradict_each_other_have_a_larger_common_error():
     value, stderr = common_size([(10.0, 1.0), (-10.0, 1.0)])
-    assert value == pytest.approx(0.0) and stderr == pytest.approx(10.0)
+    assert (value, stderr) == pytest.approx((0.0, 10.0))
     assert common_size([(10.0, 1.0), (10.0, 1.0)]) == pytest.approx((10.0, 0.5**0.5))
 
 
 def test_sizes_without_an_error_say_nothing():
     assert common_size([(3.0, float("nan")), (2.0, 1.0)]) == (2.0, 1.0)
     value, stderr = common_size([(3.0, float("nan"))])
-    assert np.isnan(value) and np.isinf(stderr)
+    assert np.isnan(value)
+    assert np.isinf(stderr)

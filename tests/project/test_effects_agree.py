@@ -44,7 +44,8 @@ def test_synthetic_force_is_that_of_the_library(name, motion):
     size = 0.37
     friction = dry_friction({name: size})(t, np.array([position, velocity])) * np.sign(velocity)
     synthetic = extra_acceleration({name: size})(t, position, velocity) - friction
-    params = (size, *SHAPES.get(name, ()))
+    usual = tuple(parameter.default for parameter in EFFECTS[name].parameters[1:])
+    params = (size, *SHAPES.get(name, usual))
     fitted = EFFECTS[name].acceleration(t, position, velocity, abs(velocity), -1.0, params)
     assert synthetic != 0
     assert synthetic == pytest.approx(fitted, rel=1e-3)  # the library's friction turns over smoothly at v = 0
