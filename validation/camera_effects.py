@@ -291,7 +291,7 @@ def lines(outcomes: Sequence[Outcome]) -> list[str]:
         f"  {r.seed} {r.scene}, {r.fault} of {r.size:.3g}: {', '.join(r.added) or 'nothing'} {r.classes}; "
         f"residual {r.excess:.2f}, off {r.off:.1f} sigma = {100 * r.relative:.2f} %; {r.refused}"
         for r in outcomes
-        if r.wrong or not (r.in_class or r.undetermined) or not abs(r.off) < SIGMAS
+        if r.wrong or not abs(r.off) < SIGMAS or not (r.fault == NO_FAULT.name or r.in_class or r.undetermined)
     ]
 
 
