@@ -24,6 +24,7 @@ class FitOptions:
     note says how many. ``hold``: inputs between samples vary on a line (``linear``) or keep the value of the last
     sample (``zero-order``). ``multistart``: number of random starts to try when no start explains the data.
     ``local``: the start is near the minimum, e.g. that of a simpler model; minimise from it without a global search.
+    ``discrepancy``: where the residual is more than noise, add to the errors what the equation may lack.
     """
 
     segments: tuple[SegmentLabel, ...] = ("motion",)
@@ -31,6 +32,7 @@ class FitOptions:
     hold: Hold = "linear"
     multistart: int = 8
     local: bool = False
+    discrepancy: bool = True
 
 
 DEFAULT_OPTIONS = FitOptions()
@@ -53,5 +55,5 @@ class FitRequest:
         return replace(self, **changes)
 
     def from_near(self, start: Mapping[str, float]) -> FitRequest:
-        """A copy that starts near its minimum and skips the global search."""
-        return replace(self, start=start, options=replace(self.options, local=True))
+        """A copy that starts near its minimum and skips the global search, and the errors of a discrepancy."""
+        return replace(self, start=start, options=replace(self.options, local=True, discrepancy=False))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,9 +12,11 @@ from fitters.noise.sandwich_covariance import Uncertainty, inverse_normal, rando
 from fitters.ode.error_budget import Errors, estimate_all
 from fitters.ode.fit_problem import Task, with_priors
 from fitters.ode.least_squares import LARGEST, Solution, Target
+from fitters.ode.model_discrepancy import SOURCE, Discrepancy, discrepancy_of
 from fitters.ode.status import (
     SINGULAR,
     Determination,
+    above_rounding,
     at_bounds,
     at_its_bound,
     determination,
@@ -41,6 +43,7 @@ from iris_sysid.types import (
 )
 
 NO_PULLS: Array = np.zeros(0)
+DISCREPANCY_NOTE = f"the errors include what the equation may lack ({SOURCE}), as far as the residual shows it"
 NOISE_GAIN = {1: 2.0, 2: 6.0}  # variance of a difference of white noise over its own: 1 + 1, and 1 + 4 + 1
 
 
@@ -146,7 +149,29 @@ def _prior_shifts(task: Task, bread: Array, usable: Mask) -> dict[str, Array]:
     return shifts
 
 
-def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -> FitResult:
+def _discrepancy(task: Task, target: Target, solution: Solution, near: Linearised, usable: Mask) -> Discrepancy | None:
+    """What the equation lacks, for the usable values (k,); None where the residual has no more than rounding."""
+    rms = np.sqrt(np.mean((target.observed - solution.predicted)[target.used] ** 2, axis=0))
+    if not (solution.converged and usable.any() and above_rounding(rms, target.size)):
+        return None
+    which, steps = task.unknowns.which[usable], solution.steps[usable]
+    sensitivity = np.nan_to_num(solution.problem.sensitivity(solution.values, which, steps))
+    bread = inverse_normal(near.informed[:, usable], SINGULAR**-0.5)
+    return discrepancy_of(target, solution, sensitivity, bread, near.measured)
+
+
+def _with_discrepancy(errors: Errors, found: Discrepancy, usable: Mask) -> Errors:
+    """Errors with those of the discrepancy; the random ones are from the noise that remains beside it."""
+    known = usable & np.isfinite(np.diag(errors.covariance))
+    shifts, covariance = np.full((len(found.shifts), usable.size), np.nan), errors.covariance.copy()
+    shifts[:, known] = found.shifts[:, known[usable]]
+    covariance[np.ix_(known, known)] = found.random[np.ix_(known[usable], known[usable])]
+    return replace(errors, covariance=covariance, systematic={**errors.systematic, SOURCE: shifts})
+
+
+def conclude(
+    task: Task, target: Target, solution: Solution, notes: list[str], *, discrepancy: bool = True
+) -> FitResult:
     """Judge the solution and build the result with errors, criteria, status and notes.
 
     Parameters
@@ -155,15 +180,24 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str]) -
         The prepared fit, the samples used with their weights, and the solution.
     notes
         What a reader should know beside the status.
+    discrepancy
+        Whether to look for what the equation lacks, where the residual is autocorrelated.
     """
     near = linearise(task, target, solution)
     touching = at_bounds(task.unknowns, solution.values)
     determined = _determination(near, ~touching)
     errors, random = errors_of(task, near, ~touching, determined.undetermined)
-    results = estimate_all(task, solution.values, errors)
+    suspected = discrepancy and any(process.partial.size for process in random.noise)
+    found = _discrepancy(task, target, solution, near, ~touching) if suspected else None
+    if found is not None and found.significant:
+        notes = [*notes, DISCREPANCY_NOTE]
+        results = estimate_all(task, solution.values, _with_discrepancy(errors, found, ~touching))
+    else:
+        results = estimate_all(task, solution.values, errors)
     residual = target.observed - solution.predicted
     rms = np.sqrt(np.mean(residual[target.used] ** 2, axis=0))
-    status, problems = _status(task, target, solution, touching, determined, rms)
+    misfit = is_misfit(rms, task.noise, target.size) or (found is not None and found.misfit)
+    status, problems = _status(task, solution, touching, determined, rms if misfit else None)
     measured = with_priors(task.unknowns, task.priors)
     pulls = measured.prior_residual(solution.values)
     aic, bic = criteria(near.residual, target.sigma[target.used], len(task.free), pulls)
@@ -257,11 +291,13 @@ def ode_residual(residual: Array, order: int) -> Array:
 
 
 def _status(
-    task: Task, target: Target, solution: Solution, touching: Mask, determined: Determination, rms: Array
+    task: Task, solution: Solution, touching: Mask, determined: Determination, misfit: Array | None
 ) -> tuple[FitStatus, tuple[FitProblem, ...]]:
-    misfit = is_misfit(rms, task.noise, target.size)
+    """The status and its reasons; ``misfit`` (d,) is the residual where it is far above the noise."""
     singular = bool(determined.undetermined.any())
-    status = status_of(converged=solution.converged, singular=singular, touching=bool(touching.any()), misfit=misfit)
+    status = status_of(
+        converged=solution.converged, singular=singular, touching=bool(touching.any()), misfit=misfit is not None
+    )
     problems = []  # in the order of status_of
     if not solution.converged:
         problems.append(not_converged(solution))
@@ -269,8 +305,8 @@ def _status(
         problems.append(undetermined(task, solution.values, determined))
     if touching.any():
         problems.append(at_its_bound(task, solution.values, touching))
-    if misfit:
-        problems.append(residual_above_noise(task, rms, task.noise))
+    if misfit is not None:
+        problems.append(residual_above_noise(task, misfit, task.noise))
     return status, tuple(problems)
 
 

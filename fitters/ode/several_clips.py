@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -302,7 +302,10 @@ def _one_clip(view: _View, bread: Array) -> tuple[Array, Array]:
 
 def _held_fit(request: FitRequest, clip: FitResult) -> FitResult:
     """The clip's own values with the shared ones held; a clip that failed alone keeps its result."""
-    return solve(request.from_near(_own_values(clip, request.fixed))) if clip.usable else clip
+    if not clip.usable:
+        return clip
+    near = request.from_near(_own_values(clip, request.fixed))
+    return solve(near.with_(options=replace(near.options, discrepancy=request.options.discrepancy)))
 
 
 def _own_values(clip: FitResult, others: Container[str]) -> dict[str, float]:

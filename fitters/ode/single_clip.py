@@ -123,7 +123,8 @@ def solve(request: FitRequest) -> FitResult:
     except NoMinimumError as error:
         return error.result
     with np.errstate(all="ignore"):  # meaningless data give unbounded errors: they become infinite
-        result = conclude(minimum.task, minimum.target, minimum.solution, _notes(minimum.task, minimum.target))
+        notes, discrepancy = _notes(minimum.task, minimum.target), request.options.discrepancy
+        result = conclude(minimum.task, minimum.target, minimum.solution, notes, discrepancy=discrepancy)
         return result if methods == ("robust",) else _with_intervals(minimum, result, methods)
 
 

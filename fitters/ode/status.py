@@ -16,7 +16,8 @@ SINGULAR = 1e12  # condition of the scaled Fisher information; derivatives are g
 PART = 1e-4  # smallest component that makes a value part of a null direction, in scaled values; rounding gives 1e-8
 SHARE = 0.05  # fraction of the strongest relative change above which a value is named
 WEAK = 0.3  # fraction of the largest component of a direction above which a value is named
-MISFIT_NOISE, MISFIT_MOTION = 5.0, 0.05  # residual above 5 times the noise and 5 % of the motion
+MISFIT_NOISE = 5.0  # residual over noise; from differences, the noise of correlation 0.9 is 4.4 times too small
+ROUNDING = 1e-6  # residual over the motion that is no more than the integrator's and the optimiser's error
 NEARER_START = "Give starting values nearer to the truth with start={...}"
 SPARE = 3  # samples needed in addition to one per unknown
 
@@ -210,19 +211,28 @@ def residual_above_noise(task: Task, rms: Array, noise: Array) -> FitProblem:
         "residual-above-noise",
         "the residual is far above the noise",
         ratios,
-        "The equation lacks an effect, or part of the motion does not belong to it: look at the residual; the "
-        "estimates are only as good as the equation",
+        "The equation lacks an effect, or part of the motion does not belong to it: look at the residual, or diagnose "
+        "it; the estimates are only as good as the equation",
     )
 
 
 def is_misfit(rms: Array, noise: Array, size: Array) -> bool:
-    """Whether a residual (d,) is both far above the noise and visible beside the motion's standard deviation.
+    """Whether a residual (d,) is so far above the noise that no autocorrelation of the noise explains it.
 
-    All three (d,) in the observed units.
+    A smaller residual is a misfit where its form is not that of noise: see :mod:`fitters.ode.model_discrepancy`. All
+    three (d,) in the observed units, ``size`` is the motion's standard deviation.
     """
     with np.errstate(all="ignore"):
         far = ~(rms <= MISFIT_NOISE * noise)
-    return bool(np.any(far & (rms > MISFIT_MOTION * size)))
+    return bool(np.any(far & (rms > ROUNDING * size)))
+
+
+def above_rounding(rms: Array, size: Array) -> bool:
+    """Whether a residual (d,) is more than numerical error beside the motion's standard deviation (d,).
+
+    Both (d,) in the observed units.
+    """
+    return bool(np.any(rms > ROUNDING * size))
 
 
 def needed_samples(n_observed: int, n_free: int) -> int:

@@ -282,9 +282,16 @@ def test_single_undetermined_value_is_named():
 
 @pytest.mark.parametrize(
     ("rms", "noise", "expected"),
-    [(0.02, 0.001, True), (0.004, 0.001, False), (0.02, 0.01, False), (0.01, 0.0001, False), (0.2, np.nan, True)],
+    [
+        (0.02, 0.001, True),
+        (0.004, 0.001, False),
+        (0.02, 0.01, False),
+        (0.01, 0.0001, True),
+        (0.2, np.nan, True),
+        (1e-8, 1e-12, False),
+    ],
 )
-def test_misfit_needs_a_residual_above_the_noise_and_visible_beside_the_motion(rms, noise, expected):
+def test_misfit_is_a_residual_far_above_the_noise_and_above_rounding(rms, noise, expected):
     assert is_misfit(np.array([rms]), np.array([noise]), np.array([0.3])) is expected
 
 

@@ -1,0 +1,88 @@
+"""An equation that lacks something: the status says so, and intervals hold the truth all the same."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from fitters.ode import FitOptions, fit
+from fitters.ode.model_discrepancy import SOURCE
+from iris_sysid.registry import MODELS
+from iris_sysid.types import Trajectory
+from validation.misfit import clean_case, hidden_case, row_of, table
+
+PENDULUM = MODELS["pendulum"]
+LENGTH, NOISE = 0.6, 5e-4
+
+
+def swing(drag=0.0, stiffening=0.0, noise=NOISE, seed=0):
+    """A pendulum with quadratic drag and a cubic force, by SciPy."""
+    t_s = np.arange(600) / 60
+
+    def rates(t, state):
+        theta, omega = state
+        force = -0.04 * omega - drag * abs(omega) * omega - stiffening * theta**3
+        return [omega, -9.80665 / LENGTH * np.sin(theta) + force]
+
+    theta = solve_ivp(rates, (0, 10), [1.0, 0.0], "DOP853", t_s, rtol=1e-10, atol=1e-12).y[0]
+    return clip_of(t_s, theta[:, None] + noise * np.random.default_rng(seed).standard_normal((600, 1)))
+
+
+def clip_of(t_s, theta):
+    return Trajectory(t_s, PENDULUM.observed, theta, np.full_like(theta, np.nan), np.ones(t_s.size, bool))
+
+
+@pytest.mark.parametrize("hidden", [{"drag": 0.1}, {"stiffening": 0.5}, {"drag": 0.02, "stiffening": -0.2}])
+def test_fit_that_lacks_a_force_is_a_misfit_and_its_length_is_within_the_interval(hidden):
+    result = fit(swing(**hidden), PENDULUM)
+    length = result.estimates["length"]
+    assert result.rms[0] > 3 * NOISE
+    assert result.status == "misfit"
+    assert length.interval[0] < LENGTH < length.interval[1]
+    assert result.budget["length"][SOURCE] > result.budget["length"]["random"]
+    assert length.stderr < 0.1 * LENGTH  # no better off with an interval that holds everything
+
+
+def test_fit_that_lacks_nothing_has_no_discrepancy_and_the_same_errors():
+    for seed in range(5):
+        result = fit(swing(seed=seed), PENDULUM)
+        plain = fit(swing(seed=seed), PENDULUM, options=replace(FitOptions(), discrepancy=False))
+        assert result.ok
+        assert SOURCE not in result.budget["length"]
+        assert result.estimates["length"] == plain.estimates["length"]
+
+
+def test_residual_of_rounding_alone_is_no_misfit():
+    result = fit(swing(noise=0.0), PENDULUM)
+    assert result.ok, result.message
+
+
+@pytest.mark.parametrize("factor", [1e-2, 1e2])
+def test_discrepancy_does_not_depend_on_the_unit(factor):
+    model = MODELS["linear-oscillator"]
+    t_s = np.arange(400) / 60
+    z = solve_ivp(lambda t, s: [s[1], -20 * s[0] - 200 * s[0] ** 3], (0, 7), [0.2, 0.0], "DOP853", t_s, rtol=1e-10)
+    z = z.y[0][:, None] + 2e-4 * np.random.default_rng(1).standard_normal((400, 1))
+    valid = np.ones(400, bool)
+    one, other = (Trajectory(t_s, model.observed, z * k, np.full_like(z, np.nan), valid) for k in (1.0, factor))
+    first, second = (fit(clip, model) for clip in (one, other))
+    assert first.status == second.status == "misfit"
+    assert second.budget["stiffness"][SOURCE] == pytest.approx(first.budget["stiffness"][SOURCE], rel=0.05)
+    assert second.budget["z_0"][SOURCE] == pytest.approx(factor * first.budget["z_0"][SOURCE], rel=0.05)
+
+
+@pytest.mark.slow
+def test_intervals_of_incomplete_equations_hold_the_truth_nine_times_in_ten():
+    rows = [row for row in (row_of(hidden_case(seed)) for seed in range(60)) if row.status == "misfit"]
+    assert len(rows) > 40
+    hits = np.mean([row.covered for row in rows], axis=0)
+    assert hits[0] < 0.8  # by the noise alone
+    assert hits[1] > 0.88, table(rows).to_string()
+
+
+@pytest.mark.slow
+def test_complete_equations_are_no_misfit_and_their_intervals_stay():
+    rows = [row_of(clean_case(seed)) for seed in range(40)]
+    assert np.mean([row.status == "misfit" for row in rows]) <= 0.05
+    assert np.mean([row.covered[1] for row in rows]) >= 0.88
