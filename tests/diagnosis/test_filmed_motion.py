@@ -50,3 +50,12 @@ def test_encoder_is_never_said_to_have_a_camera():
     diagnosis = diagnose(clip, MODELS["pendulum"])
     tested = {score.effect for score in diagnosis.rounds[0]}
     assert not tested & {"rolling-shutter", "camera-tilt", "radial-distortion", "anisotropic-scale", "camera-drift"}
+
+
+def test_each_of_several_clips_is_seen_in_its_own_view():
+    size, other = 0.03, {"x0": 0.0, "x1": 1.4, "v0": 0.6, "v1": 1.0}
+    clips = [clip_with("rolling shutter", "projectile", values, size / SIZE_PX[1]) for values in (THROW, other)]
+    assert clips[0].view != clips[1].view
+    right = diagnose(clips, MODELS["projectile"]).sizes["rolling_shutter"]
+    assert right.value == pytest.approx(size, abs=3 * right.stderr)
+    assert right.stderr < 0.003
