@@ -50,9 +50,14 @@ def verdict_of(recording: Recording, diagnosis: Diagnosis) -> str:
     allowed = recording.right | recording.plausible
     if any(not names & allowed for names in classes.values()):
         return "wrong"
-    if recording.outside or (recording.right and not any(names & recording.right for names in classes.values())):
-        said = diagnosis.incomplete or (diagnosis.remaining_force is not None and diagnosis.remaining_force.significant)
-        return ("exact" if recording.outside else "incomplete") if said else "missed"
+    unexplained = diagnosis.remaining_force is not None and diagnosis.remaining_force.significant
+    said = diagnosis.incomplete or unexplained
+    if recording.outside:
+        return "exact" if said else "missed"
+    if recording.right and not any(names & recording.right for names in classes.values()):
+        return "incomplete" if said else "missed"
+    if not added:
+        return "incomplete" if said else "exact"
     exact = set(added) <= allowed and (not recording.right or bool(recording.right & set(added)))
     return "exact" if exact else "in class"
 

@@ -352,9 +352,10 @@ def tracker_angle(path: str) -> Trajectory:
 
 
 def hayson(path: str) -> Trajectory:
-    """Angle of a bob tracked to half pixels."""
+    """Position of a bob across the frame, tracked to half pixels, from its mean; the table's angles are all zero."""
     table = columns(WORLD / "tab-hayson-pendulum" / path)
-    return series(table[:, -4], table[:, -1], THETA)
+    across_px = table[:, -3]
+    return series(table[:, -4], across_px - np.mean(across_px), Z)
 
 
 def foucault() -> Trajectory:
@@ -402,10 +403,13 @@ SWINGS = [
         "pendulum-foucault", "world/README: 2-D swing, slow precession, damping", "drag; the sine; precession",
         foucault, NOTHING, DRAG | ZERO | SINE | {"parameter-drift"}, "linear-oscillator",
     ),
-    swing("pendulum-hayson-run1", "world/README: drag, half-pixel steps", "drag", partial(hayson, "run1.csv"), DRAG),
     swing(
-        "pendulum-hayson-263", "world/README: drag; frames dropped", "drag, lost frames", partial(hayson, "263.csv"),
-        NOTHING, DRAG | ZERO | {"dropped-frame", "time-scale"},
+        "pendulum-hayson-run1", "world/README: drag, half-pixel steps", "drag; the sine", partial(hayson, "run1.csv"),
+        DRAG, DRAG | ZERO | SINE, "linear-oscillator",
+    ),
+    swing(
+        "pendulum-hayson-263", "world/README: drag; frames dropped", "drag; the sine; lost frames",
+        partial(hayson, "263.csv"), NOTHING, DRAG | ZERO | SINE | {"dropped-frame", "time-scale"}, "linear-oscillator",
     ),
     swing(
         "pendulum-wooden-bob", "data/README: slight quadratic drag; its zero is 0.009 rad off (issue 18)",

@@ -24,6 +24,7 @@ from iris_sysid.types import Array
 
 NODES = 100  # times at which the force is estimated, over all degrees of freedom
 NODES_A_RADIAN = 2.0  # of the motion: 12 in a period
+NEARLY_ALL = 0.75  # of a clip: then the nodes lie a little farther apart and cover it all
 MOST_SAMPLES = 3000  # beyond, every second (third, ...) sample is used
 MEMORIES = 4  # lengths of the prior's memory, from two nodes to the clip
 LENGTHS = (0.5, 2.0)  # of the prior's memory in the state, in root mean squares of it
@@ -138,7 +139,8 @@ def _nodes(motion: Motion) -> Array:
     """The times (k,) of the nodes, s: over the clip, or as much of its beginning as they resolve."""
     count = max(min(NODES // forces_of(motion.model), motion.at_samples.size), 2)
     start_s, end_s = motion.grid[0], motion.grid[-1]
-    span_s = min(end_s - start_s, (count - 1) * _time_scale(motion) / NODES_A_RADIAN)
+    resolved_s = (count - 1) * _time_scale(motion) / NODES_A_RADIAN
+    span_s = end_s - start_s if resolved_s > NEARLY_ALL * (end_s - start_s) else resolved_s
     return np.asarray(np.linspace(start_s, start_s + span_s, count))
 
 

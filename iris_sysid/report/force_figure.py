@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from iris_sysid.types import Array, MissingForce
 
 ESTIMATE, EFFECTS = "#0072B2", "#D55E00"  # Okabe and Ito (2008)
-HEIGHT_IN = 3.2
+HEIGHT_IN = 2.8
 
 
 def force_figure(force: MissingForce) -> Figure:
@@ -21,12 +21,12 @@ def force_figure(force: MissingForce) -> Figure:
         What the model lacks; the contribution of the effects that were added is drawn as a line.
     """
     count = len(force.quantities)
-    figure = Figure(figsize=(11, HEIGHT_IN * count), layout="constrained")
-    rows = figure.subplots(count, 3, sharey="row", squeeze=False, width_ratios=(2, 1, 1))
+    figure = Figure(figsize=(9, HEIGHT_IN * count), layout="constrained")
+    rows = figure.subplots(count, 3, sharey="row", squeeze=False, width_ratios=(1.6, 1, 1))
     for k, (over_time, over_position, over_velocity) in enumerate(rows):
         quantity = force.quantities[k]
         _draw_course(over_time, force, k)
-        over_time.set(xlabel="time (s)", ylabel=f"missing force on {quantity.name} ({force.units[k]})")
+        over_time.set(xlabel="time (s)", ylabel=f"force on {quantity.name} ({force.units[k]})")
         _draw_points(over_position, force.position[:, k], force, k)
         over_position.set_xlabel(f"{quantity.name} ({quantity.unit})")
         _draw_points(over_velocity, force.velocity[:, k], force, k)

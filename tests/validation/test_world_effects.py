@@ -40,6 +40,7 @@ VERDICTS = [
     (a_recording(QUADRATIC, DRAG), a_diagnosis("camera-tilt"), "wrong"),
     (a_recording(QUADRATIC, DRAG), a_diagnosis("quadratic-drag", "impact"), "wrong"),
     (a_recording(NOTHING, DRAG), a_diagnosis(), "exact"),
+    (a_recording(NOTHING, DRAG), a_diagnosis(incomplete=True), "incomplete"),
     (a_recording(NOTHING, DRAG), a_diagnosis("linear-drag"), "exact"),
     (a_recording(NOTHING, DRAG), a_diagnosis("impact"), "wrong"),
     (a_recording(NOTHING, DRAG, "encoder"), a_diagnosis("camera-tilt", alike=["linear-drag"]), "physically impossible"),
