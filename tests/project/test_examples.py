@@ -23,7 +23,7 @@ EXAMPLES = {
         r"^report: hidden-effect.diagnosis.report\.html$",
     ],
     "one_table.py": [
-        r"^length +0\.(39|40)\d* +0\.000\d* +m$",
+        r"^length +0\.(39|40)\d* +0\.00\d* +m$",
         r"^misfit ",
         r"^Adding quadratic drag \(0\.1[45]\d* ± 0\.\d+ 1/rad",
     ],
