@@ -30,7 +30,6 @@ RADIUS_PX = 7.0
 WALL, BALL, NOISE = 100.0, 160.0, 6.0  # grey levels: a position is known to about 0.02 px
 PX_PER_M = 300.0
 SEALED = 1_000
-INCOMPLETE = 1.1  # residual over noise, above which a diagnosis says that the model is incomplete
 SIGMAS = 3.0  # within which a parameter counts as right
 
 
@@ -121,7 +120,12 @@ class Film:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What became of one clip: ``refused`` is why there is no result; ``off`` is the parameter's error over its own."""
+    """What became of one clip.
+
+    ``classes`` are the names added, each with those indistinguishable from it; ``incomplete`` is what the result says of
+    the model; ``excess`` the residual over the noise; ``off`` the error of the parameter over its standard error;
+    ``refused`` why there is no result.
+    """
 
     scene: str
     fault: str
@@ -129,6 +133,7 @@ class Outcome:
     size: float
     added: tuple[str, ...] = ()
     classes: tuple[tuple[str, ...], ...] = ()
+    incomplete: bool = False
     excess: float = float("nan")
     off: float = float("nan")
     relative: float = float("nan")
@@ -146,8 +151,8 @@ class Outcome:
 
     @property
     def undetermined(self) -> bool:
-        """Whether the result says that it does not know: no fit, or no name and a residual above the noise."""
-        return bool(self.refused) or (not self.added and self.excess > INCOMPLETE)
+        """Whether the result says that it does not know: no fit, or no name for a model that is incomplete."""
+        return bool(self.refused) or (not self.added and self.incomplete)
 
     @property
     def wrong(self) -> bool:
@@ -252,7 +257,7 @@ def _findings(found: Diagnosis, estimate: Estimate, truth: float) -> tuple[objec
     classes = tuple((name, *found.indistinguishable[name]) for name in added)
     error = estimate.value - truth
     off = error / estimate.stderr if estimate.stderr > 0 else float("nan")
-    return added, classes, found.after.fitted / found.noise_floor, off, error / truth
+    return added, classes, found.incomplete, found.after.fitted / found.noise_floor, off, error / truth
 
 
 def share(flags: Sequence[bool]) -> str:

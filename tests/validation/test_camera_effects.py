@@ -68,10 +68,10 @@ def test_lost_frames_are_a_jump_along_the_same_path():
 
 
 def test_table_counts_names_and_parameters():
-    right = Outcome("pendulum", "camera-tilt", 0, 0.2, ("camera-tilt",), (("camera-tilt",),), 1.0, 0.5, 0.001)
-    wrong = Outcome("pendulum", "camera-tilt", 1, 0.2, ("leak",), (("leak", "overflow"),), 1.0, -9.0, 0.1)
-    rival = Outcome("pendulum", "camera-tilt", 2, 0.2, ("leak",), (("leak", "camera-tilt"),), 1.0, 1.0, 0.001)
-    silent = Outcome("pendulum", "camera-tilt", 3, 0.2, (), (), 2.0, 1.0, 0.01)
+    right = Outcome("pendulum", "camera-tilt", 0, 0.2, ("camera-tilt",), (("camera-tilt",),), False, 1.0, 0.5, 0.001)
+    wrong = Outcome("pendulum", "camera-tilt", 1, 0.2, ("leak",), (("leak", "overflow"),), False, 1.0, -9.0, 0.1)
+    rival = Outcome("pendulum", "camera-tilt", 2, 0.2, ("leak",), (("leak", "camera-tilt"),), False, 1.0, 1.0, 0.001)
+    silent = Outcome("pendulum", "camera-tilt", 3, 0.2, (), (), True, 2.5, 1.0, 0.01)
     row = table([right, wrong, rival, silent]).iloc[0]
     assert row["named exactly"] == "25 % (1 of 4)"
     assert row["in class"] == "50 % (2 of 4)"
