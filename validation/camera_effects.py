@@ -122,8 +122,8 @@ class Film:
 class Outcome:
     """What became of one clip.
 
-    ``classes`` are the names added, each with those indistinguishable from it; ``incomplete`` is what the result says of
-    the model; ``excess`` the residual over the noise; ``off`` the error of the parameter over its standard error;
+    ``classes`` are the names added, each with those indistinguishable from it; ``incomplete`` is what the result says
+    of the model; ``excess`` the residual over the noise; ``off`` the error of the parameter over its standard error;
     ``refused`` why there is no result.
     """
 
