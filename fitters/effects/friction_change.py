@@ -5,30 +5,30 @@ from __future__ import annotations
 import numpy as np
 
 from fitters.effects._domain import slides
+from fitters.effects._friction import turnover, turnover_parameter
 from fitters.effects._times import frame_interval
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
-TURNOVER = 3e-2  # unit/s, as for coulomb-friction
 POSITIONS = 16  # tried, spread evenly over the path
 SLOWEST = 1e-9  # unit/s, so that a body at rest is on one surface or on the other
 
 
 def acceleration(
-    t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, float, float]
+    t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, float, float, float]
 ) -> float:
     """-c v / |v| beyond the position, smooth about v = 0, and over a frame interval on crossing it."""
-    change, where, width = params
+    change, where, width, turnover = params
     beyond = 0.5 * (1.0 + np.tanh((position - where) / (width * speed + SLOWEST)))
-    return -change * beyond * velocity / np.sqrt(speed * speed + TURNOVER * TURNOVER)
+    return -change * beyond * velocity / np.sqrt(speed * speed + turnover * turnover)
 
 
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
-    """Positions within the path, its ends left out, and how long (s) it takes to get across.
+    """Positions within the path, its ends left out, how long (s) it takes to get across, and the speed of the turnover.
 
     ``t_s`` (n,), s; ``observed`` (n, d), in the observed unit.
     """
     ends = np.linspace(np.nanmin(observed), np.nanmax(observed), POSITIONS + 2)
-    return [(float(where), frame_interval(t_s)) for where in ends[1:-1]]
+    return [(float(where), frame_interval(t_s), turnover(t_s, observed)) for where in ends[1:-1]]
 
 
 EFFECT = Effect(
@@ -40,6 +40,7 @@ EFFECT = Effect(
         Parameter("friction_change", "{x}/s^2", "c", default=0.0),
         Parameter("change_place", "{x}", "x_c", default=0.0, role="location"),
         Parameter("change_width", "s", "w_c", lower=1e-9, default=1.0, constant=True, source="frame interval"),
+        turnover_parameter("change_turnover"),
     ),
     applies=slides,
     plausibility=0.3,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fitters.effects._domain import moves_on_a_line, swings
-from iris_sysid.types import Effect, EffectExample, OdeModel, Parameter
+from iris_sysid.types import Array, Effect, EffectExample, OdeModel, Parameter
 
 
 def applies(model: OdeModel) -> bool:
@@ -12,21 +12,41 @@ def applies(model: OdeModel) -> bool:
     return swings(model) or (pulled and moves_on_a_line(model))
 
 
-def acceleration(t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float]) -> float:
-    """Minus a share of the base acceleration, on the negative side."""
-    (slack,) = params
-    return -slack * base * (position < 0.0)
+def acceleration(
+    t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, float]
+) -> float:
+    """Minus a share of the base acceleration, on one side."""
+    slack, side = params
+    return -slack * base * (side * position > 0.0)
+
+
+def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
+    """Both sides, dimensionless. ``t_s`` (n,), s, and ``observed`` (n, d), in the observed unit, are not used."""
+    return [(-1.0,), (1.0,)]
 
 
 EFFECT = Effect(
     name="slack-tether",
     summary="a cord that pulls less on one side; s = 1 is a cord that goes slack there",
-    equation=r"-s\,\ddot x_0\quad (x < 0)",
+    equation=r"-s\,\ddot x_0\quad (\sigma x > 0)",
     source="one-sided stiffness; Shaw and Holmes (1983), J. Sound Vib. 90, 129",
-    parameters=(Parameter("slack_tether", "1", "s", upper=1.5, default=0.0),),
+    parameters=(
+        Parameter("slack_tether", "1", "s", upper=1.5, default=0.0),
+        Parameter(
+            "slack_side",
+            "1",
+            r"\sigma",
+            lower=-1.0,
+            upper=1.0,
+            default=-1.0,
+            constant=True,
+            source="-1 or 1, a diagnosis tries both",
+        ),
+    ),
     applies=applies,
     plausibility=0.1,
     acceleration=acceleration,
     alike="zero-offset and constant-force, for swings of one size",
+    trials=trials,
     example=EffectExample("pendulum", size=0.05),
 )

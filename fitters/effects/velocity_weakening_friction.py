@@ -5,17 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 from fitters.effects._domain import moves
-from iris_sysid.types import Effect, EffectExample, Parameter
+from fitters.effects._friction import largest_speed, turnover, turnover_parameter
+from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
-TURNOVER = 3e-2  # unit/s, as for coulomb-friction
+SHARES = (0.05, 0.1, 0.2, 0.4)  # of the largest speed, tried as the speed at which friction falls off
 
 
 def acceleration(
-    t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, float]
+    t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, float, float]
 ) -> float:
     """-c exp(-|v| / v_s) v / |v|, smooth about v = 0."""
-    friction, falloff = params
-    return -friction * np.exp(-speed / abs(falloff)) * velocity / np.sqrt(speed * speed + TURNOVER * TURNOVER)
+    friction, falloff, turnover = params
+    return -friction * np.exp(-speed / abs(falloff)) * velocity / np.sqrt(speed * speed + turnover * turnover)
+
+
+def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
+    """Speeds at which friction may fall off, and that of the turnover, per second.
+
+    ``t_s`` (n,), s; ``observed`` (n, d), in the observed unit.
+    """
+    speed, smooth = largest_speed(t_s, observed), turnover(t_s, observed)
+    return [(max(share * speed, smooth), smooth) for share in SHARES]
 
 
 EFFECT = Effect(
@@ -26,12 +36,21 @@ EFFECT = Effect(
     parameters=(
         Parameter("weakening_friction", "{x}/s^2", "c", lower=0.0, default=0.0),
         Parameter(
-            "weakening_speed", "{x}/s", "v_s", lower=1e-3, upper=1e3, default=0.5, constant=True, source="assumed"
+            "weakening_speed",
+            "{x}/s",
+            "v_s",
+            lower=1e-12,
+            default=0.5,
+            constant=True,
+            role="shape",
+            source="assumed; a diagnosis takes shares of the largest speed",
         ),
+        turnover_parameter("weakening_turnover"),
     ),
     applies=moves,
     plausibility=0.3,
     acceleration=acceleration,
     alike="coulomb-friction, at speeds below v_s",
+    trials=trials,
     example=EffectExample("pendulum", size=0.05),
 )

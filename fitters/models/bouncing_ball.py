@@ -9,7 +9,7 @@ from fitters.models._impacts import bounces
 from fitters.starting_values import samples
 from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
-SETTLING = 1e-3  # m/s; a slower rebound leaves the ball on the floor: it would rise by 50 nm
+SETTLING_S = 1e-4  # of fall make a rebound so slow that the ball stays on the floor: it would rise by 50 nm
 
 
 def rhs(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> tuple[float, float]:
@@ -31,7 +31,7 @@ def bounce(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> tup
     up = -params[0] * state[1]
     if state[1] > 0.0:  # it starts below the floor and rises
         return state[0], state[1], 0.0
-    if up < SETTLING:
+    if up < SETTLING_S * params[3]:
         return state[0], 0.0, 1.0
     return state[0], up, 0.0
 

@@ -9,7 +9,7 @@ import numpy as np
 from fitters.starting_values import samples, start_of
 from iris_sysid.types import Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
-SETTLING = 1e-4  # m/s; a slower rebound is none: the two go on together for this moment
+SETTLING = 1e-4  # of their speeds; a slower rebound is none: the two go on together for this moment
 
 Seven = tuple[float, float, float, float, float, float, float]
 
@@ -35,7 +35,8 @@ def first_impact(t: float, state: tuple[float, ...], params: tuple[float, ...]) 
     z_1, z_2, z_3, v_1, v_2, v_3, _ = state
     restitution, light = params[2], params[3]
     closing = v_1 - v_2
-    impulse = (1.0 + (restitution if restitution * closing > SETTLING else 0.0)) * closing / (1.0 + 1.0 / light)
+    parts = restitution * closing > SETTLING * (abs(v_1) + abs(v_2))
+    impulse = (1.0 + (restitution if parts else 0.0)) * closing / (1.0 + 1.0 / light)
     return z_1, z_2, z_3, v_1 - impulse, v_2 + impulse / light, v_3, 0.0
 
 
@@ -44,7 +45,8 @@ def second_impact(t: float, state: tuple[float, ...], params: tuple[float, ...])
     z_1, z_2, z_3, v_1, v_2, v_3, _ = state
     restitution = params[2]
     closing = v_2 - v_3
-    impulse = (1.0 + (restitution if restitution * closing > SETTLING else 0.0)) * closing / 2.0
+    parts = restitution * closing > SETTLING * (abs(v_2) + abs(v_3))
+    impulse = (1.0 + (restitution if parts else 0.0)) * closing / 2.0
     return z_1, z_2, z_3, v_1, v_2 - impulse, v_3 + impulse, 0.0
 
 

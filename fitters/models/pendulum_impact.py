@@ -15,7 +15,7 @@ from fitters.models._pendulum import PAIR_STATES
 from fitters.starting_values import samples, start_of
 from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
-SETTLING = 1e-3  # m/s; a slower rebound does not part them: they stay together until they are pulled apart
+SETTLING_S = 1e-4  # of fall make a rebound too slow to part them: they stay together until they are pulled apart
 
 Four = tuple[float, float, float, float]
 
@@ -88,11 +88,11 @@ def bounce(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> tup
     if opening >= 0.0:  # they overlap at the start and move apart
         return state[0], state[1], state[2], state[3], 0.0
     impulse = -opening / (slope_1 * push_1 + slope_2 * push_2)
-    if -params[4] * opening >= SETTLING:
+    if -params[4] * opening >= SETTLING_S * params[8]:
         impulse *= 1.0 + params[4]
     omega_1, omega_2 = state[2] + impulse * push_1, state[3] + impulse * push_2
     settled = (state[0], state[1], omega_1, omega_2, 1.0)
-    if -params[4] * opening >= SETTLING or pressed(settled, params)[0] <= 0.0:
+    if -params[4] * opening >= SETTLING_S * params[8] or pressed(settled, params)[0] <= 0.0:
         return state[0], state[1], omega_1, omega_2, 0.0
     return settled
 

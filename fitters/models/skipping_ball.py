@@ -12,7 +12,7 @@ from fitters.models._impacts import bounces
 from fitters.starting_values import line, samples
 from iris_sysid.types import Array, Event, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
-SETTLING = 1e-3  # m/s; a slower rebound leaves the ball on the floor: it would rise by 50 nm
+SETTLING_S = 1e-4  # of fall make a rebound so slow that the ball stays on the floor: it would rise by 50 nm
 
 Six = tuple[float, float, float, float, float, float]
 
@@ -41,7 +41,7 @@ def bounce(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> Six
         return x, z, vx, vz, rim, 0.0
     slip = vx - rim
     grip = abs(slip) * inertia / (1.0 + inertia)
-    settles = -restitution * vz < SETTLING
+    settles = -restitution * vz < SETTLING_S * params[4]
     loss = grip if settles else min(friction * (1.0 + restitution) * -vz, grip)
     along = -math.copysign(loss, slip)
     return x, z, vx + along, 0.0 if settles else -restitution * vz, rim - along / inertia, 1.0 if settles else 0.0

@@ -12,7 +12,7 @@ from iris_sysid.types import Event, ModelExample, OdeModel, Parameter, Quantity,
 
 TAUT = 1.0  # mode; 0 is slack
 ALMOST = 0.97  # of the length from the pivot: nearer, the cord is surely slack
-SETTLING = 1e-3  # m/s along the cord; a slower rebound leaves the cord taut
+SETTLING_S = 1e-4  # of fall make a rebound along the cord so slow that it stays taut
 
 Four = tuple[float, float, float, float]
 
@@ -41,7 +41,7 @@ def jerk(t: float, state: tuple[float, ...], params: tuple[float, ...]) -> tuple
     outward = vx * across + vz * up
     if outward < 0.0:  # it starts farther away than the cord is long, and comes nearer
         return x, z, vx, vz, 0.0
-    after = -restitution * outward if restitution * outward > SETTLING else 0.0
+    after = -restitution * outward if restitution * outward > SETTLING_S * gravity else 0.0
     vx, vz = vx + (after - outward) * across, vz + (after - outward) * up
     pulled = vx * vx + vz * vz - gravity * length * up > 0.0
     return x, z, vx, vz, TAUT if after == 0.0 and pulled else 0.0

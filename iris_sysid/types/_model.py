@@ -24,6 +24,7 @@ ParameterRole = Literal[
     "pivot",
     "inclination",
     "location",
+    "shape",
     "form",
 ]
 
@@ -43,8 +44,9 @@ class Parameter:
     energy), ``magnification`` (observed length over true length; carries the error of the scale), ``offset`` (the
     value of the observed quantity at rest), ``vertical`` (direction of the true vertical), ``pivot`` (position of a
     pivot), ``inclination`` (angle of a line from the horizontal), ``location`` (of an effect: the time or the position
-    at which it acts), ``form`` (of an effect: an exponent or a width, held unless the data call for another);
-    ``physical`` for everything else.
+    at which it acts), ``shape`` (of an effect: a scale that a diagnosis takes from the motion, in the data's unit),
+    ``form`` (of an effect: an exponent or a width, held unless the data call for another); ``physical`` for
+    everything else.
     """
 
     name: str
