@@ -141,9 +141,11 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=200)
     parser.add_argument("--clean", type=int, default=100)
     parser.add_argument("--sealed", action="store_true", help="score seeds that nobody looks at")
+    parser.add_argument("--first", type=int, default=0, help="first seed; with --sealed counted from the sealed ones")
     pages.add_option(parser)
     options = parser.parse_args()
-    seeds = range(SEALED * options.sealed, SEALED * options.sealed + max(options.cases, options.clean))
+    first = SEALED * options.sealed + options.first
+    seeds = range(first, first + max(options.cases, options.clean))
     with pages.table("misfit", options.write_docs):
         for draw, count in ((hidden_case, options.cases), (clean_case, options.clean)):
             rows = _rows(draw, seeds[:count])

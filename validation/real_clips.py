@@ -46,6 +46,13 @@ def value(folder: Path, name: str, degrees: bool = False) -> str:
     return f"{name} {with_error(Estimate(entry['value'] * factor, stderr * factor, unit, entry['measurement_type']))}"
 
 
+def status(folder: Path) -> str:
+    """Return the status of the fit, as text; nothing where it is ok or nothing was fitted."""
+    path = folder / "fit.json"
+    found = json.loads(path.read_text())["status"] if path.is_file() else "ok"
+    return "" if found == "ok" else f"; status `{found}`"
+
+
 def tracked(folder: Path) -> str:
     """Return how many frames were tracked, as text."""
     body = read_track(folder / "track.csv")[0]
@@ -122,7 +129,11 @@ def row(clip: Clip) -> str:
         command = shlex.split(clip.command.format(data=DATA, table=Names(out)))
         program = Path(sys.executable).parent / "iris-sysid"
         done = subprocess.run([program, *command, "-o", target, "--force"], capture_output=True, text=True)
-        result = clip.results(out) if done.returncode == 0 else f"failed: {done.stderr.strip().splitlines()[-1]}"
+        result = (
+            f"{clip.results(out)}{status(out)}"
+            if done.returncode == 0
+            else f"failed: {done.stderr.strip().splitlines()[-1]}"
+        )
     shown = clip.command.replace("{data}", "$DATA").replace("{table:", "").replace("}", "")
     return f"| `iris-sysid {shown}` | {result} | {clip.truth} |"
 
