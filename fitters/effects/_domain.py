@@ -28,6 +28,12 @@ def swings(model: OdeModel) -> bool:
     return moves_on_a_line(model) and model.states[0].unit == "rad"
 
 
+def is_pulled_back(model: OdeModel) -> bool:
+    """Whether something may pull back to the zero of the one coordinate: not along a board, not where a body falls."""
+    falls = model.states[0].unit == "m" and bool(model.with_role("gravity"))
+    return moves_on_a_line(model) and not slides(model) and not falls
+
+
 def drains(model: OdeModel) -> bool:
     """Whether the model is of first order in quantities of one kind: levels, or a brightness, that go down."""
     return not model.second_order and len({state.unit for state in model.states}) == 1

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from iris_sysid.types import Array, Parameter
+from iris_sysid.types import Array, Parameter, ParameterRole
 
 TURNOVER = 0.01  # of the largest speed, within which dry friction turns over so that the solution is differentiable
 ASSUMED = 3e-2  # unit/s: 1 % of a speed of 3 rad/s or 3 m/s
@@ -33,9 +33,9 @@ def turnovers(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
     return [(turnover(t_s, observed),)]
 
 
-def turnover_parameter(name: str) -> Parameter:
-    """The speed within which dry friction turns over smoothly about standstill."""
+def turnover_parameter(name: str, role: ParameterRole = "shape") -> Parameter:
+    """The speed within which dry friction turns over smoothly about standstill; a ``form`` where it may be wide."""
     return Parameter(
-        name, "{x}/s", "v_0", lower=1e-12, default=ASSUMED, constant=True, role="shape",
+        name, "{x}/s", "v_0", lower=1e-12, default=ASSUMED, constant=True, role=role,
         source="assumed; a diagnosis takes 1 % of the largest speed",
     )  # fmt: skip

@@ -8,7 +8,7 @@ from iris_sysid.types import Array, Parameter
 
 FEWEST, MOST = 8, 40
 SAMPLES_EACH = 10  # between two moments, unless that makes too many
-WIDTH = 2.0  # frame intervals: sudden for the camera, smooth for the integrator
+WIDTH = 1.0  # frame intervals: sudden for the camera, smooth for the integrator
 
 
 def moments(t_s: Array, observed: Array) -> list[tuple[float, ...]]:

@@ -24,7 +24,7 @@ EFFECT = Effect(
     source="Coulomb (1785), Theorie des machines simples",
     parameters=(
         Parameter("coulomb_friction", "{x}/s^2", "c", lower=0.0, default=0.0),
-        turnover_parameter("coulomb_turnover"),
+        turnover_parameter("coulomb_turnover", role="form"),
     ),
     applies=moves,
     acceleration=acceleration,

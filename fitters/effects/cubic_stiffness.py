@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fitters.effects._domain import moves_on_a_line
+from fitters.effects._domain import is_pulled_back
 from iris_sysid.types import Effect, EffectExample, Parameter
 
 
@@ -18,7 +18,7 @@ EFFECT = Effect(
     equation=r"-k_3\,x^3",
     source="Duffing (1918), Erzwungene Schwingungen bei veraenderlicher Eigenfrequenz",
     parameters=(Parameter("cubic_stiffness", "1/{x}^2/s^2", "k_3", default=0.0),),
-    applies=moves_on_a_line,
+    applies=is_pulled_back,
     plausibility=0.3,
     acceleration=acceleration,
     alike="radial-distortion and a wrong scale, which also change the period with the amplitude",

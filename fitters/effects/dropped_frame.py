@@ -60,7 +60,7 @@ EFFECT = Effect(
     ),
     applies=any_model,
     cause="clock",
-    plausibility=0.5,
+    plausibility=0.1,
     warp=warp,
     alike="impact",
     trials=trials,

@@ -57,6 +57,7 @@ EFFECT = Effect(
             default=1.0,
             constant=True,
             source="a usual depth; another power gives the same flow there",
+            role="shape",
         ),
     ),
     applies=drains,

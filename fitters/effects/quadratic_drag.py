@@ -41,6 +41,7 @@ EFFECT = Effect(
             default=1.0,
             constant=True,
             source="the usual speed; another power gives the same force there",
+            role="shape",
         ),
     ),
     applies=moves,

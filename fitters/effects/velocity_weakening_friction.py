@@ -42,7 +42,7 @@ EFFECT = Effect(
             lower=1e-12,
             default=0.5,
             constant=True,
-            role="shape",
+            role="form",
             source="assumed; a diagnosis takes shares of the largest speed",
         ),
         turnover_parameter("weakening_turnover"),

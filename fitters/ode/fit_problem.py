@@ -189,7 +189,7 @@ def _constant(parameter: Parameter, trajectory: Trajectory, model: OdeModel) -> 
     measured = trajectory.geometry.get(parameter.name)
     if measured is not None and np.isfinite(measured.value):
         return measured
-    stated_in_metres = parameter.role != "shape" and METRE.search(parameter.unit)
+    stated_in_metres = parameter.role not in ("shape", "form") and METRE.search(parameter.unit)
     if parameter.default is None or (in_pixels(trajectory, model) and stated_in_metres):
         return Estimate(np.nan, np.nan, parameter.unit, "assumed", "not known")
     stderr, source = parameter.stderr, parameter.source

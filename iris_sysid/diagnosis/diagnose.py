@@ -128,7 +128,7 @@ def _diagnosis(cache: FitCache, path: Sequence[ModelWithEffects], trained: Train
     )
     return Diagnosis(
         bases=base.fits,
-        finals=final.fits,
+        finals=report.finals(),
         added=final.effects,
         sizes={name: report.size(name) for name in final.sizes},
         rounds=tuple(rounds),

@@ -21,7 +21,8 @@ DECISIVE = float(2 * np.log(20.0))  # odds of 20 to 1: "strong evidence" of Kass
 def cost_above(first: ModelWithEffects, second: ModelWithEffects) -> float:
     """By how much the criterion of ``first`` is larger than that of ``second``, both fitted to the same clips."""
     each_clip = zip(first.fits, second.fits, first.units, strict=True)
-    return sum(_clip_difference(*clip) for clip in each_clip) + _prior_cost(first) - _prior_cost(second)
+    chosen = _chosen(first) - _chosen(second)
+    return sum(_clip_difference(*clip, chosen) for clip in each_clip) + _prior_cost(first) - _prior_cost(second)
 
 
 def best_first(models: Sequence[ModelWithEffects]) -> list[ModelWithEffects]:
@@ -32,18 +33,26 @@ def best_first(models: Sequence[ModelWithEffects]) -> list[ModelWithEffects]:
     return sorted(models, key=lambda model: cost_above(model, closest))
 
 
+def _chosen(model: ModelWithEffects) -> int:
+    """How many values a clip has that were chosen among many and not fitted, such as the moment of a lost frame."""
+    return sum(effect.nearby is not None for effect in model.effects)
+
+
 def _prior_cost(model: ModelWithEffects) -> float:
     return -2.0 * sum(float(np.log(effect.plausibility)) for effect in model.effects)
 
 
-def _clip_difference(first: FitResult, second: FitResult, unit: Array) -> float:
-    """Difference of the criterion for one clip, over the samples that both fits use; ``unit`` (n, d) of residuals."""
+def _clip_difference(first: FitResult, second: FitResult, unit: Array, chosen: int) -> float:
+    """Difference of the criterion for one clip, over the samples that both fits use; ``unit`` (n, d) of residuals.
+
+    ``chosen``: how many more values of the first were chosen and not fitted.
+    """
     both = first.used & second.used
     residuals = [(fitted.residual[both] / unit[both]) for fitted in (first, second)]
     chi2 = sum(
         _whitened_difference(first.t_s[both], one, other) for one, other in zip(*(r.T for r in residuals), strict=True)
     )
-    values = len(first.free) - len(second.free)
+    values = len(first.free) - len(second.free) + chosen
     priors = float(np.sum(first.prior_residual**2) - np.sum(second.prior_residual**2))
     return chi2 + priors + values * float(np.log(max(_count(both, first), 2)))
 

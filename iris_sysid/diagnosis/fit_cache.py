@@ -140,6 +140,19 @@ class FitCache:
         return frozenset(name for names in added if len(names) == 1 for name in names)
 
     def equally_good(self, final: ModelWithEffects, effect: Effect) -> list[ModelWithEffects]:
-        """The models in which another effect replaces ``effect`` and explains the data as well."""
-        rivals = self.rivals(self.without(final, effect), effect)
-        return [rival for rival in rivals if rival.names != final.names and cost_above(rival, final) < DECISIVE]
+        """The models in which another effect replaces ``effect`` and explains the data as well, best first."""
+        rest = self.without(final, effect)
+        rivals = {model.key: model for model in (*self.rivals(rest, effect), *self._beside(rest))}
+        good = [
+            rival for rival in rivals.values() if rival.names != final.names and cost_above(rival, final) < DECISIVE
+        ]
+        return best_first(good)
+
+    def _beside(self, rest: ModelWithEffects) -> list[ModelWithEffects]:
+        """The usable refits there are already with one more effect than ``rest``."""
+        more = [
+            model
+            for model in self._models.values()
+            if model.names > rest.names and len(model.effects) == len(rest.effects) + 1 and model.key >= rest.key
+        ]
+        return [model for model in more if model.usable and self.library.allows_fit(model)]

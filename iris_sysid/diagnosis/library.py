@@ -10,13 +10,21 @@ import numpy as np
 from fitters.image_effects import offered
 from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, sizes_of
 from iris_sysid.diagnosis.screening import Candidate
-from iris_sysid.types import Effect, OdeModel, Trajectory
+from iris_sysid.types import ANY_SENSOR, Effect, OdeModel, Sensor, Trajectory
+
+FILMED = 0.1  # odds that a table whose sensor is not stated has the faults of a certain one, such as a camera
 
 
 def two_sided(effect: Effect) -> Effect:
     """The effect without a lower bound of zero on its size, so that sizes near zero are estimated without bias."""
     size, *rest = effect.parameters
     return replace(effect, parameters=(replace(size, lower=-np.inf), *rest)) if size.lower == 0.0 else effect
+
+
+def _as_plausible_as(effect: Effect, sensors: set[Sensor]) -> Effect:
+    """The effect, less plausible where only some sensors can have it and none is stated."""
+    unsure = "unknown" in sensors and effect.sensors != ANY_SENSOR
+    return replace(effect, plausibility=FILMED * effect.plausibility) if unsure else effect
 
 
 class EffectLibrary:
@@ -33,7 +41,8 @@ class EffectLibrary:
     """
 
     def __init__(self, effects: Iterable[Effect], model: OdeModel, clips: Sequence[Trajectory]) -> None:
-        effects = offered(effects, model, clips)
+        sensors = {clip.sensor for clip in clips}
+        effects = [_as_plausible_as(effect, sensors) for effect in offered(effects, model, clips)]
         self.by_name = {effect.name: two_sided(effect) for effect in effects}
         self._one_sided = frozenset(effect.name for effect in effects if effect.parameters[0].lower == 0.0)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from iris_sysid.diagnosis.evidence import DECISIVE, cost_above
@@ -15,7 +18,7 @@ from iris_sysid.diagnosis.model_averaging import (
 from iris_sysid.diagnosis.notes import rejected_effect_note
 from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, sizes_of
 from iris_sysid.diagnosis.selection_bias import corrected_for_selection
-from iris_sysid.types import DiagnosticNote, Effect, EffectCause, Estimate, Limit, Score, normal_isf
+from iris_sysid.types import DiagnosticNote, Effect, EffectCause, Estimate, FitResult, Limit, Score, normal_isf
 
 
 def holds_zero(size: Estimate) -> bool:
@@ -62,7 +65,7 @@ class SearchReport:
             and screening.score(name).explained > least
             and cache.library.allows(screening.single(name))
         ]
-        names = dict.fromkeys([*(rival.effects[-1].name for rival in rivals), *alike])
+        names = dict.fromkeys([*(name for rival in rivals for name in sorted(rival.names - rest.names)), *alike])
         return tuple(name for name in names if name not in final.names)
 
     def probabilities(self, effect: Effect) -> dict[str, float]:
@@ -71,7 +74,10 @@ class SearchReport:
         Given that one of them acts; effects that were not refitted count as explaining the data equally well.
         """
         cache, final = self._cache, self._final
-        above = {rival.effects[-1].name: cost_above(rival, final) for rival in cache.equally_good(final, effect)}
+        rest = cache.without(final, effect).names
+        above = {
+            name: cost_above(rival, final) for rival in cache.equally_good(final, effect) for name in rival.names - rest
+        }
         prior = 2.0 * float(np.log(effect.plausibility))
         costs = {effect.name: 0.0} | {
             name: above.get(name, prior - 2.0 * float(np.log(cache.library.by_name[name].plausibility)))
@@ -99,6 +105,18 @@ class SearchReport:
         size = averaged_over_alternatives(self._unbiased(name), alternatives)
         return averaged_over_competitors(size, self._competing(name))
 
+    def finals(self) -> tuple[FitResult, ...]:
+        """The fits with the effects; the error of each value allows for the effects that may act instead of them.
+
+        What explains the data as well may leave the model with another length or gravity.
+        """
+        rivals = [rival for effect in self._final.effects for rival in self._cache.equally_good(self._final, effect)]
+        costs = [cost_above(rival, self._final) for rival in rivals]
+        return tuple(
+            replace(fitted, estimates=_averaged(fitted, [rival.fits[k] for rival in rivals], costs))
+            for k, fitted in enumerate(self._final.fits)
+        )
+
     def _unbiased(self, name: str) -> Estimate:
         """The size over all clips, corrected for being named only where it is significant."""
         size = pooled(sizes_of(self._final.fits, name))
@@ -111,13 +129,15 @@ class SearchReport:
     def _competing(self, name: str) -> list[CompetingEffect]:
         """How each effect that was not added would change a size, if its sign is allowed.
 
-        Effects parallel to the effect of that size do not compete: they are reported as indistinguishable from it.
+        Effects parallel to the effect of that size, or indistinguishable from it, do not compete: they may act instead
+        of it, which its class says, and the size is that in the case that it acts.
         """
         own = next(
             effect for effect in self._final.effects if name in [parameter.name for parameter in effect.parameters]
         )
         parallel = self._cache.screening(self._cache.without(self._final, own)).parallel(own.name)
-        allowed = [other for other in self._screening.names if other not in parallel and self._allows(other)]
+        instead = {*parallel, *self.indistinguishable(own)}
+        allowed = [other for other in self._screening.names if other not in instead and self._allows(other)]
         competing = [
             competing_effect(self._screening.scores_of(other), name, self._final.independent) for other in allowed
         ]
@@ -142,3 +162,18 @@ class SearchReport:
 
     def _allows(self, name: str) -> bool:
         return self._cache.library.allows(self._screening.single(name))
+
+
+def _averaged(fitted: FitResult, rivals: Sequence[FitResult], costs: Sequence[float]) -> dict[str, Estimate]:
+    """The estimates of a fit, the model's own averaged over other fits whose criterion is larger by ``costs``."""
+    return {
+        name: averaged_over_alternatives(
+            estimate,
+            [
+                (rival.estimates[name], cost)
+                for rival, cost in zip(rivals, costs, strict=True)
+                if name in rival.free and name in fitted.free
+            ],
+        )
+        for name, estimate in fitted.estimates.items()
+    }

@@ -24,6 +24,7 @@ from iris_sysid.report.text import (
     changed_parameters,
     diagnosis_sentence,
     interval_text,
+    percent,
     shown_estimates,
     with_error,
     with_unit,
@@ -168,7 +169,7 @@ def _added_section(diagnosis: Diagnosis) -> list[Section]:
 
 def _shares(probabilities: Mapping[str, float] | Mapping[EffectCause, float]) -> str:
     """Names with their probabilities in percent."""
-    return ", ".join(f"{name} {probability:.0%}" for name, probability in probabilities.items())
+    return ", ".join(f"{name} {percent(probability)}" for name, probability in probabilities.items())
 
 
 def _notes_section(diagnosis: Diagnosis) -> list[Section]:

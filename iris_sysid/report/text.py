@@ -46,6 +46,11 @@ FORCES_IN_WORDS: Mapping[ForceKind, str] = {
 # --------------------------------------------------------------------------- numbers
 
 
+def percent(probability: float) -> str:
+    """A probability in percent; never 100, which no data give: 0.926 is "93 %", 0.9999 "over 99 %"."""
+    return "over 99 %" if probability > 0.99 else f"{100 * probability:.0f} %"
+
+
 def rounded_to_error(value: float, stderr: float) -> tuple[str, str]:
     """Round a value to the second digit of its standard error: (1.70342, 0.0042) is ("1.7034", "0.0042")."""
     if not math.isfinite(value):
@@ -172,7 +177,8 @@ def diagnosis_sentence(diagnosis: Diagnosis) -> str:
         sentences = [
             _nothing_added_sentence(diagnosis),
             _error_sentence(diagnosis),
-            _missing_force_sentence(diagnosis.remaining_force) or _suggested_sentence(diagnosis),
+            _missing_force_sentence(diagnosis.remaining_force),
+            _suggested_sentence(diagnosis),
         ]
     return " ".join(filter(None, sentences))
 
@@ -187,7 +193,7 @@ def _cause_sentence(diagnosis: Diagnosis) -> str:
     """Whether the physics, the measurement or the clock is the cause, with the probability of each."""
     by_effect = {
         effect.name: " or ".join(
-            f"{CAUSES[cause]} ({probability:.0%})"
+            f"{CAUSES[cause]} ({percent(probability)})"
             for cause, probability in diagnosis.causes.get(effect.name, {}).items()
             if probability >= SMALLEST_PROBABILITY
         )

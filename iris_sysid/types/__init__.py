@@ -42,6 +42,7 @@ from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation as Erro
 from iris_sysid.types._missing_force import ForceForm as ForceForm
 from iris_sysid.types._missing_force import ForceKind as ForceKind
 from iris_sysid.types._missing_force import MissingForce as MissingForce
+from iris_sysid.types._model import ANY_SENSOR as ANY_SENSOR
 from iris_sysid.types._model import Effect as Effect
 from iris_sysid.types._model import EffectCause as EffectCause
 from iris_sysid.types._model import EffectExample as EffectExample

@@ -149,7 +149,8 @@ def test_document_and_page_say_the_same(dragged, tmp_path):
     assert "Adding quadratic drag" in page
     size = diagnosis.sizes["quadratic_drag"]
     assert with_error(size) in page.partition(">Missing effects<")[2].partition("</table>")[0]
-    assert {path.name for path in tmp_path.iterdir()} == {"diagnosis.json", "report.html", "residual.png", "state.png"}
+    pictures = {"residual.png", "state.png", "missing_force.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {"diagnosis.json", "report.html", *pictures}
 
 
 def test_clip_too_short_to_hold_any_out_says_so_on_the_page(tmp_path):
