@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fitters.effects._domain import moves_on_a_line
 from fitters.effects._times import start_parameter
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
+FEWEST_CYCLES = 0.8  # in the clip
 MOST_CYCLES = 100.0  # in the clip
 SAMPLES_A_CYCLE = 4  # at least
 STEP_CYCLES = 0.5  # between two frequencies; what a clip resolves
@@ -33,6 +36,11 @@ def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
     return [(float(2 * np.pi * count / span), phase, start) for count in cycles for phase in PHASES]
 
 
+def sensible(t_s: Array, params: Sequence[float]) -> bool:
+    """Whether the force returns within the clip: a part of a cycle is any slow force. ``t_s`` (n,), s."""
+    return abs(params[1]) * float(t_s[-1] - t_s[0]) > 2 * np.pi * FEWEST_CYCLES
+
+
 EFFECT = Effect(
     name="periodic-forcing",
     summary="a periodic force from outside",
@@ -49,5 +57,6 @@ EFFECT = Effect(
     acceleration=acceleration,
     alike="the motion itself, near its own frequency",
     trials=trials,
+    sensible=sensible,
     example=EffectExample("pendulum", size=0.05),
 )

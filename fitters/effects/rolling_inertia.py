@@ -19,6 +19,7 @@ EFFECT = Effect(
     source="Goldstein (1980), Classical Mechanics, section 1.4",
     parameters=(Parameter("rolling_inertia", "1", "k", lower=-0.5, default=0.0),),
     applies=applies,
+    plausibility=0.3,
     acceleration=slowed,
     alike="the acceleration itself, unless it is known; time-scale",
     example=EffectExample("incline", size=0.05),

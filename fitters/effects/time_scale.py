@@ -18,6 +18,7 @@ EFFECT = Effect(
     source="a frame rate of 30 instead of 29.97 is e = -0.1 %",
     parameters=(Parameter("time_scale", "1", "e", lower=-0.9, upper=9.0, default=0.0),),
     applies=any_model,
+    plausibility=0.1,
     cause="clock",
     warp=warp,
     alike="length, gravity, damping and all rates, unless one of them is known",

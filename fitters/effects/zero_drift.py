@@ -22,6 +22,7 @@ EFFECT = Effect(
     source="first-order expansion of a slow drift of a sensor",
     parameters=(Parameter("zero_drift", "{x}/s", "u", default=0.0), start_parameter("zero_drift_start")),
     applies=on_a_line,
+    plausibility=0.3,
     cause="measurement",
     sensors=CONTACT,
     observe=observe,

@@ -118,8 +118,10 @@ class FitCache:
     def refits(self, current: ModelWithEffects, candidates: Sequence[Candidate]) -> list[ModelWithEffects]:
         """The usable refits with the most promising candidates, the one with the smallest criterion first."""
         allowed = [candidate for candidate in candidates if self.library.allows(candidate)]
-        worth = [candidate for candidate in allowed if candidate.ratio > WORTH_REFITTING]
-        models = [self.with_added(current, candidate) for candidate in worth[:REFITTED]]
+        worth = [candidate for candidate in allowed if candidate.ratio > WORTH_REFITTING][:REFITTED]
+        alone = [candidate for candidate in candidates if len(candidate.names) == 1]
+        chosen = alone if current.far_off and alone else worth  # far off, neither gains nor signs are to be trusted
+        models = [self.with_added(current, candidate) for candidate in chosen]
         usable = [model for model in models if model.usable and self.library.allows_fit(model)]
         return best_first(usable)
 

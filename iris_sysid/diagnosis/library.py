@@ -10,7 +10,7 @@ import numpy as np
 from fitters.image_effects import offered
 from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, sizes_of
 from iris_sysid.diagnosis.screening import Candidate
-from iris_sysid.types import ANY_SENSOR, Effect, OdeModel, Sensor, Trajectory
+from iris_sysid.types import ANY_SENSOR, Effect, FitResult, OdeModel, Sensor, Trajectory
 
 FILMED = 0.1  # odds that a table whose sensor is not stated has the faults of a certain one, such as a camera
 
@@ -52,6 +52,13 @@ class EffectLibrary:
         return all(start[name][0] >= 0.0 for start in candidate.starts for name in names)
 
     def allows_fit(self, model: ModelWithEffects) -> bool:
-        """Whether the fitted sizes, averaged over all clips, have an allowed sign."""
+        """Whether the fitted sizes, averaged over all clips, have an allowed sign, and the shapes mean the effect."""
+        if not all(_is_sensible(effect, fitted) for effect in model.effects for fitted in model.fits):
+            return False
         sizes = [effect.parameters[0].name for effect in model.effects if effect.name in self._one_sided]
         return all(pooled(sizes_of(model.fits, name)).value >= 0.0 for name in sizes)
+
+
+def _is_sensible(effect: Effect, fitted: FitResult) -> bool:
+    values = [fitted.estimates[parameter.name].value for parameter in effect.parameters]
+    return effect.sensible is None or effect.sensible(fitted.t_s[fitted.used], values)

@@ -10,7 +10,6 @@ import numpy as np
 from fitters.compose_effects import with_effect
 from fitters.effect_sensitivity import shaped
 from fitters.image_effects import view_of
-from fitters.noise.random_effects import random_effects
 from fitters.noise.sandwich_covariance import inverse_normal
 from fitters.ode import FitRequest, solve
 from fitters.ode.simulation import predicted_by
@@ -20,6 +19,7 @@ from iris_sysid.types import Array, Effect, Estimate, FitResult, Mask, OdeModel,
 
 MOST_MOVES = 4  # steps from an effect's shape to a better one nearby
 ACCURATE = 1e-6  # error of a predicted state from its time step, relative: far below the noise of any sensor
+FAR_OFF = 10.0  # residual over noise
 HIGHEST = 0.95  # largest lag-1 correlation that is allowed for
 DETERMINED = ("ok", "misfit")  # statuses of a fit whose free values the data determine
 
@@ -101,6 +101,11 @@ class ModelWithEffects:
             _sum_of_squares(fitted, unit, fitted.used) + _prior_squares(fitted)
             for fitted, unit in zip(self.fits, self.units, strict=True)
         )
+
+    @property
+    def far_off(self) -> bool:
+        """Whether the residual is so far above the noise that first-order tests along this motion say little."""
+        return self.squares > FAR_OFF**2 * sum(fitted.n * len(fitted.rms) for fitted in self.fits)
 
     @property
     def independent(self) -> float:
@@ -287,12 +292,12 @@ def sizes_of(fits: Sequence[FitResult], name: str) -> list[Estimate]:
 
 
 def pooled(sizes: Sequence[Estimate]) -> Estimate:
-    """Mean of estimates of one size in independent clips, with the scatter between them in its standard error.
+    """The common size of independent clips (:func:`common_size`), with the scatter between them in its standard error.
 
     Estimates without a standard error are left out; a single one is returned as it is.
     """
     known = [size for size in sizes if size.stderr > 0]
     if len(known) < 2:
         return known[0] if known else sizes[0]
-    values, stderrs = np.array([size.value for size in known]), np.array([size.stderr for size in known])
-    return random_effects(values, stderrs, known[0].unit).mean
+    value, stderr = common_size([(size.value, size.stderr) for size in known])
+    return replace(known[0], value=value, stderr=stderr, source=f"common to {len(known)} clips", ci95=None)

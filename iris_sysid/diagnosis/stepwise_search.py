@@ -112,6 +112,8 @@ class StepwiseSearch:
         singles = [(screening.score(name).gain, screening.single(name)) for name in screening.names if name in testable]
         allowed = [(gain, single) for gain, single in singles if self._cache.library.allows(single)]
         least = FAR_LESS * max((gain for gain, _ in allowed), default=0.0)
+        if current.far_off:  # a strong drag explains little along a fall without drag
+            allowed, least = singles, 0.0
         near, far = ([single for gain, single in allowed if (gain >= least) == close] for close in (True, False))
         for group in (near, far):
             for model in self._cache.refits(current, group):

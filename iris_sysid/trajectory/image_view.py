@@ -53,7 +53,10 @@ def image_view(
     seen_px = track.xy_px[used]
     plane = to_plane(calibration, seen_px)[0]
     middle = (plane.min(axis=0) + plane.max(axis=0)) / 2
-    slopes = _slopes_px(calibration, middle, STEP * float(np.max(np.ptp(plane, axis=0))))
+    extent = float(np.max(np.ptp(plane, axis=0)))
+    if not extent > 0:  # a body that turns in place is read by its orientation
+        return None
+    slopes = _slopes_px(calibration, middle, STEP * extent)
     if kind == "angle":
         view = _about_pivot(trajectory, calibration, slopes)
     elif kind == "line":

@@ -201,6 +201,7 @@ class Effect:
     ``trials(t_s (n,), observed (n, d))``, where given, returns the values of the parameters after the first to
     try, e.g. times at which something may have happened: at size zero nothing tells one from another.
     ``nearby(t_s (n,), shape)``, where given, returns others around such values, which are then chosen, not fitted.
+    ``sensible(t_s (n,), params)``, where given, says whether fitted parameters still mean the effect in a clip.
     ``example``, which every registered effect has, is a case for the contract tests.
     """
 
@@ -221,3 +222,4 @@ class Effect:
     example: EffectExample | None = None
     cause: EffectCause = "physics"
     plausibility: float = 1.0
+    sensible: Callable[[Array, Sequence[float]], bool] | None = None
