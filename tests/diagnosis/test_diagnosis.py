@@ -220,7 +220,7 @@ def test_size_over_several_clips_is_that_of_all_and_more_certain():
     assert pooled(each).stderr < 0.8 * min(size.stderr for size in each)
     assert (
         drag.stderr >= pooled(each).stderr
-    )  # one more effect may act, and small sizes are seen only where they are large
+    )  # one more effect may act
     assert diagnosis.after.heldout < 1.2 * NOISE_RAD
 
 
