@@ -54,6 +54,7 @@ SIZES = (1e-6, 10.0)  # of the discrepancy, relative to the forces and the range
 # Samples that a misfit counts for when forms are weighed against each other: with fewer every form counts, with more
 # only the best. 10 covers on the looked-at cases of `python -m validation.misfit`.
 INDEPENDENT = 10.0
+MOST_TIMES = 3.0  # the coefficient of the form that explains most: what is missing is hardly larger
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -227,6 +228,7 @@ def _discrepancy(
     size, log_ratio = _size(along, singular)
     # Forms that are hardly seen must not grow all the others: a usual one makes the residual by itself at this size.
     size = min(size, float(np.linalg.norm(white[:, 0]) / np.median(np.linalg.norm(white[:, 1:], axis=0))))
+    size = min(size, _of_the_best(white[:, 0], white[:, 1:]))
     moment = _spread_over_all(along, singular, moves @ right.T, size)
     moment += size**2 * _product(moves - moves @ right.T @ right)  # no residual tells of these: as large as the others
     moment += _each_alone(white[:, 0], white[:, 1:], moves, float(along @ along))
@@ -234,6 +236,14 @@ def _discrepancy(
     few = quantile_975(INDEPENDENT) / quantile_975(np.inf)  # the size is known from few samples
     shifts = np.asarray((few * vectors * np.sqrt(np.maximum(values, 0.0))).T)
     return Discrepancy(shifts, noise.covariance(jacobian, bread), log_ratio, noise.over(residual))
+
+
+def _of_the_best(residual: Array, forms: Array) -> float:
+    """The coefficient of the form (m, c) that explains most of a residual (m,): what is missing is hardly larger."""
+    squares = np.sum(forms**2, axis=0)
+    products = np.abs(residual @ forms)
+    best = int(np.argmax(products**2 / np.maximum(squares, 1e-300)))
+    return float(products[best] / max(squares[best], 1e-300))
 
 
 def _size(along: Array, singular: Array) -> tuple[float, float]:
@@ -261,9 +271,11 @@ def _each_alone(residual: Array, forms: Array, moves: Array, explained: float) -
     lengths = np.linalg.norm(forms, axis=0)
     lengths = np.where(lengths > 0, lengths, np.inf)
     components = forms.T @ residual / lengths
+    largest = MOST_TIMES * _of_the_best(residual, forms)  # a form that the values nearly imitate explains at any size
+    sizes = np.clip(components / lengths, -largest, largest)
     unexplained = np.clip(1.0 - components**2 / max(explained, 1e-300), 1e-6, 1.0)
     weights = unexplained ** (-INDEPENDENT / 2)
-    return _product(moves * (components / lengths * np.sqrt(weights / weights.sum())))
+    return _product(moves * (sizes * np.sqrt(weights / weights.sum())))
 
 
 def _product(rows: Array) -> Array:
