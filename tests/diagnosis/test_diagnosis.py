@@ -218,9 +218,7 @@ def test_size_over_several_clips_is_that_of_all_and_more_certain():
     assert abs(drag.value - 0.04) < 3.5 * drag.stderr
     each = [fitted.estimates["quadratic_drag"] for fitted in diagnosis.finals]
     assert pooled(each).stderr < 0.8 * min(size.stderr for size in each)
-    assert (
-        drag.stderr >= pooled(each).stderr
-    )  # one more effect may act
+    assert drag.stderr >= pooled(each).stderr  # one more effect may act
     assert diagnosis.after.heldout < 1.2 * NOISE_RAD
 
 

@@ -78,14 +78,18 @@ def test_drag_too_small_to_be_seen_beside_a_friction_is_in_the_interval_of_that(
     plane, names = MODELS["incline"], ("velocity-weakening-friction", "linear-drag")
     effects = [EFFECTS[name] for name in names]
     truth = {"acceleration": 1.8, "s_0": 0.05, "v_0": 0.3, "weakening_friction": 0.14, "linear_drag": 9e-4}
-    alone, beside_others = [], []
+    named = 0
     for seed in range(4):
         diagnosis = diagnose(throw(with_effects(plane, effects), truth, 2e-4, seed), plane)
+        if not diagnosis.added:  # its interval would hold zero
+            assert any(note.kind == "weak" for note in diagnosis.notes)
+            continue
         assert [effect.name for effect in diagnosis.added] == [names[0]]
-        alone.append(diagnosis.final.estimates["weakening_friction"].interval)
-        beside_others.append(diagnosis.sizes["weakening_friction"].interval)
-    assert sum(low < truth["weakening_friction"] < high for low, high in alone) == 2
-    assert all(low < truth["weakening_friction"] < high for low, high in beside_others)
+        size, alone = diagnosis.sizes["weakening_friction"], diagnosis.final.estimates["weakening_friction"]
+        assert abs(size.value - truth["weakening_friction"]) < 3 * size.stderr
+        assert size.stderr >= alone.stderr
+        named += 1
+    assert named >= 3
 
 
 @pytest.mark.slow
