@@ -228,7 +228,7 @@ def _discrepancy(
     size, log_ratio = _size(along, singular)
     # Forms that are hardly seen must not grow all the others: a usual one makes the residual by itself at this size.
     size = min(size, float(np.linalg.norm(white[:, 0]) / np.median(np.linalg.norm(white[:, 1:], axis=0))))
-    size = min(size, _of_the_best(white[:, 0], white[:, 1:]))
+    size = min(size, MOST_TIMES * _of_the_best(white[:, 0], white[:, 1:]))
     moment = _spread_over_all(along, singular, moves @ right.T, size)
     moment += size**2 * _product(moves - moves @ right.T @ right)  # no residual tells of these: as large as the others
     moment += _each_alone(white[:, 0], white[:, 1:], moves, float(along @ along))
