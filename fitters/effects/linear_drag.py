@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
+
 from fitters.effects._domain import moves
-from fitters.effects._speeds import SLOWEST, first_power
+from fitters.effects._powers import SCALE, SMALLEST, at_usual_speed, power
 from iris_sysid.types import Effect, EffectExample, OdeModel, Parameter
 
 
@@ -16,8 +19,8 @@ def acceleration(
     t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, float, float]
 ) -> float:
     """-b v (|v| / v_1)^(p - 1)."""
-    drag, power, usual = params
-    return -drag * velocity * ((speed + SLOWEST) / usual) ** (power - 1.0)
+    drag, exponent, usual = params
+    return -drag * velocity * ((speed + SMALLEST) / usual) ** (exponent - 1.0)
 
 
 EFFECT = Effect(
@@ -27,31 +30,12 @@ EFFECT = Effect(
     source="Stokes (1851), Trans. Camb. Phil. Soc. 9, 8",
     parameters=(
         Parameter("linear_drag", "1/s", "b", lower=0.0, default=0.0),
-        Parameter(
-            "linear_drag_power",
-            "1",
-            "p",
-            lower=0.5,
-            upper=1.8,
-            default=1.0,
-            constant=True,
-            source="viscous drag",
-            role="form",
-        ),
-        Parameter(
-            "linear_drag_speed",
-            "{x}/s",
-            "v_1",
-            lower=1e-300,
-            default=1.0,
-            constant=True,
-            source="the usual speed; another power gives the same force there",
-            role="shape",
-        ),
+        power("linear_drag", 1.0, (0.5, 1.8), "viscous drag"),
+        replace(SCALE, name="linear_drag_speed"),
     ),
     applies=applies,
     acceleration=acceleration,
-    trials=first_power,
+    trials=partial(at_usual_speed, 1.0),
     alike="quadratic drag, when the speed hardly varies",
     example=EffectExample("projectile", size=0.05),
 )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fitters.effects._domain import drains
+from fitters.effects._powers import SCALE, SMALLEST, power
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
-SHALLOWEST = 1e-300  # added to a depth whose power is taken
 QUANTILES = (0.95, 0.9, 0.8, 0.7, 0.6, 0.5)  # of what was seen, tried as the level of the rim
 
 
@@ -15,9 +17,9 @@ def acceleration(
     t: float, position: float, velocity: float, speed: float, base: float, params: tuple[float, float, float, float]
 ) -> float:
     """-w (h - h_r) ((h - h_r) / h_1)^(p - 1) above the rim."""
-    overflow, rim, power, depth = params
+    overflow, rim, exponent, depth = params
     above = 0.5 * (position - rim + abs(position - rim))
-    return -overflow * above * ((above + SHALLOWEST) / depth) ** (power - 1.0)
+    return -overflow * above * ((above + SMALLEST) / depth) ** (exponent - 1.0)
 
 
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
@@ -38,26 +40,13 @@ EFFECT = Effect(
     parameters=(
         Parameter("overflow", "1/s", "w", lower=0.0, default=0.0),
         Parameter("rim", "{x}", "h_r", default=0.0, role="location"),
-        Parameter(
-            "overflow_power",
-            "1",
-            "p",
-            lower=0.5,
-            upper=3.0,
-            default=1.0,
-            constant=True,
-            source="first order; 3/2 over a weir",
-            role="form",
-        ),
-        Parameter(
-            "overflow_depth",
-            "{x}",
-            "h_1",
-            lower=1e-300,
-            default=1.0,
-            constant=True,
+        power("overflow", 1.0, (0.5, 3.0), "first order; 3/2 over a weir"),
+        replace(
+            SCALE,
+            name="overflow_depth",
+            unit="{x}",
+            symbol="h_1",
             source="a usual depth; another power gives the same flow there",
-            role="shape",
         ),
     ),
     applies=drains,

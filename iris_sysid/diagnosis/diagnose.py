@@ -1,11 +1,11 @@
 """Find the effects that a model lacks: residual, score tests, refits, then the error before and after.
 
-1. Hold out the end of every clip, and search in the rest: fit the model, test every effect that applies by its score
-(its sensitivity, without what the fitted parameters can imitate, against the residual), refit with the best few, and
-add the effect that explains most if it is significant at 5 % over the whole library (autocorrelation allowed for), if
-it moves the trajectory by more than the stated errors of its samples, and if it improves the prediction of samples
-left out here and there. If no single effect is significant, try pairs. Repeat until no effect is significant. After
-each addition, remove the effects that are no longer needed and replace those with a better rival.
+1. Hold out the end of each third of every clip, and search in the rest: fit the model, test every effect that applies
+by its score (its sensitivity, without what the fitted parameters can imitate, against the residual), refit with the
+best few, and add the effect that explains most if it is significant at 5 % over the whole library (autocorrelation
+allowed for), if it moves the trajectory by more than the stated errors of its samples, and if it improves the
+prediction of samples left out here and there. If no single effect is significant, try pairs. Repeat until no effect is
+significant. After each addition, remove the effects that are no longer needed and replace those with a better rival.
 2. Predict the samples that were held out: nothing above has seen them.
 3. Refit with all samples, and continue the search there: more samples show more. Effects whose interval holds zero are
 left out. The result lists the effects that explain the data as well as an added one, and an upper limit on every
@@ -62,7 +62,7 @@ def diagnose(
     effects
         Effects to test; by default every registered effect that applies to the model.
     holdout
-        Fraction of each clip, at its end, that is held out: the model is fitted to the rest and predicts it.
+        Fraction of each third of a clip, at its end, that is held out: search and fits do not see it, and predict it.
     progress
         Called with a line of text at each step.
 

@@ -83,7 +83,7 @@ def is_resolved(before: FitResult, after: FitResult, trajectory: Trajectory) -> 
     change, stated = (before.predicted - after.predicted)[both], stated_errors(after, trajectory)[both]
     if not np.all(stated > 0):
         return True
-    columns = _columns(after, trajectory)
+    columns = observed_columns(after, trajectory)
     systematic = [patterns[:, both][:, :, columns] / stated for patterns in trajectory.systematic.values()]
     return resolvable_size(_without_systematic(change / stated, systematic), np.ones_like(stated)) <= 1.0
 
@@ -100,11 +100,11 @@ def _without_systematic(change: Array, systematic: Sequence[Array]) -> Array:
     return np.asarray(change - (sizes @ patterns).reshape(change.shape))
 
 
-def _columns(fitted: FitResult, trajectory: Trajectory) -> list[int]:
+def observed_columns(fitted: FitResult, trajectory: Trajectory) -> list[int]:
     """The columns of the trajectory that a fit observes."""
     return [trajectory.column(quantity.name) for quantity in fitted.model.observed]
 
 
 def _sigma(fitted: FitResult, trajectory: Trajectory) -> Array:
     """Stated standard errors (n, d) of what a fit observes."""
-    return trajectory.sigma[:, _columns(fitted, trajectory)]
+    return trajectory.sigma[:, observed_columns(fitted, trajectory)]

@@ -9,7 +9,16 @@ from numpy.typing import NDArray
 
 from fitters.ode import FitRequest
 from fitters.ode.simulation import predicted_by
-from iris_sysid.diagnosis.refit import ACCURATE, ModelWithEffects, estimate_values, fit_from, pooled, sizes_of
+from iris_sysid.diagnosis.measurement_errors import observed_columns
+from iris_sysid.diagnosis.refit import (
+    ACCURATE,
+    ModelWithEffects,
+    estimate_values,
+    fit_from,
+    free_values,
+    pooled,
+    sizes_of,
+)
 from iris_sysid.types import Array, FitResult
 
 SAMPLES_A_VALUE = 2  # samples per free value that a fit needs after others are held out
@@ -74,7 +83,8 @@ def prediction_error(
         seen = later[later >= int(np.searchsorted(clip.trajectory.t_s, trial.t0_s))]
         values, stop = estimate_values(trial), int(later[-1]) + 1
         predicted = predicted_by(trial, clip.trajectory, values, stop, tolerance=ACCURATE)
-        error = _observed(clip, trial)[seen] - predicted[seen]
+        observed = clip.trajectory.position[:, observed_columns(trial, clip.trajectory)]
+        error = observed[seen] - predicted[seen]
         errors.append(error.ravel())
         weighed.append((error / unit[seen]).ravel())
     return _rms(np.concatenate(errors)), _rms(np.concatenate(weighed))
@@ -102,8 +112,7 @@ def validation_error(clips: Sequence[FitRequest], model: ModelWithEffects, share
         return float("nan")
     fits = []
     for clip, fitted, samples in zip(clips, model.fits, known, strict=True):
-        start = {name: fitted.estimates[name].value for name in fitted.free}
-        fits.append(fit_from(without_samples(clip, samples), fitted.model, start))
+        fits.append(fit_from(without_samples(clip, samples), fitted.model, free_values(fitted)))
     return prediction_error(clips, ModelWithEffects(tuple(fits), model.units, model.effects), known)[1]
 
 
@@ -113,14 +122,8 @@ def _with_sizes_of(
     """A fit of one clip with the sizes of the effects in the other clips; moments are each clip's own."""
     sizes = {effect.parameters[0].name for effect in trained.effects}
     given = {name: pooled(sizes_of(others, name)).value for name in sizes}
-    start = {name: fitted.estimates[name].value for name in fitted.free if name not in given}
+    start = {name: value for name, value in free_values(fitted).items() if name not in given}
     return fit_from(clip.with_(fixed={**clip.fixed, **given}), fitted.model, start)
-
-
-def _observed(clip: FitRequest, fitted: FitResult) -> Array:
-    """What the fit observes (n, d), as measured."""
-    trajectory = clip.trajectory
-    return trajectory.position[:, [trajectory.column(quantity.name) for quantity in fitted.model.observed]]
 
 
 def _rms(values: Array) -> float:

@@ -13,7 +13,7 @@ from fitters.image_effects import view_of
 from fitters.noise.sandwich_covariance import inverse_normal
 from fitters.ode import FitRequest, solve
 from fitters.ode.simulation import predicted_by
-from iris_sysid.diagnosis.measurement_errors import unit_noise
+from iris_sysid.diagnosis.measurement_errors import observed_columns, unit_noise
 from iris_sysid.diagnosis.score_test import common_size
 from iris_sysid.types import Array, Effect, Estimate, FitResult, Mask, OdeModel, Parameter, normal_isf, student_sf
 
@@ -221,9 +221,14 @@ def _misfit(clip: FitRequest, fitted: FitResult, unit: Array, values: Mapping[st
     used = np.flatnonzero(fitted.used)
     stop, trajectory = int(used[-1]) + 1, clip.trajectory
     predicted = predicted_by(fitted, trajectory, values or estimate_values(fitted), stop, tolerance=ACCURATE)
-    observed = trajectory.position[:stop, [trajectory.column(quantity.name) for quantity in fitted.model.observed]]
+    observed = trajectory.position[:stop, observed_columns(fitted, trajectory)]
     inside = trajectory.valid[:stop] & (np.arange(stop) >= used[0])
     return float(np.nansum(((observed - predicted) / unit[:stop])[inside] ** 2))
+
+
+def free_values(fitted: FitResult) -> dict[str, float]:
+    """The fitted values by name, without constants: where a similar fit begins."""
+    return {name: fitted.estimates[name].value for name in fitted.free}
 
 
 def estimate_values(fitted: FitResult) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,6 +27,15 @@ def holds_zero(size: Estimate) -> bool:
     return not (low > 0.0 or high < 0.0)
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Rival:
+    """A model with the effects ``instead`` of an added one; its criterion is ``above`` that of the final model."""
+
+    model: ModelWithEffects
+    instead: tuple[str, ...]
+    above: float
+
+
 class SearchReport:
     """The results of a finished search.
 
@@ -41,20 +50,41 @@ class SearchReport:
     def __init__(self, cache: FitCache, final: ModelWithEffects) -> None:
         self._cache, self._final = cache, final
         self._screening = cache.screening(final)
+        self._rivals: dict[str, list[Rival]] = {}
+        self._classes: dict[str, tuple[str, ...]] = {}
 
     @property
     def final(self) -> ModelWithEffects:
         """The model that is reported on."""
         return self._final
 
+    def _rivals_of(self, effect: Effect) -> list[Rival]:
+        """The refits in which another effect replaces an added one and explains the data as well, compared once."""
+        if effect.name not in self._rivals:
+            cache, final = self._cache, self._final
+            rest = cache.without(final, effect).names
+            self._rivals[effect.name] = [
+                Rival(model, tuple(sorted(model.names - rest)), cost_above(model, final))
+                for model in cache.equally_good(final, effect)
+            ]
+        return self._rivals[effect.name]
+
+    def _every_rival(self) -> list[Rival]:
+        return [rival for effect in self._final.effects for rival in self._rivals_of(effect)]
+
     def indistinguishable(self, effect: Effect) -> tuple[str, ...]:
         """Effects that explain the data as well as an added one, with all other added effects in the model.
 
         The criterion is a refit. For effects that were not refitted it is what they explain to first order.
         """
+        if effect.name not in self._classes:
+            self._classes[effect.name] = self._class_of(effect)
+        return self._classes[effect.name]
+
+    def _class_of(self, effect: Effect) -> tuple[str, ...]:
         cache, final = self._cache, self._final
         rest = cache.without(final, effect)
-        rivals, screening = cache.equally_good(final, effect), cache.screening(rest)
+        rivals, screening = self._rivals_of(effect), cache.screening(rest)
         tried = cache.refitted(rest)
         explained = max(screening.score(effect.name).explained, rest.squares - final.squares)
         least = explained - DECISIVE * final.inflation
@@ -65,7 +95,7 @@ class SearchReport:
             and screening.score(name).explained > least
             and cache.library.allows(screening.single(name))
         ]
-        names = dict.fromkeys([*(name for rival in rivals for name in sorted(rival.names - rest.names)), *alike])
+        names = dict.fromkeys([*(name for rival in rivals for name in rival.instead), *alike])
         return tuple(name for name in names if name not in final.names)
 
     def probabilities(self, effect: Effect) -> dict[str, float]:
@@ -73,14 +103,11 @@ class SearchReport:
 
         Given that one of them acts; effects that were not refitted count as explaining the data equally well.
         """
-        cache, final = self._cache, self._final
-        rest = cache.without(final, effect).names
-        above = {
-            name: cost_above(rival, final) for rival in cache.equally_good(final, effect) for name in rival.names - rest
-        }
+        library = self._cache.library.by_name
+        above = {name: rival.above for rival in self._rivals_of(effect) for name in rival.instead}
         prior = 2.0 * float(np.log(effect.plausibility))
         costs = {effect.name: 0.0} | {
-            name: above.get(name, prior - 2.0 * float(np.log(cache.library.by_name[name].plausibility)))
+            name: above.get(name, prior - 2.0 * float(np.log(library[name].plausibility)))
             for name in self.indistinguishable(effect)
         }
         weights = {name: float(np.exp(-0.5 * (cost - min(costs.values())))) for name, cost in costs.items()}
@@ -97,10 +124,10 @@ class SearchReport:
 
     def size(self, name: str) -> Estimate:
         """A size over all clips; its error allows for alternatives to the added effects, and for one more effect."""
-        final = self._final
-        rivals = [rival for effect in final.effects for rival in self._cache.equally_good(final, effect)]
         alternatives = [
-            (pooled(sizes_of(rival.fits, name)), cost_above(rival, final)) for rival in rivals if name in rival.sizes
+            (pooled(sizes_of(rival.model.fits, name)), rival.above)
+            for rival in self._every_rival()
+            if name in rival.model.sizes
         ]
         size = averaged_over_alternatives(self._unbiased(name), alternatives)
         return averaged_over_competitors(size, self._competing(name))
@@ -110,10 +137,9 @@ class SearchReport:
 
         What explains the data as well may leave the model with another length or gravity.
         """
-        rivals = [rival for effect in self._final.effects for rival in self._cache.equally_good(self._final, effect)]
-        costs = [cost_above(rival, self._final) for rival in rivals]
+        rivals = self._every_rival()
         return tuple(
-            replace(fitted, estimates=_averaged(fitted, [rival.fits[k] for rival in rivals], costs))
+            replace(fitted, estimates=_averaged(fitted, [(rival.model.fits[k], rival.above) for rival in rivals]))
             for k, fitted in enumerate(self._final.fits)
         )
 
@@ -164,16 +190,12 @@ class SearchReport:
         return self._cache.library.allows(self._screening.single(name))
 
 
-def _averaged(fitted: FitResult, rivals: Sequence[FitResult], costs: Sequence[float]) -> dict[str, Estimate]:
-    """The estimates of a fit, the model's own averaged over other fits whose criterion is larger by ``costs``."""
+def _averaged(fitted: FitResult, rivals: Sequence[tuple[FitResult, float]]) -> dict[str, Estimate]:
+    """The estimates of a fit, the model's own averaged over other fits; with each, how far its criterion is above."""
     return {
         name: averaged_over_alternatives(
             estimate,
-            [
-                (rival.estimates[name], cost)
-                for rival, cost in zip(rivals, costs, strict=True)
-                if name in rival.free and name in fitted.free
-            ],
+            [(rival.estimates[name], above) for rival, above in rivals if name in rival.free and name in fitted.free],
         )
         for name, estimate in fitted.estimates.items()
     }

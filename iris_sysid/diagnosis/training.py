@@ -11,7 +11,7 @@ from fitters.ode import FitRequest
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.library import EffectLibrary
 from iris_sysid.diagnosis.prediction_error import Indices, held_out, prediction_error, without_samples
-from iris_sysid.diagnosis.refit import ModelWithEffects, fit_from
+from iris_sysid.diagnosis.refit import ModelWithEffects, fit_from, free_values
 from iris_sysid.diagnosis.stepwise_search import StepwiseSearch
 from iris_sysid.types import DiagnosticNote, Effect, NoteKind, OdeModel
 
@@ -59,10 +59,7 @@ class Training:
         if len(left_out) < len(ends):
             return None
         parts = [without_samples(clip, later) for clip, later in zip(clips, left_out, strict=True)]
-        fits = [
-            fit_from(part, model, {name: fitted.estimates[name].value for name in fitted.free})
-            for part, fitted in zip(parts, base.fits, strict=True)
-        ]
+        fits = [fit_from(part, model, free_values(fitted)) for part, fitted in zip(parts, base.fits, strict=True)]
         if not all(fitted.usable for fitted in fits):
             return None
         start = ModelWithEffects.without_effects(parts, fits)
