@@ -73,6 +73,7 @@ if TYPE_CHECKING:
     from iris_sysid.types import ClipOptions as ClipOptions
     from iris_sysid.types import Diagnosis as Diagnosis
     from iris_sysid.types import Discovery as Discovery
+    from iris_sysid.types import Doubt as Doubt
     from iris_sysid.types import Effect as Effect
     from iris_sysid.types import EffectExample as EffectExample
     from iris_sysid.types import Estimate as Estimate
@@ -93,7 +94,9 @@ if TYPE_CHECKING:
     from iris_sysid.types import Track as Track
     from iris_sysid.types import Tracker as Tracker
     from iris_sysid.types import TrackerExample as TrackerExample
+    from iris_sysid.types import TrackMark as TrackMark
     from iris_sysid.types import TrackOptions as TrackOptions
+    from iris_sysid.types import TrackQuality as TrackQuality
     from iris_sysid.types import Trajectory as Trajectory
     from iris_sysid.types import View as View
     from iris_sysid.video.reader import open_video as open_video
@@ -140,9 +143,9 @@ _HOME = {
         "iris_sysid.trajectory.segmentation": "segment",
         "iris_sysid.trajectory.smoothing": "smooth",
         "iris_sysid.types": (
-            "Array Calibration ClipOptions Diagnosis Discovery Effect EffectExample Estimate Event "
+            "Array Calibration ClipOptions Diagnosis Discovery Doubt Effect EffectExample Estimate Event "
             "FitResult Frame FrameSource GeometryOptions ModelExample OdeModel Parameter Phenomenon "
-            "PooledFit Quantity Run Segment Smoothed Track Tracker TrackerExample TrackOptions "
+            "PooledFit Quantity Run Segment Smoothed Track TrackMark TrackQuality Tracker TrackerExample TrackOptions "
             "Trajectory View"
         ),
         "iris_sysid.video.reader": "open_video",

@@ -151,7 +151,8 @@ def observe(
     }
     view = image_view(trajectory, tracks[0], calibration, image_size) if chosen.bodies == 1 else None
     geometry = {**trajectory.geometry, **(focal_ratio(calibration) if view is not None else {})}
-    return world, trajectory.with_(systematic=shared, view=view, geometry=geometry)
+    doubts = tuple(dict.fromkeys(doubt for body in world for doubt in body.doubts))
+    return world, trajectory.with_(systematic=shared, view=view, geometry=geometry, doubts=doubts)
 
 
 def _phenomenon(phenomenon: str | Phenomenon) -> Phenomenon:

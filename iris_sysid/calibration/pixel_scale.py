@@ -309,6 +309,7 @@ def to_world(track: Track, calibration: Calibration, *, body: int | None = None)
         error_autocorrelation=known and known.with_model_error(AUTOCORRELATION_ERROR),
         first_frame=int(track.frame[0]) if np.all(np.diff(track.frame) == 1) else None,
         sensor="camera",
+        doubts=track.quality.doubts if track.quality else (),
     )
 
 

@@ -120,6 +120,7 @@ def _beside_body(document: OriginDocument | None, origin: Mapping[str, Any], bod
     return {
         "origin": {**origin, **document.bodies.get(body, {})},
         "error_autocorrelation": stated.autocorrelation() if stated else None,
+        "quality": document.body_quality[body].quality() if body in document.body_quality else None,
     }
 
 
@@ -222,6 +223,7 @@ def read_trajectory(path: str | Path) -> Trajectory:
         first_frame=document.first_frame if document else None,
         sensor=document.sensor if document else "unknown",
         view=_view(sheet, document, measured),
+        doubts=tuple(entry.doubt() for entry in document.doubts) if document else (),
     )
 
 

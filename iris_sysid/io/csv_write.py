@@ -18,7 +18,13 @@ from iris_sysid.io.csv_read import read_track, read_trajectory, side_car_of
 from iris_sysid.io.dataframes import estimates_frame, to_frame
 from iris_sysid.io.files import check_writable, sha256_of, write_atomic
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, write_document
-from iris_sysid.io.schemas import ErrorAutocorrelationEntry, OriginDocument, ViewEntry, known_numbers
+from iris_sysid.io.schemas import (
+    ErrorAutocorrelationEntry,
+    OriginDocument,
+    TrackQualityEntry,
+    ViewEntry,
+    known_numbers,
+)
 from iris_sysid.types import ErrorAutocorrelation, Track, Trajectory
 
 if TYPE_CHECKING:
@@ -61,6 +67,8 @@ def write_track(tracks: Sequence[Track] | Track, path: str | Path, *, overwrite:
     beside["error_autocorrelation"] = lasting[every[0].body] if alike else None
     known = {body: entry for body, entry in lasting.items() if entry is not None}
     beside["body_error_autocorrelation"] = {} if alike else known
+    judged = {track.body: TrackQualityEntry.of(track.quality) for track in every}
+    beside["body_quality"] = {body: entry for body, entry in judged.items() if entry is not None}
     return _write(frame, path, beside, overwrite=overwrite)
 
 
@@ -105,6 +113,7 @@ def write_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: boo
         "first_frame": trajectory.first_frame,
         "sensor": trajectory.sensor,
         "view": ViewEntry.of(trajectory.view),
+        "doubts": [asdict(doubt) for doubt in trajectory.doubts],
     }
     return _write(to_frame(trajectory), path, beside, overwrite=overwrite)
 

@@ -81,6 +81,10 @@ from iris_sysid.types._run import GeometryOptions as GeometryOptions
 from iris_sysid.types._run import Run as Run
 from iris_sysid.types._selection import ModelCandidate as ModelCandidate
 from iris_sysid.types._selection import ModelChoice as ModelChoice
+from iris_sysid.types._track_quality import Doubt as Doubt
+from iris_sysid.types._track_quality import DoubtKind as DoubtKind
+from iris_sysid.types._track_quality import TrackMark as TrackMark
+from iris_sysid.types._track_quality import TrackQuality as TrackQuality
 from iris_sysid.types._view import FOCAL_PER_WIDTH as FOCAL_PER_WIDTH
 from iris_sysid.types._view import PivotSource as PivotSource
 from iris_sysid.types._view import Sensor as Sensor

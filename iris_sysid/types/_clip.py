@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from iris_sysid.errors import DataError
 from iris_sysid.types._arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
 from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation
+from iris_sysid.types._track_quality import TrackMark, TrackQuality
 
 
 def _no_chroma() -> None:
@@ -62,7 +63,8 @@ class TrackOptions:
 
     ``roi`` is (x, y, width, height) in px. ``colour`` is a name or ``#rrggbb``: only pixels of about
     that hue count. ``progress`` is called with (frames done, frames expected). ``mask`` gives an image for each
-    frame in which 0 is background and every other value a body: it replaces the detector.
+    frame in which 0 is background and every other value a body: it replaces the detector. ``marks`` say where a body
+    is in some frames.
     """
 
     bodies: int = 1
@@ -70,6 +72,7 @@ class TrackOptions:
     colour: str | None = None
     progress: Callable[[int, int], None] | None = None
     mask: FrameSource | None = None
+    marks: tuple[TrackMark, ...] = ()
 
 
 TRACK_SIGMAS = ("sigma_radius_px", "sigma_angle_rad", "sigma_intensity")
@@ -86,7 +89,8 @@ class Track:
     errors ``sigma_radius_px``, ``sigma_angle_rad``, ``sigma_intensity`` of what they are named after.
     ``frame`` (n,) is the number of each frame in the file. A gap is NaN and not valid.
     ``error_autocorrelation`` is that of the position errors, None where the tracker does not measure it.
-    ``origin`` records the source of the track; nothing is computed from it.
+    ``origin`` records the source of the track; nothing is computed from it. ``quality`` says how far the track can be
+    trusted, None where nothing judged it.
     """
 
     t_s: Array
@@ -105,6 +109,7 @@ class Track:
     sigma_angle_rad: Array | None = None
     sigma_intensity: Array | None = None
     error_autocorrelation: ErrorAutocorrelation | None = None
+    quality: TrackQuality | None = None
 
     def __post_init__(self) -> None:
         times = increasing_times(self.t_s)

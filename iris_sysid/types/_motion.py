@@ -13,6 +13,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.types._arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
 from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation
 from iris_sysid.types._numbers import Estimate, Quantity
+from iris_sysid.types._track_quality import Doubt
 from iris_sysid.types._view import Sensor, View
 
 MotionKind = Literal["oscillation", "slide", "flight", "any"]
@@ -69,7 +70,8 @@ class Trajectory:
     samples does not shrink them. ``smoothed`` is there after :func:`iris_sysid.smooth`. ``error_autocorrelation`` says
     how long the random errors of the positions last, ``first_frame`` is the number in the video of the first sample
     (None where frames were left out); both None where not known. ``sensor`` is what measured, and ``view``, where it is
-    known, how the quantities lie in the image of a camera. ``origin`` records the source of the trajectory; nothing is
+    known, how the quantities lie in the image of a camera. ``doubts`` speak against the track that it was made from.
+    ``origin`` records the source of the trajectory; nothing is
     computed from it.
     """
 
@@ -89,6 +91,7 @@ class Trajectory:
     first_frame: int | None = None
     sensor: Sensor = "unknown"
     view: View | None = None
+    doubts: tuple[Doubt, ...] = ()
 
     def __post_init__(self) -> None:
         times = increasing_times(self.t_s)

@@ -9,6 +9,7 @@ from iris_sysid.io.schemas._beside import ErrorAutocorrelationEntry as ErrorAuto
 from iris_sysid.io.schemas._beside import OriginDocument as OriginDocument
 from iris_sysid.io.schemas._beside import Smoothing as Smoothing
 from iris_sysid.io.schemas._beside import TensorDocument as TensorDocument
+from iris_sysid.io.schemas._beside import TrackQualityEntry as TrackQualityEntry
 from iris_sysid.io.schemas._beside import ViewEntry as ViewEntry
 from iris_sysid.io.schemas._diagnosis import AddedEffect as AddedEffect
 from iris_sysid.io.schemas._diagnosis import DiagnosisDocument as DiagnosisDocument

@@ -9,7 +9,17 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, JsonValue
 
 from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part, QuantityEntry, SegmentEntry
-from iris_sysid.types import ErrorAutocorrelation, PivotSource, Sensor, VerticalSource, View, ViewKind
+from iris_sysid.types import (
+    Doubt,
+    DoubtKind,
+    ErrorAutocorrelation,
+    PivotSource,
+    Sensor,
+    TrackQuality,
+    VerticalSource,
+    View,
+    ViewKind,
+)
 
 Triple = tuple[float, float, float]
 Pixels = Annotated[float, Field(ge=-1e9, le=1e9)]
@@ -37,6 +47,40 @@ class ErrorAutocorrelationEntry(Part):
     def autocorrelation(self) -> ErrorAutocorrelation:
         """The entry as an ErrorAutocorrelation."""
         return ErrorAutocorrelation(tuple(self.partial), tuple(self.stderr))
+
+
+class DoubtEntry(Part):
+    """One reason to doubt a track."""
+
+    kind: DoubtKind
+    finding: str
+    remedy: str
+    """The option that helps."""
+
+    def doubt(self) -> Doubt:
+        """The entry as a Doubt."""
+        return Doubt(**self.model_dump())
+
+
+class TrackQualityEntry(Part):
+    """How far a track can be trusted; it is doubtful where there are doubts."""
+
+    doubts: list[DoubtEntry] = []
+    evidence: dict[str, Number] = {}
+    """What was judged, by name."""
+
+    @classmethod
+    def of(cls, quality: TrackQuality | None) -> TrackQualityEntry | None:
+        """The quality as an entry."""
+        if quality is None:
+            return None
+        doubts = [DoubtEntry(**asdict(doubt)) for doubt in quality.doubts]
+        return cls(doubts=doubts, evidence={name: float(value) for name, value in quality.evidence.items()})
+
+    def quality(self) -> TrackQuality:
+        """The entry as a TrackQuality."""
+        evidence = {name: value for name, value in self.evidence.items() if value is not None}
+        return TrackQuality(tuple(doubt.doubt() for doubt in self.doubts), evidence)
 
 
 class ViewEntry(Part):
@@ -93,6 +137,10 @@ class OriginDocument(Document):
     """How long the position errors last; of a track with several bodies, where it is the same for all."""
     body_error_autocorrelation: dict[str, ErrorAutocorrelationEntry] = {}
     """The same by body, where the bodies of a track differ."""
+    body_quality: dict[str, TrackQualityEntry] = {}
+    """How far the track of each body can be trusted; absent where nothing judged it."""
+    doubts: list[DoubtEntry] = []
+    """What speaks against the track from which a trajectory was made."""
     first_frame: int | None = None
     """Number in the video of the frame that is the first sample of a trajectory; null when it is not known."""
     sensor: Sensor = "unknown"

@@ -1,0 +1,51 @@
+"""The judgement of a track by evidence that needs no truth: good, or doubtful with reasons."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+DoubtKind = Literal[
+    "another-body", "shadow", "missed", "jumps", "unsteady-size", "faint", "ambiguous", "moving-camera", "off-marks"
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """One reason to doubt a track: what was found, and the option that helps."""
+
+    kind: DoubtKind
+    finding: str
+    remedy: str
+
+    @property
+    def text(self) -> str:
+        """Finding and remedy in one line."""
+        return f"{self.finding}; {self.remedy}"
+
+
+@dataclass(frozen=True, slots=True)
+class TrackQuality:
+    """How far a track can be trusted: ``doubts`` is empty where no evidence speaks against it.
+
+    ``evidence`` holds the shares and ratios that were judged, by name; 1 is best where it is a share.
+    """
+
+    doubts: tuple[Doubt, ...] = ()
+    evidence: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether some evidence says that the track may not be that of the body."""
+        return bool(self.doubts)
+
+
+@dataclass(frozen=True, slots=True)
+class TrackMark:
+    """A click: that body is at (x, y) px in the frame of that number in the file."""
+
+    body: str
+    x_px: float
+    y_px: float
+    frame: int
