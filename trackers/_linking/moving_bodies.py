@@ -1,0 +1,113 @@
+"""The bodies that move before a still background: what each frame shows, and the tracklets of the bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+
+from iris_sysid.errors import TrackingError
+from iris_sysid.types import FrameSource, Track, TrackOptions
+from trackers._detection.detect_frames import DetectionSetup, detection_setup, observe
+from trackers._detection.detection import FrameDetections
+from trackers._frames.working_image import View, view_of
+from trackers._linking.frame_to_frame import Tracklet
+from trackers._linking.refined_background import refined_setup
+from trackers._linking.select_bodies import link_bodies
+from trackers._linking.to_track import track_of
+from trackers._multi_body.given_masks import track_with_masks
+from trackers._multi_body.track_together import track_together
+
+FEW = 2  # bodies: more than these are followed all at once
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class MovingBodies:
+    """What each frame shows and the tracklets of the bodies that are meant.
+
+    ``setup`` holds background and sampled frames; None where all bodies were followed at once, or by given masks.
+    """
+
+    all_detections: list[FrameDetections]
+    tracklets: list[Tracklet]
+    view: View
+    setup: DetectionSetup | None = None
+
+    def tracks(self, tracker: str, options: TrackOptions) -> list[Track]:
+        """One Track a body, as the tracker of that name was asked for."""
+        origin = {
+            "tracker": tracker,
+            "bodies": options.bodies,
+            "roi": options.roi,
+            "colour": options.colour,
+            "colour_used": self.view.chroma,
+            "mask": options.mask is not None,
+        }
+        return [
+            track_of(tracklet, self.all_detections, str(number), origin)
+            for number, tracklet in enumerate(self.tracklets, start=1)
+        ]
+
+
+def follow(video: FrameSource, options: TrackOptions) -> MovingBodies:
+    """Follow the bodies that move farthest before a still background, or those of the masks given.
+
+    Parameters
+    ----------
+    video
+        The clip; its camera stands still.
+    options
+        As any tracker's.
+
+    Raises
+    ------
+    TrackingError
+        When nothing moves, when fewer bodies move than asked for, or when there are fewer than three frames.
+    """
+    view = view_of(video, options)
+    if options.mask is not None:
+        return MovingBodies(*track_with_masks(video, view, options, options.mask))
+    if options.bodies > FEW and options.colour is None:
+        return MovingBodies(*track_together(video, view, options))
+    return _each_or_together(video, view, options)
+
+
+def _each_or_together(video: FrameSource, view: View, options: TrackOptions) -> MovingBodies:
+    """Each body for itself, and if that misses some, all at once."""
+    setup = detection_setup(video, view, coarse=True)
+    try:
+        all_detections, tracklets = _track_once(video, setup, options)
+        again = refined_setup(setup, tracklets)
+        if again is not None:
+            setup = again
+            del all_detections, tracklets, again  # a long clip's are held once only
+            all_detections, tracklets = _track_once(video, setup, options)
+    except TrackingError:
+        if options.bodies == 1 or options.colour is not None:
+            raise
+        with suppress(TrackingError):
+            return MovingBodies(*track_together(video, view, options))
+        raise
+    if options.bodies > 1 and options.colour is None and _seen(tracklets) < options.bodies * len(all_detections):
+        with suppress(TrackingError):
+            joint = track_together(video, view, options)
+            if _seen(joint[1]) > _seen(tracklets):
+                return MovingBodies(*joint)
+    return MovingBodies(all_detections, tracklets, setup.view, setup)
+
+
+def _seen(tracklets: Sequence[Tracklet]) -> int:
+    """Number of detections of all bodies."""
+    return sum(len(tracklet.detections) for tracklet in tracklets)
+
+
+def _track_once(
+    video: FrameSource, setup: DetectionSetup, options: TrackOptions
+) -> tuple[list[FrameDetections], list[Tracklet]]:
+    """Read the clip once: what each frame shows, and the tracklets of the bodies."""
+    all_detections = observe(video, setup, options)
+    if not all_detections:
+        raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
+    return all_detections, link_bodies(all_detections, options.bodies, float(np.hypot(video.width, video.height)))
