@@ -17,6 +17,7 @@ from av.video.stream import VideoStream
 
 from iris_sysid.errors import VideoError
 from iris_sysid.video.completeness import EMPTY_PACKET_BYTES, Promise, Tally, promise_of, what_is_missing
+from iris_sysid.video.even_times import EvenTimes, even_times, is_coarse
 from iris_sysid.video.pixel_formats import Orientation, orientation_of
 
 MAX_SIDE_PX = 16384
@@ -47,7 +48,8 @@ class ContainerSource:
 
     ``width`` and ``height`` are as displayed. ``rate`` is the header's average in 1/s, None when it does
     not say; ``time_base`` is the unit of the file's stamps in s. ``first_s`` is the time of the first
-    image as the container has it (it need not be 0).
+    image as the container has it (it need not be 0). ``even`` are the times without their rounding, where the rate
+    is even.
     """
 
     path: Path
@@ -63,6 +65,7 @@ class ContainerSource:
     facts: dict[str, object]
     note: str = ""
     timeless: bool = False
+    even: EvenTimes | None = None
 
     @property
     def expected(self) -> int:
@@ -102,7 +105,8 @@ class ContainerSource:
 
     def seconds(self, stamp: int) -> float | None:
         """The time in s of a stamp."""
-        return None if self.time_base is None else _seconds(stamp, self.time_base)
+        unrounded = stamp if self.even is None else self.even.unrounded(stamp)
+        return None if self.time_base is None else _seconds(unrounded, self.time_base)
 
     def orientation_for(self, image: av.VideoFrame) -> Orientation:
         """How that image is turned for display: all as the first."""
@@ -144,7 +148,7 @@ def open_container(path: Path, label: str) -> ContainerSource:
             width, height = orientation.size(image.width, image.height)
             check_size(image.width, image.height, label)
             rate = stream.average_rate
-            return ContainerSource(
+            source = ContainerSource(
                 path=path,
                 label=label,
                 width=width,
@@ -159,6 +163,8 @@ def open_container(path: Path, label: str) -> ContainerSource:
                 note=_rotation_note(image),
                 timeless=timeless,
             )
+            source.even = _even(source, (rate, stream.guessed_rate, stream.base_rate))
+            return source
     except av.FFmpegError as error:
         raise VideoError(f"{label} cannot be read as a video: {_why(path, error)}; no frame was read") from error
 
@@ -297,9 +303,17 @@ def _wanted(images: Iterator[av.VideoFrame], stamps: Sequence[int]) -> Iterator[
             return
 
 
-def _seconds(stamp: int, time_base: Fraction) -> float:
+def _even(source: ContainerSource, rates: Sequence[Fraction | None]) -> EvenTimes | None:
+    """The times without their rounding, where the unit is coarse and all frames are at one of the rates stated."""
+    if source.time_base is None or source.timeless or not any(is_coarse(rate, source.time_base) for rate in rates):
+        return None
+    return even_times([stamp for stamp, _ in source.survey()], rates, source.time_base)
+
+
+def _seconds(stamp: int | Fraction, time_base: Fraction) -> float:
     """The stamp in s: one division of whole numbers, so the nearest float to the exact time."""
-    return stamp * time_base.numerator / time_base.denominator
+    exact = stamp * time_base
+    return exact.numerator / exact.denominator
 
 
 def _rotation_note(image: av.VideoFrame) -> str:

@@ -1,7 +1,8 @@
 """Video files, GIFs, image sequences and archives as frames with the container's exact times.
 
 Times are ``pts * time_base`` of each frame, as the file states them: an uneven rate stays uneven, and
-the first frame keeps its own time, which need not be 0. Frames are decoded in order; an index or a
+the first frame keeps its own time, which need not be 0. Where all stamps are the times of an even rate, rounded
+(whole milliseconds in Matroska), they get those times. Frames are decoded in order; an index or a
 nominal rate is never used to guess a time. Reading is defensive: a name is never taken for a protocol
 or a pattern, and the claims of a header are checked against the decoded frames.
 """
