@@ -1,105 +1,190 @@
-"""Every real clip tracked with default options: frames tracked of those that show the bodies.
+"""Every real clip tracked with no option but the number of bodies, against marks made by eye.
 
-``python -m validation.real_tracks [--sheets FOLDER]`` needs the recordings in ``../shared/data``. With ``--sheets`` it
-writes a contact sheet of each clip with the tracks drawn in, for inspection.
+``python -m validation.real_tracks [--split open] [--sheets FOLDER]`` needs the recordings in ``../shared/data``. Each
+clip has a process of its own and ``--seconds`` of processor time. With ``--sheets`` it writes a contact sheet of each
+clip with the tracks and the marks drawn in.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+import multiprocessing
+import resource
+import signal
+import time
+import warnings
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import cv2
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from iris_sysid.errors import IrisError
-from iris_sysid.registry import TRACKERS
+from iris_sysid.pipeline import track
 from iris_sysid.report.overlay import draw_body
-from iris_sysid.types import Track, TrackOptions
-from iris_sysid.video.reader import Video, open_video
+from iris_sysid.types import Frame, FrameSource, Track, TrackOptions
+from iris_sysid.video.reader import open_video
 from validation import pages
+from validation.real_marks import MarkedClip, Score, marked_clips, score
 
-DATA = Path("..") / "shared" / "data"
-COLUMNS, ROWS, WIDTH = 4, 6, 480  # images of a contact sheet, and their width in px
+COLUMNS, ROWS, WIDTH = 5, 5, 400  # images of a contact sheet, and their width in px
 COLOURS = ((60, 220, 60), (60, 60, 240), (240, 160, 40))
+MARK_COLOUR = (255, 0, 255)
+HEADER = """| clip | split | bodies | on the body | missing | elsewhere | tracked out of view | verdict | s | frames/s |
+|---|---|---:|---:|---:|---:|---:|---|---:|---:|"""
 
 
-@dataclass(frozen=True)
-class Clip:
-    """A clip, its bodies, and the frames (inclusive) between which each is wholly in view and not held."""
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of a clip: ``verdict`` is good, doubtful or refused, ``reason`` says why it is not good.
 
-    path: str
-    bodies: int
-    usable: tuple[tuple[int, int], ...]
+    ``score`` is None where there is no track; ``seconds`` of processor time and ``frames`` are those of tracking.
+    """
+
+    clip: MarkedClip
+    verdict: str
+    reason: str = ""
+    score: Score | None = None
+    frames: int = 0
+    seconds: float = 0.0
+
+    @property
+    def followed(self) -> bool:
+        """Whether the track is on the body."""
+        return self.score is not None and self.score.followed
+
+    @property
+    def wrong(self) -> bool:
+        """Whether the track is of something else and nothing says so."""
+        return self.verdict == "good" and self.score is not None and self.score.wrong
 
 
-CLIPS = [
-    Clip("iris_footage/pendulum.gif", 1, ((3, 39),)),
-    Clip("iris_footage/Sliding_cone.gif", 1, ((14, 42),)),
-    Clip("iris_footage/Two_Moving_Pendulums.gif", 2, ((11, 54), (11, 54))),
-    Clip("juangomez_pendulum/pendulum.mp4", 1, ((0, 304),)),
-    Clip("phystrack/Projectile_Motion__30Deg_2_726mps.MP4", 1, ((287, 518),)),
-    Clip("phystrack/Projectile_Motion__60Deg_2_699mps.MP4", 1, ((201, 578),)),
-    Clip("phystrack/SlidingFriction_R1.MP4", 1, ((109, 394),)),
-    Clip("phystrack/SlidingFriction_R3.MP4", 1, ((82, 275),)),
-    Clip("phystrack/CaromPuck_HeadOn.MP4", 2, ((0, 751), (0, 276))),
-    Clip("tracker_balltoss/BallToss.trz", 1, ((2, 12),)),
-]
-
-
-def row(clip: Clip, sheets: Path | None) -> str:
-    """Track one clip and format its row of the table."""
+def outcome(clip: MarkedClip, sheets: Path | None) -> Outcome:
+    """Track one clip in this process; a clip that is refused is an outcome as well."""
+    began = time.process_time()
     try:
-        tracks = TRACKERS["median-background"].track(_opened(clip), TrackOptions(bodies=clip.bodies))
+        video = open_video(clip.path)
+        tracks = track(video, options=TrackOptions(bodies=clip.bodies))
     except IrisError as error:
-        return f"| {clip.path} | {clip.bodies} | | failed: {error} |"
+        return Outcome(clip, "refused", str(error), seconds=time.process_time() - began)
+    seconds, marks = time.process_time() - began, clip.marks()
     if sheets is not None:
         sheets.mkdir(parents=True, exist_ok=True)
-        cv2.imwrite(str(sheets / f"{clip.path.replace('/', '_')}.png"), sheet(clip, tracks))
-    valid = []
-    for track, (first, last) in zip(tracks, clip.usable, strict=True):
-        usable = (track.frame >= first) & (track.frame <= last)
-        valid.append(f"{int((track.valid & usable).sum())} of {int(usable.sum())}")
-    return f"| {clip.path} | {clip.bodies} | {len(tracks[0].t_s)} | {'; '.join(valid)} |"
+        cv2.imwrite(str(sheets / f"{clip.name}.jpg"), sheet(video, tracks, marks))
+    doubts = dict.fromkeys(doubt.text for body in tracks if body.quality for doubt in body.quality.doubts)
+    result = score(tracks, marks, video.width)
+    return Outcome(clip, "doubtful" if doubts else "good", "; ".join(doubts), result, len(tracks[0].t_s), seconds)
 
 
-def _opened(clip: Clip) -> Video:
-    return open_video(DATA / clip.path)
+def within(clip: MarkedClip, sheets: Path | None, seconds: int) -> Outcome:
+    """The outcome of a clip from a process of its own, which may take so many seconds of processor time."""
+    receiver, sender = multiprocessing.Pipe(duplex=False)
+    process = multiprocessing.get_context("spawn").Process(target=_send, args=(clip, sheets, seconds, sender))
+    process.start()
+    sender.close()
+    try:
+        result: Outcome = receiver.recv()
+    except EOFError:
+        process.join()
+        late = process.exitcode == -signal.SIGXCPU
+        result = Outcome(
+            clip, "refused", f"not done in {seconds} s" if late else "the program stopped", seconds=seconds
+        )
+    process.join()
+    return result
 
 
-def sheet(clip: Clip, tracks: Sequence[Track]) -> NDArray[np.uint8]:
-    """Contact sheet of frames from the whole clip, with the bodies and their recent paths."""
-    times = tracks[0].t_s
-    chosen = {int(k) for k in np.linspace(0, len(times) - 1, COLUMNS * ROWS)}
-    pictures = []
-    for index, frame in enumerate(_opened(clip).frames()):
-        if index in chosen:
-            image = np.ascontiguousarray(frame.bgr())
-            for track, colour in zip(tracks, COLOURS, strict=False):
-                draw_body(image, track, frame.t_s, colour)
-            image = cv2.resize(image, (WIDTH, round(WIDTH * image.shape[0] / image.shape[1])))
-            cv2.putText(image, str(frame.index), (6, 24), cv2.FONT_HERSHEY_SIMPLEX, 0.8, (255, 0, 255), 2)
-            pictures.append(image)
+def _send(clip: MarkedClip, sheets: Path | None, seconds: int, pipe: Connection) -> None:
+    warnings.simplefilter("ignore")
+    resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
+    pipe.send(outcome(clip, sheets))
+
+
+def sheet(video: FrameSource, tracks: Sequence[Track], marks: pd.DataFrame) -> NDArray[np.uint8]:
+    """Contact sheet of the marked frames and of others evenly spread: bodies, their recent paths, and the marks."""
+    chosen = set(marks["frame"])
+    spread = np.linspace(0, len(tracks[0].frame) - 1, max(COLUMNS * ROWS - len(chosen), 0)).astype(int)
+    chosen.update(tracks[0].frame[spread])
+    frames = (frame for frame in video.frames() if frame.index in chosen)
+    pictures = [_picture(frame, tracks, marks[marks["frame"] == frame.index]) for frame in frames]
     pictures += [np.zeros_like(pictures[0])] * (-len(pictures) % COLUMNS)
     rows = [np.hstack(pictures[k : k + COLUMNS]) for k in range(0, len(pictures), COLUMNS)]
     return np.vstack(rows)
 
 
+def _picture(frame: Frame, tracks: Sequence[Track], marks: pd.DataFrame) -> NDArray[np.uint8]:
+    image = np.ascontiguousarray(frame.bgr())
+    for body, colour in zip(tracks, COLOURS, strict=False):
+        draw_body(image, body, frame.t_s, colour)
+    for x, y, radius in np.round(marks.loc[marks["state"] != "out", ["x_px", "y_px", "radius_px"]].to_numpy()):
+        cv2.circle(image, (int(x), int(y)), int(radius), MARK_COLOUR, max(1, round(image.shape[1] / WIDTH)))
+    height = round(WIDTH * image.shape[0] / image.shape[1])
+    small: NDArray[np.uint8] = np.asarray(cv2.resize(image, (WIDTH, height)), dtype=np.uint8)
+    cv2.putText(small, str(frame.index), (6, 24), cv2.FONT_HERSHEY_SIMPLEX, 0.8, MARK_COLOUR, 2)
+    return small
+
+
+def row(result: Outcome) -> str:
+    """One row of the table."""
+    clip, counts = result.clip, result.score
+    shares = ["", "", "", ""]
+    if counts is not None and counts.free:
+        parts = (counts.on_body, counts.missing, counts.elsewhere)
+        shares = [*(f"{100 * part / counts.free:.0f} %" for part in parts), ""]
+    if counts is not None and counts.absent:
+        shares[3] = f"{counts.tracked_absent} of {counts.absent}"
+    rate = f"{result.frames / result.seconds:.0f}" if result.frames else ""
+    verdict = result.verdict + (f": {result.reason.replace('|', '/')}" if result.reason else "")
+    cells = (clip.name, clip.split, str(clip.bodies), *shares, verdict, f"{result.seconds:.1f}", rate)
+    return f"| {' | '.join(cells)} |"
+
+
+def totals(results: Sequence[Outcome], split: str) -> Iterator[str]:
+    """The sums that count: clips followed, wrong tracks that nothing warns of, and clips refused or doubtful."""
+    free = [result for result in results if result.clip.expect == "follow"]
+    followed = [result for result in free if result.followed]
+    yield f"{split}: at least 95 % of the marks on the body in {_of(followed, free)} clips."
+    wrong = [result for result in results if result.wrong]
+    yield f"{split}: {_named(wrong)} wrong without being said to be doubtful."
+    doubted = [result for result in free if result.verdict != "good"]
+    needlessly = [result for result in doubted if result.followed]
+    yield f"{split}: {_of(doubted, free)} clips refused or doubtful; followed all the same: {_named(needlessly)}."
+    for result in results:
+        if result.clip.expect == "refuse":
+            yield f"{split}: {result.clip.name}, where no body is free: {'wrong' if result.wrong else 'right'}."
+
+
+def _of(part: Sequence[Outcome], whole: Sequence[Outcome]) -> str:
+    return f"{len(part)} of {len(whole)} ({100 * len(part) / max(len(whole), 1):.0f} %)"
+
+
+def _named(results: Sequence[Outcome]) -> str:
+    names = ", ".join(result.clip.name for result in results)
+    return f"{len(results)} ({names})" if names else "none"
+
+
 def main() -> None:
     """Print the table as Markdown."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--split", choices=("open", "sealed"), default="", help="only clips of this split")
+    parser.add_argument("--seconds", type=int, default=300, help="processor time that a clip may take")
     parser.add_argument("--sheets", type=Path, help="folder for contact sheets")
     parser.add_argument("--only", default="", help="only clips whose name contains this")
     pages.add_option(parser)
     options = parser.parse_args()
     with pages.table("real-tracks", options.write_docs):
-        print("| clip | bodies | frames | tracked of usable frames |\n|---|---|---|---|")
-        for clip in CLIPS:
-            if options.only in clip.path:
-                print(row(clip, options.sheets), flush=True)
+        print(HEADER)
+        results = []
+        for clip in marked_clips(options.split, options.only):
+            results.append(within(clip, options.sheets, options.seconds))
+            print(row(results[-1]), flush=True)
+        print()
+        for split in dict.fromkeys(result.clip.split for result in results):
+            print("\n\n".join(totals([result for result in results if result.clip.split == split], split)) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,130 @@
+"""Real clips marked by eye: the bodies in 12 frames of each, and what a track is worth against them.
+
+The marks are in ``tests/real_marks``, one table a clip beside the list ``clips.csv``. They were read from enlarged
+frames with a pixel grid before any tracker was run on the clips of ``world``; the other clips were known. The clips of
+``world`` are in the order of the SHA-256 of their paths, and every second one is sealed: scored, not looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from iris_sysid.types import Array, Track
+
+ROOT = Path(__file__).parent.parent
+MARKS = ROOT / "tests" / "real_marks"
+DATA = ROOT.parent / "shared" / "data"
+LEAST_PX, OF_WIDTH = 6.0, 640.0  # a body smaller than this in an image so wide is met within this, px
+ENOUGH, TOLERATED = 0.95, 0.05  # share on the body of a clip that is followed; share elsewhere of one that is not wrong
+
+
+@dataclass(frozen=True, slots=True)
+class MarkedClip:
+    """A clip and its marks.
+
+    ``split`` is open or sealed; ``expect`` is follow, refuse (no free body) or orientation (no position is asked).
+    """
+
+    name: str
+    clip: str
+    bodies: int
+    split: str
+    expect: str
+    remark: str
+
+    @property
+    def path(self) -> Path:
+        """The recording."""
+        return DATA / self.clip
+
+    def marks(self) -> pd.DataFrame:
+        """Columns frame, body, x_px, y_px, radius_px and state: free, held, or out (of the image)."""
+        return pd.read_csv(MARKS / f"{self.name}.csv")
+
+
+def marked_clips(split: str = "", only: str = "") -> list[MarkedClip]:
+    """The clips that have marks, of one split (or all), whose name contains a text."""
+    rows = pd.read_csv(MARKS / "clips.csv", keep_default_na=False).to_dict("records")
+    clips = [MarkedClip(**{str(name): value for name, value in row.items()}) for row in rows]
+    return [clip for clip in clips if clip.expect != "orientation" and split in ("", clip.split) and only in clip.name]
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """Numbers of marks: of free bodies (on it, missing, elsewhere), and of bodies out of view (tracked all the same).
+
+    ``held`` are those in a hand, ``said_held`` the ones of these that the track says to be touched by one.
+    """
+
+    free: int
+    on_body: int
+    missing: int
+    elsewhere: int
+    absent: int
+    tracked_absent: int
+    held: int = 0
+    said_held: int = 0
+
+    @property
+    def followed(self) -> bool:
+        """Whether at least 95 % of the marks are met."""
+        return self.free > 0 and self.on_body >= ENOUGH * self.free
+
+    @property
+    def wrong(self) -> bool:
+        """Whether more than 5 % of the positions are not the body's; one that is never free must be said to be held."""
+        if not self.free:
+            return 2 * self.said_held < self.held
+        return self.elsewhere + self.tracked_absent > TOLERATED * (self.free + self.absent)
+
+
+def score(tracks: Sequence[Track], marks: pd.DataFrame, width: int) -> Score:
+    """Compare tracks with marks; each body has the track that is on it in most frames of the clip.
+
+    Parameters
+    ----------
+    tracks
+        In px of the frames.
+    marks
+        Table of a clip.
+    width
+        Of the image, px.
+    """
+    parts = [[_compare(track, rows, width) for track in tracks] for _, rows in marks.groupby("body")]
+    taken = linear_sum_assignment([[-part["on_body"] for part in row] for row in parts])
+    chosen = [parts[body][track] for body, track in zip(*taken, strict=True)]
+    return Score(**{name: sum(part[name] for part in chosen) for name in chosen[0]})
+
+
+def _compare(track: Track, marks: pd.DataFrame, width: int) -> Mapping[str, int]:
+    """Counts of one track against the marks of one body."""
+    xy_px, hand = at_frames(track, marks["frame"].to_numpy())
+    tracked = np.isfinite(xy_px[:, 0])
+    off_px = np.hypot(*(xy_px - marks[["x_px", "y_px"]].to_numpy()).T)
+    met = off_px <= np.maximum(marks["radius_px"].to_numpy(), LEAST_PX * width / OF_WIDTH)
+    free, absent, held = (marks["state"].to_numpy() == state for state in ("free", "out", "held"))
+    return {
+        "free": int(free.sum()),
+        "on_body": int((free & met).sum()),
+        "missing": int((free & ~tracked).sum()),
+        "elsewhere": int((free & tracked & ~met).sum()),
+        "absent": int(absent.sum()),
+        "tracked_absent": int((absent & tracked).sum()),
+        "held": int(held.sum()),
+        "said_held": int((held & (hand | ~tracked)).sum()),
+    }
+
+
+def at_frames(track: Track, frames: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
+    """Positions (n, 2) px of a track in frames (n,), NaN where there is none, and whether a hand touches the body."""
+    rows = np.clip(np.searchsorted(track.frame, frames), 0, len(track.frame) - 1)
+    there = (track.frame[rows] == frames) & track.valid[rows]
+    hand = np.zeros(len(frames), dtype=bool) if track.hand is None else track.hand[rows]
+    return np.where(there[:, None], track.xy_px[rows], np.nan), hand & there
