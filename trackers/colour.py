@@ -13,22 +13,18 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackerExample, TrackOptions, with_progress
-from trackers._background.median import Background, BackgroundEstimate
 from trackers._detection.detect_frames import REPORT_EVERY
-from trackers._detection.detection import Detector, FrameDetections
-from trackers._detection.foreground import SMALLEST_AREA, Blob, Component, blobs_of
-from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Bytes, Image
-from trackers._frames.sampled_frames import SampledFrames
+from trackers._detection.detection import FrameDetections
+from trackers._detection.foreground import blobs_of
+from trackers._detection.local_background import GAP, components_of, local_detector
 from trackers._frames.working_image import View, view_of
 from trackers._linking.frame_to_frame import Tracklet, link
 from trackers._linking.select_bodies import with_fragments
 from trackers._linking.to_track import track_of
 
-RING, GAP = 9, 3  # px at the size of the search: width of the ring outside of a body, and from where on
 FIRST_REACH, LEAST_REACH = 0.25, 0.1  # of the image's diagonal: how far a body may go unforeseen
 FEWEST_DETECTIONS = 3
 LEAST_OVERLAP = 0.3  # of the shorter tracklet: two tracklets seen together as long are two bodies
-FEWEST_RING = 12  # px that show the surroundings
 
 
 def track(video: FrameSource, options: TrackOptions) -> list[Track]:
@@ -72,52 +68,15 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
 def _detections_of(view: View, frame: Frame) -> FrameDetections:
     """The candidates of one frame, each measured against its surroundings."""
     image, colour_mask = view.search_image(frame), np.asarray(view.colour_mask(frame))
-    bodies = blobs_of(_components(colour_mask.astype(np.uint8)), colour_mask.shape)
+    bodies = blobs_of(components_of(colour_mask.astype(np.uint8)), colour_mask.shape)
     covered = cv2.dilate(colour_mask.astype(np.uint8), np.ones((GAP, GAP), np.uint8))
     detected = FrameDetections(frame.index, frame.t_s, (), ())
     for blob in bodies:
-        detector = _detector(view, frame, image, covered, blob)
+        detector = local_detector(view, frame, image, covered, blob)
         if detector is not None:
             seen = detector.detect(frame, [blob], [blob])
             detected = replace(detected, detections=detected.detections + seen.detections)
     return detected
-
-
-def _components(mask: Bytes) -> list[Component]:
-    """The connected parts of a mask, all of one strength."""
-    closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
-    components = []
-    for label in range(1, count):
-        left, top, width, height, area = (int(value) for value in stats[label])
-        if area >= SMALLEST_AREA:
-            body = (labels[top : top + height, left : left + width] == label).astype(np.uint8)
-            components.append(Component(body, 255 * body, left, top))
-    return components
-
-
-def _detector(view: View, frame: Frame, image: Bytes, covered: Bytes, blob: Blob) -> Detector | None:
-    """The measurement of one body against the colour just outside of it; None where nothing is visible outside."""
-    left, top, right, bottom = blob.box
-    reach = GAP + RING
-    window = (slice(max(0, top - reach), bottom + reach), slice(max(0, left - reach), right + reach))
-    outside = image[window][covered[window] == 0].astype(np.float32)
-    if len(outside) < FEWEST_RING:
-        return None
-    middle = np.median(outside, axis=0)
-    noise = np.maximum(MAD_TO_SD * np.median(np.abs(outside - middle), axis=0), QUANTISATION_SD)
-    samples = SampledFrames([frame], view)
-    sizes = [size for size in range(1, view.step + 1) if view.step % size == 0]
-    coarser = {
-        size: Background(samples, None, _even(middle, noise, (view.height // size, view.width // size)))
-        for size in sizes
-    }
-    return Detector(replace(coarser[1], coarser=coarser), view, 1.0)
-
-
-def _even(middle: Image, noise: Image, size: tuple[int, int]) -> BackgroundEstimate:
-    """The same colour and noise everywhere in an image of that height and width."""
-    return BackgroundEstimate(*(np.broadcast_to(level.astype(np.float32), (*size, 3)) for level in (middle, noise)))
 
 
 def _largest(tracklets: list[Tracklet], options: TrackOptions) -> list[Tracklet]:

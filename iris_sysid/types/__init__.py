@@ -17,6 +17,7 @@ from iris_sysid.types._clip import TRACK_SIGMAS as TRACK_SIGMAS
 from iris_sysid.types._clip import Frame as Frame
 from iris_sysid.types._clip import FrameSource as FrameSource
 from iris_sysid.types._clip import Track as Track
+from iris_sysid.types._clip import TrackCandidate as TrackCandidate
 from iris_sysid.types._clip import TrackOptions as TrackOptions
 from iris_sysid.types._departure import DEPARTURE_SIGMAS as DEPARTURE_SIGMAS
 from iris_sysid.types._departure import N_REST_SAMPLES as N_REST_SAMPLES

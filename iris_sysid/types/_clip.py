@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Protocol
@@ -64,7 +64,7 @@ class TrackOptions:
     ``roi`` is (x, y, width, height) in px. ``colour`` is a name or ``#rrggbb``: only pixels of about
     that hue count. ``progress`` is called with (frames done, frames expected). ``mask`` gives an image for each
     frame in which 0 is background and every other value a body: it replaces the detector. ``marks`` say where a body
-    is in some frames.
+    is in some frames; ``explain`` is called with all candidates that a tracker tried.
     """
 
     bodies: int = 1
@@ -73,6 +73,7 @@ class TrackOptions:
     progress: Callable[[int, int], None] | None = None
     mask: FrameSource | None = None
     marks: tuple[TrackMark, ...] = ()
+    explain: Callable[[Sequence[TrackCandidate]], None] | None = None
 
 
 TRACK_SIGMAS = ("sigma_radius_px", "sigma_angle_rad", "sigma_intensity")
@@ -140,3 +141,18 @@ class Track:
     def n_valid(self) -> int:
         """Number of frames in which the body was found."""
         return int(self.valid.sum())
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class TrackCandidate:
+    """One way to follow the bodies of a clip, and its tracks; without tracks, ``refusal`` says why."""
+
+    name: str
+    tracks: tuple[Track, ...] = ()
+    refusal: str = ""
+    chosen: bool = False
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether there is no track, or some evidence speaks against one of them."""
+        return not self.tracks or any(track.quality is None or track.quality.doubtful for track in self.tracks)

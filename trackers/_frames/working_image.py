@@ -97,6 +97,14 @@ class View:
         pixels = [self.small(frame.bgr()[region])[where] for frame, where in zip(frames, moving, strict=True)]
         return replace(self, colour=self.colour.fitted(np.concatenate(pixels)))
 
+    def in_search(self, x_px: float, y_px: float) -> tuple[float, float]:
+        """A position in px of the frame, in px of the image of the search."""
+        return (x_px - self.left + 0.5) / self.step - 0.5, (y_px - self.top + 0.5) / self.step - 0.5
+
+    def in_frame(self, x: float, y: float) -> tuple[float, float]:
+        """A position in px of the image of the search, in px of the frame."""
+        return (x + 0.5) * self.step - 0.5 + self.left, (y + 0.5) * self.step - 0.5 + self.top
+
     def with_chroma(self) -> View:
         """The same view with colour counted."""
         return replace(self, chroma=True)

@@ -1,0 +1,131 @@
+"""The trackers and settings that suit a clip, each as a function that follows its bodies."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from iris_sysid.errors import DataError
+from iris_sysid.types import Array, Frame, FrameSource, Track, TrackMark, TrackOptions
+from trackers._auto.appearance import learn, search_image
+from trackers._auto.follow_appearance import Body, follow_appearance
+from trackers._auto.survey import LUMA_WEIGHT, Kind
+from trackers._frames.arrays import Bytes
+from trackers._frames.working_image import View
+
+LEARNED = 0.8  # of the inscribed radius at the size of the search, which includes the blurred outline
+LARGEST_MARKED = 0.25  # of the smaller side of the image: the radius of a marked body
+GROWTH = 1.12  # ratio of the radii that are tried
+CLICKED = 2.0  # px of the search image: pixels round a click that are surely of the body
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Way:
+    """One way to follow the bodies of a clip: its name, and the function that does it."""
+
+    name: str
+    follow: Callable[[], list[Track]]
+
+
+def ways_by_looks(
+    video: FrameSource, view: View, frames: Sequence[Frame], kinds: Sequence[Kind], options: TrackOptions
+) -> list[Way]:
+    """Following the likeliest things that move by their looks: as many of each kind as are seen at once."""
+    images = [search_image(view, frame) for frame in frames]
+    bodies = [body for kind in kinds for body in [_body_like(kind, images)] * _count(kind)]
+    ways = []
+    for start in range(max(1, len(bodies) - options.bodies + 1)):
+        chosen = bodies[start : start + options.bodies]
+        if len(chosen) == options.bodies:
+            named = [replace(body, name=str(k)) for k, body in enumerate(chosen, start=1)]
+            ways.append(Way(f"appearance-{start + 1}", _by_looks(video, view, named, options)))
+    return ways
+
+
+def _by_looks(
+    video: FrameSource, view: View, bodies: Sequence[Body], options: TrackOptions
+) -> Callable[[], list[Track]]:
+    return lambda: follow_appearance(video, view, bodies, options)
+
+
+def _count(kind: Kind) -> int:
+    """How many things of a kind are usually seen at once."""
+    return max(1, round(len(kind.seen) / len(kind.samples)))
+
+
+def _body_like(kind: Kind, images: Sequence[Bytes]) -> Body:
+    """A body that looks like the things of a kind."""
+    of_sample: dict[int, tuple[float, float]] = {thing.sample: (thing.x, thing.y) for thing in kind.seen}
+    radius = max(1.5, LEARNED * float(kind.typical("inscribed")))
+    return Body("1", learn(images, [of_sample.get(k) for k in range(len(images))], radius), {})
+
+
+def way_by_marks(video: FrameSource, view: View, options: TrackOptions) -> Way:
+    """Following what is at the marks; DataError when not every body is marked, or a mark is not in the clip."""
+    marks = marks_by_body(options.marks)
+    if len(marks) < options.bodies:
+        raise DataError(f"{options.bodies} bodies were asked for, but {len(marks)} are marked; mark each, or none")
+    return Way("marks", lambda: follow_appearance(video, view, _marked_bodies(video, view, marks), options))
+
+
+def marks_by_body(marks: Sequence[TrackMark]) -> dict[str, list[TrackMark]]:
+    """The marks of each body, in the order in which bodies are first named."""
+    of_body: dict[str, list[TrackMark]] = defaultdict(list)
+    for mark in marks:
+        of_body[mark.body].append(mark)
+    return dict(of_body)
+
+
+def _marked_bodies(video: FrameSource, view: View, marks: dict[str, list[TrackMark]]) -> list[Body]:
+    """The bodies at the marks, learned from the marked frames."""
+    wanted = {mark.frame for of_body in marks.values() for mark in of_body}
+    images: dict[int, Bytes] = {}
+    for frame in video.frames():
+        if frame.index in wanted:
+            images[frame.index] = search_image(view, frame)
+        if len(images) == len(wanted):
+            break
+    missing = sorted(wanted - images.keys())
+    if missing:
+        raise DataError(
+            f"there is a mark in frame {missing[0]}, which is not in the clip, or not in the part that is read"
+        )
+    return [_marked_body(view, name, of_body, images) for name, of_body in marks.items()]
+
+
+def _marked_body(view: View, name: str, marks: Sequence[TrackMark], images: dict[int, Bytes]) -> Body:
+    """The body at some marks: its colour is that at the marks, its size where the colour ends."""
+    places = [view.in_search(mark.x_px, mark.y_px) for mark in marks]
+    shown = [images[mark.frame] for mark in marks]
+    for mark, place, image in zip(marks, places, shown, strict=True):
+        if not (0 <= place[0] < image.shape[1] and 0 <= place[1] < image.shape[0]):
+            raise DataError(f"the mark {mark.body}={mark.x_px:g},{mark.y_px:g}@{mark.frame} does not lie in the image")
+    radius = float(np.median([radius_at(image, place) for image, place in zip(shown, places, strict=True)]))
+    known = {mark.frame: (mark.x_px, mark.y_px) for mark in marks}
+    return Body(name, learn(shown, places, radius), known)
+
+
+def radius_at(image: Bytes, place: tuple[float, float]) -> float:
+    """Radius in px of the thing at a place of a search image (h, w, 3): where its colour ends most plainly."""
+    rows, columns = np.ogrid[: image.shape[0], : image.shape[1]]
+    distance: Array = np.hypot(columns - place[0], rows - place[1])
+    largest = LARGEST_MARKED * min(image.shape[:2])
+    near = distance <= 2 * largest
+    colours, away = image[near].astype(np.float64), distance[near]
+    colour = np.median(colours[away <= CLICKED], axis=0)
+    off = np.linalg.norm((colours - colour) * (LUMA_WEIGHT, 1.0, 1.0), axis=1)
+    best, radius = -np.inf, 3.0
+    tried = 2.0
+    while tried <= largest:
+        step = _mean(off[(away > tried) & (away <= 1.4 * tried + 1)]) - _mean(off[away <= tried])
+        if step > best:
+            best, radius = step, tried
+        tried *= GROWTH
+    return radius
+
+
+def _mean(values: Array) -> float:
+    return float(values.mean()) if values.size else 0.0

@@ -1,0 +1,265 @@
+"""The choice among the ways to follow a clip: the first whose track nothing speaks against, else the least doubtful."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from iris_sysid.errors import IrisError, TrackingError
+from iris_sysid.registry import TRACKERS
+from iris_sysid.types import Doubt, Frame, FrameSource, Track, TrackCandidate, TrackOptions, TrackQuality
+from trackers._auto.appearance import learn, search_image
+from trackers._auto.candidates import Way, marks_by_body, way_by_marks, ways_by_looks
+from trackers._auto.evidence import LEAST_COVERAGE, MOST_SHADOW, judged, measured, missed_marks
+from trackers._auto.survey import Kind, kinds_of
+from trackers._frames.working_image import View, view_of
+from trackers._linking.moving_bodies import follow
+
+SAMPLES = 40  # as many as the background is made of
+HELD = 0.6  # share of the found frames in which a hand touches the body: more is no free motion
+ON_TRACK = 0.3  # share of the sightings of a kind that lie on the track: fewer, and another thing is followed
+FAR_LIKELIER = 1.5  # times: so much more is another thing like a body than the tracked one
+MISSED = 0.1  # share of the samples in which the body is plainly seen off its track
+PLAIN = 0.75  # of the usual score of the body: as plain as that is no chance likeness
+LEAST_SIGHTINGS = 0.3  # share of the samples
+FIRST = "median-background"  # the way whose tracks are taken without a look at the scene where they show no fault
+RIVAL = "disc"  # the registered tracker that also finds what does not move sideways
+
+
+@dataclass(eq=False)
+class SampledOnce:
+    """A clip whose sampled frames are read once, however often they are asked for."""
+
+    video: FrameSource
+    _samples: dict[int, list[Frame]] = field(default_factory=dict)
+
+    @property
+    def width(self) -> int:
+        """As that of the clip."""
+        return self.video.width
+
+    @property
+    def height(self) -> int:
+        """As that of the clip."""
+        return self.video.height
+
+    @property
+    def n_expected(self) -> int:
+        """As that of the clip."""
+        return self.video.n_expected
+
+    def frames(self) -> Iterator[Frame]:
+        """Every frame of the clip."""
+        return self.video.frames()
+
+    def sample(self, count: int) -> list[Frame]:
+        """Frames spread over the clip."""
+        if count not in self._samples:
+            self._samples[count] = self.video.sample(count)
+        return self._samples[count]
+
+
+@dataclass(eq=False)
+class Choice:
+    """The search for a track nothing speaks against."""
+
+    video: SampledOnce
+    view: View
+    options: TrackOptions
+    candidates: list[TrackCandidate] = field(default_factory=list)
+    _kinds: list[Kind] | None = None
+
+    @property
+    def frames(self) -> list[Frame]:
+        """The sampled frames."""
+        return self.video.sample(SAMPLES)
+
+    @property
+    def kinds(self) -> list[Kind]:
+        """The kinds of things that move."""
+        if self._kinds is None:
+            self._kinds = kinds_of([search_image(self.view, frame) for frame in self.frames])
+        return self._kinds
+
+    def attempt(self, way: Way) -> TrackCandidate:
+        """Follow the bodies in one way, and judge the tracks."""
+        try:
+            tracks = self.named_by_marks(way.follow())
+        except IrisError as error:
+            candidate = TrackCandidate(way.name, (), str(error))
+        else:
+            evidence = [measured(track, self.view, self.frames) for track in tracks]
+            judgements = [judged(*pair, self.options.marks) for pair in zip(tracks, evidence, strict=True)]
+            if way.name != FIRST or any(map(_suspicious, tracks, judgements)):
+                judgements = self.against_the_scene(tracks, judgements)
+            of_bodies = [replace(body, quality=quality) for body, quality in zip(tracks, judgements, strict=True)]
+            candidate = TrackCandidate(way.name, tuple(of_bodies))
+        self.candidates.append(candidate)
+        return candidate
+
+    def named_by_marks(self, tracks: list[Track]) -> list[Track]:
+        """The tracks under the names of the marks that they pass best."""
+        named: list[Track] = []
+        free = list(tracks)
+        for name, marks in marks_by_body(self.options.marks).items():
+            if free:
+                best = min(free, key=lambda track: len(missed_marks(replace(track, body=name), marks)))
+                free.remove(best)
+                named.append(replace(best, body=name))
+        return named if self.options.marks else tracks
+
+    def against_the_scene(self, tracks: Sequence[Track], judgements: Sequence[TrackQuality]) -> list[TrackQuality]:
+        """The judgements with what the other things that move, and the body itself seen elsewhere, say."""
+        return [
+            replace(
+                quality, doubts=(*quality.doubts, *self._rival_doubts(track, tracks, quality), *self._missed(track))
+            )
+            for track, quality in zip(tracks, judgements, strict=True)
+        ]
+
+    def _rival_doubts(self, track: Track, tracks: Sequence[Track], quality: TrackQuality) -> list[Doubt]:
+        """Doubt where a thing that nobody follows is far more like a body than the tracked one."""
+        own = max((kind.salience for kind in self.kinds if self._share_on(kind, [track]) > ON_TRACK), default=0.0)
+        rivals = [
+            kind
+            for kind in self.kinds
+            if self._share_on(kind, tracks) < ON_TRACK and len(kind.samples) >= LEAST_SIGHTINGS * len(self.frames)
+        ]
+        best = max(rivals, key=lambda kind: kind.salience, default=None)
+        if best is None or best.salience < FAR_LIKELIER * own or self.options.marks:
+            return []
+        thing, remedy = self._where(best), self._by_mark(track, best)
+        if quality.evidence.get("shadow", 0.0) > MOST_SHADOW:
+            return [Doubt("shadow", f"the track looks like a shadow, and {thing} moves too", remedy)]
+        return [Doubt("ambiguous", f"{thing} moves too and looks more like a body", remedy)]
+
+    def _where(self, kind: Kind) -> str:
+        thing = kind.seen[len(kind.seen) // 2]
+        x, y = self.view.in_frame(thing.x, thing.y)
+        return f"what is at ({x:.0f}, {y:.0f}) px in frame {self.frames[thing.sample].index}"
+
+    def _by_mark(self, track: Track, kind: Kind) -> str:
+        thing = kind.seen[len(kind.seen) // 2]
+        x, y = self.view.in_frame(thing.x, thing.y)
+        return f"if that is the body: --mark {track.body}={x:.0f},{y:.0f}@{self.frames[thing.sample].index}"
+
+    def _share_on(self, kind: Kind, tracks: Sequence[Track]) -> float:
+        """Share of the sightings of a kind that lie on one of the tracks."""
+        on = 0
+        for thing in kind.seen:
+            number = self.frames[thing.sample].index
+            place = self.view.in_frame(thing.x, thing.y)
+            reach = max(thing.radius, 3.0) * self.view.step
+            on += any(_passes(track, number, place, reach) for track in tracks)
+        return on / len(kind.seen)
+
+    def _missed(self, track: Track) -> list[Doubt]:
+        """Doubt where the body is plainly to be seen in sampled frames in which the track has lost it."""
+        row_of = {int(number): k for k, number in enumerate(track.frame)}
+        held = np.zeros(track.valid.size, np.bool_) if track.hand is None else track.hand
+        rows = [row_of.get(frame.index) for frame in self.frames]
+        images = [search_image(self.view, frame) for frame in self.frames]
+        places = [
+            self.view.in_search(*track.xy_px[row]) if row is not None and track.valid[row] else None for row in rows
+        ]
+        known = [place for place in places if place is not None]
+        lost = [k for k, row in enumerate(rows) if row is not None and not track.valid[row] and not held[row]]
+        if len(known) < 4 or not lost or track.radius_px is None:
+            return []
+        radius = max(1.5, float(np.nanmedian(track.radius_px[track.valid])) / self.view.step)
+        looks = learn(images, places, radius)
+        usual = np.median([_score_at(looks.score_map(i), p) for i, p in zip(images, places, strict=True) if p])
+        seen = [k for k in lost if (best := looks.peaks(images[k]).score).size and best[0] > PLAIN * usual]
+        if len(seen) <= MISSED * len(self.frames):
+            return []
+        number = self.frames[seen[0]].index
+        finding = (
+            f"the body seems to be in view in frame {number} and {len(seen) - 1} more of {len(rows)} sampled frames"
+        )
+        return [Doubt("missed", f"{finding}, but is not tracked there", f"mark it: --mark {track.body}=x,y@{number}")]
+
+
+def _score_at(score_map: np.ndarray, place: tuple[float, float]) -> float:
+    y, x = (min(max(round(c), 0), size - 1) for c, size in zip(place[::-1], score_map.shape, strict=True))
+    return float(score_map[max(0, y - 1) : y + 2, max(0, x - 1) : x + 2].max())
+
+
+def _passes(track: Track, number: int, place: tuple[float, float], reach: float) -> bool:
+    k = int(np.searchsorted(track.frame, number))
+    if k >= track.frame.size or track.frame[k] != number or not track.valid[k]:
+        return False
+    return bool(np.hypot(*(track.xy_px[k] - place)) < reach)
+
+
+def _suspicious(track: Track, quality: TrackQuality) -> bool:
+    """Whether what else moves must be looked at: a doubt, a shadow's looks, a body often lost or held."""
+    evidence = quality.evidence
+    held = float(np.mean(track.hand[track.valid])) if track.hand is not None and track.n_valid else 0.0
+    return (
+        quality.doubtful
+        or evidence.get("shadow", 0.0) > MOST_SHADOW
+        or evidence["coverage"] < LEAST_COVERAGE
+        or held > HELD
+        or "contrast" not in evidence
+    )
+
+
+def worth(candidate: TrackCandidate) -> float:
+    """How good a candidate is: found often, the same body throughout, and few doubts; 0 for none."""
+    if not candidate.tracks:
+        return 0.0
+    values = []
+    for track in candidate.tracks:
+        quality = track.quality or TrackQuality()
+        same = quality.evidence.get("same body", 0.5)
+        found = 0.5 + 0.5 * quality.evidence["coverage"]
+        values.append(same * found * 0.6 ** len(quality.doubts))
+    return float(np.mean(values))
+
+
+def choose(video: FrameSource, options: TrackOptions) -> tuple[TrackCandidate, list[TrackCandidate]]:
+    """The candidate that is taken, and all that were tried.
+
+    Raises
+    ------
+    TrackingError
+        When no way follows the bodies, as the first of them says it.
+    DataError, UnknownNameError
+        When the options do not fit the clip.
+    """
+    choice = Choice(SampledOnce(video), view_of(video, options), options)
+    chosen: TrackCandidate | None = None
+    for way in _ways(choice):
+        candidate = choice.attempt(way)
+        if chosen is None and candidate.tracks and not candidate.doubtful:
+            chosen = candidate
+        if chosen is not None and options.explain is None:
+            break
+    best = chosen or max(choice.candidates, key=worth)
+    if not best.tracks:
+        raise TrackingError(choice.candidates[0].refusal)
+    if options.explain is not None:
+        options.explain([replace(candidate, chosen=candidate is best) for candidate in choice.candidates])
+    return best, choice.candidates
+
+
+def _ways(choice: Choice) -> Iterator[Way]:
+    """The ways in the order in which they are tried; later ones are prepared only when they are needed."""
+    video, options = choice.video, choice.options
+    yield Way(FIRST, lambda: follow(video, options).tracks("auto", options))
+    if options.mask is not None:
+        return
+    if options.marks:
+        yield way_by_marks(video, choice.view, options)
+        return
+    if options.colour is not None:
+        yield _registered("colour", choice)
+    yield from ways_by_looks(video, choice.view, choice.frames, choice.kinds, options)
+    if not choice.candidates[0].tracks:
+        yield _registered(RIVAL, choice)
+
+
+def _registered(name: str, choice: Choice) -> Way:
+    return Way(name, lambda: TRACKERS[name].track(choice.video, choice.options))
