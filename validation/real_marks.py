@@ -45,7 +45,7 @@ class MarkedClip:
         return DATA / self.clip
 
     def marks(self) -> pd.DataFrame:
-        """Columns frame, body, x_px, y_px, radius_px and state: free, held, or out (of the image)."""
+        """Columns frame, body, x_px, y_px, radius_px and state: free, held, edge (cut by it), or out (of the image)."""
         return pd.read_csv(MARKS / f"{self.name}.csv")
 
 

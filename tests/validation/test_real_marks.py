@@ -80,6 +80,11 @@ def test_a_body_in_a_hand_must_be_said_to_be_held():
     assert not score([a_track(100.0, hand=np.ones(40, dtype=bool))], rows, WIDTH).wrong
 
 
+def test_a_body_cut_by_the_edge_of_the_image_does_not_count():
+    rows = pd.concat([marks_at(100.0), marks((35, 1, 5.0, 100.0, 10.0, "edge"))])
+    assert score([a_track(100.0, valid=FRAMES < 33)], rows, WIDTH).followed
+
+
 def test_every_second_new_clip_is_sealed_and_the_known_ones_are_open():
     rows = pd.read_csv(MARKS / "clips.csv", keep_default_na=False)
     new = [clip for clip in rows["clip"] if clip.startswith("world/")]
@@ -92,7 +97,7 @@ def test_marks_are_whole():
     for clip in marked_clips():
         rows = clip.marks()
         assert list(rows.columns) == ["frame", "body", "x_px", "y_px", "radius_px", "state"], clip.name
-        assert set(rows["state"]) <= {"free", "held", "out"}, clip.name
+        assert set(rows["state"]) <= {"free", "held", "edge", "out"}, clip.name
         assert sorted(set(rows["body"])) == list(range(1, clip.bodies + 1)), clip.name
         assert not rows.duplicated(["frame", "body"]).any(), clip.name
         in_view = rows[rows["state"] != "out"]
