@@ -6,6 +6,7 @@ import io
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +15,7 @@ import typer
 from iris_sysid.errors import IrisError, OutputError
 
 if TYPE_CHECKING:
-    from iris_sysid.types import FitResult, Trajectory
+    from iris_sysid.types import FitResult, OdeModel, Track, Trajectory
 
 
 def check_outputs(source: Path, paths: Sequence[Path | None], *, overwrite: bool) -> None:
@@ -45,6 +46,50 @@ def check_suffix(path: Path | None, suffix: str) -> None:
         raise OutputError(f"cannot write {path}: it will be a {suffix} file; end its name with {suffix}")
 
 
+def read_tables(tables: Sequence[Path], columns: str | None, model: OdeModel | None = None) -> list[Trajectory]:
+    """Read trajectories, and tell on stderr what was made of their columns.
+
+    The only quantity of the unit that ``model`` observes is taken for that quantity, whatever its name.
+    """
+    from iris_sysid.io.csv_read import read_trajectory
+    from iris_sysid.io.table_headers import parse_columns
+
+    stated = None if columns is None else parse_columns(columns)
+    clips = []
+    for table in tables:
+        clips.append(read_trajectory(table, stated))
+        for text in clips[-1].origin.get("read_as", ()):
+            typer.echo(one_line(f"{table}: {text}"), err=True)
+        if model is not None:
+            clips[-1], text = _as_observed(clips[-1], model)
+            if text:
+                typer.echo(one_line(f"{table}: {text}"), err=True)
+    return clips
+
+
+def _as_observed(clip: Trajectory, model: OdeModel) -> tuple[Trajectory, str]:
+    """The clip with its only fitting quantity under the name that the model observes, and what to say of it."""
+    observed, names = [quantity.name for quantity in model.observed], [quantity.name for quantity in clip.quantities]
+    idle = [name for name in names if name not in observed]
+    if len(idle) < len(names):
+        return clip, f"{', '.join(idle)} is not observed by the model {model.name}: not used" if idle else ""
+    wanted = model.observed[0]
+    same = [quantity for quantity in clip.quantities if quantity.unit in (wanted.unit, wanted.unit.replace("m", "px"))]
+    if len(observed) > 1 or len(same) != 1:
+        return clip, ""
+    named = [wanted if quantity is same[0] else quantity for quantity in clip.quantities]
+    quantities = tuple(replace(new, unit=old.unit) for new, old in zip(named, clip.quantities, strict=True))
+    rest = f"; {', '.join(name for name in idle if name != same[0].name)} not used" if len(idle) > 1 else ""
+    return clip.with_(quantities=quantities), f"{wanted.name} of the model {model.name} = {same[0].name}{rest}"
+
+
+def quality_word(track: Track) -> str:
+    """``good`` or ``doubtful``; empty where nothing judged the track."""
+    if track.quality is None:
+        return ""
+    return "doubtful" if track.quality.doubtful else "good"
+
+
 def show_fit(fit: FitResult, trajectory: Trajectory, json: bool) -> None:
     """Print a fit to stdout: as fit.json, or as a small table.
 
@@ -60,6 +105,8 @@ def show_fit(fit: FitResult, trajectory: Trajectory, json: bool) -> None:
     from iris_sysid.io import json_documents
     from iris_sysid.report.text import fit_table
 
+    for doubt in trajectory.doubts:
+        typer.echo(f"warning: the track is doubtful: {doubt.text}", err=True)
     typer.echo(json_documents.fit_json(fit, trajectory).rstrip("\n") if json else fit_table(fit))
 
 

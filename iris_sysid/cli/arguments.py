@@ -12,7 +12,11 @@ if TYPE_CHECKING:
     from iris_sysid.types import ClipOptions
 
 Video = Annotated[Path, typer.Argument(help="Video, folder of images, GIF, or .zip/.trz that holds one.")]
-Table = Annotated[Path, typer.Argument(help="CSV with t_s and <quantity>_<unit> columns.")]
+TABLE = "Table with t_s and <quantity>_<unit> columns, or of another program (CSV, text, Excel)"
+Table = Annotated[Path, typer.Argument(help=f"{TABLE}.")]
+Columns = Annotated[
+    str | None, typer.Option(help='Columns of a table of another program: "t=Zeit (s),theta[deg]=Winkel".')
+]
 Output = Annotated[Path, typer.Option("-o", "--output", help="File or folder for the result.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing results.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON to stdout.")]
@@ -21,6 +25,13 @@ Start = Annotated[float | None, typer.Option(help="Start time in s; earlier fram
 Stop = Annotated[float | None, typer.Option(help="Stop time in s; later frames are skipped.")]
 Roi = Annotated[str | None, typer.Option(help="Region of interest: x,y,width,height in px.")]
 Colour = Annotated[str | None, typer.Option("--colour", "--color", help="Colour of the body: a name or #rrggbb.")]
+TransferCurve = Annotated[
+    str | None,
+    typer.Option(
+        "--transfer",
+        help="Camera's curve from light to grey levels, for brightness: srgb, bt709, linear, gamma=2.2, bt709+-5%.",
+    ),
+]
 Bodies = Annotated[int | None, typer.Option(help="Number of bodies to track.", min=1, max=64)]
 TrackerName = Annotated[
     str | None, typer.Option("--tracker", help="Tracker name; see iris-sysid list. Or FILE.py:NAME.")
@@ -36,7 +47,13 @@ ScaleBar = Annotated[str | None, typer.Option(help="Two points at a known distan
 CalibrationFile = Annotated[Path | None, typer.Option("--calibration", help="calibration.json, or a .trk/.trz file.")]
 Marks = Annotated[
     list[str] | None,
-    typer.Option("--mark", help="Mark a point in px: pivot=437,42, launch=5,103; or a line: plumb=x1,y1,x2,y2."),
+    typer.Option(
+        "--mark",
+        help="Mark in px: a point, pivot=437,42, launch=5,103; a line, plumb=x1,y1,x2,y2; a body, 1=120,88@frame.",
+    ),
+]
+BodyMarks = Annotated[
+    list[str] | None, typer.Option("--mark", help="A body is at x, y px in a frame: 1=120,88@35. Repeat it.")
 ]
 Vertical = Annotated[str, typer.Option(help="Direction of gravity: assumed, or motion (estimated from the flight).")]
 TimeBase = Annotated[str, typer.Option(help="Standard error of the frame rate: 0.01% or 50ppm.")]
@@ -76,6 +93,7 @@ class TrackerArguments:
     roi: Roi = None
     colour: Colour = None
     tracker: TrackerName = None
+    transfer: TransferCurve = None
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import Force, Free, Json, Output, Settings
+from iris_sysid.cli.arguments import TABLE, Columns, Force, Free, Json, Output, Settings
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 Clips = Annotated[
     list[Path],
-    typer.Argument(help="CSV with t_s and <quantity>_<unit> columns; folders of them, of run, or a data set."),
+    typer.Argument(help=f"{TABLE}; folders of them, of run, or a data set."),
 ]
 Model = Annotated[str | None, typer.Option("--model", help="Governing equation; see list. Or FILE.py:NAME.")]
 Effects = Annotated[list[str] | None, typer.Option("--effect", help="Try an effect of your own as well: FILE.py:NAME.")]
@@ -35,6 +35,7 @@ def diagnose(
     model: Model = None,
     phenomenon: Phenomenon = None,
     effect: Effects = None,
+    columns: Columns = None,
     known: Settings = None,
     free: Free = None,
     sensor: Sensor = None,
@@ -64,13 +65,14 @@ def diagnose(
     fixed = _parsing.settings(known or (), equation.units())
     options = {
         "model": equation.name if model is None else model,
+        "columns": columns,
         "set": known,
         "free": free,
         "sensor": sensor,
         "holdout": holdout,
     }
     stated = _parsing.sensor(sensor)
-    measured = _measured(clips, phenomenon, output, trials, board, square)
+    measured = _measured(clips, equation, columns, phenomenon, output, trials, board, square)
     # imported after the clips are read, so that an unreadable file is reported without delay
     from iris_sysid.diagnosis.diagnose import diagnose as find_missing_effects
     from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
@@ -108,10 +110,17 @@ def _equation(model: str | None, phenomenon: str | None) -> "tuple[OdeModel, Seq
 
 
 def _measured(
-    clips: list[Path], phenomenon: str | None, output: Path, trials: int | None, board: str | None, square: str | None
+    clips: list[Path],
+    model: "OdeModel",
+    columns: str | None,
+    phenomenon: str | None,
+    output: Path,
+    trials: int | None,
+    board: str | None,
+    square: str | None,
 ) -> "list[Trajectory]":
     """The trajectories of tables and folders; clips of a data set are measured, with results beside the output."""
-    from iris_sysid.benchmark.clip_folders import clips_of, clips_of_dataset, is_dataset
+    from iris_sysid.benchmark.clip_folders import clips_of_dataset, is_dataset, tables_in
     from iris_sysid.cli import _parsing
     from iris_sysid.errors import DataError
     from iris_sysid.io.schemas.groundtruth import MeasuredDocument
@@ -124,7 +133,7 @@ def _measured(
     trajectories: list[Trajectory] = []
     for path in clips:
         if not is_dataset(path):
-            trajectories += clips_of([path])
+            trajectories += _terminal.read_tables(tables_in(path), columns, model)
             continue
         if phenomenon is None:
             raise DataError(f"{path} is a data set: choose its clips, e.g. --phenomenon pendulum")

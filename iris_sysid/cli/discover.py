@@ -6,14 +6,15 @@ from typing import Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import Force, Json, Output, Settings
+from iris_sysid.cli.arguments import TABLE, Columns, Force, Json, Output, Settings
 
-Tables = Annotated[list[Path], typer.Argument(help="CSV with t_s and <quantity>_<unit> columns; several clips of one.")]
+Tables = Annotated[list[Path], typer.Argument(help=f"{TABLE}; several clips of one.")]
 
 
 def discover(
     tables: Tables,
     output: Output,
+    columns: Columns = None,
     quantity: Annotated[list[str] | None, typer.Option(help="Use only this quantity, e.g. theta.")] = None,
     known: Settings = None,
     residual_of: Annotated[str | None, typer.Option(help="Keep this model's terms; find the missing ones.")] = None,
@@ -32,7 +33,6 @@ def discover(
     from fitters.sindy import discover as find
     from iris_sysid.cli import _parsing
     from iris_sysid.io import discovery_json, files, json_documents
-    from iris_sysid.io.csv_read import read_trajectory
     from iris_sysid.registry import MODELS
     from iris_sysid.report.text import discovery_sentence, discovery_text
 
@@ -41,8 +41,8 @@ def discover(
     _terminal.check_suffix(plot, ".png")
     units = {parameter.name: parameter.unit for model in MODELS.values() for parameter in model.parameters}
     constants = _parsing.settings(known or (), units)
-    options = {"quantity": quantity, "set": known, "residual_of": residual_of, "seed": seed}
-    clips = [_parsing.with_options(read_trajectory(table), **options) for table in tables]
+    options = {"columns": columns, "quantity": quantity, "set": known, "residual_of": residual_of, "seed": seed}
+    clips = [_parsing.with_options(clip, **options) for clip in _terminal.read_tables(tables, columns)]
     discovery = find(clips, quantities=quantity or (), known=constants, residual_of=residual_of, seed=seed)
     document = discovery_json.discovery_document(discovery, discovery_sentence(discovery))
     json_documents.write_document(document, output, overwrite=force)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import Force, Free, Json, ModelName, Output, Settings, Starts
+from iris_sysid.cli.arguments import TABLE, Columns, Force, Free, Json, ModelName, Output, Settings, Starts
 
 if TYPE_CHECKING:
     from iris_sysid.types import Estimate, FitResult, OdeModel, Trajectory
@@ -17,9 +17,10 @@ AUTO = "auto"
 
 
 def fit(
-    tables: Annotated[list[Path], typer.Argument(help="CSV with t_s and <quantity>_<unit> columns; several clips.")],
+    tables: Annotated[list[Path], typer.Argument(help=f"{TABLE}; several clips.")],
     model: ModelName,
     output: Output,
+    columns: Columns = None,
     known: Settings = None,
     free: Free = None,
     start: Starts = None,
@@ -40,7 +41,6 @@ def fit(
     """
     from iris_sysid.cli import _parsing
     from iris_sysid.errors import DataError
-    from iris_sysid.io.csv_read import read_trajectory
     from iris_sysid.registry import MODELS
 
     for table in tables:
@@ -57,13 +57,14 @@ def fit(
     fixed, first = (_parsing.settings(texts or (), units) for texts in (known, start))
     options = {
         "model": model,
+        "columns": columns,
         "set": known,
         "free": free,
         "start_at": start,
         "shared": shared,
         "uncertainty": uncertainty,
     }
-    clips = [_parsing.with_options(read_trajectory(table), **options) for table in tables]
+    clips = [_parsing.with_options(clip, **options) for clip in _terminal.read_tables(tables, columns, chosen)]
     if chosen is None:
         _choose(clips[0], free or [], output, force, json)
         return

@@ -3,10 +3,10 @@
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import Force, Output, Table
+from iris_sysid.cli.arguments import Columns, Force, Output, Table
 
 
-def smooth(table: Table, output: Output, force: Force = False) -> None:
+def smooth(table: Table, output: Output, columns: Columns = None, force: Force = False) -> None:
     """Smooth a trajectory and add its velocities. Kalman filter and Rauch-Tung-Striebel; gaps are bridged.
 
     \b
@@ -14,11 +14,10 @@ def smooth(table: Table, output: Output, force: Force = False) -> None:
       iris-sysid smooth trajectory.csv -o smoothed.csv
     """
     from iris_sysid.io import csv_write
-    from iris_sysid.io.csv_read import read_trajectory
     from iris_sysid.trajectory import smoothing
 
     _terminal.check_outputs(table, [output], overwrite=force)
-    smoothed = smoothing.smooth(read_trajectory(table))
+    smoothed = smoothing.smooth(*_terminal.read_tables([table], columns))
     csv_write.write_trajectory(smoothed, output, overwrite=force)
     state = smoothed.smoothed
     assert state is not None

@@ -6,8 +6,9 @@ import csv
 import io
 import math
 import re
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
 
@@ -21,17 +22,22 @@ BLANK = frozenset({"", "nan", "NaN", "NAN", "NA", "N/A", "null", "None"})
 FLAGS = {"1": 1.0, "0": 0.0, "true": 1.0, "false": 0.0, "1.0": 1.0, "0.0": 0.0} | dict.fromkeys(
     (text.lower() for text in BLANK), math.nan
 )
+FIRST_LINE = 100_000  # bytes in which the header of an own table ends
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Sheet:
-    """The cells of a file: ``columns`` by header, all of one length, and the ``lines`` they stand in."""
+    """The cells of a file: ``columns`` by header, all of one length, and the ``lines`` they stand in.
+
+    ``factors``: from the number in a cell to the unit of its header, where that is not 1.
+    """
 
     label: str
     columns: dict[str, list[str]]
     lines: list[int]
     decimal_comma: bool = False
+    factors: Mapping[str, float] = field(default_factory=dict)
 
     def __contains__(self, column: str) -> bool:
         return column in self.columns
@@ -69,7 +75,7 @@ class Sheet:
             self.refuse(column, int(np.argmax(np.isinf(values))), "is infinite; leave the cell blank for a gap")
         if not gaps and np.isnan(values).any():
             self.refuse(column, int(np.argmax(np.isnan(values))), "is blank or not a number; every row needs one")
-        return values
+        return values * self.factors[column] if column in self.factors else values
 
     def amounts(self, column: str) -> Array:
         """The column as numbers that are not below zero, NaN for a blank cell.
@@ -104,6 +110,17 @@ def _is_number(cell: str) -> bool:
     except ValueError:
         return cell in BLANK
     return "_" not in cell  # Python reads 1_0 as 10
+
+
+def is_own_table(path: str | Path) -> bool:
+    """Whether the first line of a file names a column ``t_s`` or ``x_px``, as this project's tables do."""
+    with suppress(OSError, ValueError):
+        with Path(path).open("rb") as file:
+            start = file.read(FIRST_LINE)
+        text = start.decode("utf-16" if start.startswith(UTF_16) else "utf-8-sig", errors="ignore").lstrip()
+        names = {name.strip(' "') for name in re.split(r"[,;\t]", re.split(r"[\r\n]", text, maxsplit=1)[0])}
+        return not names.isdisjoint(("t_s", "x_px"))
+    return False
 
 
 def read_sheet(path: str | Path) -> Sheet:

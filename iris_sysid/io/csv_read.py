@@ -10,12 +10,14 @@ from typing import Any, cast, get_args
 import numpy as np
 
 from iris_sysid.errors import DataError
-from iris_sysid.io.csv_cells import Sheet, read_sheet
+from iris_sysid.io.csv_cells import Sheet, is_own_table, read_sheet
 from iris_sysid.io.csv_columns import Column, Key, covariance_columns, parse_column
 from iris_sysid.io.dataframes import OPTIONAL_TRACK_COLUMNS, segment_labels
 from iris_sysid.io.files import origin_of, sha256_of
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import OriginDocument, number
+from iris_sysid.io.table_cells import read_cells
+from iris_sysid.io.table_headers import understood
 from iris_sysid.types import (
     TRACK_SIGMAS,
     Array,
@@ -46,6 +48,7 @@ TRACK_COLUMNS = (
     "hand",
     *TRACK_SIGMAS,
 )
+SORTED = "sort the rows by time, without duplicates"
 SPECIAL_COLUMNS = ("t_s", "valid", "segment")
 
 
@@ -74,7 +77,9 @@ def _times(sheet: Sheet, rows: Sequence[int] | None = None) -> Array:
     if late.size:
         before, row = rows[late[0]], rows[late[0] + 1]
         problem = f"is not later than {float(times[before])!r} in line {sheet.lines[before]}"
-        sheet.refuse("t_s", row, f"{problem}; sort the rows by time, without duplicates")
+        again = times[row] <= times[rows[0]] + abs(times[rows[-1]]) * 1e-3
+        remedy = "several runs below each other? write each to a table of its own" if again else SORTED
+        sheet.refuse("t_s", row, f"{problem}; {remedy}")
     return times[list(rows)]
 
 
@@ -109,6 +114,9 @@ def read_track(path: str | Path) -> list[Track]:
             sheet.refuse("body", row, "is blank; give the name of the body")
         bodies.setdefault(body, []).append(row)
     beside = {body: _beside_body(document, origin, body) for body in bodies}
+    if document is not None and document.camera_motion is not None:
+        for body, rows in bodies.items():
+            beside[body]["camera_motion"] = document.camera_motion.maps(columns["frame"][rows])
     return [_track(sheet, columns, body, rows, beside[body]) for body, rows in bodies.items()]
 
 
@@ -121,6 +129,7 @@ def _beside_body(document: OriginDocument | None, origin: Mapping[str, Any], bod
         "origin": {**origin, **document.bodies.get(body, {})},
         "error_autocorrelation": stated.autocorrelation() if stated else None,
         "quality": document.body_quality[body].quality() if body in document.body_quality else None,
+        **(document.body_brightness[body].fields() if body in document.body_brightness else {}),
     }
 
 
@@ -175,11 +184,21 @@ def _valid(sheet: Sheet, positions: Mapping[str, Array]) -> Mask:
 # --------------------------------------------------------------------------- trajectories
 
 
-def read_trajectory(path: str | Path) -> Trajectory:
-    """Read ``trajectory.csv``, or any CSV with ``t_s`` and columns ``<name>_<unit>``, e.g. ``t_s,theta_rad``.
+def read_trajectory(path: str | Path, columns: Mapping[str, str] | None = None) -> Trajectory:
+    """Read ``trajectory.csv``, any CSV with ``t_s`` and columns ``<name>_<unit>``, or a table of another program.
 
     A blank cell is a gap. Columns in another unit of the same kind (deg, cm, mm, ms, mV, ...) are converted to rad, m,
-    s, V, ..., which ``origin["converted"]`` says. Raises DataError that names line, column and cell.
+    s, V, ..., which ``origin["converted"]`` says. The table of another program is text with any separator, with
+    decimal commas, comments, several header rows or none, or an Excel file (``FILE.xlsx:SHEET``); what was made of its
+    columns is in ``origin["read_as"]``. Raises DataError that names line, column and cell, and where a unit is missing.
+
+    Parameters
+    ----------
+    path
+        The table.
+    columns
+        Column of each quantity where the header does not tell, by its title or its number from 1:
+        ``{"t": "Zeit (s)", "theta[deg]": "Winkel"}``; ``t[1/60 s]`` counts frames of 60 a second.
 
     Examples
     --------
@@ -191,17 +210,23 @@ def read_trajectory(path: str | Path) -> Trajectory:
     >>> trajectory.quantities[0].name, trajectory.valid.tolist()
     ('theta', [True, True, False, True])
     """
+    if columns is not None or not is_own_table(path):
+        cells = read_cells(path)
+        sheet, read_as = understood(cells, columns)
+        return _trajectory(sheet, None, {**origin_of(cells.file, {}), "read_as": list(read_as)})
     sheet = read_sheet(path)
     if "x_px" in sheet and ("body" in sheet or "frame" in sheet):
         raise DataError(f"{sheet.label} is a track, in pixels; it needs read_track and to_world, or iris-sysid run")
-    _require(sheet, ("t_s",), "a trajectory has t_s in s and columns such as theta_rad, x_m")
+    return _trajectory(sheet, *_read_beside(path))
+
+
+def _trajectory(sheet: Sheet, document: OriginDocument | None, origin: Mapping[str, Any]) -> Trajectory:
     columns = _columns(sheet)
     plain = [column for column in columns.values() if column.part == "measured" and not column.is_sigma]
     measured = [column for column in plain if not column.is_input]
     inputs = [column for column in plain if column.is_input]
     if not measured:
         raise DataError(f"{sheet.label} has no quantity beside t_s; add a column such as theta_rad or x_m")
-    document, origin = _read_beside(path)
     converted = {column.header: column.unit for column in columns.values() if column.factor != 1}
     t_s = _times(sheet)
     positions = {column.header: _values(sheet, column) for column in measured}

@@ -17,7 +17,7 @@ TABLES = {
     "nan_time.csv": "t_s,theta_rad\n0,0.1\nnan,0.2\n0.1,0.3\n",
     "all_nan.csv": "t_s,theta_rad\n" + "".join(f"{k / 10},nan\n" for k in range(30)),
     "words.csv": "t_s,theta_rad\n0,0.1\n0.1,much\n",
-    "no_time.csv": "time,theta_rad\n0,0.1\n0.1,0.2\n",
+    "no_time.csv": "hours,theta_rad\n0,0.1\n0.1,0.2\n",
     "no_quantity.csv": "t_s\n0\n0.1\n",
     "no_unit.csv": "t_s,theta\n0,0.1\n0.1,0.2\n",
     "wrong_unit.csv": "t_s,theta_m\n" + "".join(f"{k / 10},{k % 7}\n" for k in range(30)),

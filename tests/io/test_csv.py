@@ -381,8 +381,8 @@ BAD_TABLES = [
     ("", "is empty: it needs a header line, e.g. t_s,theta_rad"),
     ("\n\n\n", "is empty"),
     ("t_s,theta_rad\n", "has a header but no line of data"),
-    ("time,theta_rad\n0,1\n", "has no column t_s; it has time, theta_rad; a trajectory has t_s in s"),
-    ("0,1\n0.1,2\n", "has no column t_s; it has 0, 1"),
+    ("hours,theta_rad\n0,1\n", "has no column t_s, nor one that is called a time; its columns are 'hours'"),
+    ("0,1\n0.1,2\n", "has no column t_s, nor one that is called a time; its columns are '1', '2'"),
     ("t_s\n0\n1\n", "has no quantity beside t_s; add a column such as theta_rad"),
     ("t_s,u_V\n0,1\n1,1\n", "has no quantity beside t_s"),
     ("t_s,theta_rad,theta_rad\n0,1,2\n", "two columns 'theta_rad'; rename or delete one"),
@@ -426,11 +426,11 @@ BAD_TABLES = [
     ("t_s,x_m\n0," + "1" * 200_000 + "\n", r"line 2: field larger than field limit \(131072\)"),
     ('t_s,x_m\n0,"1\n1,2\n', "line 2 has 2 cells|not a number"),
     ("t_s,x_m\n0," + "z" * 1000 + "\n", "line 2, column x_m: .{1,60} is not a number"),
-    (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "is not text: byte 0 is 0x89; is it a CSV file, saved as UTF-8"),
-    (b"PK\x03\x04\x14\0\x06\0", "is not a CSV file: it holds NUL bytes"),
+    (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "is not a table: it holds NUL bytes"),
+    (b"PK\x03\x04\x14\0\x06\0", "cannot be read as an Excel file"),
     (b"t_s,\xe4_m\n0,1\n", "is not text: byte 4 is 0xe4"),
     ("t_s,x_m\n0,1\n".encode("utf-16-le"), "holds NUL bytes"),
-    (b"\xff\xfet\0_", "is not text: byte 2 is 0x74|is not text"),
+    (b"\xff\xfet\0_", "is not a table: it holds NUL bytes"),
 ]
 
 

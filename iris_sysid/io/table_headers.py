@@ -1,0 +1,350 @@
+"""What the columns of a table mean: name and unit from its header in the words of any program, or as the user says.
+
+The columns that are understood get the names of this project's own tables, ``theta_deg`` for ``Winkel (°)``, and what
+was understood is said. A unit is never assumed in silence: a position without one is refused with the option that
+states it, a time without one is in seconds and said to be so.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import unicodedata
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from iris_sysid.errors import DataError
+from iris_sysid.io.csv_cells import BLANK, Sheet
+from iris_sysid.io.csv_columns import SUFFIXES
+from iris_sysid.io.table_cells import Cells
+from iris_sysid.units import COLUMN_UNITS
+
+EXAMPLE = 'e.g. --columns "t=Zeit (s),theta[deg]=Winkel"'
+# how programs and people spell a unit -> its name in a column of this project, and a factor to that
+SPELLED: Mapping[str, tuple[str, float]] = {
+    **{name: (name, 1.0) for name in (*COLUMN_UNITS, *SUFFIXES) if name != "1"},
+    **dict.fromkeys(
+        ("sec", "secs", "second", "seconds", "sek", "sekunden", "segundos", "secondes", "sek."), ("s", 1.0)
+    ),
+    **dict.fromkeys(("msec", "millisecond", "milliseconds", "millisekunden", "milisegundos"), ("ms", 1.0)),
+    **dict.fromkeys(("µs", "us", "μs", "microseconds"), ("ms", 1e-3)),
+    **dict.fromkeys(("min", "minutes", "minuten", "minutos"), ("s", 60.0)),
+    **dict.fromkeys(("°", "º", "degree", "degrees", "grad", "graus", "grados", "degres", "gradi"), ("deg", 1.0)),
+    **dict.fromkeys(("radian", "radians", "radiant", "radianes", "radianos"), ("rad", 1.0)),
+    **dict.fromkeys(("meter", "meters", "metre", "metres", "metro", "metros"), ("m", 1.0)),
+    **dict.fromkeys(("centimeter", "centimeters", "centimetre", "centimetres"), ("cm", 1.0)),
+    **dict.fromkeys(("millimeter", "millimeters", "millimetre", "millimetres"), ("mm", 1.0)),
+    **dict.fromkeys(("in", "inch", "inches", "zoll"), ("m", 0.0254)),
+    **dict.fromkeys(("ft", "foot", "feet"), ("m", 0.3048)),
+    "km": ("m", 1000.0),
+    **dict.fromkeys(("pixel", "pixels", "pix", "pxl"), ("px", 1.0)),
+    **dict.fromkeys(("volt", "volts"), ("V", 1.0)),
+    **dict.fromkeys(("°/s", "degrees/s", "grad/s"), ("deg_s", 1.0)),
+}
+TIMES = (
+    "t",
+    "time",
+    "times",
+    "zeit",
+    "temps",
+    "tiempo",
+    "tempo",
+    "tid",
+    "tijd",
+    "czas",
+    "cas",
+    "timestamp",
+    "timestamps",
+)
+# words for a quantity -> its name here
+QUANTITIES: Mapping[str, str] = {
+    **dict.fromkeys(
+        ("theta", "θ", "angle", "winkel", "angulo", "angolo", "vinkel", "hoek", "kat", "phi", "φ"), "theta"
+    ),
+    **dict.fromkeys(("z", "height", "hohe", "altura", "altezza", "hauteur", "elevation"), "z"),
+    **dict.fromkeys(("level", "liquid_level", "fullhohe", "nivel"), "h"),
+}
+FRAMES = ("frame", "frames", "bild", "image", "index", "step")
+BRACKETED = re.compile(r"(?P<name>.*?)\s*[\(\[]\s*(?P<unit>[^()\[\]]*?)\s*[\)\]]\s*")
+RATE = r"(?:/s(?:\^?[23]|²)?)?"
+DIVIDED = re.compile(rf"(?P<name>.*?)(?:\s*/\s*|\s+in\s+)(?P<unit>[^\s/]+{RATE})\s*")
+ENDING = re.compile(rf"(?P<name>.*?)[_\s]+(?P<unit>(?![AVNKWL1]\b)[^\s/_]+{RATE})\s*")  # ball_A is no current
+STATED = re.compile(
+    r"(?P<name>[A-Za-z]\w*)\s*(?:\[\s*(?:(?P<share>1/)?(?P<factor>-?[0-9]+\.?[0-9]*(?:[eE][-+]?[0-9]+)?)\s+)?(?P<unit>[^\]]*)\])?"
+)
+TIME_UNITS = ("s", "ms")
+ROW = -1  # stands for the number of the row, as a column
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """The ``column``, from 0, that holds the quantity ``name`` in ``unit`` (of COLUMN_UNITS) times ``factor``."""
+
+    column: int
+    name: str
+    unit: str
+    factor: float = 1.0
+
+    @property
+    def header(self) -> str:
+        """Name of the column in a table of this project."""
+        return f"{self.name}_{self.unit}"
+
+    @property
+    def unit_text(self) -> str:
+        """The unit with its factor, as the user may state it."""
+        unit = self.unit.replace("_s", "/s")
+        return f"{self.factor:g} {unit}" if self.factor != 1.0 else unit
+
+
+def understood(cells: Cells, stated: Mapping[str, str] | None = None) -> tuple[Sheet, tuple[str, ...]]:
+    """The columns that a trajectory takes, under this project's names, and what was understood of the header.
+
+    Parameters
+    ----------
+    cells
+        The cells of the table.
+    stated
+        Header, or number from 1, of the column of each quantity: ``{"t": "Zeit (s)", "theta[deg]": "Winkel"}``.
+        Only these columns are read; without it all that are understood.
+
+    Raises
+    ------
+    DataError
+        When a column is not there, has no unit that can be told, or is two quantities' at once.
+    """
+    titles = _titles(cells)
+    meanings = _stated(cells, titles, stated) if stated else _guessed(cells, titles)
+    _check_names(cells, meanings)
+    columns = {
+        "t_s" if meaning.name == "t" else meaning.header: _column_of(cells, meaning.column) for meaning in meanings
+    }
+    factors = {
+        "t_s" if meaning.name == "t" else meaning.header: factor
+        for meaning in meanings
+        if (factor := _factor(meaning)) != 1.0
+    }
+    sheet = Sheet(cells.label, columns, list(cells.lines), cells.decimal_comma, factors)
+    return sheet, (*cells.said, *_said(titles, meanings))
+
+
+def _column_of(cells: Cells, column: int) -> list[str]:
+    if column == ROW:
+        return [str(k) for k in range(len(cells.rows))]
+    return [row[column] for row in cells.rows]
+
+
+def _factor(meaning: Meaning) -> float:
+    """From the number in the file to the unit of the header: times are in seconds."""
+    return meaning.factor * (1e-3 if meaning.name == "t" and meaning.unit == "ms" else 1.0)
+
+
+def _said(titles: Sequence[str], meanings: Sequence[Meaning]) -> tuple[str, ...]:
+    read = [f"{meaning.name} = {_source(titles, meaning)} in {meaning.unit_text}" for meaning in meanings]
+    used = {meaning.column for meaning in meanings}
+    left = [repr(title)[:60] for k, title in enumerate(titles) if k not in used and title]
+    return (*read, *([f"left out: {', '.join(left[:8])}{', ...' if len(left) > 8 else ''}"] if left else ()))
+
+
+def _source(titles: Sequence[str], meaning: Meaning) -> str:
+    return "number of the row" if meaning.column == ROW else f"column {titles[meaning.column]!r:.60}"
+
+
+# --------------------------------------------------------------------------- header rows
+
+
+def _titles(cells: Cells) -> list[str]:
+    """One title a column: group and name joined, a row of units put in brackets; its number where there is none."""
+    header = [row for row in cells.header if sum(map(bool, row)) > 1 or len(row) == 1]
+    units: tuple[str, ...] = ()
+    if len(header) > 1 and all(_unit(cell) for cell in header[-1] if cell):
+        units, header = header[-1], header[:-1]
+    if not header:
+        return [f"{k}{_bracketed(units, k - 1)}" for k in range(1, len(cells.rows[0]) + 1)]
+    names = list(header[-1])
+    groups = _filled(header[-2]) if len(header) > 1 else [""] * len(names)
+    joined = [f"{group}/{name}" if group and name else name for group, name in zip(groups, names, strict=True)]
+    return [f"{title}{_bracketed(units, k)}" for k, title in enumerate(joined)]
+
+
+def _bracketed(units: Sequence[str], k: int) -> str:
+    return f" ({units[k].strip('()[] ')})" if units and units[k] else ""
+
+
+def _filled(groups: Sequence[str]) -> list[str]:
+    """Names of groups, each over the columns up to the next; none where all are of one group."""
+    filled, last = [], ""
+    for group in groups:
+        last = group or last
+        filled.append(last)
+    return filled if len(set(filled)) > 1 else [""] * len(filled)
+
+
+def _unit(text: str) -> tuple[str, float] | None:
+    """The unit's name in a column and a factor to it; None where it is no unit."""
+    plain = unicodedata.normalize("NFKD", text.strip().strip("()[] ").replace("²", "^2").replace("³", "^3"))
+    plain = "".join(letter for letter in plain if not unicodedata.combining(letter))
+    spelled = re.sub(r"/s\^?([23])$", r"_s\1", plain).replace("/s", "_s")
+    return next((SPELLED[form] for form in (text.strip(), plain, spelled, plain.lower()) if form in SPELLED), None)
+
+
+def _taken_apart(title: str) -> tuple[str, tuple[str, float] | None]:
+    """Name and unit of a title; no unit where none can be told."""
+    title = title.rpartition("/")[2] if "/" in title and _unit(title.rpartition("/")[2]) is None else title
+    for pattern in (BRACKETED, DIVIDED, ENDING):
+        match = pattern.fullmatch(title)
+        unit = _unit(match["unit"]) if match and match["name"] else None
+        if match and unit:
+            return match["name"], unit
+    return title, None
+
+
+def _plain(name: str) -> str:
+    """A name in small letters without accents, words joined by underscores."""
+    letters = unicodedata.normalize("NFKD", name.strip().lower())
+    return re.sub(r"\W+", "_", "".join(c for c in letters if not unicodedata.combining(c))).strip("_")
+
+
+# --------------------------------------------------------------------------- guess
+
+
+def _guessed(cells: Cells, titles: Sequence[str]) -> list[Meaning]:
+    """The time and every numeric column with a unit; DataError where that leaves no time or nothing to fit."""
+    numeric = [k for k in range(len(titles)) if _is_numeric(cells, k)]
+    time = _time(cells, titles, numeric)
+    meanings, unknown = [time], []
+    for k in numeric:
+        name, unit = _taken_apart(titles[k])
+        if k == time.column or _plain(name) in (*TIMES, *FRAMES) or not name:
+            continue
+        if unit is None or unit[0] not in COLUMN_UNITS:
+            unknown += [titles[k]] if unit is None else []  # a speed or an acceleration is read where it is asked for
+            continue
+        named = QUANTITIES.get(_plain(name), _plain(name))
+        if not re.match(r"[a-z]", named) or any(meaning.name == named for meaning in meanings):
+            unknown.append(titles[k])
+            continue
+        meanings.append(Meaning(k, named, *unit))
+    if len(meanings) > 1:
+        return _upwards(meanings)
+    wanted = ", ".join(f"{title!r:.40}" for title in unknown[:4]) or "none besides the time"
+    raise DataError(
+        f"{cells.label}: no column states a position, an angle or a level with its unit (columns: {wanted}); say what "
+        f'they hold with --columns, e.g. --columns "t={titles[time.column]},{_example(unknown)}"'
+    )
+
+
+def _example(unknown: Sequence[str]) -> str:
+    title = unknown[-1] if unknown else "Winkel"
+    name = QUANTITIES.get(_plain(_taken_apart(title)[0]), "x")
+    return f"{name}[{'rad' if name == 'theta' else 'm'}]={title:.60}"
+
+
+def _upwards(meanings: list[Meaning]) -> list[Meaning]:
+    """The same with y in a unit of length as z: outside of images y points upwards, which is called z here."""
+    names = {meaning.name for meaning in meanings}
+    if "x" not in names or "z" in names:
+        return meanings
+    return [replace(each, name="z") if each.name == "y" and each.unit != "px" else each for each in meanings]
+
+
+def _time(cells: Cells, titles: Sequence[str], numeric: Sequence[int]) -> Meaning:
+    """The column of the times; in seconds where it states no unit, which is said with what was read."""
+    for k in numeric:
+        name, unit = _taken_apart(titles[k])
+        if _plain(name) in TIMES and (unit is None or unit[0] in TIME_UNITS):
+            return Meaning(k, "t", *(unit or ("s", 1.0)))
+    have = ", ".join(f"{title!r:.40}" for title in titles[:12])
+    raise DataError(
+        f"{cells.label} has no column t_s, nor one that is called a time; its columns are {have}; say which it is, "
+        f"{EXAMPLE}; numbers of frames are t[1/60 s]=frame, rows at equal steps t[0.02 s]=row"
+    )
+
+
+def _is_numeric(cells: Cells, k: int) -> bool:
+    """Whether most filled cells of a column are numbers."""
+    filled = [row[k] for row in cells.rows if row[k] and row[k] not in BLANK]
+    numbers = sum(_reads(cell.replace(",", ".") if cells.decimal_comma else cell) for cell in filled)
+    return bool(filled) and numbers > 0.9 * len(filled)
+
+
+def _reads(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+# --------------------------------------------------------------------------- as the user says
+
+
+def parse_columns(text: str) -> dict[str, str]:
+    """Read ``t=Zeit (s),theta[deg]=Winkel`` into the title of each quantity's column; DataError otherwise."""
+    stated: dict[str, str] = {}
+    for part in re.split(r",(?=\s*[A-Za-z]\w*\s*(?:\[[^\]]*\])?\s*=)", text):
+        name, equals, title = part.partition("=")
+        match = STATED.fullmatch(name.strip())
+        if not equals or match is None or not title.strip():
+            raise DataError(f"cannot read {part.strip()!r:.80} in --columns: write name[unit]=header, {EXAMPLE}")
+        if match["name"] in (STATED.fullmatch(other)["name"] for other in stated):  # type: ignore[index]  # matched
+            raise DataError(f"--columns states {match['name']!r:.40} twice")
+        stated[name.strip()] = title.strip().strip('"')
+    return stated
+
+
+def _stated(cells: Cells, titles: Sequence[str], stated: Mapping[str, str]) -> list[Meaning]:
+    meanings = [_one_stated(cells, titles, name, title) for name, title in stated.items()]
+    if not any(meaning.name == "t" for meaning in meanings):
+        meanings.insert(0, _time(cells, titles, [k for k in range(len(titles)) if _is_numeric(cells, k)]))
+    if len(meanings) < 2:
+        raise DataError(f"--columns names the time only; name a quantity as well, {EXAMPLE}")
+    return meanings
+
+
+def _one_stated(cells: Cells, titles: Sequence[str], name: str, title: str) -> Meaning:
+    match = STATED.fullmatch(name.strip())
+    if match is None:
+        raise DataError(f"cannot read the column name {name!r:.60}: write name or name[unit], {EXAMPLE}")
+    column = ROW if title == "row" and title not in titles else _column(cells, titles, title)
+    titled = None if column == ROW else _taken_apart(titles[column])[1]
+    unit = _unit(match["unit"]) if match["unit"] is not None else titled
+    if unit is None and match["name"] == "t" and match["unit"] is None:
+        unit = ("s", 1.0)
+    if unit is None or (match["name"] == "t" and unit[0] not in TIME_UNITS):
+        asked = f"no unit {match['unit']!r:.30}" if match["unit"] is not None else "no unit"
+        raise DataError(
+            f"column {title!r:.60} has {asked}; state it as {match['name']}[unit]={title:.60}; "
+            f"units are {', '.join(COLUMN_UNITS)}"
+        )
+    meaning = Meaning(column, match["name"], *unit)
+    if match["factor"]:
+        number = float(match["factor"])
+        if not math.isfinite(number) or number == 0 or (number < 0 and meaning.name == "t"):
+            raise DataError(
+                f"cannot read the unit of {name!r:.60}: write a factor as in t[1/60 s]=frame, z[-1 m]=depth"
+            )
+        meaning = replace(meaning, factor=meaning.factor * (1 / number if match["share"] else number))
+    return meaning
+
+
+def _column(cells: Cells, titles: Sequence[str], wanted: str) -> int:
+    """The column of a title, of its name without the unit, or of its number from 1."""
+    same = [k for k, title in enumerate(titles) if title == wanted]
+    same = same or [k for k, title in enumerate(titles) if title.casefold() == wanted.casefold()]
+    same = same or [k for k, title in enumerate(titles) if _plain(_taken_apart(title)[0]) == _plain(wanted)]
+    if not same and wanted.isdigit() and 1 <= int(wanted) <= len(titles):
+        return int(wanted) - 1
+    if len(same) == 1:
+        return same[0]
+    have = ", ".join(f"{title!r:.40}" for title in titles[:20])
+    problem = "more than one column" if same else "no column"
+    raise DataError(f"{cells.label} has {problem} {wanted!r:.60}; its columns are {have}; a number counts from 1")
+
+
+def _check_names(cells: Cells, meanings: Sequence[Meaning]) -> None:
+    seen: dict[str, Meaning] = {}
+    for meaning in meanings:
+        if meaning.name in seen:
+            raise DataError(f"{cells.label}: two columns hold {meaning.name!r:.40}; name one with --columns, {EXAMPLE}")
+        seen[meaning.name] = meaning
