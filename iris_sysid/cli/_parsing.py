@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Literal, TypeVar, cast, get_args
 
 from iris_sysid.errors import CalibrationError, DataError
 from iris_sysid.io.files import origin_of
-from iris_sysid.types import Calibration, Estimate, Sensor, TrackOptions, Trajectory
+from iris_sysid.types import (
+    Calibration,
+    Estimate,
+    Sensor,
+    TrackOptions,
+    Trajectory,
+    Transfer,
+    transfer_tagged,
+)
 from iris_sysid.units import (
     ANGLES,
     FRACTIONS,
@@ -82,6 +90,20 @@ def numbers(text: str | None, names: str) -> tuple[float, ...] | None:
 def fraction(text: str) -> float:
     """Read a relative standard error: ``0.01%`` or ``50ppm``."""
     return parse_measure(text, FRACTIONS, "0.01% or 50ppm").value
+
+
+def transfer(text: str | None) -> Transfer | None:
+    """Read ``srgb``, ``gamma=2.2`` or ``bt709+-5%``: the curve of a camera and the relative error of its exponent."""
+    if text is None:
+        return None
+    name, plus_minus, error = (part.strip() for part in text.lower().partition("+-"))
+    try:
+        curve = transfer_tagged(name)
+    except ValueError:
+        curve = None
+    if curve is None:
+        raise DataError(f"cannot read the transfer function {text!r}: write srgb, bt709, linear, hlg, pq or gamma=2.2")
+    return replace(curve, source="given", stderr=fraction(error) if plus_minus else curve.stderr)
 
 
 def region(text: str | None) -> tuple[int, int, int, int] | None:
@@ -255,7 +277,12 @@ def metres_of(scale: str | None, scale_bar: str | None, file: Path | None, *, ne
 
 
 def track_options(
-    bodies: int, roi: str | None, colour: str | None, progress: Callable[[int, int], None] | None = None
+    bodies: int,
+    roi: str | None,
+    colour: str | None,
+    progress: Callable[[int, int], None] | None = None,
+    *,
+    curve: str | None = None,
 ) -> TrackOptions:
     """The options of any tracker.
 
@@ -269,8 +296,10 @@ def track_options(
         A name or ``#rrggbb``.
     progress
         Called with (frames done, frames expected).
+    curve
+        The camera's transfer function, as :func:`transfer` reads it.
     """
-    return TrackOptions(bodies=bodies, roi=region(roi), colour=colour, progress=progress)
+    return TrackOptions(bodies=bodies, roi=region(roi), colour=colour, progress=progress, transfer=transfer(curve))
 
 
 def with_options(trajectory: Trajectory, **options: object) -> Trajectory:

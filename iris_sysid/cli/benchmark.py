@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import Force, Fps, Output
+from iris_sysid.cli.arguments import Force, Fps, Output, TransferCurve
 from iris_sysid.errors import DataError
 
 if TYPE_CHECKING:
@@ -51,6 +51,7 @@ def benchmark(
     robustness: Robustness = 0,
     reference: Reference = None,
     fps: Fps = None,
+    transfer: TransferCurve = None,
     workers: Workers = 1,
     seed: Seed = 0,
     force: Force = False,
@@ -66,6 +67,7 @@ def benchmark(
     from iris_sysid.benchmark.build import Inputs, build, can_write
     from iris_sysid.benchmark.dataset_rows import ALL_STUDIES, Plan
     from iris_sysid.benchmark.groundtruth.measure import Conditions
+    from iris_sysid.cli import _parsing
     from iris_sysid.io.json_documents import read_document
     from iris_sysid.io.schemas.groundtruth import MeasuredDocument
 
@@ -75,7 +77,7 @@ def benchmark(
     plan = Plan(
         name=name or (dataset.resolve().name if dataset else ""),
         measured=MeasuredDocument() if measured is None else read_document(measured, MeasuredDocument),
-        conditions=Conditions(fps=fps, trials=trials),
+        conditions=Conditions(fps=fps, trials=trials, transfer=_parsing.transfer(transfer)),
         studies=tuple(choice for choice in study if choice != NO_STUDY) if study else ALL_STUDIES,
         studied=studied,
         robustness=robustness,
@@ -112,6 +114,7 @@ def _options(plan: Plan) -> dict[str, object]:
         "seed": plan.seed,
         "robustness": plan.robustness,
         "fps": plan.conditions.fps,
+        "transfer": plan.conditions.transfer.text if plan.conditions.transfer else None,
         "measured": plan.measured.model_dump(mode="json"),
     }
 

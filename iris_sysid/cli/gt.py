@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import Force, Fps, KeepPartial, TimeBase
+from iris_sysid.cli.arguments import Force, Fps, KeepPartial, TimeBase, TransferCurve
 
 
 def gt(
@@ -21,6 +21,7 @@ def gt(
     fps: Fps = None,
     time_base: TimeBase = "0%",
     keep_partial: KeepPartial = False,
+    transfer: TransferCurve = None,
     diagnose: Annotated[bool, typer.Option("--diagnose", help="Look for effects missing in the equations.")] = False,
     template: Annotated[bool, typer.Option("--template", help="Print a template for --measured and stop.")] = False,
     force: Force = False,
@@ -52,7 +53,11 @@ def gt(
     if board is not None or square is not None:
         by_hand = direct.with_board(by_hand, _parsing.board(board, square))
     conditions = Conditions(
-        fps=fps, clock_stderr=_parsing.fraction(time_base), keep_partial=keep_partial, trials=trials
+        fps=fps,
+        clock_stderr=_parsing.fraction(time_base),
+        keep_partial=keep_partial,
+        trials=trials,
+        transfer=_parsing.transfer(transfer),
     )
     with _terminal.progress("measuring clips") as report_progress:
         measurements = measure(

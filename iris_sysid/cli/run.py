@@ -64,7 +64,9 @@ def run(
             calibration=calibration,
             settings=_parsing.settings(model.known or (), pipeline.accepted_settings(chosen)),
             free=model.free or (),
-            options=_parsing.track_options(chosen.bodies, tracking.roi, tracking.colour, report_progress),
+            options=_parsing.track_options(
+                chosen.bodies, tracking.roi, tracking.colour, report_progress, curve=tracking.transfer
+            ),
             clip=clip.options(_parsing.fraction(scene.time_base)),
             geometry=geometry,
         )

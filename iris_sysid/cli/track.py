@@ -65,7 +65,7 @@ def track(
         check_image_size(calibration.image_size, (opened.width, opened.height))
     with _terminal.progress("tracking") as report_progress:
         count = bodies or (chosen.bodies if chosen else 1)
-        options = _parsing.track_options(count, tracking.roi, tracking.colour, report_progress)
+        options = _parsing.track_options(count, tracking.roi, tracking.colour, report_progress, curve=tracking.transfer)
         if mask is not None:
             options = replace(options, mask=open_video(mask, fps=clip.fps or opened.rate or 60.0))
         tracks = pipeline.track(opened, name, options)

@@ -19,6 +19,7 @@ from iris_sysid.io.dataframes import estimates_frame, to_frame
 from iris_sysid.io.files import check_writable, sha256_of, write_atomic
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, write_document
 from iris_sysid.io.schemas import (
+    BrightnessEntry,
     ErrorAutocorrelationEntry,
     OriginDocument,
     TrackQualityEntry,
@@ -69,6 +70,8 @@ def write_track(tracks: Sequence[Track] | Track, path: str | Path, *, overwrite:
     beside["body_error_autocorrelation"] = {} if alike else known
     judged = {track.body: TrackQualityEntry.of(track.quality) for track in every}
     beside["body_quality"] = {body: entry for body, entry in judged.items() if entry is not None}
+    light = {track.body: BrightnessEntry.of(track) for track in every}
+    beside["body_brightness"] = {body: entry for body, entry in light.items() if entry is not None}
     return _write(frame, path, beside, overwrite=overwrite)
 
 

@@ -21,6 +21,9 @@ FORMATS = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov", ".mkv": "matroska"}
 QUEUE = 4  # frames in flight between rendering and encoding
 FULL_RANGE = 2  # AVCOL_RANGE_JPEG
 BT709 = 1
+# Transfer functions by number (ITU-T H.273, table 3)
+TRANSFER_TAGS = {"bt709": 1, "gamma=2.2": 4, "gamma=2.8": 5, "linear": 8, "srgb": 13, "pq": 16, "hlg": 18}
+UNSPECIFIED = 2
 
 
 class Encoder:
@@ -92,7 +95,8 @@ def _stream(container: Any, size: tuple[int, int], rate: Fraction, look: Look) -
     context = stream.codec_context
     context.time_base = 1 / rate
     context.color_range, context.colorspace = FULL_RANGE, BT709
-    context.color_primaries, context.color_trc = BT709, BT709
+    tag = look.transfer if look.transfer_tag is None else look.transfer_tag
+    context.color_primaries, context.color_trc = BT709, TRANSFER_TAGS.get(tag, UNSPECIFIED)
     context.thread_count = 1  # so that the bytes do not depend on the machine
     if look.codec == "h264":
         stream.bit_rate = int(look.bits_per_second(size, float(rate)))

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Any, Literal
 
 from iris_sysid.errors import DataError
+from iris_sysid.types import Transfer, transfer_tagged
 
 Codec = Literal["h264", "lossless", "ffv1"]
 CODECS: tuple[Codec, ...] = ("h264", "lossless", "ffv1")
@@ -28,7 +29,9 @@ class Look:
     axis, ``roll_deg`` about its line of sight; ``distortion`` radial k1, k2 as OpenCV defines them; ``shake_px``
     standard deviation of the camera's shaking at 1280 px width; ``dropped`` fraction of frames that the camera
     left out, their times kept. ``codec``: ``h264`` at ``bit_rate`` bits/s (None: a phone's, by size and rate),
-    ``lossless`` (H.264, quantiser 0) or ``ffv1``.
+    ``lossless`` (H.264, quantiser 0) or ``ffv1``. ``transfer`` is the camera's curve from light to grey levels, as
+    ``--transfer`` names it, by which light that a scene gives off is coded; ``transfer_tag`` what the file says of it
+    (None: the same; empty: nothing).
     """
 
     texture: float = 1.2
@@ -50,6 +53,8 @@ class Look:
     dropped: float = 0.0
     codec: Codec = "h264"
     bit_rate: float | None = None
+    transfer: str = "bt709"
+    transfer_tag: str | None = None
 
     def __post_init__(self) -> None:
         for name in ("texture", "shadow", "exposure_s", "read_noise", "shot_noise", "shake_px"):
@@ -68,6 +73,7 @@ class Look:
             raise DataError(f"codec must be one of {', '.join(CODECS)}, not {self.codec!r}")
         if self.bit_rate is not None:
             _check("bit_rate", self.bit_rate, 1e3, 1e10)
+        _check_curves(self.transfer, self.transfer_tag or self.transfer)
 
     @classmethod
     def plain(cls, **changes: Any) -> Look:
@@ -79,11 +85,22 @@ class Look:
         }
         return cls(**{**off, "codec": "lossless", **changes})
 
+    @property
+    def curve(self) -> Transfer:
+        """The camera's curve from light to grey levels."""
+        return transfer_tagged(self.transfer) or Transfer("linear")
+
     def bits_per_second(self, size: tuple[int, int], fps: float) -> float:
         """Bit rate of the file: as given, or a phone's (45 Mbit/s at 3840x2160, 60 frames/s) scaled by pixels."""
         if self.bit_rate is not None:
             return self.bit_rate
         return max(2e5, PHONE_BITS_PER_PIXEL * size[0] * size[1] * fps)
+
+
+def _check_curves(*names: str) -> None:
+    for name in names:
+        if transfer_tagged(name) is None:
+            raise DataError(f"transfer must be bt709, srgb, linear, hlg, pq or gamma=2.2, not {name!r}")
 
 
 def _check(name: str, value: float, low: float, high: float) -> None:

@@ -10,8 +10,9 @@ import numpy as np
 from iris_sysid.synthetic.backdrop import Planes, light_field, lit, shifted, wall, ycbcr
 from iris_sysid.synthetic.camera import Camera
 from iris_sysid.synthetic.coverage import NO_SHADING, Canvas, blend, blend_pair
+from iris_sysid.synthetic.glow import Glow
 from iris_sysid.synthetic.look import Look
-from iris_sysid.synthetic.scene import Stage
+from iris_sysid.synthetic.scene import Curve, Stage
 from iris_sysid.synthetic.shapes import Layer
 from iris_sysid.types import Array
 
@@ -34,9 +35,20 @@ class Picture:
             self._paint(bare, prop, np.zeros(1), lit_up=False)
         self.background = lit(bare, self.light)
         self.planes = self.background.copy()
+        self.glow = None if stage.light is None else self._glow(stage.light)
+
+    def _glow(self, light: Curve) -> Glow:
+        """The layers as light on top of the background's."""
+        for layer in self.stage.layers:
+            self._paint(self.planes, layer, np.zeros(1), lit_up=True)
+        box = np.array(self.changed)
+        return Glow(self.background, self.planes, (*box[:, :2].min(axis=0), *box[:, 2:].max(axis=0)), self.look, light)
 
     def at(self, t_s: float, shift_px: Array = NO_SHIFT) -> Planes:
         """The exact image exposed about time ``t_s``, moved by ``shift_px`` (2,); valid until the next call."""
+        if self.glow is not None:
+            planes = self.glow.at(t_s)
+            return shifted(planes, shift_px) if np.any(shift_px != 0) else planes
         self._restore(shift_px)
         for layer in self.stage.layers:
             if layer.start_s <= t_s <= layer.stop_s:

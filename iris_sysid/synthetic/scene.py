@@ -63,6 +63,8 @@ class Stage:
     ``props`` are painted once, ``layers`` in every frame, both in order. ``stated`` are the parameters a user would
     be told, ``hidden`` those that hidden effects make different in the equation of motion. ``phase`` names what
     happens at each time: ``hand``, ``motion``, ``contact`` or ``rest``; ``happened`` lists events as (time, name).
+    Where ``light`` is given, the layers stand still and shine by so much of what they are painted as: their light is
+    added to that of the rest, and the sum is coded by the camera's curve.
     """
 
     view: View
@@ -74,6 +76,7 @@ class Stage:
     phase: Callable[[Array], list[str]]
     happened: tuple[tuple[float, str], ...] = ()
     hidden: Mapping[str, Estimate] = field(default_factory=dict)
+    light: Curve | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)

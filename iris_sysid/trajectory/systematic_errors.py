@@ -10,7 +10,7 @@ from iris_sysid.calibration.pixel_scale import common_source
 from iris_sysid.calibration.plane import changed, common_errors
 from iris_sysid.calibration.vertical import turned, vertical_stderr
 from iris_sysid.errors import IrisError
-from iris_sysid.types import Array, Calibration, Phenomenon, Trajectory
+from iris_sysid.types import Array, Calibration, Phenomenon, Track, Trajectory
 
 TIME_BASE = "time base"
 EDGE, AXIS, PIVOTS = "edge of the ball", "axis of the turn", "pivots"
@@ -158,3 +158,25 @@ def from_pivots(trajectory: Trajectory) -> dict[str, Array]:
                 pattern[:, body] = error.stderr * np.nan_to_num(shape(angle[:, body]))
                 patterns.append(pattern)
     return {PIVOTS: np.stack(patterns)} if patterns else {}
+
+
+def from_brightness(track: Track, phenomenon: Phenomenon) -> dict[str, Array]:
+    """The patterns of errors that all intensities of a track have in common: transfer function, compression, exposure.
+
+    Patterns are in the unit of the intensity.
+
+    Parameters
+    ----------
+    track
+        From which the observable was made, sample by sample.
+    phenomenon
+        Says whether that is an intensity.
+
+    Returns
+    -------
+    dict
+        By source, patterns (r, n, 1); nothing for anything but an intensity.
+    """
+    if phenomenon.measures != "intensity":
+        return {}
+    return {source: patterns[..., np.newaxis] for source, patterns in track.intensity_patterns.items()}

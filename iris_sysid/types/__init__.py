@@ -86,6 +86,13 @@ from iris_sysid.types._track_quality import Doubt as Doubt
 from iris_sysid.types._track_quality import DoubtKind as DoubtKind
 from iris_sysid.types._track_quality import TrackMark as TrackMark
 from iris_sysid.types._track_quality import TrackQuality as TrackQuality
+from iris_sysid.types._transfer import CurveName as CurveName
+from iris_sysid.types._transfer import Matrix as Matrix
+from iris_sysid.types._transfer import PixelCoding as PixelCoding
+from iris_sysid.types._transfer import Transfer as Transfer
+from iris_sysid.types._transfer import TransferSource as TransferSource
+from iris_sysid.types._transfer import assumed_transfer as assumed_transfer
+from iris_sysid.types._transfer import transfer_tagged as transfer_tagged
 from iris_sysid.types._view import FOCAL_PER_WIDTH as FOCAL_PER_WIDTH
 from iris_sysid.types._view import PivotSource as PivotSource
 from iris_sysid.types._view import Sensor as Sensor

@@ -14,6 +14,9 @@ from iris_sysid.errors import DataError
 from iris_sysid.types._arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
 from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation
 from iris_sysid.types._track_quality import TrackMark, TrackQuality
+from iris_sysid.types._transfer import PixelCoding, Transfer
+
+UNSTATED = PixelCoding()
 
 
 def _no_chroma() -> None:
@@ -25,7 +28,8 @@ class Frame:
     """One decoded frame. ``luma`` is (h, w) uint8; ``bgr()`` converts to (h, w, 3) uint8 on demand.
 
     ``chroma()`` gives the two colour planes (cb, cr) as coded, uint8, each as large as luma or smaller; None where
-    the image is not coded so.
+    the image is not coded so. ``coding`` says what the file tells of how light became these levels; ``key`` is false
+    where the frame was predicted from others, and may be late in what changes slowly.
     """
 
     index: int
@@ -33,6 +37,8 @@ class Frame:
     luma: NDArray[np.uint8]
     bgr: Callable[[], NDArray[np.uint8]]
     chroma: Callable[[], tuple[NDArray[np.uint8], NDArray[np.uint8]] | None] = _no_chroma
+    coding: PixelCoding = UNSTATED
+    key: bool = True
 
 
 class FrameSource(Protocol):
@@ -64,7 +70,8 @@ class TrackOptions:
     ``roi`` is (x, y, width, height) in px. ``colour`` is a name or ``#rrggbb``: only pixels of about
     that hue count. ``progress`` is called with (frames done, frames expected). ``mask`` gives an image for each
     frame in which 0 is background and every other value a body: it replaces the detector. ``marks`` say where a body
-    is in some frames; ``explain`` is called with all candidates that a tracker tried.
+    is in some frames; ``explain`` is called with all candidates that a tracker tried. ``transfer`` is
+    the camera's curve from light to grey levels; None takes the file's tag.
     """
 
     bodies: int = 1
@@ -73,6 +80,7 @@ class TrackOptions:
     progress: Callable[[int, int], None] | None = None
     mask: FrameSource | None = None
     marks: tuple[TrackMark, ...] = ()
+    transfer: Transfer | None = None
     explain: Callable[[Sequence[TrackCandidate]], None] | None = None
 
 
@@ -85,13 +93,15 @@ class Track:
 
     ``t_s`` (n,) s; ``xy_px`` and ``sigma_px`` (n, 2) px, standard error of each coordinate;
     ``valid`` (n,). Optional (n,): ``radius_px`` apparent radius, ``angle_rad`` orientation
-    (anticlockwise as seen), ``intensity`` grey levels, ``area_px`` pixels in the blob, ``hand``
+    (anticlockwise as seen), ``intensity``, ``area_px`` pixels in the blob, ``hand``
     (true where something that reaches in from the edge of the image touches the body), and the standard
     errors ``sigma_radius_px``, ``sigma_angle_rad``, ``sigma_intensity`` of what they are named after.
     ``frame`` (n,) is the number of each frame in the file. A gap is NaN and not valid.
     ``error_autocorrelation`` is that of the position errors, None where the tracker does not measure it.
     ``origin`` records the source of the track; nothing is computed from it. ``quality`` says how far the track can be
-    trusted, None where nothing judged it.
+    trusted, None where nothing judged it. ``transfer`` is the curve that was undone to make ``intensity`` light, 1 at
+    white; None where it is in grey levels. ``intensity_patterns`` holds, by source, what errors of the intensities have
+    in common: (r, n), r independent patterns, each the change of every intensity for one standard error.
     """
 
     t_s: Array
@@ -111,6 +121,8 @@ class Track:
     sigma_intensity: Array | None = None
     error_autocorrelation: ErrorAutocorrelation | None = None
     quality: TrackQuality | None = None
+    transfer: Transfer | None = None
+    intensity_patterns: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         times = increasing_times(self.t_s)
@@ -132,6 +144,11 @@ class Track:
         for name in ("radius_px", "angle_rad", "intensity", "area_px", *TRACK_SIGMAS):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, frozen_array(getattr(self, name), (n,), name))
+        patterns = {
+            source: frozen_array(rows, (None, n), f"intensity_patterns[{source!r}]")
+            for source, rows in self.intensity_patterns.items()
+        }
+        object.__setattr__(self, "intensity_patterns", MappingProxyType(patterns))
         if self.hand is not None:
             object.__setattr__(self, "hand", frozen_mask(self.hand, n, "hand"))
         if not np.all(np.isfinite(self.xy_px[valid])):

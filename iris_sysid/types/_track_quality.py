@@ -7,7 +7,18 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 DoubtKind = Literal[
-    "another-body", "shadow", "missed", "jumps", "unsteady-size", "faint", "ambiguous", "moving-camera", "off-marks"
+    "another-body",
+    "shadow",
+    "missed",
+    "jumps",
+    "unsteady-size",
+    "faint",
+    "ambiguous",
+    "moving-camera",
+    "off-marks",
+    "unknown-transfer",
+    "exposure",
+    "saturated",
 ]
 
 

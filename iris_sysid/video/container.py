@@ -18,7 +18,7 @@ from av.video.stream import VideoStream
 from iris_sysid.errors import VideoError
 from iris_sysid.video.completeness import EMPTY_PACKET_BYTES, Promise, Tally, promise_of, what_is_missing
 from iris_sysid.video.even_times import EvenTimes, even_times, is_coarse
-from iris_sysid.video.pixel_formats import Orientation, orientation_of
+from iris_sysid.video.pixel_formats import Orientation, coding_of, orientation_of
 
 MAX_SIDE_PX = 16384
 MAX_PIXELS = 2**28
@@ -329,5 +329,6 @@ def _facts(container: InputContainer, stream: VideoStream, image: av.VideoFrame)
         "codec": stream.codec_context.name,
         "pixel_format": image.format.name,
         "luma_range": {1: "limited", 2: "full"}.get(image.color_range, "not stated"),
+        "transfer": coding_of(image).transfer or "not stated",
         "pixel_aspect": float(aspect) if aspect else 1.0,
     }

@@ -12,12 +12,29 @@ import numpy as np
 from av import VideoFrame
 from numpy.typing import NDArray
 
+from iris_sysid.types import Matrix, PixelCoding
+
 Bytes = NDArray[np.uint8]
 
 # Pixel formats whose first plane is luma alone, of 8 bits or more; the second kind has them in the high end of 16.
 _LUMA_PLANE = re.compile(r"(?:yuv[aj]?4\d\dp|nv(?:12|16|21|24|42)|gray)(?:(\d\d?)(le|be))?")
 _LUMA_HIGH_BITS = re.compile(r"p[0-4]1[026](le|be)")
 
+
+# Transfer functions by number (ITU-T H.273, table 3), as iris_sysid.types.Transfer names them; 6, 7, 11, 14 and 15 are
+# BT.709's curve under other names, or differ from it by less than its rounding.
+_TRANSFERS = {
+    **dict.fromkeys((1, 6, 7, 11, 14, 15), "bt709"),
+    4: "gamma=2.2",
+    5: "gamma=2.8",
+    8: "linear",
+    13: "srgb",
+    16: "pq",
+    18: "hlg",
+}
+_MATRICES: dict[int, Matrix] = {1: "bt709", 5: "bt601", 6: "bt601", 9: "bt2020", 10: "bt2020"}  # H.273, table 4
+_UNSTATED = (0, 2, 3)  # reserved, unspecified
+_SD_LINES = 576  # of an image whose matrix is not stated, up to which it is that of BT.601, as players take it
 
 # OpenCV is imported where it is used: most clips need none of it, and it takes long to load.
 
@@ -151,6 +168,33 @@ def chroma_of(image: VideoFrame, orientation: Orientation) -> tuple[Bytes, Bytes
         return None
     blue, red = (orientation.turn(_plane(image, number, *layout)) for number in (1, 2))
     return blue, red
+
+
+def coding_of(image: VideoFrame) -> PixelCoding:
+    """What the image's tags say of how light became its samples: transfer function, range, matrix, depth.
+
+    A range that is not stated is limited where there are colour differences, full in grey and RGB images.
+    """
+    tags = int(image.color_trc), int(image.color_range), int(image.colorspace)
+    return _coding(image.format.name, image.height, *tags)
+
+
+@cache
+def _coding(pixel_format: str, height: int, transfer: int, range_: int, matrix: int) -> PixelCoding:
+    layout = _luma_layout(pixel_format)
+    of_luma = layout is not None and not pixel_format.startswith(("gray", "yuvj"))
+    return PixelCoding(
+        transfer="" if transfer in _UNSTATED else _TRANSFERS.get(transfer, f"H.273 number {transfer}"),
+        limited=range_ == 1 if range_ in (1, 2) else of_luma,
+        matrix=_MATRICES.get(matrix, "bt601" if height <= _SD_LINES else "bt709"),
+        lost_bits=layout[1] if layout and not _LUMA_HIGH_BITS.fullmatch(pixel_format) else _high_bits(pixel_format),
+    )
+
+
+def _high_bits(pixel_format: str) -> int:
+    """Bits beyond 8 of a format that has its bits in the high end of 16."""
+    high = _LUMA_HIGH_BITS.fullmatch(pixel_format)
+    return int(pixel_format.removesuffix(high[1])[-2:]) - 8 if high else 0
 
 
 def _plane(image: VideoFrame, number: int, dtype: str, shift: int) -> Bytes:

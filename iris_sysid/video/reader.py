@@ -25,7 +25,7 @@ from iris_sysid.io.files import sha256_of
 from iris_sysid.types import Frame
 from iris_sysid.video.container import DamageError, open_container
 from iris_sysid.video.image_sequence import open_archive, open_folder
-from iris_sysid.video.pixel_formats import Orientation, bgr_of, chroma_of, luma_of
+from iris_sysid.video.pixel_formats import Orientation, bgr_of, chroma_of, coding_of, luma_of
 
 # Pixels that may be decoded to sample a clip: 30 frames of 3840x2160, 120 of 1920x1080
 SAMPLING_PIXELS = 250_000_000
@@ -104,7 +104,7 @@ class Video:
     rate
         The frame rate that the header states, 1/s, on average; None when it does not. No time is computed from it.
     facts
-        ``format``, ``codec``, ``pixel_format``, ``luma_range``, ``pixel_aspect`` of the file.
+        ``format``, ``codec``, ``pixel_format``, ``luma_range``, ``transfer``, ``pixel_aspect`` of the file.
     decoded
         Frames of the file read in the latest pass, those outside the part that is wanted included.
     """
@@ -214,7 +214,15 @@ class Video:
     def _frame(self, index: int, t_s: float, image: av.VideoFrame) -> Frame:
         orientation = self._source.orientation_for(image)
         luma = luma_of(image, orientation)
-        return Frame(index, t_s, luma, partial(bgr_of, image, orientation), partial(chroma_of, image, orientation))
+        return Frame(
+            index,
+            t_s,
+            luma,
+            partial(bgr_of, image, orientation),
+            partial(chroma_of, image, orientation),
+            coding_of(image),
+            bool(image.key_frame),
+        )
 
     def _wanted(self, last: int | None = None) -> Iterator[tuple[int, float, av.VideoFrame]]:
         """Number, time and image of each requested frame, up to number ``last``."""

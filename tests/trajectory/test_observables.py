@@ -5,7 +5,7 @@ import pytest
 
 from iris_sysid.errors import DataError, TrackingError
 from iris_sysid.registry import TRACKERS
-from iris_sysid.types import TrackOptions
+from iris_sysid.types import TrackOptions, Transfer
 from tests._changing import AXIS, SHAPE, WALLS, draining, fading, turning
 from tests._drawn import DrawnClip, moving_disc, noisy, swing
 from trackers._uncertainty.local_polynomial import excess_scatter
@@ -84,7 +84,7 @@ def test_level_refuses_what_passes_by():
 
 def test_light_is_found_within_half_a_percent_with_errors_as_stated():
     clip, light = fading(150)
-    track = tracked("intensity", clip)
+    track = tracked("intensity", clip, transfer=Transfer("linear"))
     line = np.polyfit(light, track.intensity, 1)
     error = track.intensity - np.polyval(line, light)
     assert np.sqrt(np.mean(error**2)) < 0.005 * line[0]

@@ -22,7 +22,8 @@ class Region:
     """Pixels (h, w) that covary, and the share of the change that they explain.
 
     ``explained_share`` is the share of the variance, beyond the noise, that the common time series explains, in these
-    pixels or in the whole image, whichever is less; ``clipped`` the share of these pixels clipped in some sample.
+    pixels or in the whole image, whichever is less; ``clipped`` the share of what changes that is cut off in some
+    sample.
     """
 
     mask: Flags
@@ -36,29 +37,33 @@ def noise_of(stack: Bytes) -> float:
     return max(float(np.median(steps)), float(1 / np.sqrt(12)))
 
 
-def region_that_changes(stack: Bytes, free: Flags) -> Region | None:
+def region_that_changes(stack: Bytes, free: Flags, clipped: tuple[float, float] = CLIPPED) -> Region | None:
     """The connected region of samples (k, h, w) that changes most, of the pixels that are ``free``; None if none does.
 
     The time series is the first principal component in time of the region's pixels, the change of a pixel its
-    projection on it. Pixels that are cut off at black or white in some sample are left out as long as others remain.
+    projection on it. Pixels up to the first, or from the second, of the levels ``clipped`` may be cut off at black or
+    white: they are left out as long as others remain.
     """
     series = stack.astype(np.float32)
     deviation = series - series.mean(axis=0)
-    cut_off = np.asarray(np.any((stack <= CLIPPED[0]) | (stack >= CLIPPED[1]), axis=0))
+    cut_off = np.asarray(np.any((stack <= clipped[0]) | (stack >= clipped[1]), axis=0))
     noise = noise_of(stack)
     series, mask = _principal_series(deviation, free), free
     for _ in range(ROUNDS):
-        change = cv2.GaussianBlur(np.tensordot(series, deviation, axes=1), (0, 0), SMOOTHING)
+        own = np.tensordot(series, deviation, axes=1)
+        change = cv2.GaussianBlur(own, (0, 0), SMOOTHING)
         strength = np.where(free, np.abs(change), 0.0)
         top = np.unravel_index(int(np.argmax(strength)), strength.shape)
         if strength[top] < LEAST_CHANGE * noise:
             return None
         mask = _connected((strength > SHARES[0] * strength[top]) & (np.sign(change) == np.sign(change[top])), top)
         series = _principal_series(deviation, mask)
+    clipped_share = float(cut_off[mask].mean())
     for share in SHARES:
         wide = _connected((strength > share * strength[top]) & (np.sign(change) == np.sign(change[top])), top)
-        if np.count_nonzero(wide & ~cut_off) >= FEWEST_PIXELS:
-            mask = wide & ~cut_off
+        uncut = wide & ~cut_off & (np.abs(own) > share * strength[top])  # not a neighbour that the smoothing reaches
+        if np.count_nonzero(uncut) >= FEWEST_PIXELS:
+            mask, clipped_share = uncut, float(cut_off[wide].mean())
             break
     if np.count_nonzero(mask) < FEWEST_PIXELS:
         return None
@@ -67,7 +72,7 @@ def region_that_changes(stack: Bytes, free: Flags) -> Region | None:
         _explained_share(deviation, series, mask, noise),
         _explained_share(deviation, series, anywhere, noise),
     )
-    return Region(mask, explained_share, float(cut_off[mask].mean()))
+    return Region(mask, explained_share, clipped_share)
 
 
 def _principal_series(deviation: Image, mask: Flags) -> Image:

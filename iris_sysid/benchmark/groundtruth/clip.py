@@ -23,7 +23,7 @@ from iris_sysid.io.schemas import known_number, known_numbers
 from iris_sysid.io.schemas.groundtruth import ClipDocument
 from iris_sysid.pipeline import accepted_settings, from_source, observe_and_fit, track
 from iris_sysid.registry import MODELS, PHENOMENA
-from iris_sysid.types import Calibration, Estimate, FitResult, Phenomenon, Track, TrackOptions, Trajectory
+from iris_sysid.types import Calibration, Estimate, FitResult, Phenomenon, Track, TrackOptions, Trajectory, Transfer
 from iris_sysid.video.reader import open_video
 
 FOCAL = 9  # index of the focal lengths among the values of a calibration
@@ -45,6 +45,7 @@ class Job:
     fps: float | None
     clock_stderr: float
     keep_partial: bool
+    transfer: Transfer | None = None
 
     def path(self, suffix: str) -> Path:
         """One of the clip's files."""
@@ -59,6 +60,7 @@ class Job:
             "bodies": phenomenon.bodies,
             "fps": self.fps,
             "keep_partial": self.keep_partial,
+            "transfer": None if self.transfer is None else [self.transfer.text, self.transfer.stderr],
         }
 
 
@@ -148,8 +150,8 @@ def _tracks(job: Job, origin: Mapping[str, Any]) -> list[Track]:
     except IrisError:
         pass  # missing or incomplete
     video = open_video(job.clip.path, fps=job.fps, keep_partial=job.keep_partial)
-    bodies = TrackOptions(bodies=PHENOMENA[job.clip.phenomenon].bodies)
-    tracks = track(video, PHENOMENA[job.clip.phenomenon].tracker, bodies)
+    options = TrackOptions(bodies=PHENOMENA[job.clip.phenomenon].bodies, transfer=job.transfer)
+    tracks = track(video, PHENOMENA[job.clip.phenomenon].tracker, options)
     write_track(from_source(tracks, job.clip.path, job.options()), path, overwrite=True)
     return read_track(path)  # as stored, so that a new and a kept track give the same fit
 

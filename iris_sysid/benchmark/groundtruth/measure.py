@@ -17,7 +17,7 @@ from iris_sysid.io.csv_read import read_track, read_trajectory
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas.groundtruth import ClipDocument, MeasuredDocument
 from iris_sysid.registry import PHENOMENA
-from iris_sysid.types import Calibration, Progress, Track, Trajectory, with_progress
+from iris_sysid.types import Calibration, Progress, Track, Trajectory, Transfer, with_progress
 
 NOT_BY_BOARD = ("angle", "intensity")  # observables that need no scale
 
@@ -56,7 +56,8 @@ class Conditions:
     """Conditions of every clip: true frame rate, its relative error, and whether damaged files are used in part.
 
     ``trials``: at most this many clips of each setting, in the order of their names; None for all. ``phenomenon``:
-    only its clips; None for all.
+    only its clips; None for all. ``transfer``: the camera's curve from light to grey levels; None takes
+    the files' tags.
     """
 
     fps: float | None = None
@@ -64,6 +65,7 @@ class Conditions:
     keep_partial: bool = False
     trials: int | None = None
     phenomenon: str | None = None
+    transfer: Transfer | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -184,7 +186,16 @@ def _calibrations(
 
 def _job(clip: Clip, root: Path, measured: MeasuredDocument, conditions: Conditions, calibration: Path | None) -> Job:
     known = {name: value for name, value in measured.of(clip.class_name, clip.setting).items() if name in KNOWN}
-    return Job(clip, root, calibration, known, conditions.fps, conditions.clock_stderr, conditions.keep_partial)
+    return Job(
+        clip,
+        root,
+        calibration,
+        known,
+        conditions.fps,
+        conditions.clock_stderr,
+        conditions.keep_partial,
+        conditions.transfer,
+    )
 
 
 def _lost(job: Job) -> tuple[bool, str]:

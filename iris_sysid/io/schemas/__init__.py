@@ -4,6 +4,7 @@ A new kind of file is one class with its own ``document`` and ``version``, enter
 file ``null`` stands for a number that is not known or not finite.
 """
 
+from iris_sysid.io.schemas._beside import BrightnessEntry as BrightnessEntry
 from iris_sysid.io.schemas._beside import CalibrationDocument as CalibrationDocument
 from iris_sysid.io.schemas._beside import ErrorAutocorrelationEntry as ErrorAutocorrelationEntry
 from iris_sysid.io.schemas._beside import OriginDocument as OriginDocument

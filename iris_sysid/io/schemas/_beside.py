@@ -6,16 +6,21 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field, JsonValue
 
 from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part, QuantityEntry, SegmentEntry
 from iris_sysid.types import (
+    CurveName,
     Doubt,
     DoubtKind,
     ErrorAutocorrelation,
     PivotSource,
     Sensor,
+    Track,
     TrackQuality,
+    Transfer,
+    TransferSource,
     VerticalSource,
     View,
     ViewKind,
@@ -83,6 +88,35 @@ class TrackQualityEntry(Part):
         return TrackQuality(tuple(doubt.doubt() for doubt in self.doubts), evidence)
 
 
+class BrightnessEntry(Part):
+    """How the intensities of a track were made from grey levels, and what their errors have in common."""
+
+    transfer: CurveName
+    """The camera's curve that was undone."""
+    gamma: float
+    """Its exponent, where it is a plain power."""
+    stderr: float
+    """Relative standard uncertainty of the exponent that undoes it."""
+    source: TransferSource
+    patterns: dict[str, list[list[float]]] = {}
+    """By source, patterns of one standard error, each a number a frame."""
+
+    @classmethod
+    def of(cls, track: Track) -> BrightnessEntry | None:
+        """The entry of a track; None where its intensities are grey levels, or it has none."""
+        curve = track.transfer
+        if curve is None:
+            return None
+        patterns = {source: rows.tolist() for source, rows in track.intensity_patterns.items()}
+        return cls(transfer=curve.name, gamma=curve.gamma, stderr=curve.stderr, source=curve.source, patterns=patterns)
+
+    def fields(self) -> dict[str, Any]:
+        """The fields of a Track."""
+        patterns = {source: np.array(rows) for source, rows in self.patterns.items()}
+        transfer = Transfer(self.transfer, self.gamma, self.stderr, self.source)
+        return {"transfer": transfer, "intensity_patterns": patterns}
+
+
 class ViewEntry(Part):
     """How coordinates lie in the image of a camera (px; x right, y down, origin at the centre of pixel (0, 0))."""
 
@@ -139,6 +173,8 @@ class OriginDocument(Document):
     """The same by body, where the bodies of a track differ."""
     body_quality: dict[str, TrackQualityEntry] = {}
     """How far the track of each body can be trusted; absent where nothing judged it."""
+    body_brightness: dict[str, BrightnessEntry] = {}
+    """How the light of each body was made from grey levels; absent where its intensity is in grey levels."""
     doubts: list[DoubtEntry] = []
     """What speaks against the track from which a trajectory was made."""
     first_frame: int | None = None

@@ -36,20 +36,17 @@ def stage(setup: Setup) -> Stage:
     light = motion.state(0)
     view = View(-0.064, 0.064, -0.036, 0.036)
     lamp = disc(position, radius)
-
-    def glow(t_s: Array) -> Array:
-        return GLOW * light(t_s)
-
-    halo = Layer(soft(disc(position, 2.0 * radius), position, 0.75, steps=40), LIT, opacity=glow)
+    halo = Layer(soft(disc(position, 2.0 * radius), position, 0.75, steps=40), LIT, opacity=GLOW)
     return Stage(
         view=view,
         wall=Wall((38.0, 38.0, 40.0)),
         props=(*_board(setup), Layer(lamp, UNLIT)),
-        layers=(*([halo] if setup.look.shading else []), Layer(lamp, UNLIT), Layer(lamp, LIT, opacity=light)),
+        layers=(*([halo] if setup.look.shading else []), Layer(lamp, LIT)),
         bodies=(Body("1", position, radius, {"intensity_1": light}),),
         stated=stated(setup, PARAMETERS),
         phase=motion.phase,
         happened=motion.happened,
+        light=light,
     )
 
 
