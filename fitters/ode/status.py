@@ -16,7 +16,8 @@ SINGULAR = 1e12  # condition of the scaled Fisher information; derivatives are g
 PART = 1e-4  # smallest component that makes a value part of a null direction, in scaled values; rounding gives 1e-8
 SHARE = 0.05  # fraction of the strongest relative change above which a value is named
 WEAK = 0.3  # fraction of the largest component of a direction above which a value is named
-MISFIT_NOISE = 5.0  # residual over noise; from differences, the noise of correlation 0.9 is 4.4 times too small
+# Residual over noise. From differences, noise of correlation 0.9 is 4.4 times too small, 7 times in one clip of 10,000.
+MISFIT_NOISE = 8.0
 ROUNDING = 1e-6  # residual over the motion that is no more than the integrator's and the optimiser's error
 NEARER_START = "Give starting values nearer to the truth with start={...}"
 SPARE = 3  # samples needed in addition to one per unknown
