@@ -98,6 +98,7 @@ if TYPE_CHECKING:
     from iris_sysid.types import TrackOptions as TrackOptions
     from iris_sysid.types import TrackQuality as TrackQuality
     from iris_sysid.types import Trajectory as Trajectory
+    from iris_sysid.types import Transfer as Transfer
     from iris_sysid.types import View as View
     from iris_sysid.video.reader import open_video as open_video
 
@@ -146,7 +147,7 @@ _HOME = {
             "Array Calibration ClipOptions Diagnosis Discovery Doubt Effect EffectExample Estimate Event "
             "FitResult Frame FrameSource GeometryOptions ModelExample OdeModel Parameter Phenomenon "
             "PooledFit Quantity Run Segment Smoothed Track TrackMark TrackQuality Tracker TrackerExample TrackOptions "
-            "Trajectory View"
+            "Trajectory Transfer View"
         ),
         "iris_sysid.video.reader": "open_video",
     }.items()

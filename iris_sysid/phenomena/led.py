@@ -1,4 +1,4 @@
-"""A lamp that fades: its brightness in grey levels, above a background that is fitted."""
+"""A lamp that fades: its light, above a background that is fitted."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from iris_sysid.types import BenchmarkClass, Estimate, Phenomenon, Trajectory
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
-    """Keep the intensity as the video codes it.
+    """Keep the intensity as the tracker gives it: light, if the tracker undid the camera's curve.
 
-    A camera that codes light with a gamma curve makes a decay look slower by about that factor: see the tracker.
+    In grey levels a decay would be about 2.2 times too slow: see the tracker ``intensity``.
 
     Parameters
     ----------
