@@ -54,7 +54,9 @@ def track(video: FrameSource, tracker: str = "median-background", options: Track
     Returns
     -------
     list of Track
-        One per body, in px and s; a frame without the body is NaN and not valid.
+        One per body, in px and s; a frame without the body is NaN and not valid. Where the camera moves, positions are
+        in px of the first frame, and so are the options' region and every point marked in the image;
+        ``camera_motion`` leads to the other frames.
 
     Raises
     ------
@@ -63,7 +65,9 @@ def track(video: FrameSource, tracker: str = "median-background", options: Track
     TrackingError
         When nothing moves, or nothing that moves can be followed.
     """
-    return TRACKERS.named(tracker).track(video, options or TrackOptions())
+    from iris_sysid.video.camera_motion.reference import tracked
+
+    return tracked(video, TRACKERS.named(tracker), options or TrackOptions())
 
 
 def from_source(tracks: Sequence[Track], source: str | Path, options: Mapping[str, Any]) -> list[Track]:

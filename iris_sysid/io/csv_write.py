@@ -20,6 +20,7 @@ from iris_sysid.io.files import check_writable, sha256_of, write_atomic
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, write_document
 from iris_sysid.io.schemas import (
     BrightnessEntry,
+    CameraMotionEntry,
     ErrorAutocorrelationEntry,
     OriginDocument,
     TrackQualityEntry,
@@ -72,6 +73,7 @@ def write_track(tracks: Sequence[Track] | Track, path: str | Path, *, overwrite:
     beside["body_quality"] = {body: entry for body, entry in judged.items() if entry is not None}
     light = {track.body: BrightnessEntry.of(track) for track in every}
     beside["body_brightness"] = {body: entry for body, entry in light.items() if entry is not None}
+    beside["camera_motion"] = CameraMotionEntry.of(every)
     return _write(frame, path, beside, overwrite=overwrite)
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fitters.ode import simulate
 from iris_sysid.calibration.plane import to_pixels
 from iris_sysid.types import Array, Calibration, FitResult, FrameSource, Track, Trajectory
+from iris_sysid.video.camera_motion.reference import seen_from_first
 
 # Okabe and Ito (2008): eight colours that people with any colour vision can distinguish.
 COLOURS = {
@@ -62,7 +63,7 @@ def track_figure(
     Figure
         As wide as a page, with the clip's aspect ratio.
     """
-    image = multiple_exposure(video)
+    image = multiple_exposure(video, tracks[0] if tracks else None)
     height, width = image.shape[:2]
     figure = Figure(figsize=(9, 9 * height / width), layout="constrained")
     axes = figure.add_subplot()
@@ -81,9 +82,13 @@ def track_figure(
     return figure
 
 
-def multiple_exposure(video: FrameSource) -> NDArray[np.uint8]:
-    """Lay some frames over their median so that the body shows at several times; (h, w, 3) uint8 RGB."""
-    stack = np.stack([frame.bgr()[..., ::-1] for frame in video.sample(PHASES)]).astype(np.int16)
+def multiple_exposure(video: FrameSource, body: Track | None = None) -> NDArray[np.uint8]:
+    """Lay some frames over their median so that the body shows at several times; (h, w, 3) uint8 RGB.
+
+    Where the camera moves, as the track of a ``body`` says, the frames are laid where the first one shows the scene.
+    """
+    images = [frame.bgr() if body is None else seen_from_first(frame, body) for frame in video.sample(PHASES)]
+    stack = np.stack([image[..., ::-1] for image in images]).astype(np.int16)
     background = np.median(stack, axis=0)
     change = np.abs(stack - background).max(axis=3)
     strongest = change.argmax(axis=0)

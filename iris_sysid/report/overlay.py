@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.io.files import atomic_path
-from iris_sysid.types import FrameSource, Progress, Track, with_progress
+from iris_sysid.types import FrameSource, Progress, Track, mapped, with_progress
 
 # BGR of the colour-blind-safe palette of the figures
 BODY_COLOURS = ((178, 114, 0), (0, 94, 213), (115, 158, 0), (167, 121, 204), (0, 159, 230))
@@ -73,18 +73,21 @@ def draw_body(image: NDArray[np.uint8], body: Track, t_s: float, colour: tuple[i
     image
         (h, w, 3) uint8 BGR, changed in place.
     body
-        Its track.
+        Its track; where the camera moves, it is drawn where the image of that time shows it.
     t_s
         The time of the image, s.
     colour
         BGR.
     """
     now = int(np.searchsorted(body.t_s, t_s + 1e-9)) - 1
-    tail = body.xy_px[(body.t_s > t_s - TAIL_S) & (body.t_s <= t_s + 1e-9) & body.valid]
+    xy_px = body.xy_px
+    if body.camera_motion is not None:
+        xy_px = mapped(body.camera_motion[max(now, 0)], xy_px)  # where this frame shows the places of the path
+    tail = xy_px[(body.t_s > t_s - TAIL_S) & (body.t_s <= t_s + 1e-9) & body.valid]
     thick = max(1, round(image.shape[0] / 400))
     if len(tail) > 1:
         cv2.polylines(image, [np.round(tail * 16).astype(np.int32)], False, colour, thick, cv2.LINE_AA, shift=4)
     if now >= 0 and body.valid[now] and abs(body.t_s[now] - t_s) < 1e-6:
         radius = 8.0 if body.radius_px is None or np.isnan(body.radius_px[now]) else 1.3 * body.radius_px[now] + 2
-        centre = tuple(int(value) for value in np.round(body.xy_px[now] * 16))
+        centre = tuple(int(value) for value in np.round(xy_px[now] * 16))
         cv2.circle(image, centre, round(radius * 16), colour, thick, cv2.LINE_AA, shift=4)

@@ -80,8 +80,8 @@ class TrackOptions:
     progress: Callable[[int, int], None] | None = None
     mask: FrameSource | None = None
     marks: tuple[TrackMark, ...] = ()
-    transfer: Transfer | None = None
     explain: Callable[[Sequence[TrackCandidate]], None] | None = None
+    transfer: Transfer | None = None
 
 
 TRACK_SIGMAS = ("sigma_radius_px", "sigma_angle_rad", "sigma_intensity")
@@ -102,6 +102,8 @@ class Track:
     trusted, None where nothing judged it. ``transfer`` is the curve that was undone to make ``intensity`` light, 1 at
     white; None where it is in grey levels. ``intensity_patterns`` holds, by source, what errors of the intensities have
     in common: (r, n), r independent patterns, each the change of every intensity for one standard error.
+    ``camera_motion`` (n, 2, 3) takes px of the track, which are those of the clip's first frame, to px of each frame
+    where the camera moves (None: it stands still): ``A x + b`` with the rows of ``[A | b]``.
     """
 
     t_s: Array
@@ -123,6 +125,7 @@ class Track:
     quality: TrackQuality | None = None
     transfer: Transfer | None = None
     intensity_patterns: Mapping[str, Array] = field(default_factory=dict)
+    camera_motion: Array | None = None
 
     def __post_init__(self) -> None:
         times = increasing_times(self.t_s)
@@ -149,6 +152,8 @@ class Track:
             for source, rows in self.intensity_patterns.items()
         }
         object.__setattr__(self, "intensity_patterns", MappingProxyType(patterns))
+        if self.camera_motion is not None:
+            object.__setattr__(self, "camera_motion", frozen_array(self.camera_motion, (n, 2, 3), "camera_motion"))
         if self.hand is not None:
             object.__setattr__(self, "hand", frozen_mask(self.hand, n, "hand"))
         if not np.all(np.isfinite(self.xy_px[valid])):

@@ -6,6 +6,7 @@ file ``null`` stands for a number that is not known or not finite.
 
 from iris_sysid.io.schemas._beside import BrightnessEntry as BrightnessEntry
 from iris_sysid.io.schemas._beside import CalibrationDocument as CalibrationDocument
+from iris_sysid.io.schemas._beside import CameraMotionEntry as CameraMotionEntry
 from iris_sysid.io.schemas._beside import ErrorAutocorrelationEntry as ErrorAutocorrelationEntry
 from iris_sysid.io.schemas._beside import OriginDocument as OriginDocument
 from iris_sysid.io.schemas._beside import Smoothing as Smoothing

@@ -7,10 +7,12 @@ from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, JsonValue
 
 from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part, QuantityEntry, SegmentEntry
 from iris_sysid.types import (
+    Array,
     CurveName,
     Doubt,
     DoubtKind,
@@ -117,6 +119,32 @@ class BrightnessEntry(Part):
         return {"transfer": transfer, "intensity_patterns": patterns}
 
 
+class CameraMotionEntry(Part):
+    """How the camera of a track's clip moved: maps from px of the first frame to px of each frame."""
+
+    frame: list[int]
+    """Numbers of the frames, ascending."""
+    to_frame: list[tuple[Triple, Triple]]
+    """The two rows of ``[A | b]`` for each: x in the frame is ``A x + b``."""
+
+    @classmethod
+    def of(cls, tracks: Sequence[Track]) -> CameraMotionEntry | None:
+        """The entry of some tracks of one clip; None where the camera stands still."""
+        maps = {
+            int(frame): motion.tolist()
+            for track in tracks
+            if track.camera_motion is not None
+            for frame, motion in zip(track.frame, track.camera_motion, strict=True)
+        }
+        rows = [tuple(tuple(row) for row in maps[frame]) for frame in sorted(maps)]
+        return cls.model_validate({"frame": sorted(maps), "to_frame": rows}) if maps else None
+
+    def maps(self, frame: NDArray[np.int64]) -> Array:
+        """The maps (n, 2, 3), px, of the frames with these numbers (n,); where one is not known, of the one before."""
+        rows = np.searchsorted(np.array(self.frame), frame, side="right") - 1
+        return np.asarray(np.array(self.to_frame)[np.clip(rows, 0, len(self.frame) - 1)])
+
+
 class ViewEntry(Part):
     """How coordinates lie in the image of a camera (px; x right, y down, origin at the centre of pixel (0, 0))."""
 
@@ -175,6 +203,8 @@ class OriginDocument(Document):
     """How far the track of each body can be trusted; absent where nothing judged it."""
     body_brightness: dict[str, BrightnessEntry] = {}
     """How the light of each body was made from grey levels; absent where its intensity is in grey levels."""
+    camera_motion: CameraMotionEntry | None = None
+    """How the camera of a track's clip moved; null where it stands still."""
     doubts: list[DoubtEntry] = []
     """What speaks against the track from which a trajectory was made."""
     first_frame: int | None = None

@@ -1,0 +1,157 @@
+"""Options and tracks, between frames of a moving camera, the canvas of its steady clip and the frame of reference."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from iris_sysid.types import (
+    Array,
+    CameraMotion,
+    Doubt,
+    Frame,
+    FrameSource,
+    Mask,
+    Track,
+    Tracker,
+    TrackOptions,
+    TrackQuality,
+    mapped,
+    part_of_progress,
+)
+from iris_sysid.video.camera_motion.steady import examined
+from iris_sysid.video.camera_motion.steady_video import Canvas, SteadyVideo
+from iris_sysid.video.camera_motion.survey import CameraState
+
+TAKEN_OUT = "taken out; positions are in px of the first frame"
+NOT_MEASURED = "not measured: the background has too little texture; the camera is taken to stand still"
+LARGE_PX = 0.5  # of standard error: a motion known no better makes a track doubtful
+REMEDY = "film with the camera on a tripod, or with a textured background in view"
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class SteadyMasks:
+    """Masks of a clip's frames, on the canvas of its steady clip: 0 where a frame does not reach."""
+
+    masks: FrameSource
+    motion: CameraMotion
+    canvas: Canvas
+
+    @property
+    def width(self) -> int:
+        """Width of the canvas, px."""
+        return self.canvas.width
+
+    @property
+    def height(self) -> int:
+        """Height of the canvas, px."""
+        return self.canvas.height
+
+    @property
+    def n_expected(self) -> int:
+        """Number of masks."""
+        return self.masks.n_expected
+
+    def frames(self) -> Iterator[Frame]:
+        """Every mask in order."""
+        return (self._steady(frame) for frame in self.masks.frames())
+
+    def sample(self, count: int) -> list[Frame]:
+        """About ``count`` masks spread evenly over the clip."""
+        return [self._steady(frame) for frame in self.masks.sample(count)]
+
+    def _steady(self, frame: Frame) -> Frame:
+        moved = self.canvas.map_to(self.motion.of(np.array([frame.index]))[0])
+        flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+        luma = np.asarray(cv2.warpAffine(frame.luma, moved, (self.width, self.height), flags=flags), dtype=np.uint8)
+        return replace(frame, luma=luma, bgr=lambda: np.repeat(luma[..., None], 3, axis=2), chroma=lambda: None)
+
+
+def tracked(video: FrameSource, tracker: Tracker, options: TrackOptions) -> list[Track]:
+    """The tracks of a clip by a tracker that takes the camera to stand still; in px of the first frame where it moves.
+
+    ``origin["camera_motion"]`` says what was done, and a motion that is not known makes the tracks doubtful.
+    """
+    camera = examined(video, part_of_progress(options.progress, 0, 2))
+    if camera.steady is not None:
+        steady = camera.steady
+        second_half = replace(options, progress=part_of_progress(options.progress, 1, 2))
+        return [in_reference(body, steady) for body in tracker.track(steady, on_canvas(second_half, steady))]
+    tracks = tracker.track(video, options)
+    if camera.state is CameraState.MOVING:
+        return [_doubted(body, "the camera moves, and its motion could not be measured") for body in tracks]
+    if camera.state is CameraState.UNKNOWN:
+        return [replace(body, origin={**body.origin, "camera_motion": NOT_MEASURED}) for body in tracks]
+    return tracks
+
+
+def _doubted(track: Track, finding: str) -> Track:
+    quality = track.quality or TrackQuality()
+    doubt = Doubt("moving-camera", finding, REMEDY)
+    return replace(track, quality=replace(quality, doubts=(*quality.doubts, doubt)))
+
+
+def on_canvas(options: TrackOptions, steady: SteadyVideo) -> TrackOptions:
+    """The options of a clip for its steady clip; the region is one of the first frame, a mark one of its own frame."""
+    canvas, roi = steady.canvas, options.roi
+    marks = []
+    for mark in options.marks:
+        back = cv2.invertAffineTransform(canvas.map_to(steady.motion.of(np.array([mark.frame]))[0]))
+        x_px, y_px = mapped(back, np.array([[mark.x_px, mark.y_px]]))[0]
+        marks.append(replace(mark, x_px=float(x_px), y_px=float(y_px)))
+    return replace(
+        options,
+        roi=None if roi is None else (roi[0] - canvas.left, roi[1] - canvas.top, roi[2], roi[3]),
+        mask=None if options.mask is None else SteadyMasks(options.mask, steady.motion, canvas),
+        marks=tuple(marks),
+    )
+
+
+def in_reference(track: Track, steady: SteadyVideo) -> Track:
+    """A track of the steady clip in px of the first frame, with the motion and its error.
+
+    A sample in which the edge of its own frame cuts the body is a gap: what lies beyond was put there.
+    """
+    canvas, motion = steady.canvas, steady.motion
+    xy_px = track.xy_px + np.array([canvas.left, canvas.top])
+    of_motion = motion.sigma(track.frame, xy_px)
+    whole = _is_whole(xy_px, track, motion.of(track.frame), (steady.video.width, steady.video.height))
+    gap = ~whole[:, np.newaxis]
+    moved = replace(
+        track,
+        xy_px=np.where(gap, np.nan, xy_px),
+        sigma_px=np.where(gap, np.nan, np.hypot(track.sigma_px, of_motion)),
+        valid=track.valid & whole,
+        camera_motion=motion.of(track.frame),
+        origin={**track.origin, "camera_motion": TAKEN_OUT},
+    )
+    typical = float(np.median(of_motion[moved.valid])) if moved.n_valid else 0.0
+    if typical > LARGE_PX:
+        return _doubted(moved, f"the motion of the camera is known to {typical:.1f} px only")
+    return moved
+
+
+def _is_whole(xy_px: Array, track: Track, to_frame: Array, size: tuple[int, int]) -> Mask:
+    """Where the body, or its centre where no radius is known, lies within its frame of that size."""
+    radius = np.zeros(len(xy_px)) if track.radius_px is None else np.nan_to_num(track.radius_px)
+    edge = np.array(size) - 1.0
+    with np.errstate(invalid="ignore"):
+        here = mapped(to_frame, xy_px)
+        inside = (here >= radius[:, np.newaxis]) & (here <= edge - radius[:, np.newaxis])
+    return np.asarray(inside.all(axis=1) | ~track.valid)
+
+
+def seen_from_first(frame: Frame, body: Track) -> NDArray[np.uint8]:
+    """A frame (h, w, 3) uint8 BGR as the first frame's view shows it, by the camera motion of a track of its clip."""
+    image = frame.bgr()
+    if body.camera_motion is None:
+        return image
+    row = int(np.clip(np.searchsorted(body.frame, frame.index, side="right") - 1, 0, body.frame.size - 1))
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    size = (image.shape[1], image.shape[0])
+    moved = cv2.warpAffine(image, body.camera_motion[row], size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(moved, dtype=np.uint8)
