@@ -31,6 +31,7 @@ from iris_sysid.types import (
 from iris_sysid.video.reader import open_video
 
 FILES = ("track.csv", "trajectory.csv", "fit.json", "track.png", "fit.png", "report.html")
+AUTO = "auto"  # the tracker that chooses another one, and binds tracks to marks
 PASSES = 4  # of geometry and fit; each reduces the error by about theta_0^2 / 4
 WHOLE_CLIP = ClipOptions()
 NO_GEOMETRY = GeometryOptions()
@@ -39,8 +40,8 @@ NO_GEOMETRY = GeometryOptions()
 # refused, must not wait for them.
 
 
-def track(video: FrameSource, tracker: str = "median-background", options: TrackOptions | None = None) -> list[Track]:
-    """Follow the bodies of a clip with the tracker of that name.
+def track(video: FrameSource, tracker: str = AUTO, options: TrackOptions | None = None) -> list[Track]:
+    """Follow the bodies of a clip with the tracker of that name; ``auto`` chooses one.
 
     Parameters
     ----------
@@ -74,6 +75,16 @@ def from_source(tracks: Sequence[Track], source: str | Path, options: Mapping[st
     """The tracks with the file they come from, its sha256, the options and the versions of packages as their origin."""
     origin = origin_of(Path(source), options)
     return [replace(body, origin={**body.origin, **origin}) for body in tracks]
+
+
+def doubts_of(tracks: Sequence[Track]) -> list[str]:
+    """What speaks against each track, with the option that helps, one line a doubt."""
+    return [
+        f"the track of body {body.body} is doubtful: {doubt.text}"
+        for body in tracks
+        if body.quality is not None
+        for doubt in body.quality.doubts
+    ]
 
 
 def accepted_settings(phenomenon: Phenomenon) -> dict[str, str]:
@@ -217,6 +228,8 @@ def run(
         check_image_size(calibration.image_size, (video.width, video.height))
     from iris_sysid.trajectory.vertical_and_scale import gravity_calibration, upright, vertical_note
 
+    if options is not None and options.marks and chosen.tracker != AUTO:
+        raise DataError(f"marks of bodies are for the tracker {AUTO}, not for {chosen.tracker}; add --tracker {AUTO}")
     tracks = track(video, chosen.tracker, options or TrackOptions(bodies=chosen.bodies))
     tracks = from_source(tracks, source, _request_origin(chosen, known, free, clip, geometry))
     if geometry.scale_from_gravity is not None:
@@ -243,7 +256,7 @@ def run(
         world=world,
         trajectory=trajectory,
         fit=result,
-        notes=tuple(filter(None, [video.warning, *calibration.notes, vertical_note(calibration)])),
+        notes=tuple(filter(None, [*doubts_of(tracks), video.warning, *calibration.notes, vertical_note(calibration)])),
     )
 
 

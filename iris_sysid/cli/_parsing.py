@@ -15,6 +15,7 @@ from iris_sysid.types import (
     Calibration,
     Estimate,
     Sensor,
+    TrackMark,
     TrackOptions,
     Trajectory,
     Transfer,
@@ -39,6 +40,7 @@ SETTING = re.compile(r"([A-Za-z_][A-Za-z0-9_]*)=(.*)", re.DOTALL)
 SETTING_EXAMPLE = "gravity=9.79 or ball_radius=33.5+-0.5mm"
 MARKS = ("pivot", "launch", "plumb")
 PLUMB = "plumb="
+AT_FRAME = "@"  # in a mark: of a body, in one frame
 ANY_UNIT: Mapping[str, str] = MappingProxyType({})
 Value = TypeVar("Value")
 
@@ -118,8 +120,23 @@ def region(text: str | None) -> tuple[int, int, int, int] | None:
 
 
 def marks(texts: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Read ``pivot=437,42`` into points in px by name; a ``plumb`` line is read by :func:`plumb_line`."""
-    return _each_once((_mark(text) for text in texts if not text.startswith(PLUMB)), "mark")
+    """Read ``pivot=437,42`` into points in px by name.
+
+    A ``plumb`` line is read by :func:`plumb_line`, a body in one frame by :func:`body_marks`.
+    """
+    return _each_once((_mark(text) for text in texts if not (text.startswith(PLUMB) or AT_FRAME in text)), "mark")
+
+
+def body_marks(texts: Sequence[str]) -> tuple[TrackMark, ...]:
+    """Read ``1=120,88@35`` among marks: that body is at 120, 88 px in the frame of number 35."""
+    return tuple(_body_mark(text) for text in texts if AT_FRAME in text)
+
+
+def _body_mark(text: str) -> TrackMark:
+    match = re.fullmatch(rf"\s*([^=@,\s]+)\s*=\s*({NUMBER})\s*,\s*({NUMBER})\s*@\s*([0-9]{{1,9}})\s*", text)
+    if match is None:
+        raise DataError(f"cannot read the mark {text!r}: write it as 1=120,88@35 (body=x,y@frame)")
+    return TrackMark(match[1], float(match[2]), float(match[3]), int(match[4]))
 
 
 def plumb_line(texts: Sequence[str]) -> tuple[float, float, float, float] | None:

@@ -50,7 +50,7 @@ def run(
         TRACKERS.named(tracking.tracker)  # refuses an unknown name before the clip is opened
         chosen = replace(chosen, tracker=tracking.tracker)
     gravity, calibration = _parsing.calibration_of(scale.scale, scale.scale_bar, scale.calibration)
-    marks = scene.mark or ()
+    marks, body_marks = scene.mark or (), _parsing.body_marks(scene.mark or ())
     geometry = GeometryOptions(
         marks_px=_parsing.marks(marks),
         plumb_px=_parsing.plumb_line(marks),
@@ -64,8 +64,11 @@ def run(
             calibration=calibration,
             settings=_parsing.settings(model.known or (), pipeline.accepted_settings(chosen)),
             free=model.free or (),
-            options=_parsing.track_options(
-                chosen.bodies, tracking.roi, tracking.colour, report_progress, curve=tracking.transfer
+            options=replace(
+                _parsing.track_options(
+                    chosen.bodies, tracking.roi, tracking.colour, report_progress, curve=tracking.transfer
+                ),
+                marks=body_marks,
             ),
             clip=clip.options(_parsing.fraction(scene.time_base)),
             geometry=geometry,

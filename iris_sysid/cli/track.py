@@ -1,8 +1,10 @@
 """The command ``iris-sysid track``."""
 
+from __future__ import annotations
+
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -10,6 +12,7 @@ from iris_sysid.cli import _terminal
 from iris_sysid.cli._groups import with_groups
 from iris_sysid.cli.arguments import (
     Bodies,
+    BodyMarks,
     ClipArguments,
     Force,
     Json,
@@ -18,6 +21,9 @@ from iris_sysid.cli.arguments import (
     TrackerArguments,
     Video,
 )
+
+if TYPE_CHECKING:
+    from iris_sysid.types import TrackCandidate
 
 
 @with_groups
@@ -29,8 +35,12 @@ def track(
     scale: ScaleArguments,
     phenomenon: Annotated[str | None, typer.Option(help="Use the tracker of this phenomenon.")] = None,
     bodies: Bodies = None,
+    mark: BodyMarks = None,
     mask: Annotated[
         Path | None, typer.Option(help="Masks of the bodies: a folder, zip or video of images, one per frame.")
+    ] = None,
+    explain: Annotated[
+        Path | None, typer.Option(help="Also draw all candidates of the tracker auto, to a PNG file or a folder.")
     ] = None,
     overlay: Annotated[Path | None, typer.Option(help="Also write the clip with the track drawn over it.")] = None,
     world: Annotated[
@@ -43,7 +53,7 @@ def track(
 
     \b
     Example:
-      iris-sysid track toss.mp4 --roi 0,0,640,400 -o track.csv --overlay overlay.mp4
+      iris-sysid track toss.mp4 --mark 1=120,88@35 -o track.csv --overlay overlay.mp4
     """
     from iris_sysid import pipeline
     from iris_sysid.calibration.pixel_scale import to_world
@@ -54,18 +64,24 @@ def track(
     from iris_sysid.video.reader import open_video
 
     chosen = PHENOMENA.named(phenomenon) if phenomenon else None
-    name = tracking.tracker or (chosen.tracker if chosen else "median-background")
+    name = tracking.tracker or (chosen.tracker if chosen else "auto")
+    candidates: list[TrackCandidate] = []
     calibration = _parsing.metres_of(scale.scale, scale.scale_bar, scale.calibration, needed=world is not None)
-    _terminal.check_outputs(video, [output, overlay, world], overwrite=force)
+    sheet = explain and (explain if explain.suffix.lower() == ".png" else explain / "candidates.png")
+    _terminal.check_outputs(video, [output, overlay, world, sheet], overwrite=force)
     _terminal.check_suffix(overlay, ".mp4")
-    if mask is not None and name != "median-background":
-        raise DataError(f"--mask replaces the detector of median-background, not that of {name}")
+    if mask is not None and name not in ("auto", "median-background"):
+        raise DataError(f"--mask replaces the detector of auto and median-background, not that of {name}")
+    if (mark or explain) and name != "auto":
+        raise DataError(f"--mark and --explain are for the tracker auto, not for {name}")
     opened = open_video(video, fps=clip.fps, start_s=clip.start, stop_s=clip.stop, keep_partial=clip.keep_partial)
     if calibration is not None:
         check_image_size(calibration.image_size, (opened.width, opened.height))
     with _terminal.progress("tracking") as report_progress:
         count = bodies or (chosen.bodies if chosen else 1)
         options = _parsing.track_options(count, tracking.roi, tracking.colour, report_progress, curve=tracking.transfer)
+        options = replace(options, marks=_parsing.body_marks(mark or ()))
+        options = replace(options, explain=candidates.extend if explain else None)
         if mask is not None:
             options = replace(options, mask=open_video(mask, fps=clip.fps or opened.rate or 60.0))
         tracks = pipeline.track(opened, name, options)
@@ -83,6 +99,10 @@ def track(
     if world is not None and calibration is not None:
         bodies_in_m = {body.body: to_world(body, calibration) for body in tracks}
         csv_write.write_worlds(bodies_in_m, world, overwrite=force)
+    if sheet is not None:
+        from iris_sysid.report.candidates_sheet import write_candidates
+
+        write_candidates(opened, candidates, sheet, overwrite=force)
     if overlay is not None:
         from iris_sysid.report.overlay import write_overlay
 
@@ -90,5 +110,10 @@ def track(
             write_overlay(opened, tracks, overlay, overwrite=force, progress=report_progress)
     if opened.warning:
         typer.echo(f"warning: {opened.warning}", err=True)
-    rows = [{"body": body.body, "frames": len(body.t_s), "tracked": body.n_valid} for body in tracks]
+    for text in pipeline.doubts_of(tracks):
+        typer.echo(f"warning: {text}", err=True)
+    rows = [
+        {"body": body.body, "frames": len(body.t_s), "tracked": body.n_valid, "track": _terminal.quality_word(body)}
+        for body in tracks
+    ]
     _terminal.print_rows(rows, json)

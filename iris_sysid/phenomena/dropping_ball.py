@@ -65,7 +65,7 @@ def _clear_of_the_floor(body: Trajectory) -> tuple[tuple[Segment, ...], Mask]:
 PHENOMENON = Phenomenon(
     name="dropping-ball",
     summary="a ball falls from rest; its height until the first bounce",
-    tracker="median-background",
+    tracker="auto",
     model="free-fall",
     observe=observe,
     motion="flight",

@@ -104,7 +104,7 @@ def _segments(body: Trajectory, start: int, stop: int) -> tuple[Segment, ...]:
 PHENOMENON = Phenomenon(
     name="hitting-cones",
     summary="a ball rolls at a pyramid of cups; its distance until it strikes the first",
-    tracker="median-background",
+    tracker="auto",
     model="coasting-ball",
     observe=observe,
     bodies=16,

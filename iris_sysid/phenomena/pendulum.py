@@ -175,7 +175,7 @@ def refine(fit: FitResult, trajectory: Trajectory) -> Mapping[str, Estimate]:
 PHENOMENON = Phenomenon(
     name="pendulum",
     summary="a bob swings on a cord; its angle about the pivot that its arc shows",
-    tracker="median-background",
+    tracker="auto",
     model="pendulum",
     observe=observe,
     motion="oscillation",

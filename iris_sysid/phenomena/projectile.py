@@ -43,7 +43,7 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
 PHENOMENON = Phenomenon(
     name="projectile",
     summary="a ball is thrown; its flight in the plane until the first bounce",
-    tracker="median-background",
+    tracker="auto",
     model="projectile",
     observe=observe,
     motion="flight",

@@ -97,7 +97,7 @@ def _check_straight(line: Line, position: Array, unit: str) -> None:
 PHENOMENON = Phenomenon(
     name="sliding-cone",
     summary="a cup or block slides down a board; the distance along it and the board's angle, from the motion",
-    tracker="median-background",
+    tracker="auto",
     model="incline",
     observe=observe,
     motion="slide",

@@ -17,6 +17,7 @@ from iris_sysid.types import FrameSource, Progress, Track, mapped, with_progress
 # BGR of the colour-blind-safe palette of the figures
 BODY_COLOURS = ((178, 114, 0), (0, 94, 213), (115, 158, 0), (167, 121, 204), (0, 159, 230))
 TAIL_S = 0.5
+FONT = cv2.FONT_HERSHEY_SIMPLEX
 TIME_BASE = Fraction(1, 90_000)  # the clock of MPEG transport streams represents every common frame time closely enough
 
 
@@ -59,10 +60,22 @@ def write_overlay(
             image = np.ascontiguousarray(frame.bgr()[:height, :width])
             for k, body in enumerate(tracks):
                 draw_body(image, body, frame.t_s, BODY_COLOURS[k % len(BODY_COLOURS)])
+            write_doubts(image, tracks)
             encoded = av.VideoFrame.from_ndarray(image, format="bgr24")
             encoded.pts, encoded.time_base = round(frame.t_s / TIME_BASE), TIME_BASE
             container.mux(stream.encode(encoded))
         container.mux(stream.encode())
+
+
+def write_doubts(image: NDArray[np.uint8], tracks: Sequence[Track]) -> None:
+    """Write into an image (h, w, 3), in place, which tracks are doubtful, and why."""
+    size = max(0.4, image.shape[0] / 900)
+    doubtful = [body for body in tracks if body.quality is not None and body.quality.doubtful]
+    for line, body in enumerate(doubtful, start=1):
+        assert body.quality is not None
+        kinds = ", ".join(dict.fromkeys(doubt.kind for doubt in body.quality.doubts))
+        place = (round(10 * size), round(32 * size * line))
+        cv2.putText(image, f"body {body.body} doubtful: {kinds}", place, FONT, size, (0, 0, 230), 2, cv2.LINE_AA)
 
 
 def draw_body(image: NDArray[np.uint8], body: Track, t_s: float, colour: tuple[int, int, int]) -> None:

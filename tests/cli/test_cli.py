@@ -209,7 +209,7 @@ def test_track_writes_a_table_and_an_overlay(pendulum_clip, tmp_path, cli):
     (track,) = read_track(tmp_path / "track.csv")
     assert track.n_valid == body["tracked"]
     assert track.origin["sha256"] == sha256_of(pendulum_clip)
-    assert track.origin["options"]["tracker"] == "median-background"
+    assert track.origin["options"]["tracker"] == "auto"
     with av.open(str(tmp_path / "over.mp4")) as container:
         times = [float(frame.pts * frame.time_base) for frame in container.decode(video=0)]
     assert times == pytest.approx(track.t_s.tolist(), abs=2e-5)

@@ -40,7 +40,7 @@ def test_run_says_what_each_box_comes_from(result, pendulum_clip):
         assert origin["versions"]["numpy"] == np.__version__
         assert origin["roi"] == (0, 0, 160, 90)
         assert origin["options"]["phenomenon"] == "pendulum"
-        assert origin["options"]["tracker"] == "median-background"
+        assert origin["options"]["tracker"] == "auto"
         assert origin["options"]["settings"]["ball_radius"] == {"value": 0.03, "stderr": 0.001, "unit": "m"}
 
 

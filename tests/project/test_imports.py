@@ -47,6 +47,7 @@ PIXEL_FILES = (
     "iris_sysid/calibration/bundle_adjustment.py",
     "iris_sysid/synthetic/",
     "iris_sysid/report/overlay.py",
+    "iris_sysid/report/candidates_sheet.py",
     "iris_sysid/benchmark/studies/degraded_clips.py",
 )
 OURS = ("iris_sysid", "trackers", "fitters")

@@ -12,6 +12,7 @@ from trackers._auto.appearance import Peaks
 
 LONGEST_GAP = 12  # frames over which two places are joined directly
 MISSED = 0.35  # cost of a frame in which the body is not found, in units of the score of a typical place
+STEP = 0.3  # cost of a step as long as the reach
 LEAP = 4.0  # largest cost of a step, however far
 RESTART = 6.0  # cost of going on after a longer gap
 MARKED = 1000.0  # gain of a place at a mark
@@ -26,7 +27,7 @@ class Steps:
     def cost(self, before: Array, after: Array, frames: int) -> Array:
         """Costs (k, l) of going from places (k, 2) to places (l, 2) in that number of frames."""
         apart = np.linalg.norm(after[np.newaxis] - before[:, np.newaxis], axis=2)
-        return np.minimum(LEAP, (apart / (self.reach * frames)) ** 2)
+        return np.minimum(LEAP, STEP * (apart / (self.reach * frames)) ** 2)
 
 
 def best_path(candidates: Sequence[Peaks], reach: float) -> list[int | None]:

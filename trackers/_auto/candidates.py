@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -79,6 +79,16 @@ def marks_by_body(marks: Sequence[TrackMark]) -> dict[str, list[TrackMark]]:
     return dict(of_body)
 
 
+def check_marks(marks: Sequence[TrackMark], frames: Collection[int], size: tuple[int, int]) -> None:
+    """DataError for a mark that is in none of the ``frames``, or not in an image of that ``size`` (px)."""
+    known = {int(number) for number in frames} if marks else set()
+    for mark in marks:
+        if mark.frame not in known:
+            raise DataError(f"there is a mark in frame {mark.frame}, which is not in the clip, or not in the part read")
+        if not (0 <= mark.x_px < size[0] and 0 <= mark.y_px < size[1]):
+            raise DataError(f"the mark {mark.body}={mark.x_px:g},{mark.y_px:g}@{mark.frame} does not lie in the image")
+
+
 def _marked_bodies(video: FrameSource, view: View, marks: dict[str, list[TrackMark]]) -> list[Body]:
     """The bodies at the marks, learned from the marked frames."""
     wanted = {mark.frame for of_body in marks.values() for mark in of_body}
@@ -88,11 +98,7 @@ def _marked_bodies(video: FrameSource, view: View, marks: dict[str, list[TrackMa
             images[frame.index] = search_image(view, frame)
         if len(images) == len(wanted):
             break
-    missing = sorted(wanted - images.keys())
-    if missing:
-        raise DataError(
-            f"there is a mark in frame {missing[0]}, which is not in the clip, or not in the part that is read"
-        )
+    check_marks([mark for of_body in marks.values() for mark in of_body], images, (video.width, video.height))
     return [_marked_body(view, name, of_body, images) for name, of_body in marks.items()]
 
 
@@ -100,9 +106,6 @@ def _marked_body(view: View, name: str, marks: Sequence[TrackMark], images: dict
     """The body at some marks: its colour is that at the marks, its size where the colour ends."""
     places = [view.in_search(mark.x_px, mark.y_px) for mark in marks]
     shown = [images[mark.frame] for mark in marks]
-    for mark, place, image in zip(marks, places, shown, strict=True):
-        if not (0 <= place[0] < image.shape[1] and 0 <= place[1] < image.shape[0]):
-            raise DataError(f"the mark {mark.body}={mark.x_px:g},{mark.y_px:g}@{mark.frame} does not lie in the image")
     radius = float(np.median([radius_at(image, place) for image, place in zip(shown, places, strict=True)]))
     known = {mark.frame: (mark.x_px, mark.y_px) for mark in marks}
     return Body(name, learn(shown, places, radius), known)

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from iris_sysid.errors import IrisError, TrackingError
+from iris_sysid.errors import TrackingError
 from iris_sysid.registry import TRACKERS
-from iris_sysid.types import Doubt, Frame, FrameSource, Track, TrackCandidate, TrackOptions, TrackQuality
+from iris_sysid.types import Doubt, DoubtKind, Frame, FrameSource, Track, TrackCandidate, TrackOptions, TrackQuality
 from trackers._auto.appearance import learn, search_image
-from trackers._auto.candidates import Way, marks_by_body, way_by_marks, ways_by_looks
+from trackers._auto.candidates import Way, check_marks, marks_by_body, way_by_marks, ways_by_looks
 from trackers._auto.evidence import LEAST_COVERAGE, MOST_SHADOW, judged, measured, missed_marks
 from trackers._auto.survey import Kind, kinds_of
 from trackers._frames.working_image import View, view_of
@@ -23,8 +23,10 @@ ON_TRACK = 0.3  # share of the sightings of a kind that lie on the track: fewer,
 FAR_LIKELIER = 1.5  # times: so much more is another thing like a body than the tracked one
 MISSED = 0.1  # share of the samples in which the body is plainly seen off its track
 PLAIN = 0.75  # of the usual score of the body: as plain as that is no chance likeness
+MOST_WAYS = 3  # by looks
 LEAST_SIGHTINGS = 0.3  # share of the samples
 FIRST = "median-background"  # the way whose tracks are taken without a look at the scene where they show no fault
+WEIGHT: dict[DoubtKind, float] = {"missed": 0.9, "jumps": 0.8, "shadow": 0.3, "ambiguous": 0.3}  # of a doubt
 RIVAL = "disc"  # the registered tracker that also finds what does not move sideways
 
 
@@ -87,7 +89,7 @@ class Choice:
         """Follow the bodies in one way, and judge the tracks."""
         try:
             tracks = self.named_by_marks(way.follow())
-        except IrisError as error:
+        except TrackingError as error:
             candidate = TrackCandidate(way.name, (), str(error))
         else:
             evidence = [measured(track, self.view, self.frames) for track in tracks]
@@ -102,6 +104,7 @@ class Choice:
     def named_by_marks(self, tracks: list[Track]) -> list[Track]:
         """The tracks under the names of the marks that they pass best."""
         named: list[Track] = []
+        check_marks(self.options.marks, tracks[0].frame, (self.video.width, self.video.height))
         free = list(tracks)
         for name, marks in marks_by_body(self.options.marks).items():
             if free:
@@ -215,7 +218,7 @@ def worth(candidate: TrackCandidate) -> float:
         quality = track.quality or TrackQuality()
         same = quality.evidence.get("same body", 0.5)
         found = 0.5 + 0.5 * quality.evidence["coverage"]
-        values.append(same * found * 0.6 ** len(quality.doubts))
+        values.append(same * found * np.prod([WEIGHT.get(doubt.kind, 0.6) for doubt in quality.doubts]))
     return float(np.mean(values))
 
 
@@ -229,6 +232,7 @@ def choose(video: FrameSource, options: TrackOptions) -> tuple[TrackCandidate, l
     DataError, UnknownNameError
         When the options do not fit the clip.
     """
+    options = replace(options, bodies=max(options.bodies, len(marks_by_body(options.marks))))
     choice = Choice(SampledOnce(video), view_of(video, options), options)
     chosen: TrackCandidate | None = None
     for way in _ways(choice):
@@ -256,7 +260,7 @@ def _ways(choice: Choice) -> Iterator[Way]:
         return
     if options.colour is not None:
         yield _registered("colour", choice)
-    yield from ways_by_looks(video, choice.view, choice.frames, choice.kinds, options)
+    yield from ways_by_looks(video, choice.view, choice.frames, choice.kinds, options)[:MOST_WAYS]
     if not choice.candidates[0].tracks:
         yield _registered(RIVAL, choice)
 

@@ -25,7 +25,7 @@ from trackers._frames.working_image import View
 from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.to_track import track_of
 
-REACH_RADII, REACH_SHARE = 2.0, 0.02  # of the radius, of the diagonal: how far a body usually goes in a frame
+REACH_RADII, REACH_SHARE = 4.0, 0.05  # of the radius, of the diagonal: how far a fast body goes in a frame
 WINDOW = 2.5  # radii: half the side of the window in which a body is measured
 LARGEST = 1.9  # times the radius: what is larger is not the body alone
 APART = 1.0  # radii: two bodies are not nearer to each other

@@ -1,0 +1,203 @@
+"""The tracker auto on ordinary phone clips: on the body or doubtful; the first tracker's track where it is right."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iris_sysid.errors import DataError
+from iris_sysid.registry import TRACKERS
+from iris_sysid.types import TrackMark, TrackOptions
+from tests import _phone_clips as phone
+from tests._drawn import disc, moving_disc, noisy, paint, swing
+from trackers._auto.appearance import Peaks, search_image
+from trackers._auto.best_path import best_path
+from trackers._auto.candidates import radius_at
+from trackers._auto.evidence import judged, leaps, measured, missed_marks
+from trackers._auto.survey import kinds_of, looks_like_shadow
+from trackers._frames.working_image import view_of
+
+AUTO = TRACKERS["auto"]
+
+
+def mark(phone_clip, frame, body=0, name="1"):
+    x, y = phone_clip.truth[body, frame]
+    return TrackMark(name, float(x), float(y), frame)
+
+
+def followed(phone_clip, **options):
+    return AUTO.track(phone_clip.clip, TrackOptions(**{"bodies": len(phone_clip.truth), **options}))
+
+
+def doubts(tracks):
+    return {doubt.kind for track in tracks for doubt in track.quality.doubts}
+
+
+def test_track_of_the_first_tracker_is_taken_as_it_is_where_nothing_speaks_against_it():
+    clip = moving_disc(swing(40, (80, 48), (45, 20), period=37.3), 9, (96, 160))
+    (first,) = TRACKERS["median-background"].track(clip, TrackOptions())
+    clip.decoded = 0
+    (track,) = AUTO.track(clip, TrackOptions())
+    assert clip.decoded == 40  # the clip is read no second time
+    for name in ("t_s", "xy_px", "sigma_px", "valid", "radius_px", "area_px", "intensity", "hand"):
+        np.testing.assert_array_equal(getattr(track, name), getattr(first, name))
+    assert not track.quality.doubtful
+    assert track.origin["chosen"] == "median-background"
+
+
+def test_ball_is_followed_and_not_the_person_who_walks_behind_it():
+    clip = phone.somebody_walks_behind()
+    on_body, elsewhere = phone.on_body(clip, followed(clip))
+    assert on_body > 0.95
+    assert elsewhere < 0.02
+
+
+def test_track_of_a_shadow_is_said_to_be_one_with_the_mark_that_helps():
+    clip = phone.like_the_wall(50)
+    tracks = followed(clip)
+    on_body, _ = phone.on_body(clip, tracks)
+    assert on_body > 0.95 or doubts(tracks) & {"shadow", "missed", "ambiguous"}
+    wrong = TRACKERS["median-background"].track(clip.clip, TrackOptions())[0]
+    assert phone.on_body(clip, [wrong])[0] < 0.1  # what auto has to see
+
+
+def test_one_mark_makes_the_track_of_a_ball_like_the_wall_right():
+    clip = phone.like_the_wall(50)
+    tracks = followed(clip, marks=(mark(clip, 10),))
+    assert phone.on_body(clip, tracks)[0] > 0.95
+    assert tracks[0].origin["chosen"] == "marks"
+
+
+def test_marks_name_the_bodies_and_tell_two_alike_apart():
+    clip = phone.two_of_the_same_kind(40)
+    marks = (mark(clip, 5, 1, "right"), mark(clip, 5, 0, "left"))
+    tracks = {track.body: track for track in followed(clip, marks=marks)}
+    for name, truth in zip(("left", "right"), clip.truth, strict=True):
+        assert np.nanmean(np.hypot(*(tracks[name].xy_px - truth).T)) < 2
+
+
+@pytest.mark.parametrize(
+    ("marks", "message"),
+    [
+        ((TrackMark("1", 50.0, 50.0, 4000),), "frame 4000"),
+        ((TrackMark("1", 5000.0, 50.0, 3),), "does not lie in the image"),
+    ],
+)
+def test_mark_outside_of_the_clip_is_refused(marks, message):
+    with pytest.raises(DataError, match=message):
+        AUTO.track(moving_disc(swing(20, (64, 48), (35, 20)), 9), TrackOptions(marks=marks))
+
+
+def test_fewer_marked_bodies_than_asked_for_are_refused():
+    clip = moving_disc(swing(20, (64, 48), (35, 20)), 9)
+    with pytest.raises(DataError, match="2 bodies were asked for, but 1 are marked"):
+        AUTO.track(clip, TrackOptions(bodies=2, marks=(TrackMark("1", 10.0, 90.0, 3),)))
+
+
+def test_all_candidates_are_handed_to_who_wants_them_explained():
+    clip = phone.somebody_walks_behind(60)
+    candidates = []
+    (track,) = followed(clip, explain=candidates.extend)
+    assert [candidate.name for candidate in candidates][:2] == ["median-background", "appearance-1"]
+    (chosen,) = [candidate for candidate in candidates if candidate.chosen]
+    assert chosen.name == track.origin["chosen"]
+    assert candidates[0].doubtful
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", phone.CLIPS, ids=lambda make: make.__name__)
+def test_phone_clip_is_followed_or_said_to_be_doubtful(make):
+    clip = make()
+    tracks = followed(clip)
+    on_body, elsewhere = phone.on_body(clip, tracks)
+    if doubts(tracks):
+        assert make is phone.like_the_wall  # the only one that needs a mark
+    else:
+        assert on_body > 0.93
+        assert elsewhere < 0.02
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("make", phone.CLIPS, ids=lambda make: make.__name__)
+def test_phone_clip_is_right_with_one_mark_a_body(make):
+    clip = make()
+    frame = int(np.flatnonzero(np.isfinite(clip.truth[..., 0]).all(axis=0))[5])
+    marks = tuple(mark(clip, frame, k, str(k + 1)) for k in range(len(clip.truth)))
+    on_body, elsewhere = phone.on_body(clip, followed(clip, marks=marks))
+    assert on_body > 0.93
+    assert elsewhere < 0.02
+
+
+# --------------------------------------------------------------------------- evidence
+
+
+def test_wall_in_less_light_is_a_shadow_and_a_dark_red_ball_is_none():
+    wall = np.array([160.0, 132.0, 119.0])
+    assert looks_like_shadow(np.array([80.0, 130.0, 123.5]), wall)
+    assert not looks_like_shadow(np.array([80.0, 180.0, 110.0]), wall)
+    assert not looks_like_shadow(np.array([190.0, 132.0, 119.0]), wall)
+
+
+def a_track(xy_px, **more):
+    clip = moving_disc(np.asarray(xy_px, float), 9, (96, 160))
+    (track,) = TRACKERS["median-background"].track(clip, TrackOptions())
+    return clip, replace(track, **more)
+
+
+def test_track_that_shows_the_wall_half_of_the_time_is_that_of_another_body():
+    path = swing(40, (80, 48), (45, 20), period=37.3)
+    clip, track = a_track(path)
+    xy_px = track.xy_px.copy()
+    xy_px[::2] += (0, 30)
+    options = TrackOptions()
+    lost = measured(replace(track, xy_px=xy_px), view_of(clip, options), clip.sample(40))
+    kept = measured(track, view_of(clip, options), clip.sample(40))
+    assert kept["same body"] == 1.0
+    assert lost["same body"] < 0.7
+    assert {doubt.kind for doubt in judged(track, lost).doubts} == {"another-body"}
+
+
+def test_leap_is_a_step_unlike_those_about_it_and_a_fast_start_is_none():
+    _, track = a_track(swing(40, (80, 48), (45, 20), period=37.3))
+    xy_px = track.xy_px.copy()
+    xy_px[20:] += (60, 0)
+    assert leaps(replace(track, xy_px=xy_px)).tolist() == [20]
+    assert leaps(track).size == 0
+
+
+def test_mark_is_missed_where_the_track_is_farther_off_than_the_radius():
+    _, track = a_track(swing(40, (80, 48), (45, 20), period=37.3))
+    x, y = track.xy_px[10]
+    near, far, other = TrackMark("1", x + 5, y, 10), TrackMark("1", x + 20, y, 10), TrackMark("2", x + 20, y, 10)
+    assert missed_marks(track, [near, far, other]) == [far]
+
+
+def test_best_path_goes_on_behind_a_bar_and_not_to_what_is_far_off():
+    path = np.column_stack([np.arange(30.0) * 3, np.full(30, 20.0)])
+    elsewhere = (200.0, 90.0)
+    frames = [Peaks(place[np.newaxis], np.array([1.0])) for place in path]
+    for k in (5, 6, 20):
+        frames[k] = Peaks(np.array([elsewhere, path[k]]), np.array([1.5, 0.9]))
+    for k in range(12, 17):
+        frames[k] = Peaks(np.array([elsewhere]), np.array([0.4]))
+    chosen = best_path(frames, reach=20.0)
+    assert [k for k, column in enumerate(chosen) if column is None] == list(range(12, 17))
+    assert [chosen[k] for k in (5, 6, 20)] == [1, 1, 1]
+
+
+@pytest.mark.parametrize("radius", [4, 9, 16])
+def test_radius_of_what_is_marked_is_where_its_colour_ends(radius):
+    wall = np.ones((120, 160, 3)) * (90.0, 130.0, 120.0)
+    (image,) = noisy([paint(wall, disc((120, 160), 70, 60, radius), (90.0, 190.0, 100.0))], 2.0)
+    assert radius_at(image, (71.0, 61.0)) == pytest.approx(radius, rel=0.25)
+
+
+def test_things_that_move_are_sorted_by_colour_and_size_and_the_ball_is_the_likeliest_body():
+    clip = phone.with_shadow(30)
+    view = view_of(clip.clip, TrackOptions())
+    frames = clip.clip.sample(20)
+    first, second = kinds_of([search_image(view, frame) for frame in frames])[:2]
+    places = np.array([(thing.x, thing.y) for thing in first.seen])
+    truth = np.array([clip.truth[0, frames[thing.sample].index] for thing in first.seen])
+    assert np.median(np.hypot(*(places - truth).T)) < 3
+    assert np.mean([thing.shadow_like for thing in second.seen]) > 0.8
