@@ -122,6 +122,7 @@ class Video:
         self._keep_partial = keep_partial
         self._damage = ""
         self._repeated: list[int] = []
+        self._sampled: tuple[int, list[Frame]] | None = None
 
     def __repr__(self) -> str:
         return f"Video({str(self.path)!r}, {self.width}x{self.height} px, {self.n_expected} frames)"
@@ -166,6 +167,7 @@ class Video:
             ``keep_partial``: then the frames end there and ``warning`` says why. Also when a frame has no
             time, and when no frame lies in the requested part.
         """
+        self._sampled = None
         for index, t_s, image in self._wanted():
             yield self._frame(index, t_s, image)
 
@@ -175,7 +177,8 @@ class Video:
         A small clip is decoded once. Of a large one, only key frames and a few frames after each are
         decoded, where it has enough key frames: their moments are then even to about half the distance of
         key frames. At most ``count`` frames are held, fewer of a large clip: as many as 13 frames of 3840x2160, so
-        that the length of a clip does not count. ``index`` and times are those of :meth:`frames`.
+        that the length of a clip does not count. ``index`` and times are those of :meth:`frames`. The same number asked
+        for again, before :meth:`frames` is read, gives the same frames without decoding them again.
 
         Raises
         ------
@@ -185,6 +188,11 @@ class Video:
         if count < 1:
             raise VideoError(f"{self._source.label}: {count} frames to sample; ask for at least 1")
         count = min(count, max(HELD_FRAMES, HELD_PIXELS // (self.width * self.height)))
+        if self._sampled is None or self._sampled[0] != count:
+            self._sampled = (count, self._sample(count))
+        return list(self._sampled[1])
+
+    def _sample(self, count: int) -> list[Frame]:
         survey = self._source.survey()
         wanted = [k for k, (stamp, _) in enumerate(survey) if self._is_wanted(k, self._source.seconds(stamp))]
         if not wanted:

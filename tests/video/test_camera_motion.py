@@ -15,6 +15,7 @@ from iris_sysid.video.camera_motion.reference import NOT_MEASURED, on_canvas
 from iris_sysid.video.camera_motion.steady import examined, steadied
 from iris_sysid.video.camera_motion.steady_video import SteadyVideo
 from iris_sysid.video.camera_motion.survey import CameraState
+from iris_sysid.video.reader import open_video
 from tests._drawn import DrawnClip, moving_disc, swing
 from validation.independent.shaken_scene import Shake, Studio, hand_shake, wall
 
@@ -203,3 +204,15 @@ def test_overlay_is_drawn_where_the_frame_shows_the_body(shaken, shaken_track):
     draw_body(image, now, float(now.t_s[number]), (255, 255, 255))
     rows, columns = np.nonzero(image[..., 0])
     np.testing.assert_allclose([columns.mean(), rows.mean()], mapped(maps[number], centres[number]), atol=0.7)
+
+
+def test_sampled_frames_are_decoded_once_for_camera_and_tracker(pendulum_clip):
+    clip = open_video(pendulum_clip)
+    first = clip.sample(40)
+    clip.decoded = -1
+    again = clip.sample(40)
+    assert clip.decoded == -1
+    assert all(one is other for one, other in zip(first, again, strict=True))
+    next(clip.frames())
+    assert clip.sample(40)[0] is not first[0]
+    assert clip.decoded > 0
