@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from iris_sysid.types import Array, Track
+from iris_sysid.types import Array, Track, mapped
 
 ROOT = Path(__file__).parent.parent
 MARKS = ROOT / "tests" / "real_marks"
@@ -123,8 +123,11 @@ def _compare(track: Track, marks: pd.DataFrame, width: int) -> Mapping[str, int]
 
 
 def at_frames(track: Track, frames: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:
-    """Positions (n, 2) px of a track in frames (n,), NaN where there is none, and whether a hand touches the body."""
+    """Positions (n, 2), px of the frames as filmed, of a track in frames (n,), NaN where it has none; if held."""
     rows = np.clip(np.searchsorted(track.frame, frames), 0, len(track.frame) - 1)
     there = (track.frame[rows] == frames) & track.valid[rows]
     hand = np.zeros(len(frames), dtype=bool) if track.hand is None else track.hand[rows]
-    return np.where(there[:, None], track.xy_px[rows], np.nan), hand & there
+    xy_px = track.xy_px[rows]
+    if track.camera_motion is not None:
+        xy_px = mapped(track.camera_motion[rows], xy_px)
+    return np.where(there[:, None], xy_px, np.nan), hand & there

@@ -1,6 +1,7 @@
 """What a track is worth against marks made by eye; and the marks themselves."""
 
 import hashlib
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -83,6 +84,14 @@ def test_a_body_in_a_hand_must_be_said_to_be_held():
 def test_a_body_cut_by_the_edge_of_the_image_does_not_count():
     rows = pd.concat([marks_at(100.0), marks((35, 1, 5.0, 100.0, 10.0, "edge"))])
     assert score([a_track(100.0, valid=FRAMES < 33)], rows, WIDTH).followed
+
+
+def test_a_track_of_a_moving_camera_is_compared_in_the_frames_as_filmed():
+    shift = np.tile(np.eye(2, 3), (40, 1, 1))
+    shift[:, 0, 2] = 2.0 * FRAMES  # the image of what stands still moves to the right
+    filmed = marks(*[(frame, 1, 100.0 + 2.0 * frame, 100.0, 10.0, "free") for frame in (0, 10, 20, 30)])
+    assert score([replace(a_track(100.0), camera_motion=shift)], filmed, WIDTH).on_body == 4
+    assert score([a_track(100.0)], filmed, WIDTH).on_body == 1
 
 
 def test_every_second_new_clip_is_sealed_and_the_known_ones_are_open():
