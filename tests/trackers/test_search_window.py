@@ -7,7 +7,7 @@ from iris_sysid.registry import TRACKERS
 from iris_sysid.types import TrackOptions
 from tests._drawn import DrawnClip, disc, paint
 from trackers._detection.detect_frames import detection_setup
-from trackers._detection.search_window import merged
+from trackers._detection.strong_windows import merged
 from trackers._frames.working_image import view_of
 
 SHAPE = (240, 2000)

@@ -10,6 +10,7 @@ import numpy as np
 
 from iris_sysid.types import Frame
 from trackers._background.median import Background
+from trackers._detection.depth import depth_of
 from trackers._detection.foreground import CONTRAST_SHARES, SMALLEST_AREA, SQUARE, WEAK_SIGMAS, Blob, padded
 from trackers._detection.motion_blur import streak_centre
 from trackers._detection.subpixel_centroid import Centre, Window, coverage_centre, filled_round, largest
@@ -312,6 +313,6 @@ def touches(blob: Blob, thing: Blob) -> bool:
     left, top = min(x0, a0), min(y0, b0)
     canvas = np.ones((max(y1, b1) - top, max(x1, a1) - left), dtype=np.uint8)
     canvas[b0 - top : b1 - top, a0 - left : a1 - left] -= thing.mask
-    away = cv2.distanceTransform(canvas, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    away = depth_of(canvas, outside=False)
     distance = away[y0 - top : y1 - top, x0 - left : x1 - left]
     return bool(distance[blob.mask > 0].min() <= reach)

@@ -9,6 +9,9 @@ import cv2
 import numpy as np
 
 from trackers._background.median import BackgroundEstimate
+from trackers._detection.connected import connected_parts
+from trackers._detection.depth import depth_of
+from trackers._detection.strong_windows import are_most, grown, merged, windows_of
 from trackers._frames.arrays import Box, Bytes, Flags, Image
 
 STRONG_SIGMAS, STRONG_FLOOR = 6.0, 8.0  # floor in grey levels: surely something
@@ -23,27 +26,48 @@ ARM_SHARE = 0.25  # of the inscribed radius: an object that holds a body at the 
 MOST_BLOBS = 16  # a frame
 FRINGE = 4  # px that the outline of a body may lie beyond its stout part
 CORD_RADIUS = 6.0  # px: half the width of the thickest cord that is cut off
+GROWN, FRAYED = 48, 3  # px by which a window grows that cuts a part; about its sides, where gaps are closed wrongly
 LARGE_BOX = 3000  # px: a smaller component is not worth cutting
 SQUARE = np.ones((3, 3), np.uint8)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class BackgroundRange:
-    """Grey levels of the background, from ``lowest`` to ``highest``, and the threshold beyond them, as bytes."""
+    """Grey levels of the background, from ``lowest`` to ``highest``, and the threshold beyond them, as bytes.
+
+    ``limits`` are the lowest and highest levels that do not differ weakly, then those that do not differ strongly.
+    """
 
     lowest: Bytes
     highest: Bytes
     weak: Bytes
     strong: Bytes
+    limits: tuple[Bytes, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.limits:
+            pairs = [(cv2.subtract(self.lowest, by), cv2.add(self.highest, by)) for by in (self.weak, self.strong)]
+            object.__setattr__(self, "limits", (*pairs[0], *pairs[1]))
 
     def excess(self, image: Bytes) -> Bytes:
         """Distance of each pixel from the background range, grey levels."""
         return np.asarray(cv2.max(cv2.subtract(image, self.highest), cv2.subtract(self.lowest, image)))
 
+    def weakly(self, image: Bytes) -> Bytes:
+        """1 where some channel of an image differs weakly, 0 elsewhere. Shape (h, w)."""
+        return _beyond(image, self.limits[0], self.limits[1])
+
+    def strongly(self, image: Bytes) -> Bytes:
+        """1 where some channel of an image differs strongly, 0 elsewhere. Shape (h, w)."""
+        return _beyond(image, self.limits[2], self.limits[3])
+
     def part(self, box: Box) -> BackgroundRange:
         """Foreground of a part of the image."""
         window = (slice(box[1], box[3]), slice(box[0], box[2]))
-        return BackgroundRange(self.lowest[window], self.highest[window], self.weak[window], self.strong[window])
+        limits = tuple(limit[window] for limit in self.limits)
+        return BackgroundRange(
+            self.lowest[window], self.highest[window], self.weak[window], self.strong[window], limits
+        )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -113,26 +137,65 @@ def components(
 ) -> Iterator[Component]:
     """Connected parts that differ from the background: weakly, but in touch with a strong difference.
 
+    Only windows round the strong differences are looked at, which grow until they hold the parts whole.
     ``colour_mask`` (h, w) limits the search to some pixels.
     """
-    excess = background_range.excess(image)
-    strong = any_channel(excess > background_range.strong)
+    strong = background_range.strongly(image)
     if colour_mask is not None:
         strong &= colour_mask
-    if not strong.any():
-        return
-    weak = any_channel(excess > background_range.weak)
+    size = (image.shape[1], image.shape[0])
+    boxes, parts = windows_of(strong), dict[Box, list[Component]]()
+    while boxes:
+        if are_most(boxes, size):
+            boxes = [(0, 0, *size)]
+        parts = {
+            box: parts[box] if box in parts else _components_in(background_range, image, colour_mask, strong, box)
+            for box in boxes
+        }
+        cut = {box for box, ones in parts.items() if any(_reaches_side(one.box, box, size) for one in ones)}
+        if not cut:
+            break
+        boxes = merged([grown(box, GROWN, size) if box in cut else box for box in boxes])
+    yield from sorted((part for ones in parts.values() for part in ones), key=_first_block)
+
+
+def _components_in(
+    background_range: BackgroundRange, image: Bytes, colour_mask: Flags | None, strong: Bytes, box: Box
+) -> list[Component]:
+    """The components in a box; those that reach a side of it may be parts of larger ones."""
+    window = slice(box[1], box[3]), slice(box[0], box[2])
+    part = background_range.part(box)
+    weak = part.weakly(image[window])
     if colour_mask is not None:
-        weak &= colour_mask
-    closed = cv2.morphologyEx(weak.astype(np.uint8), cv2.MORPH_CLOSE, SQUARE)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
-    support = np.bincount(labels[strong], minlength=count)
-    level = most_of_channels(excess)
-    for label in range(1, count):
-        if support[label] >= SMALLEST_SUPPORT:
-            left, top, width, height, _area = (int(value) for value in stats[label])
-            window = (slice(top, top + height), slice(left, left + width))
-            yield Component((labels[window] == label).astype(np.uint8), level[window], left, top)
+        weak &= colour_mask[window]
+    closed = cv2.morphologyEx(weak, cv2.MORPH_CLOSE, SQUARE)
+    labels, boxes = connected_parts(closed, strong[window])
+    found = []
+    for number, (left, top, right, bottom, support) in enumerate(boxes.tolist(), start=1):
+        if support >= SMALLEST_SUPPORT:
+            inside = (slice(top, bottom), slice(left, right))
+            excess = part.part((left, top, right, bottom)).excess(image[window][inside])
+            mask = (labels[inside] == number).view(np.uint8)
+            found.append(Component(mask, most_of_channels(excess), left + box[0], top + box[1]))
+    return found
+
+
+def _reaches_side(part: Box, box: Box, size: tuple[int, int]) -> bool:
+    """Whether a part comes so near to a side of its box, which is no side of the image, that it may go on there."""
+    low = any(part[k] < box[k] + FRAYED and box[k] > 0 for k in (0, 1))
+    return low or any(part[k + 2] > box[k + 2] - FRAYED and box[k + 2] < size[k] for k in (0, 1))
+
+
+def _first_block(component: Component) -> tuple[int, int]:
+    """Row and column of the first square of 2 x 2 px, row by row, that holds a part of a component."""
+    row = component.top // 2
+    first = component.mask[: 2 * row + 2 - component.top].any(axis=0)
+    return row, (component.left + int(first.argmax())) // 2
+
+
+def _beyond(image: Bytes, lowest: Bytes, highest: Bytes) -> Bytes:
+    """1 where some channel of an image is below or above these levels. Shape (h, w)."""
+    return (cv2.inRange(image, lowest, highest) == 0).view(np.uint8)
 
 
 def any_channel(flags: Flags) -> Flags:
@@ -172,8 +235,7 @@ def blobs_of(parts: Iterable[Component], shape: tuple[int, ...]) -> list[Blob]:
     for component in parts:
         peak = float(cv2.blur(component.level, (3, 3))[component.mask > 0].max())
         faint, bold = (_blobs_at(component, share * peak, shape) for share in CONTRAST_SHARES)
-        edges = _edges(component.level)
-        clearness, clearer = (_clearness(component, edges, parts) for parts in (faint, bold))
+        clearness, clearer = (_clearness(component, parts) for parts in (faint, bold))
         found_blobs += bold if clearer > IN_DOUBT * clearness else faint
     return sorted(found_blobs, key=lambda blob: -blob.area)[:MOST_BLOBS]
 
@@ -195,85 +257,114 @@ def stout(component: Component) -> Component:
     )
 
 
-def _edges(level: Bytes) -> Image:
-    """Gradient of an image, grey levels a px."""
-    fine = level.astype(np.float32)
+def _edges(component: Component, box: Box) -> Image:
+    """Gradient of the difference in a part of a component's window, grey levels a px."""
+    left, top, right, bottom = (
+        side - corner for side, corner in zip(box, 2 * (component.left, component.top), strict=True)
+    )
+    x0, y0 = max(0, left - 1), max(0, top - 1)
+    fine = component.level[y0 : bottom + 1, x0 : right + 1].astype(np.float32)
     across, down = (cv2.Sobel(fine, cv2.CV_32F, *order, scale=1 / 8) for order in ((1, 0), (0, 1)))
-    return np.asarray(np.hypot(across, down), dtype=np.float32)
+    inside = slice(top - y0, bottom - y0), slice(left - x0, right - x0)
+    return np.asarray(np.hypot(across[inside], down[inside]), dtype=np.float32)
 
 
-def _clearness(component: Component, edges: Image, parts: list[Blob]) -> float:
+def _clearness(component: Component, parts: list[Blob]) -> float:
     """How compact some parts are, times how sharp their outlines are by the gradient, grey levels a px."""
     compactness = sum(part.inscribed**2 for part in parts) / max(1, sum(part.area for part in parts))
     outlines = [np.zeros(0, dtype=np.float32)]
     for part in parts:
-        left, top, right, bottom = part.box
         inside = cv2.erode(part.mask, SQUARE, borderType=cv2.BORDER_CONSTANT, borderValue=0)
-        window = edges[top - component.top : bottom - component.top, left - component.left : right - component.left]
-        outlines.append(window[part.mask > inside])
+        outlines.append(_edges(component, part.box)[part.mask > inside])
     outline = np.concatenate(outlines)
     return compactness * float(outline.mean()) if outline.size else 0.0
 
 
 def _blobs_at(component: Component, faintest: float, shape: tuple[int, ...]) -> list[Blob]:
     """The blobs of those parts of a component that differ by so many grey levels at least."""
-    mask = component.mask & (component.level >= faintest).astype(np.uint8)
-    x0, y0, width, height = cv2.boundingRect(mask)
-    mask = filled(mask[y0 : y0 + height, x0 : x0 + width])
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8)
+    mask = component.mask & (component.level >= faintest).view(np.uint8)
+    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     found_blobs: list[Blob] = []
-    for label in range(1, count):
-        x, y, width, height, area = (int(value) for value in stats[label])
-        if area >= SMALLEST_AREA:
-            part = (labels[y : y + height, x : x + width] == label).astype(np.uint8)
-            found_blobs += _split(part, component.left + x0 + x, component.top + y0 + y, shape)
+    for contour in sorted(contours, key=lambda contour: (contour[0, 0, 1], contour[0, 0, 0])):  # row by row
+        x, y, width, height = cv2.boundingRect(contour)
+        if width * height < SMALLEST_AREA:
+            continue
+        part = np.zeros((height, width), dtype=np.uint8)
+        cv2.drawContours(part, [contour], -1, 1, cv2.FILLED, offset=(-x, -y))
+        if np.count_nonzero(part) >= SMALLEST_AREA:
+            found_blobs += _split(part, component.left + x, component.top + y, shape)
     return found_blobs
 
 
 def _split(component: Bytes, left: int, top: int, shape: tuple[int, ...]) -> list[Blob]:
     """Cut a component where it is thin: morphological opening by a disc of half its thickness."""
-    wider = padded(component)
-    depth = np.asarray(cv2.distanceTransform(wider, cv2.DIST_L2, cv2.DIST_MASK_PRECISE))
+    depth = depth_of(component)
     thickest = float(depth.max())
     if thickest < THINNEST:
         edge = _at_edge(_box(component, left, top), shape)
         return [_blob(component, left, top, thickest, (edge, edge))]
     cut = BLOB_SHARE * thickest
-    count, labels = cv2.connectedComponents((depth > cut).astype(np.uint8), connectivity=8)
     inland = not _near_edge(_box(component, left, top), ARM_SHARE * thickest, shape)
-    if count == 2 and inland:
-        return [_lone(wider, depth, cut, (left - 1, top - 1))]
-    seeds = [labels == label for label in range(1, count)]
-    away = [cv2.distanceTransform((~s).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) for s in seeds]
-    nearest, near = np.argmin(away, axis=0), np.min(away, axis=0) <= cut + 1.0
     found_blobs = []
-    for k, seed in enumerate(seeds):
-        mask = ((nearest == k) & near & (wider > 0)).astype(np.uint8)[1:-1, 1:-1]
-        edge = _at_edge(_box(mask, left, top), shape)
-        held = edge or (not inland and _hangs_on_edge(depth, seed, left - 1, top - 1, shape))
-        found_blobs.append(_blob(mask, left, top, float(depth[seed].max()), (edge, held)))
+    for seed, mask, x, y in _parts_round(depth, component, cut):
+        deepest = float(depth[y : y + mask.shape[0], x : x + mask.shape[1]][seed].max())
+        edge = held = False
+        if not inland:
+            edge = _at_edge(_box(mask, left + x, top + y), shape)
+            held = edge or _hangs_on_edge(depth, (seed, x, y, deepest), left, top, shape)
+        found_blobs.append(_blob(mask, left + x, top + y, deepest, (edge, held)))
     return found_blobs
 
 
-def _lone(mask: Bytes, depth: Image, cut: float, corner: tuple[int, int]) -> Blob:
-    """The one blob of a part that is not near the edge of the image: what lies about where it is deep."""
-    x, y, width, height = cv2.boundingRect((depth > cut).astype(np.uint8))
+def _parts_round(depth: Image, component: Bytes, cut: float) -> Iterator[tuple[Flags, Bytes, int, int]]:
+    """Each part of a component that is deeper than ``cut``, what is about it, and the corner of their window, px.
+
+    What is about several of them belongs to the nearest.
+    """
+    deep = (depth > cut).view(np.uint8)
+    x0, y0, width, height = cv2.boundingRect(deep)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(deep[y0 : y0 + height, x0 : x0 + width], connectivity=8)
     reach = int(cut) + 2
-    x0, y0 = max(0, x - reach), max(0, y - reach)
-    window = slice(y0, y + height + reach), slice(x0, x + width + reach)
-    shallow = (depth[window] <= cut).astype(np.uint8)
-    near = cv2.distanceTransform(shallow, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) <= cut + 1.0
-    body = mask[window] & near.astype(np.uint8)
-    return _blob(body, corner[0] + x0, corner[1] + y0, float(depth.max()), (False, False))
+    windows, seeds, aways = [], [], []
+    for label in range(1, count):
+        left, top, wide, high = (int(value) for value in stats[label, :4])
+        box = grown((x0 + left, y0 + top, x0 + left + wide, y0 + top + high), reach, component.shape[::-1])
+        seed = np.zeros((box[3] - box[1], box[2] - box[0]), dtype=np.bool_)
+        within = (
+            slice(y0 + top - box[1], y0 + top - box[1] + high),
+            slice(x0 + left - box[0], x0 + left - box[0] + wide),
+        )
+        seed[within] = labels[top : top + high, left : left + wide] == label
+        windows.append((slice(box[1], box[3]), slice(box[0], box[2])))
+        seeds.append(seed)
+        aways.append(depth_of(~seed, outside=False))
+    nearest = np.full(component.shape if count > 2 else (0, 0), np.inf, dtype=np.float32)
+    if count > 2:
+        for window, away in zip(windows, aways, strict=True):
+            nearest[window] = np.minimum(nearest[window], away)
+    taken = np.zeros(nearest.shape, dtype=np.bool_)
+    for window, seed, away in zip(windows, seeds, aways, strict=True):
+        mine = (away <= cut + 1.0) & (component[window] > 0)
+        if count > 2:
+            mine &= (away == nearest[window]) & ~taken[window]
+            taken[window] |= mine
+        yield seed, mine.view(np.uint8), window[1].start, window[0].start
 
 
-def _hangs_on_edge(depth: Image, seed: Flags, left: int, top: int, shape: tuple[int, ...]) -> bool:
-    """Whether a seed is connected to the edge of the image by something at least an arm thick."""
-    arm = ARM_SHARE * float(depth[seed].max())
-    thick, labels = cv2.connectedComponents((depth > arm).astype(np.uint8), connectivity=8)
+def _hangs_on_edge(
+    depth: Image, seed: tuple[Flags, int, int, float], left: int, top: int, shape: tuple[int, ...]
+) -> bool:
+    """Whether a seed is connected to the edge of the image by something at least an arm thick.
+
+    The seed is a mask, the corner of its window in that of ``depth``, and the greatest depth in it.
+    """
+    where, x, y, deepest = seed
+    arm = ARM_SHARE * deepest
+    thick, labels = cv2.connectedComponents((depth > arm).view(np.uint8), connectivity=8)
     if thick <= 1:
         return False
-    return _near_edge(_box((labels == labels[seed][0]).astype(np.uint8), left, top), arm, shape)
+    label = labels[y : y + where.shape[0], x : x + where.shape[1]][where][0]
+    return _near_edge(_box((labels == label).view(np.uint8), left, top), arm, shape)
 
 
 def _near_edge(box: Box, arm: float, shape: tuple[int, ...]) -> bool:

@@ -7,7 +7,6 @@ searched, and every few frames the whole image.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import cv2
@@ -26,6 +25,7 @@ from trackers._detection.foreground import (
     rounded,
     stout,
 )
+from trackers._detection.strong_windows import merged, overlap
 from trackers._frames.arrays import Box, Bytes, Flags
 from trackers._frames.sampled_frames import SampledFrames
 from trackers._frames.working_image import View
@@ -62,7 +62,7 @@ class SearchWindows:
         followed = _followed(foreground)
         self._count = len(followed)
         boxes = [part.box for ones in parts.values() for part in ones]
-        self._boxes = [box for box in boxes if any(_overlap(box, blob_box) for blob_box in followed)]
+        self._boxes = [box for box in boxes if any(overlap(box, blob_box) for blob_box in followed)]
         self._until_whole = WHOLE_EVERY if self._whole in parts else self._until_whole - 1
         if self.view.colour is None:
             return foreground, foreground
@@ -139,22 +139,6 @@ class SearchWindows:
 def _followed(foreground: list[Blob]) -> list[Box]:
     """The boxes of those blobs of the foreground that are thick enough for a body."""
     return [blob.box for blob in foreground if blob.inscribed > THINNEST_BODY]
-
-
-def merged(boxes: Iterable[Box]) -> list[Box]:
-    """Boxes that hold all of those given and do not overlap each other."""
-    apart: list[Box] = []
-    for box in boxes:
-        while near := [other for other in apart if _overlap(box, other)]:
-            apart = [other for other in apart if other not in near]
-            low, high = np.min([box, *near], axis=0), np.max([box, *near], axis=0)
-            box = (int(low[0]), int(low[1]), int(high[2]), int(high[3]))
-        apart.append(box)
-    return apart
-
-
-def _overlap(box: Box, other: Box) -> bool:
-    return box[0] < other[2] and other[0] < box[2] and box[1] < other[3] and other[1] < box[3]
 
 
 def sparse_range_of(

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from iris_sysid.types import Array
+from trackers._detection.depth import depth_of
 from trackers._frames.arrays import MAD_TO_SD, Bytes, Flags, Image
 from trackers._uncertainty.error_correlation import outline_lobes
 
@@ -96,7 +97,7 @@ def coverage_centre(window: Window) -> Centre:
     noise of the moving body. e^2 is the variance of a just inside of the band beyond its noise, that is how
     badly F is known on a textured body, and d the distance in px over which such an error persists.
     """
-    depth = np.asarray(cv2.distanceTransform(window.mask, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), dtype=np.float32)
+    depth = depth_of(window.mask, outside=False)
     heart, persistence = depth > 0.5 * depth.max(), max(1.5, float(depth.max()) / 2)
     rim = min(RIM_PX, RIM_SHARE * float(depth.max()))
     share, distance, half_width, axes = _first_look(window, depth, rim, persistence)

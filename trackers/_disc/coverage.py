@@ -17,7 +17,7 @@ SMALLEST_RHO = 1e-9  # px: the centre of a disc has no direction
 
 
 @kernel(nogil=True)
-def disc_coverage(x: Array, y: Array, outline: Array, way: Array, count: int) -> tuple[Array, Array]:
+def disc_coverage(x: Array, y: Array, outline: Array, way: Array, count: int, share: Array, slopes: Array) -> None:
     """Mean share of pixels that a disc covers while it moves evenly accelerated through an exposure.
 
     The coverage is that of a straight edge, its distance corrected for the curvature of the circle over the pixel
@@ -36,40 +36,61 @@ def disc_coverage(x: Array, y: Array, outline: Array, way: Array, count: int) ->
         px per exposure squared.
     count
         Number of parts of the exposure.
-
-    Returns
-    -------
-    share, slopes : Array
-        Share (n,) and its derivatives (n, 6) by the outline.
+    share, slopes
+        Set to the share (n,) and its derivatives (n, 6) by the outline.
     """
-    share, slopes = np.zeros(x.size), np.zeros((x.size, 6))
-    blur, oval = outline[3], math.hypot(outline[4], outline[5])
+    steps = _steps(outline, way, count)
+    travel = math.hypot(way[0], way[1]) / 2 + math.hypot(way[3], way[4]) / 8 + abs(way[2]) / 2
+    widest = steps[:, 6].max() + travel
+    for k in range(x.size):
+        slopes[k] = 0.0
+        off = outline[2] - math.sqrt((x[k] - outline[0]) ** 2 + (y[k] - outline[1]) ** 2)
+        if abs(off) > widest:  # wholly inside or outside throughout
+            share[k] = off > 0
+            continue
+        total = 0.0
+        for step in steps:
+            total += _covered(x[k] - step[0], y[k] - step[1], outline, step, slopes[k])
+        share[k] = total / count
+        slopes[k] /= count
+
+
+@kernel(nogil=True)
+def _steps(outline: Array, way: Array, count: int) -> Array:
+    """Of each part of the exposure x, y, radius, their change, and how far from the outline a pixel may show it."""
+    steps = np.empty((count, 7))
+    oval = math.hypot(outline[4], outline[5])
     for part in range(count):
         t = (part + 0.5) / count - 0.5
-        centre_x = outline[0] + t * way[0] + t**2 / 2 * way[3]
-        centre_y = outline[1] + t * way[1] + t**2 / 2 * way[4]
-        radius = outline[2] + t * way[2]
-        step_x, step_y, step_r = (way[0] + t * way[3]) / count, (way[1] + t * way[4]) / count, way[2] / count
-        longest = math.hypot(step_x, step_y) + abs(step_r)
-        widest = HALF_DIAGONAL + BLUR_REACH * math.sqrt(blur) + longest / 2 + radius * oval + 0.5
-        for k in range(x.size):
-            dx, dy = x[k] - centre_x, y[k] - centre_y
-            rho = max(math.hypot(dx, dy), SMALLEST_RHO)
-            if abs(radius - rho) > widest:
-                share[k] += rho < radius
-                continue
-            cos, sin = dx / rho, dy / rho
-            twice_cos, twice_sin = cos**2 - sin**2, 2 * cos * sin
-            bend = 1 / (2 * max(rho, radius / 2))
-            edge = radius * (1 + twice_cos * outline[4] + twice_sin * outline[5])
-            distance = edge - rho - bend * (blur + PIXEL_VARIANCE)
-            across = step_x * cos + step_y * sin + step_r
-            covered, slope, spread = edge_coverage(distance, cos, sin, blur + across**2 / 12)
-            share[k] += covered
-            slopes[k, 0] += slope * cos
-            slopes[k, 1] += slope * sin
-            slopes[k, 2] += slope
-            slopes[k, 3] += spread - slope * bend
-            slopes[k, 4] += slope * radius * twice_cos
-            slopes[k, 5] += slope * radius * twice_sin
-    return share / count, slopes / count
+        step = steps[part]
+        step[0] = outline[0] + t * way[0] + t**2 / 2 * way[3]
+        step[1] = outline[1] + t * way[1] + t**2 / 2 * way[4]
+        step[2] = outline[2] + t * way[2]
+        step[3], step[4], step[5] = (way[0] + t * way[3]) / count, (way[1] + t * way[4]) / count, way[2] / count
+        longest = math.hypot(step[3], step[4]) + abs(step[5])
+        step[6] = HALF_DIAGONAL + BLUR_REACH * math.sqrt(outline[3]) + longest / 2 + step[2] * oval + 0.5
+    return steps
+
+
+@kernel(nogil=True)
+def _covered(dx: float, dy: float, outline: Array, step: Array, slopes: Array) -> float:
+    """Share of a pixel at (dx, dy) from the centre in one part of the exposure; its derivatives are added to slopes."""
+    radius, blur = step[2], outline[3]
+    rho = max(math.sqrt(dx**2 + dy**2), SMALLEST_RHO)  # several times as fast as math.hypot
+    if abs(radius - rho) > step[6]:
+        return 1.0 if rho < radius else 0.0
+    inverse = 1.0 / rho
+    cos, sin = dx * inverse, dy * inverse
+    twice_cos, twice_sin = cos**2 - sin**2, 2 * cos * sin
+    bend = 0.5 * min(inverse, 2.0 / radius)
+    edge = radius * (1 + twice_cos * outline[4] + twice_sin * outline[5])
+    distance = edge - rho - bend * (blur + PIXEL_VARIANCE)
+    across = step[3] * cos + step[4] * sin + step[5]
+    covered, slope, spread = edge_coverage(distance, cos, sin, blur + across**2 / 12)
+    slopes[0] += slope * cos
+    slopes[1] += slope * sin
+    slopes[2] += slope
+    slopes[3] += spread - slope * bend
+    slopes[4] += slope * radius * twice_cos
+    slopes[5] += slope * radius * twice_sin
+    return covered

@@ -153,7 +153,7 @@ def fit_disc(
     x, y = (columns + cutout.left).astype(np.float64), (rows + cutout.top).astype(np.float64)
     model = DiscModel(x, y, background, start, form, motion)
     try:
-        solution = robust_fit(model.predict, model.start(values), Pixels(values, noise, zone))
+        solution = robust_fit(model, model.start(values), Pixels(values, noise, zone))
     except np.linalg.LinAlgError:
         return None
     disc = _disc_of(solution, model)
@@ -181,14 +181,14 @@ def _chosen(cutout: Cutout, start: Disc) -> tuple[Labels, Labels, Labels]:
 def _disc_of(solution: Solution, model: DiscModel) -> Disc:
     x, y, radius, blur = (float(value) for value in solution.parameters[: BLUR + 1])
     along, across = solution.parameters[OVAL_ALONG : model.form.outline] if model.form.oval else (0.0, 0.0)
-    contrast, intensity = model.contrast(solution.parameters)
+    contrast, intensity = model.contrast_of(solution.parameters)
     return Disc(x, y, radius, blur=blur, oval=(float(along), float(across)), contrast=contrast, intensity=intensity)
 
 
 def _with_errors(fitted: DiscFit, shape: tuple[int, ...], correlation: Array | None) -> Disc:
     """The disc with the standard errors of its centre and radius."""
     errors = []
-    for score in fitted.solution.scores()[:, : RADIUS + 1].T:
+    for score in fitted.solution.scores(RADIUS + 1).T:
         image = np.zeros(shape)
         image[fitted.rows, fitted.columns] = score
         errors.append(float(np.sqrt(variance_of_sum(image, correlation))))

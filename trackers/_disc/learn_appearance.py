@@ -236,6 +236,7 @@ class _Trials:
     images: Mapping[int, Bytes]
     radius: float
     starts: dict[tuple[int, int], Disc | None] = field(default_factory=dict)
+    scores: dict[tuple[object, ...], float] = field(default_factory=dict)
 
     @property
     def channels(self) -> int:
@@ -276,9 +277,19 @@ class _Trials:
     ) -> Array:
         """Score of each appearance: the mean over the frames but the worst."""
         values = np.array(
-            [[score(fitted) for fitted in self.fits(appearance, numbers, shown=shown)] for appearance in appearances]
+            [[self._scored(appearance, k, score, shown=shown) for k in numbers] for appearance in appearances]
         )
         return np.asarray(np.sort(values, axis=1)[:, int(WORST * len(numbers)) :].mean(axis=1))
+
+    def _scored(
+        self, appearance: DiscAppearance, number: int, score: Callable[[DiscFit | None], float], *, shown: bool
+    ) -> float:
+        """Score of the fit in one frame; the best of some appearances is among the next ones and not fitted again."""
+        how = (appearance.form, appearance.shutter, appearance.longest_shutter, appearance.channel)
+        key = (*how, id(appearance.correlation), number, score, shown)
+        if key not in self.scores:
+            self.scores[key] = score(self.fits(appearance, [number], shown=shown)[0])
+        return self.scores[key]
 
     def best(
         self,

@@ -8,7 +8,8 @@ import numpy as np
 
 from iris_sysid.types import Array
 from trackers._disc.coverage import disc_coverage
-from trackers._disc.robust_least_squares import Start
+from trackers._disc.normal_equations import jacobian, levels, normal_equations
+from trackers._disc.robust_least_squares import Equations, Pixels, Start
 
 X, Y, RADIUS, BLUR, OVAL_ALONG, OVAL_ACROSS = range(6)  # the first parameters; the grey levels follow
 SHARPEST = 0.004  # px^2, variance of the sharpest edge
@@ -99,9 +100,13 @@ class DiscModel:
     form: Form
     motion: Motion
     terms: Array = field(init=False)
+    share: Array = field(init=False)
+    slopes: Array = field(init=False)
+    contrast: Array = field(init=False)
 
     def __post_init__(self) -> None:
         """Work out the terms of the shading (n, 6) in u, v = distance from the origin over its radius."""
+        self.share, self.slopes, self.contrast = np.empty(self.x.size), np.empty((self.x.size, 6)), self.x
         u = (self.x - self.origin.x) / self.origin.radius
         v = (self.y - self.origin.y) / self.origin.radius
         self.terms = np.column_stack([np.ones_like(u), u, v, u**2 + v**2 - 1, u**2 - v**2, u * v])
@@ -114,8 +119,8 @@ class DiscModel:
         origin, outline = self.origin, self.form.outline
         parameters = np.zeros(self.form.count)
         parameters[:outline] = (origin.x, origin.y, origin.radius, origin.blur, *origin.oval)[:outline]
-        share, _ = self._coverage(parameters[:outline])
-        inside, outside = share > 0.5, share < 0.5
+        self._cover(parameters[:outline])
+        inside, outside = self.share > 0.5, self.share < 0.5
         parameters[outline] = np.median(values[inside]) if inside.any() else values.mean()
         level = np.median((values - self.background)[outside]) if outside.any() else 0.0
         parameters[outline + self.form.interior] = level
@@ -124,38 +129,52 @@ class DiscModel:
         lowest[[RADIUS, BLUR]] = (SMALLEST, SHARPEST)
         return Start(parameters, longest, lowest)
 
-    def predict(self, parameters: Array) -> tuple[Array, Array]:
-        """Grey levels (n,) and their derivatives (n, p) by the ``parameters`` (p,).
+    def equations(self, parameters: Array, pixels: Pixels, sigma: Array, number: int) -> Equations:
+        """Normal equations of the grey levels by the ``parameters`` (p,).
 
-        Derivatives are in grey levels per px or per unit of a level.
+        ``pixels`` holds the grey levels that are fitted, ``sigma`` (n,) their noise in grey levels; ``number`` is that
+        of the round.
         """
-        share, slopes = self._coverage(parameters[: self.form.outline])
+        self._cover(parameters[: self.form.outline])
         body, surroundings = self._levels(parameters)
-        part = share[:, np.newaxis]
-        inside, outside = self.terms[:, : self.form.interior], self.terms[:, : self.form.exterior]
-        jacobian = np.hstack([(body - surroundings)[:, np.newaxis] * slopes, part * inside, (1 - part) * outside])
-        return surroundings + share * (body - surroundings), jacobian
+        self.contrast = body - surroundings
+        residual = pixels.values - (surroundings + self.share * self.contrast)
+        weight = np.empty_like(residual)
+        of_zones, gradient = normal_equations(self._linear, sigma, pixels.zone, number, residual, weight)
+        return Equations(of_zones, gradient, residual, weight)
 
-    def contrast(self, parameters: Array) -> tuple[float, float]:
+    def jacobian(self) -> Array:
+        """Derivatives (n, p) of the grey levels by the parameters of the latest equations.
+
+        In grey levels per px or per unit of a level.
+        """
+        return np.asarray(jacobian(*self._linear))
+
+    def contrast_of(self, parameters: Array) -> tuple[float, float]:
         """Mean of body minus surroundings, and of the body, along the outline; ``parameters`` (p,).
 
         Both are in grey levels.
         """
-        share, _ = self._coverage(parameters[: self.form.outline])
-        edge = share * (1 - share) + 1e-9
+        self._cover(parameters[: self.form.outline])
+        edge = self.share * (1 - self.share) + 1e-9
         body, surroundings = self._levels(parameters)
         return float(np.average(body - surroundings, weights=edge)), float(np.average(body, weights=edge))
 
+    @property
+    def _linear(self) -> tuple[Array, Array, Array, Array, Array]:
+        counts = np.array([self.form.outline, self.form.interior, self.form.exterior])
+        return self.share, self.slopes, self.contrast, self.terms, counts
+
     def _levels(self, parameters: Array) -> tuple[Array, Array]:
         """Grey levels (n,) of the body and of the background behind it."""
-        levels = parameters[self.form.outline :]
-        body = self.terms[:, : self.form.interior] @ levels[: self.form.interior]
-        return body, self.background + self.terms[:, : self.form.exterior] @ levels[self.form.interior :]
+        inside, outside = np.split(parameters[self.form.outline :], [self.form.interior])
+        body, surroundings = np.empty((2, self.x.size))
+        levels(self.terms, self.background, inside, outside, body, surroundings)
+        return body, surroundings
 
-    def _coverage(self, outline: Array) -> tuple[Array, Array]:
-        """Share (n,) of each pixel that the moving disc covers in the mean, and its derivatives by the outline."""
+    def _cover(self, outline: Array) -> None:
+        """Set the share (n,) of each pixel that the moving disc covers in the mean, and its derivatives (n, 6)."""
         count = int(np.clip(np.ceil(self.motion.length / SUBSTEP), 1, MOST_SUBSTEPS))
         every = np.zeros(OVAL_ACROSS + 1)
         every[: outline.size] = outline
-        share, slopes = disc_coverage(self.x, self.y, every, self.motion.way, count)
-        return share, slopes[:, : outline.size]
+        disc_coverage(self.x, self.y, every, self.motion.way, count, self.share, self.slopes)

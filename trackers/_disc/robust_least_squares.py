@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ FEWEST_IN_ZONE = 8  # pixels from which a zone has its own noise
 RIDGE = 1e-12  # of the diagonal: a parameter that the pixels do not show stays where it is
 
 Labels = NDArray[np.int64]
-Model = Callable[[Array], tuple[Array, Array]]  # parameters (p,) -> prediction (n,), jacobian (n, p)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -33,6 +32,31 @@ class Pixels:
     values: Array
     noise: Array
     zone: Labels
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Equations:
+    """Normal equations of some parameters: information of each zone (z, p, p), gradient (p,), residual, weight (n,)."""
+
+    of_zones: Array
+    gradient: Array
+    residual: Array
+    weight: Array
+
+    @property
+    def information(self) -> Array:
+        """That of all pixels (p, p)."""
+        return np.asarray(self.of_zones.sum(axis=0))
+
+
+class Model(Protocol):
+    """What is fitted."""
+
+    def equations(self, parameters: Array, pixels: Pixels, sigma: Array, number: int) -> Equations:
+        """The normal equations for parameters (p,), with the weights of a round and noise ``sigma`` (n,)."""
+
+    def jacobian(self) -> Array:
+        """Derivatives (n, p) of the prediction for the parameters of the latest equations."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -63,11 +87,21 @@ class Solution:
     @property
     def covariance(self) -> Array:
         """Inverse information (p, p): the covariance for white noise. In the product of the units of two parameters."""
-        return np.asarray(np.linalg.pinv(self.information, hermitian=True), dtype=np.float64)
+        return _inverse(self.information)
 
-    def scores(self) -> Array:
-        """How much each pixel's noise of one sigma moves each parameter (n, p)."""
-        return (self.weight / self.sigma)[:, np.newaxis] * self.jacobian @ self.covariance
+    def scores(self, count: int) -> Array:
+        """How much each pixel's noise of one sigma moves each of the first ``count`` parameters (n, count)."""
+        return (self.weight / self.sigma)[:, np.newaxis] * (self.jacobian @ self.covariance[:, :count])
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Rest:
+    """Where the steps of one round ended: parameters (p,), the last step (p,) and the equations before it."""
+
+    parameters: Array
+    last_step: Array
+    equations: Equations
+    sigma: Array
 
 
 def robust_fit(model: Model, start: Start, pixels: Pixels) -> Solution:
@@ -87,10 +121,14 @@ def robust_fit(model: Model, start: Start, pixels: Pixels) -> Solution:
     pixels
         Data of the fit.
     """
-    solution = _Fit(model, start, pixels).round(start.parameters, pixels.noise, 0)
+    fit = _Fit(model, start, pixels)
+    rest = fit.round(start.parameters, pixels.noise, 0)
     for number in range(1, len(ROUNDS)):
-        solution = _Fit(model, start, pixels).round(solution.parameters, _measured_noise(solution, pixels), number)
-    return solution
+        rest = fit.round(rest.parameters, _measured_noise(rest.equations, pixels), number)
+    found = rest.equations
+    return Solution(
+        rest.parameters, found.information, model.jacobian(), found.residual, rest.sigma, found.weight, rest.last_step
+    )
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -101,23 +139,19 @@ class _Fit:
     start: Start
     pixels: Pixels
 
-    def round(self, parameters: Array, sigma: Array, number: int) -> Solution:
+    def round(self, parameters: Array, sigma: Array, number: int) -> _Rest:
         """Gauss-Newton steps with the weights of one round."""
         most, settled = ROUNDS[number]
-        damping, solution = _Damping(), None
+        damping = _Damping()
         for _ in range(most):
-            predicted, jacobian = self.model(parameters)
-            residual = self.pixels.values - predicted
-            weight = _weight(np.abs(residual) / sigma, number)
-            information = ((weight / sigma**2)[:, np.newaxis] * jacobian).T @ jacobian
-            solution = Solution(parameters, information, jacobian, residual, sigma, weight, np.zeros_like(parameters))
-            step = damping.applied(_step(solution, self.start), solution)
+            equations = self.model.equations(parameters, self.pixels, sigma, number)
+            information = equations.information
+            scale = np.sqrt(information.diagonal())
+            step = damping.applied(_step(parameters, information, equations.gradient, self.start), scale)
             parameters = np.maximum(parameters + step, self.start.lowest)
-            solution = replace(solution, parameters=parameters, last_step=step)
-            if (np.abs(step) * np.sqrt(np.diag(information)) <= settled).all():
+            if (np.abs(step) * scale <= settled).all():
                 break
-        assert solution is not None
-        return solution
+        return _Rest(parameters, step, equations, sigma)
 
 
 @dataclass(eq=False, slots=True)
@@ -127,42 +161,39 @@ class _Damping:
     share: float = 1.0
     before: Array | None = None
 
-    def applied(self, step: Array, solution: Solution) -> Array:
-        """The step as it should be made."""
-        scaled = step * np.sqrt(np.diag(solution.information))
+    def applied(self, step: Array, scale: Array) -> Array:
+        """The step as it should be made; ``scale`` (p,) are inverse standard errors."""
+        scaled = step * scale
         back = self.before is not None and float(scaled @ self.before) < 0
         self.share = max(LEAST_SHARE, self.share / 2) if back else min(1.0, self.share * 1.5)
         self.before = scaled
         return self.share * step
 
 
-def _weight(ratio: Array, number: int) -> Array:
-    """Weight of residuals over sigma: one in the first round, Huber's in the second, Tukey's biweight in the third."""
-    if number == 0:
-        return np.ones_like(ratio)
-    return HUBER / np.maximum(ratio, HUBER) if number == 1 else np.maximum(0.0, 1.0 - (ratio / TUKEY) ** 2) ** 2
-
-
-def _step(solution: Solution, start: Start) -> Array:
+def _step(parameters: Array, information: Array, gradient: Array, start: Start) -> Array:
     """A Gauss-Newton step; a parameter at its lowest value stays there while it is pushed down."""
-    gradient = solution.jacobian.T @ (solution.weight / solution.sigma**2 * solution.residual)
-    free = (solution.parameters > start.lowest) | (gradient > 0)
-    information = solution.information[np.ix_(free, free)]
+    free = (parameters > start.lowest) | (gradient > 0)
+    held = information if free.all() else information[free][:, free]
     step = np.zeros_like(gradient)
-    step[free] = np.linalg.solve(information + RIDGE * np.diag(np.diag(information)), gradient[free])
+    step[free] = np.linalg.solve(held + RIDGE * np.diag(held.diagonal()), gradient[free])
     return np.clip(step, -start.longest_step, start.longest_step)
 
 
-def _measured_noise(solution: Solution, pixels: Pixels) -> Array:
+def _inverse(information: Array) -> Array:
+    return np.asarray(np.linalg.pinv(information, hermitian=True), dtype=np.float64)
+
+
+def _measured_noise(equations: Equations, pixels: Pixels) -> Array:
     """Noise of each pixel: that of its zone by the residuals, corrected for the parameters; at least the known."""
-    taken_up = np.einsum("ij,ij->i", solution.scores(), solution.jacobian) / solution.sigma
+    covariance = _inverse(equations.information)
     noise = pixels.noise.copy()
-    ratio = np.abs(solution.residual) / pixels.noise
-    for zone in np.unique(pixels.zone):
+    ratio = np.abs(equations.residual) / pixels.noise
+    for zone, information in enumerate(equations.of_zones):
         inside = pixels.zone == zone
-        if np.count_nonzero(inside) >= FEWEST_IN_ZONE:
-            left = np.clip(1.0 - taken_up[inside].mean(), 0.2, 1.0)
-            noise[inside] *= max(1.0, _scale(ratio[inside]) / np.sqrt(left))
+        count = np.count_nonzero(inside)
+        if count >= FEWEST_IN_ZONE:
+            taken_up = float((information * covariance).sum()) / count  # mean of the leverages
+            noise[inside] *= max(1.0, _scale(ratio[inside]) / np.sqrt(np.clip(1.0 - taken_up, 0.2, 1.0)))
     return noise
 
 
