@@ -163,6 +163,7 @@ def observe(
         **systematic_errors.from_axis(trajectory, chosen),
         **systematic_errors.from_pivots(trajectory),
         **systematic_errors.from_brightness(tracks[0], chosen),
+        **systematic_errors.from_surface(trajectory, tracks[0], chosen),
         **systematic_errors.from_clock(trajectory, clock_stderr),
     }
     view = image_view(trajectory, tracks[0], calibration, image_size) if chosen.bodies == 1 else None

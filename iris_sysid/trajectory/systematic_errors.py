@@ -14,6 +14,10 @@ from iris_sysid.types import Array, Calibration, Phenomenon, Track, Trajectory
 
 TIME_BASE = "time base"
 EDGE, AXIS, PIVOTS = "edge of the ball", "axis of the turn", "pivots"
+SURFACE = "surface"
+# of the standard error of a sample: what texture and blocks of a coder do to a surface while it passes so many rows; on
+# nine synthetic clips, compressed and not, the means over 16 rows are off by 0.15 to 0.6 of it, 0.35 rms
+SURFACE_SHARE, SURFACE_ROWS_PX = 0.35, 16
 EDGE_PX = 0.1  # what blur, shading and compression do to a radius in all frames alike; on synthetic clips 0.02 to 0.16
 AXIS_SHARE = 1e-3  # how far the axis is off, over the arm it turns; on synthetic clips 0.08 px of 101, by uneven light
 # of the range of the positions: below it a pattern is rounding, as that of a scale's error in an angle
@@ -180,3 +184,33 @@ def from_brightness(track: Track, phenomenon: Phenomenon) -> dict[str, Array]:
     if phenomenon.measures != "intensity":
         return {}
     return {source: patterns[..., np.newaxis] for source, patterns in track.intensity_patterns.items()}
+
+
+def from_surface(trajectory: Trajectory, track: Track, phenomenon: Phenomenon) -> dict[str, Array]:
+    """The patterns of a liquid's surface that is seen too high while it passes some rows of the image, e.g. of texture.
+
+    Patterns are in the observed unit.
+
+    Parameters
+    ----------
+    trajectory
+        What is observed.
+    track
+        From which it was made, sample by sample.
+    phenomenon
+        Says whether that is a height.
+
+    Returns
+    -------
+    dict
+        Patterns (r, n, 1) under ``surface``, one for every 16 rows, which fade towards the next; nothing for anything
+        but a height.
+    """
+    seen = trajectory.valid & track.valid
+    if phenomenon.measures != "height" or not seen.any():
+        return {}
+    rows, sigma = track.xy_px[:, 1], np.where(seen, np.nan_to_num(trajectory.sigma[:, 0]), 0.0)
+    first, last = np.min(rows[seen]), np.max(rows[seen])
+    knots = np.linspace(first, last, max(2, 1 + round((last - first) / SURFACE_ROWS_PX)))
+    hats = np.stack([np.interp(np.where(seen, rows, first), knots, hat) for hat in np.eye(knots.size)])
+    return {SURFACE: SURFACE_SHARE * (hats * sigma)[..., np.newaxis]}

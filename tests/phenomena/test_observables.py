@@ -52,3 +52,17 @@ def test_gravity_of_a_falling_ball_follows_from_the_stated_distance():
 def test_track_without_what_is_measured_is_refused_with_the_tracker_to_use():
     with pytest.raises(DataError, match=r"needs the angle of the body.*use the tracker orientation"):
         fitted("rotating-cone", track_of(0.1, intensity=np.ones(T_S.size)))
+
+
+def test_interval_of_an_outflow_allows_for_errors_that_the_rows_of_a_surface_have_in_common():
+    level = (np.sqrt(0.2) - 0.03 * MOVED_S / 2) ** 2
+    row, inside = 500 - 1000 * (0.1 + level), 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        common = np.interp(row, np.arange(150.0, 500.0, 16.0), rng.normal(0, 0.0175, 22))
+        seen = row + common + rng.normal(0, 0.05, T_S.size)
+        fit = fitted("torricelli", track_of(0.05, (np.full(T_S.size, 300.0), seen)), scale(1000.0, 1.0))
+        low, high = fit.estimates["outflow"].interval
+        assert fit.budget["outflow"]["surface"] > 0.5 * fit.budget["outflow"]["random"]
+        inside += low < 0.03 < high
+    assert inside >= 17
