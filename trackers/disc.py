@@ -36,6 +36,7 @@ WELL_SEEN = 0.8  # of the frames: a body found in fewer frames is also searched 
 # by how much the autocorrelation of position errors at lag 1 is below that of the lobes, on synthetic clips: the fitted
 # shading and blur absorb it
 CORRELATION_ABSORBED = 0.25
+OUTLINE_OF_WHITE = 1.7  # lobes of the residual over errors of the centre, on drawn discs with noise, without loss
 REPORT_EVERY = 10  # frames between two calls of the progress function
 EMPTY = (np.nan,) * 8
 LinkedBodies = tuple[
@@ -206,7 +207,7 @@ def _track_of(
         dtype=np.int64,
     )
     lobes = np.array([fits[all_detections[k].frame].lobes for k in free])
-    errors = error_model(free, columns[:, :2], columns[:, 4], lobes, CORRELATION_ABSORBED)
+    errors = error_model(free, columns[:, :2], columns[:, 4], lobes, CORRELATION_ABSORBED, OUTLINE_OF_WHITE)
     sigma = np.column_stack([with_scatter(t_s, columns[:, axis], columns[:, axis + 2], errors) for axis in (0, 1)])
     return Track(
         t_s=t_s,

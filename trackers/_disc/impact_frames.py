@@ -11,6 +11,7 @@ from iris_sysid.types import Array
 SIDE = 3  # samples before, and after: a parabola leads from them to the exposure between
 CLEAR = 6.0  # standard errors of the change of velocity from which on it is an impact
 FOREMOST = 0.5  # of the largest change nearby: a smaller change beside an impact is its echo
+RARE = 3.0  # times the median change of the track: a motion that bends throughout, as in a fast circle, is no impact
 EVEN = 1.5  # times its even length in time that both sides may take: gaps
 
 
@@ -44,6 +45,7 @@ def struck_within(t_s: Array, xy: Array, sigma: Array, shutter: float) -> Array:
     change = velocity_after - velocity
     size = np.maximum(np.hypot(*change.T), 1e-6)
     foremost = size > FOREMOST * maximum_filter1d(size, 2 * SIDE + 1)
+    foremost &= size > RARE * np.median(size)
     meets = ((position - position_after) * change).sum(axis=1) / size**2
     error = np.hypot(doubt, doubt_after) * np.median(sigma[known], axis=0).max()
     even = u[:, -1] - u[:, 0] <= EVEN * 2 * SIDE

@@ -10,10 +10,15 @@ from numpy.typing import NDArray
 
 from iris_sysid.types import Array, Track
 from trackers._detection.detection import Detection, FrameDetections
+from trackers._disc.impact_frames import struck_within
 from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.select_bodies import held_frames
-from trackers._uncertainty.error_correlation import is_moving, outline_autocorrelation
+from trackers._uncertainty.changed_area import shifted_by_area
+from trackers._uncertainty.error_correlation import is_moving, outline_autocorrelation, outline_scatter
 from trackers._uncertainty.excess_scatter import ErrorModel, with_scatter
+
+OUTLINE_OF_WHITE = 1.2  # lobes of the coverage over errors of the centroid, on drawn discs with noise, without loss
+SHUTTER = 0.5  # exposure over the time between frames, where it is not measured: what cameras take by rule
 
 
 def track_of(
@@ -44,10 +49,12 @@ def track_of(
     free = [detection for detection in tracklet.detections if detection.centre.lobes and not detection.hand]
     rows = np.array([row_of[detection.frame] for detection in free], dtype=np.int64)
     errors = error_model(rows, table[:, :2], radius, np.array([detection.centre.lobes for detection in free]))
+    sigma = np.column_stack([with_scatter(t_s, table[:, axis], table[:, axis + 2], errors) for axis in (0, 1)])
+    struck, joined = struck_within(t_s, table[:, :2], sigma, SHUTTER), shifted_by_area(table[:, 4], radius)
     return Track(
         t_s=t_s,
         xy_px=table[:, 0:2],
-        sigma_px=np.column_stack([with_scatter(t_s, table[:, axis], table[:, axis + 2], errors) for axis in (0, 1)]),
+        sigma_px=np.sqrt(sigma**2 + struck**2 + joined[:, np.newaxis] ** 2),
         valid=np.isfinite(table[:, 0]),
         frame=np.array([frame_detections.frame for frame_detections in all_detections]),
         body=body,
@@ -63,9 +70,14 @@ def track_of(
 
 
 def error_model(
-    rows: NDArray[np.int64], xy_px: Array, radius_px: Array, lobes: Array, reduction: float = 0.0
+    rows: NDArray[np.int64],
+    xy_px: Array,
+    radius_px: Array,
+    lobes: Array,
+    reduction: float = 0.0,
+    outline_of_white: float = OUTLINE_OF_WHITE,
 ) -> ErrorModel:
-    """Where a body moves, and the autocorrelation of its position errors by the lobes of its outline.
+    """Where a body moves, and the size and autocorrelation of its position errors by the lobes of its outline.
 
     Parameters
     ----------
@@ -77,15 +89,20 @@ def error_model(
         Amplitudes (k, 4) of the outline's lobes in those samples, px.
     reduction
         By how much the partial autocorrelation of the position errors at lag 1 is below that of the lobes.
+    outline_of_white
+        Standard deviation of the lobes over that of the position, both from white noise of the pixels.
     """
     seen, number = np.isfinite(radius_px), np.arange(radius_px.size, dtype=np.float64)
     moving = np.zeros(radius_px.size, dtype=np.bool_)
     moving[seen] = is_moving(number[seen], xy_px[seen], radius_px[seen])
-    measured = outline_autocorrelation(number[rows], xy_px[rows], lobes, radius_px[rows]) if rows.size else None
-    if measured is None:
+    if not rows.size:
         return ErrorModel(moving)
+    outline = number[rows], xy_px[rows], lobes, radius_px[rows]
+    measured, scatter = outline_autocorrelation(*outline), outline_scatter(*outline)
+    if measured is None:
+        return ErrorModel(moving, None, scatter, outline_of_white)
     partial = (max(measured.partial[0] - reduction, 0.0), *measured.partial[1:])
-    return ErrorModel(moving, replace(measured, partial=partial))
+    return ErrorModel(moving, replace(measured, partial=partial), scatter, outline_of_white)
 
 
 def _row(detection: Detection) -> tuple[float, ...]:

@@ -27,6 +27,9 @@ OUTLIER = 3.0  # robust standard deviations: another object, e.g. the floor, dis
 FEWEST = 40  # samples of each lobe; fewer do not determine the autocorrelation
 MOST_STRETCHES = 20  # they determine a partial autocorrelation to 0.04
 DEGREE = 2  # of the polynomial trend in time of each stretch: the shading changes with the position
+FEWEST_SCATTERED = 12  # samples of each lobe that determine its standard deviation to a fifth
+ROUND = 0.02  # of the radius: a body whose typical lobe is larger is no disc
+TURNING = 0.85  # autocorrelation from frame to frame: what changes so slowly is a shape that turns
 GRID = (np.linspace(0.0, 0.9, 19), np.linspace(-0.2, 0.5, 15))  # partial autocorrelations at lags of 1 and 2 frames
 
 
@@ -34,7 +37,8 @@ def outline_lobes(share: Image, x: float, y: float, area: float) -> tuple[float,
     """Amplitudes, px, of the outline's lobes of order three and five: (cosine, sine) of each, by Fourier analysis.
 
     With delta(phi) the outline's distance from a circle of radius r, the amplitude is that of its Fourier series,
-    1/pi times the integral of delta cos(m phi), here sum(a cos(m phi)) / (pi r) over the pixels near the outline.
+    1/pi times the integral of delta cos(m phi), here sum((a - d) cos(m phi)) / (pi r) over the pixels near the outline,
+    where d is the coverage by the disc.
 
     Parameters
     ----------
@@ -46,8 +50,20 @@ def outline_lobes(share: Image, x: float, y: float, area: float) -> tuple[float,
     radius = float(np.sqrt(area / np.pi))
     across, down = np.arange(share.shape[1]) - x, np.arange(share.shape[0])[:, np.newaxis] - y
     squared = across**2 + down**2
-    near = (squared > (INNER * radius) ** 2) & (squared < (OUTER * radius) ** 2) & (share != 0)
-    return lobe_amplitudes(share[near], (across + 1j * down)[near], radius)
+    near = (squared > (INNER * radius) ** 2) & (squared < (OUTER * radius) ** 2)
+    seen, offset = share[near], (across + 1j * down)[near]
+    return lobe_amplitudes(seen - _disc_share(seen, radius - np.abs(offset), radius), offset, radius)
+
+
+def _disc_share(share: Image, inside: Array, radius: float) -> Array:
+    """Coverage (n,) by a disc whose edge is as wide as that of ``share`` (n,); ``inside`` px within its outline.
+
+    An edge in which the coverage falls linearly over the width w holds sum(a (1 - a)) = 2 pi r w / 6. The pixels alone
+    give a sharp disc lobes of a few hundredths of a pixel; those of the same disc are taken off.
+    """
+    mixed = np.clip(share, 0.0, 1.0)
+    width = max(1.0, 6 * float((mixed * (1 - mixed)).sum()) / (2 * np.pi * radius))
+    return np.asarray(np.clip(inside / width + 0.5, 0.0, 1.0))
 
 
 def lobe_amplitudes(share: Array | Image, offset: NDArray[np.complex128], radius: float) -> tuple[float, ...]:
@@ -85,11 +101,7 @@ def outline_autocorrelation(frame: Array, xy_px: Array, lobes: Array, radius_px:
     radius_px
         Radius (n,) of the disc of the same area, px.
     """
-    useful = is_moving(frame, xy_px, radius_px)
-    if not useful.any() or np.median(np.abs(lobes[useful])) > LARGEST_LOBE * np.median(radius_px[useful]):
-        return None
-    useful[useful] = _without_outliers(lobes[useful])
-    stretches = [lobes[useful][stretch] for stretch in _stretches(frame[useful])][:MOST_STRETCHES]
+    stretches = _stretches_of_disc(frame, xy_px, lobes, radius_px)[:MOST_STRETCHES]
     if sum(len(stretch) for stretch in stretches) < FEWEST:
         return None
     stacks = _stacked(stretches)
@@ -99,6 +111,56 @@ def outline_autocorrelation(frame: Array, xy_px: Array, lobes: Array, radius_px:
     marginals = zip(GRID, (weight.sum(axis=1), weight.sum(axis=0)), strict=True)
     partial, stderr = zip(*(_moments(values, marginal) for values, marginal in marginals), strict=True)
     return ErrorAutocorrelation(partial, stderr)
+
+
+def outline_scatter(frame: Array, xy_px: Array, lobes: Array, radius_px: Array) -> float | None:
+    """Standard deviation, px, of the errors of the outline's lobes while the body moves.
+
+    The error of the position is that of the lobe of order one, which no image shows; the next odd one, of order three,
+    is about as large in what a video coder makes of a disc. No path is assumed: a shift of the whole body does not
+    show. Shading that changes slowly with the position is followed by parabolas in time. A body that is no disc changes
+    its lobes as it turns: the smaller of the orders three and five counts. None where the body is seen in too few
+    frames, has large lobes, or turns fast.
+
+    Parameters
+    ----------
+    frame, xy_px, lobes, radius_px
+        As for :func:`outline_autocorrelation`.
+    """
+    stretches = _stretches_of_disc(frame, xy_px, lobes, radius_px)
+    if sum(map(len, stretches)) < FEWEST_SCATTERED:
+        return None
+    shape = float(np.median(np.abs(np.concatenate(stretches)))) / float(np.median(radius_px))
+    orders = slice(0, 2), slice(2, 4)
+    scatters = [_scatter_of([stretch[:, order] for stretch in stretches]) for order in orders]
+    known = [scatter for scatter in scatters if scatter is not None]
+    if shape < ROUND:
+        return scatters[0]
+    return min(known, default=None)
+
+
+def _scatter_of(stretches: Sequence[Array]) -> float | None:
+    """Standard deviation of lobes (n, 2) of one order about parabolas in time; None where they change slowly."""
+    residuals = [_without_trend(stretch) for stretch in stretches]
+    squares = sum(float((residual**2).sum()) for residual in residuals)
+    products = sum(float((residual[1:] * residual[:-1]).sum()) for residual in residuals)
+    count = sum(len(residual) - DEGREE - 1 for residual in residuals)
+    return None if products > TURNING * squares else float(np.sqrt(squares / (2 * count)))
+
+
+def _without_trend(lobes: Array) -> Array:
+    """Lobes (n, k) of one stretch without their parabolas in time."""
+    powers = np.vander(np.linspace(-1, 1, len(lobes)), DEGREE + 1)
+    return np.asarray(lobes - powers @ np.linalg.lstsq(powers, lobes, rcond=None)[0])
+
+
+def _stretches_of_disc(frame: Array, xy_px: Array, lobes: Array, radius_px: Array) -> list[Array]:
+    """Lobes (n, 4) of a disc in each stretch in which it moves, without outliers; none where it is not a disc."""
+    useful = is_moving(frame, xy_px, radius_px)
+    if not useful.any() or np.median(np.abs(lobes[useful])) > LARGEST_LOBE * np.median(radius_px[useful]):
+        return []
+    useful[useful] = _without_outliers(lobes[useful])
+    return [lobes[useful][stretch] for stretch in _stretches(frame[useful])]
 
 
 def _moments(values: Array, weight: Array) -> tuple[float, float]:

@@ -1,7 +1,8 @@
-"""Standard errors of a track raised to its scatter about smooth motion, by local polynomials over time.
+"""Standard errors of a track raised to what its outline and its scatter show.
 
 A compressed frame consists of motion-compensated blocks of the frames before it. A shift of the whole body looks right
-in each frame; only the scatter from frame to frame shows it.
+in each frame. Two things show its size: the errors of the outline that are no shift, and the scatter from frame to
+frame about local polynomials. Neither is the motion itself: a body may circle, swing, stop and bounce.
 """
 
 from __future__ import annotations
@@ -11,12 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from scipy.linalg import toeplitz
+from scipy.special import gammaincinv
 
 from iris_sysid.types import Array, ErrorAutocorrelation, Mask
+from trackers._frames.arrays import MAD_TO_SD
 
 DEGREE = 4  # of the local polynomials
 WINDOWS = (7, 11, 15, 21, 31)  # frames that one of them follows
+# windows and degrees that follow faster motion, as a circle of 12 frames a turn; their scatter is less well determined
+CLOSER = ((9, 6), (11, 8))
+FAST = 1.5  # times the scatter of a closer polynomial: the motion is too fast for one of degree 4
 FEWEST_WINDOWS = 4
+KINK = 1000.0  # times their median: the squares of windows in which the velocity changes at once
+CLEAN = 0.25  # of the windows, at least, hold no such change
+FROZEN = 0.3  # of the stated errors: a resting body that scatters less is a copy of one frame
 GROWTH = 1.1  # of the scatter from one window to the next: more is the curvature of the motion itself
 EVEN = 1.5  # times its length at even frames: a longer window holds gaps
 
@@ -27,26 +36,38 @@ class ErrorModel:
 
     ``moving`` (n,) is true where the body moves: the encoder copies a resting body from frame to frame, with its
     errors. ``autocorrelation`` is None where it could not be measured; the errors then count as independent.
+    ``outline_px`` is the standard deviation of the outline's errors that are no shift, px, None where unknown; from
+    white noise of the pixels it is ``outline_of_white`` times that of the position.
     """
 
     moving: Mask
     autocorrelation: ErrorAutocorrelation | None = None
+    outline_px: float | None = None
+    outline_of_white: float = 1.0
 
     @property
     def partial(self) -> tuple[float, ...]:
         """Partial autocorrelations at lags of 1, 2, ... frames; empty for independent errors."""
         return () if self.autocorrelation is None else self.autocorrelation.partial
 
+    def by_outline(self, sigma: float) -> float:
+        """By how much the errors of the outline beyond white noise raise a standard error of that size; 1 or more."""
+        excess = ((self.outline_px or 0.0) / sigma) ** 2 - self.outline_of_white**2
+        return float(np.sqrt(1 + max(excess, 0.0)))
+
 
 def with_scatter(t_s: Array, values: Array, sigma: Array, errors: ErrorModel) -> Array:
-    """Standard errors (n,) raised, all by one factor, to the scatter of the values about smooth motion.
+    """Standard errors (n,) raised by one factor to the scatter of the values, and to the errors of the outline.
 
     Local polynomials of degree 4, weighted by 1/sigma^2, are fitted to windows of several lengths. The scatter at each
-    length is the median of the squared residuals over sigma^2 (a median, so that impacts do not count; over all windows
-    in which the body moves), divided by its expectation for errors of size sigma and of that autocorrelation, which a
-    polynomial partly follows. Short windows miss errors that last over more frames. Long ones show the curvature of
-    the motion itself, which grows with a high power of their length: the longest length counts up to which the scatter
-    grows by less than a tenth at a time. A factor that chance explains, below 1 + 1/sqrt(n), is ignored.
+    length is the median of the squared residuals over sigma^2 (over the windows in which the body moves and its
+    velocity does not change at once), divided by its expectation for errors of size sigma and of that autocorrelation,
+    which a polynomial partly follows. Short windows miss errors that last over more frames. Long ones show the
+    curvature of the motion itself, which grows with a high power of their length: the longest length counts up to which
+    the scatter grows by less than a tenth at a time, and a higher degree where that shows that the shortest is too
+    long. A factor that chance explains, below 1 + 1/sqrt(n), is ignored.
+    The variance of the outline's errors beyond that of pixel noise is part of each error. Those of a resting body that
+    does not scatter are at least the typical one while it moved: the encoder copies the frame in which it came to rest.
 
     Parameters
     ----------
@@ -55,58 +76,98 @@ def with_scatter(t_s: Array, values: Array, sigma: Array, errors: ErrorModel) ->
     values, sigma
         Measured values (n,) and their standard errors (n,), in one unit; NaN in gaps.
     errors
-        Where the body moves, and how long its errors last.
+        Where the body moves, how long its errors last, and what the outline shows.
     """
     seen = np.isfinite(values) & np.isfinite(sigma) & (sigma > 0)
     moves = errors.moving[seen]
     counted = moves if np.count_nonzero(moves) >= WINDOWS[0] + FEWEST_WINDOWS else np.ones_like(moves)
-    samples = t_s[seen], values[seen], sigma[seen], counted
-    squares = {window: _median_squares(*samples, window) for window in WINDOWS}
-    scatters = [
-        np.sqrt(square / _expected_median(window, errors.partial))
-        for window, square in squares.items()
-        if square is not None
-    ]
-    if not scatters:
+    if not counted.any():
         return sigma
+    factor = _scatter((t_s[seen], values[seen], sigma[seen], counted), errors.partial)
+    significant = factor > 1 + 1 / np.sqrt(np.count_nonzero(counted))
+    by_outline = errors.by_outline(float(np.median(sigma[seen][counted])))
+    factor = max(factor if significant else 1.0, by_outline)
+    raised = np.asarray(sigma * factor)
+    return _without_frozen(values, raised, seen & ~errors.moving, seen & errors.moving)
+
+
+def _scatter(samples: tuple[Array, Array, Array, Mask], partial: tuple[float, ...]) -> float:
+    """Scatter over the standard errors; 1 where there are too few samples."""
+    scatters = [scatter for window in WINDOWS if (scatter := _scatter_at(samples, partial, window, DEGREE)) is not None]
+    if not scatters:
+        return 1.0
+    closer = [_scatter_at(samples, partial, *lengths) for lengths in CLOSER]
+    closest = min((scatter for scatter in closer if scatter is not None), default=scatters[0])
+    if scatters[0] > FAST * closest:
+        return closest
     factor = scatters[0]
     for longer in scatters[1:]:
         if longer > GROWTH * factor:
             break
         factor = longer
-    significant = factor > 1 + 1 / np.sqrt(np.count_nonzero(counted))
-    return np.asarray(sigma * factor) if significant else sigma
+    return factor
 
 
-def _median_squares(t_s: Array, values: Array, sigma: Array, counted: Mask, window: int) -> float | None:
+def _scatter_at(
+    samples: tuple[Array, Array, Array, Mask], partial: tuple[float, ...], window: int, degree: int
+) -> float | None:
+    """Scatter over the standard errors by polynomials through so many samples; None where too few windows are whole."""
+    square = _median_squares(*samples, window, degree)
+    return None if square is None else float(np.sqrt(square / _expected_median(window, degree, partial)))
+
+
+def _without_frozen(values: Array, sigma: Array, resting: Mask, moving: Mask) -> Array:
+    """Standard errors (n,), those of a resting body that does not scatter at least the typical one while it moved."""
+    follows = resting[1:] & resting[:-1]
+    if not follows.any() or not moving.any():
+        return sigma
+    step = np.abs(np.diff(values))[follows]
+    if MAD_TO_SD * np.median(step) / np.sqrt(2) > FROZEN * np.median(sigma[resting]):
+        return sigma
+    return np.where(resting, np.maximum(sigma, np.median(sigma[moving])), sigma)
+
+
+def _median_squares(t_s: Array, values: Array, sigma: Array, counted: Mask, window: int, degree: int) -> float | None:
     """Median over all windows of that many samples of the sum of squared residuals over sigma^2.
 
-    Only windows count in which every sample is ``counted``. None when there are too few windows without gaps.
+    Only windows count in which every sample is ``counted``, and those without a kink: a quarter of the windows is taken
+    to have none. None when there are too few windows without gaps.
     """
     if t_s.size < window + FEWEST_WINDOWS - 1:
         return None
+    squares, even = _window_squares(t_s, values, sigma, counted, window, degree)
+    if np.count_nonzero(even) < FEWEST_WINDOWS:
+        return None
+    squares = squares[even]
+    half_freedom = (window - degree - 1) / 2
+    of_all = float(gammaincinv(half_freedom, 0.5) / gammaincinv(half_freedom, CLEAN / 2))  # quantiles of chi^2
+    typical = of_all * float(np.quantile(squares, CLEAN / 2))
+    return float(np.median(squares[squares <= KINK * typical]))
+
+
+def _window_squares(
+    t_s: Array, values: Array, sigma: Array, counted: Mask, window: int, degree: int
+) -> tuple[Array, Mask]:
+    """Sums (k,) of squared residuals over sigma^2 in each window, and which windows (k,) count: whole and even."""
     t, y, s = (sliding_window_view(samples, window) for samples in (t_s, values, sigma))
     length = t[:, -1] - t[:, 0]
     even = length <= EVEN * (window - 1) * np.median(np.diff(t_s))
     even &= sliding_window_view(counted, window).all(axis=1)
-    if np.count_nonzero(even) < FEWEST_WINDOWS:
-        return None
-    u = 2 * (t - t.mean(axis=1, keepdims=True))[even] / length[even, np.newaxis]
-    weighted = u[..., np.newaxis] ** np.arange(DEGREE + 1) / s[even][..., np.newaxis]
-    level = y - y.mean(axis=1, keepdims=True)
-    target = (level / s)[even]
+    u = 2 * (t - t.mean(axis=1, keepdims=True)) / length[:, np.newaxis]
+    weighted = u[..., np.newaxis] ** np.arange(degree + 1) / s[..., np.newaxis]
+    target = (y - y.mean(axis=1, keepdims=True)) / s
     basis = np.linalg.qr(weighted)[0]
     residual = target - (basis @ (basis.transpose(0, 2, 1) @ target[..., np.newaxis]))[..., 0]
-    return float(np.median((residual**2).sum(axis=1)))
+    return np.asarray((residual**2).sum(axis=1)), even
 
 
-def _expected_median(window: int, partial: tuple[float, ...]) -> float:
+def _expected_median(window: int, degree: int, partial: tuple[float, ...]) -> float:
     """The median of that sum of squares for errors of standard deviation 1 and those partial autocorrelations.
 
     For correlated errors the sum is a weighted sum of chi^2, approximated by a scaled chi^2 of the same mean and
     variance (Satterthwaite 1946), whose median is that of Wilson and Hilferty (1931).
     """
-    powers = np.vander(np.linspace(-1, 1, window), DEGREE + 1)
+    powers = np.vander(np.linspace(-1, 1, window), degree + 1)
     residual_of = np.eye(window) - powers @ np.linalg.pinv(powers)
     covariance = residual_of @ toeplitz(_autocorrelation(window, partial)) @ residual_of
     mean, squares = float(np.trace(covariance)), float((covariance**2).sum())

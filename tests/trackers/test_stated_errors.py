@@ -1,0 +1,133 @@
+"""Stated errors of drawn discs on paths that are not smooth to a polynomial: what moves by itself is no error."""
+
+import av
+import numpy as np
+import pytest
+
+from iris_sysid import open_video
+from iris_sysid.registry import TRACKERS
+from iris_sysid.types import ErrorAutocorrelation, TrackOptions
+from tests._drawn import DrawnClip, disc, noisy, paint
+from trackers._uncertainty.changed_area import shifted_by_area
+from trackers._uncertainty.error_correlation import outline_lobes, outline_scatter
+from trackers._uncertainty.excess_scatter import ErrorModel, with_scatter
+
+FRAME = np.arange(60)
+NOISE = 0.006  # px: of a disc of 12 px, contrast 100, noise 3
+
+
+def images(path):
+    plain = np.full((240, 320), 70.0)
+    return noisy([paint(plain, disc(plain.shape, x, y, 12.0), 170.0) for x, y in path], 3.0)
+
+
+def circle(rate):
+    return np.column_stack([160 + 90 * np.cos(rate * FRAME), 120 + 70 * np.sin(rate * FRAME)])
+
+
+def bouncing(frame, every=11.0, height=60.0):
+    phase = np.mod(frame, every) / every
+    return 4 * height * phase * (1 - phase)
+
+
+def pull(track, path):
+    return ((track.xy_px - path) / track.sigma_px).std(axis=0)
+
+
+def stored(path, grey):
+    """Without loss, in a container that rounds times to whole milliseconds."""
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("ffv1", rate=60)
+        stream.height, stream.width = grey[0].shape
+        stream.pix_fmt = "yuv420p"
+        for image in grey:
+            frame = av.VideoFrame.from_ndarray(np.repeat(image[..., np.newaxis], 3, axis=2), "bgr24")
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    return path
+
+
+@pytest.mark.parametrize("tracker", ["median-background", "disc"])
+def test_circling_disc_of_a_matroska_file_has_the_errors_that_it_has(tmp_path, tracker):
+    path = circle(0.11)
+    video = open_video(stored(tmp_path / "circle.mkv", images(path)))
+    track = TRACKERS[tracker].track(video, TrackOptions())[0]
+    assert (np.abs(np.log(pull(track, path))) < np.log(1.4)).all()
+
+
+@pytest.mark.parametrize("path", [circle(0.4), np.column_stack([40 + 4 * FRAME, 200 - bouncing(FRAME)])])
+def test_fast_circle_and_bounces_without_loss_do_not_raise_the_errors(path):
+    track = TRACKERS["median-background"].track(DrawnClip(images(path)), TrackOptions())[0]
+    usual = np.median(track.sigma_px, axis=0)
+    assert (usual < 2 * NOISE).all()
+    assert (usual > NOISE / 2).all()
+
+
+def raised(values, errors=None, stated=0.05):
+    t_s = np.arange(values.size) / 60
+    model = errors or ErrorModel(np.ones(values.size, dtype=bool))
+    return with_scatter(t_s, values, np.full(values.size, stated), model) / stated
+
+
+@pytest.mark.parametrize("rate", [0.3, 0.5])
+def test_turning_ten_times_a_second_is_no_scatter(rate):
+    rng, frame = np.random.default_rng(0), np.arange(300)
+    values = 90 * np.cos(rate * frame) + 0.05 * rng.standard_normal(300)
+    assert np.median(raised(values)) < 1.4
+    twice = 90 * np.cos(rate * frame) + 0.1 * rng.standard_normal(300)
+    np.testing.assert_allclose(np.median(raised(twice)), 2.0, rtol=0.35)
+
+
+@pytest.mark.parametrize("every", [10.0, 14.0, 23.0])
+def test_bounces_are_no_scatter(every):
+    rng, frame = np.random.default_rng(1), np.arange(300)
+    values = bouncing(frame, every) + 0.05 * rng.standard_normal(300)
+    assert np.median(raised(values)) < 1.3
+
+
+def test_errors_of_the_outline_count_whatever_the_path_is():
+    values = np.cumsum(np.random.default_rng(2).standard_normal(200))
+    smooth, rough = (
+        raised(path, ErrorModel(np.ones(200, dtype=bool), None, 0.13, 1.2)).min()
+        for path in (np.linspace(0, 100, 200), values)
+    )
+    assert smooth == pytest.approx(np.sqrt(1 + (0.13 / 0.05) ** 2 - 1.2**2))
+    assert rough > 0.9 * smooth
+
+
+def test_resting_body_that_is_copied_keeps_the_error_with_which_it_came_to_rest():
+    moving = np.arange(200) < 80
+    values = np.where(moving, 3.0 * np.arange(200), 240.0)
+    values[moving] += 0.1 * np.random.default_rng(3).standard_normal(80)
+    factor = raised(values, ErrorModel(moving, ErrorAutocorrelation((0.0, 0.0), (0.1, 0.1))))
+    assert factor[-1] >= np.median(factor[moving])
+    sigma = with_scatter(np.arange(200) / 60, values, np.where(moving, 0.05, 0.01), ErrorModel(moving))
+    assert sigma[-1] == pytest.approx(np.median(sigma[moving]))
+
+
+def test_area_that_is_too_large_for_some_frames_adds_an_error_to_these_alone():
+    area = np.full(100, 500.0) + 5 * np.random.default_rng(5).standard_normal(100)
+    area[40:43] = 900.0
+    radius = np.sqrt(area / np.pi)
+    added = shifted_by_area(area, radius)
+    np.testing.assert_allclose(added[40:43], 0.44 * radius[40:43], rtol=0.05)
+    assert np.count_nonzero(added) == 3
+    assert not shifted_by_area(np.linspace(300, 900, 100), np.full(100, 12.0)).any()
+
+
+@pytest.mark.parametrize("radius", [5.0, 9.3, 30.0])
+def test_sharp_disc_between_pixels_has_no_lobes(radius):
+    rng, size = np.random.default_rng(6), int(4 * radius) + 8
+    for x, y in size / 2 + rng.uniform(-0.5, 0.5, (10, 2)):
+        share = disc((size, size), x, y, radius)
+        assert np.abs(outline_lobes(share.astype(np.float32), x, y, float(share.sum()))).max() < 0.025
+
+
+def test_scatter_of_the_outline_is_that_of_its_third_lobe():
+    rng, frame = np.random.default_rng(7), np.arange(64)
+    lobes = np.array([0.08, 0.08, 0.02, 0.02]) * rng.standard_normal((64, 4))
+    path = np.column_stack([np.full(64, 50.0), 3.0 * frame])
+    assert outline_scatter(frame, path, lobes, np.full(64, 10.0)) == pytest.approx(lobes[:, :2].std(), rel=0.1)
+    assert outline_scatter(frame, 0 * path, lobes, np.full(64, 10.0)) is None
+    turning = 0.6 * np.cos(0.05 * frame[:, np.newaxis] + np.arange(4))
+    assert outline_scatter(frame, path, turning, np.full(64, 10.0)) < 0.02

@@ -1,0 +1,35 @@
+"""Additional position error where a body shows another area than before and after: something covers or joins it."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from iris_sysid.types import Array
+from trackers._frames.arrays import MAD_TO_SD
+
+NEIGHBOURS = 31  # frames over which the area hardly changes by itself
+USUAL = 4.0  # robust standard deviations: that much the area varies by noise and compression
+LEAST = 0.12  # of the area, likewise: so much the streak of a moving body varies
+
+
+def shifted_by_area(area: Array, radius: Array) -> Array:
+    """Additional standard error (n,) of positions along each axis, px, by the area that is missing or too much.
+
+    A part of the area that lies at the outline, on an unknown side, shifts the centroid by about the radius times its
+    share of the area. The usual area is the median of the neighbours; what noise explains does not count.
+
+    Parameters
+    ----------
+    area, radius
+        Area (n,), px^2, and radius (n,) of the disc of that area, px; NaN in gaps.
+    """
+    added = np.zeros_like(area)
+    seen = np.flatnonzero(np.isfinite(area) & (area > 0))
+    if seen.size < NEIGHBOURS:
+        return added
+    usual = median_filter(area[seen], NEIGHBOURS, mode="nearest")
+    share = np.abs(area[seen] - usual) / area[seen]
+    noise = max(LEAST, USUAL * MAD_TO_SD * float(np.median(share)))
+    added[seen] = np.where(share > noise, share * radius[seen], 0.0)
+    return added
