@@ -172,3 +172,26 @@ def test_board_that_cannot_be_read_is_refused_with_an_example(corners, square, m
 @pytest.mark.parametrize(("text", "value"), [("50ppm", 5e-5), ("0.01%", 1e-4), ("0%", 0.0)])
 def test_fraction_is_read(text, value):
     assert _parsing.fraction(text) == pytest.approx(value)
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "gamma", "stderr"),
+    [
+        ("srgb", "srgb", 1.0, 0.10),
+        ("BT709", "bt709", 1.0, 0.10),
+        ("linear", "linear", 1.0, 0.01),
+        ("gamma=2.2", "gamma", 2.2, 0.10),
+        ("gamma=2.2+-2%", "gamma", 2.2, 0.02),
+        ("bt709 +- 0%", "bt709", 1.0, 0.0),
+    ],
+)
+def test_transfer_function_is_read_with_the_error_of_its_exponent(text, name, gamma, stderr):
+    curve = _parsing.transfer(text)
+    assert (curve.name, curve.gamma, curve.source) == (name, gamma, "given")
+    assert curve.stderr == pytest.approx(stderr)
+
+
+@pytest.mark.parametrize("text", ["rec709", "gamma", "gamma=much", "gamma=50", "bt709=3", "", "srgb+-500%"])
+def test_transfer_function_that_is_none_is_refused(text):
+    with pytest.raises(DataError, match=r"gamma"):
+        _parsing.transfer(text)
