@@ -137,6 +137,18 @@ def _sandwich(design: Array, residual: Array, weight: Array, tiles: Array) -> Ar
 
 
 def moved_together(places: Array, points: Array, motion: Array, tolerance_px: float) -> Mask:
-    """Which points (n, 2) px lie within a tolerance of where a map (2, 3) takes them, given their places (n, 2) px."""
+    """Which points lie near where a map takes them.
+
+    Parameters
+    ----------
+    places
+        Where they lie (n, 2), px.
+    points
+        What is mapped (n, 2), px.
+    motion
+        The map (2, 3).
+    tolerance_px
+        How near, px.
+    """
     distance = np.hypot(*(places - mapped(motion, points)).T)
     return np.asarray(np.nan_to_num(distance, nan=np.inf) < tolerance_px)

@@ -99,9 +99,18 @@ def _apart(
 def found_again(
     before: Bytes, after: Bytes, points: Array, expected: Array | None = None, levels: int = LEVELS
 ) -> Array:
-    """Where points (n, 2) px of one image (h, w) lie in another; NaN where they are not found.
+    """Where points of one image lie in another, (n, 2) px; NaN where they are not found.
 
-    ``expected`` (n, 2) px is where to look first; ``levels`` 0 looks no farther than about half a patch.
+    Parameters
+    ----------
+    before, after
+        Images (h, w), grey levels.
+    points
+        In the first one (n, 2), px.
+    expected
+        Where to look first (n, 2), px; where they were by default.
+    levels
+        Halvings of the image; 0 looks no farther than about half a patch.
     """
     if not len(points):
         return points.copy()
