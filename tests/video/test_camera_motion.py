@@ -10,7 +10,7 @@ from iris_sysid.io.csv_write import read_track, write_track
 from iris_sysid.pipeline import track
 from iris_sysid.registry import TRACKERS
 from iris_sysid.report.overlay import draw_body
-from iris_sysid.types import TrackMark, TrackOptions, mapped
+from iris_sysid.types import TrackCandidate, TrackMark, TrackOptions, mapped
 from iris_sysid.video.camera_motion.reference import NOT_MEASURED, on_canvas
 from iris_sysid.video.camera_motion.steady import examined, steadied
 from iris_sysid.video.camera_motion.steady_video import SteadyVideo
@@ -187,6 +187,16 @@ def test_region_and_marks_are_led_to_the_steady_clip(shaken):
     corner = np.array([steady.canvas.left, steady.canvas.top])
     np.testing.assert_array_equal(moved.roi, [10 - corner[0], 20 - corner[1], 200, 140])
     np.testing.assert_allclose(np.array([mark.x_px, mark.y_px]) + corner, mapped(maps[0], centres[20]), atol=0.3)
+
+
+def test_candidates_are_shown_in_px_of_the_first_frame(shaken, shaken_track):
+    steady, _ = steadied(shaken[0])
+    corner = np.array([steady.canvas.left, steady.canvas.top])
+    shown = []
+    explain = on_canvas(TrackOptions(explain=shown.extend), steady).explain
+    explain([TrackCandidate("disc", (replace(shaken_track, xy_px=shaken_track.xy_px - corner),))])
+    np.testing.assert_allclose(shown[0].tracks[0].xy_px, shaken_track.xy_px)
+    assert shown[0].tracks[0].camera_motion is not None
 
 
 def test_camera_motion_is_stored_beside_the_track_and_read_back(shaken_track, tmp_path):

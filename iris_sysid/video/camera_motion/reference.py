@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -17,6 +18,7 @@ from iris_sysid.types import (
     FrameSource,
     Mask,
     Track,
+    TrackCandidate,
     Tracker,
     TrackOptions,
     TrackQuality,
@@ -108,7 +110,15 @@ def on_canvas(options: TrackOptions, steady: SteadyVideo) -> TrackOptions:
         roi=None if roi is None else (roi[0] - canvas.left, roi[1] - canvas.top, roi[2], roi[3]),
         mask=None if options.mask is None else SteadyMasks(options.mask, steady.motion, canvas),
         marks=tuple(marks),
+        explain=None if options.explain is None else partial(_explained, options.explain, steady),
     )
+
+
+def _explained(
+    explain: Callable[[Sequence[TrackCandidate]], None], steady: SteadyVideo, candidates: Sequence[TrackCandidate]
+) -> None:
+    """Hand candidates on with their tracks in px of the first frame."""
+    explain([replace(one, tracks=tuple(in_reference(body, steady) for body in one.tracks)) for one in candidates])
 
 
 def in_reference(track: Track, steady: SteadyVideo) -> Track:
