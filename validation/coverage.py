@@ -111,7 +111,7 @@ def main() -> None:
     parser.add_argument("--clips", type=int, default=0, help="clips of each setting: the table of rendered clips alone")
     parser.add_argument("--first", type=int, default=0, help="seed of the first of them")
     parser.add_argument("--size", type=int, nargs=2, default=(640, 360), help="their width and height, px")
-    parser.add_argument("--only", help="rows of the table of clips whose label has this text")
+    parser.add_argument("--only", nargs="*", help="labels of the rows of the table of clips that are made")
     pages.add_option(parser)
     arguments = parser.parse_args()
     if arguments.clips:
@@ -121,7 +121,7 @@ def main() -> None:
                 "median error / % | median half width / % |\n|---|---|---|---|---|---|"
             )
             for case in FILMED:
-                if not arguments.only or arguments.only in case.label:
+                if not arguments.only or case.label in arguments.only:
                     print(filmed_row(case, arguments.clips, arguments.first, tuple(arguments.size)), flush=True)
         return
     with pages.table("coverage", arguments.write_docs):
