@@ -16,6 +16,7 @@ DoubtKind = Literal[
     "ambiguous",
     "moving-camera",
     "off-marks",
+    "held",
     "unknown-transfer",
     "exposure",
     "saturated",

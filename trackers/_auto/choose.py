@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -21,6 +21,9 @@ SAMPLES = 40  # as many as the background is made of
 HELD = 0.6  # share of the found frames in which a hand touches the body: more is no free motion
 ON_TRACK = 0.3  # share of the sightings of a kind that lie on the track: fewer, and another thing is followed
 FAR_LIKELIER = 1.5  # times: so much more is another thing like a body than the tracked one
+FEW = 3  # bodies: of more, each is too like the others to be known by its looks
+MOST_REST = 0.5  # share of the samples: a body at rest for longer is to be followed there too
+FEWEST_SHOWN = 4  # samples that show the body, to know its looks
 MISSED = 0.1  # share of the samples in which the body is plainly seen off its track
 PLAIN = 0.75  # of the usual score of the body: as plain as that is no chance likeness
 MOST_WAYS = 3  # by looks
@@ -28,6 +31,9 @@ LEAST_SIGHTINGS = 0.3  # share of the samples
 FIRST = "median-background"  # the way whose tracks are taken without a look at the scene where they show no fault
 WEIGHT: dict[DoubtKind, float] = {"missed": 0.9, "jumps": 0.8, "shadow": 0.3, "ambiguous": 0.3}  # of a doubt
 RIVAL = "disc"  # the registered tracker that also finds what does not move sideways
+
+
+Place = tuple[float, float]
 
 
 @dataclass(eq=False)
@@ -94,7 +100,7 @@ class Choice:
         else:
             evidence = [measured(track, self.view, self.frames) for track in tracks]
             judgements = [judged(*pair, self.options.marks) for pair in zip(tracks, evidence, strict=True)]
-            if way.name != FIRST or any(map(_suspicious, tracks, judgements)):
+            if len(tracks) <= FEW and (way.name != FIRST or any(map(_suspicious, judgements))):
                 judgements = self.against_the_scene(tracks, judgements)
             of_bodies = [replace(body, quality=quality) for body, quality in zip(tracks, judgements, strict=True)]
             candidate = TrackCandidate(way.name, tuple(of_bodies))
@@ -116,11 +122,13 @@ class Choice:
     def against_the_scene(self, tracks: Sequence[Track], judgements: Sequence[TrackQuality]) -> list[TrackQuality]:
         """The judgements with what the other things that move, and the body itself seen elsewhere, say."""
         return [
-            replace(
-                quality, doubts=(*quality.doubts, *self._rival_doubts(track, tracks, quality), *self._missed(track))
-            )
+            replace(quality, doubts=(*quality.doubts, *self._scene_doubts(track, tracks, quality)))
             for track, quality in zip(tracks, judgements, strict=True)
         ]
+
+    def _scene_doubts(self, track: Track, tracks: Sequence[Track], quality: TrackQuality) -> list[Doubt]:
+        others = [other for other in tracks if other is not track]
+        return [*self._rival_doubts(track, tracks, quality), *self._missed(track, others)]
 
     def _rival_doubts(self, track: Track, tracks: Sequence[Track], quality: TrackQuality) -> list[Doubt]:
         """Doubt where a thing that nobody follows is far more like a body than the tracked one."""
@@ -158,35 +166,63 @@ class Choice:
             on += any(_passes(track, number, place, reach) for track in tracks)
         return on / len(kind.seen)
 
-    def _missed(self, track: Track) -> list[Doubt]:
+    def _missed(self, track: Track, others: Sequence[Track]) -> list[Doubt]:
         """Doubt where the body is plainly to be seen in sampled frames in which the track has lost it."""
         row_of = {int(number): k for k, number in enumerate(track.frame)}
-        held = np.zeros(track.valid.size, np.bool_) if track.hand is None else track.hand
         rows = [row_of.get(frame.index) for frame in self.frames]
-        images = [search_image(self.view, frame) for frame in self.frames]
-        places = [
-            self.view.in_search(*track.xy_px[row]) if row is not None and track.valid[row] else None for row in rows
-        ]
-        known = [place for place in places if place is not None]
+        shown = [k for k, row in enumerate(rows) if row is not None and track.valid[row]]
+        held = np.zeros(track.valid.size, np.bool_) if track.hand is None else track.hand
         lost = [k for k, row in enumerate(rows) if row is not None and not track.valid[row] and not held[row]]
-        if len(known) < 4 or not lost or track.radius_px is None:
+        if len(shown) < FEWEST_SHOWN or not lost or track.radius_px is None:
             return []
-        radius = max(1.5, float(np.nanmedian(track.radius_px[track.valid])) / self.view.step)
-        looks = learn(images, places, radius)
-        usual = np.median([_score_at(looks.score_map(i), p) for i, p in zip(images, places, strict=True) if p])
-        seen = [k for k in lost if (best := looks.peaks(images[k]).score).size and best[0] > PLAIN * usual]
-        if len(seen) <= MISSED * len(self.frames):
+        places = {k: self.view.in_search(*track.xy_px[rows[k]]) for k in shown}
+        reach = float(np.nanmedian(track.radius_px[track.valid]))
+        found = self._plainly_seen(places, reach, lost, others)
+        seen = _without_rest(found, (shown[0], shown[-1]), reach, MOST_REST * len(rows))
+        if len(seen) <= MISSED * len(rows):
             return []
         number = self.frames[seen[0]].index
-        finding = (
-            f"the body seems to be in view in frame {number} and {len(seen) - 1} more of {len(rows)} sampled frames"
-        )
-        return [Doubt("missed", f"{finding}, but is not tracked there", f"mark it: --mark {track.body}=x,y@{number}")]
+        shows = f"frame {number} and {len(seen) - 1} more of {len(rows)} sampled frames that show it"
+        finding = f"the body is lost in {shows}"
+        return [Doubt("missed", finding, f"mark it there: --mark {track.body}=x,y@{number}")]
+
+    def _plainly_seen(
+        self, places: Mapping[int, Place], reach: float, lost: Sequence[int], others: Sequence[Track]
+    ) -> dict[int, Place]:
+        """Where, px of the frame, what is at some places of the samples is to be seen in others, by their number."""
+        known = {k: search_image(self.view, self.frames[k]) for k in places}
+        looks = learn(list(known.values()), list(places.values()), max(1.5, reach / self.view.step))
+        usual = np.median([_score_at(looks.score_map(known[k]), place) for k, place in places.items()])
+        found: dict[int, Place] = {}
+        for k in lost:
+            peaks = looks.peaks(search_image(self.view, self.frames[k]), PLAIN * float(usual))
+            for place in (self.view.in_frame(*xy) for xy in peaks.xy):
+                if not any(_passes(other, self.frames[k].index, place, reach) for other in others):
+                    found.setdefault(k, place)
+        return found
+
+
+def _without_rest(found: Mapping[int, Place], shown: tuple[int, int], reach: float, most: float) -> list[int]:
+    """The samples in which a lost body was found, without those of a rest before its motion, or after it.
+
+    At rest a body is background, and may be left out; unless that is so in more than ``most`` samples.
+    """
+    seen = sorted(found)
+    for resting in ([k for k in seen if k < shown[0]], [k for k in seen if k > shown[1]]):
+        if resting and len(resting) < most and _spread([found[k] for k in resting]) < reach:
+            seen = [k for k in seen if k not in resting]
+    return seen
 
 
 def _score_at(score_map: np.ndarray, place: tuple[float, float]) -> float:
     y, x = (min(max(round(c), 0), size - 1) for c, size in zip(place[::-1], score_map.shape, strict=True))
     return float(score_map[max(0, y - 1) : y + 2, max(0, x - 1) : x + 2].max())
+
+
+def _spread(places: Sequence[tuple[float, float]]) -> float:
+    """Largest distance, px, of places from their median."""
+    off = np.array(places) - np.median(places, axis=0)
+    return float(np.hypot(*off.T).max())
 
 
 def _passes(track: Track, number: int, place: tuple[float, float], reach: float) -> bool:
@@ -196,15 +232,14 @@ def _passes(track: Track, number: int, place: tuple[float, float], reach: float)
     return bool(np.hypot(*(track.xy_px[k] - place)) < reach)
 
 
-def _suspicious(track: Track, quality: TrackQuality) -> bool:
+def _suspicious(quality: TrackQuality) -> bool:
     """Whether what else moves must be looked at: a doubt, a shadow's looks, a body often lost or held."""
     evidence = quality.evidence
-    held = float(np.mean(track.hand[track.valid])) if track.hand is not None and track.n_valid else 0.0
     return (
         quality.doubtful
         or evidence.get("shadow", 0.0) > MOST_SHADOW
         or evidence["coverage"] < LEAST_COVERAGE
-        or held > HELD
+        or evidence["held"] > HELD
         or "contrast" not in evidence
     )
 
@@ -257,6 +292,8 @@ def _ways(choice: Choice) -> Iterator[Way]:
         return
     if options.marks:
         yield way_by_marks(video, choice.view, options)
+        return
+    if options.bodies > FEW:
         return
     if options.colour is not None:
         yield _registered("colour", choice)

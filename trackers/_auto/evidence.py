@@ -17,6 +17,7 @@ SMALLEST_HEART = 1.5  # px
 LIKE_THE_BODY = 0.45  # of the way from the surroundings' colour to the body's: nearer to the surroundings is not it
 TELLING = 6.0  # grey levels: less contrast tells nothing
 FEWEST_PATCHES = 4
+MOST_HELD = 0.9  # share of the frames with the body: more is no free motion
 LEAST_TRAVEL = 0.25  # radii
 FAINT = 6.0  # grey levels of luma: less, and no telling colour, is as well a chance pattern
 LEAST_SAME = 0.85  # share of the samples that show the same body
@@ -143,6 +144,11 @@ def travel(track: Track) -> float:
     return float(np.hypot(*np.ptp(place, axis=0)) / _radius(track, int(np.flatnonzero(track.valid)[0])))
 
 
+def held_share(track: Track) -> float:
+    """Share of the frames with the body in which a hand, or what else reaches in from the edge, touches it."""
+    return float(np.mean(track.hand[track.valid])) if track.hand is not None and track.n_valid else 0.0
+
+
 def coverage(track: Track) -> float:
     """Share of the frames in which the body is found or held."""
     held = np.zeros(track.valid.size, np.bool_) if track.hand is None else track.hand
@@ -172,6 +178,7 @@ def measured(track: Track, view: View, frames: Sequence[Frame]) -> dict[str, flo
         "unsteadiness": unsteadiness(track),
         "patches": float(len(patches.sample)),
         "travel": travel(track),
+        "held": held_share(track),
     }
     if len(patches.sample) < FEWEST_PATCHES:
         return evidence
@@ -200,6 +207,11 @@ def judged(track: Track, evidence: dict[str, float], marks: Sequence[TrackMark] 
         change = evidence["unsteadiness"]
         doubts.append(
             Doubt("unsteady-size", f"the tracked thing changes its size by {change:.0%} a frame", help_by_marks)
+        )
+    if evidence["held"] > MOST_HELD:
+        finding = f"a hand, or what else reaches in from the edge, touches it in {evidence['held']:.0%} of its frames"
+        doubts.append(
+            Doubt("held", finding, f"mark the free body: --mark {track.body}=x,y@frame, or cut it off: --start")
         )
     if evidence["travel"] < LEAST_TRAVEL:
         doubts.append(Doubt("ambiguous", "the tracked thing hardly moves", help_by_marks))
