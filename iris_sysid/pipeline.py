@@ -87,6 +87,12 @@ def doubts_of(tracks: Sequence[Track]) -> list[str]:
     ]
 
 
+def camera_note(tracks: Sequence[Track]) -> str:
+    """What was done about the motion of the camera; empty where it stands still."""
+    treated = [body.origin["camera_motion"] for body in tracks if "camera_motion" in body.origin]
+    return f"the motion of the camera is {treated[0]}" if treated else ""
+
+
 def accepted_settings(phenomenon: Phenomenon) -> dict[str, str]:
     """The names of what a user may state for a phenomenon, each with its unit (empty: that of the positions)."""
     units = MODELS.named(phenomenon.model).units()
@@ -248,6 +254,7 @@ def run(
         clock_stderr=clip.fps_stderr,
         image_size=(video.width, video.height),
     )
+    of_calibration = [*calibration.notes, vertical_note(calibration)]
     return Run(
         source=Path(source),
         video=video,
@@ -257,7 +264,7 @@ def run(
         world=world,
         trajectory=trajectory,
         fit=result,
-        notes=tuple(filter(None, [*doubts_of(tracks), video.warning, *calibration.notes, vertical_note(calibration)])),
+        notes=tuple(filter(None, [*doubts_of(tracks), camera_note(tracks), video.warning, *of_calibration])),
     )
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from iris_sysid.io.csv_write import read_track, write_track
-from iris_sysid.pipeline import track
+from iris_sysid.pipeline import camera_note, track
 from iris_sysid.registry import TRACKERS
 from iris_sysid.report.overlay import draw_body
 from iris_sysid.types import TrackCandidate, TrackMark, TrackOptions, mapped
@@ -111,6 +111,7 @@ def test_track_of_a_camera_that_stands_is_the_trackers_own():
     np.testing.assert_array_equal(ours.xy_px, own.xy_px)
     np.testing.assert_array_equal(ours.sigma_px, own.sigma_px)
     assert ours.camera_motion is None
+    assert camera_note([ours]) == ""
     assert dict(ours.origin) == dict(own.origin)
 
 
@@ -119,6 +120,7 @@ def test_plain_wall_says_that_motion_cannot_be_measured():
     assert examined(clip).state is CameraState.UNKNOWN
     (body,) = track(clip, "median-background")
     assert body.origin["camera_motion"] == NOT_MEASURED
+    assert camera_note([body]).endswith(NOT_MEASURED)
     own = TRACKERS["median-background"].track(clip, TrackOptions())[0]
     np.testing.assert_array_equal(body.xy_px, own.xy_px)
 
