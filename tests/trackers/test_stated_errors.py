@@ -8,7 +8,7 @@ from iris_sysid import open_video
 from iris_sysid.registry import TRACKERS
 from iris_sysid.types import ErrorAutocorrelation, TrackOptions
 from tests._drawn import DrawnClip, disc, noisy, paint
-from trackers._uncertainty.changed_area import shifted_by_area
+from trackers._uncertainty.changed_area import joined_by_another, shifted_by_area
 from trackers._uncertainty.error_correlation import outline_lobes, outline_scatter
 from trackers._uncertainty.excess_scatter import ErrorModel, with_scatter
 
@@ -112,7 +112,16 @@ def test_area_that_is_too_large_for_some_frames_adds_an_error_to_these_alone():
     added = shifted_by_area(area, radius)
     np.testing.assert_allclose(added[40:43], 0.44 * radius[40:43], rtol=0.05)
     assert np.count_nonzero(added) == 3
-    assert not shifted_by_area(np.linspace(300, 900, 100), np.full(100, 12.0)).any()
+    assert not shifted_by_area(np.linspace(500, 700, 100), np.full(100, 12.0)).any()
+
+
+def test_frames_in_which_something_joins_the_body_are_few_and_larger_than_its_streak():
+    streak = 80 + 5 * np.abs(np.mod(np.arange(120), 40) - 8.0)
+    assert not joined_by_another(streak).any()
+    joined = streak.copy()
+    joined[[0, 30, 71, 72]] *= 1.6
+    np.testing.assert_array_equal(np.flatnonzero(joined_by_another(joined)), [0, 30, 71, 72])
+    assert not joined_by_another(np.where(np.arange(120) % 3 == 0, 1.5, 1.0) * 100).any()
 
 
 @pytest.mark.parametrize("radius", [5.0, 9.3, 30.0])

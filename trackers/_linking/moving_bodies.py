@@ -46,7 +46,7 @@ class MovingBodies:
             "mask": options.mask is not None,
         }
         return [
-            track_of(tracklet, self.all_detections, str(number), origin)
+            track_of(tracklet, self.all_detections, str(number), origin, alone=len(self.tracklets) == 1)
             for number, tracklet in enumerate(self.tracklets, start=1)
         ]
 

@@ -13,7 +13,7 @@ from trackers._detection.detection import Detection, FrameDetections
 from trackers._disc.impact_frames import struck_within
 from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.select_bodies import held_frames
-from trackers._uncertainty.changed_area import shifted_by_area
+from trackers._uncertainty.changed_area import joined_by_another, shifted_by_area
 from trackers._uncertainty.error_correlation import is_moving, outline_autocorrelation, outline_scatter
 from trackers._uncertainty.excess_scatter import ErrorModel, with_scatter
 
@@ -22,7 +22,12 @@ SHUTTER = 0.5  # exposure over the time between frames, where it is not measured
 
 
 def track_of(
-    tracklet: Tracklet, all_detections: Sequence[FrameDetections], body: str, origin: dict[str, object]
+    tracklet: Tracklet,
+    all_detections: Sequence[FrameDetections],
+    body: str,
+    origin: dict[str, object],
+    *,
+    alone: bool = False,
 ) -> Track:
     """The Track of one tracklet over all frames; gaps are NaN.
 
@@ -36,17 +41,22 @@ def track_of(
         Name of the body.
     origin
         Where the track came from.
+    alone
+        Whether it is the only body: frames in which its area is too large, as with its shadow, are gaps then. Bodies
+        that touch share their area.
     """
     row_of = {frame_detections.frame: k for k, frame_detections in enumerate(all_detections)}
     table = np.full((len(all_detections), 8), np.nan)
     table[[row_of[detection.frame] for detection in tracklet.detections]] = [
         _row(detection) for detection in tracklet.detections
     ]
+    table[alone & joined_by_another(table[:, 4])] = np.nan
     hand = np.zeros(len(all_detections), dtype=np.bool_)
     hand[list(held_frames(tracklet, all_detections))] = True
     t_s = np.array([frame_detections.t_s for frame_detections in all_detections])
     radius = np.sqrt(table[:, 4] / np.pi)
-    free = [detection for detection in tracklet.detections if detection.centre.lobes and not detection.hand]
+    kept = [detection for detection in tracklet.detections if np.isfinite(radius[row_of[detection.frame]])]
+    free = [detection for detection in kept if detection.centre.lobes and not detection.hand]
     rows = np.array([row_of[detection.frame] for detection in free], dtype=np.int64)
     errors = error_model(rows, table[:, :2], radius, np.array([detection.centre.lobes for detection in free]))
     sigma = np.column_stack([with_scatter(t_s, table[:, axis], table[:, axis + 2], errors) for axis in (0, 1)])

@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import median_filter
 
-from iris_sysid.types import Array
+from iris_sysid.types import Array, Mask
 from trackers._frames.arrays import MAD_TO_SD
 
 NEIGHBOURS = 31  # frames over which the area hardly changes by itself
 USUAL = 4.0  # robust standard deviations: that much the area varies by noise and compression
+FEW, LARGER = 15, 0.2  # frames, over which a streak grows by less, and share of the area that something else adds
+MOST = 0.1  # of the frames: where it happens more often, the body has no one area
 LEAST = 0.12  # of the area, likewise: so much the streak of a moving body varies
 
 
@@ -28,8 +30,22 @@ def shifted_by_area(area: Array, radius: Array) -> Array:
     seen = np.flatnonzero(np.isfinite(area) & (area > 0))
     if seen.size < NEIGHBOURS:
         return added
-    usual = median_filter(area[seen], NEIGHBOURS, mode="nearest")
+    usual = median_filter(area[seen], NEIGHBOURS, mode="mirror")
     share = np.abs(area[seen] - usual) / area[seen]
     noise = max(LEAST, USUAL * MAD_TO_SD * float(np.median(share)))
     added[seen] = np.where(share > noise, share * radius[seen], 0.0)
     return added
+
+
+def joined_by_another(area: Array) -> Mask:
+    """In which frames (n,) a detection holds something else besides the body, as its shadow: its area is too large.
+
+    ``area`` (n,) px^2, NaN in gaps. A body that casts a shadow of nearly its own contrast is detected with it now and
+    then, which shifts the centroid by as much as half the radius and more. None where that happens often.
+    """
+    joined = np.zeros(area.size, dtype=np.bool_)
+    seen = np.flatnonzero(np.isfinite(area) & (area > 0))
+    if seen.size >= FEW:
+        usual = median_filter(area[seen], FEW, mode="mirror")
+        joined[seen] = area[seen] - usual > LARGER * area[seen]
+    return joined if np.count_nonzero(joined) <= MOST * seen.size else np.zeros_like(joined)
