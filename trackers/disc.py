@@ -16,6 +16,7 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackOptions, part_of_progress, with_progress
+from trackers._auto.evidence import with_quality
 from trackers._background.median import Background
 from trackers._detection.detect_frames import DetectionSetup, detection_setup, observe
 from trackers._detection.detection import FrameDetections
@@ -91,10 +92,11 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
             "with --roi"
         )
     held = [held_frames(tracklet, all_detections) for tracklet in tracklets] or [set[int]()] * len(fits)
-    return [
+    tracks = [
         _track_of(body, (fits[body], fitter.appearances[body]), all_detections, held[body], options)
         for body in range(len(fits))
     ]
+    return [with_quality(track, fitter.view, setup.stack.frames) for track in tracks]
 
 
 def _first_half(options: TrackOptions) -> TrackOptions:

@@ -133,7 +133,7 @@ def body_marks(texts: Sequence[str]) -> tuple[TrackMark, ...]:
 
 
 def _body_mark(text: str) -> TrackMark:
-    match = re.fullmatch(rf"\s*([^=@,\s]+)\s*=\s*({NUMBER})\s*,\s*({NUMBER})\s*@\s*([0-9]{{1,9}})\s*", text)
+    match = re.fullmatch(rf"\s*([^=@,]*[^=@,\s])\s*=\s*({NUMBER})\s*,\s*({NUMBER})\s*@\s*([0-9]{{1,9}})\s*", text)
     if match is None:
         raise DataError(f"cannot read the mark {text!r}: write it as 1=120,88@35 (body=x,y@frame)")
     return TrackMark(match[1], float(match[2]), float(match[3]), int(match[4]))

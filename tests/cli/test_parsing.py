@@ -6,6 +6,7 @@ import pytest
 
 from iris_sysid.cli import _parsing
 from iris_sysid.errors import DataError
+from iris_sysid.types import TrackMark
 
 UNITS = {"gravity": "m/s^2", "length": "m", "angle": "rad"}
 
@@ -106,6 +107,18 @@ def test_region_that_cannot_be_read_is_refused_with_its_form(text):
 def test_region_without_area_is_refused(text):
     with pytest.raises(DataError, match="is empty: its width and height must be at least 1 px"):
         _parsing.region(text)
+
+
+def test_marks_of_bodies_in_frames_are_told_from_points():
+    texts = ["pivot=437,42", "1=120,88.5@35", "left ball = 3,4 @ 0", "plumb=1,2,3,4"]
+    assert _parsing.body_marks(texts) == (TrackMark("1", 120.0, 88.5, 35), TrackMark("left ball", 3.0, 4.0, 0))
+    assert _parsing.marks(texts) == {"pivot": (437.0, 42.0)}
+
+
+@pytest.mark.parametrize("text", ["1=120@35", "1=120,88@", "1=120,88@3.5", "=1,2@3", "1=a,b@3"])
+def test_mark_of_a_body_that_cannot_be_read_is_refused_with_the_right_form(text):
+    with pytest.raises(DataError, match="body=x,y@frame"):
+        _parsing.body_marks([text])
 
 
 def test_marks_are_read_by_name():

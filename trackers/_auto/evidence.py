@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -137,11 +137,13 @@ def unsteadiness(track: Track) -> float:
 
 
 def travel(track: Track) -> float:
-    """Extent of a track, in radii of the body."""
+    """Extent of a track, in radii of the body; a body that goes away from the camera changes its radius instead."""
     if not track.n_valid:
         return 0.0
     place = track.xy_px[track.valid]
-    return float(np.hypot(*np.ptp(place, axis=0)) / _radius(track, int(np.flatnonzero(track.valid)[0])))
+    nearer = 0.0 if track.radius_px is None else float(np.ptp(track.radius_px[track.valid]))
+    extent = max(float(np.hypot(*np.ptp(place, axis=0))), nearer if np.isfinite(nearer) else 0.0)
+    return extent / _radius(track, int(np.flatnonzero(track.valid)[0]))
 
 
 def held_share(track: Track) -> float:
@@ -223,3 +225,8 @@ def judged(track: Track, evidence: dict[str, float], marks: Sequence[TrackMark] 
             Doubt("off-marks", f"the track misses the mark in frame {missed[0].frame}", "add marks nearby, or --roi")
         )
     return TrackQuality(tuple(doubts), evidence)
+
+
+def with_quality(track: Track, view: View, frames: Sequence[Frame]) -> Track:
+    """The track with how far it can be trusted, by its own evidence in sampled frames."""
+    return replace(track, quality=judged(track, measured(track, view, frames)))
