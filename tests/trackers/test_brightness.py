@@ -1,4 +1,4 @@
-"""Lamps drawn with NumPy through each camera curve, written out here a second time: their decay is that of the light."""
+"""Lamps drawn with NumPy through each camera curve, written out here a second time: their decay is the light's."""
 
 from dataclasses import replace
 
