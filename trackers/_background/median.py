@@ -10,7 +10,9 @@ from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from trackers._background.inlier_moments import inlier_moments
 from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Box, Bytes, Flags, Image
 
 DENSEST = 0.5  # of the samples: where a body comes by more often, it is taken for background
@@ -58,19 +60,11 @@ def estimate_background(stack: Bytes, usable: Flags | None = None) -> Background
 
 def _near(centre: Image, cut: Image, stack: Bytes, usable: Flags | None) -> tuple[Image, Image]:
     """Mean and variance of the samples within ``cut`` of the centre."""
-    count, total, squares = (np.zeros(stack.shape[1:], dtype=np.float32) for _ in range(3))
-    for k, frame in enumerate(stack):
-        deviation = frame - centre
-        inlier = (np.abs(deviation) <= cut).astype(np.float32)
-        if usable is not None:
-            inlier *= usable[k] if stack.ndim == 3 else usable[k][..., np.newaxis]
-        deviation *= inlier
-        count += inlier
-        total += deviation
-        squares += deviation**2
-    np.maximum(count, 1, out=count)
-    variance: Image = np.divide(squares - total**2 / count, np.maximum(count - 1, 1), dtype=np.float32)
-    return centre + total / count, variance
+    rows, channels = (len(stack), stack.shape[1], -1), 1 if stack.ndim == 3 else stack.shape[3]
+    samples, about, farthest = stack.reshape(rows), centre.reshape(rows[1:]), cut.reshape(rows[1:])
+    every = np.ones((1, 1, 1), dtype=np.bool_) if usable is None else usable
+    mean, variance = inlier_moments(samples, about, farthest, every, channels)
+    return mean.reshape(centre.shape), variance.reshape(centre.shape)
 
 
 def _densest(stack: Bytes) -> tuple[Image, Image]:
@@ -92,8 +86,19 @@ def _settle(centre: Image, sigma: Image, stack: Bytes, usable: Flags) -> None:
     covered = ~usable.all(axis=0)
     chosen = usable[:, covered] if stack.ndim == 3 else usable[:, covered][..., np.newaxis]
     samples = np.where(chosen, stack[:, covered], np.float32(np.nan))
-    centre[covered] = np.nanmedian(samples, axis=0)
-    sigma[covered] = MAD_TO_SD * np.nanmedian(np.abs(samples - centre[covered]), axis=0)
+    count = np.broadcast_to(chosen.sum(axis=0), samples.shape[1:])
+    centre[covered] = _median(samples, count)
+    sigma[covered] = MAD_TO_SD * _median(np.abs(samples - centre[covered]), count)
+
+
+def _median(samples: Image, count: NDArray[np.int64]) -> Image:
+    """Median over the first axis of the ``count`` samples that are not NaN: np.nanmedian takes ten times as long."""
+    ordered = np.sort(samples, axis=0)  # NaN comes last
+    low, high = (
+        np.take_along_axis(ordered, middle[np.newaxis], axis=0)[0]
+        for middle in (np.maximum(count - 1, 0) // 2, np.minimum(count // 2, len(samples) - 1))
+    )
+    return np.asarray((low + high) / np.float32(2), dtype=np.float32)
 
 
 def _sorted(images: list[Bytes]) -> list[Bytes]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from trackers._background.median import BackgroundEstimate
 from trackers._detection.foreground import SQUARE, BackgroundRange, any_channel, background_range_of, most_of_channels
+from trackers._detection.subpixel_centroid import largest
 from trackers._frames.arrays import Bytes, Flags, Image
 
 SMALLEST_HOLE = 12  # px
@@ -39,7 +40,7 @@ def usable_samples(stack: Bytes, estimate: BackgroundEstimate) -> Flags | None:
     holes = np.zeros(stack.shape[:3], dtype=np.bool_)
     differs = np.zeros(stack.shape[1:3], dtype=np.int64)
     for k, image in enumerate(stack):
-        differs += any_channel(background_range.excess(image) > background_range.strong)
+        differs += background_range.strongly(image)
         for excess in (cv2.subtract(image, background_range.highest), cv2.subtract(background_range.lowest, image)):
             excess = np.where(excess > background_range.strong, excess, 0).astype(np.uint8)
             level = most_of_channels(excess)
@@ -92,7 +93,7 @@ def _edges(image: Image) -> Image:
     """
     slopes = (cv2.Sobel(image, cv2.CV_32F, *along, scale=1 / 8) for along in ((1, 0), (0, 1)))
     strength = np.hypot(*slopes)
-    return np.asarray(strength if strength.ndim == 2 else strength.max(axis=-1), dtype=np.float32)
+    return np.asarray(strength if strength.ndim == 2 else largest(strength), dtype=np.float32)
 
 
 def _holes(level: Bytes, edges: Image, edges_now: Image) -> Flags:

@@ -83,11 +83,13 @@ def detection_setup(video: FrameSource, view: View, coarse: bool = False) -> Det
     if coarse and view.step > 1 and _shows_large(half := replace(view, coarser=2), samples):
         view = half
     search_images = np.stack([view.with_chroma().search_image(frame) for frame in samples])
-    if view.chroma or luma_misses(search_images[:: 1 if view.step == 1 else 2]):  # fewer tell as much of large images
-        view = view.with_chroma()
+    known = None if view.chroma or view.step > 1 else estimate_background(search_images)
+    if view.chroma or luma_misses(search_images[:: 1 if view.step == 1 else 2], known):  # fewer tell as much of large
+        view, estimate = view.with_chroma(), known or estimate_background(search_images)
     else:
         search_images = np.ascontiguousarray(search_images[..., 0])
-    stack, estimate = SampledFrames(samples, view), estimate_background(search_images)
+        estimate = known.channel(0) if known else estimate_background(search_images)
+    stack = SampledFrames(samples, view)
     detector = Detector(background_of(stack, estimate, None), view, noise_inflation(search_images, estimate))
     setup = DetectionSetup(view, background_range_of(estimate), detector, stack, search_images)
     usable = usable_samples(search_images, estimate)
@@ -106,14 +108,14 @@ def _shows_large(view: View, samples: Sequence[Frame]) -> bool:
     return len(bodies) > MOSTLY * len(stack) and float(np.percentile(bodies, SPECKS)) > LARGE_ENOUGH
 
 
-def luma_misses(stack: Bytes) -> bool:
+def luma_misses(stack: Bytes, known: BackgroundEstimate | None = None) -> bool:
     """Whether colour must be looked at too: where luma shows a body badly, not at all, or with its shadow.
 
     A green ball on a wall as bright as it is such a case: in luma it is mostly shade, and its centre
     that of the lit side. A ball whose shadow on the wall touches it is another: luma shows both as one. Looking at
-    colour takes longer. ``stack`` (k, h, w, 3) are sampled images.
+    colour takes longer. ``stack`` (k, h, w, 3) are sampled images, ``known`` their background where it is known.
     """
-    estimate = estimate_background(stack)
+    estimate = known or estimate_background(stack)
     background_range, luma_range = background_range_of(estimate), background_range_of(estimate.channel(0))
     seen = [evidence for image in stack if (evidence := _in_colour(background_range, luma_range, image)) is not None]
     if not seen:

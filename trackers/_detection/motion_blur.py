@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from iris_sysid.types import Array
+from trackers._detection.coverage_kernels import sweep_terms
 from trackers._detection.subpixel_centroid import Centre, Window, largest
 from trackers._frames.arrays import MAD_TO_SD, Flags
 
@@ -157,13 +158,11 @@ class _Pixels:
 
     def left_over(self, sweep: Sweep) -> Array:
         """Residual of the best brightness and shadow (n, channels)."""
-        disc = sweep.terms(self.columns, self.rows)
-        free = 1.0 - disc[0]
-        x, y = (self.columns - sweep.x) / sweep.radius, (self.rows - sweep.y) / sweep.radius
-        terms = np.vstack([disc, free, free * x, free * y])
-        shown = self.difference + self.background * disc[0][:, np.newaxis]
-        gram = terms @ terms.T + 1e-9 * len(x) * np.eye(len(terms))
-        return shown - terms.T @ np.linalg.solve(gram, terms @ shown)
+        terms = sweep_terms(self.columns, self.rows, sweep.values)
+        shown = self.difference + self.background * terms[:, :1]
+        gram = terms.T @ terms
+        gram.flat[:: len(gram) + 1] += 1e-9 * len(terms)
+        return shown - terms @ np.linalg.solve(gram, terms.T @ shown)
 
     def unexplained(self, sweep: Sweep) -> float:
         """Residual share of the sum of squares of the difference."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import reduce
 
@@ -10,14 +9,13 @@ import cv2
 import numpy as np
 
 from iris_sysid.types import Array
+from trackers._detection.coverage_kernels import NARROWEST, reach_of, shares, strength_of
 from trackers._detection.depth import depth_of
 from trackers._frames.arrays import MAD_TO_SD, Bytes, Flags, Image
 from trackers._uncertainty.error_correlation import outline_lobes
 
 FINER_SMALL, FINER_LARGE = 4, 2  # how much finer than the pixels the half-way contour is drawn
 SMALL_WINDOW = 64  # px
-TELLING = 4.0  # contrast over noise from which brightness tells coverage
-ONE_SIDED = (0.3, 0.7)  # |f| over s: below it a body is both brighter and darker, above it one of them
 SHARP, REFINED = 1.5, 2  # px: half the width of an outline from which on it is found again, and how often
 CLEAR = 1.5  # of half the width of a streak's outline: so far inside of it is the body alone
 WHOLE = 0.85  # of the thickness: an outline that leaves less of it is not that of a streak
@@ -30,14 +28,11 @@ OUTSKIRTS, FAINT, LEAST_FREE = 4.0, 0.45, 0.02  # px outside of the outline; cov
 RIM_PX, RIM_SHARE = 1.4, 0.45  # px and share of the depth: pixels nearer to the outline are blurred
 OUTLINE_DEPTH = 4.0  # px within which the body's brightness must fit that of its outline
 FEWEST_OUTSIDE = 12  # px from which the noise outside of a body is judged
-SHARE_RANGE = (-0.3, 1.3)  # coverage beyond this is another thing, not noise
+FARTHER = 2.0  # px beyond the widest outline up to which its coverage is looked at
 CORD_SHARE = 0.2  # of the inscribed radius: a thinner part is a cord
-TAIL = 0.03  # mean coverage, or fall of it, at which the outline has ended
-STEPS_APART = 6  # quarters of a px over which the coverage falls, or no longer does
 AXES, SMALLEST_STREAK = 4, 5.0  # directions in which an outline may be wide; px, half the thickness of the body
 COARSE = 3.0  # px of the reduced image: the standard deviation of a blur that is made at a reduced size
 WIDEST = 0.6  # of half the thickness of a body: half the width of the most blurred outline
-NARROWEST = 0.75  # px, half the width of the sharpest outline: half a pixel's diagonal
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,13 +179,8 @@ def _like(plane: Image, image: Image) -> Image:
 
 def _strength(image: Image, window: Window) -> Image:
     """How far an image (h, w, channels) is off the background, in units of the noise (h, w)."""
-    off = (image - window.background) / window.noise
-    return np.sqrt(_inner(off, off), dtype=np.float32)
-
-
-def _inner(first: Image, other: Image) -> Image:
-    """Sum over the channels of the product of two images; several times as fast as by np.sum."""
-    return np.asarray(np.einsum("hwc,hwc->hw", first, other))
+    planes = [np.ascontiguousarray(plane) for plane in (image, window.background, window.noise)]
+    return strength_of(*planes)
 
 
 def _shading(image: Image, inside: Flags) -> Image:
@@ -267,19 +257,9 @@ def _blurred(image: Image, blur: float) -> Image:
 
 def _share(window: Window, foreground: Image, strength: Image) -> tuple[Image, Image]:
     """Share of each pixel that the body covers, and its variance; by the mask where brightness does not tell."""
-    contrast = (foreground - window.background) / window.noise
-    difference = (window.image - window.background) / window.noise
-    squared = np.maximum(_inner(contrast, contrast), np.float32(1e-6))
-    tells = strength > TELLING
-    strength = np.maximum(strength, TELLING)
-    low, high = ONE_SIDED
-    mixed = np.clip((np.sqrt(squared) / strength - low) / (high - low), 0.0, 1.0)
-    signed = np.clip(_inner(contrast, difference) / squared, *SHARE_RANGE)
-    unsigned = np.clip(np.sqrt(_inner(difference, difference)) / strength, *SHARE_RANGE)
-    share = np.where(tells, mixed * signed + (1 - mixed) * unsigned, window.mask)
-    variance = np.where(tells, (1 + (1 - mixed) ** 2) / strength**2, 1.0 / 12.0)
-    near = cv2.dilate(window.mask, np.ones((5, 5), np.uint8)) > window.other
-    return np.where(near, share, 0.0).astype(np.float32), np.where(near, variance, 0.0).astype(np.float32)
+    near = (cv2.dilate(window.mask, np.ones((5, 5), np.uint8)) > window.other).view(np.uint8)
+    planes = [np.ascontiguousarray(plane) for plane in (foreground, window.image, window.background, window.noise)]
+    return shares((planes[0], planes[1], planes[2], planes[3]), strength, window.mask, near)
 
 
 def _outline(share: Image, heart: Flags, axes: int = 1) -> tuple[Image, Image]:
@@ -332,41 +312,21 @@ def _half_width(share: Image, distance: Image, axes: int) -> Image:
     direction, opposite directions taken together.
     """
     if axes == 1 or distance.max() < SMALLEST_STREAK:
-        alike = _reach(share, distance, np.ones(share.shape, dtype=np.bool_), _trimmed_mean)
+        alike = _reach(share, distance, np.ones(share.shape, dtype=np.bool_), trimmed=True)
         return np.full(share.shape, alike, dtype=np.float32)
     row, column = (float(indices.mean()) for indices in np.nonzero(distance > 0))
     y, x = np.indices(share.shape, dtype=np.float64)
     turns = np.arctan2(y - row, x - column) / np.pi * axes
     near = np.rint(turns).astype(int) % axes
-    reaches = [_reach(share, distance, near == axis, _median) for axis in range(axes)]
+    reaches = [_reach(share, distance, near == axis, trimmed=False) for axis in range(axes)]
     return np.asarray(np.interp(turns % axes, np.arange(axes + 1), [*reaches, reaches[0]]), dtype=np.float32)
 
 
-def _reach(share: Image, distance: Image, part: Flags, mean: Callable[[Image], float]) -> float:
+def _reach(share: Image, distance: Image, part: Flags, *, trimmed: bool) -> float:
     """The distance, px, outside of a part of the outline at which the mean coverage falls no more."""
     widest = max(1.0, WIDEST * float(distance.max()))
-    outside = part & (distance < -NARROWEST)
-    away, beside = -distance[outside], share[outside]
-    levels: list[float] = []
-    for half_width in np.arange(NARROWEST, widest + 1.0, 0.25):
-        ring = beside[(away > half_width) & (away < half_width + 0.75)]
-        levels.append(mean(ring) if ring.size else 0.0)
-        if levels[-1] < TAIL:
-            return float(min(half_width, widest))
-        if len(levels) > STEPS_APART and levels[-1 - STEPS_APART] - levels[-1] < TAIL:
-            return float(half_width - STEPS_APART / 4)
-    return widest
-
-
-def _median(values: Image) -> float:
-    ordered = np.sort(values)  # several times as fast as np.median for a few pixels
-    return float(ordered[(values.size - 1) // 2] + ordered[values.size // 2]) / 2
-
-
-def _trimmed_mean(values: Image) -> float:
-    """Mean without the largest and the smallest tenth: a cord crosses the outline there."""
-    cut = values.size // 10
-    return float(np.sort(values)[cut : values.size - cut].mean())
+    outside = part & (distance < -NARROWEST) & (distance > -widest - FARTHER)
+    return float(reach_of(-distance[outside], share[outside], widest, trimmed))
 
 
 def _liveliness(share: Image, variance: Image, beyond: Image) -> float:
