@@ -13,6 +13,7 @@ from tests._drawn import disc, moving_disc, noisy, paint, swing
 from trackers._auto.appearance import Peaks, search_image
 from trackers._auto.best_path import best_path
 from trackers._auto.candidates import radius_at
+from trackers._auto.choose import doubts_of_one_body, is_scenery
 from trackers._auto.evidence import judged, leaps, measured, missed_marks
 from trackers._auto.survey import kinds_of, looks_like_shadow
 from trackers._frames.working_image import view_of
@@ -155,6 +156,23 @@ def test_track_that_shows_the_wall_half_of_the_time_is_that_of_another_body():
     assert kept["same body"] == 1.0
     assert lost["same body"] < 0.7
     assert {doubt.kind for doubt in judged(track, lost).doubts} == {"another-body"}
+
+
+def test_two_tracks_of_one_body_are_doubtful_and_two_bodies_side_by_side_are_not():
+    _, track = a_track(swing(40, (80, 48), (45, 20), period=37.3))
+    same = replace(track, xy_px=track.xy_px + 5, body="2")
+    beside = replace(track, xy_px=track.xy_px + np.array([20, 0]), body="2")
+    assert {doubt.kind for doubt in doubts_of_one_body(track, [same])} == {"another-body"}
+    assert doubts_of_one_body(track, [beside]) == []
+
+
+def test_place_that_looks_like_the_body_while_it_is_elsewhere_is_scenery():
+    maps = {k: np.zeros((60, 80), np.float32) for k in range(4)}
+    for score_map in maps.values():
+        score_map[20, 30] = 2.0
+    places = {0: (70.0, 50.0), 1: (60.0, 50.0), 2: (50.0, 50.0), 3: (30.0, 20.0)}
+    assert is_scenery(maps, places, (30.0, 20.0), 4.0, 1.0)
+    assert not is_scenery(maps, places, (10.0, 40.0), 4.0, 1.0)
 
 
 def test_leap_is_a_step_unlike_those_about_it_and_a_fast_start_is_none():

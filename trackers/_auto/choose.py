@@ -14,6 +14,7 @@ from trackers._auto.appearance import learn, search_image
 from trackers._auto.candidates import Way, check_marks, marks_by_body, way_by_marks, ways_by_looks
 from trackers._auto.evidence import LEAST_COVERAGE, MOST_SHADOW, judged, measured, missed_marks
 from trackers._auto.survey import Kind, kinds_of
+from trackers._frames.arrays import Image
 from trackers._frames.working_image import View, view_of
 from trackers._linking.moving_bodies import follow
 
@@ -27,6 +28,8 @@ FEWEST_SHOWN = 4  # samples that show the body, to know its looks
 MISSED = 0.1  # share of the samples in which the body is plainly seen off its track
 PLAIN = 0.75  # of the usual score of the body: as plain as that is no chance likeness
 MOST_WAYS = 3  # by looks
+SCENERY = 0.5  # share of the samples with the body elsewhere: a place that looks like it there too is scenery
+TOGETHER = 1.5  # radii: two tracks that are mostly nearer to each other are of one body
 LEAST_SIGHTINGS = 0.3  # share of the samples
 FIRST = "median-background"  # the way whose tracks are taken without a look at the scene where they show no fault
 WEIGHT: dict[DoubtKind, float] = {"missed": 0.9, "jumps": 0.8, "shadow": 0.3, "ambiguous": 0.3}  # of a doubt
@@ -128,7 +131,11 @@ class Choice:
 
     def _scene_doubts(self, track: Track, tracks: Sequence[Track], quality: TrackQuality) -> list[Doubt]:
         others = [other for other in tracks if other is not track]
-        return [*self._rival_doubts(track, tracks, quality), *self._missed(track, others)]
+        return [
+            *doubts_of_one_body(track, others),
+            *self._rival_doubts(track, tracks, quality),
+            *self._missed(track, others),
+        ]
 
     def _rival_doubts(self, track: Track, tracks: Sequence[Track], quality: TrackQuality) -> list[Doubt]:
         """Doubt where a thing that nobody follows is far more like a body than the tracked one."""
@@ -192,14 +199,38 @@ class Choice:
         """Where, px of the frame, what is at some places of the samples is to be seen in others, by their number."""
         known = {k: search_image(self.view, self.frames[k]) for k in places}
         looks = learn(list(known.values()), list(places.values()), max(1.5, reach / self.view.step))
-        usual = np.median([_score_at(looks.score_map(known[k]), place) for k, place in places.items()])
+        maps = {k: looks.score_map(image) for k, image in known.items()}
+        plain = PLAIN * float(np.median([_score_at(maps[k], place) for k, place in places.items()]))
         found: dict[int, Place] = {}
         for k in lost:
-            peaks = looks.peaks(search_image(self.view, self.frames[k]), PLAIN * float(usual))
-            for place in (self.view.in_frame(*xy) for xy in peaks.xy):
-                if not any(_passes(other, self.frames[k].index, place, reach) for other in others):
+            peaks = looks.peaks(search_image(self.view, self.frames[k]), plain)
+            for xy in peaks.xy:
+                place = self.view.in_frame(*xy)
+                taken = any(_passes(other, self.frames[k].index, place, reach) for other in others)
+                if not taken and not is_scenery(maps, places, (xy[0], xy[1]), reach / self.view.step, plain):
                     found.setdefault(k, place)
         return found
+
+
+def doubts_of_one_body(track: Track, others: Sequence[Track]) -> list[Doubt]:
+    """Doubt where one of the others is mostly nearer to a ``track`` than two bodies can be.
+
+    Parameters
+    ----------
+    track, others
+        Tracks of one clip.
+    """
+    if track.radius_px is None or not track.n_valid:
+        return []
+    reach = TOGETHER * float(np.nanmedian(track.radius_px[track.valid]))
+    for other in others:
+        both = track.valid & other.valid
+        apart = np.hypot(*(track.xy_px - other.xy_px)[both].T)
+        if both.any() and np.median(apart) < reach:
+            finding = f"bodies {track.body} and {other.body} are mostly tracked at one place"
+            remedy = f"mark each: --mark {track.body}=x,y@frame, or ask for fewer --bodies"
+            return [Doubt("another-body", finding, remedy)]
+    return []
 
 
 def _without_rest(found: Mapping[int, Place], shown: tuple[int, int], reach: float, most: float) -> list[int]:
@@ -214,7 +245,29 @@ def _without_rest(found: Mapping[int, Place], shown: tuple[int, int], reach: flo
     return seen
 
 
-def _score_at(score_map: np.ndarray, place: tuple[float, float]) -> float:
+def is_scenery(
+    maps: Mapping[int, Image], places: Mapping[int, Place], place: Place, reach: float, plain: float
+) -> bool:
+    """Whether a place looks like the body also in most of the samples in which the body is elsewhere.
+
+    Parameters
+    ----------
+    maps
+        Scores (h, w) of samples that show the body, by their number.
+    places
+        Where it is in them, px of the search image.
+    place
+        The place in question, likewise.
+    reach
+        Radius of the body, px.
+    plain
+        Score from which on a place looks like the body.
+    """
+    away = [k for k, body in places.items() if np.hypot(body[0] - place[0], body[1] - place[1]) > 3 * reach]
+    return bool(away) and bool(np.mean([_score_at(maps[k], place) > plain for k in away]) > SCENERY)
+
+
+def _score_at(score_map: Image, place: Place) -> float:
     y, x = (min(max(round(c), 0), size - 1) for c, size in zip(place[::-1], score_map.shape, strict=True))
     return float(score_map[max(0, y - 1) : y + 2, max(0, x - 1) : x + 2].max())
 

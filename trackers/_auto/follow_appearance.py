@@ -28,7 +28,7 @@ from trackers._linking.to_track import track_of
 REACH_RADII, REACH_SHARE = 4.0, 0.05  # of the radius, of the diagonal: how far a fast body goes in a frame
 WINDOW = 2.5  # radii: half the side of the window in which a body is measured
 LARGEST = 1.9  # times the radius: what is larger is not the body alone
-APART = 1.0  # radii: two bodies are not nearer to each other
+APART = 1.5  # radii: two bodies are not nearer to each other
 FEWEST = 3  # detections
 ROUGH = 0.35  # of the radius: standard error of a position by the looks alone
 
