@@ -1,9 +1,13 @@
-"""Speed and memory of tracking a clip, compared with OpenCV reading, MOG2 and trackpy.
+"""Speed and memory of tracking each class of clips, relative to a bare OpenCV reading loop over the same file.
 
-``python -m validation.speed [--seconds 10] [--size 3840x2160] [--clip CLIP.mp4]`` renders a pendulum at 60 frames a
-second and 45 Mbit/s, then runs each row in a process of its own, in turns, and keeps the fastest run.
-The row "track" is the whole command, from starting Python to the written table; the others leave out their start.
-``--only track`` runs some rows alone, ``--repeat 15`` the clip so many times over: its memory must not grow with that.
+``python -m validation.speed --class pendulum dropping-ball [--size 3840x2160] [--seconds 5]`` renders a clip of each
+class at 60 frames a second and 45 Mbit/s (at 4K), tracks it by the whole command (from starting Python to the written
+table, the tracker that the phenomenon names) and reads it with OpenCV, in turns, each in a process of its own; the
+fastest run of each counts. "After the start" is the rate by which the time grows where the clip is repeated three
+times. Processor time is less disturbed by what else a machine does than the clock is.
+
+``python -m validation.speed --only opencv track mog2 trackpy [--clip CLIP.mp4]`` compares other programs on a pendulum;
+``--repeat 15`` runs on the clip so many times over: its memory must not grow with that.
 """
 
 from __future__ import annotations
@@ -21,11 +25,26 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import cast
 
 from validation import pages
 
 # imports nothing of the project: a process starts with the peak memory of its parent
 PROGRAM = Path(sys.executable).parent / "iris-sysid"
+
+BODIES = {  # of each class: phenomena with several bodies
+    "pendulum": 1,
+    "falling-ball": 1,
+    "dropping-ball": 1,
+    "sliding-cone": 1,
+    "rotating-cone": 1,
+    "led": 1,
+    "torricelli": 1,
+    "two-moving-pendulums": 2,
+    "two-moving-pendulum-one-static": 2,
+    "hitting-cones": 16,
+}
+REPEATED = 3  # times, to tell the rate after the start
 
 FEW = {"mog2": 10, "trackpy": 1}  # frames for the slow rows
 
@@ -96,25 +115,26 @@ def _peak_mb(usage_of: int) -> float:
     return resource.getrusage(usage_of).ru_maxrss / 1024
 
 
-def cost_of(name: str, clip: str) -> Cost | None:
+def cost_of(name: str, clip: str, phenomenon: str = "pendulum") -> Cost | None:
     """Cost of one row in its own process; None where a package it needs is not installed."""
     if name == "track":
-        return _cost_of_track(clip)
+        return _cost_of_track(clip, phenomenon)
     command = [sys.executable, "-m", "validation.speed", "--row", name, "--clip", clip]
     done = subprocess.run(command, capture_output=True, text=True)
     return Cost(*json.loads(done.stdout)) if done.returncode == 0 else None
 
 
-def _cost_of_track(clip: str) -> Cost:
+def _cost_of_track(clip: str, phenomenon: str) -> Cost:
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder) / "track.csv"
         start = time.perf_counter()
-        process = subprocess.Popen([PROGRAM, "track", clip, "-o", table], stdout=subprocess.DEVNULL)
+        kind = ["--phenomenon", phenomenon, "--bodies", str(BODIES[phenomenon])]
+        process = subprocess.Popen([PROGRAM, "track", clip, *kind, "-o", table], stdout=subprocess.DEVNULL)
         _, status, used = os.wait4(process.pid, 0)
         wall = time.perf_counter() - start
         if status:
             raise SystemExit("iris-sysid track failed")
-        frames = len(table.read_text().splitlines()) - 1
+        frames = (len(table.read_text().splitlines()) - 1) // BODIES[phenomenon]
     return Cost(frames, wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
 
 
@@ -159,11 +179,76 @@ def table(clip: str, turns: int, rows: Sequence[str]) -> None:
         print(f"| {TITLES[name]} | {1 / seconds[name]:.1f} | {cpu:.1f} | {relative} | {peak:.0f} |", flush=True)
 
 
+@dataclass(frozen=True)
+class ClassCost:
+    """Costs of one class: bare reading, the whole command, and the command on the clip three times over."""
+
+    reading: Cost
+    command: Cost
+    repeated: Cost | None
+
+    def row(self, name: str) -> str:
+        """The row of the table."""
+        read, track = (cost.wall_s / cost.frames for cost in (self.reading, self.command))
+        after = ""
+        if self.repeated is not None:
+            more = self.repeated.wall_s - self.command.wall_s
+            after = f"{(self.repeated.frames - self.command.frames) / max(more, 1e-3):.0f}"
+        cpu = [1e3 * cost.cpu_s / cost.frames for cost in (self.reading, self.command)]
+        numbers = [f"{1 / read:.0f}", f"{1 / track:.1f}", after, f"{read / track:.3f}", *(f"{ms:.1f}" for ms in cpu)]
+        return f"| {name} | {BODIES[name]} | {' | '.join(numbers)} | {self.command.peak_mb:.0f} |"
+
+
+def class_cost(phenomenon: str, clip: str, longer: str | None, turns: int) -> ClassCost:
+    """The fastest of some turns on a clip, and on the same clip repeated where that is given."""
+
+    def fastest(name: str, path: str) -> Callable[[], Cost]:
+        return lambda: cast("Cost", cost_of(name, path, phenomenon))
+
+    rows = [fastest("opencv", clip), fastest("track", clip), *([fastest("track", longer)] if longer else [])]
+    costs = [[measure() for measure in rows] for _ in range(turns)]
+    best = [min(runs, key=lambda cost: cost.wall_s) for runs in zip(*costs, strict=True)]
+    return ClassCost(best[0], best[1], best[2] if longer else None)
+
+
+def class_table(options: argparse.Namespace, folder: Path) -> None:
+    """Render a clip of each class, and print a row each as it is measured."""
+    print(f"{options.size}, {options.seconds:g} s, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}\n")
+    titles = "class | bodies | reading, frames/s | command, frames/s | after the start, frames/s | relative to reading"
+    print(f"| {titles} | reading, ms of processor a frame | command, ms | peak memory, MB |")
+    print("|---" + "|---:" * 8 + "|", flush=True)
+    for phenomenon in options.classes:
+        clip, longer = rendered(phenomenon, options, folder), None
+        if not options.no_start:
+            longer = str(folder / f"{phenomenon}-repeated.mp4")
+            repeat(clip, REPEATED, longer)
+        print(class_cost(phenomenon, clip, longer, options.turns).row(phenomenon), flush=True)
+
+
+def rendered(phenomenon: str, options: argparse.Namespace, folder: Path) -> str:
+    """A clip of a phenomenon."""
+    clip = str(folder / f"{phenomenon}.mp4")
+    film = ["--size", options.size, "--fps", "60", "--seconds", str(options.seconds), "--seed", str(options.seed)]
+    subprocess.run(
+        [PROGRAM, "render", "--phenomenon", phenomenon, *film, "-o", clip], check=True, stdout=subprocess.DEVNULL
+    )
+    return clip
+
+
+def repeat(clip: str, times: int, path: str) -> None:
+    """Write a clip repeated, in another process, which keeps this one small."""
+    with ProcessPoolExecutor(1) as pool:
+        pool.submit(write_repeated, clip, times, path).result()
+
+
 def main() -> None:
-    """Render the clip and print the table."""
+    """Render the clips and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--class", dest="classes", nargs="+", choices=list(BODIES), help="classes to run")
+    parser.add_argument("--no-start", action="store_true", help="leave out the rate after the start")
     parser.add_argument("--seconds", type=float, default=10.0, help="length of the clip")
     parser.add_argument("--size", default="3840x2160", help="WIDTHxHEIGHT in px")
+    parser.add_argument("--seed", type=int, default=0, help="of the rendered clips")
     parser.add_argument("--clip", help="a clip that is there already, instead of rendering one")
     parser.add_argument("--turns", type=int, default=2, help="runs of each row, in turns; the fastest counts")
     parser.add_argument("--only", choices=list(TITLES), nargs="+", default=list(TITLES), help="rows to run")
@@ -175,14 +260,14 @@ def main() -> None:
         run_row(options.row, options.clip)
         return
     with tempfile.TemporaryDirectory() as folder:
-        clip = options.clip or str(Path(folder) / "pendulum.mp4")
-        if not options.clip:
-            film = ["--size", options.size, "--fps", "60", "--seconds", str(options.seconds)]
-            subprocess.run([PROGRAM, "render", "--phenomenon", "pendulum", *film, "-o", clip], check=True)
+        if options.classes:
+            with pages.table("speed-classes", options.write_docs):
+                class_table(options, Path(folder))
+            return
+        clip = options.clip or rendered("pendulum", options, Path(folder))
         if options.repeat > 1:
             longer = str(Path(folder) / "repeated.mp4")
-            with ProcessPoolExecutor(1) as pool:
-                pool.submit(write_repeated, clip, options.repeat, longer).result()
+            repeat(clip, options.repeat, longer)
             clip = longer
         with pages.table("speed", options.write_docs):
             print(
