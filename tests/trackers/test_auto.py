@@ -7,13 +7,13 @@ import pytest
 
 from iris_sysid.errors import DataError
 from iris_sysid.registry import TRACKERS
-from iris_sysid.types import TrackMark, TrackOptions
+from iris_sysid.types import TrackCandidate, TrackMark, TrackOptions
 from tests import _phone_clips as phone
 from tests._drawn import disc, moving_disc, noisy, paint, swing
 from trackers._auto.appearance import Peaks, search_image
 from trackers._auto.best_path import best_path
-from trackers._auto.candidates import radius_at
-from trackers._auto.choose import doubts_of_one_body, is_scenery
+from trackers._auto.candidates import radius_at, ways_by_looks
+from trackers._auto.choose import Choice, SampledOnce, doubts_of_one_body, is_scenery
 from trackers._auto.evidence import judged, leaps, measured, missed_marks
 from trackers._auto.survey import kinds_of, looks_like_shadow
 from trackers._frames.working_image import view_of
@@ -164,6 +164,16 @@ def test_two_tracks_of_one_body_are_doubtful_and_two_bodies_side_by_side_are_not
     beside = replace(track, xy_px=track.xy_px + np.array([20, 0]), body="2")
     assert {doubt.kind for doubt in doubts_of_one_body(track, [same])} == {"another-body"}
     assert doubts_of_one_body(track, [beside]) == []
+
+
+def test_track_by_looks_is_doubtful_where_the_background_tracker_follows_nothing():
+    clip = phone.with_shadow(30).clip
+    choice = Choice(SampledOnce(clip), view_of(clip, TrackOptions()), TrackOptions())
+    choice.candidates.append(TrackCandidate("median-background", (), "nothing moves"))
+    (way, *_) = ways_by_looks(choice.video, choice.view, choice.frames, choice.kinds, choice.options)
+    assert "ambiguous" in doubts(choice.attempt(way).tracks)
+    choice.candidates.clear()
+    assert not doubts(choice.attempt(way).tracks)
 
 
 def test_place_that_looks_like_the_body_while_it_is_elsewhere_is_scenery():

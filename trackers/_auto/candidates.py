@@ -24,10 +24,14 @@ CLICKED = 2.0  # px of the search image: pixels round a click that are surely of
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Way:
-    """One way to follow the bodies of a clip: its name, and the function that does it."""
+    """One way to follow the bodies of a clip: its name, and the function that does it.
+
+    ``guessed`` says that the bodies are things that move and look like bodies, and nothing else says so.
+    """
 
     name: str
     follow: Callable[[], list[Track]]
+    guessed: bool = False
 
 
 def ways_by_looks(
@@ -41,7 +45,7 @@ def ways_by_looks(
         chosen = bodies[start : start + options.bodies]
         if len(chosen) == options.bodies:
             named = [replace(body, name=str(k)) for k, body in enumerate(chosen, start=1)]
-            ways.append(Way(f"appearance-{start + 1}", _by_looks(video, view, named, options)))
+            ways.append(Way(f"appearance-{start + 1}", _by_looks(video, view, named, options), guessed=True))
     return ways
 
 

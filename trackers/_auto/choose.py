@@ -105,6 +105,8 @@ class Choice:
             judgements = [judged(*pair, self.options.marks) for pair in zip(tracks, evidence, strict=True)]
             if len(tracks) <= FEW and (way.name != FIRST or any(map(_suspicious, judgements))):
                 judgements = self.against_the_scene(tracks, judgements)
+            if way.guessed and self.candidates and not self.candidates[0].tracks:
+                judgements = [_doubted(*pair) for pair in zip(tracks, judgements, strict=True)]
             of_bodies = [replace(body, quality=quality) for body, quality in zip(tracks, judgements, strict=True)]
             candidate = TrackCandidate(way.name, tuple(of_bodies))
         self.candidates.append(candidate)
@@ -210,6 +212,13 @@ class Choice:
                 if not taken and not is_scenery(maps, places, (xy[0], xy[1]), reach / self.view.step, plain):
                     found.setdefault(k, place)
         return found
+
+
+def _doubted(track: Track, quality: TrackQuality) -> TrackQuality:
+    """The quality of a track by looks where nothing is followed before the background."""
+    finding = "no such body is followed before the still background; its looks alone tell it"
+    doubt = Doubt("ambiguous", finding, f"check the overlay, and mark it: --mark {track.body}=x,y@frame")
+    return replace(quality, doubts=(*quality.doubts, doubt))
 
 
 def doubts_of_one_body(track: Track, others: Sequence[Track]) -> list[Doubt]:
