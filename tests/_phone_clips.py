@@ -100,7 +100,7 @@ def red_ball_that_strikes_a_wall(n=150, scale=0.5, shake_px=1.5, seed=3):
     radius, length = 22 * scale, 330 * scale
     pivot = (215 * scale, 60 * scale)
     k = np.arange(n)
-    theta = 0.42 * np.exp(-k / (0.16 * n)) * np.abs(np.cos(2 * np.pi * k / 33.0))
+    theta = 0.3 * np.exp(-k / (0.16 * n)) * np.abs(np.cos(2 * np.pi * k / 33.0))
     theta[k > 0.5 * n] *= np.exp(-(k[k > 0.5 * n] - 0.5 * n) / 3.0)
     rng = np.random.default_rng(seed)
     shake = cv2.GaussianBlur(rng.normal(0, 1, (n, 2)), (1, 25), 1.0, None, 4.0)
