@@ -228,3 +228,11 @@ def test_sampled_frames_are_decoded_once_for_camera_and_tracker(pendulum_clip):
     next(clip.frames())
     assert clip.sample(40)[0] is not first[0]
     assert clip.decoded > 0
+
+
+def test_bodies_that_move_alike_before_a_plain_wall_are_bodies(two_movers_clip):
+    (first, second) = track(open_video(two_movers_clip), options=TrackOptions(bodies=2))
+    for body in (first, second):
+        assert body.camera_motion is None
+        assert np.ptp(body.xy_px[body.valid, 0]) == pytest.approx(60.0, abs=1.0)
+        assert [doubt.kind for doubt in body.quality.doubts] == ["moving-camera"]

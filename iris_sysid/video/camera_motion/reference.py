@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -10,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from iris_sysid.errors import TrackingError
 from iris_sysid.types import (
     Array,
     CameraMotion,
@@ -31,6 +33,7 @@ from iris_sysid.video.camera_motion.survey import CameraState
 
 TAKEN_OUT = "taken out; positions are in px of the first frame"
 NOT_MEASURED = "not measured: the background has too little texture; the camera is taken to stand still"
+ALL_ALIKE = "all that has texture moves alike: taken for bodies before a plain wall, not for a camera that moves"
 LARGE_PX = 0.5  # of standard error: a motion known no better makes a track doubtful
 REMEDY = "film with the camera on a tripod, or with a textured background in view"
 
@@ -79,10 +82,12 @@ def tracked(video: FrameSource, tracker: Tracker, options: TrackOptions) -> list
     ``origin["camera_motion"]`` says what was done, and a motion that is not known makes the tracks doubtful.
     """
     camera = examined(video, part_of_progress(options.progress, 0, 2))
+    second_half = replace(options, progress=part_of_progress(options.progress, 1, 2))
     if camera.steady is not None:
         steady = camera.steady
-        second_half = replace(options, progress=part_of_progress(options.progress, 1, 2))
-        return [in_reference(body, steady) for body in tracker.track(steady, on_canvas(second_half, steady))]
+        with suppress(TrackingError):  # nothing moves any more: what was taken for the background are the bodies
+            return [in_reference(body, steady) for body in tracker.track(steady, on_canvas(second_half, steady))]
+        return [_doubted(body, ALL_ALIKE) for body in tracker.track(video, second_half)]
     tracks = tracker.track(video, options)
     if camera.state is CameraState.MOVING:
         return [_doubted(body, "the camera moves, and its motion could not be measured") for body in tracks]
