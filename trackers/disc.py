@@ -37,7 +37,8 @@ WELL_SEEN = 0.8  # of the frames: a body found in fewer frames is also searched 
 # by how much the autocorrelation of position errors at lag 1 is below that of the lobes, on synthetic clips: the fitted
 # shading and blur absorb it
 CORRELATION_ABSORBED = 0.25
-OUTLINE_OF_WHITE = 1.7  # lobes of the residual over errors of the centre, on drawn discs with noise, without loss
+# errors of the radius over those of the centre: of an outline whose errors at each angle are independent
+RADIUS_OF_CENTRE = np.sqrt(0.5)
 REPORT_EVERY = 10  # frames between two calls of the progress function
 EMPTY = (np.nan,) * 8
 LinkedBodies = tuple[
@@ -209,7 +210,10 @@ def _track_of(
         dtype=np.int64,
     )
     lobes = np.array([fits[all_detections[k].frame].lobes for k in free])
-    errors = error_model(free, columns[:, :2], columns[:, 4], lobes, CORRELATION_ABSORBED, OUTLINE_OF_WHITE)
+    noise = np.array([fits[all_detections[k].frame].sigma_lobe for k in free])
+    noise_px = float(np.sqrt(np.mean(noise**2))) if noise.size else None
+    errors = error_model(free, columns[:, :2], columns[:, 4], lobes, CORRELATION_ABSORBED, noise_px)
+    of_radius = replace(errors, outline_px=RADIUS_OF_CENTRE * (errors.outline_px or 0.0))
     sigma = np.column_stack([with_scatter(t_s, columns[:, axis], columns[:, axis + 2], errors) for axis in (0, 1)])
     return Track(
         t_s=t_s,
@@ -219,7 +223,7 @@ def _track_of(
         frame=np.array([frame_detections.frame for frame_detections in all_detections]),
         body=str(body + 1),
         radius_px=columns[:, 4],
-        sigma_radius_px=with_scatter(t_s, columns[:, 4], columns[:, 5], errors),
+        sigma_radius_px=with_scatter(t_s, columns[:, 4], columns[:, 5], of_radius),
         intensity=columns[:, 6],
         area_px=columns[:, 7],
         hand=hand,

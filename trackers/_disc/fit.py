@@ -54,7 +54,8 @@ class Cutout:
 class DiscFit:
     """A fitted disc and its pixels: rows and columns in the cutout of the pixels that count.
 
-    ``lobes`` are the lobes of the outline that the disc does not have, px.
+    ``lobes`` are the lobes of the outline that the disc does not have, px. ``sigma_lobe`` is the standard deviation of
+    one by white noise as large as beside the outline, px: a coder leaves more at the outline itself.
     """
 
     disc: Disc
@@ -62,6 +63,7 @@ class DiscFit:
     rows: Labels
     columns: Labels
     lobes: tuple[float, ...] = ()
+    sigma_lobe: float = 0.0
 
     @property
     def outline_share(self) -> float:
@@ -157,10 +159,12 @@ def fit_disc(
     except np.linalg.LinAlgError:
         return None
     disc = _disc_of(solution, model)
-    edge = zone == 1
-    beyond = (solution.weight * solution.residual)[edge] / (disc.contrast or 1.0)
-    lobes = lobe_amplitudes(beyond, (x[edge] - disc.x) + 1j * (y[edge] - disc.y), disc.radius)
-    fitted = DiscFit(disc, solution, rows, columns, lobes)
+    share = np.where(zone == 1, solution.weight, 0.0) / (disc.contrast or 1.0)  # of the outline alone
+    offset = (x - disc.x) + 1j * (y - disc.y)
+    lobes = lobe_amplitudes(share * solution.residual, offset, disc.radius)
+    beside = solution.sigma[zone != 1] if (zone != 1).any() else solution.sigma
+    sigma_lobe = float(np.median(beside) * np.linalg.norm(share)) / (np.sqrt(2) * np.pi * disc.radius)
+    fitted = DiscFit(disc, solution, rows, columns, lobes, sigma_lobe)
     return replace(fitted, disc=_with_errors(fitted, cutout.image.shape, correlation))
 
 

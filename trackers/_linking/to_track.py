@@ -18,6 +18,8 @@ from trackers._uncertainty.error_correlation import is_moving, outline_autocorre
 from trackers._uncertainty.excess_scatter import ErrorModel, with_scatter
 
 OUTLINE_OF_WHITE = 1.2  # lobes of the coverage over errors of the centroid, on drawn discs with noise, without loss
+# times the lobes by noise: up to 1.35 on drawn discs without loss (plain and textured wall), 5 to 7 with H.264
+BEYOND = 1.5
 SHUTTER = 0.5  # exposure over the time between frames, where it is not measured: what cameras take by rule
 
 
@@ -85,7 +87,7 @@ def error_model(
     radius_px: Array,
     lobes: Array,
     reduction: float = 0.0,
-    outline_of_white: float = OUTLINE_OF_WHITE,
+    noise_px: float | None = None,
 ) -> ErrorModel:
     """Where a body moves, and the size and autocorrelation of its position errors by the lobes of its outline.
 
@@ -99,8 +101,9 @@ def error_model(
         Amplitudes (k, 4) of the outline's lobes in those samples, px.
     reduction
         By how much the partial autocorrelation of the position errors at lag 1 is below that of the lobes.
-    outline_of_white
-        Standard deviation of the lobes over that of the position, both from white noise of the pixels.
+    noise_px
+        Standard deviation of the lobes by white noise of the pixels, px; None where it is known only as a multiple of
+        that of the position. Lobes that it explains do not count.
     """
     seen, number = np.isfinite(radius_px), np.arange(radius_px.size, dtype=np.float64)
     moving = np.zeros(radius_px.size, dtype=np.bool_)
@@ -109,10 +112,18 @@ def error_model(
         return ErrorModel(moving)
     outline = number[rows], xy_px[rows], lobes, radius_px[rows]
     measured, scatter = outline_autocorrelation(*outline), outline_scatter(*outline)
+    ratio = OUTLINE_OF_WHITE
+    if noise_px is not None and scatter is not None:
+        scatter, ratio = _beyond(scatter, noise_px), 1.0  # the position's own error holds what is left at its outline
     if measured is None:
-        return ErrorModel(moving, None, scatter, outline_of_white)
+        return ErrorModel(moving, None, scatter, ratio)
     partial = (max(measured.partial[0] - reduction, 0.0), *measured.partial[1:])
-    return ErrorModel(moving, replace(measured, partial=partial), scatter, outline_of_white)
+    return ErrorModel(moving, replace(measured, partial=partial), scatter, ratio)
+
+
+def _beyond(scatter: float, noise: float) -> float:
+    """The part of the scatter of lobes that white noise of that size does not explain, all in px."""
+    return float(np.sqrt(scatter**2 - noise**2)) if scatter > BEYOND * noise else 0.0
 
 
 def _row(detection: Detection) -> tuple[float, ...]:
