@@ -10,7 +10,7 @@ from validation.real_marks import marked_clips
 from validation.real_tracks import outcome
 
 OPEN = {clip.name: clip for clip in marked_clips("open")}
-QUICK = ("sliding-friction-3", "throw-dark-red", "tracker-ball-toss")
+QUICK = ("incline-marble-1", "sliding-friction-3", "throw-dark-red", "throw-green-PV4", "tracker-ball-toss")
 
 
 def tracked(name):

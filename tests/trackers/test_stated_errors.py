@@ -137,6 +137,17 @@ def test_frames_in_which_something_joins_the_body_are_few_and_larger_than_its_st
     assert not joined_by_another(np.where(np.arange(120) % 3 == 0, 1.5, 1.0) * 100).any()
 
 
+@pytest.mark.parametrize("count", [29, 60])
+def test_frame_with_more_of_an_outline_that_comes_and_goes_has_a_larger_error_and_is_no_gap(count):
+    area = 720.0 + 10 * np.random.default_rng(8).standard_normal(count)
+    area[4::6] *= 0.7
+    area[20] = 1100.0
+    assert not joined_by_another(area).any()
+    added = shifted_by_area(area, np.sqrt(area / np.pi))
+    assert added[20] == pytest.approx(0.35 * np.sqrt(1100 / np.pi), rel=0.05)
+    assert added[19] == 0.0
+
+
 @pytest.mark.parametrize("radius", [5.0, 9.3, 30.0])
 def test_sharp_disc_between_pixels_has_no_lobes(radius):
     rng, size = np.random.default_rng(6), int(4 * radius) + 8
