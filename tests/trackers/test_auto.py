@@ -7,13 +7,13 @@ import pytest
 
 from iris_sysid.errors import DataError
 from iris_sysid.registry import TRACKERS
-from iris_sysid.types import TrackCandidate, TrackMark, TrackOptions
+from iris_sysid.types import Track, TrackCandidate, TrackMark, TrackOptions
 from tests import _phone_clips as phone
 from tests._drawn import disc, moving_disc, noisy, paint, swing
 from trackers._auto.appearance import Peaks, search_image
 from trackers._auto.best_path import best_path
 from trackers._auto.candidates import radius_at, ways_by_looks
-from trackers._auto.choose import Choice, SampledOnce, doubts_of_one_body, is_scenery
+from trackers._auto.choose import Choice, SampledOnce, doubts_of_one_body, is_scenery, lost_together
 from trackers._auto.evidence import judged, leaps, measured, missed_marks
 from trackers._auto.survey import kinds_of, looks_like_shadow
 from trackers._frames.working_image import view_of
@@ -229,3 +229,25 @@ def test_things_that_move_are_sorted_by_colour_and_size_and_the_ball_is_the_like
     truth = np.array([clip.truth[0, frames[thing.sample].index] for thing in first.seen])
     assert np.median(np.hypot(*(places - truth).T)) < 3
     assert np.mean([thing.shadow_like for thing in second.seen]) > 0.8
+
+
+def test_bodies_that_are_lost_together_may_have_changed_their_names():
+    shown = np.ones(40, np.bool_)
+    shown[15:22] = False
+    place = np.column_stack([np.arange(40.0), np.full(40, 20.0)])
+    tracks = [
+        Track(
+            np.arange(40) / 30,
+            np.where(shown[:, None], place + shift, np.nan),
+            np.full((40, 2), 0.1),
+            shown,
+            np.arange(40),
+        )
+        for shift in (0.0, 30.0)
+    ]
+    (doubt,) = lost_together(tracks)
+    assert doubt.kind == "ambiguous"
+    assert "7 frames after frame 14" in doubt.finding
+    assert lost_together(tracks[:1]) == []
+    short = [replace(body, valid=np.ones(40, np.bool_), xy_px=place) for body in tracks[:1]] + tracks[1:]
+    assert lost_together(short) == []

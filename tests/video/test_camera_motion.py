@@ -10,8 +10,8 @@ from iris_sysid.io.csv_write import read_track, write_track
 from iris_sysid.pipeline import camera_note, track
 from iris_sysid.registry import TRACKERS
 from iris_sysid.report.overlay import draw_body
-from iris_sysid.types import TrackCandidate, TrackMark, TrackOptions, mapped
-from iris_sysid.video.camera_motion.reference import NOT_MEASURED, on_canvas
+from iris_sysid.types import Track, TrackCandidate, TrackMark, TrackOptions, mapped
+from iris_sysid.video.camera_motion.reference import NOT_MEASURED, in_reference, on_canvas
 from iris_sysid.video.camera_motion.steady import examined, steadied
 from iris_sysid.video.camera_motion.steady_video import SteadyVideo
 from iris_sysid.video.camera_motion.survey import CameraState
@@ -165,6 +165,19 @@ def test_body_that_the_edge_of_its_own_frame_cuts_is_a_gap():
     assert cut.any()
     assert not body.valid[cut].any()
     assert body.valid[(seen[:, 0] > 2 * RADIUS) & (seen[:, 0] < SIZE[0] - 2 * RADIUS)].mean() > 0.8
+
+
+@pytest.mark.parametrize(("inside", "doubts"), [(0.2, ["moving-camera"]), (0.9, [])])
+def test_track_that_lies_mostly_on_the_edge_of_the_frames_is_doubtful(shaken, inside, doubts):
+    steady = examined(shaken[0]).steady
+    x = np.where(np.arange(FRAMES) < inside * FRAMES, SIZE[0] / 2, SIZE[0] + 2.0 * RADIUS)
+    place = np.column_stack([x - steady.canvas.left, np.full(FRAMES, SIZE[1] / 2 - steady.canvas.top)])
+    always, radius = np.ones(FRAMES, np.bool_), np.full(FRAMES, RADIUS)
+    on_edge = Track(
+        np.arange(FRAMES) / FPS, place, np.full((FRAMES, 2), 0.1), always, np.arange(FRAMES), radius_px=radius
+    )
+    quality = in_reference(on_edge, steady).quality
+    assert [doubt.kind for doubt in (quality.doubts if quality else ())] == doubts
 
 
 def test_frames_of_the_steady_clip_show_the_background_in_one_place(shaken):

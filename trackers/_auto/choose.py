@@ -29,6 +29,7 @@ MISSED = 0.1  # share of the samples in which the body is plainly seen off its t
 PLAIN = 0.75  # of the usual score of the body: as plain as that is no chance likeness
 MOST_WAYS = 3  # by looks
 SCENERY = 0.5  # share of the samples with the body elsewhere: a place that looks like it there too is scenery
+LONG_GAP = 5  # frames without any body
 TOGETHER = 1.5  # radii: two tracks that are mostly nearer to each other are of one body
 LEAST_SIGHTINGS = 0.3  # share of the samples
 FIRST = "median-background"  # the way whose tracks are taken without a look at the scene where they show no fault
@@ -105,6 +106,8 @@ class Choice:
             judgements = [judged(*pair, self.options.marks) for pair in zip(tracks, evidence, strict=True)]
             if len(tracks) <= FEW and (way.name != FIRST or any(map(_suspicious, judgements))):
                 judgements = self.against_the_scene(tracks, judgements)
+            if way.name == FIRST and not self.options.marks:
+                judgements = [replace(own, doubts=(*own.doubts, *lost_together(tracks))) for own in judgements]
             if way.guessed and self.candidates and not self.candidates[0].tracks:
                 judgements = [_doubted(*pair) for pair in zip(tracks, judgements, strict=True)]
             of_bodies = [replace(body, quality=quality) for body, quality in zip(tracks, judgements, strict=True)]
@@ -219,6 +222,26 @@ def _doubted(track: Track, quality: TrackQuality) -> TrackQuality:
     finding = "no such body is followed before the still background; its looks alone tell it"
     doubt = Doubt("ambiguous", finding, f"check the overlay, and mark it: --mark {track.body}=x,y@frame")
     return replace(quality, doubts=(*quality.doubts, doubt))
+
+
+def lost_together(tracks: Sequence[Track]) -> list[Doubt]:
+    """Doubt where several bodies are lost for some frames at once, as at a cut: paths do not tell which is which then.
+
+    Parameters
+    ----------
+    tracks
+        All tracks of a clip, by paths alone.
+    """
+    if len(tracks) < 2:
+        return []
+    seen = np.any([track.valid | (False if track.hand is None else track.hand) for track in tracks], axis=0)
+    rows = np.flatnonzero(seen)
+    gaps = np.diff(rows) - 1
+    if not gaps.size or gaps.max() < LONG_GAP:
+        return []
+    before = tracks[0].frame[rows[int(np.argmax(gaps))]]
+    finding = f"all bodies are lost together for {gaps.max()} frames after frame {before}: names may change there"
+    return [Doubt("ambiguous", finding, "mark each body before and after: --mark 1=x,y@frame --mark 2=x,y@frame")]
 
 
 def doubts_of_one_body(track: Track, others: Sequence[Track]) -> list[Doubt]:
