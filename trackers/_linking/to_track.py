@@ -44,8 +44,8 @@ def track_of(
     origin
         Where the track came from.
     alone
-        Whether it is the only body: frames in which its area is too large, as with its shadow, are gaps then. Bodies
-        that touch share their area.
+        Whether it is the only body: frames in which its area is too large, as with its shadow, are gaps then, or have
+        a larger error. Bodies that touch share their area.
     """
     row_of = {frame_detections.frame: k for k, frame_detections in enumerate(all_detections)}
     table = np.full((len(all_detections), 8), np.nan)
@@ -62,7 +62,8 @@ def track_of(
     rows = np.array([row_of[detection.frame] for detection in free], dtype=np.int64)
     errors = error_model(rows, table[:, :2], radius, np.array([detection.centre.lobes for detection in free]))
     sigma = np.column_stack([with_scatter(t_s, table[:, axis], table[:, axis + 2], errors) for axis in (0, 1)])
-    struck, joined = struck_within(t_s, table[:, :2], sigma, SHUTTER), shifted_by_area(table[:, 4], radius)
+    struck = struck_within(t_s, table[:, :2], sigma, SHUTTER)
+    joined = shifted_by_area(table[:, 4], radius) if alone else np.zeros(len(radius))
     return Track(
         t_s=t_s,
         xy_px=table[:, 0:2],
