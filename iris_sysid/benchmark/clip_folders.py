@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from iris_sysid.benchmark.dataset import benchmark_classes
 from iris_sysid.errors import DataError
-from iris_sysid.io.csv_read import read_trajectory
 from iris_sysid.io.schemas.groundtruth import MeasuredDocument
 from iris_sysid.types import Progress, Trajectory
 
@@ -42,11 +41,6 @@ def tables_in(path: Path) -> list[Path]:
 
 def _tables(path: Path) -> Iterator[Path]:
     return (table for table in path.glob("*.csv") if table.is_file() and table.name != TRACK)
-
-
-def clips_of(paths: Sequence[Path]) -> list[Trajectory]:
-    """Read every trajectory of the given tables and folders."""
-    return [read_trajectory(table) for path in paths for table in tables_in(path)]
 
 
 def clips_of_dataset(

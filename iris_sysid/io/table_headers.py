@@ -263,7 +263,7 @@ def _time(cells: Cells, titles: Sequence[str], numeric: Sequence[int]) -> Meanin
 
 def _is_numeric(cells: Cells, k: int) -> bool:
     """Whether most filled cells of a column are numbers."""
-    filled = [row[k] for row in cells.rows if row[k] and row[k] not in BLANK]
+    filled = [row[k] for row in cells.rows if row[k] not in BLANK]
     numbers = sum(_reads(cell.replace(",", ".") if cells.decimal_comma else cell) for cell in filled)
     return bool(filled) and numbers > 0.9 * len(filled)
 

@@ -6,8 +6,9 @@ import shutil
 import pandas as pd
 import pytest
 
-from iris_sysid.benchmark.clip_folders import clips_of, is_dataset, tables_in
+from iris_sysid.benchmark.clip_folders import is_dataset, tables_in
 from iris_sysid.errors import DataError
+from iris_sysid.io.csv_read import read_trajectory
 
 
 @pytest.fixture
@@ -27,7 +28,8 @@ def test_table_is_itself_and_folders_give_their_trajectories_in_order(halves, an
     assert [path.name for path in tables_in(halves / "tables")] == ["a.csv", "b.csv"]
     assert [path.parent.name for path in tables_in(halves / "runs")] == ["a", "b"]
     assert tables_in(halves / "runs" / "a") == [halves / "runs" / "a" / "trajectory.csv"]
-    starts = [clip.t_s[0] for clip in clips_of([halves / "tables", halves / "runs"])]
+    tables = [*tables_in(halves / "tables"), *tables_in(halves / "runs")]
+    starts = [read_trajectory(table).t_s[0] for table in tables]
     assert starts == [starts[0], starts[1]] * 2
     assert starts[0] < starts[1]
 
