@@ -35,6 +35,8 @@ _OPTIONS = {
 }
 DECODED_AHEAD = 4  # images beside one a processor: what is done with one must not keep the decoder waiting
 MOST_DECODED = 16  # at once, 12 MB each of 3840x2160
+# AVI states no times to show its frames at: their order in the file, which with B-frames is not that of showing
+_IN_DECODING_ORDER = {"avi"}
 _NO_TIMESTAMPS = 0x0080  # AVFMT_NOTIMESTAMPS: a bare stream of images, such as .h264
 
 
@@ -66,6 +68,7 @@ class ContainerSource:
     note: str = ""
     timeless: bool = False
     even: EvenTimes | None = None
+    reordered: bool = False
 
     @property
     def expected(self) -> int:
@@ -81,8 +84,10 @@ class ContainerSource:
         with _opened_again(self.path, self.label) as (container, stream):
             stream.thread_type = "AUTO"
             stream.codec_context.thread_count = min((os.cpu_count() or 1) + DECODED_AHEAD, MOST_DECODED)
+            stamps = iter(self._decoding_stamps() if self.reordered else ())
             for image in _decoded(container, stream, tally):
-                seconds = None if self.timeless or image.pts is None else self.seconds(image.pts)
+                stamp = next(stamps, None) if self.reordered else image.pts
+                seconds = None if self.timeless or stamp is None else self.seconds(stamp)
                 tally.count_image(image, seconds)
                 if (image.width, image.height) != self.coded_size:
                     raise DamageError(f"the image's size changes to {image.width}x{image.height} px")
@@ -94,6 +99,8 @@ class ContainerSource:
     def survey(self) -> list[tuple[int, bool]]:
         """Stamp, and whether a key frame, of every frame in display order, without decoding; [] where unstamped."""
         listed: list[tuple[int, bool]] = []
+        if self.reordered:
+            return []
         with suppress(av.FFmpegError), _opened(self.path, self.label) as (container, stream):
             for packet in _packets(container, stream):
                 if packet.size <= EMPTY_PACKET_BYTES or packet.is_discard or packet.is_corrupt:
@@ -102,6 +109,13 @@ class ContainerSource:
                     return []
                 listed.append((packet.pts, packet.is_keyframe))
         return sorted(listed)
+
+    def _decoding_stamps(self) -> list[int]:
+        """Stamps of all frames in the order of decoding: the k-th image shown has the k-th of them."""
+        with _opened_again(self.path, self.label) as (container, stream), suppress(av.FFmpegError):
+            packets = _packets(container, stream)
+            return sorted(p.dts for p in packets if p.dts is not None and p.size > EMPTY_PACKET_BYTES)
+        return []
 
     def seconds(self, stamp: int) -> float | None:
         """The time in s of a stamp."""
@@ -162,7 +176,10 @@ def open_container(path: Path, label: str) -> ContainerSource:
                 facts=_facts(container, stream, image),
                 note=_rotation_note(image),
                 timeless=timeless,
+                reordered=container.format.name in _IN_DECODING_ORDER and bool(stream.codec_context.has_b_frames),
             )
+            if source.reordered:
+                source.first_s = source.seconds(min(source._decoding_stamps(), default=0))
             source.even = _even(source, (rate, stream.guessed_rate, stream.base_rate))
             return source
     except av.FFmpegError as error:

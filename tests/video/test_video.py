@@ -446,6 +446,15 @@ def test_avi_with_repeated_frames_is_whole(tmp_path):
     assert times(path) == [k / 30 for k in stamps]
 
 
+def test_avi_with_images_out_of_the_order_of_the_file_keeps_their_times(tmp_path):
+    path = write_clip(tmp_path / "a.avi", 40, options={"bf": "3", "b-pyramid": "normal", "refs": "4", "g": "20"})
+    frames = list(open_video(path).frames())
+    assert [frame.t_s - frames[0].t_s for frame in frames] == pytest.approx([k / 30 for k in range(40)], abs=1e-12)
+    for number, frame in enumerate(frames):
+        np.testing.assert_array_equal(frame.luma, image_of(number))
+    assert len(open_video(path).sample(5)) == 5
+
+
 @pytest.mark.parametrize(
     ("name", "codec", "options"),
     [
