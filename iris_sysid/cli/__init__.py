@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 COMMANDS = {
     "run": ("run", "Run the whole chain on one clip."),
     "calibrate": ("calibrate", "Calibrate camera and plane of motion."),
+    "frame": ("frame", "Draw one frame of a clip with a grid of pixel coordinates, for marks, scale bars and regions."),
     "track": ("track", "Follow bodies through a clip."),
     "import": ("import_marks", "Import the marks of an OSP Tracker project."),
     "smooth": ("smooth", "Smooth a trajectory and add its velocities."),

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from iris_sysid.calibration.camera import CameraCalibration, FittedView
 from iris_sysid.calibration.plane import to_pixels, to_plane
 from iris_sysid.errors import CalibrationError
-from iris_sysid.report.text import with_error
+from iris_sysid.report.text import round_step, with_error
 from iris_sysid.types import Array, Calibration
 
 USED, LEFT_OUT, GRID, ORIGIN = "#0072B2", "#D55E00", "#56B4E9", "#E69F00"
@@ -100,7 +100,7 @@ def grid_figure(calibration: Calibration, image: NDArray[np.uint8], *, step_m: f
         When the grid's step is not positive.
     """
     size = image.shape[1], image.shape[0]
-    step = _round_step(size[0] / calibration.scale.value / LINES) if step_m is None else step_m
+    step = round_step(size[0] / calibration.scale.value / LINES) if step_m is None else step_m
     if not (math.isfinite(step) and step > 0):
         raise CalibrationError(f"the grid's step must be above zero, not {step:g} m")
     figure = Figure(figsize=(10, 10 * size[1] / size[0] + 0.6), layout="constrained")
@@ -124,13 +124,7 @@ def grid_figure(calibration: Calibration, image: NDArray[np.uint8], *, step_m: f
 
 def _enlargement(rms_px: float, image_size: tuple[int, int]) -> float:
     """A round factor that makes a typical residual visible."""
-    return _round_step(ARROW_PART * image_size[0] / max(rms_px, 1e-6))
-
-
-def _round_step(value: float) -> float:
-    """The nearest of 1, 2, 5 times a power of ten."""
-    power = 10.0 ** math.floor(math.log10(value))
-    return min((1, 2, 5, 10), key=lambda digit: abs(math.log(digit * power / value))) * power
+    return round_step(ARROW_PART * image_size[0] / max(rms_px, 1e-6))
 
 
 def _show(axes: Axes, image: NDArray[np.uint8]) -> None:

@@ -80,6 +80,12 @@ def with_unit(number: str, unit: str) -> str:
     return number if unit in ("", "1") else f"{number} {unit}"
 
 
+def round_step(value: float) -> float:
+    """The nearest of 1, 2, 5 times a power of ten, for the lines of a grid."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return min((1, 2, 5, 10), key=lambda digit: abs(math.log(digit * power / value))) * power
+
+
 def interval_text(estimate: Estimate) -> str:
     """Write the 95 % interval, e.g. ``1.6950 to 1.7118``; empty where there is none."""
     lower, upper = estimate.interval
