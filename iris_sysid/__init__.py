@@ -99,6 +99,7 @@ if TYPE_CHECKING:
     from iris_sysid.types import TrackQuality as TrackQuality
     from iris_sysid.types import Trajectory as Trajectory
     from iris_sysid.types import Transfer as Transfer
+    from iris_sysid.types import Verdict as Verdict
     from iris_sysid.types import View as View
     from iris_sysid.video.reader import open_video as open_video
 
@@ -147,7 +148,7 @@ _HOME = {
             "Array Calibration ClipOptions Diagnosis Discovery Doubt Effect EffectExample Estimate Event "
             "FitResult Frame FrameSource GeometryOptions ModelExample OdeModel Parameter Phenomenon "
             "PooledFit Quantity Run Segment Smoothed Track TrackMark TrackQuality Tracker TrackerExample TrackOptions "
-            "Trajectory Transfer View"
+            "Trajectory Transfer Verdict View"
         ),
         "iris_sysid.video.reader": "open_video",
     }.items()

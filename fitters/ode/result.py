@@ -233,6 +233,7 @@ def conclude(
         },
         problems=problems,
         notes=tuple(filter(None, [*notes, unknown_text(task, results.estimates)])),
+        doubts=task.trajectory.doubts,
     )
 
 
@@ -407,4 +408,5 @@ def failed(
         correlation=np.nan,
         t0_s=float(trajectory.t_s[0]),
         problems=(problem,),
+        doubts=trajectory.doubts,
     )

@@ -9,6 +9,7 @@ from iris_sysid.io.schemas import (
     MatchEntry,
     NearestEntry,
     TermEntry,
+    VerdictEntry,
     known_number,
     known_numbers,
 )
@@ -21,6 +22,7 @@ def discovery_document(discovery: Discovery, sentence: str) -> DiscoveryDocument
     return checked(
         DiscoveryDocument,
         sentence=sentence,
+        verdict=VerdictEntry.of(discovery.verdict),
         status=discovery.status,
         message=discovery.message,
         equations=[

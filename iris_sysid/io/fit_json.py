@@ -16,6 +16,7 @@ from iris_sysid.io.schemas import (
     PopulationEntry,
     SelectionEntry,
     UsedSamples,
+    VerdictEntry,
     known_number,
     known_numbers,
 )
@@ -46,6 +47,7 @@ def pooled_document(pooled: PooledFit, tables: Sequence[str], trajectory: Trajec
         equation=pooled.model.equation,
         status=pooled.status,
         message=pooled.message,
+        verdict=VerdictEntry.of(pooled.verdict),
         parameters=entries_of(pooled.estimates, pooled.status),
         free=free,
         covariance=[known_numbers(row) for row in covariance],
@@ -153,5 +155,9 @@ def selection_document(choice: ModelChoice, origin: Trajectory) -> FitDocument:
         bic_margin=known_number(choice.bic_margin),
         ranking=ranking,
     )
-    changes = {"selection": entry, "origin": plain_origin({**origin.origin, **first.fit.origin})}
+    changes = {
+        "verdict": VerdictEntry.of(choice.verdict),
+        "selection": entry,
+        "origin": plain_origin({**origin.origin, **first.fit.origin}),
+    }
     return fit_document(first.fit).model_copy(update=changes)

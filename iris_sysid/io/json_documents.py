@@ -22,7 +22,9 @@ from iris_sysid.io.schemas import (
     FittedSegment,
     IdentifiabilityEntry,
     Number,
+    ProblemEntry,
     UsedSamples,
+    VerdictEntry,
     known_number,
     known_numbers,
 )
@@ -188,6 +190,8 @@ def fit_document(result: FitResult, trajectory: Trajectory | None = None) -> Fit
         equation=result.model.equation,
         status=result.status,
         message=result.message,
+        verdict=VerdictEntry.of(result.verdict),
+        problems=[ProblemEntry.of(problem) for problem in result.problems],
         parameters=entries_of(result.estimates, result.status),
         free=list(result.free),
         covariance=[known_numbers(row) for row in np.asarray(result.covariance)],

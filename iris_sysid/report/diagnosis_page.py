@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from iris_sysid.io.discovery_json import term_entry
 from iris_sysid.io.force_json import force_entry
 from iris_sysid.io.json_documents import checked, entries_of, fit_document, plain_origin, write_document
-from iris_sysid.io.schemas import DiagnosisDocument, known_number
+from iris_sysid.io.schemas import DiagnosisDocument, VerdictEntry, known_number
 from iris_sysid.report.clip_page import write_page
 from iris_sysid.report.diagnosis_files import check_folder
 from iris_sysid.report.force_figure import force_caption, force_figure
@@ -90,6 +90,7 @@ def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Dia
     return checked(
         DiagnosisDocument,
         sentence=diagnosis_sentence(diagnosis),
+        verdict=VerdictEntry.of(diagnosis.verdict),
         **first,
         added=added,
         indistinguishable={name: list(others) for name, others in diagnosis.indistinguishable.items()},

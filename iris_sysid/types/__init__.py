@@ -73,7 +73,6 @@ from iris_sysid.types._progress import Progress as Progress
 from iris_sysid.types._progress import part_of_progress as part_of_progress
 from iris_sysid.types._progress import with_progress as with_progress
 from iris_sysid.types._result import FitProblem as FitProblem
-from iris_sysid.types._result import FitReason as FitReason
 from iris_sysid.types._result import FitResult as FitResult
 from iris_sysid.types._result import FitStatus as FitStatus
 from iris_sysid.types._result import Identifiability as Identifiability
@@ -84,8 +83,6 @@ from iris_sysid.types._run import GeometryOptions as GeometryOptions
 from iris_sysid.types._run import Run as Run
 from iris_sysid.types._selection import ModelCandidate as ModelCandidate
 from iris_sysid.types._selection import ModelChoice as ModelChoice
-from iris_sysid.types._track_quality import Doubt as Doubt
-from iris_sysid.types._track_quality import DoubtKind as DoubtKind
 from iris_sysid.types._track_quality import TrackMark as TrackMark
 from iris_sysid.types._track_quality import TrackQuality as TrackQuality
 from iris_sysid.types._transfer import CurveName as CurveName
@@ -95,6 +92,12 @@ from iris_sysid.types._transfer import Transfer as Transfer
 from iris_sysid.types._transfer import TransferSource as TransferSource
 from iris_sysid.types._transfer import assumed_transfer as assumed_transfer
 from iris_sysid.types._transfer import transfer_tagged as transfer_tagged
+from iris_sysid.types._verdict import Doubt as Doubt
+from iris_sysid.types._verdict import DoubtKind as DoubtKind
+from iris_sysid.types._verdict import FitReason as FitReason
+from iris_sysid.types._verdict import Verdict as Verdict
+from iris_sysid.types._verdict import VerdictWord as VerdictWord
+from iris_sysid.types._verdict import worst_verdict as worst_verdict
 from iris_sysid.types._view import FOCAL_PER_WIDTH as FOCAL_PER_WIDTH
 from iris_sysid.types._view import PivotSource as PivotSource
 from iris_sysid.types._view import Sensor as Sensor

@@ -11,8 +11,12 @@ from iris_sysid.types._missing_force import MissingForce
 from iris_sysid.types._model import Effect, EffectCause
 from iris_sysid.types._numbers import Estimate
 from iris_sysid.types._result import FitResult
+from iris_sysid.types._verdict import Doubt, Verdict, worst_verdict
 
 UNEXPLAINED = 2.0  # residual / noise above which the model is incomplete: the noise estimate errs by less
+NAMED = 0.9  # probability of an added effect below which another one may act instead
+INCOMPLETE = "The equation lacks more than was found: look at the residual and at the missing force"
+SEVERAL_NAMES = "A longer clip, a larger motion or a second clip tells them apart"
 
 NoteKind = Literal[
     "base-fit",
@@ -163,3 +167,25 @@ class Diagnosis:
     def incomplete(self) -> bool:
         """Whether the residual that remains is far above the noise."""
         return self.residual_ratio > UNEXPLAINED
+
+    @property
+    def verdict(self) -> Verdict:
+        """Misfit where a residual remains, doubtful where an effect has several names or the track is doubted."""
+        fits = worst_verdict(final.verdict for final in self.finals)
+        unsure = [Doubt("several-names", self._names_text(name), SEVERAL_NAMES) for name in self._unsure()]
+        if self.incomplete:
+            finding = f"the residual is {self.residual_ratio:.2g} times the noise"
+            return worst_verdict([fits, Verdict("misfit", (*unsure, Doubt("incomplete", finding, INCOMPLETE)))])
+        return worst_verdict([fits, Verdict("doubtful", tuple(unsure))] if unsure else [fits])
+
+    def _unsure(self) -> list[str]:
+        """The added effects instead of which another one may act."""
+        return [
+            effect.name
+            for effect in self.added
+            if self.indistinguishable.get(effect.name)
+            and self.probabilities.get(effect.name, {}).get(effect.name, 0.0) < NAMED
+        ]
+
+    def _names_text(self, name: str) -> str:
+        return f"{name} is indistinguishable from {', '.join(self.indistinguishable[name])}"

@@ -9,6 +9,9 @@ from typing import Any
 from iris_sysid.types._model import OdeModel
 from iris_sysid.types._numbers import Estimate
 from iris_sysid.types._result import FitResult, FitStatus
+from iris_sysid.types._verdict import Doubt, Verdict, worst_verdict
+
+EXCHANGEABLE = "A longer clip or a larger motion tells them apart"
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,3 +89,10 @@ class Discovery:
     def selected(self) -> tuple[DiscoveredTerm, ...]:
         """The terms of the equation."""
         return tuple(term for term in self.terms if term.selected)
+
+    @property
+    def verdict(self) -> Verdict:
+        """That of the fits; doubtful as well where a term could be exchanged for another one."""
+        fits = worst_verdict(fitted.verdict for fitted in self.fits)
+        unsure = tuple(Doubt("several-names", text, EXCHANGEABLE) for text in self.alternatives)
+        return worst_verdict([fits, Verdict("doubtful", unsure)] if unsure else [fits])

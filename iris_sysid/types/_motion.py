@@ -13,7 +13,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.types._arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
 from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation
 from iris_sysid.types._numbers import Estimate, Quantity
-from iris_sysid.types._track_quality import Doubt
+from iris_sysid.types._verdict import Doubt
 from iris_sysid.types._view import Sensor, View
 
 MotionKind = Literal["oscillation", "slide", "flight", "any"]

@@ -11,18 +11,10 @@ import numpy as np
 from iris_sysid.types._arrays import Array, Mask
 from iris_sysid.types._model import OdeModel
 from iris_sysid.types._numbers import Estimate
+from iris_sysid.types._verdict import Doubt, FitReason, Verdict, VerdictWord, worst_verdict
 
 FitStatus = Literal["ok", "at-bound", "singular", "diverged", "too-short", "not-converged", "misfit"]
-FitReason = Literal[
-    "too-few-samples",
-    "missing-value",
-    "rate-not-finite",
-    "solution-diverges",
-    "not-converged",
-    "undetermined",
-    "at-bound",
-    "residual-above-noise",
-]
+USABLE: tuple[FitStatus, ...] = ("ok", "misfit", "at-bound", "singular")  # with estimates
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +35,19 @@ class FitProblem:
         """Finding, detail and remedy as text, without the last full stop."""
         sentence = f"{self.finding} ({self.detail})" if self.detail else self.finding
         return f"{sentence}. {self.remedy}" if self.remedy else sentence
+
+    @property
+    def doubt(self) -> Doubt:
+        """The problem as a reason of a verdict."""
+        return Doubt(self.reason, f"{self.finding} ({self.detail})" if self.detail else self.finding, self.remedy)
+
+
+def _word(status: FitStatus, doubted: bool) -> VerdictWord:
+    if status not in USABLE:
+        return "failed"
+    if status == "misfit":
+        return "misfit"
+    return "good" if status == "ok" and not doubted else "doubtful"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -86,6 +91,7 @@ class FitResult:
     of a parameter from each source. ``t0_s`` is the time at which the initial states hold.
     ``intervals[method][name]`` are 95 % intervals of the random part by other methods than that of the estimates.
     ``problems`` are the reasons why the status is not ``ok``, the most serious first; ``notes`` are further remarks.
+    ``doubts`` are reasons to doubt the result although the equation may fit: of the track, the clock, the scale.
     """
 
     model: OdeModel
@@ -114,6 +120,7 @@ class FitResult:
     origin: Mapping[str, Any] = field(default_factory=dict)
     problems: tuple[FitProblem, ...] = ()
     notes: tuple[str, ...] = ()
+    doubts: tuple[Doubt, ...] = ()
 
     @property
     def reason(self) -> FitReason | None:
@@ -143,7 +150,13 @@ class FitResult:
     @property
     def usable(self) -> bool:
         """Whether there are estimates at all; with a status other than ok they come with a reservation."""
-        return self.status in ("ok", "misfit", "at-bound", "singular")
+        return self.status in USABLE
+
+    @property
+    def verdict(self) -> Verdict:
+        """Good, doubtful, misfit or failed, with the reasons: the doubts, then the problems."""
+        reasons = (*self.doubts, *(problem.doubt for problem in self.problems))
+        return Verdict(_word(self.status, bool(reasons)), reasons)
 
     @property
     def n(self) -> int:
@@ -202,7 +215,13 @@ class PooledFit:
     @property
     def usable(self) -> bool:
         """Whether there are estimates at all."""
-        return self.status in ("ok", "misfit", "at-bound", "singular")
+        return self.status in USABLE
+
+    @property
+    def verdict(self) -> Verdict:
+        """That of the fit over all clips, with the reasons of each clip."""
+        reasons = worst_verdict(clip.verdict for clip in self.clips).reasons
+        return Verdict(_word(self.status, bool(reasons)), reasons)
 
     @property
     def estimates(self) -> dict[str, Estimate]:

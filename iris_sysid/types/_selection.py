@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from iris_sysid.types._result import FitResult
+from iris_sysid.types._verdict import Doubt, Verdict, worst_verdict
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,3 +54,12 @@ class ModelChoice:
     def nearest(self) -> ModelCandidate:
         """The first of the ranking, adequate or not."""
         return self.ranking[0]
+
+    @property
+    def verdict(self) -> Verdict:
+        """That of the first model's fit; misfit where none of the models fits."""
+        fitted = self.nearest.fit
+        own = Verdict("failed") if fitted is None else fitted.verdict
+        if self.chosen is not None:
+            return own
+        return worst_verdict([own, Verdict("misfit", (Doubt("incomplete", self.message, ""),))])

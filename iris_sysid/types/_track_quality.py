@@ -4,37 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
 
-DoubtKind = Literal[
-    "another-body",
-    "shadow",
-    "missed",
-    "jumps",
-    "unsteady-size",
-    "faint",
-    "ambiguous",
-    "moving-camera",
-    "off-marks",
-    "held",
-    "unknown-transfer",
-    "exposure",
-    "saturated",
-]
-
-
-@dataclass(frozen=True, slots=True)
-class Doubt:
-    """One reason to doubt a track: what was found, and the option that helps."""
-
-    kind: DoubtKind
-    finding: str
-    remedy: str
-
-    @property
-    def text(self) -> str:
-        """Finding and remedy in one line."""
-        return f"{self.finding}; {self.remedy}"
+from iris_sysid.types._verdict import Doubt
 
 
 @dataclass(frozen=True, slots=True)

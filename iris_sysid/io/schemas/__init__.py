@@ -34,14 +34,17 @@ from iris_sysid.io.schemas._fit import FittedQuantity as FittedQuantity
 from iris_sysid.io.schemas._fit import FittedSegment as FittedSegment
 from iris_sysid.io.schemas._fit import IdentifiabilityEntry as IdentifiabilityEntry
 from iris_sysid.io.schemas._fit import PopulationEntry as PopulationEntry
+from iris_sysid.io.schemas._fit import ProblemEntry as ProblemEntry
 from iris_sysid.io.schemas._fit import SelectionEntry as SelectionEntry
 from iris_sysid.io.schemas._fit import UsedSamples as UsedSamples
 from iris_sysid.io.schemas._parts import Document as Document
+from iris_sysid.io.schemas._parts import DoubtEntry as DoubtEntry
 from iris_sysid.io.schemas._parts import EstimateEntry as EstimateEntry
 from iris_sysid.io.schemas._parts import Number as Number
 from iris_sysid.io.schemas._parts import Part as Part
 from iris_sysid.io.schemas._parts import QuantityEntry as QuantityEntry
 from iris_sysid.io.schemas._parts import SegmentEntry as SegmentEntry
+from iris_sysid.io.schemas._parts import VerdictEntry as VerdictEntry
 from iris_sysid.io.schemas._parts import known_number as known_number
 from iris_sysid.io.schemas._parts import known_numbers as known_numbers
 from iris_sysid.io.schemas._parts import number as number

@@ -10,12 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, JsonValue
 
-from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part, QuantityEntry, SegmentEntry
+from iris_sysid.io.schemas._parts import Document, DoubtEntry, EstimateEntry, Number, Part, QuantityEntry, SegmentEntry
 from iris_sysid.types import (
     Array,
     CurveName,
-    Doubt,
-    DoubtKind,
     ErrorAutocorrelation,
     PivotSource,
     Sensor,
@@ -56,19 +54,6 @@ class ErrorAutocorrelationEntry(Part):
         return ErrorAutocorrelation(tuple(self.partial), tuple(self.stderr))
 
 
-class DoubtEntry(Part):
-    """One reason to doubt a track."""
-
-    kind: DoubtKind
-    finding: str
-    remedy: str
-    """The option that helps."""
-
-    def doubt(self) -> Doubt:
-        """The entry as a Doubt."""
-        return Doubt(**self.model_dump())
-
-
 class TrackQualityEntry(Part):
     """How far a track can be trusted; it is doubtful where there are doubts."""
 
@@ -81,7 +66,7 @@ class TrackQualityEntry(Part):
         """The quality as an entry."""
         if quality is None:
             return None
-        doubts = [DoubtEntry(**asdict(doubt)) for doubt in quality.doubts]
+        doubts = [DoubtEntry.of(doubt) for doubt in quality.doubts]
         return cls(doubts=doubts, evidence={name: float(value) for name, value in quality.evidence.items()})
 
     def quality(self) -> TrackQuality:

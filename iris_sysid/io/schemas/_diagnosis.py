@@ -8,7 +8,7 @@ from pydantic import JsonValue
 
 from iris_sysid.io.schemas._discovery import TermEntry
 from iris_sysid.io.schemas._fit import FitDocument
-from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part, QuantityEntry
+from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part, QuantityEntry, VerdictEntry
 from iris_sysid.types import ForceKind
 
 
@@ -95,6 +95,8 @@ class DiagnosisDocument(Document):
     version: Literal[1] = 1
     sentence: str
     """The result in at most five sentences."""
+    verdict: VerdictEntry | None = None
+    """How far the result can be used; null in files from before 2026-11-23."""
     base: FitDocument
     """Of the first clip, as ``final``."""
     final: FitDocument

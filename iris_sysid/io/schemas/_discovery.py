@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, JsonValue
 
-from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part
+from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part, VerdictEntry
 from iris_sysid.types import FitStatus
 
 
@@ -66,6 +66,8 @@ class DiscoveryDocument(Document):
     version: Literal[1] = 1
     sentence: str
     """The result as a person would write it."""
+    verdict: VerdictEntry | None = None
+    """How far the result can be used; null in files from before 2026-11-23."""
     status: FitStatus
     message: str
     equations: list[EquationEntry]

@@ -6,8 +6,16 @@ from typing import Literal
 
 from pydantic import JsonValue
 
-from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part, QuantityEntry, SegmentEntry
-from iris_sysid.types import Estimate, FitStatus
+from iris_sysid.io.schemas._parts import (
+    Document,
+    EstimateEntry,
+    Number,
+    Part,
+    QuantityEntry,
+    SegmentEntry,
+    VerdictEntry,
+)
+from iris_sysid.types import Estimate, FitProblem, FitReason, FitStatus
 
 
 class FittedQuantity(QuantityEntry):
@@ -51,6 +59,22 @@ class IdentifiabilityEntry(Part):
     """Mean squared error of one step of the equation from sample to sample, squared unit of each quantity."""
     ode_residual_noise: list[Number]
     """What the noise alone makes of it."""
+
+
+class ProblemEntry(Part):
+    """Why a fit gave no estimates, or why they need care."""
+
+    reason: FitReason
+    finding: str
+    detail: str
+    """The numbers; empty where there are none."""
+    remedy: str
+    """What to do."""
+
+    @classmethod
+    def of(cls, problem: FitProblem) -> ProblemEntry:
+        """The problem as an entry."""
+        return cls(reason=problem.reason, finding=problem.finding, detail=problem.detail, remedy=problem.remedy)
 
 
 class PopulationEntry(Part):
@@ -145,6 +169,10 @@ class FitDocument(Document):
     status: FitStatus
     message: str
     """What to make of the status, with the remedy."""
+    verdict: VerdictEntry | None = None
+    """How far the result can be used; null in files from before 2026-11-23."""
+    problems: list[ProblemEntry] = []
+    """Why the status is not ok, the most serious first."""
     parameters: dict[str, EstimateEntry]
     """Fitted parameters, constants, initial states and derived quantities, by name."""
     free: list[str]

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from iris_sysid.types import Estimate, Quantity, Segment, SegmentLabel
+from iris_sysid.types import Doubt, DoubtKind, Estimate, Quantity, Segment, SegmentLabel, Verdict, VerdictWord
 
 Number = float | None
 
@@ -97,3 +97,38 @@ class SegmentEntry(Part):
     def segment(self) -> Segment:
         """The entry as a Segment."""
         return Segment(self.label, self.start, self.stop, self.reason)
+
+
+class DoubtEntry(Part):
+    """One reason to doubt a track or a result."""
+
+    kind: DoubtKind
+    finding: str
+    remedy: str
+    """The option that helps."""
+
+    @classmethod
+    def of(cls, doubt: Doubt) -> DoubtEntry:
+        """The doubt as an entry."""
+        return cls(kind=doubt.kind, finding=doubt.finding, remedy=doubt.remedy)
+
+    def doubt(self) -> Doubt:
+        """The entry as a Doubt."""
+        return Doubt(**self.model_dump())
+
+
+class VerdictEntry(Part):
+    """How far a result can be used, and why it is not good."""
+
+    word: VerdictWord
+    reasons: list[DoubtEntry]
+    """Causes first."""
+
+    @classmethod
+    def of(cls, verdict: Verdict) -> VerdictEntry:
+        """The verdict as an entry."""
+        return cls(word=verdict.word, reasons=[DoubtEntry.of(doubt) for doubt in verdict.reasons])
+
+    def verdict(self) -> Verdict:
+        """The entry as a Verdict."""
+        return Verdict(self.word, tuple(entry.doubt() for entry in self.reasons))
