@@ -13,6 +13,7 @@ from numba.extending import register_jitable
 from fitters.image_effects import through
 from fitters.integrator.codegen import generated, row
 from iris_sysid.errors import FitError
+from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.types import Array, Effect, Event, OdeModel, Parameter, Trajectory, View
 
 # One line a derivative, so that the composed function holds numbers and tuples only, as numba needs.
@@ -24,15 +25,15 @@ def rhs(t, state, params{inputs}):
 """
 
 
-def with_effects(model: OdeModel, effects: Sequence[Effect], view: View | None = None) -> OdeModel:
+def with_effects(model: str | OdeModel, effects: Sequence[str | Effect], view: View | None = None) -> OdeModel:
     """The model with each effect added in turn; its parameters are the model's, then the effects'.
 
     Parameters
     ----------
     model
-        The governing equation.
+        The governing equation, or the name of a registered one.
     effects
-        In the order in which they act.
+        The effects, or their names, in the order in which they act.
     view
         How the observed quantities lie in the image, for effects of a camera; where it is None, the picture is taken
         to lie about the motion.
@@ -44,12 +45,13 @@ def with_effects(model: OdeModel, effects: Sequence[Effect], view: View | None =
 
     Examples
     --------
-    >>> from iris_sysid import EFFECTS, MODELS, with_effects
-    >>> dragged = with_effects(MODELS["pendulum"], [EFFECTS["quadratic-drag"]])
+    >>> from iris_sysid import with_effects
+    >>> dragged = with_effects("pendulum", ["quadratic-drag"])
     >>> dragged.name, dragged.parameter("quadratic_drag").unit
     ('pendulum + quadratic-drag', '1/rad')
     """
-    for effect in effects:
+    model = MODELS.resolved(model)
+    for effect in EFFECTS.all_resolved(effects):
         model = with_effect(model, effect, view)
     return model
 

@@ -12,6 +12,7 @@ import importlib.util
 import pkgutil
 import re
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -96,6 +97,34 @@ class Registry(Mapping[str, Item], Generic[Item]):
         wanted = self.item_type.__name__
         reason = "is not there" if name not in namespace else f"is of type {type(namespace[name]).__name__}"
         raise DataError(f"{name!r} {reason} in {file}; items of type {wanted} in it: {', '.join(names) or 'none'}")
+
+    def resolved(self, item: str | Item) -> Item:
+        """The item itself, or the one that a name stands for; see :meth:`named`.
+
+        Raises
+        ------
+        DataError
+            When it is neither a name nor an item of this kind.
+        UnknownNameError
+            When no item is registered under the name.
+        """
+        if isinstance(item, str):
+            return self.named(item)
+        if isinstance(item, self.item_type):
+            return item
+        raise DataError(
+            f"an object of type {type(item).__name__} is no {self.kind}; "
+            f"give the name of one, or an object of type {self.item_type.__name__}"
+        )
+
+    def all_resolved(self, items: str | Item | Iterable[str | Item]) -> list[Item]:
+        """The items of a list of names or items, or the only one where a single name or item is given."""
+        given = [items] if isinstance(items, (str, self.item_type)) else list(items)
+        return [self.resolved(item) for item in given]
+
+    def __repr__(self) -> str:
+        names = list(self.summaries())
+        return textwrap.fill(f"{len(names)} of {self.item_type.__name__}: {', '.join(names)}", 160)
 
     def summaries(self) -> dict[str, str]:
         """The one-line summary of every item by name, read from the source where it stands there literally.

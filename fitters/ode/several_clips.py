@@ -14,6 +14,7 @@ from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.result import Linearised, information_loss, linearise
 from fitters.ode.single_clip import NoMinimumError, find_minimum, solve
 from iris_sysid.errors import FitError
+from iris_sysid.registry import MODELS
 from iris_sysid.types import (
     Array,
     Estimate,
@@ -49,7 +50,7 @@ class _View:
 
 def fit_clips(
     trajectories: Sequence[Trajectory],
-    model: OdeModel,
+    model: str | OdeModel,
     *,
     shared: Sequence[str] = (),
     per_clip: Sequence[str] = (),
@@ -69,7 +70,7 @@ def fit_clips(
     trajectories
         The clips, two at least.
     model
-        The governing equation.
+        The governing equation, or the name of a registered one.
     shared
         Parameters that are the same in all clips; a constant named here is estimated.
     per_clip
@@ -105,6 +106,7 @@ def fit_clips(
     >>> f"{pooled.shared['gravity'].value:.1f}"
     '9.8'
     """
+    model = MODELS.resolved(model)
     _check(trajectories, model, shared, per_clip, fixed)
     freed = _free(free, shared, model)
     requests = [

@@ -16,8 +16,10 @@ from fitters.integrator.initial_value_problem import (
     value_names,
 )
 from fitters.ode.fit_problem import check_names
+from fitters.ode.request import NOTHING
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, FitResult, OdeModel, Trajectory, frozen_array, increasing_times
+from iris_sysid.registry import MODELS
+from iris_sysid.types import Array, Discovery, FitResult, OdeModel, Trajectory, frozen_array, increasing_times
 
 
 class Simulation(NamedTuple):
@@ -28,9 +30,9 @@ class Simulation(NamedTuple):
 
 
 def simulate(
-    model: OdeModel,
+    model: str | OdeModel | FitResult | Discovery,
     t_s: ArrayLike,
-    values: Mapping[str, float],
+    values: Mapping[str, float] = NOTHING,
     *,
     inputs: ArrayLike | None = None,
     hold: Hold = "linear",
@@ -41,12 +43,14 @@ def simulate(
     Parameters
     ----------
     model
-        The governing equation.
+        The governing equation, or the name of a registered one. Of a fit or a discovery (its first clip), the fitted
+        equation with the estimates, for a motion that begins at the first of the given times;
+        :func:`iris_sysid.predict` continues the motion that was measured.
     t_s
         (n,) s, increasing; the spacing may be uneven.
     values
         Parameters and initial states (``theta_0``) by name; constants have their defaults. Derived quantities,
-        which a fit also returns, are ignored.
+        which a fit also returns, are ignored. Of a fit, only what is to be changed.
     inputs
         (n, m) known inputs at these times, for a model that declares them.
     hold
@@ -68,12 +72,13 @@ def simulate(
 
     Examples
     --------
-    >>> from iris_sysid import MODELS, simulate
+    >>> from iris_sysid import simulate
     >>> values = {"length": 0.5, "damping": 0.1, "theta_0": 0.2, "omega_0": 0.0}
-    >>> simulate(MODELS["pendulum"], [0.0, 0.5, 1.0], values).observed[:, 0].round(4)
+    >>> simulate("pendulum", [0.0, 0.5, 1.0], values).observed[:, 0].round(4)
     array([ 0.2   , -0.1145, -0.0573])
     """
-    problem, vector = _problem_at(model, t_s, values, inputs, hold)
+    equation, known = _equation_of(model)
+    problem, vector = problem_at(equation, t_s, {**known, **values}, inputs, hold)
     problem = problem.planned(vector, tolerance)
     states = np.ascontiguousarray(problem.states(vector[:, None])[:, :, 0])
     return Simulation(states, problem.observe(states, vector))
@@ -106,15 +111,38 @@ def sensitivity(
         When a name is unknown or a value is missing.
     """
     check_names(model, names=names)
-    problem, vector = _problem_at(model, t_s, values, inputs, hold)
+    problem, vector = problem_at(model, t_s, values, inputs, hold)
     problem = problem.planned(vector, tolerance)
     which = np.array([value_names(model).index(name) for name in names], dtype=np.intp)
     return problem.sensitivity(vector, which, difference_steps(problem, vector, which))
 
 
-def _problem_at(
+def _equation_of(model: str | OdeModel | FitResult | Discovery) -> tuple[OdeModel, dict[str, float]]:
+    """The model, and the values that a fit or a discovery gives it."""
+    if isinstance(model, Discovery):
+        model = model.fits[0]
+    if not isinstance(model, FitResult):
+        return MODELS.resolved(model), {}
+    if not model.usable:
+        raise FitError(f"the fit has no estimates to simulate with ({model.status}): {model.message}")
+    return model.model, {name: estimate.value for name, estimate in model.estimates.items()}
+
+
+def problem_at(
     model: OdeModel, t_s: ArrayLike, values: Mapping[str, float], inputs: ArrayLike | None, hold: Hold
 ) -> tuple[InitialValueProblem, Array]:
+    """The initial value problem from the first of the times on, and its values (p + s,), each in its own unit.
+
+    Parameters
+    ----------
+    model, t_s, values, inputs, hold
+        As for :func:`simulate`; ``t_s`` (n,) s.
+
+    Raises
+    ------
+    FitError
+        When a name is unknown or a value is missing.
+    """
     derived = {quantity.name for quantity in model.derived}
     check_names(model, values=[name for name in values if name not in derived])
     times = increasing_times(t_s)

@@ -29,6 +29,7 @@ from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.result import conclude, errors_of, failed, information_loss, linearise
 from fitters.ode.status import at_bounds, diverged, needed_samples, too_few_samples
 from iris_sysid.errors import FitError
+from iris_sysid.registry import MODELS
 from iris_sysid.types import (
     Array,
     Estimate,
@@ -47,7 +48,7 @@ SMALLEST_DEVIATION = 3.0  # in units of the noise, for a sample to count as an o
 
 def fit(
     trajectory: Trajectory,
-    model: OdeModel,
+    model: str | OdeModel,
     *,
     fixed: Mapping[str, float | Estimate] = NOTHING,
     free: Sequence[str] = (),
@@ -68,8 +69,8 @@ def fit(
         ``sigma`` gives relative weights, the size of the noise is estimated. Its ``geometry`` gives the model's
         constants of the same name, e.g. ``angle``, and the error of ``scale``.
     model
-        The governing equation. Everything that is not a constant is estimated, and so are the initial states
-        ``<state>_0``, which hold at the first sample used.
+        The governing equation, or the name of a registered one. Everything that is not a constant is estimated, and
+        so are the initial states ``<state>_0``, which hold at the first sample used.
     fixed
         Values to hold, by name; an Estimate's standard error is propagated.
     free
@@ -99,20 +100,20 @@ def fit(
     Examples
     --------
     >>> import numpy as np
-    >>> from iris_sysid import MODELS, Trajectory, estimates_frame, fit, simulate
+    >>> from iris_sysid import MODELS, Trajectory, fit, simulate
     >>> pendulum, t_s = MODELS["pendulum"], np.arange(300) / 60
     >>> truth = {"length": 0.5, "damping": 0.1, "theta_0": 0.8, "omega_0": 0.0}
     >>> theta = simulate(pendulum, t_s, truth).observed
     >>> theta += 1e-3 * np.random.default_rng(0).standard_normal(theta.shape)
     >>> clip = Trajectory(t_s, pendulum.observed, theta, np.full_like(theta, np.nan), np.ones(300, bool))
-    >>> result = fit(clip, pendulum)
+    >>> result = fit(clip, "pendulum")
     >>> result.status
     'ok'
     >>> length = result.estimates["length"]
     >>> f"{length.value:.3f} {length.unit}"
     '0.500 m'
     """
-    return solve(FitRequest(trajectory, model, fixed, free, start, uncertainty, options))
+    return solve(FitRequest(trajectory, MODELS.resolved(model), fixed, free, start, uncertainty, options))
 
 
 def solve(request: FitRequest) -> FitResult:

@@ -24,7 +24,10 @@ STRONG = 6.0  # BIC, of independent samples: less is no strong evidence (Kass an
 
 
 def select_model(
-    bodies: Trajectory | Sequence[Trajectory], bank: Mapping[str, OdeModel] = MODELS, *, free: Sequence[str] = ()
+    bodies: Trajectory | Sequence[Trajectory],
+    bank: Mapping[str, OdeModel] | Sequence[str | OdeModel] = MODELS,
+    *,
+    free: Sequence[str] = (),
 ) -> ModelChoice:
     """Fit the models that the observable admits, and rank them by what they predict of the held-out end.
 
@@ -44,7 +47,7 @@ def select_model(
     bodies
         One trajectory, or one a body with the same times.
     bank
-        Models by name.
+        The models, or their names, in a list, or models by name.
     free
         Constants to estimate as well, in the models that have them.
 
@@ -66,10 +69,12 @@ def select_model(
     >>> z = simulate(fall, t_s, {"gravity": 9.81, "z_0": 5.0, "vz_0": 0.0}).observed
     >>> z += 1e-3 * np.random.default_rng(0).standard_normal(z.shape)
     >>> clip = Trajectory(t_s, fall.observed, z, np.full_like(z, np.nan), np.ones(60, bool))
-    >>> select_model(clip, {name: MODELS[name] for name in ("free-fall", "linear-oscillator")}).nearest.model
+    >>> select_model(clip, ["free-fall", "linear-oscillator"]).nearest.model
     'free-fall'
     """
     tracks = [bodies] if isinstance(bodies, Trajectory) else list(bodies)
+    if not isinstance(bank, Mapping):
+        bank = {model.name: model for model in MODELS.all_resolved(bank)}
     departures = _departures(tracks)
     moving = np.flatnonzero(departures < tracks[0].n).tolist() if len(tracks) > 1 else [0]
     joint = _choice(_raws([tracks[k] for k in _most_moving(tracks, moving or range(len(tracks)))]), bank, free)

@@ -30,7 +30,7 @@ from iris_sysid.diagnosis.search_report import SearchReport, holds_zero
 from iris_sysid.diagnosis.stepwise_search import StepwiseSearch
 from iris_sysid.diagnosis.training import Training
 from iris_sysid.errors import FitError
-from iris_sysid.registry import EFFECTS
+from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.types import Diagnosis, DiscoveredTerm, Effect, Errors, Estimate, FitResult, OdeModel, Trajectory
 
 ABOVE_NOISE = 1.1  # residual / noise above which terms are suggested; the noise itself is known to a few percent
@@ -38,11 +38,11 @@ ABOVE_NOISE = 1.1  # residual / noise above which terms are suggested; the noise
 
 def diagnose(
     trajectories: Trajectory | Sequence[Trajectory],
-    model: OdeModel,
+    model: str | OdeModel,
     *,
     fixed: Mapping[str, float | Estimate] | None = None,
     free: Sequence[str] = (),
-    effects: Sequence[Effect] | None = None,
+    effects: Sequence[str | Effect] | None = None,
     holdout: float = 0.3,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
@@ -54,13 +54,13 @@ def diagnose(
         One clip, or several of the same kind. Each clip has its own values of the model's
         parameters; an effect has the same size in all clips, apart from the scatter that the data show.
     model
-        The governing equation to test.
+        The governing equation to test, or the name of a registered one.
     fixed
         Known values by name.
     free
         Constants of the model to estimate as well.
     effects
-        Effects to test; by default every registered effect that applies to the model.
+        Effects to test, or their names; by default every registered effect that applies to the model.
     holdout
         Fraction of each third of a clip, at its end, that is held out: search and fits do not see it, and predict it.
     progress
@@ -89,11 +89,12 @@ def diagnose(
     ['quadratic-drag']
     """
     measured = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
+    model, tested = MODELS.resolved(model), EFFECTS.all_resolved(EFFECTS if effects is None else effects)
     requests = [FitRequest(clip, model, fixed=dict(fixed or {}), free=free) for clip in measured]
     fitted = [with_free_geometry(request) for request in requests]
     clips = [request for request, _ in fitted]
     base = _base(clips, tuple(fit for _, fit in fitted))
-    library = EffectLibrary(EFFECTS.values() if effects is None else effects, model, measured)
+    library = EffectLibrary(tested, model, measured)
     say = progress or (lambda text: None)
     trained = Training.of(clips, model, library, base, holdout, say)
     cache = FitCache(clips, model, library, base, holdout, say)
