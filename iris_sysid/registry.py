@@ -119,8 +119,9 @@ class Registry(Mapping[str, Item], Generic[Item]):
 
     def all_resolved(self, items: str | Item | Iterable[str | Item]) -> list[Item]:
         """The items of a list of names or items, or the only one where a single name or item is given."""
-        given = [items] if isinstance(items, (str, self.item_type)) else list(items)
-        return [self.resolved(item) for item in given]
+        if isinstance(items, str) or not isinstance(items, Iterable):
+            return [self.resolved(items)]
+        return [self.resolved(item) for item in items]
 
     def __repr__(self) -> str:
         names = list(self.summaries())

@@ -1,4 +1,4 @@
-"""A name stands for a registered item wherever an item is taken, and a wrong one is refused with the names there are."""
+"""A name stands for a registered item wherever an item is taken; a wrong one is refused with the right one."""
 
 import numpy as np
 import pytest
