@@ -15,6 +15,8 @@
 A fit that ran and failed is not an exception: it is a ``FitResult`` with a status and the remedy.
 """
 
+from collections.abc import Sequence
+
 
 class IrisError(Exception):
     """Base of every deliberate error; its text is complete and fit for a user to read."""
@@ -37,7 +39,11 @@ class DataError(IrisError, ValueError):
 
 
 class FitError(IrisError):
-    """The model cannot be fitted to this trajectory at all."""
+    """The model cannot be fitted to this trajectory at all; ``to_start`` names values that lack a starting value."""
+
+    def __init__(self, text: str = "", *, to_start: Sequence[str] = ()) -> None:
+        super().__init__(text)
+        self.to_start = tuple(to_start)
 
 
 class UnknownNameError(IrisError, KeyError):

@@ -358,7 +358,7 @@ def starting_values(task: Task, start: Mapping[str, float]) -> Iterator[Array]:
     first = {**guessed, **start, **known}
     missing = [name for name in task.free if name not in first]
     if missing:
-        raise FitError(f"no starting value for {', '.join(missing)}: give one, e.g. start={{{missing[0]!r}: 1.0}}")
+        raise FitError(f"no starting value for {', '.join(missing)}: give one", to_start=missing)
     if not complete:
         yield _vector(task, first)
     if start and set(task.free) <= set(guessed):
@@ -379,18 +379,34 @@ def _guess(task: Task, *, needed: bool) -> dict[str, float]:
     clean = np.zeros(task.trajectory.n, dtype=np.bool_)
     clean[task.selection.span] = task.target.used
     try:
-        with np.errstate(all="ignore"):
-            guessed = task.model.guess(task.trajectory.with_(valid=clean, segments=(), smoothed=None))
-    except Exception as error:
-        if not needed:  # the caller gave every start
-            return values
-        raise FitError(
-            f"guess of model {task.model.name!r} raises {type(error).__name__}: {error}; "
-            f"give a start for {', '.join(task.free)}"
-        ) from error
+        guessed = _guessed(task.model, task.trajectory.with_(valid=clean, segments=(), smoothed=None))
+    except FitError:
+        if needed:
+            raise
+        return values  # the caller gave every start
     unsure = {name: _middle(task.model, name) for name, value in guessed.items() if not np.isfinite(value)}
-    sure = {name: float(value) for name, value in guessed.items() if np.isfinite(value)}
+    sure = {name: value for name, value in guessed.items() if np.isfinite(value)}
     return {**unsure, **values, **sure}
+
+
+def _guessed(model: OdeModel, trajectory: Trajectory) -> dict[str, float]:
+    """What the model guesses; FitError when that fails or is not starting values by name."""
+    try:
+        with np.errstate(all="ignore"):
+            made: Any = model.guess(trajectory)
+    except Exception as error:
+        raise FitError(
+            f"guess of model {model.name!r} raises {type(error).__name__}: {error}; give starting values"
+        ) from error
+    try:
+        guessed = {name: float(value) for name, value in made.items()}
+    except (AttributeError, TypeError, ValueError) as error:
+        raise FitError(
+            f"guess of model {model.name!r} must return numbers by name, e.g. {{{value_names(model)[0]!r}: 1.0}}, "
+            f"not {made!r:.80}"
+        ) from error
+    check_names(model, guess=list(guessed))
+    return guessed
 
 
 def _middle(model: OdeModel, name: str) -> float:

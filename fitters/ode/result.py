@@ -301,7 +301,7 @@ def _status(
     )
     problems = []  # in the order of status_of
     if not solution.converged:
-        problems.append(not_converged(solution))
+        problems.append(not_converged(task, solution))
     if singular:
         problems.append(undetermined(task, solution.values, determined))
     if touching.any():

@@ -19,7 +19,7 @@ WEAK = 0.3  # fraction of the largest component of a direction above which a val
 # Residual over noise. From differences, noise of correlation 0.9 is 4.4 times too small, 7 times in one clip of 10,000.
 MISFIT_NOISE = 8.0
 ROUNDING = 1e-6  # residual over the motion that is no more than the integrator's and the optimiser's error
-NEARER_START = "Give starting values nearer to the truth with start={...}"
+NEARER_START = "Give starting values nearer to the truth"
 SPARE = 3  # samples needed in addition to one per unknown
 
 
@@ -96,9 +96,9 @@ def undetermined(task: Task, values: Array, found: Determination) -> FitProblem:
     """Name the null directions of a singular fit and say what to give. ``values`` (p + s,), each in its own unit."""
     texts = [null_direction_text(task.free, values[task.unknowns.which], row) for row in found.null]
     names = [name for name, out in zip(task.free, found.undetermined, strict=True) if out]
-    example = next((name for name in names if name not in task.model.initial_names), names[0])
-    remedy = f"Give one of {_and(names)} a known value, e.g. fixed={{{example!r}: value}}"
-    return FitProblem("undetermined", "; ".join(texts), remedy=remedy)
+    initial = task.model.initial_names
+    to_set = tuple(sorted(names, key=lambda name: name in initial))  # parameters are known more often
+    return FitProblem("undetermined", "; ".join(texts), "", f"Give one of {_and(names)} a known value", to_set)
 
 
 def at_bounds(unknowns: Unknowns, values: Array) -> Mask:
@@ -125,12 +125,12 @@ def at_its_bound(task: Task, values: Array, touching: Mask) -> FitProblem:
     ``values`` (p + s,), each in its own unit; ``touching`` (k,).
     """
     at = [f"{task.free[k]} = {values[task.unknowns.which[k]]:.4g}" for k in np.flatnonzero(touching)]
-    first = task.free[int(np.flatnonzero(touching)[0])]
     return FitProblem(
         "at-bound",
         f"{_and(at)}: at the bound of the allowed range, where no error can be given for it",
-        remedy=f"The other estimates hold only with it there. If that is its true value, fix it "
-        f"(fixed={{{first!r}: value}}); otherwise the model has too many parameters or does not describe this motion",
+        remedy="The other estimates hold only with it there. If that is its true value, state it as known; otherwise "
+        "the model has too many parameters or does not describe this motion",
+        to_set=tuple(task.free[k] for k in np.flatnonzero(touching)),
     )
 
 
@@ -157,19 +157,21 @@ def diverged(task: Task, solution: Solution) -> FitProblem:
         return FitProblem(
             "missing-value",
             f"the equation needs {_and(unknown)}, which has no value",
-            remedy=f"Give it, e.g. fixed={{{unknown[0]!r}: value}}",
+            remedy=f"Give {_and(unknown)} a value",
+            to_set=tuple(unknown),
         )
     shown = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
     lost = _without_slope(task, solution.values)
     if lost:
         finding = f"rhs of model {task.model.name!r} gives no finite rate of {_and(lost)} at the start"
         return FitProblem("rate-not-finite", finding, shown)
-    return FitProblem("solution-diverges", "the solution diverges", shown, NEARER_START)
+    return FitProblem("solution-diverges", "the solution diverges", shown, NEARER_START, to_start=task.free)
 
 
-def not_converged(solution: Solution) -> FitProblem:
+def not_converged(task: Task, solution: Solution) -> FitProblem:
     """Say why the optimiser stopped."""
-    return FitProblem("not-converged", "the fit did not converge", solution.message, NEARER_START)
+    finding = "the fit did not converge"
+    return FitProblem("not-converged", finding, solution.message, NEARER_START, to_start=task.free)
 
 
 def _without_slope(task: Task, values: Array) -> list[str]:
@@ -181,7 +183,7 @@ def _without_slope(task: Task, values: Array) -> list[str]:
     try:
         with np.errstate(all="ignore"):
             slopes = model.rhs(float(problem.t_s[0]), (*state, *mode), tuple(params), *known)
-    except ArithmeticError:
+    except (ArithmeticError, ValueError):
         return [state.name for state in model.states]
     return [component.name for component, slope in zip(model.states, slopes, strict=True) if not np.isfinite(slope)]
 
@@ -199,7 +201,7 @@ def unknown_text(task: Task, estimates: Mapping[str, Estimate]) -> str:
     unknown = [name for name, estimate in task.known.items() if np.isnan(estimate.value)]
     if not (unknown_derived and unknown):
         return ""
-    return f"{_and(unknown_derived)} needs {_and(unknown)}: give it, e.g. fixed={{{unknown[0]!r}: value}}"
+    return f"{_and(unknown_derived)} needs {_and(unknown)}: give it a known value"
 
 
 def residual_above_noise(task: Task, rms: Array, noise: Array) -> FitProblem:

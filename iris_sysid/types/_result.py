@@ -22,13 +22,17 @@ class FitProblem:
     """Why a fit gave no estimates, or why they need care.
 
     ``reason`` is a code for programs. ``finding`` describes the problem in one clause, ``detail`` adds the numbers, and
-    ``remedy`` is a sentence with the action to take.
+    ``remedy`` is a sentence with the action to take. ``to_set`` names values one of which helps when it is known
+    (``fixed`` of :func:`iris_sysid.fit`, ``--set``), ``to_start`` those that want a better start (``start``,
+    ``--start-at``).
     """
 
     reason: FitReason
     finding: str
     detail: str = ""
     remedy: str = ""
+    to_set: tuple[str, ...] = ()
+    to_start: tuple[str, ...] = ()
 
     @property
     def text(self) -> str:
