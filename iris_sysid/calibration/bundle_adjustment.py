@@ -6,7 +6,8 @@ is a rotation vector and a translation, six numbers: board to camera.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import cv2
@@ -315,9 +316,10 @@ def _started(
     board = [points.space_m.astype(np.float32) for points in views]
     seen = [points.seen_px.astype(np.float32).reshape(-1, 1, 2) for points in views]
     try:
-        _, matrix, distortion, rotations, translations = cv2.calibrateCamera(
-            board, seen, image_size, np.eye(3), np.zeros(5), flags=flags
-        )
+        with _one_thread():
+            _, matrix, distortion, rotations, translations = cv2.calibrateCamera(
+                board, seen, image_size, np.eye(3), np.zeros(5), flags=flags
+            )
     except cv2.error as error:
         raise CalibrationError(
             f"no camera explains these views ({error.err}); were they all taken by one camera with one zoom?"
@@ -325,6 +327,17 @@ def _started(
     parameters = np.concatenate([np.diag(matrix)[:2], matrix[:2, 2], np.ravel(distortion)[:5]])
     poses = [np.concatenate([np.ravel(r), np.ravel(t)]) for r, t in zip(rotations, translations, strict=True)]
     return parameters.astype(np.float64), np.array(poses, np.float64)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """One OpenCV thread: with several, calibrateCamera sums in another order each time, and its last digits differ."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
 
 
 def unlike(values: NDArray[np.float64], samples: int) -> Array:

@@ -189,6 +189,12 @@ def test_view_that_the_large_window_spoils_is_named_and_left_out(opencv_files):
     assert spoilt.rms_px > 1
 
 
+def test_same_views_give_the_same_bytes_each_time():
+    views = simulated_views(np.random.default_rng(0), 30)
+    found = [calibrate_camera(views, BOARD) for _ in range(4)]
+    assert len({camera.camera_matrix.tobytes() + camera.distortion.tobytes() for camera in found}) == 1
+
+
 def test_errors_that_go_together_within_views_widen_the_standard_errors(our_own):
     assert our_own.clustering > 3  # the paper board was not flat
     assert "is the board flat" in " ".join(our_own.notes)
