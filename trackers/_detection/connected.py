@@ -1,4 +1,4 @@
-"""Connected parts of a mask that hold given pixels (numba): only these are looked at, not the whole mask."""
+"""Connected parts of a mask that hold given pixels, and their holes (numba): only these are looked at."""
 
 # mypy: disallow-untyped-decorators=False
 from __future__ import annotations
@@ -58,3 +58,45 @@ def _flooded(mask: Bytes, seeds: NDArray[np.int64]) -> tuple[Labels, Labels]:
                         stack[waiting] = row * width + column
                         waiting += 1
     return labels, boxes[:count]
+
+
+def filled_round(mask: Bytes, seed: Bytes) -> Bytes:
+    """The parts of ``mask`` (h, w), connected by sides, that overlap ``seed`` (h, w), their holes filled."""
+    return np.asarray(_filled(np.ascontiguousarray(mask), np.ascontiguousarray(seed)))
+
+
+@kernel(nogil=True)
+def _filled(mask: Bytes, seed: Bytes) -> Bytes:
+    height, width = mask.shape
+    state = np.zeros((height + 2, width + 2), dtype=np.uint8)  # 1: of a part; 2: outside; with a margin
+    stack = np.empty(state.size, dtype=np.int32)
+    for y in range(height):
+        for x in range(width):
+            if mask[y, x] and seed[y, x] and not state[y + 1, x + 1]:
+                _flood(state, mask, (y + 1) * (width + 2) + x + 1, 1, stack)
+    _flood(state, mask, 0, 2, stack)
+    filled = np.empty((height, width), dtype=np.uint8)
+    for y in range(height):
+        for x in range(width):
+            filled[y, x] = state[y + 1, x + 1] != 2
+    return filled
+
+
+@kernel(nogil=True)
+def _flood(state: Bytes, mask: Bytes, start: int, mark: int, stack: Labels) -> None:
+    """Mark what is connected by sides with a pixel of ``state``: of the mask by 1, of all but that by 2."""
+    rows, width = state.shape
+    flat = state.ravel()
+    flat[start], stack[0], waiting = mark, start, 1
+    while waiting:
+        waiting -= 1
+        place = stack[waiting]
+        y, x = place // width, place % width
+        for row, column in ((y - 1, x), (y + 1, x), (y, x - 1), (y, x + 1)):
+            if row < 0 or column < 0 or row >= rows or column >= width or state[row, column]:
+                continue
+            inside = 0 < row < rows - 1 and 0 < column < width - 1
+            if mark == 2 or (inside and mask[row - 1, column - 1]):
+                flat[row * width + column] = mark
+                stack[waiting] = row * width + column
+                waiting += 1

@@ -1,4 +1,4 @@
-"""Loops over the pixels round a body, for coverage, the width of its outline and a swept disc (numba).
+"""Loops over the pixels round a body, for its coverage, its moments and a swept disc (numba).
 
 The windows are small: array operations of NumPy would mostly cost their calls.
 """
@@ -12,39 +12,68 @@ import numpy as np
 
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
-from trackers._frames.arrays import Bytes, Image
+from trackers._frames.arrays import MAD_TO_SD, Bytes, Image
 
 TELLING = 4.0  # contrast over noise from which brightness tells coverage
 ONE_SIDED = (0.3, 0.7)  # |f| over s: below it a body is both brighter and darker, above it one of them
 SHARE_RANGE = (-0.3, 1.3)  # coverage beyond this is another thing, not noise
-TAIL = 0.03  # mean coverage, or fall of it, at which the outline has ended
-STEPS_APART = 6  # quarters of a px over which the coverage falls, or no longer does
-NARROWEST = 0.75  # px, half the width of the sharpest outline: half a pixel's diagonal
-QUARTER = 0.25  # px from one ring about the outline to the next
+
+
+Planes = tuple[Image, Image, Image]  # image, background and noise (h, w, channels), grey levels
 
 
 @kernel(nogil=True)
-def strength_of(image: Image, background: Image, noise: Image) -> Image:
-    """How far an image (h, w, channels) is off the background, in units of the noise (h, w)."""
+def beyond_shade(image: Image, shade: Image, depth: Image) -> Image:
+    """What a body's shading leaves of an image, and the weight, 0 to 1, of each pixel (h, w, channels + 1).
+
+    ``depth`` (h, w), px, is above 0 where a pixel is of the body alone.
+    """
     height, width, channels = image.shape
-    strength = np.empty((height, width), dtype=np.float32)
+    left = np.empty((height, width, channels + 1), dtype=np.float32)
     for y in range(height):
         for x in range(width):
-            squared = np.float32(0)
+            weight = np.float32(min(max(depth[y, x], 0.0), 1.0))
+            left[y, x, channels] = weight
             for c in range(channels):
-                off = (image[y, x, c] - background[y, x, c]) / noise[y, x, c]
-                squared += off * off
-            strength[y, x] = math.sqrt(squared)
-    return strength
+                left[y, x, c] = (image[y, x, c] - shade[y, x, c]) * weight
+    return left
 
 
 @kernel(nogil=True)
-def shares(planes: tuple[Image, Image, Image, Image], strength: Image, mask: Bytes, near: Bytes) -> tuple[Image, Image]:
+def own_brightness(planes: Planes, shade: Image, soft: Image, depth: Image) -> tuple[Image, Image, Image]:
+    """The body's own brightness, continued outwards, its strength (h, w), and what it misses of the strength seen.
+
+    The strength is how far the channels are off the background, in units of the noise. ``soft`` is
+    :func:`beyond_shade`, blurred; its mean is added to the ``shade``.
+    """
+    image, background, noise = planes
+    height, width, channels = image.shape
+    own = np.empty((height, width, channels), dtype=np.float32)
+    strength, missed = np.empty((height, width), dtype=np.float32), np.zeros((height, width), dtype=np.float32)
+    for y in range(height):
+        for x in range(width):
+            weight = max(soft[y, x, channels], np.float32(1e-6))
+            of_own = of_seen = np.float32(0)
+            for c in range(channels):
+                own[y, x, c] = shade[y, x, c] + soft[y, x, c] / weight
+                off = (own[y, x, c] - background[y, x, c]) / noise[y, x, c]
+                seen = (image[y, x, c] - background[y, x, c]) / noise[y, x, c]
+                of_own += off * off
+                of_seen += seen * seen
+            strength[y, x] = math.sqrt(of_own)
+            if depth[y, x] > 0:
+                missed[y, x] = (np.float32(math.sqrt(of_seen)) - strength[y, x]) * np.float32(min(depth[y, x], 1.0))
+    return own, strength, missed
+
+
+@kernel(nogil=True)
+def shares(planes: Planes, own: Image, strength: Image, mask: Bytes, near: Bytes) -> tuple[Image, Image]:
     """Share (h, w) of each pixel that a body covers, and its variance; by the mask where brightness does not tell.
 
-    ``planes`` are the body's own brightness, image, background and noise (h, w, channels); see ``coverage_centre``.
+    ``own`` is the body's own brightness, ``strength`` (h, w) how far it is off the background; see
+    ``coverage_centre``.
     """
-    foreground, image, background, noise = planes
+    image, background, noise = planes
     height, width, channels = image.shape
     share, variance = np.zeros((2, height, width), dtype=np.float32)
     low, high = ONE_SIDED
@@ -57,7 +86,7 @@ def shares(planes: tuple[Image, Image, Image, Image], strength: Image, mask: Byt
                 continue
             squared = product = difference = np.float32(0)
             for c in range(channels):
-                contrast = (foreground[y, x, c] - background[y, x, c]) / noise[y, x, c]
+                contrast = (own[y, x, c] - background[y, x, c]) / noise[y, x, c]
                 off = (image[y, x, c] - background[y, x, c]) / noise[y, x, c]
                 squared += contrast * contrast
                 product += contrast * off
@@ -72,43 +101,105 @@ def shares(planes: tuple[Image, Image, Image, Image], strength: Image, mask: Byt
 
 
 @kernel(nogil=True)
-def reach_of(away: Image, beside: Image, widest: float, trimmed: bool) -> float:
-    """The distance, px, outside of an outline at which the mean coverage falls no more.
+def off_background(image: Image, background: Image, free: Bytes) -> Image:
+    """Difference from the background where it is ``free`` (h, w), 0 elsewhere, and where that is: one channel more."""
+    height, width, channels = image.shape
+    off = np.zeros((height, width, channels + 1), dtype=np.float32)
+    for y in range(height):
+        for x in range(width):
+            if free[y, x]:
+                off[y, x, channels] = 1
+                for c in range(channels):
+                    off[y, x, c] = image[y, x, c] - background[y, x, c]
+    return off
 
-    Parameters
-    ----------
-    away, beside
-        Distance (n,) of pixels outside of the outline, px, and their coverage.
-    widest
-        Largest distance, px.
-    trimmed
-        Whether the mean is that without the largest and the smallest tenth; else it is the median.
+
+@kernel(nogil=True)
+def levelled(background: Image, soft: Image, least: float) -> Image:
+    """The background plus the mean of :func:`off_background`, blurred: ``soft``, of which the weight is ``least``."""
+    height, width, channels = background.shape
+    level = np.empty((height, width, channels), dtype=np.float32)
+    for y in range(height):
+        for x in range(width):
+            weight = max(soft[y, x, channels], np.float32(least))
+            for c in range(channels):
+                level[y, x, c] = background[y, x, c] + soft[y, x, c] / weight
+    return level
+
+
+@kernel(nogil=True)
+def liveliness(share: Image, variance: Image, beyond: Image, fewest: int) -> float:
+    """Variance of the coverage just outside of the band, where it should be 0, over that expected; at least 1.
+
+    The median keeps out the cord or whatever else is there. ``beyond`` (h, w), px, is negative outside of the band.
     """
-    order = np.argsort(away)
-    ordered, levels, count = away[order], np.empty(int((widest + 1.0) / QUARTER) + 4), 0
-    first = stop = 0
-    half_width = NARROWEST
-    while half_width < widest + 1.0:
-        while first < ordered.size and ordered[first] <= half_width:
-            first += 1
-        stop = max(first, stop)
-        while stop < ordered.size and ordered[stop] < half_width + 0.75:
-            stop += 1
-        ring = np.sort(beside[order[first:stop]])
-        cut = ring.size // 10
-        level = 0.0
-        if ring.size and trimmed:
-            level = ring[cut : ring.size - cut].mean()
-        elif ring.size:
-            level = (ring[(ring.size - 1) // 2] + ring[ring.size // 2]) / 2
-        levels[count] = level
-        if level < TAIL:
-            return min(half_width, widest)
-        if count >= STEPS_APART and levels[count - STEPS_APART] - level < TAIL:
-            return half_width - STEPS_APART / 4
-        count += 1
-        half_width = NARROWEST + QUARTER * count
-    return widest
+    found, count = np.empty(share.size, dtype=np.float32), 0
+    for y in range(share.shape[0]):
+        for x in range(share.shape[1]):
+            if beyond[y, x] < 0 and variance[y, x] > 0:
+                found[count] = abs(share[y, x]) / np.sqrt(variance[y, x])
+                count += 1
+    if count < fewest:
+        return 1.0
+    return max(1.0, (MAD_TO_SD * np.median(found[:count])) ** 2)
+
+
+@kernel(nogil=True)
+def texture_variance(share: Image, variance: Image, within: Image, deepest: float) -> float:
+    """Variance of the coverage just inside of the band, where it should be 1, beyond its noise.
+
+    ``within`` (h, w), px, is above 0 inside of the band; up to ``deepest`` counts.
+    """
+    total, count = 0.0, 0
+    for y in range(share.shape[0]):
+        for x in range(share.shape[1]):
+            if 0 < within[y, x] < deepest:
+                total += (share[y, x] - 1.0) ** 2 - variance[y, x]
+                count += 1
+    return max(0.0, total / max(count, 1))
+
+
+@kernel(nogil=True)
+def moments(share: Array, variance: Array) -> Array:
+    """Area, x, y, their standard errors, and the largest share at the border: (7,), px.
+
+    ``share`` and ``variance`` (h, w) are the coverage of each pixel and its variance.
+    """
+    height, width = share.shape
+    columns, rows, noisy_columns, noisy_rows = np.zeros(width), np.zeros(height), np.zeros(width), np.zeros(height)
+    border = 0.0
+    for y in range(height):
+        for x in range(width):
+            columns[x] += share[y, x]
+            rows[y] += share[y, x]
+            noisy_columns[x] += variance[y, x]
+            noisy_rows[y] += variance[y, x]
+            if y == 0 or x == 0 or y == height - 1 or x == width - 1:
+                border = max(border, share[y, x])
+    area = max(columns.sum(), 1e-9)
+    x, y = (columns * np.arange(width)).sum() / area, (rows * np.arange(height)).sum() / area
+    sigma_x = math.sqrt((noisy_columns * (np.arange(width) - x) ** 2).sum()) / area
+    sigma_y = math.sqrt((noisy_rows * (np.arange(height) - y) ** 2).sum()) / area
+    return np.array([area, x, y, math.sqrt(noisy_rows.sum()), sigma_x, sigma_y, border])
+
+
+@kernel(nogil=True)
+def seen_inside(planes: Planes, mask: Bytes) -> tuple[float, float, float, int]:
+    """Means over a mask (h, w): the largest difference of the channels, first channel and its noise; its pixels."""
+    image, background, noise = planes
+    contrast = intensity = noisy = 0.0
+    count = 0
+    for y in range(mask.shape[0]):
+        for x in range(mask.shape[1]):
+            if mask[y, x]:
+                most = np.float32(0)
+                for c in range(image.shape[2]):
+                    most = max(most, abs(image[y, x, c] - background[y, x, c]))
+                contrast += most
+                intensity += image[y, x, 0]
+                noisy += noise[y, x, 0]
+                count += 1
+    return contrast / max(count, 1), intensity / max(count, 1), noisy / max(count, 1), count
 
 
 @kernel(nogil=True)

@@ -12,10 +12,10 @@ from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, TrackOptions, with_progress
 from trackers._background.median import Background, BackgroundEstimate, estimate_background, noise_inflation
 from trackers._detection.background_samples import usable_samples
+from trackers._detection.connected import filled_round
 from trackers._detection.detection import THINNEST_BODY, Detector, FrameDetections
 from trackers._detection.foreground import BackgroundRange, background_range_of, blobs
 from trackers._detection.search_window import SearchWindows, sparse_range_of
-from trackers._detection.subpixel_centroid import filled_round
 from trackers._frames.arrays import Bytes, Flags
 from trackers._frames.sampled_frames import SampledFrames
 from trackers._frames.working_image import View

@@ -10,10 +10,11 @@ import numpy as np
 
 from iris_sysid.types import Frame
 from trackers._background.median import Background
+from trackers._detection.connected import filled_round
 from trackers._detection.depth import depth_of
 from trackers._detection.foreground import CONTRAST_SHARES, SMALLEST_AREA, SQUARE, WEAK_SIGMAS, Blob, padded
 from trackers._detection.motion_blur import streak_centre
-from trackers._detection.subpixel_centroid import Centre, Window, coverage_centre, filled_round, largest
+from trackers._detection.subpixel_centroid import Centre, Window, coverage_centre, largest
 from trackers._frames.arrays import Bytes, Image
 from trackers._frames.working_image import View
 

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from iris_sysid.types import Array, ErrorAutocorrelation, Mask
 from trackers._frames.arrays import MAD_TO_SD, Image
+from trackers._uncertainty.lobe_kernel import LOBES, lobes_of
 
-LOBES = (3, 5)  # odd as a shift is: a shape with a centre of symmetry, a disc or its streak, has none of its own
 LARGEST_LOBE = 0.15  # of the radius: a shape with larger lobes is no disc, and its outline changes as it turns
-INNER, OUTER = 0.5, 1.8  # of the radius, between which the outline lies
 SLOWEST = 0.5  # px a frame: the encoder copies a resting body from frame to frame, and its errors never change
 STRETCH = (10, 32)  # frames of the shortest and longest stretch of the track that is analysed by itself
 OUTLIER = 3.0  # robust standard deviations: another object, e.g. the floor, disturbs the outline
@@ -47,23 +46,7 @@ def outline_lobes(share: Image, x: float, y: float, area: float) -> tuple[float,
     x, y, area
         Its centre, px from the centre of pixel (0, 0) of ``share``, and its area, px^2.
     """
-    radius = float(np.sqrt(area / np.pi))
-    across, down = np.arange(share.shape[1]) - x, np.arange(share.shape[0])[:, np.newaxis] - y
-    squared = across**2 + down**2
-    near = (squared > (INNER * radius) ** 2) & (squared < (OUTER * radius) ** 2)
-    seen, offset = share[near], (across + 1j * down)[near]
-    return lobe_amplitudes(seen - _disc_share(seen, radius - np.abs(offset), radius), offset, radius)
-
-
-def _disc_share(share: Image, inside: Array, radius: float) -> Array:
-    """Coverage (n,) by a disc whose edge is as wide as that of ``share`` (n,); ``inside`` px within its outline.
-
-    An edge in which the coverage falls linearly over the width w holds sum(a (1 - a)) = 2 pi r w / 6. The pixels alone
-    give a sharp disc lobes of a few hundredths of a pixel; those of the same disc are taken off.
-    """
-    mixed = np.clip(share, 0.0, 1.0)
-    width = max(1.0, 6 * float((mixed * (1 - mixed)).sum()) / (2 * np.pi * radius))
-    return np.asarray(np.clip(inside / width + 0.5, 0.0, 1.0))
+    return tuple(float(part) for part in lobes_of(np.asarray(share, dtype=np.float64), x, y, area))
 
 
 def lobe_amplitudes(share: Array | Image, offset: NDArray[np.complex128], radius: float) -> tuple[float, ...]:

@@ -1,0 +1,190 @@
+"""The outline of one body: signed distance of each pixel to it, and half its width, from the coverage of pixels."""
+
+# mypy: disallow-untyped-decorators=False
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+
+from iris_sysid.io.kernels import kernel
+from iris_sysid.types import Array
+from trackers._detection.connected import filled_round
+from trackers._frames.arrays import Bytes, Flags, Image
+
+FINER_SMALL, FINER_LARGE = 4, 2  # how much finer than the pixels the half-way contour is drawn
+SMALL_WINDOW = 64  # px
+CORD_SHARE = 0.2  # of the inscribed radius: a thinner part is a cord
+SMALLEST_STREAK = 5.0  # px, half the thickness of a body whose outline may be wide in some directions
+WIDEST = 0.6  # of half the thickness of a body: half the width of the most blurred outline
+FARTHER = 2.0  # px beyond the widest outline up to which its coverage is looked at
+TAIL = 0.03  # mean coverage, or fall of it, at which the outline has ended
+STEPS_APART = 6  # quarters of a px over which the coverage falls, or no longer does
+NARROWEST = 0.75  # px, half the width of the sharpest outline: half a pixel's diagonal
+QUARTER = 0.25  # px from one ring about the outline to the next
+RING = 0.75  # px, width of a ring
+FAR = 6.0  # px beyond twice the widest half width: there it is not asked for
+
+
+def outline(share: Image, heart: Flags, axes: int = 1) -> tuple[Image, Image]:
+    """Distance (h, w) of each pixel to the outline, px, positive inside, and half the width (h, w) of the outline, px.
+
+    The width is the distance outside of it at which the mean coverage falls no more. What it has fallen to is not the
+    outline: a soft shadow, or nothing. A body that moves during the exposure has a wide outline before and behind and a
+    sharp one on its sides: with several ``axes`` it is a number for each direction, opposite directions taken together.
+
+    Parameters
+    ----------
+    share
+        Coverage (h, w) of each pixel.
+    heart
+        Pixels (h, w) well inside of the body.
+    axes
+        Number of directions.
+    """
+    distance = _signed_distance(share, heart)
+    return distance, _half_width(share, distance, axes)
+
+
+def _signed_distance(share: Image, heart: Flags) -> Image:
+    """Distance in px of each pixel's centre to the half-way contour round the heart, positive inside."""
+    height, width = share.shape
+    finer = FINER_SMALL if max(height, width) < SMALL_WINDOW else FINER_LARGE
+    size = (width * finer, height * finer)
+    solid = np.maximum(share, heart)
+    fine = (cv2.resize(solid, size, interpolation=cv2.INTER_LINEAR) > 0.5).view(np.uint8)
+    x, y, columns, rows = cv2.boundingRect(fine)
+    part = slice(max(0, y - 1), y + rows + 1), slice(max(0, x - 1), x + columns + 1)  # with a pixel that is 0 round it
+    seed = cv2.resize(heart.view(np.uint8), size, interpolation=cv2.INTER_NEAREST)
+    body, inside = _without_cords(filled_round(np.ascontiguousarray(fine[part]), seed[part]))
+    free = np.ones_like(fine)
+    free[part] -= body
+    outside = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_5)
+    return np.asarray(_in_pixels(inside, outside, (part[0].start, part[1].start), finer))
+
+
+def _without_cords(mask: Bytes) -> tuple[Bytes, Image]:
+    """The mask without parts thinner than a share of its thickness, its outline elsewhere as it was; its depth, px."""
+    depth = np.asarray(cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_5))
+    cord = CORD_SHARE * float(depth.max())
+    away = cv2.distanceTransform((depth < cord).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
+    stout = mask * (away < cord + 1.0).view(np.uint8)
+    if np.array_equal(stout, mask):
+        return mask, depth
+    return stout, np.asarray(cv2.distanceTransform(stout, cv2.DIST_L2, cv2.DIST_MASK_5))
+
+
+@kernel(nogil=True)
+def _in_pixels(inside: Image, outside: Image, corner: tuple[int, int], finer: int) -> Image:
+    """Signed distance (h, w), px, from the distances at ``finer`` pixels, of which those inside begin at a corner."""
+    height, width = outside.shape[0] // finer, outside.shape[1] // finer
+    distance, top, left = np.zeros((height, width), dtype=np.float32), corner[0], corner[1]
+    for row in range(height * finer):
+        within = 0 <= row - top < inside.shape[0]
+        for column in range(width * finer):
+            signed = np.float32(0.5) - outside[row, column]
+            if within and 0 <= column - left < inside.shape[1] and inside[row - top, column - left] > 0:
+                signed = inside[row - top, column - left] - np.float32(0.5)
+            distance[row // finer, column // finer] += signed
+    return distance * np.float32(1.0 / finer**3)
+
+
+@kernel(nogil=True)
+def _half_width(share: Image, distance: Image, axes: int) -> Image:
+    """Half the width (h, w) of the outline, px; see :func:`outline`."""
+    height, width = share.shape
+    thickness = distance.max()
+    if axes == 1 or thickness < SMALLEST_STREAK:
+        away, beside, _ = _outside(share, distance, 1, 0.0, 0.0)
+        alike = _reach(away, beside, max(1.0, WIDEST * thickness), True)
+        return np.full((height, width), alike, dtype=np.float32)
+    x, y = _middle(distance)
+    away, beside, axis = _outside(share, distance, axes, x, y)
+    reaches = np.empty(axes + 1)
+    for k in range(axes):
+        reaches[k] = _reach(away[axis == k], beside[axis == k], max(1.0, WIDEST * thickness), False)
+    reaches[axes] = reaches[0]
+    widest = reaches.max()
+    half_width = np.full((height, width), widest, dtype=np.float32)
+    for row in range(height):
+        for column in range(width):
+            if abs(distance[row, column]) < 2 * widest + FAR:  # farther off it does not matter
+                turn = math.atan2(row - y, column - x) / math.pi * axes
+                turn -= axes * math.floor(turn / axes)
+                first = min(int(turn), axes - 1)
+                half_width[row, column] = reaches[first] + (turn - first) * (reaches[first + 1] - reaches[first])
+    return half_width
+
+
+@kernel(nogil=True)
+def _middle(distance: Image) -> tuple[float, float]:
+    """Mean column and row of the pixels inside of the outline."""
+    count = across = down = 0
+    for row in range(distance.shape[0]):
+        for column in range(distance.shape[1]):
+            if distance[row, column] > 0:
+                count, across, down = count + 1, across + column, down + row
+    return across / count, down / count
+
+
+@kernel(nogil=True)
+def _outside(share: Image, distance: Image, axes: int, x: float, y: float) -> tuple[Image, Image, Array]:
+    """How far pixels (n,) just outside of an outline are off it, px, their coverage, and in which direction they are.
+
+    Directions are seen from (x, y), px.
+    """
+    farthest = max(1.0, WIDEST * distance.max()) + FARTHER
+    away, beside = np.empty((2, share.size), dtype=np.float32)
+    axis, count = np.zeros(share.size, dtype=np.int64), 0
+    for row in range(share.shape[0]):
+        for column in range(share.shape[1]):
+            if -farthest < distance[row, column] < -NARROWEST:
+                away[count], beside[count] = -distance[row, column], share[row, column]
+                if axes > 1:
+                    axis[count] = int(np.rint(math.atan2(row - y, column - x) / math.pi * axes)) % axes
+                count += 1
+    return away[:count], beside[:count], axis[:count]
+
+
+@kernel(nogil=True)
+def _reach(away: Image, beside: Image, widest: float, trimmed: bool) -> float:
+    """The distance, px, outside of an outline at which the mean coverage falls no more.
+
+    Parameters
+    ----------
+    away, beside
+        Distance (n,) of pixels outside of the outline, px, and their coverage.
+    widest
+        Largest distance, px.
+    trimmed
+        Whether the mean is that without the largest and the smallest tenth; else it is the median.
+    """
+    levels, count = np.empty(int((widest + 1.0) / QUARTER) + 4), 0
+    ring = np.empty(away.size + 1, dtype=np.float32)
+    half_width = NARROWEST
+    while half_width < widest + 1.0:
+        size, far = 0, half_width + RING
+        for k in range(away.size):
+            ring[size] = beside[k]
+            size += (away[k] > half_width) & (away[k] < far)
+        level = _level_of(np.sort(ring[:size]), trimmed)
+        levels[count] = level
+        if level < TAIL:
+            return min(half_width, widest)
+        if count >= STEPS_APART and levels[count - STEPS_APART] - level < TAIL:
+            return half_width - STEPS_APART / 4
+        count += 1
+        half_width = NARROWEST + QUARTER * count
+    return widest
+
+
+@kernel(nogil=True)
+def _level_of(ring: Image, trimmed: bool) -> float:
+    """Mean without the largest and smallest tenth, or median, of values in order; 0 of none."""
+    if not ring.size:
+        return 0.0
+    if trimmed:
+        cut = ring.size // 10
+        return ring[cut : ring.size - cut].mean()
+    return (ring[(ring.size - 1) // 2] + ring[ring.size // 2]) / 2

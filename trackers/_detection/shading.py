@@ -1,0 +1,146 @@
+"""Shading of a body: a polynomial in x and y through its pixels, continued over its window (numba)."""
+
+# mypy: disallow-untyped-decorators=False
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from iris_sysid.io.kernels import kernel
+from iris_sysid.types import Array
+from trackers._frames.arrays import Image
+
+INSIDE = 0.5  # px, depth from which on a pixel tells
+TERMS, LINEAR = 6, 3  # of the quadratic polynomial, and of its linear part
+FEWEST_A_TERM, MOST_SHADED = 60, 1500  # pixels for each term; pixels to which it is fitted
+EXPLAINED = 0.15  # of the variance that fewer terms leave
+RIDGE = 1e-9  # of the mean square of the constant term, added to each: pixels in one line do not tell all terms apart
+
+
+@kernel(nogil=True)
+def shading(image: Image, depth: Image) -> Image:
+    """The polynomial in x and y (h, w, channels), constant to quadratic, that the pixels inside speak for.
+
+    More terms must explain a good part of the residual of fewer: shading does, texture does not.
+
+    Parameters
+    ----------
+    image
+        Grey levels (h, w, channels).
+    depth
+        Depth (h, w) of each pixel within the body, px.
+    """
+    height, width, channels = image.shape
+    places, values = _inside(image, depth)
+    shade = np.zeros((height, width, channels), dtype=np.float32)
+    if not values.shape[0]:
+        return shade
+    x0, y0 = places[:, 0].mean(), places[:, 1].mean()
+    scale = max(1.0, (places[:, 0].max() - places[:, 0].min()) / 2)
+    terms = np.empty((values.shape[0], TERMS))
+    for k in range(values.shape[0]):
+        _fill_terms(terms[k], (places[k, 0] - x0) / scale, (places[k, 1] - y0) / scale)
+    best = _best(terms, values)
+    lowest, highest, row = np.empty(channels), np.empty(channels), np.empty(TERMS)
+    for c in range(channels):
+        lowest[c], highest[c] = values[:, c].min(), values[:, c].max()
+    for y in range(height):
+        for x in range(width):
+            _fill_terms(row, (x - x0) / scale, (y - y0) / scale)
+            for c in range(channels):
+                level = 0.0
+                for term in range(TERMS):
+                    level += row[term] * best[term, c]
+                shade[y, x, c] = min(max(level, lowest[c]), highest[c])
+    return shade
+
+
+@kernel(nogil=True)
+def _inside(image: Image, depth: Image) -> tuple[Array, Array]:
+    """Column and row (n, 2) of pixels inside, evenly thinned, and their grey levels (n, channels)."""
+    height, width, channels = image.shape
+    count = 0
+    for y in range(height):
+        for x in range(width):
+            count += depth[y, x] > INSIDE
+    every = max(1, -(-count // MOST_SHADED))
+    places, values = np.empty((-(-count // every), 2)), np.empty((-(-count // every), channels))
+    number = 0
+    for y in range(height):
+        for x in range(width):
+            if depth[y, x] > INSIDE:
+                if number % every == 0:
+                    places[number // every, 0], places[number // every, 1] = x, y
+                    values[number // every] = image[y, x]
+                number += 1
+    return places, values
+
+
+@kernel(nogil=True)
+def _fill_terms(row: Array, u: float, v: float) -> None:
+    """Set the terms (6,) of the polynomial at a place."""
+    row[0], row[1], row[2], row[3], row[4], row[5] = 1.0, u, v, u * u, u * v, v * v
+
+
+@kernel(nogil=True)
+def _best(terms: Array, values: Array) -> Array:
+    """Coefficients (6, channels) of the polynomial of the degree that the values (n, channels) speak for."""
+    best = np.zeros((TERMS, values.shape[1]))
+    for c in range(values.shape[1]):
+        best[0, c] = values[:, c].mean()
+    residual = _residual(terms, values, best)
+    gram, moments = np.zeros((TERMS, TERMS)), np.zeros((TERMS, values.shape[1]))
+    for k in range(terms.shape[0]):
+        for i in range(TERMS):
+            for j in range(i + 1):
+                gram[i, j] += terms[k, i] * terms[k, j]
+            for c in range(values.shape[1]):
+                moments[i, c] += terms[k, i] * values[k, c]
+    for i in range(TERMS):
+        gram[i, i] += RIDGE * terms.shape[0]
+    for count in (LINEAR, TERMS):
+        if terms.shape[0] < FEWEST_A_TERM * count:
+            break
+        solved = _solved(gram, moments, count)
+        spread = _residual(terms, values, solved)
+        if spread < (1 - EXPLAINED) * residual:
+            best, residual = solved, spread
+    return best
+
+
+@kernel(nogil=True)
+def _residual(terms: Array, values: Array, coefficients: Array) -> float:
+    """Mean square of what a polynomial leaves of values (n, channels), summed over the channels."""
+    total = 0.0
+    for k in range(terms.shape[0]):
+        for c in range(values.shape[1]):
+            off = values[k, c]
+            for term in range(TERMS):
+                off -= terms[k, term] * coefficients[term, c]
+            total += off * off
+    return total / terms.shape[0]
+
+
+@kernel(nogil=True)
+def _solved(gram: Array, moments: Array, count: int) -> Array:
+    """Solution (6, channels) of the first normal equations by Cholesky's method; the other coefficients are 0."""
+    lower, solved = np.zeros((count, count)), np.zeros(moments.shape)
+    for i in range(count):
+        for j in range(i + 1):
+            rest = gram[i, j]
+            for k in range(j):
+                rest -= lower[i, k] * lower[j, k]
+            lower[i, j] = math.sqrt(rest) if i == j else rest / lower[j, j]
+    for c in range(moments.shape[1]):
+        for i in range(count):
+            rest = moments[i, c]
+            for k in range(i):
+                rest -= lower[i, k] * solved[k, c]
+            solved[i, c] = rest / lower[i, i]
+        for i in range(count - 1, -1, -1):
+            rest = solved[i, c]
+            for k in range(i + 1, count):
+                rest -= lower[k, i] * solved[k, c]
+            solved[i, c] = rest / lower[i, i]
+    return solved
