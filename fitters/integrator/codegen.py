@@ -14,8 +14,8 @@ from typing import Any
 
 BUILTINS = {"range": range}
 ALLOWED = (
-    ast.arguments, ast.arg, ast.Return, ast.Assign, ast.For, ast.If, ast.Expr,
-    ast.Name, ast.Load, ast.Store, ast.Constant, ast.Tuple, ast.Subscript, ast.Call,
+    ast.arguments, ast.arg, ast.Return, ast.Assign, ast.For, ast.If, ast.Expr, ast.Try, ast.ExceptHandler,
+    ast.Name, ast.Load, ast.Store, ast.Constant, ast.Tuple, ast.Subscript, ast.Slice, ast.Call,
     ast.BinOp, ast.UnaryOp, ast.Compare, ast.operator, ast.unaryop, ast.cmpop,
 )  # fmt: skip
 ATTRIBUTES = {"shape"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dis
 import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from numba.core.errors import NumbaError
 
 from fitters.integrator.codegen import generated, row
 from fitters.integrator.dormand_prince import integrate
-from fitters.integrator.machine_code import compiled_columns
+from fitters.integrator.machine_code import can_raise, compiled_columns
 from iris_sysid.errors import FitError
 from iris_sysid.types import OdeModel
 
@@ -22,7 +23,8 @@ from iris_sysid.types import OdeModel
 _LOOP = """
 def columns(t, states, params, inputs, out):
     for c in range(states.shape[1]):
-        {slopes} = rhs(t, {states}, {params}{inputs})
+        slopes = rhs(t, {states}, {params}{inputs})
+        {slopes}
 """
 
 # Crossing functions and resets of a model with events: its state ends with the mode, out with the event's number.
@@ -36,6 +38,17 @@ def resets(t, states, params, inputs, out):
     for c in range(states.shape[1]):
         {resets}
 """
+# The same for a function that can raise: machine code that is called by its address cannot pass an exception on.
+_GUARDED = """
+def columns(t, states, params, inputs, out):
+    for c in range(states.shape[1]):
+        try:
+            slopes = rhs(t, {states}, {params}{inputs})
+            {slopes}
+        except:
+            out[:, c] = nan
+"""
+RAISE = dis.opmap["RAISE_VARARGS"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -76,13 +89,32 @@ def _jitted(rhs: Callable[..., Any]) -> Any:
 @functools.lru_cache(maxsize=512)
 def _compile(rhs: Callable[..., Any], n_states: int, n_params: int, n_inputs: int) -> CompiledRhs:
     source = _loop_source(n_states, n_params, n_inputs)
+    plain = _quiet(generated(source, {"rhs": rhs}))
     try:
-        columns = compiled_columns(generated(source, {"rhs": callable_in_kernels(rhs)}))
-    except (NumbaError, NotImplementedError, TypeError) as error:
+        values = {"rhs": callable_in_kernels(rhs)}
+        columns = compiled_columns(generated(source, values))
+        if can_raise(columns):
+            guarded = _loop_source(n_states, n_params, n_inputs, loop=_GUARDED)
+            columns = compiled_columns(generated(guarded, {**values, "nan": np.nan}), catches=True)
+            return CompiledRhs(functools.partial(_replayed, plain), columns)
+    except Exception as error:  # whatever numba raises: plain Python tells whether the function is at fault
         reason = next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
         note = f"numba cannot compile the model's rhs ({reason[:120]}): it ran in plain Python, which is slower"
-        return CompiledRhs(integrate.py_func, _quiet(generated(source, {"rhs": rhs})), note)
+        return CompiledRhs(integrate.py_func, plain, note)
     return CompiledRhs(integrate, columns)
+
+
+def _replayed(plain: Callable[..., None], columns: Any, *arguments: Any) -> None:
+    """Integrate; a solution that is not finite is integrated again in plain Python, which raises what was raised."""
+    *given, out = arguments
+    try:
+        integrate(columns, *given, out)
+    except SystemError:  # an exception that numba itself sets, e.g. of a missing key, cannot be caught in machine code
+        out[:] = np.nan
+    t_s, substeps, initial, params, *rest = given
+    for c in np.flatnonzero(~np.isfinite(out).all(axis=(0, 1))):
+        one = np.empty((*out.shape[:2], 1))
+        integrate.py_func(plain, t_s, substeps, initial[:, c : c + 1], params[:, c : c + 1], *rest, one)
 
 
 def _arguments(n_states: int, n_params: int, n_inputs: int) -> dict[str, str]:
@@ -93,8 +125,9 @@ def _arguments(n_states: int, n_params: int, n_inputs: int) -> dict[str, str]:
     }
 
 
-def _loop_source(n_states: int, n_params: int, n_inputs: int, modes: int = 0) -> str:
-    return _LOOP.format(slopes=row("out", n_states, ", c"), **_arguments(n_states + modes, n_params, n_inputs))
+def _loop_source(n_states: int, n_params: int, n_inputs: int, modes: int = 0, loop: str = _LOOP) -> str:
+    slopes = "; ".join(f"out[{k}, c] = slopes[{k}]" for k in range(n_states))
+    return loop.format(slopes=slopes, **_arguments(n_states + modes, n_params, n_inputs))
 
 
 def _with_events(model: OdeModel) -> CompiledRhs:
@@ -143,16 +176,32 @@ def _numbered(name: str, functions: Sequence[Any]) -> dict[str, Any]:
 
 
 def _quiet(columns: Callable[..., None]) -> Callable[..., None]:
-    """Plain Python raises where machine code gives inf or NaN; make both give NaN."""
+    """Plain Python raises where machine code gives inf or NaN; make both give NaN, and stop at any other exception."""
 
     def quiet(t: float, states: Any, params: Any, inputs: Any, out: Any) -> None:
         try:
             with np.errstate(all="ignore"):
                 columns(t, states, params, inputs, out)
-        except (ArithmeticError, ValueError):
+        except Exception as error:
+            if not outside_domain(error):
+                at = f"t = {t:.6g}, state {states[:, 0].tolist()}, params {params[:, 0].tolist()}"
+                raise FitError(
+                    f"the model's rhs raises {type(error).__name__}: {error} (at {at}); where the equation has no "
+                    "solution let it return float('nan'), or give the parameter bounds"
+                ) from error
             out[:] = np.nan
 
     return quiet
+
+
+def outside_domain(error: BaseException) -> bool:
+    """Whether an exception comes from arithmetic itself, as from ``math.sqrt(-1)``, and not from a ``raise``."""
+    if not isinstance(error, ArithmeticError | ValueError):
+        return False
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    return trace is None or trace.tb_frame.f_code.co_code[trace.tb_lasti] != RAISE
 
 
 def _check_slopes(model: OdeModel) -> None:
@@ -164,15 +213,15 @@ def _check_slopes(model: OdeModel) -> None:
     try:
         with np.errstate(all="ignore"):
             slopes = model.rhs(*arguments)
-    except ArithmeticError:
-        return
     except Exception as error:
+        if outside_domain(error):
+            return
         raise FitError(
             f"rhs of model {model.name!r} raises {type(error).__name__}: {error}; it is called as "
             f"rhs(t, state, params{', inputs' if model.inputs else ''}) with tuples of numbers"
         ) from error
-    if not isinstance(slopes, tuple) or len(slopes) != len(model.states):
-        shown = f"{len(slopes)} values" if isinstance(slopes, tuple) else type(slopes).__name__
+    if not isinstance(slopes, tuple | list | np.ndarray) or np.shape(slopes) != (len(model.states),):
+        shown = type(slopes).__name__ if np.ndim(slopes) != 1 else f"{len(slopes)} values"
         names = ", ".join(state.name for state in model.states)
         raise FitError(
             f"rhs of model {model.name!r} must return a tuple with one derivative a state ({names}), not {shown}"

@@ -30,7 +30,7 @@ from fitters.integrator.dormand_prince import COLUMNS_SIGNATURE
 from iris_sysid import __version__
 from iris_sysid.io.private_cache import cache_directory, read_private, write_private
 
-FORMAT = "iris-sysid machine code 1"
+FORMAT = "iris-sysid machine code 2"
 MODULES = ("math", "numpy")  # whose functions a version number identifies
 PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis))
 
@@ -59,7 +59,7 @@ class LoadedFunction(WrapperAddressProtocol):
         return COLUMNS_SIGNATURE
 
 
-def compiled_columns(function: Callable[..., Any]) -> Any:
+def compiled_columns(function: Callable[..., Any], *, catches: bool = False) -> Any:
     """The function as machine code that kernels can call, from the cache where it has been compiled before.
 
     Parameters
@@ -67,6 +67,8 @@ def compiled_columns(function: Callable[..., Any]) -> Any:
     function
         ``(t, states (s, c), params (p, c), inputs (m,), out)``, all float64; what it calls may be Python functions
         that numba compiles.
+    catches
+        Whether the function catches every exception; what can raise one is not kept.
 
     Raises
     ------
@@ -78,9 +80,21 @@ def compiled_columns(function: Callable[..., Any]) -> Any:
     if kept is not None:
         return kept
     made = cfunc(COLUMNS_SIGNATURE)(function)
-    if name is not None:
+    if name is not None and (catches or not _holds_exceptions(made)):
         _keep(name, made)
     return made
+
+
+def can_raise(columns: Any) -> bool:
+    """Whether machine code can raise an exception: it then holds what would be unpickled to make one.
+
+    Code out of the cache cannot, because what can is not kept there unless it catches its exceptions.
+    """
+    return not isinstance(columns, LoadedFunction) and _holds_exceptions(columns)
+
+
+def _holds_exceptions(made: Any) -> bool:
+    return ".const.picklebuf" in made._library.get_llvm_str()
 
 
 def _loaded(name: str) -> LoadedFunction | None:

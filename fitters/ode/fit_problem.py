@@ -379,7 +379,7 @@ def _guess(task: Task, *, needed: bool) -> dict[str, float]:
     clean = np.zeros(task.trajectory.n, dtype=np.bool_)
     clean[task.selection.span] = task.target.used
     try:
-        guessed = _guessed(task.model, task.trajectory.with_(valid=clean, segments=(), smoothed=None))
+        guessed = _guessed(task, task.trajectory.with_(valid=clean, segments=(), smoothed=None))
     except FitError:
         if needed:
             raise
@@ -389,21 +389,20 @@ def _guess(task: Task, *, needed: bool) -> dict[str, float]:
     return {**unsure, **values, **sure}
 
 
-def _guessed(model: OdeModel, trajectory: Trajectory) -> dict[str, float]:
+def _guessed(task: Task, trajectory: Trajectory) -> dict[str, float]:
     """What the model guesses; FitError when that fails or is not starting values by name."""
+    model, remedy = task.model, f"give a start for {', '.join(task.free)}"
     try:
         with np.errstate(all="ignore"):
             made: Any = model.guess(trajectory)
     except Exception as error:
-        raise FitError(
-            f"guess of model {model.name!r} raises {type(error).__name__}: {error}; give starting values"
-        ) from error
+        raise FitError(f"guess of model {model.name!r} raises {type(error).__name__}: {error}; {remedy}") from error
     try:
         guessed = {name: float(value) for name, value in made.items()}
     except (AttributeError, TypeError, ValueError) as error:
         raise FitError(
             f"guess of model {model.name!r} must return numbers by name, e.g. {{{value_names(model)[0]!r}: 1.0}}, "
-            f"not {made!r:.80}"
+            f"not {repr(made)[:80]}; {remedy}"
         ) from error
     check_names(model, guess=list(guessed))
     return guessed

@@ -13,7 +13,8 @@ import numpy as np
 
 from fitters.integrator.initial_value_problem import InitialValueProblem
 from fitters.noise.measurement_noise import robust_sd
-from fitters.ode.least_squares import Solution, Target, Unknowns, minimise
+from fitters.ode.least_squares import LARGEST, Solution, Target, Unknowns, minimise
+from fitters.ode.status import determination
 from iris_sysid.types import Array
 
 FOLLOWS = 0.3  # a solution follows the data while its error is below this fraction of the motion's size
@@ -21,6 +22,7 @@ GROWTH = (1.3, 8.0)  # least and largest growth of the horizon
 EXPLAINED_NOISE, EXPLAINED_MOTION = 3.0, 0.1  # residual below 3 times the noise, or 10 % of the motion
 ENOUGH, THINNEST = 500, 8  # samples for a rough fit; at 60 Hz, 8 frames are still one step of the integrator
 SAME = 1e-3  # relative difference of the rms of one and the same minimum
+DRAWS, DECADES, SCREENED = 256, 3.0, 4  # random values tried without a fit, their range about a start, and those fitted
 
 
 def grow(problem: InitialValueProblem, target: Target, unknowns: Unknowns, values: Array) -> Solution:
@@ -117,7 +119,8 @@ def search(
     """Fit from each start in turn until one explains the data, or two starts end in the same best minimum.
 
     An incomplete equation leaves a residual above the noise but small compared with the motion. Then random starts are
-    skipped, but trusted starts are still tried.
+    skipped, but trusted starts are still tried. Where all of them are lost (:func:`is_lost`), values over several
+    decades are screened without a fit, and those that follow the data best are starts as well.
 
     Parameters
     ----------
@@ -126,9 +129,10 @@ def search(
     starts
         Full vectors of values (p + s,), the most trusted first, and whether each is one to trust.
     """
-    best: Solution | None = None
+    best, first = None, np.zeros(0)
     times_found = 0
     for start, trusted in starts:
+        first = start if best is None else first
         if best is not None and not trusted and explains(best, target):
             break
         solution = grow(problem, target, unknowns, start)
@@ -139,7 +143,32 @@ def search(
         if times_found == 2 or explains(best, target, motion_share=0.0):
             break
     assert best is not None
+    if is_lost(best, target, unknowns):
+        for start in screened_starts(problem, target, unknowns, first):
+            solution = grow(problem, target, unknowns, start)
+            best = solution if solution.rms < best.rms else best
+            if explains(best, target):
+                break
     return best
+
+
+def is_lost(solution: Solution, target: Target, unknowns: Unknowns) -> bool:
+    """Whether a solution diverges, or ends far from the data where some values do not act.
+
+    Beyond the domain of a root or a logarithm, which an equation often clips, a value has no gradient that leads back.
+
+    Parameters
+    ----------
+    solution, target, unknowns
+        The solution, the data, and the free values.
+    """
+    if not np.isfinite(solution.rms):
+        return True
+    if explains(solution, target):
+        return False
+    slopes = np.nan_to_num(solution.problem.sensitivity(solution.values, unknowns.which, solution.steps))
+    flat = np.concatenate([target.weighted(slopes), unknowns.prior_rows])
+    return bool(determination(np.clip(flat, -LARGEST, LARGEST)).undetermined.any())
 
 
 def scattered_starts(unknowns: Unknowns, values: Array, target: Target, count: int, seed: int = 0) -> Iterator[Array]:
@@ -167,3 +196,41 @@ def scattered_starts(unknowns: Unknowns, values: Array, target: Target, count: i
         shift = np.where(now == 0, size, 0.0) * rng.standard_normal(now.size)
         scattered[unknowns.which] = now * factor + shift
         yield unknowns.inside(scattered)
+
+
+def screened_starts(
+    problem: InitialValueProblem, target: Target, unknowns: Unknowns, values: Array, seed: int = 0
+) -> Iterator[Array]:
+    """Starts (p + s,) over several decades and both signs that follow the data best without a fit.
+
+    Half of them are chosen by the first horizon, half by all samples.
+
+    Parameters
+    ----------
+    problem, target, unknowns
+        As for :func:`minimise`.
+    values
+        (p + s,) the start to draw about; each value of a draw is its own with a probability of one in three.
+    seed
+        Same seed, same starts.
+    """
+    columns = _drawn(unknowns, values, float(np.mean(target.size)), np.random.default_rng(seed))
+    horizon = first_horizon(target, unknowns.which.size)
+    with np.errstate(all="ignore"):
+        error = np.abs(target.observed[:, :, None] - problem.predictions(columns)) / target.size[:, None]
+    error = np.where(np.isfinite(error), np.minimum(error, 1.0 / FOLLOWS), 2.0 / FOLLOWS)
+    scores = [np.sum(error[:n][target.used[:n]] ** 2, axis=(0, 1)) for n in (horizon, error.shape[0])]
+    ranks = [np.argsort(score, kind="stable")[: SCREENED // 2] for score in scores]
+    for index in dict.fromkeys(np.stack(ranks, axis=1).ravel().tolist()):
+        yield columns[:, index]
+
+
+def _drawn(unknowns: Unknowns, values: Array, size: float, rng: np.random.Generator) -> Array:
+    """Random values (p + s, DRAWS) about ``values`` (p + s,), or about the motion's size, inside the bounds."""
+    now = values[unknowns.which][:, None]
+    shape = now.size, DRAWS
+    about = np.where(rng.random(shape) < 0.5, np.where(now == 0, 1.0, np.abs(now)), max(size, 1e-12))
+    signed = about * 10.0 ** rng.uniform(-DECADES, DECADES, shape) * rng.choice([-1.0, 1.0], shape)
+    columns = np.repeat(values[:, None], DRAWS, axis=1)
+    columns[unknowns.which] = np.where(rng.random(shape) < 1 / 3, now, signed)
+    return np.stack([unknowns.inside(column) for column in columns.T], axis=1)

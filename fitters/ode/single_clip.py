@@ -22,7 +22,7 @@ from fitters.ode.fit_problem import (
     starting_values,
     with_priors,
 )
-from fitters.ode.global_search import explains, scattered_starts, search
+from fitters.ode.global_search import explains, is_lost, scattered_starts, search
 from fitters.ode.intervals import Found, Method, checked_methods, disagreements, intervals_by
 from fitters.ode.least_squares import FINE_STEP, Loss, Solution, Target, minimise, reweighted
 from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
@@ -42,6 +42,7 @@ from iris_sysid.types import (
 
 PATIENCE = 500_000, 50  # samples evaluated, and least evaluations, before a local fit is abandoned
 HELD = 1e3  # weight at which a prior holds its value
+LOST = "no start led to the data, and where the search ended some values have no effect of their own"
 PRIOR_ROUNDS, SETTLED = 4, 0.02  # fits with a new weight of the priors, and its last relative change
 SMALLEST_DEVIATION = 3.0  # in units of the noise, for a sample to count as an outlier
 
@@ -113,7 +114,10 @@ def fit(
     >>> f"{length.value:.3f} {length.unit}"
     '0.500 m'
     """
-    return solve(FitRequest(trajectory, MODELS.resolved(model), fixed, free, start, uncertainty, options))
+    chosen = MODELS.resolved(model)
+    return solve(
+        FitRequest.stated(trajectory, chosen, fixed, free, start=start, uncertainty=uncertainty, options=options)
+    )
 
 
 def solve(request: FitRequest) -> FitResult:
@@ -172,6 +176,8 @@ def find_minimum(request: FitRequest) -> Minimum:
     _check_finite(request, task, solution)  # the refinement can diverge from a solution that was finite
     if options.loss != "linear":
         target = reweighted(target, solution)
+    if not options.local and solution.converged and is_lost(solution, target, task.unknowns):
+        solution = replace(solution, converged=False, message=LOST)
     return Minimum(task, target, solution)
 
 

@@ -206,10 +206,9 @@ def unknown_text(task: Task, estimates: Mapping[str, Estimate]) -> str:
 
 def residual_above_noise(task: Task, rms: Array, noise: Array) -> FitProblem:
     """Say how far the residual is above the noise. ``rms`` and ``noise`` (d,), in the observed units."""
-    ratios = ", ".join(
-        f"{quantity.name} {value:.3g} {quantity.unit} (noise {floor:.3g})"
-        for quantity, value, floor in zip(task.model.observed, rms, noise, strict=True)
-    )
+    with np.errstate(all="ignore"):
+        parts = zip(task.model.observed, rms / noise, strict=True)
+    ratios = ", ".join(f"{quantity.name} {ratio:.3g} times" for quantity, ratio in parts if np.isfinite(ratio))
     return FitProblem(
         "residual-above-noise",
         "the residual is far above the noise",
