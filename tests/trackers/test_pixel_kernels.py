@@ -5,10 +5,13 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt
 
+from iris_sysid.types import Frame
 from trackers._background.median import BackgroundEstimate
+from trackers._detection.coded_planes import plane_limits_of
 from trackers._detection.connected import connected_parts
 from trackers._detection.depth import depth_of
 from trackers._detection.foreground import SMALLEST_SUPPORT, SQUARE, background_range_of, components
+from trackers._frames.working_image import View
 
 
 def blotches(seed, shape):
@@ -70,3 +73,42 @@ def test_components_in_windows_are_those_of_the_whole_image(channels):
         left, top, right, bottom = part.box
         assert np.array_equal(part.mask, labels[top:bottom, left:right] == label)
         assert np.array_equal(part.level, excess[top:bottom, left:right].max(axis=-1))
+
+
+def coded_frame(rng, shape, changes):
+    """A frame whose planes are noise about 90, with some rectangles of other levels in one of its planes each."""
+    planes = [rng.normal(90, 1.5, size).clip(0, 255) for size in (shape, *[[-(-side // 2) for side in shape]] * 2)]
+    for plane, left, top, right, bottom, level in changes:
+        planes[plane][top:bottom, left:right] += level
+    luma, blue, red = (plane.round().clip(0, 255).astype(np.uint8) for plane in planes)
+    return Frame(0, 0.0, luma, lambda: None, lambda: (blue, red))
+
+
+@pytest.mark.parametrize("region", [(0, 0, 161, 121), (6, 4, 140, 100)])
+def test_windows_by_planes_as_coded_hold_all_that_differs_strongly(region):
+    rng = np.random.default_rng(0)
+    view = View(*region, chroma=True)
+    still = rng.normal(90, 5, (*view.search_size[::-1], 3)).astype(np.float32)
+    background_range = background_range_of(BackgroundEstimate(still, np.ones_like(still)))
+    frames = [
+        coded_frame(rng, (121, 161), [(plane, x, y, x + 1 + k % 4, y + 1 + k % 3, 9 + 2 * k)])
+        for k, (plane, x, y) in enumerate(rng.integers(0, (3, 75, 55), (60, 3)))
+    ]
+    differing = 0
+    for frame in frames:
+        strong = background_range.strongly(view.search_image(frame))
+        differing += strong.any()
+        for left, top, right, bottom in plane_limits_of(view, frame, background_range).windows(frame):
+            strong[top:bottom, left:right] = 0
+        assert not strong.any()
+    assert differing > 20
+
+
+def test_part_of_a_coloured_frame_is_that_of_the_whole():
+    frame, view = (
+        coded_frame(np.random.default_rng(1), (121, 161), [(1, 10, 10, 30, 30, 60)]),
+        View(3, 2, 150, 110, True),
+    )
+    whole = view.image(frame)
+    for left, top, right, bottom in [(0, 0, 150, 110), (5, 7, 40, 31), (100, 90, 150, 110), (14, 20, 15, 21)]:
+        assert np.array_equal(view.part(frame, (left, top, right, bottom)), whole[top:bottom, left:right])

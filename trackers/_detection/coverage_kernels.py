@@ -141,7 +141,7 @@ def liveliness(share: Image, variance: Image, beyond: Image, fewest: int) -> flo
                 count += 1
     if count < fewest:
         return 1.0
-    return max(1.0, (MAD_TO_SD * np.median(found[:count])) ** 2)
+    return max(1.0, (MAD_TO_SD * float(np.median(found[:count]))) ** 2)
 
 
 @kernel(nogil=True)
@@ -192,9 +192,9 @@ def seen_inside(planes: Planes, mask: Bytes) -> tuple[float, float, float, int]:
     for y in range(mask.shape[0]):
         for x in range(mask.shape[1]):
             if mask[y, x]:
-                most = np.float32(0)
+                most = 0.0
                 for c in range(image.shape[2]):
-                    most = max(most, abs(image[y, x, c] - background[y, x, c]))
+                    most = max(most, abs(float(image[y, x, c] - background[y, x, c])))
                 contrast += most
                 intensity += image[y, x, 0]
                 noisy += noise[y, x, 0]

@@ -12,6 +12,7 @@ from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, TrackOptions, with_progress
 from trackers._background.median import Background, BackgroundEstimate, estimate_background, noise_inflation
 from trackers._detection.background_samples import usable_samples
+from trackers._detection.coded_planes import plane_limits_of
 from trackers._detection.connected import filled_round
 from trackers._detection.detection import THINNEST_BODY, Detector, FrameDetections
 from trackers._detection.foreground import BackgroundRange, background_range_of, blobs
@@ -61,6 +62,7 @@ class DetectionSetup:
             self.view,
             self.background_range,
             sparse_range_of(self.stack, self.background_range, self.detector.background.usable),
+            plane_limits_of(self.view, self.stack.frames[0], self.background_range),
         )
 
 

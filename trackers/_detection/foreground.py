@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import cv2
@@ -55,11 +55,11 @@ class BackgroundRange:
 
     def weakly(self, image: Bytes) -> Bytes:
         """1 where some channel of an image differs weakly, 0 elsewhere. Shape (h, w)."""
-        return _beyond(image, self.limits[0], self.limits[1])
+        return outside_of(image, self.limits[0], self.limits[1])
 
     def strongly(self, image: Bytes) -> Bytes:
         """1 where some channel of an image differs strongly, 0 elsewhere. Shape (h, w)."""
-        return _beyond(image, self.limits[2], self.limits[3])
+        return outside_of(image, self.limits[2], self.limits[3])
 
     def part(self, box: Box) -> BackgroundRange:
         """Foreground of a part of the image."""
@@ -143,15 +143,27 @@ def components(
     strong = background_range.strongly(image)
     if colour_mask is not None:
         strong &= colour_mask
-    size = (image.shape[1], image.shape[0])
-    boxes, parts = windows_of(strong), dict[Box, list[Component]]()
+
+    def parts_in(box: Box) -> list[Component]:
+        window = slice(box[1], box[3]), slice(box[0], box[2])
+        mask = None if colour_mask is None else colour_mask[window]
+        return parts_of(background_range, image[window], box, mask)
+
+    return whole_parts(parts_in, windows_of(strong), (image.shape[1], image.shape[0]))
+
+
+def whole_parts(
+    parts_in: Callable[[Box], list[Component]], boxes: list[Box], size: tuple[int, int]
+) -> Iterator[Component]:
+    """The components in some boxes of an image of that width and height, which grow until they hold the parts whole.
+
+    ``parts_in`` gives those in one box, by :func:`parts_of`.
+    """
+    parts = dict[Box, list[Component]]()
     while boxes:
         if are_most(boxes, size):
             boxes = [(0, 0, *size)]
-        parts = {
-            box: parts[box] if box in parts else _components_in(background_range, image, colour_mask, strong, box)
-            for box in boxes
-        }
+        parts = {box: parts[box] if box in parts else parts_in(box) for box in boxes}
         cut = {box for box, ones in parts.items() if any(_reaches_side(one.box, box, size) for one in ones)}
         if not cut:
             break
@@ -159,22 +171,28 @@ def components(
     yield from sorted((part for ones in parts.values() for part in ones), key=_first_block)
 
 
-def _components_in(
-    background_range: BackgroundRange, image: Bytes, colour_mask: Flags | None, strong: Bytes, box: Box
+def parts_of(
+    background_range: BackgroundRange, image: Bytes, box: Box, colour_mask: Flags | None = None
 ) -> list[Component]:
-    """The components in a box; those that reach a side of it may be parts of larger ones."""
-    window = slice(box[1], box[3]), slice(box[0], box[2])
+    """The components in a box, of which that is the image; those that reach a side may be parts of larger ones.
+
+    ``colour_mask`` (h, w) limits the search to some pixels of the box.
+    """
     part = background_range.part(box)
-    weak = part.weakly(image[window])
+    strong = part.strongly(image)
+    if not strong.any():
+        return []
+    weak = part.weakly(image)
     if colour_mask is not None:
-        weak &= colour_mask[window]
+        weak &= colour_mask
+        strong &= colour_mask
     closed = cv2.morphologyEx(weak, cv2.MORPH_CLOSE, SQUARE)
-    labels, boxes = connected_parts(closed, strong[window])
+    labels, boxes = connected_parts(closed, strong)
     found = []
     for number, (left, top, right, bottom, support) in enumerate(boxes.tolist(), start=1):
         if support >= SMALLEST_SUPPORT:
             inside = (slice(top, bottom), slice(left, right))
-            excess = part.part((left, top, right, bottom)).excess(image[window][inside])
+            excess = part.part((left, top, right, bottom)).excess(image[inside])
             mask = (labels[inside] == number).view(np.uint8)
             found.append(Component(mask, most_of_channels(excess), left + box[0], top + box[1]))
     return found
@@ -193,7 +211,7 @@ def _first_block(component: Component) -> tuple[int, int]:
     return row, (component.left + int(first.argmax())) // 2
 
 
-def _beyond(image: Bytes, lowest: Bytes, highest: Bytes) -> Bytes:
+def outside_of(image: Bytes, lowest: Bytes, highest: Bytes) -> Bytes:
     """1 where some channel of an image is below or above these levels. Shape (h, w)."""
     return (cv2.inRange(image, lowest, highest) == 0).view(np.uint8)
 

@@ -7,9 +7,9 @@ import math
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from iris_sysid.io.kernels import kernel
-from iris_sysid.types import Array
 from trackers._detection.connected import filled_round
 from trackers._frames.arrays import Bytes, Flags, Image
 
@@ -129,7 +129,7 @@ def _middle(distance: Image) -> tuple[float, float]:
 
 
 @kernel(nogil=True)
-def _outside(share: Image, distance: Image, axes: int, x: float, y: float) -> tuple[Image, Image, Array]:
+def _outside(share: Image, distance: Image, axes: int, x: float, y: float) -> tuple[Image, Image, NDArray[np.int64]]:
     """How far pixels (n,) just outside of an outline are off it, px, their coverage, and in which direction they are.
 
     Directions are seen from (x, y), px.

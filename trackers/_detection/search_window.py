@@ -8,12 +8,14 @@ searched, and every few frames the whole image.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import cv2
 import numpy as np
 
 from iris_sysid.types import Frame
 from trackers._background.median import estimate_background
+from trackers._detection.coded_planes import PlaneLimits
 from trackers._detection.detection import THINNEST_BODY
 from trackers._detection.foreground import (
     BackgroundRange,
@@ -22,8 +24,10 @@ from trackers._detection.foreground import (
     any_channel,
     blobs_of,
     components,
+    parts_of,
     rounded,
     stout,
+    whole_parts,
 )
 from trackers._detection.strong_windows import merged, overlap
 from trackers._frames.arrays import Box, Bytes, Flags
@@ -44,12 +48,14 @@ class SearchWindows:
     """Looks for bodies frame by frame, in order.
 
     ``background_range`` holds the grey levels of the background at the size of the search, ``sparse_range`` those at
-    the pixels of the sparse grid; None to search the whole of every frame.
+    the pixels of the sparse grid; None to search the whole of every frame. ``plane_limits`` tell by the planes as coded
+    where a frame may differ, if that is known.
     """
 
     view: View
     background_range: BackgroundRange
     sparse_range: BackgroundRange | None
+    plane_limits: PlaneLimits | None = None
     _boxes: list[Box] = field(default_factory=list)
     _count: int = 0
     _until_whole: int = 0
@@ -87,12 +93,17 @@ class SearchWindows:
         return parts, blobs_of((part for found_components in parts.values() for part in found_components), self._shape)
 
     def _components(self, frame: Frame, box: Box, colour_mask: Flags | None = None) -> list[Component]:
+        if box == self._whole and colour_mask is None and self.plane_limits is not None:
+            return list(whole_parts(partial(self._parts_in, frame), self.plane_limits.windows(frame), box[2:]))
         image = self.view.part(frame, box, self.view.step)
         moved = (
             component.moved(box[0], box[1])
             for component in components(self.background_range.part(box), image, colour_mask)
         )
         return list(moved if self.sparse_range is None else map(stout, moved))
+
+    def _parts_in(self, frame: Frame, box: Box) -> list[Component]:
+        return parts_of(self.background_range, self.view.part(frame, box, self.view.step), box)
 
     @property
     def _shape(self) -> tuple[int, ...]:

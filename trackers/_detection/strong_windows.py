@@ -17,17 +17,27 @@ HALF = 0.5  # of the image: if windows cover more of it, the whole is as quick
 
 def windows_of(strong: Bytes) -> list[Box]:
     """Boxes that do not overlap and hold every pixel of a mask (h, w) that is not 0, with some px round it."""
-    height, width = strong.shape
-    grid = np.zeros((-(-height // TILE), -(-width // TILE)), dtype=np.uint8)
-    first = _words(strong)
-    for place in (first, np.minimum(first + WORD - 1, strong.size - 1)):  # a word may end in the next tile, or row
-        grid[place // width // TILE, place % width // TILE] = 1
-    if not first.size:
+    return boxes_of_tiles(tiles_of(strong, TILE), (strong.shape[1], strong.shape[0]))
+
+
+def tiles_of(mask: Bytes, side: int) -> Bytes:
+    """Squares of so many px a side that may hold pixels of a mask (h, w) that are not 0: 1, the others 0."""
+    height, width = mask.shape
+    grid = np.zeros((-(-height // side), -(-width // side)), dtype=np.uint8)
+    first = _words(mask)
+    for place in (first, np.minimum(first + WORD - 1, mask.size - 1)):  # a word may end in the next tile, or row
+        grid[place // width // side, place % width // side] = 1
+    return grid
+
+
+def boxes_of_tiles(grid: Bytes, size: tuple[int, int]) -> list[Box]:
+    """Boxes that do not overlap and hold the squares of a grid that are not 0, in an image of that width and height."""
+    if not grid.any():
         return []
     count, _, stats, _ = cv2.connectedComponentsWithStats(grid, connectivity=8)
     boxes = [(int(x), int(y), int(x + w), int(y + h)) for x, y, w, h, _ in stats[1:count]]
     tiles = (tuple(side * TILE for side in box) for box in boxes)
-    return merged(grown((x0, y0, x1, y1), AROUND, (width, height)) for x0, y0, x1, y1 in tiles)
+    return merged(grown((x0, y0, x1, y1), AROUND, size) for x0, y0, x1, y1 in tiles)
 
 
 def _words(mask: Bytes) -> np.ndarray:

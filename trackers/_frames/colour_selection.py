@@ -92,9 +92,11 @@ def _coded(plane: Bytes, shape: tuple[int, ...], box: Box, step: int) -> Bytes:
     cut = plane[top // down : -(-bottom // down), left // across : -(-right // across)]
     if across == down and step % across == 0 and left % across == 0 and top % down == 0:
         return reduced(cut, step // across)
+    y, x = max(0, top // down - 1), max(0, left // across - 1)  # one more about it, which its outer pixels need
+    cut = plane[y : -(-bottom // down) + 1, x : -(-right // across) + 1]
     size = (cut.shape[1] * across, cut.shape[0] * down)
     fine = np.asarray(cv2.resize(cut, size, interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
-    fine = fine[top % down :, left % across :][: bottom - top, : right - left]
+    fine = fine[top - y * down :, left - x * across :][: bottom - top, : right - left]
     return reduced(fine, step)
 
 
