@@ -14,7 +14,7 @@ from fitters.image_effects import through
 from fitters.integrator.codegen import generated, row
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
-from iris_sysid.types import Array, Effect, Event, OdeModel, Parameter, Trajectory, View
+from iris_sysid.types import Array, Effect, Event, OdeModel, Parameter, Trajectory, View, picklable
 
 # One line a derivative, so that the composed function holds numbers and tuples only, as numba needs.
 _SOURCE = """
@@ -89,6 +89,7 @@ def within(model: OdeModel) -> tuple[Event, ...]:
     )
 
 
+@picklable
 @functools.lru_cache(maxsize=512)
 def _own(function: Callable[..., Any], n_params: int, n_inputs: int) -> Callable[..., Any]:
     inputs = f", {row('inputs', n_inputs)}" if n_inputs else ""
@@ -100,6 +101,7 @@ def _in_units_of(model: OdeModel, parameter: Parameter) -> Parameter:
     return replace(parameter, unit=parameter.unit.replace("{x}", model.observed[0].unit))
 
 
+@picklable
 def _guess(model: OdeModel, effect: Effect) -> Callable[[Trajectory], Mapping[str, float]]:
     sizes = {parameter.name: parameter.default or 0.0 for parameter in effect.parameters}
     return lambda trajectory: {**model.guess(trajectory), **sizes}
@@ -138,6 +140,7 @@ def _shape(model: OdeModel, effect: Effect) -> tuple[int, int, bool]:
     return len(model.parameters), len(effect.parameters), bool(model.inputs)
 
 
+@picklable
 @functools.lru_cache(maxsize=512)
 def _compiled(
     base: Callable[..., Any], term: Callable[..., float] | None, shape: tuple[int, int, bool], lines: tuple[str, ...]
@@ -159,6 +162,7 @@ def _compiled(
     return generated(source, values)
 
 
+@picklable
 def _observe(model: OdeModel, effect: Effect) -> Callable[[Array, Array, Array], Array] | None:
     change, count = effect.observe, len(model.parameters)
     if change is None:
@@ -195,6 +199,7 @@ def plain_observation(model: OdeModel, t_s: Array, states: Array, params: Array)
     return states[:, [names.index(quantity.name) for quantity in model.observed]]
 
 
+@picklable
 def _warp(model: OdeModel, effect: Effect) -> Callable[[Array, Array], Array] | None:
     count, before, added = len(model.parameters), model.warp, effect.warp
     if added is None:

@@ -21,7 +21,7 @@ from fitters.compose_effects import bodies_of, plain_observation, within
 from fitters.image_effects import through, view_of
 from fitters.integrator.codegen import generated, row
 from fitters.ode import simulate
-from iris_sysid.types import Array, Effect, FitResult, OdeModel, Quantity, Trajectory
+from iris_sysid.types import Array, Effect, FitResult, OdeModel, Quantity, Trajectory, picklable
 
 REFINEMENT = 4  # points in a sample interval at which the force is given; even, for Simpson's rule
 SIMPSON = np.array([1.0, *(4.0, 2.0) * (REFINEMENT // 2)])[:REFINEMENT]  # weights of these points; that of the end is 1
@@ -335,6 +335,7 @@ def force_along(effect: Effect, sizes: Array, model: OdeModel, t_s: Array, state
     return force
 
 
+@picklable
 @functools.lru_cache(maxsize=64)
 def _forced_rhs(rhs: Callable[..., Any], n_states: int, n_forced: int, n_inputs: int) -> Callable[..., Any]:
     free = n_states - n_forced

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
@@ -26,6 +27,21 @@ def energy(states: Array, params: Array) -> Array:
     return np.asarray(velocity**2 / 2 + params[0] * position**2 / 2)
 
 
+def guess(position: str, velocity: str, trajectory: Trajectory) -> Mapping[str, float]:
+    """Stiffness and damping by regression of the weak form, and the initial states, by the names of the states."""
+    t_s, values = samples(trajectory, position)
+    (stiffness, friction), half_width_s = weak_regression(t_s, values, -values[:, None])
+    if not np.isfinite(stiffness):
+        stiffness, friction = (np.pi / 2 / (t_s[-1] - t_s[0])) ** 2, 0.0
+    start = start_of(t_s, values, min(half_width_s, 0.5 / np.sqrt(max(abs(stiffness), 1e-12))))
+    return {
+        "stiffness": float(stiffness),
+        "damping": float(np.clip(-friction, -1.0, 50.0)),
+        f"{position}_0": float(start[0]),
+        f"{velocity}_0": float(start[1]),
+    }
+
+
 def linear_oscillator(name: str, summary: str, position: Quantity, velocity: Quantity) -> OdeModel:
     """Make the oscillator that observes one quantity.
 
@@ -36,20 +52,6 @@ def linear_oscillator(name: str, summary: str, position: Quantity, velocity: Qua
     position, velocity
         What swings, and its rate.
     """
-
-    def guess(trajectory: Trajectory) -> Mapping[str, float]:
-        t_s, values = samples(trajectory, position.name)
-        (stiffness, friction), half_width_s = weak_regression(t_s, values, -values[:, None])
-        if not np.isfinite(stiffness):
-            stiffness, friction = (np.pi / 2 / (t_s[-1] - t_s[0])) ** 2, 0.0
-        start = start_of(t_s, values, min(half_width_s, 0.5 / np.sqrt(max(abs(stiffness), 1e-12))))
-        return {
-            "stiffness": float(stiffness),
-            "damping": float(np.clip(-friction, -1.0, 50.0)),
-            f"{position.name}_0": float(start[0]),
-            f"{velocity.name}_0": float(start[1]),
-        }
-
     symbol = position.symbol
     return OdeModel(
         name=name,
@@ -64,7 +66,7 @@ def linear_oscillator(name: str, summary: str, position: Quantity, velocity: Qua
         ),
         observed=(position,),
         rhs=rhs,
-        guess=guess,
+        guess=partial(guess, position.name, velocity.name),
         first_integral=energy,
         dissipative=("damping",),
     )

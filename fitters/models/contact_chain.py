@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import combinations
@@ -11,7 +12,7 @@ import numpy as np
 from fitters.integrator.codegen import generated
 from fitters.starting_values import samples, start_of, weak_regression
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
+from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory, picklable
 
 # One line a body, so that the right-hand side holds numbers and tuples only, as numba needs.
 _SOURCE = """
@@ -47,6 +48,8 @@ def contact_chain(bodies: int) -> OdeModel:
     )
 
 
+@picklable
+@functools.cache
 def _rhs(bodies: int) -> Callable[..., tuple[float, ...]]:
     """z_i'' = -damping z_i' - coupling (bodies z_i - sum of all z)."""
     lines = [f"-damping * state[{bodies + k}] - coupling * ({bodies} * state[{k}] - together)" for k in range(bodies)]
@@ -58,6 +61,8 @@ def _rhs(bodies: int) -> Callable[..., tuple[float, ...]]:
     return generated(source, {})
 
 
+@picklable
+@functools.cache
 def _guess(bodies: int) -> Callable[[Trajectory], Mapping[str, float]]:
     def guess(trajectory: Trajectory) -> Mapping[str, float]:
         """Take each body's acceleration regressed on its distance from all others and its speed; the median counts."""

@@ -28,6 +28,9 @@ class Simulation(NamedTuple):
     states: Array
     observed: Array
 
+    def __repr__(self) -> str:
+        return f"Simulation of {self.states.shape[1]} states at {self.states.shape[0]} times"
+
 
 def simulate(
     model: str | OdeModel | FitResult | Discovery,

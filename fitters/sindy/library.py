@@ -16,7 +16,7 @@ import numpy as np
 from fitters.compose_effects import bodies_of
 from fitters.starting_values import samples, start_of
 from iris_sysid.errors import DataError
-from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory, symbol_of
+from iris_sysid.types import Array, OdeModel, Parameter, Quantity, Trajectory, picklable, symbol_of
 from iris_sysid.units import rate_of
 
 Kind = Literal["angle", "position", "size", "amount"]
@@ -360,6 +360,7 @@ def bare_model(variables: tuple[Variable, ...], rhs: Callable[..., Any] = tuple,
     return OdeModel(states=states, rhs=rhs, **(fields | more))
 
 
+@picklable
 def _guess(variables: tuple[Variable, ...]) -> Callable[[Trajectory], Mapping[str, float]]:
     """Initial states from the first samples; coefficients need a given start."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from fitters.sindy.library import DIFFERENCE, INPUT, OTHER_ROOT, Library, Term, bare_model, term_value
-from iris_sysid.types import Array, OdeModel
+from iris_sysid.types import Array, OdeModel, picklable
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -47,6 +47,7 @@ def _spec(library: Library, terms: tuple[Term, ...]) -> tuple[tuple[int, int, in
     return tuple((term.equation, term.code, term.other) for term in terms)
 
 
+@picklable
 def _reciprocal(sizes: tuple[bool, ...]) -> Callable[[Array, Array, Array], Array]:
     def observe(t_s: Array, states: Array, params: Array) -> Array:
         seen = states[:, : len(sizes)]
@@ -55,6 +56,7 @@ def _reciprocal(sizes: tuple[bool, ...]) -> Callable[[Array, Array, Array], Arra
     return observe
 
 
+@picklable
 @functools.lru_cache(maxsize=256)
 def _rhs(
     d: int, order: int, spec: tuple[tuple[int, int, int], ...], partner: tuple[int, ...], turnover: float

@@ -11,7 +11,9 @@ from typing import Literal
 import numpy as np
 
 from iris_sysid.types._arrays import Array, frozen_array
+from iris_sysid.types._display import text_of
 from iris_sysid.types._numbers import Estimate
+from iris_sysid.types._pickling import Portable
 
 # how the direction of gravity was determined: "unstated" where a calibration does not record it
 VerticalSource = Literal["unstated", "image", "board-edge", "file-axes", "plumb-line", "flight"]
@@ -28,7 +30,7 @@ def _no_distortion() -> Array:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Calibration:
+class Calibration(Portable):
     """The map from pixels to metres in the plane of motion; :func:`iris_sysid.to_world` applies it.
 
     ``homography`` (3, 3) maps homogeneous (x, y, 1) undistorted px, y down, to metres, x right, z up. ``scale`` is px
@@ -82,3 +84,6 @@ class Calibration:
         """
         matrix = self.camera_matrix
         return np.concatenate([self.homography.ravel(), np.diag(matrix)[:2], matrix[:2, 2], self.distortion])
+
+    def __repr__(self) -> str:
+        return text_of(f"Calibration: {self.scale} at {self.centre_px} px", self.source)

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import DataError
 from iris_sysid.types._arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
+from iris_sysid.types._display import Shown, text_of
 from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation
+from iris_sysid.types._pickling import Portable
 from iris_sysid.types._track_quality import TrackMark, TrackQuality
 from iris_sysid.types._transfer import PixelCoding, Transfer
 
@@ -39,6 +41,10 @@ class Frame:
     chroma: Callable[[], tuple[NDArray[np.uint8], NDArray[np.uint8]] | None] = _no_chroma
     coding: PixelCoding = UNSTATED
     key: bool = True
+
+    def __repr__(self) -> str:
+        height, width = self.luma.shape
+        return f"Frame {self.index} at {self.t_s:g} s, {width} x {height} px"
 
 
 class FrameSource(Protocol):
@@ -88,7 +94,7 @@ TRACK_SIGMAS = ("sigma_radius_px", "sigma_angle_rad", "sigma_intensity")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Track:
+class Track(Shown, Portable):
     """One body, in pixels, over the frames of a clip.
 
     ``t_s`` (n,) s; ``xy_px`` and ``sigma_px`` (n, 2) px, standard error of each coordinate;
@@ -163,6 +169,14 @@ class Track:
     def n_valid(self) -> int:
         """Number of frames in which the body was found."""
         return int(self.valid.sum())
+
+    def __repr__(self) -> str:
+        doubts = self.quality.doubts if self.quality is not None else ()
+        return text_of(
+            f"Track of body {self.body!r}: found in {self.n_valid} of {self.t_s.size} frames, "
+            f"{self.t_s[0]:g} to {self.t_s[-1]:g} s",
+            f"doubtful: {', '.join(doubt.kind for doubt in doubts)}" if doubts else "",
+        )
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from iris_sysid.types._discovery import DiscoveredTerm
+from iris_sysid.types._display import Shown, text_of, values_of
 from iris_sysid.types._missing_force import MissingForce
 from iris_sysid.types._model import Effect, EffectCause
 from iris_sysid.types._numbers import Estimate
@@ -114,7 +115,7 @@ class DiagnosticNote:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Diagnosis:
+class Diagnosis(Shown):
     """The effects that a model lacks, if any.
 
     ``bases`` and ``finals`` are fits to the same samples, one a clip, without and with the effects; ``added`` are
@@ -189,3 +190,13 @@ class Diagnosis:
 
     def _names_text(self, name: str) -> str:
         return f"{name} is indistinguishable from {', '.join(self.indistinguishable[name])}"
+
+    def __repr__(self) -> str:
+        added = ", ".join(effect.name for effect in self.added) or "no effect"
+        return text_of(
+            f"Diagnosis of {self.base.model.name}, {len(self.bases)} clip{'s' * (len(self.bases) > 1)}: "
+            f"{self.verdict.text}",
+            f"added {added}" + (f": {values_of(self.sizes)}" if self.sizes else ""),
+            f"residual {self.before.fitted:.3g} before, {self.after.fitted:.3g} after, noise {self.noise_floor:.3g} "
+            f"{self.unit}",
+        )

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from iris_sysid.types._display import Shown, text_of
 from iris_sysid.types._model import OdeModel
 from iris_sysid.types._numbers import Estimate
 from iris_sysid.types._result import FitResult, FitStatus
@@ -64,7 +65,7 @@ class Match:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Discovery:
+class Discovery(Shown):
     """A governing equation found in trajectories.
 
     ``terms`` holds every candidate of every equation. ``proposed`` names the parameters that the weak-form regression
@@ -96,3 +97,11 @@ class Discovery:
         fits = worst_verdict(fitted.verdict for fitted in self.fits)
         unsure = tuple(Doubt("several-names", text, EXCHANGEABLE) for text in self.alternatives)
         return worst_verdict([fits, Verdict("doubtful", unsure)] if unsure else [fits])
+
+    def __repr__(self) -> str:
+        bank = f"matches {self.matched.model}" if self.matched is not None else "matches no model of the bank"
+        return text_of(
+            f"Discovery from {len(self.fits)} clip{'s' * (len(self.fits) > 1)}: {self.verdict.text}",
+            "; ".join(f"{equation.lhs} = {equation.rhs}" for equation in self.equations),
+            bank,
+        )

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from iris_sysid.types._arrays import Array
+from iris_sysid.types._display import Brief
 from iris_sysid.types._numbers import NORMAL_975, Estimate, Quantity
 
 DECISIVE = 4.605170185988092  # ln 100: reached in at most 1 % of complete models (Ville 1939)
@@ -35,8 +36,8 @@ class ForceForm:
     similar: tuple[ForceKind, ...] = ()
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class MissingForce:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class MissingForce(Brief):
     """The acceleration (of a first-order model: the rate) that a model lacks, at m times along its fitted motion.
 
     ``t_s`` (m,) s; ``position`` and ``velocity`` (m, f) of the f degrees of freedom ``quantities``; ``force`` (m, f) in

@@ -10,8 +10,10 @@ import numpy as np
 
 from iris_sysid.errors import DataError
 from iris_sysid.types._arrays import Array
+from iris_sysid.types._display import text_of, with_units
 from iris_sysid.types._motion import Trajectory
 from iris_sysid.types._numbers import Quantity
+from iris_sysid.types._pickling import Portable
 from iris_sysid.types._view import Sensor, View
 
 ParameterRole = Literal[
@@ -67,7 +69,7 @@ RightHandSide = Callable[..., tuple[float, ...]]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Event:
+class Event(Portable):
     """Something sudden: it happens where ``crossing`` falls through zero, and ``reset`` gives the state right after.
 
     Both are called as the model's ``rhs`` is, and numba must be able to compile them. In a model with events ``state``
@@ -100,7 +102,7 @@ class ModelExample:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class OdeModel:
+class OdeModel(Portable):
     """A governing equation with its parameters: what the ODE engine fits.
 
     ``states`` in the order that ``rhs`` takes them; the initial value of state ``theta`` is a
@@ -163,6 +165,14 @@ class OdeModel:
         names = ", ".join(parameter.name for parameter in self.parameters)
         raise DataError(f"model {self.name!r} has no parameter {name!r}; it has {names}")
 
+    def __repr__(self) -> str:
+        given = f"; inputs {with_units(self.inputs)}" if self.inputs else ""
+        return text_of(
+            f"OdeModel {self.name}: {self.summary}",
+            f"states {with_units(self.states)}; observed {with_units(self.observed)}{given}",
+            "parameters " + ", ".join(f"{parameter.name} ({parameter.unit})" for parameter in self.parameters),
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class EffectExample:
@@ -178,7 +188,7 @@ class EffectExample:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Effect:
+class Effect(Portable):
     """Something that a governing equation may lack; one of its maps acts, the others are None.
 
     ``parameters``: the first is the size, and at zero the effect is absent. In a unit, ``{x}`` stands
@@ -223,3 +233,9 @@ class Effect:
     cause: EffectCause = "physics"
     plausibility: float = 1.0
     sensible: Callable[[Array, Sequence[float]], bool] | None = None
+
+    def __repr__(self) -> str:
+        return text_of(
+            f"Effect {self.name}: {self.summary}",
+            "parameters " + ", ".join(f"{parameter.name} ({parameter.unit})" for parameter in self.parameters),
+        )

@@ -11,8 +11,10 @@ import numpy as np
 
 from iris_sysid.errors import DataError
 from iris_sysid.types._arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
+from iris_sysid.types._display import Shown, text_of, with_units
 from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation
 from iris_sysid.types._numbers import Estimate, Quantity
+from iris_sysid.types._pickling import Portable
 from iris_sysid.types._verdict import Doubt
 from iris_sysid.types._view import Sensor, View
 
@@ -31,7 +33,7 @@ class Segment:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Smoothed:
+class Smoothed(Shown, Portable):
     """Kalman/RTS estimate at each sample, gaps bridged.
 
     ``position`` and ``velocity`` (n, d); ``covariance`` (n, 2d, 2d), ordered positions then
@@ -56,9 +58,13 @@ class Smoothed:
         object.__setattr__(self, "psd", frozen_array(self.psd, (d,), "psd"))
         object.__setattr__(self, "nis", frozen_array(self.nis, (d,), "nis"))
 
+    def __repr__(self) -> str:
+        n, d = self.position.shape
+        return f"Smoothed state of {d} quantit{'y' if d == 1 else 'ies'} at {n} samples"
+
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Trajectory:
+class Trajectory(Shown, Portable):
     """Measured quantities over time, in SI (or in px where no scale is known; the unit says so).
 
     ``t_s`` (n,) s; ``position`` (n, d) as measured, in the units of ``quantities``; ``sigma`` (n, d)
@@ -71,8 +77,9 @@ class Trajectory:
     how long the random errors of the positions last, ``first_frame`` is the number in the video of the first sample
     (None where frames were left out); both None where not known. ``sensor`` is what measured, and ``view``, where it is
     known, how the quantities lie in the image of a camera. ``doubts`` speak against the track that it was made from.
-    ``origin`` records the source of the trajectory; nothing is
-    computed from it.
+    ``known`` and ``free``: constants of an equation that were stated, and those that were left open, when it was made;
+    a fit of a model that has them holds or estimates them, unless it is told otherwise. ``origin`` records the source
+    of the trajectory; nothing is computed from it.
     """
 
     t_s: Array
@@ -92,6 +99,8 @@ class Trajectory:
     sensor: Sensor = "unknown"
     view: View | None = None
     doubts: tuple[Doubt, ...] = ()
+    known: Mapping[str, Estimate] = field(default_factory=dict)
+    free: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         times = increasing_times(self.t_s)
@@ -127,6 +136,8 @@ class Trajectory:
             ("geometry", MappingProxyType(dict(self.geometry))),
             ("systematic", MappingProxyType(systematic)),
             ("origin", MappingProxyType(dict(self.origin))),
+            ("known", MappingProxyType(dict(self.known))),
+            ("free", tuple(self.free)),
         ):
             object.__setattr__(self, name, value)
 
@@ -159,3 +170,17 @@ class Trajectory:
         if "quantities" in changes:
             changes = {"view": None, **changes}
         return replace(self, **changes)
+
+    def __repr__(self) -> str:
+        gaps = self.n - int(self.valid.sum())
+        beside = {
+            "inputs": ", ".join(quantity.name for quantity in self.input_quantities),
+            "segments": ", ".join(f"{part.label} {part.start}-{part.stop - 1}" for part in self.segments),
+            "geometry": ", ".join(self.geometry),
+            "doubts": ", ".join(doubt.kind for doubt in self.doubts),
+        }
+        return text_of(
+            f"Trajectory of {with_units(self.quantities)}: {self.n} samples from {self.t_s[0]:g} to {self.t_s[-1]:g} s"
+            + (f", {gaps} of them gaps" if gaps else ""),
+            "; ".join(f"{name}: {names}" for name, names in beside.items() if names),
+        )

@@ -57,3 +57,8 @@ class Estimate:
         if self.ci95 is not None:
             return self.ci95
         return (self.value - NORMAL_975 * self.stderr, self.value + NORMAL_975 * self.stderr)
+
+    def __str__(self) -> str:
+        """Value, standard error and unit, e.g. ``0.5 ± 0.001 m``."""
+        error = f" ± {self.stderr:.2g}" if self.stderr > 0 else ""
+        return f"{self.value:.6g}{error}{f' {self.unit}' if self.unit not in ('', '1') else ''}"

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from iris_sysid.types._clip import FrameSource, Track, TrackOptions
+from iris_sysid.types._display import text_of
 from iris_sysid.types._motion import MotionKind, Trajectory
 from iris_sysid.types._numbers import Estimate
 from iris_sysid.types._result import FitResult
@@ -32,6 +33,9 @@ class Tracker:
     summary: str
     track: Callable[[FrameSource, TrackOptions], list[Track]]
     example: TrackerExample = field(default_factory=TrackerExample)
+
+    def __repr__(self) -> str:
+        return text_of(f"Tracker {self.name}: {self.summary}")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -76,3 +80,6 @@ class Phenomenon:
     settings: tuple[str, ...] = ()
     measures: Literal["position", "height", "radius", "angle", "intensity"] = "position"
     classes: tuple[BenchmarkClass, ...] = ()
+
+    def __repr__(self) -> str:
+        return text_of(f"Phenomenon {self.name}: {self.summary}", f"tracker {self.tracker}, model {self.model}")

@@ -9,8 +9,10 @@ from typing import Any, Literal
 import numpy as np
 
 from iris_sysid.types._arrays import Array, Mask
+from iris_sysid.types._display import Brief, Shown, text_of, values_of
 from iris_sysid.types._model import OdeModel
 from iris_sysid.types._numbers import Estimate
+from iris_sysid.types._pickling import Portable
 from iris_sysid.types._verdict import Doubt, FitReason, Verdict, VerdictWord, worst_verdict
 
 FitStatus = Literal["ok", "at-bound", "singular", "diverged", "too-short", "not-converged", "misfit"]
@@ -54,8 +56,8 @@ def _word(status: FitStatus, doubted: bool) -> VerdictWord:
     return "good" if status == "ok" and not doubted else "doubtful"
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Identifiability:
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class Identifiability(Brief):
     """Which of the k free values ``names`` the data determine.
 
     ``condition`` of the Fisher information after scaling each value to unit information; ``undetermined`` holds its
@@ -79,7 +81,7 @@ class Identifiability:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class FitResult:
+class FitResult(Shown, Portable):
     """A model fitted to a trajectory.
 
     ``estimates`` by name: fitted parameters, constants, initial states and derived quantities.
@@ -175,6 +177,17 @@ class FitResult:
         scaled = self.jacobian / noise.ravel()[:, None]
         return np.concatenate([scaled, self.prior_rows]) if self.prior_residual.size else scaled
 
+    def __repr__(self) -> str:
+        spread = (
+            f"{quantity.name}: residual {rms:.3g} {quantity.unit}, noise {noise:.3g} {quantity.unit}"
+            for quantity, rms, noise in zip(self.model.observed, self.rms, self.noise, strict=True)
+        )
+        return text_of(
+            f"FitResult of {self.model.name}, {self.n} of {self.used.size} samples: {self.verdict.text}",
+            values_of({name: self.estimates[name] for name in self.free}) if self.usable else "",
+            "; ".join(spread),
+        )
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Population:
@@ -231,3 +244,10 @@ class PooledFit:
     def estimates(self) -> dict[str, Estimate]:
         """The shared values, then the means of the population."""
         return {**self.shared, **{name: population.mean for name, population in self.population.items()}}
+
+    def __repr__(self) -> str:
+        return text_of(
+            f"PooledFit of {self.model.name} to {len(self.clips)} clips: {self.verdict.text}",
+            f"shared: {values_of(self.shared)}" if self.shared else "",
+            f"means: {values_of({name: spread.mean for name, spread in self.population.items()})}",
+        )

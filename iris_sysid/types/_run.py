@@ -9,6 +9,7 @@ from typing import Literal
 
 from iris_sysid.types._calibration import Calibration
 from iris_sysid.types._clip import FrameSource, Track
+from iris_sysid.types._display import Shown
 from iris_sysid.types._motion import Trajectory
 from iris_sysid.types._numbers import Estimate
 from iris_sysid.types._plugins import Phenomenon
@@ -48,7 +49,7 @@ class GeometryOptions:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Run:
+class Run(Shown):
     """All results of one clip, from the track to the fit; :func:`iris_sysid.write_report` draws them.
 
     ``tracks`` in px and ``world``, x and z, have one entry per body; ``trajectory`` is the observable that the model
@@ -64,3 +65,6 @@ class Run:
     trajectory: Trajectory
     fit: FitResult
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return "\n  ".join([f"Run of {self.source.name} as {self.phenomenon.name}", *repr(self.fit).splitlines()[:2]])

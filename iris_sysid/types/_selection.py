@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from iris_sysid.types._display import text_of
 from iris_sysid.types._result import FitResult
 from iris_sysid.types._verdict import Doubt, Verdict, worst_verdict
 
@@ -63,3 +64,10 @@ class ModelChoice:
         if self.chosen is not None:
             return own
         return worst_verdict([own, Verdict("misfit", (Doubt("incomplete", self.message, ""),))])
+
+    def __repr__(self) -> str:
+        return text_of(
+            f"ModelChoice: {self.chosen.model if self.chosen is not None else 'none of these'}",
+            f"ranking: {', '.join(candidate.model for candidate in self.ranking)}",
+            self.message,
+        )
