@@ -369,7 +369,8 @@ def observe_and_fit(
         stated = {**known, **_marks_in_world(marks_px or {}, tracks[0], calibration)}
         fixed = {name: value for name, value in stated.items() if name in names}
         wanted = [name for name in dict.fromkeys((*phenomenon.free, *free)) if name not in fixed]
-        result = fit(trajectory, model, fixed=fixed, free=wanted)
+        trajectory = trajectory.with_(known=fixed, free=wanted)
+        result = fit(trajectory, model)
         better = phenomenon.refine(result, trajectory) if phenomenon.refine is not None else {}
         if all(_settled(known.get(name), value) for name, value in better.items()):
             break

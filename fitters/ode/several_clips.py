@@ -109,8 +109,9 @@ def fit_clips(
     model = MODELS.resolved(model)
     _check(trajectories, model, shared, per_clip, fixed)
     freed = _free(free, shared, model)
+    per_clip = [*per_clip, *(name for trajectory in trajectories for name in trajectory.free if name not in shared)]
     requests = [
-        FitRequest(trajectory, model, fixed=fixed, free=freed, start=start, options=options)
+        FitRequest.stated(_without(trajectory, shared), model, fixed, freed, start=start, options=options)
         for trajectory in trajectories
     ]
     alone = [solve(request) for request in requests]
@@ -120,12 +121,14 @@ def fit_clips(
     if not shared:
         others = _others(alone, (), per_clip)
         return _pooled(model, alone, {}, {}, _populations(alone, others), np.zeros((0, 0)), {})
-    own = [request.with_(free=[name for name in free if name not in shared]) for request in requests]
+    own = [request.with_(free=[name for name in request.free if name not in shared]) for request in requests]
     usable = [(request, clip) for request, clip in zip(own, alone, strict=True) if clip.usable]
     values, views = _joint(usable, shared)
     covariance, estimates, budget = _shared_estimates(values, views, shared, alone)
-    held = {**fixed, **estimates}
-    clips = [_held_fit(request.with_(fixed=held), clip) for request, clip in zip(own, alone, strict=True)]
+    clips = [
+        _held_fit(request.with_(fixed={**request.fixed, **estimates}), clip)
+        for request, clip in zip(own, alone, strict=True)
+    ]
     others = _others(alone, shared, per_clip)
     return _pooled(model, clips, estimates, scatter, _populations(clips, others), covariance, budget)
 
@@ -145,6 +148,11 @@ def _check(
             raise FitError(f"{name} cannot be both shared and per clip; leave out one of the two")
         if name in fixed:
             raise FitError(f"{name} cannot be both shared and fixed; leave out one of the two")
+
+
+def _without(trajectory: Trajectory, shared: Sequence[str]) -> Trajectory:
+    """The trajectory that does not state the shared values."""
+    return trajectory.with_(known={name: value for name, value in trajectory.known.items() if name not in shared})
 
 
 def _free(free: Sequence[str], shared: Sequence[str], model: OdeModel) -> list[str]:

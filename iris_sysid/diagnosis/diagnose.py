@@ -90,7 +90,7 @@ def diagnose(
     """
     measured = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
     model, tested = MODELS.resolved(model), EFFECTS.all_resolved(EFFECTS if effects is None else effects)
-    requests = [FitRequest(clip, model, fixed=dict(fixed or {}), free=free) for clip in measured]
+    requests = [FitRequest.stated(clip, model, dict(fixed or {}), free) for clip in measured]
     fitted = [with_free_geometry(request) for request in requests]
     clips = [request for request, _ in fitted]
     base = _base(clips, tuple(fit for _, fit in fitted))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -249,7 +250,17 @@ def _trajectory(sheet: Sheet, document: OriginDocument | None, origin: Mapping[s
         sensor=document.sensor if document else "unknown",
         view=_view(sheet, document, measured),
         doubts=tuple(entry.doubt() for entry in document.doubts) if document else (),
+        known={name: entry.estimate() for name, entry in document.known.items()} if document else {},
+        free=_open_constants(measured, document),
     )
+
+
+def _open_constants(columns: Sequence[Column], document: OriginDocument | None) -> tuple[str, ...]:
+    """Constants to estimate; without a file that states them, the zero of every angle, which nothing says."""
+    if document is not None and document.free is not None:
+        return tuple(document.free)
+    angles = [re.fullmatch(r"theta_?(\d*)", column.name) for column in columns if column.unit == "rad"]
+    return tuple(f"vertical_{match[1]}".rstrip("_") for match in angles if match)
 
 
 def _view(sheet: Sheet, document: OriginDocument | None, columns: Sequence[Column]) -> View | None:

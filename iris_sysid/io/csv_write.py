@@ -119,6 +119,8 @@ def write_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: boo
         "sensor": trajectory.sensor,
         "view": ViewEntry.of(trajectory.view),
         "doubts": [asdict(doubt) for doubt in trajectory.doubts],
+        "known": entries_of(trajectory.known),
+        "free": list(trajectory.free),
     }
     return _write(to_frame(trajectory), path, beside, overwrite=overwrite)
 

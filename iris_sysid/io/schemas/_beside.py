@@ -15,6 +15,7 @@ from iris_sysid.types import (
     Array,
     CurveName,
     ErrorAutocorrelation,
+    Estimate,
     PivotSource,
     Sensor,
     Track,
@@ -166,7 +167,7 @@ class OriginDocument(Document):
     """What a CSV file cannot say (the .origin.json file beside it)."""
 
     document: Literal["origin"] = "origin"
-    version: Literal[3] = 3
+    version: Literal[4] = 4
     table: str
     """Name of the CSV file."""
     table_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
@@ -192,6 +193,10 @@ class OriginDocument(Document):
     """How the camera of a track's clip moved; null where it stands still."""
     doubts: list[DoubtEntry] = []
     """What speaks against the track from which a trajectory was made."""
+    known: dict[str, EstimateEntry] = {}
+    """Constants of an equation that were stated when a trajectory was made."""
+    free: list[str] | None = None
+    """Constants of an equation that were left open then; null where that is not recorded."""
     first_frame: int | None = None
     """Number in the video of the frame that is the first sample of a trajectory; null when it is not known."""
     sensor: Sensor = "unknown"
@@ -201,12 +206,21 @@ class OriginDocument(Document):
 
     @classmethod
     def upgraded(cls, content: dict[str, Any]) -> dict[str, Any]:
-        """Version 1 kept the error autocorrelation elsewhere; version 2 did not say which sensor measured."""
+        """Version 1 kept the error autocorrelation elsewhere, 2 did not say which sensor, 3 not what was stated."""
         content = cls._from_version_1(content) if content.get("version") == 1 else content
-        if content.get("version") != 2:
-            return content
-        filmed = "calibration" in content.get("origin", {}) and bool(content.get("quantities"))
-        return {**content, "version": 3, "sensor": "camera" if filmed else "unknown"}
+        if content.get("version") == 2:
+            filmed = "calibration" in content.get("origin", {}) and bool(content.get("quantities"))
+            content = {**content, "version": 3, "sensor": "camera" if filmed else "unknown"}
+        return cls._from_version_3(content) if content.get("version") == 3 else content
+
+    @classmethod
+    def _from_version_3(cls, content: dict[str, Any]) -> dict[str, Any]:
+        """Version 3 kept what was stated in the request of the run, in the origin."""
+        request = content.get("origin", {}).get("options", {}) if content.get("quantities") else {}
+        known = {name: _stated_entry(**value) for name, value in request.get("settings", {}).items()}
+        angles = [entry["name"][5:] for entry in content.get("quantities", []) if entry["name"].startswith("theta")]
+        free = [*request.get("free", []), *(f"vertical_{angle}".rstrip("_") for angle in angles)]
+        return {**content, "version": 4, "known": known, "free": free}
 
     @classmethod
     def _from_version_1(cls, content: dict[str, Any]) -> dict[str, Any]:
@@ -231,6 +245,12 @@ class OriginDocument(Document):
             "body_error_autocorrelation": {body: _columns(rows) for body, rows in by_body.items() if rows},
             "first_frame": first_frame,
         }
+
+
+def _stated_entry(value: float, stderr: float, unit: str) -> dict[str, Any]:
+    """A value that was stated, as an :class:`EstimateEntry` has it."""
+    numbers = {"value": value, "stderr": stderr, "ci95": Estimate(value, stderr, unit).interval}
+    return {**numbers, "unit": unit, "measurement_type": "assumed", "source": "given"}
 
 
 def _columns(rows: Sequence[tuple[float, float]]) -> dict[str, list[float]] | None:
