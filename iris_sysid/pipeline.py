@@ -71,9 +71,14 @@ def track(video: FrameSource, tracker: str = AUTO, options: TrackOptions | None 
     return tracked(video, TRACKERS.named(tracker), options or TrackOptions())
 
 
-def from_source(tracks: Sequence[Track], source: str | Path, options: Mapping[str, Any]) -> list[Track]:
-    """The tracks with the file they come from, its sha256, the options and the versions of packages as their origin."""
-    origin = origin_of(Path(source), options)
+def from_source(
+    tracks: Sequence[Track], source: str | Path, options: Mapping[str, Any], *, complete: bool = True
+) -> list[Track]:
+    """The tracks with the file they come from, its sha256, the options and the versions of packages as their origin.
+
+    ``complete`` is False where the file says that a part of the clip is missing.
+    """
+    origin = {**origin_of(Path(source), options), "complete": complete}
     return [replace(body, origin={**body.origin, **origin}) for body in tracks]
 
 
@@ -238,7 +243,8 @@ def run(
     if options is not None and options.marks and chosen.tracker != AUTO:
         raise DataError(f"marks of bodies are for the tracker {AUTO}, not for {chosen.tracker}; add --tracker {AUTO}")
     tracks = track(video, chosen.tracker, options or TrackOptions(bodies=chosen.bodies))
-    tracks = from_source(tracks, source, _request_origin(chosen, known, free, clip, geometry))
+    request = _request_origin(chosen, known, free, clip, geometry)
+    tracks = from_source(tracks, source, request, complete=video.complete)
     if geometry.scale_from_gravity is not None:
         calibration = gravity_calibration(tracks[0], chosen, geometry.scale_from_gravity)
         known["gravity"] = geometry.scale_from_gravity
@@ -353,6 +359,7 @@ def observe_and_fit(
         The model fitted to it.
     """
     from fitters.ode.single_clip import fit
+    from iris_sysid.trajectory.consistency.checks import doubts_of_run
 
     model, known = MODELS.named(phenomenon.model), dict(settings)
     names = {parameter.name for parameter in model.parameters}
@@ -375,7 +382,8 @@ def observe_and_fit(
         if all(_settled(known.get(name), value) for name, value in better.items()):
             break
         known.update(better)
-    return world, trajectory, result
+    doubts = (*doubts_of_run(tracks, world, calibration, phenomenon, result, trajectory), *trajectory.doubts)
+    return world, trajectory.with_(doubts=doubts), replace(result, doubts=doubts)
 
 
 def _settled(before: Estimate | None, now: Estimate) -> bool:

@@ -95,7 +95,8 @@ def track(
         "stop_s": clip.stop,
         "keep_partial": clip.keep_partial,
     }
-    csv_write.write_track(pipeline.from_source(tracks, video, recorded), output, overwrite=force)
+    tracks = pipeline.from_source(tracks, video, recorded, complete=opened.complete)
+    csv_write.write_track(tracks, output, overwrite=force)
     if world is not None and calibration is not None:
         bodies_in_m = {body.body: to_world(body, calibration) for body in tracks}
         csv_write.write_worlds(bodies_in_m, world, overwrite=force)

@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from pathlib import Path
 
 import av
@@ -17,6 +18,7 @@ from av.video.stream import VideoStream
 
 from iris_sysid.errors import VideoError
 from iris_sysid.video.completeness import EMPTY_PACKET_BYTES, Promise, Tally, promise_of, what_is_missing
+from iris_sysid.video.container_ends import what_is_cut
 from iris_sysid.video.even_times import EvenTimes, even_times, is_coarse
 from iris_sysid.video.pixel_formats import Orientation, coding_of, orientation_of
 
@@ -74,6 +76,11 @@ class ContainerSource:
     def expected(self) -> int:
         """Number of frames that the header promises, or about so many by its duration; 0 when neither is there."""
         return self.promise.frames
+
+    @cached_property
+    def cut(self) -> str:
+        """Why the file's structure does not go on to its end; empty where it does, or its format does not tell."""
+        return what_is_cut(self.path, str(self.facts["format"]))
 
     def images(self) -> Generator[tuple[float | None, av.VideoFrame]]:
         """Every image in display order with its time in s (None where the file has none).

@@ -59,6 +59,7 @@ class ImageSource:
     first_s: float | None = None
     facts: Mapping[str, object] = field(default_factory=dict)
     note: str = ""
+    cut: str = ""
 
     @property
     def expected(self) -> int:

@@ -33,6 +33,7 @@ SAMPLING_PIXELS = 250_000_000
 HELD_PIXELS, HELD_FRAMES = 110_000_000, 9
 # A background needs this many different moments, or a third of those asked for
 FEWEST_KEY_FRAMES = 8
+JUMP_S, JUMP = 60.0, 1000.0  # s, and intervals of frames: a longer step in time is damage, or two recordings in one
 GOLDEN = (math.sqrt(5) - 1) / 2
 
 
@@ -50,6 +51,8 @@ class _Source(Protocol):
 
     @property
     def expected(self) -> int: ...
+    @property
+    def cut(self) -> str: ...
     @property
     def facts(self) -> Mapping[str, object]: ...
     def images(self) -> Generator[tuple[float | None, av.VideoFrame]]: ...
@@ -121,6 +124,7 @@ class Video:
         self._clock = clock
         self._keep_partial = keep_partial
         self._damage = ""
+        self._jump = ""
         self._repeated: list[int] = []
         self._sampled: tuple[int, list[Frame]] | None = None
 
@@ -135,13 +139,20 @@ class Video:
     @property
     def warning(self) -> str:
         """Faults found in the latest pass, as text; empty when there were none."""
-        notes = [self._source.note, self._damage]
+        notes = [self._source.note, self._damage, self._jump]
+        if self._source.cut and not self._damage:
+            notes.append(f"{self._source.label} may lack its end: {self._source.cut}")
         if self._repeated:
             notes.append(
                 f"{len(self._repeated)} frames were left out, each with the same time as the frame before it "
                 f"(the first is frame {self._repeated[0]})"
             )
         return "; ".join(filter(None, notes))
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing in the file, as far as the latest pass went, says that a part of the clip is missing."""
+        return not (self._damage or self._jump or self._source.cut)
 
     @cached_property
     def sha256(self) -> str:
@@ -234,7 +245,7 @@ class Video:
 
     def _wanted(self, last: int | None = None) -> Iterator[tuple[int, float, av.VideoFrame]]:
         """Number, time and image of each requested frame, up to number ``last``."""
-        self._damage, self._repeated, self.decoded, found = "", [], 0, 0
+        self._damage, self._jump, self._repeated, self.decoded, found = "", "", [], 0, 0
         t_s = -math.inf
         try:
             with closing(self._timed()) as timed:
@@ -258,7 +269,7 @@ class Video:
 
     def _timed(self) -> Generator[tuple[int, float, av.VideoFrame]]:
         """Number, time and image of every frame; times strictly increase."""
-        before = -math.inf
+        before, shortest = -math.inf, math.inf
         with closing(self._source.images()) as images:
             for index, (seconds, image) in enumerate(images):
                 self.decoded = index + 1
@@ -268,6 +279,9 @@ class Video:
                 if t_s == before:
                     self._repeated.append(index)
                     continue
+                if index and t_s - before > max(JUMP_S, JUMP * shortest):
+                    self._jump = f"the time jumps from {before:.6g} s to {t_s:.6g} s in frame {index}"
+                shortest = min(shortest, t_s - before)
                 before = t_s
                 yield index, t_s, image
 

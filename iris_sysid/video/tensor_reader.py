@@ -44,6 +44,7 @@ class TensorSource:
     first_s: float | None
     facts: Mapping[str, object]
     note: str = ""
+    cut: str = ""
     orientation: Orientation = UPRIGHT
     time_base: Fraction | None = None
 

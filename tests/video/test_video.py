@@ -8,6 +8,7 @@ import time
 import wave
 import zipfile
 import zlib
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 
@@ -602,6 +603,48 @@ def test_damaged_clip_is_an_error_that_counts_or_is_kept_in_part(tmp_path, damag
     assert "of 60 promised frames were read" in str(caught.value)
     assert "--keep-partial" in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("a.ogg", {"codec": "libvpx"}),
+        ("a.ts", {}),
+        ("a.flv", {"codec": "flv"}),
+        ("a.wmv", {"codec": "wmv2"}),
+        ("a.mkv", {}),
+        ("live.mkv", {"container_options": {"live": "1"}}),
+        ("fragments.mp4", {"container_options": {"movflags": "frag_keyframe+empty_moov"}}),
+    ],
+)
+def test_cut_of_a_file_that_promises_no_end_is_said(tmp_path, name, options):
+    data = big_clip(tmp_path / name, **options).read_bytes()
+    assert (open_video(tmp_path / name).complete, open_video(tmp_path / name).warning) == (True, "")
+    for number, size in enumerate(np.linspace(0.5, 0.999, 12) * len(data)):
+        path = written(tmp_path / f"{number}{name}", data[: int(size) // 188 * 188 - 88])
+        with suppress(VideoError):  # nothing of it can be read: that is said as well
+            video = open_video(path, keep_partial=True)
+            assert list(video.frames())
+            assert not video.complete
+            assert video.warning
+
+
+def test_packets_missing_within_a_transport_stream_are_said(tmp_path):
+    data = big_clip(tmp_path / "a.ts").read_bytes()
+    middle = len(data) // 2 // 188 * 188
+    video = open_video(written(tmp_path / "b.ts", data[:middle] + data[middle + 5 * 188 :]), keep_partial=True)
+    list(video.frames())
+    assert not video.complete
+    assert "b.ts" in video.warning
+
+
+def test_jump_of_the_time_is_said(tmp_path):
+    stamps = [*range(20), *range(4_000_000, 4_000_010)]
+    path = write_clip(tmp_path / "a.mkv", 30, stamps=[40 * stamp for stamp in stamps])
+    video = open_video(path)
+    list(video.frames())
+    assert video.warning == "the time jumps from 0.76 s to 160000 s in frame 20"
+    assert not video.complete
 
 
 @pytest.mark.parametrize("harm", [lambda path: cut_to(path, 0.6), lambda path: zeroed_at(path, 0.5)])
