@@ -1,8 +1,8 @@
 """The command line: each command is one step of the pipeline and calls the library.
 
 Results go to files and, with ``--json``, to stdout; progress goes to stderr. Exit status: 0 done,
-1 a reported failure, 2 wrong usage. A command's module is imported when the command is called, and
-slow imports are made inside the command that needs them.
+1 a reported failure, 2 wrong usage, 3 with ``--strict`` a verdict that is not good. A command's module is imported when
+the command is called, and slow imports are made inside the command that needs them.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib
 import sys
 from collections.abc import Iterator, MutableMapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -50,6 +50,9 @@ COMMANDS = {
 }
 
 
+HELP = {"help_option_names": ["-h", "--help"]}
+
+
 class _Loaded(MutableMapping[str, "Command"]):
     """The commands by name; each is imported when it is looked up."""
 
@@ -77,7 +80,9 @@ class _Loaded(MutableMapping[str, "Command"]):
 def _command(name: str) -> Command:
     module, _ = COMMANDS[name]
     application = typer.Typer(add_completion=False, rich_markup_mode=None)
-    application.command(name)(getattr(importlib.import_module(f"iris_sysid.cli.{module}"), module))
+    application.command(name, context_settings=HELP)(
+        getattr(importlib.import_module(f"iris_sysid.cli.{module}"), module)
+    )
     return typer.main.get_command(application)
 
 
@@ -105,7 +110,7 @@ class _Group(TyperGroup):
 app = typer.Typer(
     cls=_Group,
     no_args_is_help=True,
-    add_completion=False,
+    context_settings=HELP,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     help="From a physics video to the parameters of its governing equation, with honest error bars.",
@@ -113,9 +118,22 @@ app = typer.Typer(
 )
 
 
+def _show_version(wanted: bool) -> None:
+    """Print the installed version and leave."""
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"iris-sysid {version('iris-sysid')}")
+        raise typer.Exit
+
+
 @app.callback()
-def _every_command() -> None:
-    """No options; typer needs a callback in a group without registered commands."""
+def _every_command(
+    version: Annotated[
+        bool, typer.Option("--version", help="Show the version and exit.", callback=_show_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Options before the name of a command."""
 
 
 def main() -> None:
@@ -131,7 +149,7 @@ def main() -> None:
     except Exception as error:
         if debug:
             raise
-        stated = isinstance(error, IrisError)
-        text = str(error) if stated else f"unexpected {type(error).__name__}: {error}; --debug shows where"
+        unexpected = f"unexpected {type(error).__name__}: {error}; --debug shows where"
+        text = f"{error}{_terminal.starts_text(error)}" if isinstance(error, IrisError) else unexpected
         typer.echo(f"iris-sysid: {_terminal.one_line(text)}", err=True)
         sys.exit(1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,10 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from iris_sysid.errors import IrisError, OutputError
+from iris_sysid.errors import FitError, IrisError, OutputError
 
 if TYPE_CHECKING:
-    from iris_sysid.types import FitResult, OdeModel, Track, Trajectory
+    from iris_sysid.types import FitResult, OdeModel, Track, Trajectory, Verdict
+
+NOT_GOOD = 3  # exit status with --strict
 
 
 def check_outputs(source: Path, paths: Sequence[Path | None], *, overwrite: bool) -> None:
@@ -105,17 +108,56 @@ def show_fit(fit: FitResult, trajectory: Trajectory, json: bool) -> None:
     from iris_sysid.io import json_documents
     from iris_sysid.report.text import fit_table
 
-    for doubt in trajectory.doubts:
-        typer.echo(f"warning: the track is doubtful: {doubt.text}", err=True)
+    show_verdict(fit.verdict, json)
     typer.echo(json_documents.fit_json(fit, trajectory).rstrip("\n") if json else fit_table(fit))
+    for note in fit.notes if not json else ():
+        typer.echo(f"note: {one_line(note)}", err=True)
 
 
-def exit_unless_ok(fit: FitResult) -> None:
-    """Raise IrisError when a fit has no estimates; warn on stderr when its status is not ok."""
+def show_verdict(verdict: Verdict, json: bool) -> None:
+    """Print a verdict: on stdout, before the result; beside JSON on stderr, where there is a result to doubt."""
+    from iris_sysid.report.text import verdict_lines
+
+    if not json or verdict.word not in ("good", "failed"):
+        typer.echo("\n".join(map(one_line, verdict_lines(verdict))), err=json)
+
+
+def suggest(*arguments: object, json: bool = False) -> None:
+    """Print the next command to type on stderr; nothing beside JSON, which a program reads."""
+    if not json:
+        typer.echo(f"next: iris-sysid {shlex.join(map(str, arguments))}", err=True)
+
+
+def repeated(option: str, values: Sequence[str] | None) -> list[str]:
+    """An option that may be given several times, as typed."""
+    return [text for value in values or () for text in (option, value)]
+
+
+def starts_text(error: Exception) -> str:
+    """The options for the values that lack a start, to add to the text of an error."""
+    names = error.to_start if isinstance(error, FitError) else ()
+    return f" ({' '.join(f'--start-at {name}=VALUE' for name in names)})" if names else ""
+
+
+def suggest_options(fit: FitResult) -> None:
+    """Print the options that may help a fit that has problems on stderr."""
+    known = [f"--set {name}=VALUE" for problem in fit.problems for name in problem.to_set]
+    starts = [f"--start-at {name}=VALUE" for problem in fit.problems for name in problem.to_start]
+    for options in filter(None, (known, starts)):
+        typer.echo(f"options that may help: {' or '.join(dict.fromkeys(options))}", err=True)
+
+
+def check_usable(fit: FitResult) -> None:
+    """Print the options that may help a fit with problems, and raise IrisError when it has no estimates."""
+    suggest_options(fit)
     if not fit.usable:
         raise IrisError(f"the fit failed ({fit.status}): {fit.message}")
-    if not fit.ok:
-        typer.echo(f"warning: {fit.status}: {fit.message}", err=True)
+
+
+def end(verdict: Verdict, strict: bool) -> None:
+    """Leave with exit status 3 when ``strict`` and the verdict is not good."""
+    if strict and not verdict.good:
+        raise typer.Exit(NOT_GOOD)
 
 
 def print_rows(rows: list[dict[str, Any]], json: bool) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import TABLE, Columns, Force, Free, Json, Output, Settings
+from iris_sysid.cli.arguments import TABLE, Columns, Force, Free, Json, Output, Settings, Strict
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +17,10 @@ Clips = Annotated[
     list[Path],
     typer.Argument(help=f"{TABLE}; folders of them, of run, or a data set."),
 ]
-Model = Annotated[str | None, typer.Option("--model", help="Governing equation; see list. Or FILE.py:NAME.")]
+Model = Annotated[
+    str | None,
+    typer.Option("--model", help="Governing equation; see list. Or auto, or FILE.py:NAME. Default: that of run."),
+]
 Effects = Annotated[list[str] | None, typer.Option("--effect", help="Try an effect of your own as well: FILE.py:NAME.")]
 Phenomenon = Annotated[
     str | None, typer.Option("--phenomenon", help="What is filmed, for its model; see list. Or FILE.py:NAME.")
@@ -26,6 +29,7 @@ Sensor = Annotated[
     str | None, typer.Option(help="What measured: camera, encoder, gauge or unknown; only a camera has its effects.")
 ]
 
+AUTO = "auto"
 Holdout = Annotated[float, typer.Option(help="Fraction of each clip held out for validation.", min=0.0, max=0.9)]
 
 
@@ -45,11 +49,12 @@ def diagnose(
     square: Annotated[str | None, typer.Option(help="Side of their squares: 25mm or 25.0+-0.1mm.")] = None,
     force: Force = False,
     json: Json = False,
+    strict: Strict = False,
 ) -> None:
     """Find the effects that a governing equation lacks, add them, and report the error before and after.
 
-    Several clips of the same kind are diagnosed jointly; those of a data set are measured first, once. The model may be
-    your own: FILE.py:NAME.
+    A folder of run needs no further option. Several clips of the same kind are diagnosed jointly; those of a data set
+    are measured first, once. The model may be your own: FILE.py:NAME.
 
     \b
     Example:
@@ -60,8 +65,8 @@ def diagnose(
     from iris_sysid.registry import EFFECTS
     from iris_sysid.report.diagnosis_files import check_folder
 
-    equation, free_by_default = _equation(model, phenomenon)
     check_folder(output, overwrite=force)
+    equation, free_by_default = _equation(model, phenomenon, clips, columns)
     fixed = _parsing.settings(known or (), equation.units())
     options = {
         "model": equation.name if model is None else model,
@@ -81,7 +86,8 @@ def diagnose(
     trajectories = [_parsing.with_options(clip, **options) for clip in measured]
     if stated is not None:
         trajectories = [clip.with_(sensor=stated) for clip in trajectories]
-    estimated = [*(name for name in free_by_default if name not in fixed), *(free or ())]
+    stated_before = {name for clip in measured for name in (*fixed, *clip.known)}
+    estimated = [*(name for name in free_by_default if name not in stated_before), *(free or ())]
     diagnosis = find_missing_effects(
         trajectories,
         equation,
@@ -93,20 +99,59 @@ def diagnose(
     )
     page = write_diagnosis(diagnosis, trajectories, output, overwrite=force)
     document = document_text(diagnosis_document(diagnosis, trajectories)).rstrip("\n")
+    _terminal.show_verdict(diagnosis.verdict, json)
     typer.echo(document if json else diagnosis_text(diagnosis))
     typer.echo(f"report: {page}", err=True)
+    if diagnosis.incomplete and model != AUTO:
+        tables = [table for path in clips for table in ([path] if path.is_file() else sorted(path.glob("*.csv")))]
+        found = output / "discovery.json"
+        _terminal.suggest("discover", *tables, "--residual-of", equation.name, "-o", found, json=json)
+    _terminal.end(diagnosis.verdict, strict)
 
 
-def _equation(model: str | None, phenomenon: str | None) -> "tuple[OdeModel, Sequence[str]]":
+def _equation(
+    model: str | None, phenomenon: str | None, clips: "Sequence[Path]", columns: str | None
+) -> "tuple[OdeModel, Sequence[str]]":
     """The model to diagnose, and the constants that its phenomenon estimates by default."""
     from iris_sysid.registry import MODELS, PHENOMENA
 
     described = None if phenomenon is None else PHENOMENA.named(phenomenon)
+    if model == AUTO:
+        return _chosen(clips, columns), ()
     if model is not None:
         return MODELS.named(model), ()
     if described is None:
-        raise typer.BadParameter("Missing option '--model' or '--phenomenon'")
+        return MODELS.named(_model_of_runs(clips)), ()
     return MODELS.named(described.model), described.free
+
+
+def _model_of_runs(clips: "Sequence[Path]") -> str:
+    """The model in fit.json of each folder of run, or beside its table."""
+    from iris_sysid.errors import DataError
+    from iris_sysid.io.json_documents import read_document
+    from iris_sysid.io.schemas import FitDocument
+
+    fits = [(path if path.is_dir() else path.parent) / "fit.json" for path in clips]
+    if not all(fit.is_file() for fit in fits):
+        raise typer.BadParameter("Missing option '--model' or '--phenomenon'; only a folder of run can do without")
+    models = {read_document(fit, FitDocument).model for fit in fits}
+    if len(models) > 1:
+        raise DataError(f"these runs have different models: {', '.join(sorted(models))}; diagnose them one by one")
+    return models.pop()
+
+
+def _chosen(clips: "Sequence[Path]", columns: str | None) -> "OdeModel":
+    """The model of the bank that describes the first clip."""
+    from fitters.selection.select import select_model
+    from iris_sysid.benchmark.clip_folders import tables_in
+    from iris_sysid.errors import DataError
+    from iris_sysid.registry import MODELS
+
+    choice = select_model(_terminal.read_tables(tables_in(clips[0])[:1], columns)[0])
+    if choice.chosen is None:
+        raise DataError(f"{choice.message}; name a model with --model")
+    typer.echo(f"model: {choice.message}", err=True)
+    return MODELS[choice.chosen.model]
 
 
 def _measured(

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import TABLE, Columns, Force, Json, Output, Settings
+from iris_sysid.cli.arguments import TABLE, Columns, Force, Json, Output, Settings, Strict
 
 Tables = Annotated[list[Path], typer.Argument(help=f"{TABLE}; several clips of one.")]
 
@@ -22,6 +22,7 @@ def discover(
     seed: Annotated[int, typer.Option(help="Random seed of the resampling.", min=0)] = 0,
     force: Force = False,
     json: Json = False,
+    strict: Strict = False,
 ) -> None:
     """Find the governing equation itself, with error bars on its terms, and its name. Writes discovery.json.
 
@@ -51,4 +52,9 @@ def discover(
         from iris_sysid.report.page import png_of
 
         files.write_atomic(plot, png_of(discovery_figure(discovery, clips)), overwrite=force)
+    _terminal.show_verdict(discovery.verdict, json)
     typer.echo(json_documents.document_text(document).rstrip("\n") if json else discovery_text(discovery))
+    if discovery.matched is not None:
+        model, fitted = discovery.matched.model, output.parent / "fit.json"
+        _terminal.suggest("fit", *tables, "--model", model, "-o", fitted, json=json)
+    _terminal.end(discovery.verdict, strict)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import TABLE, Columns, Force, Free, Json, ModelName, Output, Settings, Starts
+from iris_sysid.cli.arguments import TABLE, Columns, Force, Free, Json, ModelName, Output, Settings, Starts, Strict
 
 if TYPE_CHECKING:
-    from iris_sysid.types import Estimate, FitResult, OdeModel, Trajectory
+    from iris_sysid.types import Estimate, FitResult, OdeModel, Trajectory, Verdict
 
 AUTO = "auto"
 
@@ -30,6 +30,7 @@ def fit(
     plot: Annotated[Path | None, typer.Option(help="Also draw the fit and its residual to this PNG file.")] = None,
     force: Force = False,
     json: Json = False,
+    strict: Strict = False,
 ) -> None:
     """Fit a governing equation to a trajectory. Writes fit.json: values, standard errors, intervals, units.
 
@@ -65,14 +66,20 @@ def fit(
         "uncertainty": uncertainty,
     }
     clips = [_parsing.with_options(clip, **options) for clip in _terminal.read_tables(tables, columns, chosen)]
-    if chosen is None:
-        _choose(clips[0], free or [], output, force, json)
-        return
     starts = {name: value.value for name, value in first.items()}
-    if len(tables) > 1:
-        _pool(tables, clips, chosen, (shared or [], per_clip or [], free or []), fixed, starts, output, force, json)
+    if chosen is None:
+        verdict, model = _choose(clips[0], free or [], output, force, json)
+    elif len(tables) > 1:
+        parts = (shared or [], per_clip or [], free or [])
+        verdict = _pool(tables, clips, chosen, parts, fixed, starts, output, force, json)
     else:
-        _fit_one(clips[0], chosen, fixed, free or [], starts, uncertainty or ["robust"], output, plot, force, json)
+        verdict = _fit_one(
+            clips[0], chosen, fixed, free or [], starts, uncertainty or ["robust"], output, plot, force, json
+        )
+    same = [*_terminal.repeated("--set", known), *_terminal.repeated("--free", free)]
+    same += [] if columns is None else ["--columns", columns]
+    _terminal.suggest("diagnose", *tables, "--model", model, *same, "-o", output.parent / "diagnosis", json=json)
+    _terminal.end(verdict, strict)
 
 
 def _fit_one(
@@ -86,7 +93,7 @@ def _fit_one(
     plot: Path | None,
     force: bool,
     json: bool,
-) -> None:
+) -> Verdict:
     from dataclasses import replace
 
     from fitters.ode import fit as fit_model
@@ -100,7 +107,8 @@ def _fit_one(
     json_documents.write_fit(result, trajectory, output, overwrite=force)
     _draw(trajectory, result, plot, force)
     _terminal.show_fit(result, trajectory, json)
-    _terminal.exit_unless_ok(result)
+    _terminal.check_usable(result)
+    return result.verdict
 
 
 def _pool(
@@ -113,7 +121,7 @@ def _pool(
     output: Path,
     force: bool,
     json: bool,
-) -> None:
+) -> Verdict:
     from fitters.ode.several_clips import fit_clips
     from iris_sysid.errors import IrisError
     from iris_sysid.io import json_documents
@@ -124,14 +132,17 @@ def _pool(
     pooled = fit_clips(clips, model, shared=shared, per_clip=per_clip, fixed=fixed, free=free, start=starts)
     document = pooled_document(pooled, [table.name for table in tables], clips[0])
     json_documents.write_document(document, output, overwrite=force)
+    _terminal.show_verdict(pooled.verdict, json)
     typer.echo(json_documents.document_text(document).rstrip("\n") if json else pooled_table(pooled))
     if not pooled.usable:
         raise IrisError(f"the fit failed ({pooled.status}): {pooled.message}")
     if pooled.message:
-        typer.echo(f"warning: {pooled.message}", err=True)
+        typer.echo(f"note: {pooled.message}", err=True)
+    return pooled.verdict
 
 
-def _choose(trajectory: Trajectory, free: list[str], output: Path, force: bool, json: bool) -> None:
+def _choose(trajectory: Trajectory, free: list[str], output: Path, force: bool, json: bool) -> tuple[Verdict, str]:
+    """The verdict on the model that is chosen, and its name."""
     from fitters.selection.select import select_model
     from iris_sysid.errors import IrisError
     from iris_sysid.io import json_documents
@@ -143,11 +154,13 @@ def _choose(trajectory: Trajectory, free: list[str], output: Path, force: bool, 
         raise IrisError(f"no model of the bank could be fitted: {choice.nearest.note}")
     document = selection_document(choice, trajectory)
     json_documents.write_document(document, output, overwrite=force)
+    _terminal.show_verdict(choice.verdict, json)
     typer.echo(json_documents.document_text(document).rstrip("\n") if json else choice.message)
     if choice.chosen is None:
         raise IrisError(choice.message)
     if not json:
         typer.echo(fit_table(choice.nearest.fit))
+    return choice.verdict, choice.chosen.model
 
 
 def _draw(trajectory: Trajectory, result: FitResult, plot: Path | None, force: bool) -> None:

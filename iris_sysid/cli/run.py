@@ -13,6 +13,7 @@ from iris_sysid.cli.arguments import (
     PhenomenonName,
     ScaleArguments,
     SceneArguments,
+    Strict,
     TrackerArguments,
     Video,
 )
@@ -30,6 +31,7 @@ def run(
     model: ModelArguments,
     force: Force = False,
     json: Json = False,
+    strict: Strict = False,
 ) -> None:
     """Run the whole chain on one clip. Track, calibrate, segment, smooth, fit, report.
 
@@ -76,4 +78,6 @@ def run(
     page = pipeline.save(result, output, overwrite=force)
     _terminal.show_fit(result.fit, result.trajectory, json)
     typer.echo(f"report: {page}", err=True)
-    _terminal.exit_unless_ok(result.fit)
+    _terminal.check_usable(result.fit)
+    _terminal.suggest("diagnose", output, "-o", output / "diagnosis", json=json)
+    _terminal.end(result.fit.verdict, strict)

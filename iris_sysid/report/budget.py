@@ -11,13 +11,13 @@ from iris_sysid.calibration.plane import local_geometry
 from iris_sysid.calibration.vertical import assumptions, fixed_by_data
 from iris_sysid.errors import CalibrationError
 from iris_sysid.report.page import Section, estimates_section, numbers, words
-from iris_sysid.report.text import with_error
+from iris_sysid.report.text import shown_unit, with_error
 from iris_sysid.types import Calibration, Estimate, FitResult, Track
 
 RANDOM = "random"
 SPELLED = {RANDOM: "tracking noise and other random errors"}
 NOTE = (
-    "Standard errors in each parameter's unit. The parts are independent and add in squares (GUM 5.1.2). Systematic "
+    "Standard errors in the unit of the total. The parts are independent and add in squares (GUM 5.1.2). Systematic "
     "parts are common to all samples of the clip: more samples do not reduce them."
 )
 
@@ -37,12 +37,14 @@ def budget_sections(fit: FitResult) -> list[Section]:
 def _rows(
     name: str, total: Estimate, parts: Mapping[str, float], known: Mapping[str, Estimate]
 ) -> list[tuple[str, ...]]:
-    variance = sum(part**2 for part in parts.values())
-    rows: list[tuple[str, ...]] = [(name, "total", "", f"{math.sqrt(variance):.2g} {total.unit}".strip(), "")]
+    variance, (unit, factor) = sum(part**2 for part in parts.values()), shown_unit(total.unit)
+    rows: list[tuple[str, ...]] = [(name, "total", "", f"{factor * math.sqrt(variance):.2g} {unit}".strip(), "")]
     for source, part in sorted(parts.items(), key=lambda item: -item[1]):
         if part > 0:
             kind = "random" if source == RANDOM else "systematic"
-            rows.append(("", _spelled(source, known), kind, f"{part:.2g}", f"{100 * part**2 / variance:.1f} %"))
+            rows.append(
+                ("", _spelled(source, known), kind, f"{factor * part:.2g}", f"{100 * part**2 / variance:.1f} %")
+            )
     return rows
 
 

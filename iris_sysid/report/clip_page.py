@@ -9,7 +9,14 @@ from iris_sysid.report.budget import budget_sections, calibration_section
 from iris_sysid.report.figures import fit_figure, track_figure
 from iris_sysid.report.identifiability import identifiability_sections
 from iris_sysid.report.page import Page, PageImage, Section, estimates_section, html_of, png_of, words
-from iris_sysid.report.text import as_sentence, fit_headline, residual_text, samples_text, shown_estimates
+from iris_sysid.report.text import (
+    as_sentence,
+    fit_headline,
+    residual_text,
+    samples_text,
+    shown_estimates,
+    verdict_lines,
+)
 from iris_sysid.types import FitResult, Run, Trajectory
 
 
@@ -86,7 +93,8 @@ def clip_page(run: Run) -> Page:
             Section("Checks", lines=_checks(trajectory, fit)),
         ],
         origin=fit.origin,
-        notes=[as_sentence(note) for note in (*run.notes, *(problem.text for problem in fit.problems))],
+        notes=[as_sentence(note) for note in run.notes if not any(doubt.text in note for doubt in fit.doubts)],
+        verdict=verdict_lines(fit.verdict),
     )
 
 

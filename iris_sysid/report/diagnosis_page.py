@@ -26,6 +26,7 @@ from iris_sysid.report.text import (
     interval_text,
     percent,
     shown_estimates,
+    verdict_lines,
     with_error,
     with_unit,
 )
@@ -118,6 +119,7 @@ def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Page:
     return Page(
         title=f"{name}: diagnosis of the model {model.name}",
         headline=diagnosis_sentence(diagnosis),
+        verdict=verdict_lines(diagnosis.verdict),
         summary=model.summary,
         images=_images(diagnosis),
         sections=[

@@ -63,7 +63,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """The content of a page, before it becomes HTML."""
+    """The content of a page, before it becomes HTML; the first line of ``verdict`` begins with its word."""
 
     title: str
     headline: str
@@ -72,6 +72,7 @@ class Page:
     sections: Sequence[Section]
     origin: Mapping[str, Any]
     notes: Sequence[str] = field(default=())
+    verdict: Sequence[str] = field(default=())
 
 
 def png_of(figure: Figure) -> bytes:
@@ -96,6 +97,7 @@ def html_of(page: Page) -> str:
         headline=page.headline,
         summary=as_sentence(page.summary),
         notes=page.notes,
+        verdict=page.verdict,
         images=images,
         sections=sections,
         origin=json_text(dict(page.origin)),

@@ -10,6 +10,7 @@ import numpy as np
 from iris_sysid.types import (
     Diagnosis,
     Discovery,
+    Doubt,
     Effect,
     EffectCause,
     Estimate,
@@ -21,6 +22,7 @@ from iris_sysid.types import (
     PooledFit,
     Segment,
     Trajectory,
+    Verdict,
 )
 
 SMALLEST_PROBABILITY = 0.05  # of a cause that is mentioned
@@ -31,6 +33,7 @@ CAUSES: Mapping[EffectCause, str] = {
 }
 MOST_NAMED = 5  # indistinguishable effects that are named; further ones are counted
 MUCH_WIDER = 1.5  # ratio of the two standard errors (model-averaged over plain) above which both are given
+DEGREES: Mapping[str, tuple[str, float]] = {"rad": ("°", 180 / math.pi), "rad/s": ("°/s", 180 / math.pi)}
 NOTEWORTHY = 0.2  # smallest inclusion at which a term that was not selected is shown
 FORCES_IN_WORDS: Mapping[ForceKind, str] = {
     "against-velocity": "a force against the velocity",
@@ -65,14 +68,20 @@ def rounded_to_error(value: float, stderr: float) -> tuple[str, str]:
     return f"{round(value, digits) + 0.0:.{max(digits, 0)}f}", f"{round(stderr, digits):.{max(digits, 0)}f}"
 
 
+def shown_unit(unit: str) -> tuple[str, float]:
+    """The unit in which a reader gets a value, and the factor to it: degrees for radians, else the unit itself."""
+    return DEGREES.get(unit, (unit, 1.0))
+
+
 def with_error(estimate: Estimate) -> str:
-    """Write an estimate with its standard error and unit, e.g. ``1.7034 ± 0.0042 m``."""
+    """Write an estimate with its standard error and unit, e.g. ``1.7034 ± 0.0042 m``; angles in degrees."""
     if not math.isfinite(estimate.stderr) and estimate.measurement_type in ("fitted", "derived"):
         return "undetermined"
     if not math.isfinite(estimate.value):
         return "undetermined"
-    value, stderr = rounded_to_error(estimate.value, estimate.stderr)
-    return with_unit(f"{value} ± {stderr}" if stderr else value, estimate.unit)
+    unit, factor = shown_unit(estimate.unit)
+    value, stderr = rounded_to_error(factor * estimate.value, factor * estimate.stderr)
+    return with_unit(f"{value} ± {stderr}" if stderr else value, unit)
 
 
 def with_unit(number: str, unit: str) -> str:
@@ -87,8 +96,9 @@ def round_step(value: float) -> float:
 
 
 def interval_text(estimate: Estimate) -> str:
-    """Write the 95 % interval, e.g. ``1.6950 to 1.7118``; empty where there is none."""
-    lower, upper = estimate.interval
+    """Write the 95 % interval, e.g. ``1.6950 to 1.7118``, in the unit shown; empty where there is none."""
+    _, factor = shown_unit(estimate.unit)
+    lower, upper = (factor * end for end in estimate.interval)
     if not (math.isfinite(lower) and math.isfinite(upper)) or upper <= lower:
         return ""
     width = upper - lower
@@ -98,6 +108,19 @@ def interval_text(estimate: Estimate) -> str:
 def as_sentence(text: str) -> str:
     """The text with a capital and a full stop."""
     return f"{text[:1].upper()}{text[1:]}{'' if text.endswith('.') else '.'}" if text else ""
+
+
+# --------------------------------------------------------------------------- verdicts
+
+
+def verdict_lines(verdict: Verdict) -> list[str]:
+    """The verdict as lines of text: its word with the first reason and what to do about it, then further reasons."""
+    first, *more = [as_sentence(_reason_text(doubt)) for doubt in verdict.reasons] or [""]
+    return [f"{verdict.word}: {first}" if first else verdict.word, *(f"  also: {text}" for text in more)]
+
+
+def _reason_text(doubt: Doubt) -> str:
+    return ". ".join(filter(None, [doubt.finding, as_sentence(doubt.remedy)]))
 
 
 # --------------------------------------------------------------------------- fits
@@ -114,13 +137,24 @@ def shown_estimates(fit: FitResult) -> dict[str, Estimate]:
 
 
 def fit_headline(fit: FitResult) -> str:
-    """The result in one line: fitted and derived values except initial states, or the reason why there are none."""
-    parts = [
-        f"{name} = {with_error(estimate)}"
+    """The result in one line: fitted and derived values except initial states, or the reason why there are none.
+
+    A value whose 95 % interval holds zero is named as not distinguishable from zero, without its size.
+    """
+    found = {
+        name: estimate
         for name, estimate in shown_estimates(fit).items()
         if name not in fit.model.initial_names and estimate.measurement_type in ("fitted", "derived")
-    ]
+    }
+    parts = [f"{name} = {with_error(value)}" for name, value in found.items() if not _holds_zero(value)]
+    unsure = [name for name, value in found.items() if _holds_zero(value)]
+    parts += [f"not distinguishable from zero: {', '.join(unsure)}"] if unsure else []
     return "; ".join(parts) if fit.usable and parts else f"{fit.status}: {fit.message}"
+
+
+def _holds_zero(estimate: Estimate) -> bool:
+    lower, upper = estimate.interval
+    return lower <= 0.0 <= upper and lower < upper
 
 
 def samples_text(segment: Segment, trajectory: Trajectory) -> str:
@@ -133,8 +167,10 @@ def residual_text(fit: FitResult) -> str:
     """Compare the residual with the noise that was estimated without the model, for each quantity."""
     parts = []
     for quantity, rms, noise in zip(fit.model.observed, fit.rms, fit.noise, strict=True):
-        ratio = f", {rms / noise:.2f} times the noise of {noise:.3g}" if np.isfinite(noise) and noise > 0 else ""
-        size = f"{rms:.3g} {quantity.unit} rms" if np.isfinite(rms) else "unknown"
+        unit, factor = shown_unit(quantity.unit)
+        known = np.isfinite(noise) and noise > 0
+        ratio = f", {rms / noise:.2f} times the noise of {factor * noise:.3g}" if known else ""
+        size = f"{with_unit(f'{factor * rms:.3g}', unit)} rms" if np.isfinite(rms) else "unknown"
         parts.append(f"{quantity.name}: residual {size}{ratio}")
     return "; ".join(parts)
 
@@ -154,7 +190,8 @@ def pooled_table(pooled: PooledFit) -> str:
     lines = [f"{name}  {with_error(estimate)}  shared by {count} clips" for name, estimate in pooled.shared.items()]
     lines += [
         f"{name}  {with_error(spread.mean)}  mean over {count} clips; between clips {with_error(spread.between)} "
-        f"({interval_text(spread.between) or 'no scatter detected'}), within one {spread.within:.3g}"
+        f"({interval_text(spread.between) or 'no scatter detected'}), within one "
+        f"{shown_unit(spread.mean.unit)[1] * spread.within:.3g}"
         for name, spread in pooled.population.items()
     ]
     return "\n".join(lines)
@@ -298,7 +335,9 @@ def _effect_text(effect: Effect, diagnosis: Diagnosis) -> str:
     alone = diagnosis.final.estimates[effect.parameters[0].name]
     parts = [with_error(size)]
     if len(diagnosis.finals) == 1 and size.stderr > MUCH_WIDER * alone.stderr > 0:
-        parts.append(f"± {rounded_to_error(alone.value, alone.stderr)[1]} assuming no further missing effect")
+        _, factor = shown_unit(alone.unit)
+        stderr = rounded_to_error(factor * alone.value, factor * alone.stderr)[1]
+        parts.append(f"± {stderr} assuming no further missing effect")
     parts += [
         f"{parameter.name.replace('_', ' ')} {with_error(value)}"
         for parameter, value in zip(effect.parameters[1:], others, strict=True)
@@ -320,9 +359,8 @@ def _angle(diagnosis: Diagnosis, value: float) -> str:
     """An error in its own unit; angles in degrees."""
     if not math.isfinite(value):
         return "unknown"
-    if diagnosis.unit == "rad":
-        return f"{np.degrees(value):.3g}°"
-    return with_unit(f"{value:.3g}", diagnosis.unit)
+    unit, factor = shown_unit(diagnosis.unit)
+    return f"{factor * value:.3g}°" if unit == "°" else with_unit(f"{value:.3g}", unit)
 
 
 def changed_parameters(diagnosis: Diagnosis) -> list[tuple[str, Estimate, Estimate]]:

@@ -119,7 +119,7 @@ def test_run_prints_json_alone_on_stdout_and_the_rest_on_stderr(ran):
     folder, done = ran
     assert done.returncode == 0, done.stderr
     assert strict(done.stdout) == strict((folder / "fit.json").read_text("utf-8"))
-    assert done.stderr.splitlines() == [f"report: {folder / 'report.html'}"]
+    assert done.stderr.splitlines()[-1] == f"report: {folder / 'report.html'}"
 
 
 def test_run_writes_a_complete_folder(ran):
@@ -177,8 +177,13 @@ def test_run_again_writes_the_same_bytes(ran, pendulum_clip, tmp_path, cli):
 def test_run_prints_a_table_when_not_asked_for_json(pendulum_clip, tmp_path, cli):
     outcome = cli("run", pendulum_clip, "--phenomenon", "pendulum", "-o", tmp_path / "out")
     assert outcome.status == 0
-    assert outcome.out.splitlines()[0].startswith("length ")
-    assert outcome.err == f"report: {tmp_path / 'out' / 'report.html'}\n"
+    verdict, first, *_ = outcome.out.splitlines()
+    assert verdict == "good"
+    assert first.startswith("length ")
+    assert outcome.err.splitlines()[-2:] == [
+        f"report: {tmp_path / 'out' / 'report.html'}",
+        f"next: iris-sysid diagnose {tmp_path / 'out'} -o {tmp_path / 'out' / 'diagnosis'}",
+    ]
 
 
 def test_run_replaces_only_when_forced(pendulum_clip, tmp_path, cli):
@@ -364,7 +369,7 @@ def test_diagnose_offers_the_effects_of_the_sensor_that_is_stated(sensor, tested
 def test_diagnose_again_writes_the_same_bytes_and_prints_its_sentence(angles, tmp_path, cli):
     for name in ("one", "two"):
         outcome = cli("diagnose", angles, "--model", "pendulum", "-o", tmp_path / name)
-    assert outcome.out.startswith("No effect in the library is significant. ")
+    assert outcome.out.startswith("good\nNo effect in the library is significant. ")
     assert listing(tmp_path / "one") == listing(tmp_path / "two")
 
 

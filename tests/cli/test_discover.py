@@ -12,7 +12,8 @@ from iris_sysid.io.schemas import DiscoveryDocument
 def test_discover_writes_the_equation_its_terms_and_its_name(tmp_path, angles, cli):
     out, plot = tmp_path / "discovery.json", tmp_path / "discovery.png"
     outcome = cli("discover", angles, "-o", out, "--plot", plot)
-    assert (outcome.status, outcome.err) == (0, "")
+    assert outcome.status == 0
+    assert outcome.err == f"next: iris-sysid fit {angles} --model pendulum -o {tmp_path / 'fit.json'}\n"
     assert "theta'' = - 9.8" in outcome.out
     assert "This is the pendulum with length = " in outcome.out
     document = read_document(out, DiscoveryDocument)

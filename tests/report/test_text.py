@@ -1,5 +1,6 @@
 """Numbers and results as people read them."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,9 +17,10 @@ from iris_sysid.report.text import (
     interval_text,
     rounded_to_error,
     samples_text,
+    verdict_lines,
     with_error,
 )
-from iris_sysid.types import DiagnosticNote, ForceForm, MissingForce, Quantity, Segment, Trajectory
+from iris_sysid.types import DiagnosticNote, Doubt, ForceForm, MissingForce, Quantity, Segment, Trajectory, Verdict
 from tests._motions import pendulum_angle
 
 NAN = float("nan")
@@ -127,7 +129,8 @@ def test_headline_of_a_failed_fit_says_why(failed_fit):
 def test_table_of_a_good_fit_is_aligned_and_ends_with_the_residual(good_fit):
     *rows, last = fit_table(good_fit).splitlines()
     assert len({row.index(row.split()[1]) for row in rows}) == 1
-    assert last.startswith("theta: residual 0.00")
+    assert last.startswith("theta: residual 0.1")
+    assert " ° rms, 1.0" in last
     assert "times the noise of" in last
 
 
@@ -306,3 +309,26 @@ def test_parameters_that_change_are_listed_before_and_after():
 @pytest.mark.parametrize("name", ["pivot_across", "theta_0"])
 def test_offsets_of_the_geometry_and_initial_states_are_not_listed_as_changed(name):
     assert changed_parameters(a_diagnosis(name=name, base_unit="1")) == []
+
+
+def test_angles_are_shown_in_degrees_and_their_intervals_too():
+    angle = Estimate(np.radians(30.0), np.radians(0.1), "rad")
+    assert with_error(angle) == "30.00 ± 0.10 °"
+    assert interval_text(angle) == "29.804 to 30.196"
+    assert with_error(Estimate(0.1, 0.01, "1/rad")) == "0.100 ± 0.010 1/rad"
+
+
+def test_headline_gives_no_size_to_a_value_that_may_be_zero(good_fit):
+    unsure = replace(good_fit.estimates["damping"], value=0.28, stderr=0.25, ci95=None)
+    text = fit_headline(replace(good_fit, estimates={**good_fit.estimates, "damping": unsure}))
+    assert text.startswith("length = ")
+    assert text.endswith("not distinguishable from zero: damping")
+
+
+def test_verdict_says_its_word_first_and_every_reason_with_what_to_do():
+    reasons = (Doubt("clock", "the clock seems 8 times too slow", "give --fps 240"), Doubt("missed", "lost", "mark it"))
+    assert verdict_lines(Verdict("good")) == ["good"]
+    assert verdict_lines(Verdict("doubtful", reasons)) == [
+        "doubtful: The clock seems 8 times too slow. Give --fps 240.",
+        "  also: Lost. Mark it.",
+    ]

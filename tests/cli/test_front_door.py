@@ -1,0 +1,92 @@
+"""What every user meets: help, version, the verdict and its exit status, options by name, the next command."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from iris_sysid.cli._terminal import NOT_GOOD
+from iris_sysid.io.json_documents import read_document
+from iris_sysid.io.schemas import DiagnosisDocument
+from tests._documents import read_fit
+
+
+@pytest.fixture(scope="module")
+def kinked(angles, tmp_path_factory):
+    """A table of a swing whose second half runs by another equation."""
+    table = tmp_path_factory.mktemp("kinked") / "kinked swing.csv"
+    swing = pd.read_csv(angles)
+    late = swing["t_s"] > swing["t_s"].median()
+    swing.loc[late, "theta_rad"] = 0.3 * np.cos(7.0 * swing["t_s"])
+    swing.to_csv(table, index=False)
+    return table
+
+
+@pytest.mark.parametrize("arguments", [["-h"], ["fit", "-h"], ["list", "-h"]])
+def test_short_help_is_help(arguments, cli):
+    assert cli(*arguments).out == cli(*arguments[:-1], "--help").out
+
+
+def test_version_is_that_of_the_package(cli):
+    outcome = cli("--version")
+    assert (outcome.status, outcome.out.split()[0]) == (0, "iris-sysid")
+    assert outcome.out.split()[1][0].isdigit()
+
+
+def test_completion_knows_the_commands(cli, monkeypatch):
+    monkeypatch.setenv("_IRIS_SYSID_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", "iris-sysid dia")
+    monkeypatch.setenv("COMP_CWORD", "1")
+    assert cli().out.split() == ["diagnose"]
+
+
+def test_strict_ends_with_its_own_status_unless_the_verdict_is_good(kinked, angles, tmp_path, cli):
+    command = ["--model", "pendulum", "--strict", "-o", tmp_path / "fit.json", "--force"]
+    bad, good = cli("fit", kinked, *command), cli("fit", angles, *command)
+    assert (bad.status, good.status) == (NOT_GOOD, 0)
+    assert bad.out.startswith("misfit: ")
+    assert good.out.startswith("good\n")
+
+
+def test_verdict_on_screen_is_that_of_the_file(kinked, tmp_path, cli):
+    outcome = cli("fit", kinked, "--model", "pendulum", "-o", tmp_path / "fit.json")
+    assert outcome.status == 0
+    verdict = read_fit(tmp_path / "fit.json").verdict
+    assert outcome.out.startswith(f"{verdict.word}: ")
+    assert verdict.reasons[0].remedy in outcome.out.splitlines()[0]
+
+
+def test_next_command_quotes_the_real_paths_and_repeats_what_was_known(kinked, tmp_path, cli):
+    outcome = cli("fit", kinked, "--model", "pendulum", "--set", "gravity=9.8", "-o", tmp_path / "fit.json")
+    assert outcome.err.splitlines()[-1] == (
+        f"next: iris-sysid diagnose '{kinked}' --model pendulum --set gravity=9.8 -o {tmp_path / 'diagnosis'}"
+    )
+
+
+def test_fit_that_is_not_determined_names_the_options(angles, tmp_path, cli):
+    outcome = cli("fit", angles, "--model", "pendulum", "--free", "gravity", "-o", tmp_path / "fit.json")
+    assert "--set length=VALUE or --set gravity=VALUE" in outcome.err
+    assert outcome.out.startswith("doubtful: ")
+    assert "fixed=" not in outcome.out + outcome.err
+
+
+def test_folder_of_run_is_diagnosed_without_further_options(pendulum_clip, tmp_path, cli):
+    assert cli("run", pendulum_clip, "--phenomenon", "pendulum", "-o", tmp_path / "run").status == 0
+    outcome = cli("diagnose", tmp_path / "run", "-o", tmp_path / "run" / "diagnosis")
+    assert outcome.status == 0, outcome.err
+    document = read_document(tmp_path / "run" / "diagnosis" / "diagnosis.json", DiagnosisDocument)
+    assert document.base.model == "pendulum"
+    assert set(document.base.free) >= set(read_fit(tmp_path / "run" / "fit.json").free)
+
+
+def test_table_alone_is_asked_for_its_model(angles, tmp_path, cli):
+    outcome = cli("diagnose", angles, "-o", tmp_path / "diagnosis")
+    assert outcome.status == 2
+    assert "only a folder of run can do without" in " ".join(outcome.err.split())
+
+
+def test_diagnosis_chooses_the_model_when_asked(angles, tmp_path, cli):
+    outcome = cli("diagnose", angles, "--model", "auto", "-o", tmp_path / "diagnosis")
+    assert outcome.status == 0, outcome.err
+    assert "model: pendulum" in outcome.err
+    document = read_document(tmp_path / "diagnosis" / "diagnosis.json", DiagnosisDocument)
+    assert document.base.model == "pendulum"
