@@ -164,8 +164,7 @@ def fit_disc(
     lobes = lobe_amplitudes(share * solution.residual, offset, disc.radius)
     beside = solution.sigma[zone != 1] if (zone != 1).any() else solution.sigma
     sigma_lobe = float(np.median(beside) * np.linalg.norm(share)) / (np.sqrt(2) * np.pi * disc.radius)
-    fitted = DiscFit(disc, solution, rows, columns, lobes, sigma_lobe)
-    return replace(fitted, disc=_with_errors(fitted, cutout.image.shape, correlation))
+    return with_errors(DiscFit(disc, solution, rows, columns, lobes, sigma_lobe), correlation)
 
 
 def _chosen(cutout: Cutout, start: Disc) -> tuple[Labels, Labels, Labels]:
@@ -189,11 +188,13 @@ def _disc_of(solution: Solution, model: DiscModel) -> Disc:
     return Disc(x, y, radius, blur=blur, oval=(float(along), float(across)), contrast=contrast, intensity=intensity)
 
 
-def _with_errors(fitted: DiscFit, shape: tuple[int, ...], correlation: Array | None) -> Disc:
-    """The disc with the standard errors of its centre and radius."""
+def with_errors(fitted: DiscFit, correlation: Array | None) -> DiscFit:
+    """The fit with the standard errors of its centre and radius, for noise of this ``correlation`` of pixels."""
+    rows, columns = fitted.rows - fitted.rows.min(), fitted.columns - fitted.columns.min()
     errors = []
     for score in fitted.solution.scores(RADIUS + 1).T:
-        image = np.zeros(shape)
-        image[fitted.rows, fitted.columns] = score
+        image = np.zeros((int(rows.max()) + 1, int(columns.max()) + 1))
+        image[rows, columns] = score
         errors.append(float(np.sqrt(variance_of_sum(image, correlation))))
-    return replace(fitted.disc, sigma_x=errors[X], sigma_y=errors[Y], sigma_radius=errors[RADIUS])
+    disc = replace(fitted.disc, sigma_x=errors[X], sigma_y=errors[Y], sigma_radius=errors[RADIUS])
+    return replace(fitted, disc=disc)

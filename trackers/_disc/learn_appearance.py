@@ -10,7 +10,7 @@ import numpy as np
 from iris_sysid.types import Array, Frame
 from trackers._disc.background import KnownBackground
 from trackers._disc.expected_position import ExpectedPath
-from trackers._disc.fit import Cutout, DiscFit, band, fit_disc, shows_disc
+from trackers._disc.fit import Cutout, DiscFit, band, fit_disc, shows_disc, with_errors
 from trackers._disc.model import Disc, Form
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
@@ -173,12 +173,14 @@ def _appearance_of(fitter: DiscFitter, body: int, images: Mapping[int, Bytes]) -
     )[:FRAMES_STUDIED]
     if len(fast) >= FEWEST_FAST:
         appearance = replace(appearance, form=PLAIN, longest_shutter=max(SHUTTERS))
-        for shutters in (SHUTTERS, FINER):
-            appearance = trials.best(_with_shutters(appearance, shutters), fast, evidence, shown=False)
+        for shutters, beyond in ((SHUTTERS, 2), (FINER, 1)):
+            trial = _with_shutters(appearance, shutters)
+            appearance = trials.climbed(trial, appearance.shutter, fast, beyond=beyond, shown=False)
     appearance = _shaded(trials, replace(appearance, longest_shutter=appearance.shutter), spread)
     if len(fast) >= FEWEST_FAST:
         longest = min(max(SHUTTERS), appearance.shutter + max(FINEST))
-        appearance = trials.best(_with_shutters(replace(appearance, longest_shutter=longest), FINEST), fast, evidence)
+        appearance = replace(appearance, longest_shutter=longest)
+        appearance = trials.climbed(_with_shutters(appearance, FINEST), appearance.shutter, fast, beyond=1)
     appearance = replace(appearance, longest_shutter=0.0)
     return replace(appearance, correlation=trials.correlation(appearance, seen))
 
@@ -192,8 +194,13 @@ def _plane(trials: _Trials, numbers: Sequence[int], clearer: float) -> DiscAppea
     appearances = [DiscAppearance(channel=channel) for channel in range(trials.channels)]
     if len(appearances) == 1:
         return appearances[0]
-    alike = [replace(appearance, correlation=trials.correlation(appearance, numbers)) for appearance in appearances]
-    score = trials.score(alike, numbers, precision) - 2 * np.log(clearer) * (np.arange(len(appearances)) > 0)
+    scores = []
+    for appearance in appearances:
+        fits = trials.fits(appearance, numbers)
+        correlation = _correlation_of(trials.shown(fits, numbers))
+        alike = [fitted and with_errors(fitted, correlation) for fitted in fits]
+        scores.append([precision(fitted) for fitted in trials.shown(alike, numbers)])
+    score = _mean_of_most(np.array(scores).T) - 2 * np.log(clearer) * (np.arange(len(scores)) > 0)
     return appearances[int(np.argmax(score))]
 
 
@@ -243,17 +250,20 @@ class _Trials:
         """How many planes of colour the images have."""
         return int(np.atleast_3d(next(iter(self.images.values()))).shape[2])
 
-    def fits(self, appearance: DiscAppearance, numbers: Sequence[int], *, shown: bool = True) -> list[DiscFit | None]:
-        """The fits that an appearance gives in some frames; with ``shown`` those that are surely of a disc."""
+    def fits(self, appearance: DiscAppearance, numbers: Sequence[int]) -> list[DiscFit | None]:
+        """The fits that an appearance gives in some frames."""
+
+        def fit(number: int) -> DiscFit | None:
+            start = self._start(appearance, number)
+            return self.fitter.fit_as(appearance, self.body, number, self.images[number], start)
+
+        return [fit(number) for number in numbers]
+
+    def shown(self, fits: Sequence[DiscFit | None], numbers: Sequence[int]) -> list[DiscFit | None]:
+        """Those fits that are surely of a disc, None for the others; ``numbers`` are those of their frames."""
         discs = self.fitter.expected_paths[self.body].discs
-        fits = [
-            self.fitter.fit_as(appearance, self.body, number, self.images[number], self._start(appearance, number))
-            for number in numbers
-        ]
-        pairs = zip(numbers, fits, strict=True)
-        return [
-            fitted if fitted and (not shown or shows_disc(fitted, discs[number])) else None for number, fitted in pairs
-        ]
+        pairs = zip(fits, numbers, strict=True)
+        return [fitted if fitted and shows_disc(fitted, discs[number]) else None for fitted, number in pairs]
 
     def _start(self, appearance: DiscAppearance, number: int) -> Disc | None:
         """Where a fit begins: at the disc that a plain one finds in that plane, where it finds one."""
@@ -265,7 +275,7 @@ class _Trials:
 
     def correlation(self, appearance: DiscAppearance, numbers: Sequence[int]) -> Array | None:
         """Correlation of the noise of neighbouring pixels that the fits of some frames leave."""
-        return noise_correlation(_standardised(fitted) for fitted in self.fits(appearance, numbers) if fitted)
+        return _correlation_of(self.shown(self.fits(appearance, numbers), numbers))
 
     def score(
         self,
@@ -276,10 +286,8 @@ class _Trials:
         shown: bool = True,
     ) -> Array:
         """Score of each appearance: the mean over the frames but the worst."""
-        values = np.array(
-            [[self._scored(appearance, k, score, shown=shown) for k in numbers] for appearance in appearances]
-        )
-        return np.asarray(np.sort(values, axis=1)[:, int(WORST * len(numbers)) :].mean(axis=1))
+        values = [[self._scored(appearance, k, score, shown=shown) for appearance in appearances] for k in numbers]
+        return _mean_of_most(np.array(values))
 
     def _scored(
         self, appearance: DiscAppearance, number: int, score: Callable[[DiscFit | None], float], *, shown: bool
@@ -288,8 +296,35 @@ class _Trials:
         how = (appearance.form, appearance.shutter, appearance.longest_shutter, appearance.channel)
         key = (*how, id(appearance.correlation), number, score, shown)
         if key not in self.scores:
-            self.scores[key] = score(self.fits(appearance, [number], shown=shown)[0])
+            fits = self.fits(appearance, [number])
+            self.scores[key] = score((self.shown(fits, [number]) if shown else fits)[0])
         return self.scores[key]
+
+    def climbed(
+        self,
+        appearances: Sequence[DiscAppearance],
+        start: float,
+        numbers: Sequence[int],
+        *,
+        beyond: int,
+        shown: bool = True,
+    ) -> DiscAppearance:
+        """The appearance with more evidence than the ``beyond`` next ones on either side, reached step by step.
+
+        Along the shutter evidence has one maximum, and long shutters take longest to fit. ``start`` is the shutter of
+        the first one.
+        """
+
+        def worth(k: int) -> float:
+            return float(self.score([appearances[k]], numbers, evidence, shown=shown)[0])
+
+        at = [appearance.shutter for appearance in appearances].index(start)
+        while True:
+            near = range(max(0, at - beyond), min(len(appearances), at + beyond + 1))
+            best = max((at, *near), key=worth)
+            if best == at:
+                return appearances[at]
+            at = best
 
     def best(
         self,
@@ -303,6 +338,15 @@ class _Trials:
         if len(appearances) == 1:
             return appearances[0]
         return appearances[int(np.argmax(self.score(appearances, numbers, score, shown=shown)))]
+
+
+def _mean_of_most(scores: Array) -> Array:
+    """Mean (a,) of scores (n, a) over the frames but the worst."""
+    return np.asarray(np.sort(scores, axis=0)[int(WORST * len(scores)) :].mean(axis=0))
+
+
+def _correlation_of(fits: Sequence[DiscFit | None]) -> Array | None:
+    return noise_correlation(_standardised(fitted) for fitted in fits if fitted)
 
 
 def _standardised(fitted: DiscFit) -> tuple[Array, Array]:

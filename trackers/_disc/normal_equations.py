@@ -97,17 +97,18 @@ def normal_equations(
         if weight[k] == 0.0:
             continue
         scale = weight[k] / sigma[k] ** 2
-        part = information[zone[k]]
+        at = zone[k]
         first, stop = _span(share[k], counts)
         if first == 0:
             derivatives(row, share[k], slopes[k], contrast[k], terms[k], counts)
         else:
-            row[first:stop] = terms[k, : stop - first]
+            for j in range(first, stop):
+                row[j] = terms[k, j - first]
         for i in range(first, stop):
             scaled = scale * row[i]
             gradient[i] += scaled * residual[k]
             for j in range(first, i + 1):
-                part[i, j] += scaled * row[j]
+                information[at, i, j] += scaled * row[j]
     for part in information:
         for i in range(size):
             for j in range(i):
