@@ -12,10 +12,13 @@ if TYPE_CHECKING:
     from fitters.compose_effects import with_effects as with_effects
     from fitters.ode.identifiability import identifiability as identifiability
     from fitters.ode.lmfit_minimizer import lmfit_minimizer as lmfit_minimizer
+    from fitters.ode.prediction import predict as predict
     from fitters.ode.request import FitOptions as FitOptions
     from fitters.ode.several_clips import fit_clips as fit_clips
     from fitters.ode.simulation import simulate as simulate
     from fitters.ode.single_clip import fit as fit
+    from fitters.own_model.equation import model_from_equation as model_from_equation
+    from fitters.own_model.function import model_from_function as model_from_function
     from fitters.selection.select import select_model as select_model
     from fitters.sindy.discover import discover as discover
     from iris_sysid.calibration.board.calibrate import calibrate_board as calibrate_board
@@ -31,6 +34,12 @@ if TYPE_CHECKING:
     from iris_sysid.calibration.pixel_scale import to_world as to_world
     from iris_sysid.calibration.pixel_scale import uncalibrated as uncalibrated
     from iris_sysid.diagnosis.diagnose import diagnose as diagnose
+    from iris_sysid.diagnosis.planning.changes import SetUpChange as SetUpChange
+    from iris_sysid.diagnosis.planning.decide import Decision as Decision
+    from iris_sysid.diagnosis.planning.decide import decide as decide
+    from iris_sysid.diagnosis.planning.plan import Plan as Plan
+    from iris_sysid.diagnosis.planning.plan import Proposal as Proposal
+    from iris_sysid.diagnosis.planning.plan import plan as plan
     from iris_sysid.errors import CalibrationError as CalibrationError
     from iris_sysid.errors import DataError as DataError
     from iris_sysid.errors import FitError as FitError
@@ -46,6 +55,7 @@ if TYPE_CHECKING:
     from iris_sysid.io.csv_write import write_trajectory as write_trajectory
     from iris_sysid.io.dataframes import estimates_frame as estimates_frame
     from iris_sysid.io.dataframes import to_frame as to_frame
+    from iris_sysid.io.frame_read import from_frame as from_frame
     from iris_sysid.io.osp_tracker import marked_tracks as marked_tracks
     from iris_sysid.io.osp_tracker import read_osp as read_osp
     from iris_sysid.pipeline import observe as observe
@@ -114,10 +124,13 @@ _HOME = {
         "fitters.compose_effects": "with_effects",
         "fitters.ode.identifiability": "identifiability",
         "fitters.ode.lmfit_minimizer": "lmfit_minimizer",
+        "fitters.ode.prediction": "predict",
         "fitters.ode.request": "FitOptions",
         "fitters.ode.several_clips": "fit_clips",
         "fitters.ode.simulation": "simulate",
         "fitters.ode.single_clip": "fit",
+        "fitters.own_model.equation": "model_from_equation",
+        "fitters.own_model.function": "model_from_function",
         "fitters.selection.select": "select_model",
         "fitters.sindy.discover": "discover",
         "iris_sysid.calibration.board.calibrate": "calibrate_board",
@@ -125,6 +138,9 @@ _HOME = {
         "iris_sysid.calibration.known_size": "plane_from_ball plane_from_distance plane_from_size",
         "iris_sysid.calibration.pixel_scale": "scale scale_bar scale_from_text uncalibrated from_osp to_world",
         "iris_sysid.diagnosis.diagnose": "diagnose",
+        "iris_sysid.diagnosis.planning.changes": "SetUpChange",
+        "iris_sysid.diagnosis.planning.decide": "Decision decide",
+        "iris_sysid.diagnosis.planning.plan": "Plan Proposal plan",
         "iris_sysid.errors": (
             "IrisError VideoError TrackingError CalibrationError DataError FitError UnknownNameError "
             "PluginError OutputError"
@@ -132,6 +148,7 @@ _HOME = {
         "iris_sysid.io.csv_read": "read_track read_trajectory",
         "iris_sysid.io.csv_write": "write_track write_trajectory",
         "iris_sysid.io.dataframes": "to_frame estimates_frame",
+        "iris_sysid.io.frame_read": "from_frame",
         "iris_sysid.io.osp_tracker": "read_osp marked_tracks",
         "iris_sysid.pipeline": "run track observe save",
         "iris_sysid.registry": "TRACKERS MODELS EFFECTS PHENOMENA",

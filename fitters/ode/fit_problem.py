@@ -345,9 +345,8 @@ def with_priors(unknowns: Unknowns, priors: Mapping[str, Estimate]) -> Unknowns:
 def starting_values(task: Task, start: Mapping[str, float]) -> Iterator[Array]:
     """Full vectors of starting values: the model's guess overridden by the caller's values, then the guess alone.
 
-    Each vector is (p + s,), every value in its own unit.
-
-    FitError when a free parameter has neither a start, nor a guess, nor a default.
+    Each vector is (p + s,), every value in its own unit. A parameter that has neither a start, nor a guess, nor a
+    default starts from the middle of its bounds, or 1; see :func:`without_start`.
     """
     known = {name: estimate.value for name, estimate in task.known.items()}
     start = {**{name: estimate.value for name, estimate in task.priors.items()}, **start}
@@ -355,14 +354,19 @@ def starting_values(task: Task, start: Mapping[str, float]) -> Iterator[Array]:
     if complete:
         yield _vector(task, {**start, **known})
     guessed = _guess(task, needed=not complete)
-    first = {**guessed, **start, **known}
-    missing = [name for name in task.free if name not in first]
-    if missing:
-        raise FitError(f"no starting value for {', '.join(missing)}: give one", to_start=missing)
+    middles = {name: _middle(task.model, name) for name in task.free}
     if not complete:
-        yield _vector(task, first)
+        yield _vector(task, {**middles, **guessed, **start, **known})
     if start and set(task.free) <= set(guessed):
         yield _vector(task, {**guessed, **known})
+
+
+def without_start(task: Task, start: Mapping[str, float]) -> list[str]:
+    """The free parameters that have neither a start, nor a prior, nor a finite guess, nor a default."""
+    if set(task.free) <= {*start, *task.priors}:
+        return []
+    guessed = {**_guess(task, needed=True), **start, **dict.fromkeys(task.priors, 0.0)}
+    return [name for name in task.free if name not in guessed]
 
 
 def _vector(task: Task, values: Mapping[str, float]) -> Array:
@@ -384,9 +388,7 @@ def _guess(task: Task, *, needed: bool) -> dict[str, float]:
         if needed:
             raise
         return values  # the caller gave every start
-    unsure = {name: _middle(task.model, name) for name, value in guessed.items() if not np.isfinite(value)}
-    sure = {name: value for name, value in guessed.items() if np.isfinite(value)}
-    return {**unsure, **values, **sure}
+    return {**values, **{name: value for name, value in guessed.items() if np.isfinite(value)}}
 
 
 def _guessed(task: Task, trajectory: Trajectory) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -98,7 +99,11 @@ class Unknowns:
 
     def without(self, index: int) -> Unknowns:
         """The unknowns with one of the free values held."""
-        kept = np.arange(self.which.size) != index
+        return self.only([name for k, name in enumerate(self.names) if k != index])
+
+    def only(self, wanted: Sequence[str]) -> Unknowns:
+        """The unknowns with those alone that are named."""
+        kept = np.array([name in wanted for name in self.names], dtype=np.bool_)
         names = tuple(name for name, keep in zip(self.names, kept, strict=True) if keep)
         arrays = (self.lower, self.upper, self.expected, self.precision)
         return Unknowns(self.which[kept], names, *(array[kept] for array in arrays))

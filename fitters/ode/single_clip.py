@@ -21,6 +21,7 @@ from fitters.ode.fit_problem import (
     select,
     starting_values,
     with_priors,
+    without_start,
 )
 from fitters.ode.global_search import explains, is_lost, scattered_starts, search
 from fitters.ode.intervals import Found, Method, checked_methods, disagreements, intervals_by
@@ -28,6 +29,7 @@ from fitters.ode.least_squares import FINE_STEP, Loss, Solution, Target, minimis
 from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.result import conclude, errors_of, failed, information_loss, linearise
 from fitters.ode.status import at_bounds, diverged, needed_samples, too_few_samples
+from fitters.own_model.gradient_matching import matched_starts
 from iris_sysid.errors import FitError
 from iris_sysid.registry import MODELS
 from iris_sysid.types import (
@@ -216,10 +218,24 @@ def _downhill(task: Task, start: Mapping[str, float]) -> Solution:
 def _starts(task: Task, start: Mapping[str, float], multistart: int) -> Iterator[tuple[Array, bool]]:
     """Starts in the order of trust, each with whether it is trusted; the last are random ones about the one before."""
     values = np.zeros(0)
+    for values in _matched(task, start):
+        yield values, True
     for values in starting_values(task, start):
         yield values, True
     for scattered in scattered_starts(task.unknowns, values, task.target, multistart):
         yield scattered, False
+
+
+def _matched(task: Task, start: Mapping[str, float]) -> Iterator[Array]:
+    """Starts by gradient matching, where some parameters have no other."""
+    names = without_start(task, start)
+    if not names:
+        return
+    problem, used = task.problem, task.target.used
+    first, given = next(starting_values(task, start)), [name in start for name in value_names(task.model)]
+    samples = problem.t_s[used], task.target.observed[used], problem.inputs[used]
+    for matched in matched_starts(problem.model, *samples, task.unknowns.only(names), first):
+        yield np.where(given, first, matched)
 
 
 def _with_intervals(minimum: Minimum, result: FitResult, methods: tuple[Method, ...]) -> FitResult:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 import numpy as np
@@ -32,6 +32,7 @@ ParameterRole = Literal[
 
 
 EffectCause = Literal["physics", "measurement", "clock"]
+Recurrence = Literal["always", "anew", "once"]
 ANY_SENSOR: frozenset[Sensor] = frozenset(get_args(Sensor))
 
 
@@ -101,6 +102,11 @@ class ModelExample:
         return np.arange(self.samples) / self.rate_hz
 
 
+def no_guess(trajectory: Trajectory) -> Mapping[str, float]:
+    """The guess of a model that has none."""
+    return {}
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class OdeModel(Portable):
     """A governing equation with its parameters: what the ODE engine fits.
@@ -109,7 +115,8 @@ class OdeModel(Portable):
     parameter named ``theta_0``. ``rhs(t, state, params)`` returns the derivatives as a tuple;
     ``params`` is in the order of ``parameters``. The observed quantities are ``observed``: names of
     states, unless ``observe(t_s, states (n, s), params (p,)) -> (n, d)`` is given, which must accept
-    arrays. ``guess(trajectory)`` returns starting values by name for parameters and initial states.
+    arrays. ``guess(trajectory)`` returns starting values by name for parameters and initial states; without one, and
+    for names that it leaves out, a fit finds them from the data.
     ``derive(values)`` returns further quantities (declared in ``derived``) from all values by name.
     ``first_integral(states (n, s), params (p,)) -> (n,)`` is conserved when the parameters named in
     ``dissipative`` are zero. ``warp(t_s, params (p,))``, where given, returns the times of the motion
@@ -125,7 +132,7 @@ class OdeModel(Portable):
     parameters: tuple[Parameter, ...]
     observed: tuple[Quantity, ...]
     rhs: RightHandSide
-    guess: Callable[[Trajectory], Mapping[str, float]]
+    guess: Callable[[Trajectory], Mapping[str, float]] = no_guess
     inputs: tuple[Quantity, ...] = ()
     observe: Callable[[Array, Array, Array], Array] | None = None
     derived: tuple[Quantity, ...] = ()
@@ -213,6 +220,10 @@ class Effect(Portable):
     ``nearby(t_s (n,), shape)``, where given, returns others around such values, which are then chosen, not fitted.
     ``sensible(t_s (n,), params)``, where given, says whether fitted parameters still mean the effect in a clip.
     ``example``, which every registered effect has, is a case for the contract tests.
+    ``recurrence`` says what a second clip of the same set-up has of it: ``always`` the same size, ``anew`` a size of
+    its own (a drift, a force of any phase), or ``once`` nothing, because it was an accident.
+    ``scaling`` holds the powers of the body's ``mass`` and ``radius``, and of a cord's ``length``, with which the size
+    goes, where they are known.
     """
 
     name: str
@@ -233,6 +244,8 @@ class Effect(Portable):
     cause: EffectCause = "physics"
     plausibility: float = 1.0
     sensible: Callable[[Array, Sequence[float]], bool] | None = None
+    recurrence: Recurrence = "always"
+    scaling: Mapping[str, float] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return text_of(

@@ -71,7 +71,6 @@ def is_nan_later(t, state, params):
         (mine(observe=lambda t_s, states, params: states[:, 0]), r"observe .* must return an array \(120, 1\), not"),
         (mine(observe=raises), r"observe of model 'mine' raises KeyError: 'mass'; it is called as observe\(t_s"),
         (mine(guess=raises), r"guess of model 'mine' raises KeyError: 'mass'; give a start for drag"),
-        (mine(guess=lambda trajectory: {}), "no starting value for drag: give one"),
         (mine(observed=(Quantity("s", "rad"),)), "model 'mine' needs s in rad, but it is in m"),
     ],
 )

@@ -645,11 +645,6 @@ def test_fit_impossible_options_are_refused(more, match):
             "needs theta in rad, but it is in deg",
         ),
         (
-            dataclasses.replace(PENDULUM, guess=lambda trajectory: {}),
-            pendulum_clip,
-            "no starting value for length: give one",
-        ),
-        (
             dataclasses.replace(PENDULUM, guess=lambda trajectory: 1 / 0),
             pendulum_clip,
             "guess of model 'pendulum' raises ZeroDivisionError",
@@ -685,6 +680,10 @@ def test_model_without_a_guess_is_fitted_from_given_starts():
     silent = dataclasses.replace(PENDULUM, guess=lambda trajectory: 1 / 0)
     start = {"length": 0.7, "damping": 0.0, "theta_0": 1.0, "omega_0": 0.0}
     assert_recovers(fit(pendulum_clip(), silent, start=start))
+
+
+def test_parameters_that_no_guess_names_are_started_from_the_data():
+    assert_recovers(fit(pendulum_clip(), dataclasses.replace(PENDULUM, guess=lambda trajectory: {"damping": 0.05})))
 
 
 # --------------------------------------------------------------------------- real recordings

@@ -1,0 +1,220 @@
+"""A model from its equation of motion in text: ``theta'' = -g/L*sin(theta) - c*theta'``."""
+
+from __future__ import annotations
+
+import functools
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from fitters.integrator.codegen import generated
+from fitters.own_model.expression import FUNCTIONS, POWER, Expression, ExpressionError, read_equations, symbol
+from iris_sysid.errors import DataError
+from iris_sysid.types import OdeModel, Parameter, Quantity, picklable
+from iris_sysid.units import rate_of
+
+TIME = "t"
+INPUT_NAME = re.compile(r"u[0-9]*")
+MOST_STATES = 12
+POSITIVE = ("sqrt", "log")
+ANYTHING = (float("-inf"), float("inf"))
+NO_UNITS: Mapping[str, str] = MappingProxyType({})
+NO_BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class _System:
+    """Equations solved for their highest derivatives: by the name of the quantity its order and its right side."""
+
+    text: str
+    sides: Mapping[str, tuple[int, Expression]]
+
+    @property
+    def second(self) -> list[str]:
+        """Quantities whose second derivative is given."""
+        return [name for name, (order, _) in self.sides.items() if order == 2]
+
+    @property
+    def states(self) -> list[str]:
+        """As they stand in equations: positions, then velocities, then the quantities of first order."""
+        return [*self.second, *(f"{name}'" for name in self.second), *(n for n in self.sides if n not in self.second)]
+
+    @property
+    def others(self) -> list[str]:
+        """Names that are no states, in the order in which they appear."""
+        names = [part.head for _, side in self.sides.values() for part in side.names()]
+        return list(dict.fromkeys(name for name in names if name not in self.states and name != TIME))
+
+
+def model_from_equation(
+    text: str,
+    *,
+    units: Mapping[str, str] = NO_UNITS,
+    observed: Sequence[str] = (),
+    bounds: Mapping[str, tuple[float, float]] = NO_BOUNDS,
+    name: str = "own-equation",
+) -> OdeModel:
+    """Make a model from its equation of motion in text; its parameters are the names that are nothing else.
+
+    An equation is solved for the highest derivative, ``theta'' = ...`` or ``h' = ...``; several are separated by ``;``.
+    On the right stand numbers, names, ``+ - * / ^``, brackets, and sin, cos, tan, exp, log, sqrt, abs, sign, tanh, max,
+    min. ``t`` is the time in s, ``u``, ``u1``, ... are known inputs, ``pi`` is the number. The text is parsed, not run.
+
+    Parameters
+    ----------
+    text
+        The equation or equations.
+    units
+        Units by name, of quantities, inputs and parameters; ``1`` where none is given, which fits any column.
+    observed
+        The quantities that are measured; all that have an equation if empty.
+    bounds
+        Smallest and largest value of parameters. What stands alone under a root or in a logarithm is above zero.
+    name
+        Of the model, in reports.
+
+    Returns
+    -------
+    OdeModel
+        Without a guess: a fit takes its starting values from the data. The initial values are ``theta_0`` and, for a
+        second derivative, ``theta_rate_0``.
+
+    Raises
+    ------
+    DataError
+        When the text cannot be read, with the column; when bounds or observed name something else.
+
+    Examples
+    --------
+    >>> from iris_sysid import model_from_equation, simulate
+    >>> swing = model_from_equation("theta'' = -g/L*sin(theta) - c*theta'", units={"theta": "rad", "L": "m"})
+    >>> [parameter.name for parameter in swing.parameters]
+    ['g', 'L', 'c']
+    >>> values = {"g": 9.81, "L": 0.5, "c": 0.1, "theta_0": 0.2, "theta_rate_0": 0.0}
+    >>> simulate(swing, [0.0, 0.5, 1.0], values).observed[:, 0].round(4)
+    array([ 0.2   , -0.1145, -0.0572])
+    """
+    system = _system(text)
+    inputs = tuple(other for other in system.others if INPUT_NAME.fullmatch(other))
+    parameters = [other for other in system.others if other not in inputs]
+    _check_known("bounds", bounds, parameters)
+    seen = [*observed] or [*system.sides]
+    _check_known("observed", seen, list(system.sides))
+    return OdeModel(
+        name=name,
+        summary="an equation of the user's own",
+        equation=_latex(system),
+        source=f"given as text: {text}",
+        states=tuple(_state(state, units) for state in system.states),
+        parameters=tuple(_parameter(system, name, units, bounds) for name in parameters),
+        observed=tuple(_state(name, units) for name in seen),
+        rhs=_rhs(text),
+        inputs=tuple(_state(name, units) for name in inputs),
+    )
+
+
+def quantities_of_equation(text: str) -> tuple[str, ...]:
+    """Names of the quantities whose derivatives an equation in text gives; DataError where it cannot be read."""
+    return tuple(_system(text).sides)
+
+
+def _check_known(what: str, given: Mapping[str, Any] | Sequence[str], known: Sequence[str]) -> None:
+    for name in given:
+        if name not in known:
+            raise DataError(f"{what}: the equation has no {name!r}; it has {', '.join(known) or 'none'}")
+
+
+@functools.lru_cache(maxsize=64)
+def _system(text: str) -> _System:
+    sides: dict[str, tuple[int, Expression]] = {}
+    for left, right in read_equations(text):
+        name = left.head.rstrip("'")
+        order = len(left.head) - len(name)
+        if left.parts or not name or order not in (1, 2):
+            reason = "the left side is the highest derivative alone, of first or second order, as theta'' or h'"
+            raise ExpressionError(text, left.column, reason)
+        if name in sides or name == TIME or name in FUNCTIONS or INPUT_NAME.fullmatch(name):
+            reason = "has an equation already" if name in sides else "has a meaning of its own"
+            raise ExpressionError(text, left.column, f"{name} {reason}")
+        sides[name] = order, right
+    if len(sides) > MOST_STATES:
+        raise ExpressionError(text, 0, f"more than {MOST_STATES} equations")
+    system = _System(text, MappingProxyType(sides))
+    for _, side in sides.values():
+        for part in side.names():
+            _check_derivative(system, part)
+    _check_clash(system)
+    return system
+
+
+def _check_derivative(system: _System, part: Expression) -> None:
+    if "'" not in part.head or part.head in system.states:
+        return
+    name = part.head.rstrip("'")
+    if name in system.sides:
+        reason = f"{part.head} must not stand on the right: solve for it, and put what it equals here"
+    else:
+        reason = f"{part.head} is a derivative, but no equation gives one of {name}"
+    raise ExpressionError(system.text, part.column, reason)
+
+
+def _check_clash(system: _System) -> None:
+    taken = [f"{_plain(state)}_0" for state in system.states] + [_plain(state) for state in system.states]
+    for name in system.others:
+        if name in taken:
+            raise DataError(f"{name} is the name of a state or its initial value; give the parameter another one")
+
+
+def _plain(state: str) -> str:
+    """The name of a state in the model: velocities are ``theta_rate``."""
+    return state.replace("'", "_rate")
+
+
+def _state(name: str, units: Mapping[str, str]) -> Quantity:
+    base = name.rstrip("'")
+    unit = units.get(base, "1")
+    return Quantity(name, unit, symbol(name)) if base == name else Quantity(_plain(name), rate_of(unit), _dotted(name))
+
+
+def _dotted(name: str) -> str:
+    base = name.rstrip("'")
+    dots = {0: symbol(base), 1: rf"\dot{{{symbol(base)}}}", 2: rf"\ddot{{{symbol(base)}}}"}
+    return dots[len(name) - len(base)]
+
+
+def _parameter(
+    system: _System, name: str, units: Mapping[str, str], bounds: Mapping[str, tuple[float, float]]
+) -> Parameter:
+    inside = [call.parts[0] for _, side in system.sides.values() for call in side.calls() if call.head in POSITIVE]
+    free = (0.0, ANYTHING[1]) if any(part.head == name and not part.parts for part in inside) else ANYTHING
+    lower, upper = bounds.get(name, free)
+    if not lower < upper:
+        raise DataError(f"the bounds of {name} must be a smaller and a larger number, not {lower:g} and {upper:g}")
+    return Parameter(name, units.get(name, "1"), symbol(name), lower, upper)
+
+
+def _latex(system: _System) -> str:
+    symbols = {name: _dotted(name) for name in (*system.states, *system.others, TIME)}
+    lefts = [_dotted(name + "'" * order) for name, (order, _) in system.sides.items()]
+    rights = [side.latex(symbols) for _, side in system.sides.values()]
+    return r",\quad ".join(f"{left} = {right}" for left, right in zip(lefts, rights, strict=True))
+
+
+@picklable
+@functools.lru_cache(maxsize=64)
+def _rhs(text: str) -> Callable[..., tuple[float, ...]]:
+    """The right-hand side, written from the expressions that were read: indices, numbers and functions only."""
+    system = _system(text)
+    inputs = [name for name in system.others if INPUT_NAME.fullmatch(name)]
+    parameters = [name for name in system.others if name not in inputs]
+    names = {TIME: "t"}
+    for array, members in (("state", system.states), ("params", parameters), ("inputs", inputs)):
+        names |= {name: f"{array}[{k}]" for k, name in enumerate(members)}
+    velocities = [names[f"{name}'"] for name in system.second]
+    sides = [system.sides[name][1].source(names) for name in system.second]
+    sides += [side.source(names) for order, side in system.sides.values() if order == 1]
+    arguments = "t, state, params, inputs" if inputs else "t, state, params"
+    source = f"def rhs({arguments}):\n    return ({', '.join([*velocities, *sides])},)\n"
+    return generated(source, {**FUNCTIONS, "power": POWER})

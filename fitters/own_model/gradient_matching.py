@@ -1,0 +1,159 @@
+"""Starting values of parameters from the data alone: the right-hand side against derivatives of the smoothed motion.
+
+Gradient matching (Varah 1982, SIAM J. Sci. Stat. Comput. 3, 28): local cubics give the states and their rates, and the
+parameters are those whose right-hand side is nearest to the rates. Nothing is integrated, so it needs no good start,
+but every state must be observed or be the velocity of one that is.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from fitters.ode.least_squares import Unknowns
+from iris_sysid.errors import FitError
+from iris_sysid.types import Array, OdeModel
+
+POINTS = 100  # at which the right-hand side is compared
+SHARES = (0.02, 0.06, 0.15)  # half widths of the local cubics, as fractions of the record
+LEAST = 4  # samples in half a width
+DRAWS, REFINED, EVALUATIONS = 200, 3, 60  # random values, those improved, and evaluations for each of them
+DECADES = 3.0
+Residual = Callable[[Array], Array]
+LARGEST = 1e6  # of a residual, in standard deviations of the rate
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Smoothed:
+    """States (m, s), rates (m, q) of the components ``matched`` (q,) of them, and inputs (m, i), at ``t_s`` (m,)."""
+
+    t_s: Array
+    states: Array
+    rates: Array
+    matched: list[int]
+    inputs: Array
+
+
+def matched_starts(
+    model: OdeModel, t_s: Array, observed: Array, inputs: Array, unknowns: Unknowns, values: Array, seed: int = 0
+) -> Iterator[Array]:
+    """Full vectors of values (p + s,) by gradient matching, one for each width of smoothing; none where it cannot be.
+
+    Parameters
+    ----------
+    model
+        The governing equation.
+    t_s, observed, inputs
+        (n,) s, (n, d) and (n, i): the samples, each in its own unit.
+    unknowns
+        The free values and their bounds.
+    values
+        (p + s,) values held, and those to start from.
+    seed
+        Same seed, same starts.
+    """
+    names = [quantity.name for quantity in model.observed]
+    positions = model.states[: len(model.states) // 2] if model.second_order else model.states
+    if model.observe is not None or model.events or not {state.name for state in positions} <= set(names):
+        return
+    columns = [names.index(state.name) for state in positions]
+    for share in SHARES:
+        smoothed = _smoothed(model, t_s, observed[:, columns], inputs, share)
+        try:
+            yield _matched(model, smoothed, unknowns, values, np.random.default_rng(seed))
+        except (FitError, ArithmeticError, ValueError):  # the fit itself says what is wrong with the function
+            return
+
+
+def _smoothed(model: OdeModel, t_s: Array, observed: Array, inputs: Array, share: float) -> _Smoothed:
+    half = max(share * float(t_s[-1] - t_s[0]), LEAST * float(np.median(np.diff(t_s))))
+    centres = np.linspace(t_s[0], t_s[-1], min(POINTS, t_s.size))
+    local = np.array([_cubic(t_s, observed, centre, half) for centre in centres])  # (m, 3, d)
+    d = observed.shape[1]
+    known = (
+        np.column_stack([np.interp(centres, t_s, column) for column in inputs.T]) if inputs.size else np.empty((0, 0))
+    )
+    if model.second_order:
+        states, rates = np.hstack([local[:, 0], local[:, 1]]), local[:, 2]
+        return _Smoothed(centres, states, rates, list(range(d, 2 * d)), known)
+    return _Smoothed(centres, local[:, 0], local[:, 1], list(range(d)), known)
+
+
+def _cubic(t_s: Array, observed: Array, centre: float, half: float) -> Array:
+    """Value, first and second derivative (3, d) at a time, of the cubic nearest to the samples about it."""
+    first, last = np.searchsorted(t_s, [centre - half, centre + half])
+    first, last = max(min(int(first), t_s.size - 2 * LEAST), 0), min(max(int(last), 2 * LEAST), t_s.size)
+    u = (t_s[first:last] - centre) / half
+    coefficients = np.linalg.lstsq(u[:, None] ** np.arange(4), observed[first:last], rcond=None)[0]
+    return np.asarray(coefficients[:3] * np.array([[1.0], [1.0 / half], [2.0 / half**2]]))
+
+
+def _matched(
+    model: OdeModel, smoothed: _Smoothed, unknowns: Unknowns, values: Array, rng: np.random.Generator
+) -> Array:
+    """The values whose right-hand side is nearest to the rates; initial states are those of the first point."""
+    count = len(model.parameters)
+    start = values.copy()
+    start[count:] = smoothed.states[0]
+    free = unknowns.which[unknowns.which < count]
+    size = np.std(smoothed.rates, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    rows = list(zip(smoothed.t_s.tolist(), map(tuple, smoothed.states.tolist()), _inputs(smoothed), strict=True))
+
+    def residual(now: Array) -> Array:
+        params = start[:count].copy()
+        params[free] = now
+        given = tuple(params.tolist())
+        rates = np.array([_rates(model, t, state, given, known) for t, state, known in rows])[:, smoothed.matched]
+        error = (smoothed.rates - rates) / size
+        return np.nan_to_num(np.clip(error, -LARGEST, LARGEST), nan=LARGEST).ravel()
+
+    if free.size:
+        which = np.flatnonzero(unknowns.which < count)
+        start[free] = _best(residual, start[free], unknowns.lower[which], unknowns.upper[which], rng)
+    return start
+
+
+def _inputs(smoothed: _Smoothed) -> list[tuple[float, ...]]:
+    return [tuple(row) for row in smoothed.inputs.tolist()] if smoothed.inputs.size else [()] * smoothed.t_s.size
+
+
+def _rates(
+    model: OdeModel, t: float, state: tuple[float, ...], params: tuple[float, ...], known: tuple[float, ...]
+) -> tuple[float, ...]:
+    try:
+        with np.errstate(all="ignore"):
+            return tuple(model.rhs(t, state, params, known) if known else model.rhs(t, state, params))
+    except (ArithmeticError, ValueError):
+        return (np.nan,) * len(model.states)
+
+
+def _best(residual: Residual, now: Array, lower: Array, upper: Array, rng: np.random.Generator) -> Array:
+    """The values (k,) of least residual, from random ones over several decades."""
+    shape = DRAWS, now.size
+    drawn = 10.0 ** rng.uniform(-DECADES, DECADES, shape) * rng.choice([-1.0, 1.0], shape)
+    drawn = np.where(rng.random(shape) < 1 / 3, now, drawn)
+    width = np.where(np.isfinite(upper - lower), upper - lower, 1.0)
+    drawn = np.clip(drawn, lower + 1e-6 * width, upper - 1e-6 * width)
+    costs = [float(np.sum(np.minimum(np.abs(residual(row)), 10.0))) for row in drawn]
+    found = [
+        least_squares(residual, drawn[k], bounds=(lower, upper), x_scale="jac", max_nfev=EVALUATIONS, loss="soft_l1")
+        for k in np.argsort(costs, kind="stable")[:REFINED]
+    ]
+    return _positive(residual, np.asarray(min(found, key=lambda result: result.cost).x), upper)
+
+
+def _positive(residual: Residual, values: Array, upper: Array) -> Array:
+    """The values with as few below zero as leave the residual as it is: a squared frequency has either sign."""
+    before = residual(values)
+    below = np.flatnonzero((values < 0) & (-values < upper)).tolist()
+    for several in (*itertools.combinations(below, 1), *itertools.combinations(below, 2)):
+        flipped = values.copy()
+        flipped[list(several)] *= -1.0
+        if np.all(values[list(several)] < 0) and np.allclose(residual(flipped), before, rtol=1e-9, atol=1e-9):
+            values = flipped
+    return values
