@@ -15,6 +15,7 @@ from iris_sysid.io.csv_cells import Sheet, is_own_table, read_sheet
 from iris_sysid.io.csv_columns import Column, Key, covariance_columns, parse_column
 from iris_sysid.io.dataframes import OPTIONAL_TRACK_COLUMNS, segment_labels
 from iris_sysid.io.files import origin_of, sha256_of
+from iris_sysid.io.formula_cells import unguarded
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import OriginDocument, number
 from iris_sysid.io.table_cells import read_cells
@@ -113,7 +114,7 @@ def read_track(path: str | Path) -> list[Track]:
     for row, body in enumerate(sheet.columns.get("body", ["1"] * len(sheet.lines))):
         if not body.strip():
             sheet.refuse("body", row, "is blank; give the name of the body")
-        bodies.setdefault(body, []).append(row)
+        bodies.setdefault(unguarded(body), []).append(row)
     beside = {body: _beside_body(document, origin, body) for body in bodies}
     if document is not None and document.camera_motion is not None:
         for body, rows in bodies.items():
@@ -214,14 +215,30 @@ def read_trajectory(path: str | Path, columns: Mapping[str, str] | None = None) 
     if columns is not None or not is_own_table(path):
         cells = read_cells(path)
         sheet, read_as = understood(cells, columns)
-        return _trajectory(sheet, None, {**origin_of(cells.file, {}), "read_as": list(read_as)})
+        return trajectory_of_sheet(sheet, None, {**origin_of(cells.file, {}), "read_as": list(read_as)})
     sheet = read_sheet(path)
     if "x_px" in sheet and ("body" in sheet or "frame" in sheet):
         raise DataError(f"{sheet.label} is a track, in pixels; it needs read_track and to_world, or iris-sysid run")
-    return _trajectory(sheet, *_read_beside(path))
+    return trajectory_of_sheet(sheet, *_read_beside(path))
 
 
-def _trajectory(sheet: Sheet, document: OriginDocument | None, origin: Mapping[str, Any]) -> Trajectory:
+def trajectory_of_sheet(sheet: Sheet, document: OriginDocument | None, origin: Mapping[str, Any]) -> Trajectory:
+    """The trajectory that the columns of a table hold.
+
+    Parameters
+    ----------
+    sheet
+        Its columns, under this project's names.
+    document
+        What the file beside the table states; None where there is none.
+    origin
+        Where the table comes from.
+
+    Raises
+    ------
+    DataError
+        When a column is none of a trajectory's, or a cell does not hold what its column should.
+    """
     columns = _columns(sheet)
     plain = [column for column in columns.values() if column.part == "measured" and not column.is_sigma]
     measured = [column for column in plain if not column.is_input]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from iris_sysid.types._numbers import Estimate, Quantity
 from iris_sysid.types._pickling import Portable
 from iris_sysid.types._verdict import Doubt
 from iris_sysid.types._view import Sensor, View
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MotionKind = Literal["oscillation", "slide", "flight", "any"]
 SegmentLabel = Literal["hand", "release", "motion", "contact", "rest"]
@@ -140,6 +143,13 @@ class Trajectory(Shown, Portable):
             ("free", tuple(self.free)),
         ):
             object.__setattr__(self, name, value)
+
+    @classmethod
+    def from_frame(cls, frame: pd.DataFrame, columns: Mapping[str, str] | None = None) -> Trajectory:
+        """Make a trajectory of a pandas DataFrame; see :func:`iris_sysid.from_frame`."""
+        from iris_sysid import from_frame  # the front door: tables are read by a package above this one
+
+        return from_frame(frame, columns)
 
     @property
     def n(self) -> int:
