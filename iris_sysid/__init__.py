@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from fitters.ode.several_clips import fit_clips as fit_clips
     from fitters.ode.simulation import simulate as simulate
     from fitters.ode.single_clip import fit as fit
+    from fitters.own_model.equation import model_from_equation as model_from_equation
+    from fitters.own_model.function import model_from_function as model_from_function
     from fitters.selection.select import select_model as select_model
     from fitters.sindy.discover import discover as discover
     from iris_sysid.calibration.board.calibrate import calibrate_board as calibrate_board
@@ -32,6 +34,12 @@ if TYPE_CHECKING:
     from iris_sysid.calibration.pixel_scale import to_world as to_world
     from iris_sysid.calibration.pixel_scale import uncalibrated as uncalibrated
     from iris_sysid.diagnosis.diagnose import diagnose as diagnose
+    from iris_sysid.diagnosis.planning.changes import SetUpChange as SetUpChange
+    from iris_sysid.diagnosis.planning.decide import Decision as Decision
+    from iris_sysid.diagnosis.planning.decide import decide as decide
+    from iris_sysid.diagnosis.planning.plan import Plan as Plan
+    from iris_sysid.diagnosis.planning.plan import Proposal as Proposal
+    from iris_sysid.diagnosis.planning.plan import plan as plan
     from iris_sysid.errors import CalibrationError as CalibrationError
     from iris_sysid.errors import DataError as DataError
     from iris_sysid.errors import FitError as FitError
@@ -121,6 +129,8 @@ _HOME = {
         "fitters.ode.several_clips": "fit_clips",
         "fitters.ode.simulation": "simulate",
         "fitters.ode.single_clip": "fit",
+        "fitters.own_model.equation": "model_from_equation",
+        "fitters.own_model.function": "model_from_function",
         "fitters.selection.select": "select_model",
         "fitters.sindy.discover": "discover",
         "iris_sysid.calibration.board.calibrate": "calibrate_board",
@@ -128,6 +138,9 @@ _HOME = {
         "iris_sysid.calibration.known_size": "plane_from_ball plane_from_distance plane_from_size",
         "iris_sysid.calibration.pixel_scale": "scale scale_bar scale_from_text uncalibrated from_osp to_world",
         "iris_sysid.diagnosis.diagnose": "diagnose",
+        "iris_sysid.diagnosis.planning.changes": "SetUpChange",
+        "iris_sysid.diagnosis.planning.decide": "Decision decide",
+        "iris_sysid.diagnosis.planning.plan": "Plan Proposal plan",
         "iris_sysid.errors": (
             "IrisError VideoError TrackingError CalibrationError DataError FitError UnknownNameError "
             "PluginError OutputError"
