@@ -17,6 +17,7 @@ import numpy as np
 from iris_sysid.io.csv_read import read_track, read_trajectory, side_car_of
 from iris_sysid.io.dataframes import estimates_frame, to_frame
 from iris_sysid.io.files import check_writable, sha256_of, write_atomic
+from iris_sysid.io.formula_cells import guarded
 from iris_sysid.io.json_documents import checked, entries_of, plain_origin, write_document
 from iris_sysid.io.schemas import (
     BrightnessEntry,
@@ -152,8 +153,9 @@ def write_worlds(worlds: Mapping[str, Trajectory], path: str | Path, *, overwrit
 
 def _write(frame: pd.DataFrame, path: str | Path, beside: Mapping[str, Any], *, overwrite: bool) -> Path:
     side_car = check_writable(side_car_of(path), overwrite=True)  # it belongs to the table, whose presence decides
-    flags = {name: frame[name].astype("Int8") for name in ("valid", "hand") if name in frame}
-    write_atomic(path, frame.assign(**flags).to_csv(index=False, lineterminator="\n"), overwrite=overwrite)
+    changed = {name: frame[name].astype("Int8") for name in ("valid", "hand") if name in frame}
+    changed |= {name: frame[name].map(guarded) for name in ("body",) if name in frame}
+    write_atomic(path, frame.assign(**changed).to_csv(index=False, lineterminator="\n"), overwrite=overwrite)
     document = checked(OriginDocument, table=Path(path).name, table_sha256=sha256_of(path), **beside)
     write_document(document, side_car, overwrite=True)
     return Path(path)

@@ -17,6 +17,7 @@ import pandas as pd
 
 from iris_sysid.benchmark.sources.reading import read_columns
 from iris_sysid.errors import DataError
+from iris_sysid.io.formula_cells import guarded, unguarded
 
 PARAMETERS = "parameters"
 SELECTION = "selection"
@@ -51,6 +52,7 @@ COLUMNS = (
 KEY = ("study", "dataset", "phenomenon", "setting", "clip", "method", "condition", "parameter", "seed")
 GROUP = ("dataset", "phenomenon", "setting", "parameter")
 NUMBERS = ("value", "stderr", "truth", "error")
+TEXTS = tuple(name for name in COLUMNS if name not in (*NUMBERS, "seed"))
 OK = "ok"  # a usable value; any other status gives the reason why it is missing or doubtful
 FAILED = "failed"  # the run gave no value; it is NaN and never 0
 
@@ -113,7 +115,8 @@ def _refuse(rows: pd.DataFrame, bad: np.ndarray, reason: str) -> None:
 def rows_text(rows: pd.DataFrame) -> str:
     """Flat rows as CSV text that reads back exactly: an empty field is a missing number, seed or text."""
     text = io.StringIO()
-    rows.to_csv(text, index=False, lineterminator="\n")
+    texts = {name: rows[name].map(guarded) for name in TEXTS}
+    rows.assign(**texts).to_csv(text, index=False, lineterminator="\n")
     return text.getvalue()
 
 
@@ -137,6 +140,8 @@ def read_rows(path: str | Path) -> pd.DataFrame:
         if name == "seed" and (numbers.dropna() % 1 != 0).any():
             raise DataError(f"{path}: a seed is a whole number")
         frame[name] = numbers.astype("Int64" if name == "seed" else "float64")
+    for name in TEXTS:
+        frame[name] = frame[name].map(unguarded)
     frame["error"] = frame["value"] - frame["truth"]
     return check_rows(frame)
 

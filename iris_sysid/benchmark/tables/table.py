@@ -12,6 +12,7 @@ import pandas as pd
 
 from iris_sysid.benchmark.tables.summary import displayed, parameter_summary
 from iris_sysid.errors import UnknownNameError
+from iris_sysid.io.formula_cells import guarded
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +157,7 @@ def _csv(table: Table) -> str:
     writer.writerow([*table.header, "bold"] if marked else table.header)
     for row in table.rows:
         bold = [name for name, cell in zip(table.header, row, strict=True) if cell.bold]
-        writer.writerow([*(cell.text for cell in row), " ".join(bold)] if marked else [cell.text for cell in row])
+        writer.writerow([*(guarded(cell.text) for cell in row), *([" ".join(bold)] if marked else [])])
     return text.getvalue()
 
 
