@@ -31,14 +31,12 @@ PRECEDENCE = {"+": 1, "-": 1, "*": 2, "/": 2, "negative": 2, "^": 4}
 
 
 class ExpressionError(DataError):
-    """A text that is no expression; the message shows it with a mark under the column."""
+    """A text that is no expression; the message says at which column, and what stands there."""
 
     def __init__(self, text: str, column: int, reason: str) -> None:
-        start = max(column - 50, 0)
-        shown = "".join(letter if letter.isprintable() else "?" for letter in text[start : column + 30])
-        super().__init__(
-            f"cannot read the equation, column {column + 1}: {reason}\n  {shown}\n  {' ' * (column - start)}^"
-        )
+        there = "".join(letter if letter.isprintable() else "?" for letter in text[column : column + 20])
+        shown = f"at {there}" if there.strip() else "at its end"
+        super().__init__(f"cannot read the equation, column {column + 1} ({shown}): {reason}")
 
 
 @dataclass(frozen=True, slots=True)

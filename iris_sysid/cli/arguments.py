@@ -61,6 +61,14 @@ TimeBase = Annotated[str, typer.Option(help="Standard error of the frame rate: 0
 Starts = Annotated[list[str] | None, typer.Option("--start-at", help="A starting value, e.g. length=0.5.")]
 ModelName = Annotated[str, typer.Option("--model", help="Governing equation; see iris-sysid list. Or FILE.py:NAME.")]
 
+Equation = Annotated[
+    str | None,
+    typer.Option("--equation", help="Equation of motion of your own: \"theta'' = -g/L*sin(theta) - c*theta'\"."),
+]
+Bounds = Annotated[
+    list[str] | None, typer.Option("--bound", help="Bounds of a parameter of --equation: L=0.1:10, or L=0: .")
+]
+
 
 @dataclass(frozen=True)
 class ClipArguments:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import TABLE, Columns, Force, Free, Json, Output, Settings, Strict
+from iris_sysid.cli.arguments import TABLE, Bounds, Columns, Equation, Force, Free, Json, Output, Settings, Strict
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,6 +38,8 @@ def diagnose(
     output: Output,
     model: Model = None,
     phenomenon: Phenomenon = None,
+    equation: Equation = None,
+    bound: Bounds = None,
     effect: Effects = None,
     columns: Columns = None,
     known: Settings = None,
@@ -66,10 +68,15 @@ def diagnose(
     from iris_sysid.report.diagnosis_files import check_folder
 
     check_folder(output, overwrite=force)
-    equation, free_by_default = _equation(model, phenomenon, clips, columns)
-    fixed = _parsing.settings(known or (), equation.units())
+    if equation is None:
+        described, free_by_default = _equation(model, phenomenon, clips, columns)
+    else:
+        described, free_by_default = _written(model or phenomenon, equation, bound, known, clips, columns), ()
+    fixed = _parsing.settings(known or (), described.units())
     options = {
-        "model": equation.name if model is None else model,
+        "model": described.name if model is None else model,
+        "equation": equation,
+        "bound": bound,
         "columns": columns,
         "set": known,
         "free": free,
@@ -77,7 +84,7 @@ def diagnose(
         "holdout": holdout,
     }
     stated = _parsing.sensor(sensor)
-    measured = _measured(clips, equation, columns, phenomenon, output, trials, board, square)
+    measured = _measured(clips, described, columns, phenomenon, output, trials, board, square)
     # imported after the clips are read, so that an unreadable file is reported without delay
     from iris_sysid.diagnosis.diagnose import diagnose as find_missing_effects
     from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
@@ -90,7 +97,7 @@ def diagnose(
     estimated = [*(name for name in free_by_default if name not in stated_before), *(free or ())]
     diagnosis = find_missing_effects(
         trajectories,
-        equation,
+        described,
         fixed=fixed,
         free=list(dict.fromkeys(estimated)),
         effects=[*EFFECTS.values(), *map(EFFECTS.named, effect or ())],
@@ -102,10 +109,10 @@ def diagnose(
     _terminal.show_verdict(diagnosis.verdict, json)
     typer.echo(document if json else diagnosis_text(diagnosis))
     typer.echo(f"report: {page}", err=True)
-    if diagnosis.incomplete and model != AUTO:
+    if diagnosis.incomplete and model != AUTO and equation is None:
         tables = [table for path in clips for table in ([path] if path.is_file() else sorted(path.glob("*.csv")))]
         found = output / "discovery.json"
-        _terminal.suggest("discover", *tables, "--residual-of", equation.name, "-o", found, json=json)
+        _terminal.suggest("discover", *tables, "--residual-of", described.name, "-o", found, json=json)
     _terminal.end(diagnosis.verdict, strict)
 
 
@@ -123,6 +130,22 @@ def _equation(
     if described is None:
         return MODELS.named(_model_of_runs(clips)), ()
     return MODELS.named(described.model), described.free
+
+
+def _written(
+    other: str | None,
+    equation: str,
+    bound: list[str] | None,
+    known: list[str] | None,
+    clips: "Sequence[Path]",
+    columns: str | None,
+) -> "OdeModel":
+    """The model of an equation in text, in the units of the first table."""
+    from iris_sysid.benchmark.clip_folders import tables_in
+    from iris_sysid.cli import _own_equation
+
+    _own_equation.check_one(other, equation, bound or [])
+    return _own_equation.model_of(equation, bound or [], known or [], tables_in(clips[0])[0], columns)
 
 
 def _model_of_runs(clips: "Sequence[Path]") -> str:

@@ -8,7 +8,19 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import TABLE, Columns, Force, Free, Json, ModelName, Output, Settings, Starts, Strict
+from iris_sysid.cli.arguments import (
+    TABLE,
+    Bounds,
+    Columns,
+    Equation,
+    Force,
+    Free,
+    Json,
+    Output,
+    Settings,
+    Starts,
+    Strict,
+)
 
 if TYPE_CHECKING:
     from iris_sysid.types import Estimate, FitResult, OdeModel, Trajectory, Verdict
@@ -18,8 +30,12 @@ AUTO = "auto"
 
 def fit(
     tables: Annotated[list[Path], typer.Argument(help=f"{TABLE}; several clips.")],
-    model: ModelName,
     output: Output,
+    model: Annotated[
+        str | None, typer.Option("--model", help="Governing equation; see iris-sysid list. Or FILE.py:NAME.")
+    ] = None,
+    equation: Equation = None,
+    bound: Bounds = None,
     columns: Columns = None,
     known: Settings = None,
     free: Free = None,
@@ -39,11 +55,13 @@ def fit(
     \b
     Example:
       iris-sysid fit trajectory.csv --model pendulum --set gravity=9.79 -o fit.json
+      iris-sysid fit trajectory.csv --equation "theta'' = -g/L*sin(theta)" --set g=9.79 -o fit.json
     """
-    from iris_sysid.cli import _parsing
+    from iris_sysid.cli import _own_equation, _parsing
     from iris_sysid.errors import DataError
     from iris_sysid.registry import MODELS
 
+    _own_equation.check_one(model, equation, bound or [])
     for table in tables:
         _terminal.check_outputs(table, [output, plot], overwrite=force)
     _terminal.check_suffix(plot, ".png")
@@ -53,11 +71,16 @@ def fit(
         raise DataError("--plot, --uncertainty and --model auto are about one table; give one")
     if model == AUTO and (plot or uncertainty or known or start):
         raise DataError("--plot, --uncertainty, --set and --start-at need the name of a model, not --model auto")
-    chosen = None if model == AUTO else MODELS.named(model)
+    if equation is not None:
+        chosen = _own_equation.model_of(equation, bound or [], known or [], tables[0], columns)
+    else:
+        chosen = None if model in (None, AUTO) else MODELS.named(model)
     units = {} if chosen is None else chosen.units()
     fixed, first = (_parsing.settings(texts or (), units) for texts in (known, start))
     options = {
         "model": model,
+        "equation": equation,
+        "bound": bound,
         "columns": columns,
         "set": known,
         "free": free,
@@ -76,9 +99,10 @@ def fit(
         verdict = _fit_one(
             clips[0], chosen, fixed, free or [], starts, uncertainty or ["robust"], output, plot, force, json
         )
+    named = ["--model", model] if equation is None else ["--equation", equation, *_terminal.repeated("--bound", bound)]
     same = [*_terminal.repeated("--set", known), *_terminal.repeated("--free", free)]
     same += [] if columns is None else ["--columns", columns]
-    _terminal.suggest("diagnose", *tables, "--model", model, *same, "-o", output.parent / "diagnosis", json=json)
+    _terminal.suggest("diagnose", *tables, *named, *same, "-o", output.parent / "diagnosis", json=json)
     _terminal.end(verdict, strict)
 
 
