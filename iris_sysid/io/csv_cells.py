@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.errors import DataError
+from iris_sysid.io.files import read_file
 from iris_sysid.types import Array
 
 BLANK = frozenset({"", "nan", "NaN", "NAN", "NA", "N/A", "null", "None"})
@@ -115,6 +116,8 @@ def _is_number(cell: str) -> bool:
 def is_own_table(path: str | Path) -> bool:
     """Whether the first line of a file names a column ``t_s`` or ``x_px``, as this project's tables do."""
     with suppress(OSError, ValueError):
+        if not Path(path).is_file():
+            return False
         with Path(path).open("rb") as file:
             start = file.read(FIRST_LINE)
         text = start.decode("utf-16" if start.startswith(UTF_16) else "utf-8-sig", errors="ignore").lstrip()
@@ -130,7 +133,7 @@ def read_sheet(path: str | Path) -> Sheet:
     out. Raises DataError for what is no such file, has no rows, or has a row or column too many.
     """
     label = str(path)
-    text = _decode(_read(path, label), label)
+    text = _decode(read_file(path), label)
     header_line = re.split(r"[\r\n]", text.lstrip(), maxsplit=1)[0]
     separator = next((character for character in ",;\t" if character in header_line), ",")
     rows = list(_rows(text, separator, label))
@@ -143,13 +146,6 @@ def read_sheet(path: str | Path) -> Sheet:
     cells = zip(*(row for _, row in body), strict=True)
     columns = _named([name.strip() for name in header], cells, label)
     return Sheet(label, columns, [line for line, _ in body], decimal_comma=separator != ",")
-
-
-def _read(path: str | Path, label: str) -> bytes:
-    try:
-        return Path(path).read_bytes()
-    except (OSError, ValueError) as error:
-        raise DataError(f"cannot read {label}: {getattr(error, 'strerror', None) or error}") from error
 
 
 def _decode(data: bytes, label: str) -> str:

@@ -9,6 +9,7 @@ import math
 import os
 import platform
 import secrets
+import stat
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -19,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from iris_sysid.errors import DataError, OutputError
+from iris_sysid.io.archives import member_of
 
 # What the numbers depend on: ours, and the packages that compute.
 PACKAGES = (
@@ -33,6 +35,7 @@ PACKAGES = (
     "opencv-contrib-python-headless",
     "av",
 )
+MOST_BYTES = 256_000_000  # of a table or document that is read whole: some millions of rows
 DISK_TROUBLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 
 
@@ -136,15 +139,36 @@ def _reason(error: Exception) -> str:
     return getattr(error, "strerror", None) or str(error)
 
 
+# --------------------------------------------------------------------------- reading
+
+
+def read_file(path: str | Path) -> bytes:
+    """The bytes of an ordinary file of at most MOST_BYTES.
+
+    Raises DataError for what cannot be read, is larger, or is a folder, device or pipe, which may never end.
+    """
+    try:
+        about = Path(path).stat()
+        if not stat.S_ISREG(about.st_mode):
+            kind = "a folder" if stat.S_ISDIR(about.st_mode) else "a device or pipe, not an ordinary file"
+            raise DataError(f"cannot read {path}: it is {kind}")
+        if about.st_size > MOST_BYTES:
+            size, most = about.st_size / 1e6, MOST_BYTES / 1e6
+            raise DataError(f"{path} has {size:.0f} MB; at most {most:.0f} MB are read: split it")
+        return Path(path).read_bytes()
+    except (OSError, ValueError) as error:  # ValueError: a NUL character in the name
+        raise DataError(f"cannot read {path}: {_reason(error)}") from error
+
+
 # --------------------------------------------------------------------------- origin
 
 
 def sha256_of(path: str | Path) -> str:
     """The SHA-256 of a file's bytes as 64 hexadecimal digits; of a folder, that of its files' names and hashes.
 
-    Raises DataError when it cannot be read.
+    Of ``archive.trz:NAME``, that of the archive. Raises DataError when it cannot be read.
     """
-    path = Path(path)
+    path, _ = member_of(path)
     try:
         if path.is_dir():
             return _sha256_of_folder(path)

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from iris_sysid.errors import DataError, UnknownNameError
-from iris_sysid.io.files import json_text, write_atomic
+from iris_sysid.io.files import json_text, read_file, write_atomic
 from iris_sysid.io.schemas import (
     DOCUMENTS,
     Document,
@@ -85,10 +85,7 @@ def write_document(document: Document, path: str | Path, *, overwrite: bool = Fa
 
 def read_document(path: str | Path, kind: type[Kind]) -> Kind:
     """Read and check the JSON file at ``path`` as a document of class ``kind``; DataError names the first bad key."""
-    try:
-        data = Path(path).read_bytes()
-    except (OSError, ValueError) as error:
-        raise DataError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from error
+    data = read_file(path)
     try:
         return kind.model_validate_json(_present_version(data.removeprefix(b"\xef\xbb\xbf"), kind))
     except ValidationError as error:

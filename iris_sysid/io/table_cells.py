@@ -17,8 +17,8 @@ from pathlib import Path
 
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_cells import BLANK, UTF_16
+from iris_sysid.io.files import MOST_BYTES, read_file
 
-MOST_BYTES = 200_000_000  # of a text file, and of an Excel file when unpacked
 LOOKED_AT = 200  # lines from which the separator is chosen
 MOST_HEADER_ROWS = 8
 SEPARATORS = (";", "\t", ",", " ")  # the first of those that split the lines into numbers best
@@ -51,7 +51,7 @@ def read_cells(path: str | Path) -> Cells:
     begin with ``#``, ``//``, ``%`` or ``!`` are skipped. Raises DataError for what is no table.
     """
     file, sheet = _file_and_sheet(str(path))
-    data = _bytes(file)
+    data = read_file(file)
     if data.startswith(EXCEL):
         return _split_header(_sheet_rows(data, file, sheet), (str(path), file), False, ())
     if sheet is not None:
@@ -66,16 +66,6 @@ def _file_and_sheet(path: str) -> tuple[str, str | None]:
     if colon and not Path(path).exists() and Path(file).is_file():
         return file, sheet
     return path, None
-
-
-def _bytes(file: str) -> bytes:
-    try:
-        size = Path(file).stat().st_size
-        if size > MOST_BYTES:
-            raise DataError(f"{file} has {size / 1e6:.0f} MB; a table may have {MOST_BYTES / 1e6:.0f} MB: split it")
-        return Path(file).read_bytes()
-    except (OSError, ValueError) as error:
-        raise DataError(f"cannot read {file}: {getattr(error, 'strerror', None) or error}") from error
 
 
 def _text(data: bytes, file: str) -> tuple[str, tuple[str, ...]]:

@@ -12,7 +12,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from iris_sysid.errors import DataError, OutputError
-from iris_sysid.io.files import atomic_path, check_writable, json_text, origin_of, sha256_of, write_atomic
+from iris_sysid.io.csv_cells import read_sheet
+from iris_sysid.io.files import (
+    MOST_BYTES,
+    atomic_path,
+    check_writable,
+    json_text,
+    origin_of,
+    read_file,
+    sha256_of,
+    write_atomic,
+)
+from iris_sysid.io.json_documents import read_document
+from iris_sysid.io.schemas import OriginDocument
+from iris_sysid.io.table_cells import read_cells
 
 ABC_SHA256 = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"  # FIPS 180-2, appendix B.1
 
@@ -243,3 +256,19 @@ def test_json_text_of_something_else_is_a_data_error(value):
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_json_text_floats_read_back_exactly(value):
     assert json.loads(json_text(value)) == value
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir])
+@pytest.mark.parametrize("read", [read_file, read_sheet, read_cells, lambda path: read_document(path, OriginDocument)])
+def test_what_is_no_ordinary_file_is_refused_and_never_waited_for(tmp_path, make, read):
+    make(tmp_path / "a.csv")
+    with pytest.raises(DataError, match=r"cannot read .*a\.csv: it is a"):
+        read(str(tmp_path / "a.csv"))
+
+
+def test_file_too_large_to_be_read_whole_is_refused(tmp_path):
+    path = tmp_path / "a.csv"
+    with path.open("wb") as file:
+        file.truncate(MOST_BYTES + 1)
+    with pytest.raises(DataError, match=r"a\.csv has 256 MB; at most 256 MB are read: split it"):
+        read_file(path)

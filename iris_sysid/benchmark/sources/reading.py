@@ -11,6 +11,7 @@ from pathlib import Path
 import pandas as pd
 
 from iris_sysid.errors import DataError
+from iris_sysid.io.files import read_file
 
 Lines = list[tuple[int, list[str]]]
 
@@ -21,13 +22,13 @@ def read_lines(path: str | Path) -> Lines:
     Raises DataError when the file cannot be read, or holds no row below the header.
     """
     path = Path(path)
+    if not path.exists():
+        raise DataError(f"{path} does not exist; what depends on it cannot be derived")
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = read_file(path).decode("utf-8-sig")
         reader = csv.reader(io.StringIO(text, newline=""), strict=True)
         rows = [(reader.line_num, [field.strip() for field in row]) for row in reader]
-    except FileNotFoundError as error:
-        raise DataError(f"{path} does not exist; what depends on it cannot be derived") from error
-    except (OSError, ValueError) as error:  # ValueError: bytes that are not UTF-8, a NUL in the name
+    except UnicodeDecodeError as error:
         raise DataError(f"cannot read {path}: {error}; is it a CSV file?") from error
     except csv.Error as error:
         raise DataError(f"cannot read {path} after line {reader.line_num}: {error}") from error
