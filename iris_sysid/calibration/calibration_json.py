@@ -13,6 +13,7 @@ import numpy as np
 from iris_sysid.calibration.pixel_scale import check_homography, from_osp, scale_part
 from iris_sysid.calibration.plane import to_plane
 from iris_sysid.errors import CalibrationError, DataError
+from iris_sysid.io.archives import member_of
 from iris_sysid.io.files import origin_of
 from iris_sysid.io.json_documents import checked, entries_of, read_document, write_document
 from iris_sysid.io.osp_tracker import read_osp
@@ -93,7 +94,7 @@ def read_calibration(path: str | Path) -> Calibration:
     DataError for a file that is not one of these, CalibrationError for one that does not fix metres per pixel.
     """
     path = Path(path)
-    if path.suffix.lower() in (".trk", ".trz"):
+    if member_of(path)[0].suffix.lower() in (".trk", ".trz"):
         return from_osp(read_osp(path))
     document = read_document(path, CalibrationDocument)
     scale = document.scale.estimate()

@@ -7,7 +7,6 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -64,26 +63,10 @@ def read_tables(tables: Sequence[Path], columns: str | None, model: OdeModel | N
         for text in clips[-1].origin.get("read_as", ()):
             typer.echo(one_line(f"{table}: {text}"), err=True)
         if model is not None:
-            clips[-1], text = _as_observed(clips[-1], model)
+            clips[-1], text = model.taken_from(clips[-1])
             if text:
                 typer.echo(one_line(f"{table}: {text}"), err=True)
     return clips
-
-
-def _as_observed(clip: Trajectory, model: OdeModel) -> tuple[Trajectory, str]:
-    """The clip with its only fitting quantity under the name that the model observes, and what to say of it."""
-    observed, names = [quantity.name for quantity in model.observed], [quantity.name for quantity in clip.quantities]
-    idle = [name for name in names if name not in observed]
-    if len(idle) < len(names):
-        return clip, f"{', '.join(idle)} is not observed by the model {model.name}: not used" if idle else ""
-    wanted = model.observed[0]
-    same = [quantity for quantity in clip.quantities if quantity.unit in (wanted.unit, wanted.unit.replace("m", "px"))]
-    if len(observed) > 1 or len(same) != 1:
-        return clip, ""
-    named = [wanted if quantity is same[0] else quantity for quantity in clip.quantities]
-    quantities = tuple(replace(new, unit=old.unit) for new, old in zip(named, clip.quantities, strict=True))
-    rest = f"; {', '.join(name for name in idle if name != same[0].name)} not used" if len(idle) > 1 else ""
-    return clip.with_(quantities=quantities), f"{wanted.name} of the model {model.name} = {same[0].name}{rest}"
 
 
 def quality_word(track: Track) -> str:
@@ -160,13 +143,15 @@ def end(verdict: Verdict, strict: bool) -> None:
         raise typer.Exit(NOT_GOOD)
 
 
-def print_rows(rows: list[dict[str, Any]], json: bool) -> None:
-    """Print rows of the same keys to stdout, in columns or as JSON."""
+def print_rows(rows: list[dict[str, Any]], json: bool, *, header: bool = False) -> None:
+    """Print rows of the same keys to stdout, in columns, with the keys above them on request, or as JSON."""
     if json:
         from iris_sysid.io.files import json_text
 
         typer.echo(json_text(rows).rstrip("\n"))
         return
+    if header and rows:
+        rows = [{key: key for key in rows[0]}, *rows]
     widths = {key: max(len(str(row[key])) for row in rows) for key in rows[0]} if rows else {}
     for row in rows:
         typer.echo("  ".join(f"{value!s:<{widths[key]}}" for key, value in row.items()).rstrip())

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.errors import CalibrationError
+from iris_sysid.io.archives import listed, member_of, members_named
 from iris_sysid.types import Array, Track, frozen_array
 from iris_sysid.units import OSP_LENGTHS, UNITS
 
@@ -75,7 +76,7 @@ def read_osp(path: str | Path) -> OspProject:
     Parameters
     ----------
     path
-        A ``.trk`` file, or a ``.trz`` archive with one in it.
+        A ``.trk`` file, or a ``.trz`` archive with one in it; ``file.trz:NAME`` where it holds several.
 
     Returns
     -------
@@ -90,7 +91,7 @@ def read_osp(path: str | Path) -> OspProject:
         were made through a video filter that moves pixels.
     """
     label = str(path).encode("utf-8", "replace").decode()
-    xml, packed = _read(Path(path), label)
+    xml, packed = _read(path, label)
     panel = _panel(xml, label)
     clip, control = _object(panel, "videoclip"), _object(panel, "clipcontrol")
     video, axes, unit = _object(clip, "video"), _axes(panel, label), _text(panel, "length_unit")
@@ -110,13 +111,15 @@ def read_osp(path: str | Path) -> OspProject:
     )
 
 
-def marked_tracks(project: OspProject) -> list[Track]:
+def marked_tracks(project: OspProject, *, fps: float | None = None) -> list[Track]:
     """The marks of a project as tracks, one per body, at the project's own times.
 
     Parameters
     ----------
     project
         From :func:`read_osp`; its ``delta_t_ms`` gives the times, frame 0 at 0 s.
+    fps
+        True frame rate in 1/s instead: for slow motion, and for a project that does not state its time step.
 
     Returns
     -------
@@ -126,15 +129,18 @@ def marked_tracks(project: OspProject) -> list[Track]:
     Raises
     ------
     CalibrationError
-        When the project has no marks, or does not state the time from frame to frame.
+        When the project has no marks, or does not state the time from frame to frame and no ``fps`` is given.
     """
     if not project.marks:
         raise CalibrationError("the Tracker project has no marks: no point mass was tracked in it")
-    if not math.isfinite(project.delta_t_ms):
-        raise CalibrationError("the Tracker project does not state the time between frames; its marks have no times")
+    if fps is not None and not (math.isfinite(fps) and fps > 0):
+        raise CalibrationError(f"the frame rate must be above 0 and finite, not {fps}")
+    step_s = project.delta_t_ms / 1000 if fps is None else 1 / fps
+    if not math.isfinite(step_s):
+        raise CalibrationError("the Tracker project does not state the time between frames; give the frame rate (fps)")
     return [
         Track(
-            t_s=np.asarray(frames * (project.delta_t_ms / 1000), dtype=np.float64),
+            t_s=np.asarray(frames * step_s, dtype=np.float64),
             xy_px=xy_px,
             sigma_px=np.full(xy_px.shape, np.nan),
             valid=np.ones(frames.size, dtype=np.bool_),
@@ -149,29 +155,34 @@ def marked_tracks(project: OspProject) -> list[Track]:
 # --------------------------------------------------------------------------- the file
 
 
-def _read(path: Path, label: str) -> tuple[bytes, Sequence[str]]:
+def _read(source: str | Path, label: str) -> tuple[bytes, Sequence[str]]:
     """The XML of the project, and the names of the files packed with it."""
+    path, wanted = member_of(source)
     try:
         if path.suffix.lower() not in (".trz", ".zip"):
             _check_size(path.stat().st_size, label)
             return path.read_bytes(), ()
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
-            return archive.read(_only_project(archive, label)), names
+            return archive.read(_the_project(archive, wanted, label)), names
     except OSError as error:
         raise CalibrationError(f"cannot read {label}: {error.strerror or error}") from error
     except _ZIP_TROUBLE as error:
         raise CalibrationError(f"{label} is no archive that can be unpacked: {error}") from error
 
 
-def _only_project(archive: zipfile.ZipFile, label: str) -> zipfile.ZipInfo:
-    projects = [entry for entry in archive.infolist() if PurePosixPath(entry.filename).suffix.lower() == ".trk"]
-    if len(projects) != 1:
-        names = ", ".join(entry.filename for entry in projects[:5])
-        listed = f"{len(projects)} projects ({names})" if projects else "no project"
-        raise CalibrationError(f"{label} holds {listed}; unpack it and give one .trk file")
-    _check_size(projects[0].file_size, f"{label}:{projects[0].filename}")
-    return projects[0]
+def _the_project(archive: zipfile.ZipFile, wanted: str | None, label: str) -> zipfile.ZipInfo:
+    """The project of that name, or the only one."""
+    projects = [name for name in archive.namelist() if PurePosixPath(name).suffix.lower() == ".trk"]
+    meant = projects if wanted is None else members_named(wanted, projects)
+    if not projects:
+        raise CalibrationError(f"{label} holds no project (.trk)")
+    if len(meant) != 1:
+        which = f"{len(projects)} projects" if wanted is None else f"no single project named {wanted!r}"
+        raise CalibrationError(f"{label} holds {which}; name one as FILE.trz:NAME: {listed(projects)}")
+    entry = archive.getinfo(meant[0])
+    _check_size(entry.file_size, f"{label}:{entry.filename}")
+    return entry
 
 
 def _check_size(size: int, label: str) -> None:

@@ -21,6 +21,7 @@ import av
 from av.video.codeccontext import VideoCodecContext
 
 from iris_sysid.errors import CalibrationError, VideoError
+from iris_sysid.io.archives import listed, members_named
 from iris_sysid.io.osp_tracker import read_osp
 from iris_sysid.video.container import MAX_PIXELS, ContainerSource, DamageError, check_size, open_container
 from iris_sysid.video.pixel_formats import UPRIGHT, Orientation, orientation_of
@@ -115,8 +116,8 @@ def open_folder(folder: Path, label: str) -> ImageSource:
     return _open_images(label, images, reading)
 
 
-def open_archive(path: Path, label: str) -> ContainerSource | ImageSource:
-    """The one video, or else the one folder of images, in a ``.zip`` or ``.trz``.
+def open_archive(path: Path, label: str, wanted: str | None = None) -> ContainerSource | ImageSource:
+    """The one video, or else the one folder of images, in a ``.zip`` or ``.trz``; or that of the ``wanted`` name.
 
     A video is unpacked into a temporary folder, under a name of ours, which goes when the source goes.
     Raises VideoError for an archive that is damaged, encrypted or too large, or does not hold one of either.
@@ -124,12 +125,12 @@ def open_archive(path: Path, label: str) -> ContainerSource | ImageSource:
     try:
         with zipfile.ZipFile(path) as archive:
             members = _members(archive, label)
-            video = _the_video(members, path, label)
+            video = _the_video(members, path, label, wanted)
             if video is not None:
                 return _open_member(archive, members[video], f"{label}:{video}")
     except _ZIP_TROUBLE as error:
         raise VideoError(f"{label} is no archive that can be unpacked: {error}; no frame was read") from error
-    images = _the_images(members, path, label)
+    images = _the_images(members, path, label, wanted)
 
     def reading() -> Iterator[Read]:
         with zipfile.ZipFile(path) as archive:
@@ -208,32 +209,39 @@ def _hidden(name: str) -> bool:
     return any(part == "__MACOSX" or (part.startswith(".") and part != "..") for part in PurePosixPath(name).parts)
 
 
-def _the_video(members: Mapping[str, zipfile.ZipInfo], path: Path, label: str) -> str | None:
+def _the_video(members: Mapping[str, zipfile.ZipInfo], path: Path, label: str, wanted: str | None) -> str | None:
+    """The video of the ``wanted`` name or of the project of that name; without a name, the only one."""
     videos = [name for name in members if _suffix(name) in VIDEO_SUFFIXES]
-    if len(videos) < 2:
+    if not videos or (wanted is None and len(videos) == 1):
         return videos[0] if videos else None
-    named = _named_by_project(path)
+    meant = [] if wanted is None else members_named(wanted, videos)
+    named = meant[0] if len(meant) == 1 else _named_by_project(path, wanted)
     if named in videos:
         return named
-    raise VideoError(f"{label} holds {len(videos)} videos ({', '.join(sorted(videos)[:5])}); unpack it and give one")
+    which = f"{len(videos)} videos" if wanted is None else f"no single video or project named {wanted!r}"
+    raise VideoError(f"{label} holds {which}; name one as FILE:NAME: {listed(videos)}")
 
 
-def _the_images(members: Mapping[str, zipfile.ZipInfo], path: Path, label: str) -> list[str]:
+def _the_images(members: Mapping[str, zipfile.ZipInfo], path: Path, label: str, wanted: str | None) -> list[str]:
     images = [name for name in members if _suffix(name) in IMAGE_CODECS]
     folders = {str(PurePosixPath(name).parent) for name in images}
-    if len(folders) > 1:
-        named = _named_by_project(path)
-        folders &= {str(PurePosixPath(named).parent)} if named else folders
-    if len(folders) != 1:
+    chosen = folders
+    if wanted in folders:
+        chosen = {wanted}
+    elif folders and (wanted is not None or len(folders) > 1):
+        named = _named_by_project(path, wanted)
+        chosen = set() if named is None else {str(PurePosixPath(named).parent)} & folders
+    if len(chosen) != 1:
         what = f"images in {len(folders)} folders" if folders else "no video and no images"
-        raise VideoError(f"{label} holds {what}; it must hold one video, or images in one folder")
-    return _of_one_kind([name for name in images if str(PurePosixPath(name).parent) in folders], label)
+        choice = f"; name one as FILE:FOLDER: {listed(folders)}" if folders else ""
+        raise VideoError(f"{label} holds {what}; it must hold one video, or images in one folder{choice}")
+    return _of_one_kind([name for name in images if str(PurePosixPath(name).parent) in chosen], label)
 
 
-def _named_by_project(path: Path) -> str | None:
-    """The video that a Tracker project in the archive names, if there is one."""
+def _named_by_project(path: Path, wanted: str | None = None) -> str | None:
+    """The video that the Tracker project in the archive names, or that of the ``wanted`` name, if there is one."""
     try:
-        return read_osp(path).video
+        return read_osp(path if wanted is None else f"{path}:{wanted}").video
     except CalibrationError:
         return None
 

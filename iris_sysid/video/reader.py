@@ -21,6 +21,7 @@ from typing import Protocol
 import av
 
 from iris_sysid.errors import VideoError
+from iris_sysid.io.archives import member_of
 from iris_sysid.io.files import sha256_of
 from iris_sysid.types import Frame
 from iris_sysid.video.container import DamageError, open_container
@@ -310,7 +311,7 @@ def open_video(
     Parameters
     ----------
     path
-        A file, or a folder of images of one kind.
+        A file, or a folder of images of one kind; ``archive.trz:NAME`` where an archive holds several clips.
     fps
         True frame rate in 1/s: the time of frame k of the file is then exactly k / fps. For slow motion,
         and for images, which carry no times.
@@ -338,7 +339,8 @@ def open_video(
     return Video(path, _open_source(path, label, fps), clock, keep_partial)
 
 
-def _open_source(path: Path, label: str, fps: float | None) -> _Source:
+def _open_source(named: Path, label: str, fps: float | None) -> _Source:
+    path, wanted = member_of(named)
     try:
         if path.is_dir():
             source: _Source = open_folder(path, label)
@@ -347,7 +349,7 @@ def _open_source(path: Path, label: str, fps: float | None) -> _Source:
         elif not path.is_file():
             raise VideoError(f"{label} is a device or pipe, not an ordinary file")
         elif path.suffix.lower() in (".zip", ".trz"):
-            source = open_archive(path, label)
+            source = open_archive(path, label, wanted)
         elif path.suffix.lower() == ".npy":
             from iris_sysid.video.tensor_reader import open_tensor  # here: it loads OpenCV and pydantic
 

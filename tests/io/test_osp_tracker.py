@@ -7,10 +7,13 @@ import cv2
 import numpy as np
 import pytest
 
-from iris_sysid.errors import CalibrationError
+from iris_sysid.errors import CalibrationError, VideoError
+from iris_sysid.io.csv_read import read_trajectory
+from iris_sysid.io.files import sha256_of
 from iris_sysid.io.osp_tracker import marked_tracks, read_osp
 from iris_sysid.video.reader import open_video
 from tests._project import recording
+from tests.conftest import write_video
 
 TRACKER = "org.opensourcephysics.cabrillo.tracker"
 CORE = "org.opensourcephysics.media.core"
@@ -156,6 +159,59 @@ def test_archive_names_its_video_by_the_member_that_is_there(tmp_path):
     assert read_osp(tmp_path / "a.trz").video == "videos/clip.mp4"
 
 
+# --------------------------------------------------------------------------- archives of several
+
+
+@pytest.fixture
+def two_in_one(tmp_path):
+    """An archive with two projects, each with its own video; ``b`` shows more frames."""
+    with zipfile.ZipFile(tmp_path / "two.trz", "w") as archive:
+        for name, frames in (("a", 4), ("b", 6)):
+            clip = write_video(tmp_path / f"{name}.mp4", [np.full((48, 64), 80, np.uint8)] * frames)
+            archive.write(clip, f"videos/{name}.mp4")
+            bodies = body(name, {k: (k, k) for k in range(frames)})
+            archive.writestr(f"deep/{name}.trk", project(clip=video(f"videos/{name}.mp4"), bodies=bodies))
+    return tmp_path / "two.trz"
+
+
+@pytest.mark.parametrize("name", ["b", "b.trk", "deep/b.trk"])
+def test_one_of_several_projects_is_read_by_name(two_in_one, name):
+    assert list(read_osp(f"{two_in_one}:{name}").marks) == ["b"]
+
+
+@pytest.mark.parametrize("name", ["b", "b.mp4", "videos/b.mp4", "b.trk"])
+def test_one_of_several_videos_is_opened_by_its_own_name_or_that_of_its_project(two_in_one, name):
+    clip = open_video(f"{two_in_one}:{name}")
+    assert len(list(clip.frames())) == 6
+    assert clip.sha256 == sha256_of(two_in_one)
+
+
+def test_name_that_is_not_there_is_refused_with_those_that_are(two_in_one):
+    with pytest.raises(CalibrationError, match=r"no single project named 'c'; .* deep/a.trk, deep/b.trk"):
+        read_osp(f"{two_in_one}:c")
+    with pytest.raises(VideoError, match=r"no single video or project named 'c'; .* videos/a.mp4, videos/b.mp4"):
+        open_video(f"{two_in_one}:c")
+
+
+def test_import_writes_what_the_next_command_takes(two_in_one, tmp_path, cli):
+    """40 px are 0.1 m, at the frame rate that is stated."""
+    outcome = cli("import", f"{two_in_one}:b", "--fps", "50", "-o", tmp_path / "b.csv")
+    assert outcome.status == 0, outcome.err
+    world = read_trajectory(tmp_path / "b-world.csv")
+    assert outcome.err.startswith(f"next: iris-sysid fit {tmp_path / 'b-world.csv'} --model auto")
+    assert world.t_s == pytest.approx(np.arange(6) / 50)
+    moved = np.linalg.norm(world.position[-1] - world.position[0])
+    assert moved == pytest.approx(5 * math.sqrt(2) / 400)
+
+
+def test_import_of_a_project_without_a_scale_writes_px_alone(tmp_path, cli):
+    (tmp_path / "a.trk").write_text(project(where=coords(axes(xscale=1.0)), bodies=body("a", {0: (1, 1), 1: (2, 2)})))
+    assert cli("import", tmp_path / "a.trk", "-o", tmp_path / "a.csv").status == 0
+    assert not (tmp_path / "a-world.csv").exists()
+    outcome = cli("import", tmp_path / "a.trk", "-o", tmp_path / "b.csv", "--world", tmp_path / "w.csv")
+    assert "has no scale: calibrate it in Tracker" in outcome.err
+
+
 # --------------------------------------------------------------------------- a real one
 
 
@@ -245,8 +301,8 @@ def test_project_that_is_not_there_is_refused(tmp_path):
     ("members", "message"),
     [
         ({}, "holds no project"),
-        ({"a.mp4": b""}, "holds no project; unpack it"),
-        ({"a.trk": b"", "b.trk": b""}, r"holds 2 projects \(a.trk, b.trk\)"),
+        ({"a.mp4": b""}, "holds no project .*trk"),
+        ({"a.trk": b"", "b.trk": b""}, r"holds 2 projects; name one as FILE.trz:NAME: a.trk, b.trk"),
     ],
 )
 def test_archive_without_one_project_is_refused(tmp_path, members, message):
