@@ -3,8 +3,10 @@
 import cv2
 import numpy as np
 import pytest
+from scipy.special import erf
 
 from iris_sysid.calibration.board.board import Board, BoardView
+from iris_sysid.calibration.board.corner_equations import corner_equations
 from iris_sysid.calibration.board.detect import find_board, find_boards
 from iris_sysid.calibration.board.frame_selection import choose_frames
 from iris_sysid.errors import CalibrationError, DataError
@@ -328,3 +330,27 @@ def test_choosing_no_frame_is_refused(clip):
 def test_distorted_and_straight_cameras_see_different_corners():
     # the fixture itself: a lens that does nothing would make every test of distortion empty
     assert np.abs(corners(pose(), camera=PHONE) - corners(pose(), camera=STRAIGHT)).max() > 1
+
+
+def test_normal_equations_of_a_corner_are_those_of_its_model():
+    rng = np.random.default_rng(0)
+    pixels = np.stack(np.meshgrid(np.arange(-9.0, 10.0), np.arange(-9.0, 10.0)), axis=-1).reshape(-1, 2)
+    params = np.array([0.3, -0.2, 0.1, 1.6, 1.2, 0.6, 120.0, 60.0, 0.1, 0.2])
+    levels = corner_levels(pixels, params) + rng.standard_normal(len(pixels))
+    steps = 1e-5 * np.eye(10)
+    jacobian = np.array(
+        [(corner_levels(pixels, params + step) - corner_levels(pixels, params - step)) / 2e-5 for step in steps]
+    ).T
+    residual = levels - corner_levels(pixels, params)
+    normal, gradient = np.empty((10, 10)), np.empty(10)
+    assert corner_equations(pixels, levels, params, normal, gradient) == pytest.approx(residual @ residual)
+    assert np.allclose(normal, jacobian.T @ jacobian, rtol=1e-6, atol=1e-4)
+    assert np.allclose(gradient, jacobian.T @ residual, rtol=1e-6, atol=1e-4)
+
+
+def corner_levels(pixels, params):
+    """The blurred corner as its formula says, m + c E(d1/s1) E(d2/s2) + g (x - x0), with SciPy's error function."""
+    offset = pixels - params[:2]
+    distance = offset[:, :1] * np.sin(params[2:4]) - offset[:, 1:] * np.cos(params[2:4])
+    steps = erf(distance / (np.sqrt(2) * params[4:6]))
+    return params[6] + params[7] * np.prod(steps, axis=1) + offset @ params[8:]

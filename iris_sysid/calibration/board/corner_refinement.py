@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import erf
 
+from iris_sysid.calibration.board.corner_equations import corner_equations
 from iris_sysid.types import Array
 
 # The next corner begins at 1 square, so this much of a square on each side belongs to one corner alone.
@@ -16,7 +16,7 @@ REACH_SQUARES = 0.42
 LARGEST_REACH_PX = 24
 STEPS = 25
 ENOUGH_PX = 1e-4
-ROOT_PI = np.sqrt(np.pi)
+SHARPEST_PX = 0.3  # a pixel's own width, as a Gaussian's
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -90,6 +90,15 @@ def refine_by_model(grey: NDArray[np.uint8], xy_px: Array, squares_px: Array, cl
 NOTHING = (np.nan,) * 5
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class _Equations:
+    """Sum of squares of the residual, and its normal equations: J'J (10, 10) and J'r (10,)."""
+
+    squares: float
+    normal: Array
+    gradient: Array
+
+
 def _refine_one(
     grey: NDArray[np.uint8], start: Array, sides: Array, clear: float
 ) -> tuple[float, float, float, float, float]:
@@ -124,62 +133,50 @@ def _guess(pixels: Array, levels: Array, sides: Array) -> Array:
     """x0, y0, two angles, two blurs, m, c, gx, gy to start from."""
     angle_1, angle_2 = np.arctan2(sides[1], sides[0])
     params = np.array([0, 0, angle_1, angle_2, 1, 1, levels.mean(), 0, 0, 0], dtype=np.float64)
-    shape = _basis(pixels, params)[2]
-    params[7] = shape @ (levels - params[6]) / max(float(shape @ shape), 1e-12)
+    linear = _equations(pixels, levels, params)
+    params[7] = linear.gradient[7] / max(float(linear.normal[7, 7]), 1e-12)
     return params
-
-
-def _basis(pixels: Array, params: Array) -> tuple[Array, Array, Array]:
-    """Distances from the two edges (n, 2), error function of each over its blur (n, 2), and their product (n,)."""
-    offset = pixels - params[:2]
-    sin, cos = np.sin(params[2:4]), np.cos(params[2:4])
-    distance = offset[:, :1] * sin - offset[:, 1:] * cos
-    steps = erf(distance / (np.sqrt(2) * params[4:6]))
-    return distance, steps, steps[:, 0] * steps[:, 1]
-
-
-def _predicted(pixels: Array, params: Array) -> tuple[Array, Array]:
-    """Levels (n,) and their derivatives by the ten parameters (n, 10)."""
-    distance, steps, product = _basis(pixels, params)
-    offset = pixels - params[:2]
-    sin, cos = np.sin(params[2:4]), np.cos(params[2:4])
-    blur = np.sqrt(2) * params[4:6]
-    by_distance = params[7] * steps[:, ::-1] * 2 / ROOT_PI * np.exp(-np.square(distance / blur)) / blur
-    out = np.empty((len(pixels), 10))
-    out[:, 0] = -by_distance @ sin - params[8]
-    out[:, 1] = by_distance @ cos - params[9]
-    out[:, 2:4] = by_distance * (offset[:, :1] * cos + offset[:, 1:] * sin)
-    out[:, 4:6] = -by_distance * distance / params[4:6]
-    out[:, 6], out[:, 7], out[:, 8:] = 1.0, product, offset
-    return params[6] + params[7] * product + offset @ params[8:], out
 
 
 def _fit(pixels: Array, levels: Array, params: Array) -> tuple[Array, Array]:
     """Parameters of least squares, and their covariance (10, 10) from the residual scatter."""
-    predicted, slopes = _predicted(pixels, params)
-    residual, damping = levels - predicted, 1e-3
+    now, damping = _equations(pixels, levels, params), 1e-3
     for _ in range(STEPS):
-        normal = slopes.T @ slopes
-        damped = normal + damping * np.diag(np.diag(normal) + 1e-9)
-        step = np.linalg.solve(damped, slopes.T @ residual)
+        step = _step(params, now, damping)
         trial = params + step
-        trial[4:6] = np.clip(trial[4:6], 0.3, LARGEST_REACH_PX)  # 0.3: a pixel's own width, as a Gaussian's
-        predicted, trial_slopes = _predicted(pixels, trial)
-        left = levels - predicted
-        if left @ left < residual @ residual:
-            params, residual, slopes, damping = trial, left, trial_slopes, damping / 5
+        trial[4:6] = np.clip(trial[4:6], SHARPEST_PX, LARGEST_REACH_PX)
+        then = _equations(pixels, levels, trial)
+        if then.squares < now.squares:
+            params, now, damping = trial, then, damping / 5
             if np.abs(step[:2]).max() < ENOUGH_PX:
                 break
         else:
             damping *= 10
-    return params, _covariance(slopes, residual)
+    return params, _covariance(now, len(levels))
 
 
-def _covariance(slopes: Array, residual: Array) -> Array:
-    normal = slopes.T @ slopes
-    size = np.sqrt(np.diag(normal)) + 1e-12
-    scaled = normal / np.outer(size, size)
+def _equations(pixels: Array, levels: Array, params: Array) -> _Equations:
+    normal, gradient = np.empty((params.size, params.size)), np.empty(params.size)
+    return _Equations(corner_equations(pixels, levels, params, normal, gradient), normal, gradient)
+
+
+def _step(params: Array, now: _Equations, damping: float) -> Array:
+    """A damped step; a blur that would become sharper than a pixel goes to that value, and the others allow for it."""
+    damped = now.normal + damping * np.diag(np.diag(now.normal) + 1e-9)
+    step = np.linalg.solve(damped, now.gradient)
+    held = np.zeros(params.size, dtype=np.bool_)
+    held[4:6] = params[4:6] + step[4:6] < SHARPEST_PX
+    if held.any():
+        step[held] = SHARPEST_PX - params[held]
+        left = now.gradient - damped[:, held] @ step[held]
+        step[~held] = np.linalg.solve(damped[~held][:, ~held], left[~held])
+    return np.asarray(step)
+
+
+def _covariance(found: _Equations, count: int) -> Array:
+    size = np.sqrt(np.diag(found.normal)) + 1e-12
+    scaled = found.normal / np.outer(size, size)
     if not np.linalg.cond(scaled) < 1e12:  # a flat patch does not determine the corner
-        return np.full((10, 10), np.nan)
-    variance = residual @ residual / max(len(residual) - 10, 1)
+        return np.full(scaled.shape, np.nan)
+    variance = found.squares / max(count - size.size, 1)
     return variance * np.linalg.inv(scaled) / np.outer(size, size)
