@@ -107,6 +107,7 @@ def fit_clips(
     '9.8'
     """
     model = MODELS.resolved(model)
+    trajectories = [model.taken_from(trajectory)[0] for trajectory in trajectories]
     _check(trajectories, model, shared, per_clip, fixed)
     freed = _free(free, shared, model)
     per_clip = [*per_clip, *(name for trajectory in trajectories for name in trajectory.free if name not in shared)]

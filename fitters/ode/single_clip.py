@@ -117,9 +117,9 @@ def fit(
     '0.500 m'
     """
     chosen = MODELS.resolved(model)
-    return solve(
-        FitRequest.stated(trajectory, chosen, fixed, free, start=start, uncertainty=uncertainty, options=options)
-    )
+    taken, remark = chosen.taken_from(trajectory)
+    result = solve(FitRequest.stated(taken, chosen, fixed, free, start=start, uncertainty=uncertainty, options=options))
+    return replace(result, notes=(*result.notes, remark)) if remark else result
 
 
 def solve(request: FitRequest) -> FitResult:

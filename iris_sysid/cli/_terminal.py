@@ -158,19 +158,48 @@ def print_rows(rows: list[dict[str, Any]], json: bool, *, header: bool = False) 
 
 
 @contextmanager
-def progress(what: str) -> Iterator[Callable[[int, int], None]]:
-    """Show a progress bar on stderr while the block runs, when stderr is a terminal."""
+def progress(what: str, then: str = "") -> Iterator[Callable[[int, int], None]]:
+    """Show a progress bar on stderr while the block runs, when stderr is a terminal; it always moves.
+
+    Parameters
+    ----------
+    what
+        What is counted.
+    then
+        What follows in the same block when all is counted.
+    """
+    with _moving(what) as show:
+        yield lambda done, expected: show(then, 0, 0) if then and 0 < expected <= done else show(what, done, expected)
+
+
+@contextmanager
+def phases(first: str) -> Iterator[Callable[[str], None]]:
+    """Show on stderr what is being done while the block runs, when stderr is a terminal; call it with each next step.
+
+    Parameters
+    ----------
+    first
+        The first step.
+    """
+    with _moving(first) as show:
+        yield lambda text: show(text, 0, 0)
+
+
+@contextmanager
+def _moving(first: str) -> Iterator[Callable[[str, int, int], None]]:
+    """A line with a clock that runs by itself; to be called with the step, and what is done of what is expected."""
     if not sys.stderr.isatty():
-        yield lambda done, expected: None
+        yield lambda text, done, expected: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    counts = (BarColumn(), MofNCompleteColumn())
+    columns = (SpinnerColumn(), TextColumn("{task.description}", markup=False), *counts, TimeElapsedColumn())
     console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, expected: bar.update(task, completed=done, total=expected or None)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as line:
+        task = line.add_task(first, total=None)
+        yield lambda text, done, expected: line.update(task, description=text, completed=done, total=expected or None)
 
 
 def one_line(text: str) -> str:

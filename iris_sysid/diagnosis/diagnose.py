@@ -88,8 +88,9 @@ def diagnose(
     >>> [effect.name for effect in diagnose(clip, pendulum).added]
     ['quadratic-drag']
     """
-    measured = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
     model, tested = MODELS.resolved(model), EFFECTS.all_resolved(EFFECTS if effects is None else effects)
+    given = [trajectories] if isinstance(trajectories, Trajectory) else trajectories
+    measured = [model.taken_from(clip)[0] for clip in given]
     requests = [FitRequest.stated(clip, model, dict(fixed or {}), free) for clip in measured]
     fitted = [with_free_geometry(request) for request in requests]
     clips = [request for request, _ in fitted]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -163,6 +163,29 @@ class OdeModel(Portable):
         """The unit of each parameter and initial value by name, for values that are stated without one."""
         initial = {name: state.unit for name, state in zip(self.initial_names, self.states, strict=True)}
         return {parameter.name: parameter.unit for parameter in self.parameters} | initial
+
+    def taken_from(self, trajectory: Trajectory) -> tuple[Trajectory, str]:
+        """The trajectory with its only fitting quantity under the name that the model observes, and what to say of it.
+
+        A model of one quantity takes the only one of its unit, whatever its name. What is not used is said; the text
+        is empty where everything is used under its own name.
+        """
+        observed = [quantity.name for quantity in self.observed]
+        idle = [quantity.name for quantity in trajectory.quantities if quantity.name not in observed]
+        if len(idle) < len(trajectory.quantities):
+            unused = f"{', '.join(idle)} is not observed by the model {self.name}: not used" if idle else ""
+            return trajectory, unused
+        wanted = self.observed[0]
+        units = (wanted.unit, wanted.unit.replace("m", "px"))
+        same = [quantity for quantity in trajectory.quantities if quantity.unit in units]
+        if len(observed) > 1 or len(same) != 1:
+            return trajectory, ""
+        quantities = tuple(
+            replace(wanted, unit=quantity.unit) if quantity is same[0] else quantity
+            for quantity in trajectory.quantities
+        )
+        rest = f"; {', '.join(name for name in idle if name != same[0].name)} not used" if len(idle) > 1 else ""
+        return trajectory.with_(quantities=quantities), f"{wanted.name} of the model {self.name} = {same[0].name}{rest}"
 
     def parameter(self, name: str) -> Parameter:
         """The parameter of that name; DataError lists the names there are."""

@@ -17,7 +17,7 @@ from iris_sysid import (
     simulate,
     with_effects,
 )
-from iris_sysid.errors import DataError
+from iris_sysid.errors import DataError, FitError
 
 SWING = "theta'' = -g/L*sin(theta) - c*theta'"
 
@@ -215,3 +215,18 @@ def test_function_whose_parameters_have_no_names_is_refused(function, match):
 def test_names_that_the_function_lacks_are_refused(given):
     with pytest.raises(DataError, match=f"{next(iter(given))}: the function has no 'u'"):
         model_from_function(swinging, ["theta", "omega"], **given)
+
+
+def test_only_fitting_quantity_is_taken_and_what_is_not_used_is_said():
+    t_s = np.arange(200) / 60
+    z = 0.1 * np.cos(9 * t_s) + 1e-4 * np.random.default_rng(0).standard_normal(200)
+    named = Trajectory(t_s, (Quantity("x", "m"),), z[:, None], np.full((200, 1), np.nan), np.ones(200, bool))
+    result = fit(named, "linear-oscillator")
+    assert result.estimates["stiffness"].value == pytest.approx(81, abs=0.5)
+    assert "z of the model linear-oscillator = x" in result.notes
+    beside = (Quantity("x", "m"), Quantity("z", "m"))
+    both = Trajectory(t_s, beside, np.stack([t_s, z], axis=1), np.full((200, 2), np.nan), np.ones(200, bool))
+    assert "x is not observed by the model linear-oscillator: not used" in fit(both, "linear-oscillator").notes
+    two = both.with_(quantities=(Quantity("x", "m"), Quantity("y", "m")))
+    with pytest.raises(FitError, match="observes z, but the trajectory has x, y"):
+        fit(two, "linear-oscillator")
