@@ -149,15 +149,15 @@ def read_file(path: str | Path) -> bytes:
     """
     try:
         about = Path(path).stat()
-        if not stat.S_ISREG(about.st_mode):
-            kind = "a folder" if stat.S_ISDIR(about.st_mode) else "a device or pipe, not an ordinary file"
-            raise DataError(f"cannot read {path}: it is {kind}")
-        if about.st_size > MOST_BYTES:
-            size, most = about.st_size / 1e6, MOST_BYTES / 1e6
-            raise DataError(f"{path} has {size:.0f} MB; at most {most:.0f} MB are read: split it")
-        return Path(path).read_bytes()
+        if stat.S_ISREG(about.st_mode) and about.st_size <= MOST_BYTES:
+            return Path(path).read_bytes()
     except (OSError, ValueError) as error:  # ValueError: a NUL character in the name
         raise DataError(f"cannot read {path}: {_reason(error)}") from error
+    if not stat.S_ISREG(about.st_mode):
+        kind = "a folder" if stat.S_ISDIR(about.st_mode) else "a device or pipe, not an ordinary file"
+        raise DataError(f"cannot read {path}: it is {kind}")
+    size, most = about.st_size / 1e6, MOST_BYTES / 1e6
+    raise DataError(f"{path} has {size:.0f} MB; at most {most:.0f} MB are read: split it")
 
 
 # --------------------------------------------------------------------------- origin
