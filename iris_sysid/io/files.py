@@ -10,6 +10,7 @@ import os
 import platform
 import secrets
 import stat
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
@@ -35,6 +36,7 @@ PACKAGES = (
     "opencv-contrib-python-headless",
     "av",
 )
+LEFT_S = 3600.0  # a temporary file without its process is left over after so long
 MOST_BYTES = 256_000_000  # of a table or document that is read whole: some millions of rows
 DISK_TROUBLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 
@@ -107,9 +109,10 @@ def atomic_path(path: str | Path, *, overwrite: bool = False) -> Iterator[Path]:
     Raises OutputError as :func:`write_atomic` does, at the start of the block where possible.
     """
     target = check_writable(path, overwrite=overwrite)
-    temporary = target.with_name(f".{secrets.token_hex(6)}{target.suffix}")
+    temporary = target.with_name(f"{_own_prefix()}{os.getpid()}-{secrets.token_hex(6)}{target.suffix}")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
+        remove_leftovers(target.parent)
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as error:
         raise OutputError(f"cannot write {path}: {_reason(error)}; choose another folder") from error
@@ -123,6 +126,33 @@ def atomic_path(path: str | Path, *, overwrite: bool = False) -> Iterator[Path]:
     finally:
         with suppress(FileNotFoundError):
             temporary.unlink()
+
+
+@cache
+def _own_prefix() -> str:
+    """Beginning of the names of this machine's temporary files."""
+    return f".iris-{hashlib.sha256(platform.node().encode()).hexdigest()[:6]}-"
+
+
+@cache
+def remove_leftovers(folder: Path) -> None:
+    """Remove the temporary files that killed processes of this machine left in a folder, once a folder and process."""
+    for path in folder.glob(f"{_own_prefix()}*-*"):
+        number = path.name.removeprefix(_own_prefix()).partition("-")[0]
+        with suppress(OSError):
+            old = time.time() - path.stat().st_mtime > LEFT_S
+            if number.isdecimal() and old and not _is_running(int(number)):
+                path.unlink()
+
+
+def _is_running(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):  # of another user, or no number of a process
+        return True
+    return True
 
 
 def _publish(temporary: Path, target: Path, path: str | Path, *, overwrite: bool) -> None:

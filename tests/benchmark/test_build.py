@@ -9,11 +9,13 @@ import pytest
 from iris_sysid.benchmark.build import Inputs, build, splits_of
 from iris_sysid.benchmark.sources.predictions import prediction_rows
 from iris_sysid.benchmark.sources.rows import STUDIES, flat_rows, read_rows, rows_text
+from iris_sysid.benchmark.tables import pages
 from iris_sysid.benchmark.tables.all_tables import tables_of
 from iris_sysid.benchmark.tables.charts import charts_of
 from iris_sysid.benchmark.tables.pages import write_pages
 from iris_sysid.benchmark.tables.study_tables import LAYOUTS, smallest
 from iris_sysid.errors import DataError, OutputError
+from iris_sysid.io.files import write_atomic
 from tests._project import recording
 
 
@@ -142,6 +144,28 @@ def test_pages_are_complete_and_the_same_again(tmp_path):
     assert "a &lt;gap&gt;" in page
     assert page.count("data:image/png;base64,") == len(charts_of(every_study())) == 4
     assert r"\begin{longtable}" in first["benchmark.tex"].read_text("utf-8")
+
+
+@pytest.mark.parametrize("written", [1, 2, 5])
+def test_benchmark_that_was_killed_while_it_wrote_is_built_again(tmp_path, monkeypatch, written):
+    rows = tmp_path / "given.csv"
+    rows.write_text(rows_text(every_study()))
+    whole = build(Inputs(rows=rows), tmp_path / "whole")
+    left = iter(range(written))
+
+    def killed(*arguments, **options):
+        if next(left, None) is None:
+            raise KeyboardInterrupt
+        return write_atomic(*arguments, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(pages, "write_atomic", killed)
+        with pytest.raises(KeyboardInterrupt):
+            build(Inputs(rows=rows), tmp_path / "again")
+    again = build(Inputs(rows=rows), tmp_path / "again")
+    assert {name: path.read_bytes() for name, path in again.items()} == {
+        name: path.read_bytes() for name, path in whole.items()
+    }
 
 
 def test_a_folder_that_no_benchmark_wrote_is_not_written_into(tmp_path):

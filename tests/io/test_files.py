@@ -4,6 +4,8 @@ import errno
 import json
 import os
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,7 @@ from iris_sysid.io.files import (
     json_text,
     origin_of,
     read_file,
+    remove_leftovers,
     sha256_of,
     write_atomic,
 )
@@ -272,3 +275,27 @@ def test_file_too_large_to_be_read_whole_is_refused(tmp_path):
         file.truncate(MOST_BYTES + 1)
     with pytest.raises(DataError, match=r"a\.csv has 256 MB; at most 256 MB are read: split it"):
         read_file(path)
+
+
+def test_temporary_file_of_a_killed_process_is_removed_later(tmp_path):
+    script = (
+        f"import os, iris_sysid.io.files as f\nwith f.atomic_path({str(tmp_path / 'a.csv')!r}): os.kill(os.getpid(), 9)"
+    )
+    subprocess.run([sys.executable, "-c", script], check=False)
+    (left,) = tmp_path.iterdir()
+    write_atomic(tmp_path / "b.csv", "b")
+    assert left.exists()  # so young that its process may be one that this machine does not see
+    os.utime(left, (0, 0))
+    subprocess.run(
+        [sys.executable, "-c", f"import iris_sysid.io.files as f; f.write_atomic({str(tmp_path / 'c.csv')!r}, 'c')"],
+        check=True,
+    )
+    assert names_in(tmp_path) == ["b.csv", "c.csv"]
+
+
+def test_temporary_file_of_a_running_process_is_kept(tmp_path):
+    with atomic_path(tmp_path / "a.csv") as temporary:
+        os.utime(temporary, (0, 0))
+        remove_leftovers.cache_clear()
+        remove_leftovers(tmp_path)
+        assert temporary.exists()

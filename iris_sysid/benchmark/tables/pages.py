@@ -73,12 +73,12 @@ def write_pages(
     check_pages(folder, overwrite=overwrite)
     tables = tables_of(rows, reference=reference)
     texts = {
+        "manifest.json": json_text(manifest or {}),  # first: it tells a run after a kill that the folder is its own
         "rows.csv": rows_text(rows),
         "benchmark.md": _markdown(rows, tables, gaps),
         "benchmark.tex": _latex(tables),
         "benchmark.html": _html(rows, tables, gaps, manifest or {}),
         **{f"tables/{file_name(name)}.csv": render(table, "csv") for name, table in tables.items()},
-        "manifest.json": json_text(manifest or {}),
     }
     return {name: write_atomic(folder / name, text, overwrite=overwrite) for name, text in texts.items()}
 
