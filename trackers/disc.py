@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -23,9 +24,10 @@ from trackers._detection.detection import FrameDetections
 from trackers._disc.background import background_without_discs
 from trackers._disc.circle_detection import path_of_circles
 from trackers._disc.expected_position import ExpectedPath, expected_path_of
-from trackers._disc.fit import DiscFit
+from trackers._disc.fit import SeenDisc
 from trackers._disc.impact_frames import struck_within
 from trackers._disc.learn_appearance import DiscAppearance, DiscFitter, with_learned_appearance
+from trackers._frames.ahead import ahead
 from trackers._frames.working_image import view_of
 from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.select_bodies import held_frames, link_bodies
@@ -79,14 +81,13 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
     all_detections, tracklets, refusal = _linked(video, setup, all_detections, options)
     fitter, tracklets = _best_fitter(video, setup, (all_detections, tracklets, refusal), options)
-    fits: list[dict[int, DiscFit]] = [{} for _ in fitter.expected_paths]
+    fits: list[dict[int, SeenDisc]] = [{} for _ in fitter.expected_paths]
     second_half = part_of_progress(options.progress, 1, 2)
-    for frame in with_progress(video.frames(), second_half, len(all_detections), every=REPORT_EVERY):
-        image = fitter.view.image(frame)
-        for body, body_fits in enumerate(fits):
-            fitted = fitter.fit(body, frame.index, image)
-            if fitted is not None:
-                body_fits[frame.index] = fitted
+    frames = with_progress(video.frames(), second_half, len(all_detections), every=REPORT_EVERY)
+    for number, discs in ahead(fitter.seen, frames):
+        for body_fits, disc in zip(fits, discs, strict=True):
+            if disc is not None:
+                body_fits[number] = disc
     if not all(fits):
         raise TrackingError(
             "the moving body is not round: no disc fits it; use the tracker median-background, or restrict the region "
@@ -169,7 +170,7 @@ def _fitter_for(setup: DetectionSetup, frames: Sequence[Frame], expected_paths: 
 
 def _count_fitted(fitter: DiscFitter, frames: Sequence[Frame]) -> int:
     """In how many of some frames a disc is seen where it is expected."""
-    return sum(fitter.fit(0, frame.index, fitter.view.image(frame)) is not None for frame in frames)
+    return sum(fitted is not None for fitted in ahead(partial(fitter.fit, 0), frames))
 
 
 def _origin(appearance: DiscAppearance, options: TrackOptions) -> dict[str, object]:
@@ -190,7 +191,7 @@ def _origin(appearance: DiscAppearance, options: TrackOptions) -> dict[str, obje
 
 def _track_of(
     body: int,
-    fits_and_appearance: tuple[dict[int, DiscFit], DiscAppearance],
+    fits_and_appearance: tuple[dict[int, SeenDisc], DiscAppearance],
     all_detections: Sequence[FrameDetections],
     held: set[int],
     options: TrackOptions,
@@ -232,7 +233,7 @@ def _track_of(
     )
 
 
-def _row(fitted: DiscFit) -> tuple[float, ...]:
+def _row(fitted: SeenDisc) -> tuple[float, ...]:
     disc = fitted.disc
     centre = (disc.x, disc.y, disc.sigma_x, disc.sigma_y)
     return (*centre, disc.radius, disc.sigma_radius, disc.intensity, np.pi * disc.radius**2)

@@ -10,6 +10,7 @@ from iris_sysid.io.kernels import kernel
 from trackers._frames.arrays import Bytes
 
 Labels = NDArray[np.int32]
+EMPTY, UNSEEN, KEPT, OUTSIDE, SIDE = range(5)  # what is known of a pixel
 
 
 def connected_parts(mask: Bytes, seeds: Bytes) -> tuple[Labels, Labels]:
@@ -68,35 +69,36 @@ def filled_round(mask: Bytes, seed: Bytes) -> Bytes:
 @kernel(nogil=True)
 def _filled(mask: Bytes, seed: Bytes) -> Bytes:
     height, width = mask.shape
-    state = np.zeros((height + 2, width + 2), dtype=np.uint8)  # 1: of a part; 2: outside; with a margin
+    across = width + 4
+    state = np.full((height + 4) * across, SIDE, dtype=np.uint8)  # two more px on every side, of which one is outside
+    for y in range(height + 2):
+        for x in range(width + 2):
+            inside = 0 < y <= height and 0 < x <= width and mask[y - 1, x - 1]
+            state[(y + 1) * across + x + 1] = UNSEEN if inside else EMPTY
     stack = np.empty(state.size, dtype=np.int32)
     for y in range(height):
         for x in range(width):
-            if mask[y, x] and seed[y, x] and not state[y + 1, x + 1]:
-                _flood(state, mask, (y + 1) * (width + 2) + x + 1, 1, stack)
-    _flood(state, mask, 0, 2, stack)
+            if mask[y, x] and seed[y, x]:
+                _flood(state, across, (y + 2) * across + x + 2, UNSEEN, KEPT, stack)
+    _flood(state, across, across + 1, EMPTY, OUTSIDE, stack)
     filled = np.empty((height, width), dtype=np.uint8)
     for y in range(height):
         for x in range(width):
-            filled[y, x] = state[y + 1, x + 1] != 2
+            filled[y, x] = state[(y + 2) * across + x + 2] != OUTSIDE
     return filled
 
 
 @kernel(nogil=True)
-def _flood(state: Bytes, mask: Bytes, start: int, mark: int, stack: Labels) -> None:
-    """Mark what is connected by sides with a pixel of ``state``: of the mask by 1, of all but that by 2."""
-    rows, width = state.shape
-    flat = state.ravel()
-    flat[start], stack[0], waiting = mark, start, 1
+def _flood(state: Bytes, across: int, start: int, least: int, mark: int, stack: Labels) -> None:
+    """Mark what is connected by sides with a pixel of ``state``, of which a row has so many, and is ``least`` or so."""
+    if state[start] > UNSEEN or state[start] < least:
+        return
+    state[start], stack[0], waiting = mark, start, 1
     while waiting:
         waiting -= 1
         place = stack[waiting]
-        y, x = place // width, place % width
-        for row, column in ((y - 1, x), (y + 1, x), (y, x - 1), (y, x + 1)):
-            if row < 0 or column < 0 or row >= rows or column >= width or state[row, column]:
-                continue
-            inside = 0 < row < rows - 1 and 0 < column < width - 1
-            if mark == 2 or (inside and mask[row - 1, column - 1]):
-                flat[row * width + column] = mark
-                stack[waiting] = row * width + column
+        for step in (-1, 1, -across, across):
+            if least <= state[place + step] <= UNSEEN:
+                state[place + step] = mark
+                stack[waiting] = place + step
                 waiting += 1

@@ -167,7 +167,8 @@ def observe(video: FrameSource, setup: DetectionSetup, options: TrackOptions) ->
     """The candidates of every frame, in one pass; ``options.progress`` is called after each."""
     all_detections: list[FrameDetections] = []
     search_windows = setup.search_windows()
-    for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
+    frames = with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY)
+    for outlines in search_windows.each(setup.detector.outlined, frames):
         before = all_detections[-1].detections if all_detections else ()
-        all_detections.append(setup.detector.detect(frame, *search_windows.blobs(frame), before))
+        all_detections.append(setup.detector.finished(outlines, before))
     return all_detections

@@ -100,6 +100,26 @@ class FrameDetections:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
+class _Outline:
+    """One body by its outline: its window in pixels of ``size`` px a side, its centre there, and its detection."""
+
+    window: Window
+    centre: Centre
+    size: int
+    seen: Detection
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class FrameOutlines:
+    """What the outlines of one frame show, and objects that reach in from the edge."""
+
+    frame: int
+    t_s: float
+    outlines: tuple[_Outline, ...]
+    edge_objects: tuple[EdgeObject, ...]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
 class Detector:
     """Measures blobs: background, region of interest, reduction for the search, inflation of the noise.
 
@@ -118,13 +138,22 @@ class Detector:
 
         ``foreground`` are the blobs of all bodies and hands; ``before`` are the detections of the frame before.
         """
+        return self.finished(self.outlined(frame, bodies, foreground), before)
+
+    def outlined(self, frame: Frame, bodies: list[Blob], foreground: list[Blob]) -> FrameOutlines:
+        """What the outlines of the bodies show: as :meth:`detect` before it asks which of them are streaks."""
         reaching = [blob for blob in foreground if blob.held and blob.inscribed > THINNEST_BODY]
         inside = [blob for blob in bodies if not blob.at_edge and blob.inscribed > THINNEST_BODY]
-        detections = [self.detect_body(frame, blob, bodies, reaching, before) for blob in inside]
+        outlines = [self._outline(frame, blob, bodies, reaching) for blob in inside]
         edge_objects = tuple(self.edge_object(blob) for blob in reaching)
-        return FrameDetections(
-            frame.index, frame.t_s, tuple(detection for detection in detections if detection is not None), edge_objects
-        )
+        found = tuple(outline for outline in outlines if outline is not None)
+        return FrameOutlines(frame.index, frame.t_s, found, edge_objects)
+
+    def finished(self, seen: FrameOutlines, before: Sequence[Detection]) -> FrameDetections:
+        """The detections of a frame by what its outlines show, given those of the frame before."""
+        detections = [self._detection(outline, before) for outline in seen.outlines]
+        found = tuple(detection for detection in detections if detection is not None)
+        return FrameDetections(seen.frame, seen.t_s, found, seen.edge_objects)
 
     def edge_object(self, blob: Blob) -> EdgeObject:
         """An object that reaches in from the edge, in px of the frame."""
@@ -133,14 +162,7 @@ class Detector:
         box = (left + view.left, top + view.top, right + view.left, bottom + view.top)
         return EdgeObject(box, float(blob.area * step**2), blob.inscribed * step)
 
-    def detect_body(
-        self,
-        frame: Frame,
-        blob: Blob,
-        bodies: list[Blob],
-        reaching: list[Blob],
-        before: Sequence[Detection] = (),
-    ) -> Detection | None:
+    def detect_body(self, frame: Frame, blob: Blob, bodies: list[Blob], reaching: list[Blob]) -> Detection | None:
         """Measure the centroid of one body; None when it is too small, or cut by the edge.
 
         Parameters
@@ -153,22 +175,21 @@ class Detector:
             All bodies of the frame: pixels of the others do not count.
         reaching
             Objects that reach in from the edge and may be a hand.
-        before
-            Detections of the frame before: a body that has hardly moved since is no streak.
         """
+        outline = self._outline(frame, blob, bodies, reaching)
+        return None if outline is None else self._detection(outline, ())
+
+    def _outline(self, frame: Frame, blob: Blob, bodies: list[Blob], reaching: list[Blob]) -> _Outline | None:
+        """What the outline of one body shows; None when it is too small."""
         size = self._pixel(blob)
         window, left, top = self._window(frame, blob, bodies, size)
         if np.count_nonzero(window.mask) < SMALLEST_AREA:
             return None
         centre = coverage_centre(window)
         left, top = left * size + self.view.left, top * size + self.view.top
-        if self.streaks and not _hardly_moved(_in_pixels(centre, size), left, top, before):
-            centre = streak_centre(window, centre)
-        if centre.cut:
-            return None
         inside = window.mask > 0
         luma = (window.image - window.background)[..., 0]
-        return Detection(
+        seen = Detection(
             frame.index,
             frame.t_s,
             _in_pixels(centre, size),
@@ -179,6 +200,19 @@ class Detector:
             compactness=min(1.0, np.pi * blob.inscribed**2 / blob.area),
             hand=blob.held or any(touches(blob, thing) for thing in reaching),
         )
+        return _Outline(window, centre, size, seen)
+
+    def _detection(self, outline: _Outline, before: Sequence[Detection]) -> Detection | None:
+        """The body by its outline, or as a streak; None when it is cut by the edge.
+
+        ``before`` are the detections of the frame before: a body that has hardly moved since is no streak.
+        """
+        centre, seen = outline.centre, outline.seen
+        if self.streaks and not _hardly_moved(seen.centre, seen.left, seen.top, before):
+            centre = streak_centre(outline.window, centre)
+        if centre.cut:
+            return None
+        return seen if centre is outline.centre else replace(seen, centre=_in_pixels(centre, outline.size))
 
     def _pixel(self, blob: Blob) -> int:
         """The side, px, of the squares whose means are measured: 1, or more for a large body."""

@@ -7,8 +7,10 @@ searched, and every few frames the whole image.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -30,6 +32,7 @@ from trackers._detection.foreground import (
     whole_parts,
 )
 from trackers._detection.strong_windows import merged, overlap
+from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Box, Bytes, Flags
 from trackers._frames.sampled_frames import SampledFrames
 from trackers._frames.working_image import View
@@ -37,6 +40,7 @@ from trackers._frames.working_image import View
 WHOLE_EVERY, WATCH_EVERY = 12, 3  # frames
 SPACING = 4  # pixels of the search between those of the sparse grid
 WATCH_SIGMAS, WATCH_FLOOR = 5.0, 8.0  # floor in grey levels: surely something
+Result = TypeVar("Result")
 PAIR = np.ones((2, 2), np.uint8)  # pixels of the sparse grid: the search of the whole image finds smaller bodies
 GROWN_SHARE, GROWN_PX = 0.2, 6  # of its size, and px of the search: how far a thing may go in a frame
 MOST_CHANGES = 16  # a frame: more are flicker, or a camera that was pushed
@@ -74,6 +78,18 @@ class SearchWindows:
             return foreground, foreground
         chosen = [part for box in parts for part in self._components(frame, box, self.view.colour_mask(frame, box))]
         return blobs_of(chosen, self._shape), foreground
+
+    def each(
+        self, work: Callable[[Frame, list[Blob], list[Blob]], Result], frames: Iterable[Frame]
+    ) -> Iterator[Result]:
+        """Some work on every frame and its :meth:`blobs`, on several frames at once; the results are in order.
+
+        Where a search does not follow from the one before, the frames are searched at once too.
+        """
+        if self.sparse_range is None:
+            yield from ahead(lambda frame: work(frame, *self.blobs(frame)), frames)
+        else:
+            yield from ahead(lambda found: work(*found), ((frame, *self.blobs(frame)) for frame in frames))
 
     def _found(self, frame: Frame, boxes: list[Box]) -> tuple[dict[Box, list[Component]], list[Blob]]:
         """The components in some boxes, which grow until none cuts one, and their blobs."""

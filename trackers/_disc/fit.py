@@ -18,6 +18,7 @@ INWARDS = (4.0, 0.25, 12.0)  # px, of the radius, px: how far inside of the outl
 OUTWARDS = 6.0  # px outside of the outline in which the background must hold
 FEWEST_PIXELS = 20
 MOST_FLAT = 4000  # pixels away from the edge that count: more do not help
+MOST_ROUGH = 2000  # pixels of a wide edge, and as many away from it, that find it to a fraction of its width
 FARTHEST = (2.0, 0.6)  # px, of the radius: how far a fit may go from where the disc was expected
 RADIUS_RATIO = 1.7  # of the radius expected and fitted
 SOFTEST = 0.5  # of the radius: standard deviation of the blur
@@ -51,19 +52,31 @@ class Cutout:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class DiscFit:
-    """A fitted disc and its pixels: rows and columns in the cutout of the pixels that count.
+class SeenDisc:
+    """A disc as it is seen in a frame.
 
     ``lobes`` are the lobes of the outline that the disc does not have, px. ``sigma_lobe`` is the standard deviation of
     one by white noise as large as beside the outline, px: a coder leaves more at the outline itself.
     """
 
     disc: Disc
+    lobes: tuple[float, ...] = ()
+    sigma_lobe: float = 0.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class DiscFit:
+    """A fitted disc and its pixels: rows and columns in the cutout of the pixels that count."""
+
+    seen: SeenDisc
     solution: Solution
     rows: Labels
     columns: Labels
-    lobes: tuple[float, ...] = ()
-    sigma_lobe: float = 0.0
+
+    @property
+    def disc(self) -> Disc:
+        """The disc."""
+        return self.seen.disc
 
     @property
     def outline_share(self) -> float:
@@ -117,7 +130,13 @@ def band(disc: Disc, travel: float) -> tuple[float, float, float]:
 
 
 def fit_disc(
-    cutout: Cutout, start: Disc, form: Form, motion: Motion, correlation: Array | None = None
+    cutout: Cutout,
+    start: Disc,
+    form: Form,
+    motion: Motion,
+    correlation: Array | None = None,
+    *,
+    roughly: bool = False,
 ) -> DiscFit | None:
     """Fit a disc to a cutout; None when the pixels do not show one there.
 
@@ -143,8 +162,10 @@ def fit_disc(
     correlation
         (2m + 1, 2m + 1) correlation of the noise of two pixels by their distance in rows and columns; None
         when it is white.
+    roughly
+        Whether few pixels do, for a start.
     """
-    rows, columns, zone = _chosen(cutout, start)
+    rows, columns, zone = _chosen(cutout, start, roughly=roughly)
     if rows.size < FEWEST_PIXELS + form.count:
         return None
     values, background, noise = (
@@ -164,21 +185,27 @@ def fit_disc(
     lobes = lobe_amplitudes(share * solution.residual, offset, disc.radius)
     beside = solution.sigma[zone != 1] if (zone != 1).any() else solution.sigma
     sigma_lobe = float(np.median(beside) * np.linalg.norm(share)) / (np.sqrt(2) * np.pi * disc.radius)
-    return with_errors(DiscFit(disc, solution, rows, columns, lobes, sigma_lobe), correlation)
+    return with_errors(DiscFit(SeenDisc(disc, lobes, sigma_lobe), solution, rows, columns), correlation)
 
 
-def _chosen(cutout: Cutout, start: Disc) -> tuple[Labels, Labels, Labels]:
+def _chosen(cutout: Cutout, start: Disc, *, roughly: bool) -> tuple[Labels, Labels, Labels]:
     """Rows, columns and zone (0 outside, 1 edge, 2 inside) of the pixels that count."""
     distance = cutout.distance(start)
     edge, inwards, outwards = band(start, cutout.travel)
     near_edge = np.abs(distance) < edge
     chosen = (distance < inwards) & (distance > -outwards) & cutout.usable
-    flat = np.flatnonzero(chosen & ~near_edge)
-    spare = np.delete(flat, np.s_[:: max(1, flat.size // MOST_FLAT)])
-    chosen.ravel()[spare] = False
+    _thin(chosen, ~near_edge, MOST_ROUGH if roughly else MOST_FLAT)
+    if roughly:
+        _thin(chosen, near_edge, MOST_ROUGH)
     zone = np.where(near_edge, 1, np.where(distance > 0, 2, 0))
     rows, columns = np.nonzero(chosen)
     return rows, columns, zone[chosen]
+
+
+def _thin(chosen: Flags, part: Flags, most: int) -> None:
+    """Leave about that many of the chosen pixels (h, w) of a part, evenly spread."""
+    places = np.flatnonzero(chosen & part)
+    chosen.ravel()[np.delete(places, np.s_[:: max(1, places.size // most)])] = False
 
 
 def _disc_of(solution: Solution, model: DiscModel) -> Disc:
@@ -197,4 +224,4 @@ def with_errors(fitted: DiscFit, correlation: Array | None) -> DiscFit:
         image[rows, columns] = score
         errors.append(float(np.sqrt(variance_of_sum(image, correlation))))
     disc = replace(fitted.disc, sigma_x=errors[X], sigma_y=errors[Y], sigma_radius=errors[RADIUS])
-    return replace(fitted, disc=disc)
+    return replace(fitted, seen=replace(fitted.seen, disc=disc))

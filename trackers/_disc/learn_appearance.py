@@ -10,9 +10,9 @@ import numpy as np
 from iris_sysid.types import Array, Frame
 from trackers._disc.background import KnownBackground
 from trackers._disc.expected_position import ExpectedPath
-from trackers._disc.fit import Cutout, DiscFit, band, fit_disc, shows_disc, with_errors
+from trackers._disc.fit import Cutout, DiscFit, SeenDisc, band, fit_disc, shows_disc, with_errors
 from trackers._disc.model import Disc, Form
-from trackers._frames.arrays import Bytes
+from trackers._frames.ahead import ahead
 from trackers._frames.working_image import View
 from trackers._uncertainty.pixel_correlation import noise_correlation
 
@@ -65,37 +65,42 @@ class DiscFitter:
     expected_paths: Sequence[ExpectedPath]
     appearances: Mapping[int, DiscAppearance] = field(default_factory=dict)
 
-    def fit(self, body: int, number: int, image: Bytes) -> DiscFit | None:
+    def fit(self, body: int, frame: Frame) -> DiscFit | None:
         """The disc of a body in the image of a frame; None where it is not expected or not seen."""
-        expected = self.expected_paths[body].discs.get(number)
+        expected = self.expected_paths[body].discs.get(frame.index)
         if expected is None:
             return None
-        fitted = self._fit_from(body, number, image, expected)
+        fitted = self._fit_from(body, frame, expected)
         if fitted is None:
-            rough = self.rough(self._appearance_of(body), body, number, image)
-            fitted = None if rough is None else self._fit_from(body, number, image, rough)
+            rough = self.rough(self._appearance_of(body), body, frame)
+            fitted = None if rough is None else self._fit_from(body, frame, rough)
         return fitted if fitted is not None and shows_disc(fitted, expected) else None
 
-    def rough(self, appearance: DiscAppearance, body: int, number: int, image: Bytes) -> Disc | None:
+    def seen(self, frame: Frame) -> tuple[int, list[SeenDisc | None]]:
+        """Number of a frame, and the disc of each body in it."""
+        fits = [self.fit(body, frame) for body in range(len(self.expected_paths))]
+        return frame.index, [None if fitted is None else fitted.seen for fitted in fits]
+
+    def rough(self, appearance: DiscAppearance, body: int, frame: Frame) -> Disc | None:
         """The disc of a plain fit with a soft outline at first, which finds an edge that is farther off; None if none.
 
         An expected path may be wrong by the width of a shadow.
         """
-        expected = self.expected_paths[body].discs.get(number)
+        expected = self.expected_paths[body].discs.get(frame.index)
         if expected is None:
             return None
         soft = replace(expected, blur=max(1.0, (SOFT * expected.radius) ** 2))
-        fitted = self.fit_as(replace(appearance, form=PLAIN), body, number, image, soft)
+        fitted = self.fit_as(replace(appearance, form=PLAIN), body, frame, soft, roughly=True)
         return fitted.disc if fitted is not None and shows_disc(fitted, expected) else None
 
     def _appearance_of(self, body: int) -> DiscAppearance:
         return self.appearances.get(body, DiscAppearance())
 
-    def _fit_from(self, body: int, number: int, image: Bytes, start: Disc) -> DiscFit | None:
+    def _fit_from(self, body: int, frame: Frame, start: Disc) -> DiscFit | None:
         """The disc fitted from a start, and again from each result until it converges; None where it is not seen."""
         fitted = None
         for _ in range(REPEATS):
-            fitted = self.fit_as(self._appearance_of(body), body, number, image, start)
+            fitted = self.fit_as(self._appearance_of(body), body, frame, start)
             if fitted is None or not shows_disc(fitted, start):
                 return None
             last, start = start, fitted.disc
@@ -104,35 +109,38 @@ class DiscFitter:
         return fitted
 
     def fit_as(
-        self, appearance: DiscAppearance, body: int, number: int, image: Bytes, start: Disc | None = None
+        self, appearance: DiscAppearance, body: int, frame: Frame, start: Disc | None = None, *, roughly: bool = False
     ) -> DiscFit | None:
-        """One fit with an appearance of one's own, from ``start`` or from where the disc is expected, shown or not."""
-        start = start or self.expected_paths[body].discs.get(number)
+        """One fit with an appearance of one's own, from ``start`` or from where the disc is expected, shown or not.
+
+        ``roughly``: by few pixels, for a start.
+        """
+        start = start or self.expected_paths[body].discs.get(frame.index)
         if start is None:
             return None
-        cutout, form = self._cutout(body, number, image, appearance, start)
+        cutout, form = self._cutout(body, frame, appearance, start)
         if cutout is None:
             return None
-        motion = self.expected_paths[body].motion(number, appearance.shutter)
-        return fit_disc(cutout, start, form, motion, appearance.correlation)
+        motion = self.expected_paths[body].motion(frame.index, appearance.shutter)
+        return fit_disc(cutout, start, form, motion, appearance.correlation, roughly=roughly)
 
-    def _cutout(
-        self, body: int, number: int, image: Bytes, appearance: DiscAppearance, start: Disc
-    ) -> tuple[Cutout | None, Form]:
+    def _cutout(self, body: int, frame: Frame, appearance: DiscAppearance, start: Disc) -> tuple[Cutout | None, Form]:
         """The pixels round a disc, and its form; None when it lies outside of the image.
 
         Where much of the background was never seen, it counts as unknown.
         """
-        travel = self.expected_paths[body].motion(number, max(appearance.shutter, appearance.longest_shutter)).length
+        travel = (
+            self.expected_paths[body].motion(frame.index, max(appearance.shutter, appearance.longest_shutter)).length
+        )
         edge, _, outwards = band(start, travel)
         reach = start.radius + outwards + MARGIN
         x, y = start.x - self.view.left, start.y - self.view.top
-        left, right = max(0, int(x - reach)), min(image.shape[1], int(x + reach) + 2)
-        top, bottom = max(0, int(y - reach)), min(image.shape[0], int(y + reach) + 2)
+        left, right = max(0, int(x - reach)), min(self.view.width, int(x + reach) + 2)
+        top, bottom = max(0, int(y - reach)), min(self.view.height, int(y + reach) + 2)
         if right - left < 3 or bottom - top < 3:
             return None, appearance.form
         background, noise, known = self.background.patch(top, bottom, left, right)
-        grey = image[top:bottom, left:right].astype(np.float32)
+        grey = self.view.part(frame, (left, top, right, bottom)).astype(np.float32)
         planes = [np.atleast_3d(part)[..., appearance.channel] for part in (grey, background, noise)]
         cutout = Cutout(planes[0], planes[1], planes[2], known, left + self.view.left, top + self.view.top, travel)
         outside = cutout.distance(start) < edge
@@ -140,7 +148,7 @@ class DiscFitter:
         if form.known_background and known[outside].mean() < MOSTLY:
             form = replace(form, exterior=max(form.exterior, 3), known_background=False)
         usable = known | ~outside if form.known_background else np.ones_like(known)
-        for other in self._others(body, number):
+        for other in self._others(body, frame.index):
             usable &= cutout.distance(other) < -GAP
         return replace(cutout, usable=usable), form
 
@@ -151,20 +159,20 @@ class DiscFitter:
 
 def with_learned_appearance(fitter: DiscFitter, frames: Iterable[Frame]) -> DiscFitter:
     """The fitter with the appearance of each body, learned from frames spread over the clip."""
-    images = {frame.index: fitter.view.image(frame) for frame in frames}
-    appearances = {body: _appearance_of(fitter, body, images) for body in range(len(fitter.expected_paths))}
+    sampled = {frame.index: frame for frame in frames}
+    appearances = {body: _appearance_of(fitter, body, sampled) for body in range(len(fitter.expected_paths))}
     return replace(fitter, appearances=appearances)
 
 
-def _appearance_of(fitter: DiscFitter, body: int, images: Mapping[int, Bytes]) -> DiscAppearance:
+def _appearance_of(fitter: DiscFitter, body: int, frames: Mapping[int, Frame]) -> DiscAppearance:
     """The plane of colour first, then the shutter, which shows before any shading does, the shading, the noise."""
     expected_path = fitter.expected_paths[body]
-    seen = sorted(number for number in images if number in expected_path.discs)
+    seen = sorted(number for number in frames if number in expected_path.discs)
     if not seen:
         return DiscAppearance()
     spread = [seen[k] for k in np.unique(np.linspace(0, len(seen) - 1, FRAMES_STUDIED).astype(int))]
     radius = float(np.median([expected_path.discs[number].radius for number in seen]))
-    trials = _Trials(fitter, body, images, radius)
+    trials = _Trials(fitter, body, frames, radius)
     speed = {number: expected_path.motion(number, 1.0).length for number in seen}
     moves = float(np.median(list(speed.values()))) > FAST
     appearance = _plane(trials, spread, CLEARER_MOVING if moves else CLEARER_AT_REST)
@@ -236,11 +244,11 @@ def evidence(fitted: DiscFit | None) -> float:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Trials:
-    """One body, of about that radius (px), in the images of some frames."""
+    """One body, of about that radius (px), in some frames."""
 
     fitter: DiscFitter
     body: int
-    images: Mapping[int, Bytes]
+    frames: Mapping[int, Frame]
     radius: float
     starts: dict[tuple[int, int], Disc | None] = field(default_factory=dict)
     scores: dict[tuple[object, ...], float] = field(default_factory=dict)
@@ -248,16 +256,16 @@ class _Trials:
     @property
     def channels(self) -> int:
         """How many planes of colour the images have."""
-        return int(np.atleast_3d(next(iter(self.images.values()))).shape[2])
+        return 3 if self.fitter.view.chroma else 1
 
     def fits(self, appearance: DiscAppearance, numbers: Sequence[int]) -> list[DiscFit | None]:
         """The fits that an appearance gives in some frames."""
 
         def fit(number: int) -> DiscFit | None:
             start = self._start(appearance, number)
-            return self.fitter.fit_as(appearance, self.body, number, self.images[number], start)
+            return self.fitter.fit_as(appearance, self.body, self.frames[number], start)
 
-        return [fit(number) for number in numbers]
+        return list(ahead(fit, numbers))
 
     def shown(self, fits: Sequence[DiscFit | None], numbers: Sequence[int]) -> list[DiscFit | None]:
         """Those fits that are surely of a disc, None for the others; ``numbers`` are those of their frames."""
@@ -270,7 +278,7 @@ class _Trials:
         key = (appearance.channel, number)
         if key not in self.starts:
             plain = DiscAppearance(channel=appearance.channel)
-            self.starts[key] = self.fitter.rough(plain, self.body, number, self.images[number])
+            self.starts[key] = self.fitter.rough(plain, self.body, self.frames[number])
         return self.starts[key]
 
     def correlation(self, appearance: DiscAppearance, numbers: Sequence[int]) -> Array | None:
@@ -286,19 +294,25 @@ class _Trials:
         shown: bool = True,
     ) -> Array:
         """Score of each appearance: the mean over the frames but the worst."""
-        values = [[self._scored(appearance, k, score, shown=shown) for appearance in appearances] for k in numbers]
-        return _mean_of_most(np.array(values))
+        values = [self._scores(appearance, numbers, score, shown=shown) for appearance in appearances]
+        return _mean_of_most(np.array(values).T)
 
-    def _scored(
-        self, appearance: DiscAppearance, number: int, score: Callable[[DiscFit | None], float], *, shown: bool
-    ) -> float:
-        """Score of the fit in one frame; the best of some appearances is among the next ones and not fitted again."""
+    def _scores(
+        self,
+        appearance: DiscAppearance,
+        numbers: Sequence[int],
+        score: Callable[[DiscFit | None], float],
+        *,
+        shown: bool,
+    ) -> list[float]:
+        """Score of the fit in each frame; the best of some appearances is among the next ones and not fitted again."""
         how = (appearance.form, appearance.shutter, appearance.longest_shutter, appearance.channel)
-        key = (*how, id(appearance.correlation), number, score, shown)
-        if key not in self.scores:
-            fits = self.fits(appearance, [number])
-            self.scores[key] = score((self.shown(fits, [number]) if shown else fits)[0])
-        return self.scores[key]
+        keys = [(*how, id(appearance.correlation), number, score, shown) for number in numbers]
+        new = [number for number, key in zip(numbers, keys, strict=True) if key not in self.scores]
+        fits = self.fits(appearance, new)
+        scores = iter(map(score, self.shown(fits, new) if shown else fits))
+        self.scores.update({key: next(scores) for key in keys if key not in self.scores})
+        return [self.scores[key] for key in keys]
 
     def climbed(
         self,

@@ -15,6 +15,7 @@ from trackers._detection.detect_frames import REPORT_EVERY, DetectionSetup, dete
 from trackers._detection.detection import THINNEST_BODY, Detection, FrameDetections, touches
 from trackers._detection.foreground import SMALLEST_AREA, SQUARE, Blob
 from trackers._detection.subpixel_centroid import Centre
+from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
 from trackers._linking.frame_to_frame import Tracklet
@@ -64,12 +65,12 @@ def track_many(
     """
     setup, classes = learn_classes(setup, options.bodies)
     background, view = background_level(setup.background_range), setup.view
-    frames = [
-        covered_pixels(
-            setup.background_range, classes, background, np.atleast_3d(view.search_image(frame)), frame.index, frame.t_s
-        )
-        for frame in video.frames()
-    ]
+
+    def covered(frame: Frame) -> CoveredPixels:
+        image = np.atleast_3d(view.search_image(frame))
+        return covered_pixels(setup.background_range, classes, background, image, frame.index, frame.t_s)
+
+    frames = list(ahead(covered, video.frames()))
     if len(frames) < 2:
         raise TrackingError(f"{len(frames)} frame(s) cannot tell bodies from one another; there must be at least 2")
     return measure_bodies(video, setup, frames, follow_bodies(frames, classes), options)
@@ -98,10 +99,15 @@ def measure_bodies(
     all_detections: list[FrameDetections] = []
     tracklets = [Tracklet() for _ in placed[0].filled]
     search_windows = setup.search_windows()
+    covered = {pixels.frame: (pixels, assignment) for pixels, assignment in zip(frames, placed, strict=True)}
     seen = with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY)
-    for frame, pixels, assignment in zip(seen, frames, placed, strict=True):
-        _, foreground = search_windows.blobs(frame)
-        frame_detections, detections = _measured(setup, frame, pixels, assignment, foreground)
+
+    def measured(
+        frame: Frame, _: Sequence[Blob], foreground: Sequence[Blob]
+    ) -> tuple[FrameDetections, list[Detection | None]]:
+        return _measured(setup, frame, *covered[frame.index], foreground)
+
+    for frame_detections, detections in search_windows.each(measured, seen):
         all_detections.append(frame_detections)
         for tracklet, detection in zip(tracklets, detections, strict=True):
             if detection is not None:
