@@ -40,8 +40,7 @@ def discovery_figure(discovery: Discovery, clips: Sequence[Trajectory]) -> Figur
     figure = Figure(figsize=(9, sum(heights) + 0.4), layout="constrained")
     parts = figure.add_gridspec(1 + 2 * d, 2, height_ratios=heights)
     figure.suptitle("\n".join(f"${equation.latex}$" for equation in discovery.equations), fontsize=12)
-    _draw_inclusion(figure.add_subplot(parts[0, 0]), discovery.terms)
-    _draw_intervals(figure.add_subplot(parts[0, 1]), discovery.terms)
+    draw_terms(figure.add_subplot(parts[0, 0]), figure.add_subplot(parts[0, 1]), discovery.terms)
     for k in range(d):
         _draw_motion(figure.add_subplot(parts[1 + 2 * k, :]), fit, clip, k)
         axes = figure.add_subplot(parts[2 + 2 * k, :])
@@ -50,6 +49,12 @@ def discovery_figure(discovery: Discovery, clips: Sequence[Trajectory]) -> Figur
         axes.margins(x=0.01)
     axes.set_xlabel("time (s)")
     return figure
+
+
+def draw_terms(inclusion: Axes, intervals: Axes, terms: Sequence[DiscoveredTerm]) -> None:
+    """Draw the inclusion of every term, and beside it the interval of its coefficient."""
+    _draw_inclusion(inclusion, terms)
+    _draw_intervals(intervals, terms)
 
 
 def _label(term: DiscoveredTerm) -> str:

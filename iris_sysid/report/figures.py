@@ -63,10 +63,25 @@ def track_figure(
     Figure
         As wide as a page, with the clip's aspect ratio.
     """
+    figure = Figure(figsize=(9, 9 * video.height / video.width), layout="constrained")
+    draw_track(figure.add_subplot(), video, tracks, trajectory, calibration)
+    return figure
+
+
+def draw_track(
+    axes: Axes, video: FrameSource, tracks: Sequence[Track], trajectory: Trajectory, calibration: Calibration
+) -> None:
+    """Draw what :func:`track_figure` shows.
+
+    Parameters
+    ----------
+    axes
+        To draw on.
+    video, tracks, trajectory, calibration
+        As for :func:`track_figure`.
+    """
     image = multiple_exposure(video, tracks[0] if tracks else None)
     height, width = image.shape[:2]
-    figure = Figure(figsize=(9, 9 * height / width), layout="constrained")
-    axes = figure.add_subplot()
     axes.imshow(image)
     labels = np.array(sample_labels(trajectory))
     for body in tracks:
@@ -79,7 +94,6 @@ def track_figure(
     handles, names = axes.get_legend_handles_labels()
     unique = dict(zip(names, handles, strict=True))
     axes.legend(unique.values(), unique.keys(), loc="lower right", framealpha=0.8)
-    return figure
 
 
 def multiple_exposure(video: FrameSource, body: Track | None = None) -> NDArray[np.uint8]:
@@ -130,7 +144,7 @@ def fit_figure(trajectory: Trajectory, fit: FitResult) -> Figure:
     curve_s, curve = fitted_curve(fit)
     for k, quantity in enumerate(fit.model.observed):
         measured = trajectory.position[:, trajectory.column(quantity.name)]
-        _draw_measured(rows[2 * k], trajectory, measured, labels)
+        draw_measured(rows[2 * k], trajectory, measured, labels)
         rows[2 * k].plot(curve_s, curve[:, k], color=FIT_COLOUR, linewidth=0.9, label="fit")
         rows[2 * k].set_ylabel(f"{quantity.name} ({quantity.unit})")
         rows[2 * k].legend(loc="upper right", framealpha=0.8)
@@ -149,7 +163,20 @@ def fitted_curve(fit: FitResult) -> tuple[Array, Array]:
     return t_s, simulate(fit.model, t_s, {name: estimate.value for name, estimate in fit.estimates.items()}).observed
 
 
-def _draw_measured(axes: Axes, trajectory: Trajectory, measured: Array, labels: NDArray[np.str_]) -> None:
+def draw_measured(axes: Axes, trajectory: Trajectory, measured: Array, labels: NDArray[np.str_]) -> None:
+    """Draw the measured values of one quantity over time, coloured by segment.
+
+    Parameters
+    ----------
+    axes
+        To draw on.
+    trajectory
+        Gives the times in s, and which samples are valid.
+    measured
+        (n,) in the unit of the quantity.
+    labels
+        (n,) segment of each sample.
+    """
     for label in dict.fromkeys(labels):
         inside = (labels == label) & trajectory.valid
         axes.plot(

@@ -33,7 +33,7 @@ class Shown:
     def _repr_html_(self) -> str:
         from iris_sysid import to_html  # the front door: pictures are drawn by packages above this one
 
-        return to_html(self)
+        return to_html(self)  # type: ignore[arg-type]  # of subclasses
 
 
 def text_of(*lines: str) -> str:

@@ -1,0 +1,137 @@
+"""Results as HTML for a notebook: a line of text, a picture, and a table of numbers; all text is escaped."""
+
+from __future__ import annotations
+
+import base64
+import functools
+import io
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any
+
+from iris_sysid.report.plots import Result, figure_of
+from iris_sysid.report.text import (
+    diagnosis_sentence,
+    discovery_sentence,
+    interval_text,
+    shown_estimates,
+    verdict_lines,
+    with_error,
+)
+from iris_sysid.types import Diagnosis, Discovery, Estimate, FitResult, Run, Track, Trajectory, Verdict
+
+DPI = 72
+VALUE_COLUMNS = ("", "value ± standard error", "95 % interval")
+
+
+def to_html(result: Result) -> str:
+    """Show a result as a piece of HTML, as notebooks do: a line of text, the picture of :func:`plot`, a table.
+
+    Parameters
+    ----------
+    result
+        A trajectory, its smoothed state, a track, a fit, a diagnosis, a discovery, or the run of a clip.
+
+    Returns
+    -------
+    str
+        HTML that needs no other file; names and texts in it are escaped.
+
+    Raises
+    ------
+    DataError
+        When there is no picture of such an object.
+    """
+    first, *lines = _lines(result)
+    buffer = io.BytesIO()
+    figure_of(result).savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    picture = base64.b64encode(buffer.getvalue()).decode("ascii")
+    text = "".join(f"<div>{escape(line)}</div>" for line in lines)
+    return (
+        f'<div><b>{escape(first)}</b>{text}<img alt="{escape(type(result).__name__)}" '
+        f'src="data:image/png;base64,{picture}">{_table(*_rows(result))}</div>'
+    )
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    if not rows:
+        return ""
+    cells = "".join(f"<th>{escape(title)}</th>" for title in head)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    return f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _values(estimates: Mapping[str, Estimate]) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    rows = [(name, with_error(estimate), interval_text(estimate)) for name, estimate in estimates.items()]
+    return VALUE_COLUMNS, rows
+
+
+def _judged(title: str, verdict: Verdict, *lines: str) -> list[str]:
+    return [title, *verdict_lines(verdict), *lines]
+
+
+# --------------------------------------------------------------------------- lines
+
+
+@functools.singledispatch
+def _lines(result: Any) -> list[str]:
+    return repr(result).splitlines()
+
+
+@_lines.register
+def _(result: FitResult) -> list[str]:
+    return _judged(f"Fit of {result.model.name}: {result.n} of {result.used.size} samples", result.verdict)
+
+
+@_lines.register
+def _(result: Diagnosis) -> list[str]:
+    return _judged(f"Diagnosis of {result.base.model.name}", result.verdict, diagnosis_sentence(result))
+
+
+@_lines.register
+def _(result: Discovery) -> list[str]:
+    return _judged("Discovery", result.verdict, discovery_sentence(result))
+
+
+@_lines.register
+def _(result: Run) -> list[str]:
+    return [f"{result.source.name}: {result.phenomenon.name}", *_lines(result.fit), *result.notes]
+
+
+# --------------------------------------------------------------------------- rows
+
+
+@functools.singledispatch
+def _rows(result: Any) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    return (), ()
+
+
+@_rows.register
+def _(result: Trajectory) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    return _values(result.geometry)
+
+
+@_rows.register
+def _(result: Track) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    doubts = result.quality.doubts if result.quality is not None else ()
+    return ("doubt", "what to do"), [(doubt.finding, doubt.remedy) for doubt in doubts]
+
+
+@_rows.register
+def _(result: FitResult) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    return _values(shown_estimates(result)) if result.usable else ((), ())
+
+
+@_rows.register
+def _(result: Diagnosis) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    return _values({name: size for name, size in result.sizes.items() if size.stderr > 0})
+
+
+@_rows.register
+def _(result: Discovery) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    return _values({f"{term.equation}: {term.term}": term.coefficient for term in result.selected})
+
+
+@_rows.register
+def _(result: Run) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    return _rows(result.fit)

@@ -1,0 +1,116 @@
+"""Every result has a plot with the right things in it, and a notebook shows it with its numbers, escaped."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from iris_sysid import (
+    MODELS,
+    DataError,
+    Doubt,
+    Estimate,
+    Quantity,
+    Segment,
+    Track,
+    TrackQuality,
+    Trajectory,
+    diagnose,
+    discover,
+    fit,
+    plot,
+    smooth,
+    to_html,
+)
+from tests._motions import pendulum_angle
+from tests.types.test_pickling import T_S, dragged
+
+N = T_S.size
+CLIP = dragged().with_(
+    segments=(Segment("hand", 0, 20), Segment("motion", 20, N)), geometry={"<b>pivot": Estimate(1.0, 0.1, "m")}
+)
+DOUBT = Doubt("missed", "<script>lost</script>", "give --roi")
+ARC = np.column_stack([320 + 200 * np.sin(CLIP.position[:, 0]), 100 + 200 * np.cos(CLIP.position[:, 0])])
+TRACK = Track(T_S, ARC, np.ones((N, 2)), np.ones(N, bool), np.arange(N), quality=TrackQuality((DOUBT,)))
+FIT = fit(CLIP, "pendulum")
+FAILED = fit(CLIP.with_(segments=(), valid=T_S < 0.05), "pendulum")
+DIAGNOSIS = diagnose(CLIP, "pendulum", effects=["quadratic-drag"])
+DISCOVERY = discover(CLIP, resampled=5)
+RESULTS = {
+    "trajectory": (CLIP, ["theta (rad)"]),
+    "smoothed": (smooth(CLIP).smoothed, ["position", "velocity"]),
+    "track": (TRACK, ["y (px)", "x (px)", "y (px)"]),
+    "fit": (FIT, ["theta (rad)", "residual (rad)"]),
+    "failed fit": (FAILED, ["theta (rad)", "residual (rad)"]),
+    "diagnosis": (DIAGNOSIS, ["theta (rad)", "residual before", "residual after"]),
+    "complete": (
+        diagnose(CLIP.with_(position=pendulum_angle(T_S, 0.5)[:, None]), "pendulum", effects=["leak"]),
+        ["theta (rad)", "residual"],
+    ),
+    "discovery": (DISCOVERY, ["", "", "theta (rad)", "residual (rad)"]),
+}
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_plot_returns_its_axes_from_the_top_down(name):
+    result, labels = RESULTS[name]
+    figure = Figure()
+    axes = plot(result, figure)
+    assert [one.get_ylabel() for one in axes] == labels
+    figure.canvas.draw()
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_notebook_shows_picture_and_text_without_markup_from_data(name):
+    html = RESULTS[name][0]._repr_html_()
+    assert 'src="data:image/png;base64,iVBOR' in html
+    assert set(re.findall(r"<(\w+)", html)) <= {"div", "b", "img", "table", "thead", "tbody", "tr", "th", "td"}
+
+
+def test_plot_without_a_figure_is_one_of_pyplot():
+    import matplotlib.pyplot as plt
+
+    before = plt.get_fignums()
+    axes = plot(FIT)
+    assert axes[0].figure.number not in before
+    plt.close(axes[0].figure)
+
+
+def test_fit_is_drawn_with_the_measured_angles_and_its_curve():
+    data, residual = plot(FIT, Figure())
+    measured, curve = data.lines
+    np.testing.assert_allclose(measured.get_ydata()[FIT.used], CLIP.position[FIT.used, 0])
+    np.testing.assert_allclose(np.interp(T_S[200], *curve.get_data()), FIT.predicted[200, 0], atol=1e-3)
+    np.testing.assert_array_equal(residual.lines[-1].get_ydata(), FIT.residual[:, 0])
+
+
+def test_diagnosis_is_drawn_with_smaller_residuals_after():
+    _, before, after = plot(DIAGNOSIS, Figure())
+    spread = [np.nanstd(axes.lines[-1].get_ydata()) for axes in (before, after)]
+    assert spread[1] < 0.2 * spread[0]
+
+
+def test_inputs_and_several_quantities_have_rows_of_their_own():
+    position = np.column_stack([np.sin(T_S), np.cos(T_S)])
+    known = np.sin(T_S)[:, None]
+    quantities, pump = (Quantity("x", "m"), Quantity("z", "m")), (Quantity("u", "V"),)
+    driven = Trajectory(T_S, quantities, position, np.full((N, 2), np.nan), np.ones(N, bool), pump, known)
+    assert [axes.get_ylabel() for axes in plot(driven, Figure())] == ["x (m)", "z (m)", "u (V)"]
+
+
+def test_notebook_has_the_numbers_with_their_errors():
+    html = to_html(FIT)
+    assert re.search(r"<td>length</td><td>0\.49\d* ± 0\.\d+ m</td>", html)
+    assert "misfit" in html
+    assert "quadratic_drag" in to_html(DIAGNOSIS)
+    assert "&lt;b&gt;pivot" in to_html(CLIP)
+    assert "&lt;script&gt;lost" in to_html(TRACK)
+    hostile = replace(FIT, model=replace(FIT.model, name="<img src=x>"))
+    assert "<img src=x>" not in to_html(hostile)
+
+
+def test_what_has_no_plot_is_refused():
+    with pytest.raises(DataError, match="no plot of an object of type OdeModel"):
+        plot(MODELS["pendulum"])
