@@ -40,5 +40,6 @@ EFFECT = Effect(
     image=image,
     trials=first_time,
     alike="initial velocity, where nothing pulls back",
+    recurrence="anew",
     example=EffectExample("pendulum", size=0.05),
 )

@@ -65,5 +65,6 @@ EFFECT = Effect(
     alike="impact",
     trials=trials,
     nearby=nearby,
+    recurrence="once",
     example=EffectExample("pendulum", size=0.05),
 )

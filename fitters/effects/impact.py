@@ -33,5 +33,6 @@ EFFECT = Effect(
     acceleration=acceleration,
     alike="dropped-frame",
     trials=moments,
+    recurrence="once",
     example=EffectExample("pendulum", size=0.05),
 )

@@ -40,5 +40,6 @@ EFFECT = Effect(
     acceleration=acceleration,
     alike="the initial velocity, in part",
     trials=trials,
+    recurrence="anew",
     example=EffectExample("pendulum", size=0.05),
 )

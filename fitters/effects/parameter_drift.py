@@ -26,5 +26,6 @@ EFFECT = Effect(
     acceleration=acceleration,
     trials=first_time,
     alike="time-scale errors that grow; frequency that depends on amplitude, in a damped swing",
+    recurrence="anew",
     example=EffectExample("pendulum", size=0.05),
 )

@@ -58,5 +58,6 @@ EFFECT = Effect(
     alike="the motion itself, near its own frequency",
     trials=trials,
     sensible=sensible,
+    recurrence="anew",
     example=EffectExample("pendulum", size=0.05),
 )

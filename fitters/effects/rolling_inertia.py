@@ -22,5 +22,6 @@ EFFECT = Effect(
     plausibility=0.3,
     acceleration=slowed,
     alike="the acceleration itself, unless it is known; time-scale",
+    scaling={"mass": 0.0, "radius": 0.0},
     example=EffectExample("incline", size=0.05),
 )

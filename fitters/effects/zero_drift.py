@@ -28,5 +28,6 @@ EFFECT = Effect(
     observe=observe,
     trials=first_time,
     alike="initial velocity, where nothing pulls back",
+    recurrence="anew",
     example=EffectExample("exponential-decay", size=0.05),
 )

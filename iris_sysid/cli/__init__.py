@@ -33,6 +33,10 @@ COMMANDS = {
         "diagnose",
         "Find the effects that a governing equation lacks, add them, and report the error before and after.",
     ),
+    "plan": (
+        "plan",
+        "Rank what to film next: how likely each change of the set-up tells the possible effects apart.",
+    ),
     "discover": ("discover", "Find the governing equation itself, with error bars on its terms, and its name."),
     "render": (
         "render",

@@ -54,6 +54,7 @@ from iris_sysid.types._model import ModelExample as ModelExample
 from iris_sysid.types._model import OdeModel as OdeModel
 from iris_sysid.types._model import Parameter as Parameter
 from iris_sysid.types._model import ParameterRole as ParameterRole
+from iris_sysid.types._model import Recurrence as Recurrence
 from iris_sysid.types._model import RightHandSide as RightHandSide
 from iris_sysid.types._motion import MotionKind as MotionKind
 from iris_sysid.types._motion import Segment as Segment

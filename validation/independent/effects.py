@@ -183,10 +183,15 @@ def frames_lost(motion: Motion, values: Values, t_s: Array, size: float, shape: 
 
 def filmed(change: str, motion: Motion, values: Values, t_s: Array, size: float, shape: Shape) -> Array:
     """What the naive geometry reads from a camera that is not ideal in one way."""
+    undisturbed = integrate(motion, values, t_s)[:, : motion.size]
+    return filmed_by(camera_before(motion, values, undisturbed).with_(**{change: size}), motion, values, t_s)
+
+
+def filmed_by(camera: Camera, motion: Motion, values: Values, t_s: Array) -> Array:
+    """What the naive geometry reads (n, d) from a camera."""
     margin = 0.05 * float(t_s[-1] - t_s[0])
     dense = np.linspace(t_s[0], t_s[-1] + margin, 4 * t_s.size)
     course = CubicSpline(dense, integrate(motion, values, dense)[:, : motion.size])
-    camera = camera_before(motion, values, course(t_s)).with_(**{change: size})
     pixels = camera.film(lambda t: in_plane(motion, values, course(t)), t_s)
     return _read_back(motion, values, camera, pixels)
 

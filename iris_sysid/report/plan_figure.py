@@ -1,0 +1,33 @@
+"""What the names in question predict: the difference in a repeat of today's clip, and in the one that is proposed."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from iris_sysid.diagnosis.planning.plan import Plan
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73")  # Okabe and Ito (2008); more lines cannot be told apart
+
+
+def plan_figure(planned: Plan) -> Figure:
+    """Two panels, a repeat and the best proposal, with the noise of a sample as a band.
+
+    Parameters
+    ----------
+    planned
+        With two names in question, or more.
+    """
+    noise, quantity = float(planned.noise[0]), planned.observed[0]
+    figure = Figure(figsize=(9, 3.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    first = next(iter(planned.probabilities))
+    panels = ((left, planned.repeat, "today's set-up"), (right, planned.best, planned.best.text))
+    for axes, proposal, title in panels:
+        axes.axhspan(-noise, noise, color="0.9", label="noise of a sample")
+        for colour, (name, change) in zip(COLOURS, proposal.differences.items(), strict=False):
+            axes.plot(proposal.t_s, change[:, 0], color=colour, label=f"{name} less {first}")
+        axes.set_title(f"{title}: {100 * proposal.power:.0f} %", fontsize=10)
+        axes.set_xlabel("time (s)")
+    left.set_ylabel(f"difference of {quantity.name} after a refit ({quantity.unit})")
+    right.legend(fontsize=8)
+    return figure

@@ -1,0 +1,101 @@
+"""What to measure next, in words, and as the rows of a table."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from iris_sysid.diagnosis.planning.decide import Decision
+from iris_sysid.diagnosis.planning.plan import Plan, Proposal
+from iris_sysid.diagnosis.planning.rivals import NOTHING
+from iris_sysid.io.schemas import known_number
+
+MOST_SHOWN = 12
+BETTER = 0.1  # by which the best proposal's power must exceed that of a repeat to be called better
+
+
+def advice(planned: Plan) -> tuple[str, ...]:
+    """One or two sentences: the best clip to make next, and how likely it decides."""
+    names = [name for name in planned.probabilities if name != NOTHING]
+    best, repeat = planned.best, planned.repeat
+    if np.isnan(best.power):
+        return (f"Next: {best.text}; {_most_precise(best, planned.stderr)}.",)
+    versus = " and ".join(names[:2]) if len(names) > 1 else f"whether {names[0]} acts"
+    what = f"to tell {versus} apart" if len(names) > 1 else f"to decide {versus}"
+    if not planned.practical:
+        return (
+            f"No change of the set-up tried here is likely {what}: the best one, {best.text}, has a chance of "
+            f"{percent_of(best)}.",
+        )
+    line = f"Next: {best.text}: a chance of {percent_of(best)} {what}"
+    if best.power > repeat.power + BETTER:
+        line += f" ({percent_of(repeat)} by {repeat.text})"
+    return (f"{line}.",)
+
+
+def percent_of(proposal: Proposal) -> str:
+    """The power in percent; a few hundred draws tell no 100 %."""
+    return f"{100 * min(proposal.power, 0.99):.0f} %" if proposal.power < 0.99 else "over 99 %"
+
+
+def _most_precise(proposal: Proposal, today: Mapping[str, float]) -> str:
+    """By how much it shrinks the error that it shrinks most."""
+    ratios = {name: stderr / today[name] for name, stderr in proposal.stderr.items() if today.get(name, 0.0) > 0}
+    if not ratios:
+        return "no value is shared with the present clip"
+    name = min(ratios, key=lambda each: ratios[each])
+    return f"the standard error of {name} becomes {ratios[name]:.2g} times as large"
+
+
+def plan_rows(planned: Plan) -> list[dict[str, str]]:
+    """A row for each proposal, best first."""
+    rows = []
+    for proposal in planned.proposals[:MOST_SHOWN]:
+        power = {} if np.isnan(proposal.power) else {"power": percent_of(proposal)}
+        errors = {
+            f"error of {name}": f"x {proposal.stderr[name] / today:.2g}" if name in proposal.stderr else "-"
+            for name, today in planned.stderr.items()
+            if today > 0 and not name.endswith("_0")
+        }
+        rows.append({"change": proposal.change.name, **power, **errors, "what to do": proposal.text})
+    return rows
+
+
+def plan_text(planned: Plan) -> str:
+    """The names in question, the proposals as a table, and the advice."""
+    rows = plan_rows(planned)
+    widths = {key: max(len(key), *(len(row[key]) for row in rows)) for key in rows[0]}
+    lines = ["  ".join(key.ljust(width) for key, width in widths.items())]
+    lines += ["  ".join(row[key].ljust(width) for key, width in widths.items()).rstrip() for row in rows]
+    question = ", ".join(f"{name} ({100 * share:.0f} %)" for name, share in planned.probabilities.items())
+    return "\n".join([f"In question: {question}", *lines, *advice(planned)])
+
+
+def plan_entry(planned: Plan) -> dict[str, object]:
+    """The content of plan.json; what is not known is null."""
+    return {
+        "document": "plan",
+        "version": 1,
+        "probabilities": dict(planned.probabilities),
+        "stderr": dict(planned.stderr),
+        "advice": list(advice(planned)),
+        "proposals": [
+            {
+                "change": proposal.change.name,
+                "text": proposal.text,
+                "power": known_number(proposal.power),
+                "by_name": dict(proposal.by_name),
+                "stderr": dict(proposal.stderr),
+                "cost": proposal.cost,
+            }
+            for proposal in planned.proposals
+        ],
+    }
+
+
+def decision_text(decision: Decision) -> str:
+    """What the new clip left, with the probability of each name."""
+    shares = ", ".join(f"{name} {100 * share:.3g} %" for name, share in decision.probabilities.items())
+    left = f"leaves {decision.names[0]}" if len(decision.names) == 1 else f"leaves {' or '.join(decision.names)}"
+    return f"The new clip {left}: {shares}"

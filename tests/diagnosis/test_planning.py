@@ -1,0 +1,151 @@
+"""What to measure next: clips that SciPy makes, and the statistics of what the plan predicts."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from iris_sysid import EFFECTS, MODELS, FitError, Quantity, SetUpChange, Trajectory, decide, plan
+from iris_sysid.diagnosis.planning.changes import REPEAT, changes_for
+from iris_sysid.diagnosis.planning.plan import Plan
+from iris_sysid.diagnosis.planning.predicted_clip import Design, predicted_clip, roles
+from iris_sysid.diagnosis.planning.rivals import Question, Rival, rivals_of
+
+PENDULUM = MODELS["pendulum"]
+NOISE_RAD = 1e-3
+DRAG = 0.15  # 1/rad
+QUESTION = Question(PENDULUM, ("quadratic-drag", "coulomb-friction"))
+
+
+def swing(release_rad: float, seconds: float = 5.0, seed: int = 0, drag: float = DRAG) -> Trajectory:
+    """A pendulum of 0.5 m with quadratic drag."""
+    t_s = np.arange(round(60 * seconds)) / 60
+
+    def rates(t, y):
+        return y[1], -9.80665 / 0.5 * np.sin(y[0]) - 0.05 * y[1] - drag * abs(y[1]) * y[1]
+
+    solved = solve_ivp(rates, (0, t_s[-1]), (release_rad, 0.0), "DOP853", t_s, rtol=1e-9, atol=1e-11)
+    theta = solved.y[:1].T + NOISE_RAD * np.random.default_rng(seed).standard_normal((t_s.size, 1))
+    return Trajectory(
+        t_s, (Quantity("theta", "rad"),), theta, np.full_like(theta, np.nan), np.ones(t_s.size, dtype=bool)
+    )
+
+
+@pytest.fixture(scope="module")
+def small() -> Trajectory:
+    return swing(0.15)
+
+
+@pytest.fixture(scope="module")
+def rivals(small: Trajectory) -> tuple[Rival, ...]:
+    return rivals_of(QUESTION, [small])
+
+
+@pytest.fixture(scope="module")
+def planned(small: Trajectory) -> Plan:
+    return plan(QUESTION, small)
+
+
+def named(rivals: tuple[Rival, ...], name: str) -> Rival:
+    return next(rival for rival in rivals if rival.name == name)
+
+
+def test_small_swing_leaves_both_names_open(planned):
+    assert min(planned.probabilities.values()) > 0.05
+
+
+def test_larger_swing_is_advised_and_repeat_is_not(planned):
+    by_name = {proposal.change.name: proposal.power for proposal in planned.proposals}
+    assert by_name["release75"] > 0.95
+    assert planned.repeat.power < 0.5
+    assert planned.best.power >= by_name["release75"]
+
+
+def test_advised_clip_leaves_the_true_name(planned, small):
+    change = next(each.change for each in planned.proposals if each.change.name == "release75")
+    left = decide(QUESTION, small, swing(np.radians(75), seed=1), change)
+    assert left.names == ("quadratic-drag",)
+    assert left.probabilities["quadratic-drag"] > 0.99
+
+
+def test_cost_of_a_change_moves_it_down(small, planned):
+    dear = plan(QUESTION, small, costs={planned.best.change.name: 100.0})
+    assert dear.best.change.name != planned.best.change.name
+
+
+def test_second_clip_shrinks_the_error_of_what_both_share(planned):
+    assert 0.3 < planned.repeat.stderr["length"] / planned.stderr["length"] < 0.75  # 0.71 where nothing else is shared
+
+
+def test_chi_square_of_drawn_clips_has_as_many_degrees_as_samples_less_new_values(rivals, small):
+    rival = named(rivals, "quadratic-drag")
+    clip = predicted_clip(rival, Design.of(REPEAT, rivals[0], PENDULUM, small))
+    misfits = clip.misfit(clip.drawn(np.random.default_rng(0), 400))
+    degrees = clip.centre.size - len(clip.roles.new)
+    assert np.mean(misfits) == pytest.approx(degrees, abs=4 * np.sqrt(2 * degrees / 400))
+
+
+def test_whitening_makes_autocorrelated_noise_white(rivals, small):
+    design = Design.of(REPEAT, rivals[0], PENDULUM, small)
+    rng, rho = np.random.default_rng(0), 0.6
+    series = [rng.standard_normal()]
+    for step in rng.standard_normal(20_000):
+        series.append(rho * series[-1] + np.sqrt(1 - rho**2) * step)
+    noise = np.array([0.2])
+    whitened = Design(REPEAT, PENDULUM, design.t_s, noise, rho, None, None).whitened(0.2 * np.array(series)[:, None])
+    assert np.std(whitened) == pytest.approx(1.0, abs=0.03)
+    assert np.corrcoef(whitened[1:], whitened[:-1])[0, 1] == pytest.approx(0.0, abs=0.03)
+
+
+def test_heavier_ball_has_less_drag_and_another_damping(rivals):
+    rival = named(rivals, "quadratic-drag")
+    part = roles(rival, SetUpChange("ball", "", body={"mass": 4.0, "radius": 1.0}), PENDULUM, known_view=False)
+    assert part.values["quadratic_drag"] == pytest.approx(rival.values["quadratic_drag"] / 4)
+    assert part.factors["quadratic_drag"] == 0.25
+    assert "damping" in part.new
+    assert "length" in part.shared
+
+
+def test_size_of_unknown_scaling_is_free_with_another_ball(rivals):
+    part = roles(named(rivals, "coulomb-friction"), SetUpChange("ball", "", body={"mass": 4.0}), PENDULUM, False)
+    assert "coulomb_friction" in part.new
+
+
+def test_accident_does_not_happen_again():
+    clip = swing(0.3, drag=0.0)
+    kicked = clip.with_(position=clip.position + 0.02 * np.maximum(clip.t_s - 2.0, 0.0)[:, None])
+    (rival,) = rivals_of(Question(PENDULUM, ("impact",)), [kicked])
+    assert roles(rival, REPEAT, PENDULUM, False).effects == ()
+
+
+def test_board_in_the_plane_removes_a_tilt():
+    (rival,) = rivals_of(Question(PENDULUM, ("camera-tilt",)), [swing(0.9, drag=0.0)])
+    board = next(
+        change
+        for change in changes_for(PENDULUM, {"theta_0": 0.9, "omega_0": 0.0}, [EFFECTS["camera-tilt"]])
+        if change.name == "board"
+    )
+    assert roles(rival, board, PENDULUM, False).effects == ()
+
+
+def test_two_releases_are_no_pair():
+    first, second = (SetUpChange(f"release{k}", "", start={"theta_0": k}) for k in (1.0, 0.5))
+    assert first.joined(second) is None
+    both = first.joined(SetUpChange("long", "", longer=3.0))
+    assert both is not None
+    assert (both.longer, both.start) == (3.0, {"theta_0": 1.0})
+
+
+def test_nothing_to_decide_with_one_name(small):
+    with pytest.raises(FitError, match="nothing to decide"):
+        decide(Question(PENDULUM, ("quadratic-drag",)), small, small)
+
+
+def test_unfittable_model_is_refused(small):
+    with pytest.raises(FitError, match="observes"):
+        plan(Question(MODELS["free-fall"], ("linear-drag",)), small)
+
+
+def test_plan_without_names_is_about_precision(small):
+    precise = plan(Question(PENDULUM, ()), small)
+    assert np.isnan(precise.best.power)
+    assert precise.best.stderr["length"] < 0.5 * precise.stderr["length"]
