@@ -57,7 +57,6 @@ class FitRequest:
         model: OdeModel,
         fixed: Mapping[str, float | Estimate] = NOTHING,
         free: Sequence[str] = (),
-        **others: Any,
     ) -> FitRequest:
         """The request with what the trajectory states and leaves open; ``fixed`` and ``free`` go before that.
 
@@ -69,15 +68,13 @@ class FitRequest:
             The governing equation.
         fixed, free
             As for :func:`fitters.ode.fit`. A value that the trajectory knows exactly is estimated where it is free.
-        others
-            Further fields.
         """
         names = {parameter.name for parameter in model.parameters}
         stated = {name: value for name, value in trajectory.known.items() if name in names}
         known = {name: value for name, value in stated.items() if value.stderr or name not in free}
         held = {**known, **fixed}
         opened = [name for name in trajectory.free if name in names and name not in held]
-        return cls(trajectory, model, held, list(dict.fromkeys([*free, *opened])), **others)
+        return cls(trajectory, model, held, list(dict.fromkeys([*free, *opened])))
 
     def with_(self, **changes: Any) -> FitRequest:
         """A copy with some fields replaced."""

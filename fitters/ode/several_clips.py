@@ -112,7 +112,7 @@ def fit_clips(
     freed = _free(free, shared, model)
     per_clip = [*per_clip, *(name for trajectory in trajectories for name in trajectory.free if name not in shared)]
     requests = [
-        FitRequest.stated(_without(trajectory, shared), model, fixed, freed, start=start, options=options)
+        FitRequest.stated(_without(trajectory, shared), model, fixed, freed).with_(start=start, options=options)
         for trajectory in trajectories
     ]
     alone = [solve(request) for request in requests]

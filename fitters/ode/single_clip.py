@@ -118,7 +118,8 @@ def fit(
     """
     chosen = MODELS.resolved(model)
     taken, remark = chosen.taken_from(trajectory)
-    result = solve(FitRequest.stated(taken, chosen, fixed, free, start=start, uncertainty=uncertainty, options=options))
+    request = FitRequest.stated(taken, chosen, fixed, free)
+    result = solve(request.with_(start=start, uncertainty=uncertainty, options=options))
     return replace(result, notes=(*result.notes, remark)) if remark else result
 
 

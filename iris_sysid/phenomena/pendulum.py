@@ -23,6 +23,7 @@ from iris_sysid.types import Array, BenchmarkClass, Estimate, FitResult, Mask, P
 
 TAUT = 3  # consecutive samples on the arc after which the cord counts as taut
 RADIUS = ("arc_radius", "length")  # settings that give the arc's radius, in order of preference
+CONTRADICTED, ALIKE = 3.0, 0.2  # standard errors and share of the arc's radius by which a length may differ from it
 NEAR_THE_TOP = 2.6  # rad; below it no full turn is possible, and a gap must not be unwrapped as one
 
 
@@ -163,11 +164,14 @@ def refine(fit: FitResult, trajectory: Trajectory) -> Mapping[str, Estimate]:
     """Take the arc's radius from the period where that is more precise than the arc, and the unit is m.
 
     On a short arc the radius is poorly known, but a bob on a taut cord moves at its pendulum's length from the
-    pivot; the ball's own inertia changes that by less than (2/3) (ball radius / length)^2.
+    pivot; the ball's own inertia changes that by less than (2/3) (ball radius / length)^2. A length that the arc
+    contradicts is that of a wrong scale or clock, and not taken.
     """
     radius, length = trajectory.geometry["arc_radius"], fit.estimates["length"]
     known = radius.measurement_type == "direct" or radius.unit != "m" or not fit.usable
     if known or not length.stderr / length.value < radius.stderr / radius.value:
+        return {}
+    if abs(length.value - radius.value) > CONTRADICTED * radius.stderr + ALIKE * radius.value:
         return {}
     return {"arc_radius": Estimate(length.value, length.stderr, "m", "derived", "the period, for a bob on a taut cord")}
 

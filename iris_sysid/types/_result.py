@@ -48,12 +48,12 @@ class FitProblem:
         return Doubt(self.reason, f"{self.finding} ({self.detail})" if self.detail else self.finding, self.remedy)
 
 
-def _word(status: FitStatus, doubted: bool) -> VerdictWord:
+def _word(status: FitStatus, reasons: tuple[Doubt, ...]) -> VerdictWord:
     if status not in USABLE:
         return "failed"
-    if status == "misfit":
+    if status == "misfit" or any(doubt.kind == "phenomenon" for doubt in reasons):
         return "misfit"
-    return "good" if status == "ok" and not doubted else "doubtful"
+    return "good" if status == "ok" and not reasons else "doubtful"
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -162,7 +162,7 @@ class FitResult(Shown, Portable):
     def verdict(self) -> Verdict:
         """Good, doubtful, misfit or failed, with the reasons: the doubts, then the problems."""
         reasons = (*self.doubts, *(problem.doubt for problem in self.problems))
-        return Verdict(_word(self.status, bool(reasons)), reasons)
+        return Verdict(_word(self.status, reasons), reasons)
 
     @property
     def n(self) -> int:
@@ -238,7 +238,7 @@ class PooledFit:
     def verdict(self) -> Verdict:
         """That of the fit over all clips, with the reasons of each clip."""
         reasons = worst_verdict(clip.verdict for clip in self.clips).reasons
-        return Verdict(_word(self.status, bool(reasons)), reasons)
+        return Verdict(_word(self.status, reasons), reasons)
 
     @property
     def estimates(self) -> dict[str, Estimate]:

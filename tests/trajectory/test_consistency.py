@@ -1,0 +1,137 @@
+"""Common sense: a clock, a scale or a phenomenon that the path contradicts is named, and right ones are not."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from iris_sysid import PHENOMENA, DataError, Estimate, Track, scale, uncalibrated
+from iris_sysid.pipeline import observe_and_fit
+from iris_sysid.trajectory.consistency.gravity_scale import circle_radius
+from iris_sysid.trajectory.consistency.path_shape import reversals
+
+PX_M = 400.0
+SCALE = scale(PX_M, 1.0)
+MOON = {"gravity": Estimate(1.62, 0.0, "m/s^2")}
+BALL = {"ball_radius": Estimate(0.03, 0.001, "m")}
+SWING_S, FALL_S = np.arange(150) / 60, np.arange(0, 0.44, 1 / 120)
+
+
+def swing(length_m=0.5, gravity=9.81, start=0.5, t_s=SWING_S):
+    """Positions of a bob on a cord, m."""
+
+    def rates(t, state):
+        return [state[1], -gravity / length_m * np.sin(state[0]) - 0.05 * state[1]]
+
+    theta = solve_ivp(rates, (0, t_s[-1]), [start, 0.0], t_eval=t_s, rtol=1e-9, atol=1e-9).y[0]
+    return t_s, length_m * np.column_stack([np.sin(theta), -np.cos(theta)])
+
+
+def flight(speed=0.0, t_s=FALL_S):
+    """Positions of a ball that falls, or is thrown, m."""
+    return t_s, np.column_stack([0.6 * speed * t_s, speed * t_s - 9.81 / 2 * t_s**2])
+
+
+def slide(t_s=SWING_S):
+    """Positions of a cup on a board of 30 degrees, m."""
+    along = 0.5 * 1.5 * (t_s / 2) ** 2
+    return t_s, np.column_stack([0.87 * along, -0.5 * along])
+
+
+def result(path, phenomenon, slow=1.0, calibration=SCALE, settings=None, radius_px=12.0):
+    """The fit of a path in m, filmed at 400 px/m with errors of 0.05 px, by a clock that runs slow."""
+    t_s, position = path
+    n, rng = t_s.size, np.random.default_rng(1)
+    xy_px = PX_M * position * [1, -1] + [320, 300] + 0.05 * rng.standard_normal((n, 2))
+    track = Track(
+        t_s * slow, xy_px, np.full((n, 2), 0.05), np.ones(n, bool), np.arange(n), radius_px=np.full(n, radius_px)
+    )
+    _, trajectory, fit = observe_and_fit([track], calibration, PHENOMENA[phenomenon], settings or {})
+    assert trajectory.doubts == fit.doubts
+    return fit
+
+
+@pytest.mark.parametrize(
+    ("path", "phenomenon", "options"),
+    [
+        (swing(), "pendulum", {}),
+        (swing(start=0.12), "pendulum", {}),
+        (swing(gravity=1.62), "pendulum", {"settings": MOON}),
+        (swing(), "pendulum", {"calibration": uncalibrated()}),
+        (swing(), "pendulum", {"calibration": uncalibrated(), "settings": BALL}),
+        (swing(), "pendulum", {"calibration": scale(PX_M / 1.1, 1.0)}),
+        (flight(), "dropping-ball", {}),
+        (flight(), "dropping-ball", {"calibration": scale(PX_M / 1.1, 1.0)}),
+        (flight(), "dropping-ball", {"calibration": uncalibrated()}),
+        (flight(speed=2.0), "projectile", {}),
+    ],
+)
+def test_right_clock_and_scale_are_not_doubted(path, phenomenon, options):
+    assert result(path, phenomenon, **options).doubts == ()
+
+
+@pytest.mark.parametrize(
+    ("path", "phenomenon", "rate"),
+    [(swing(), "pendulum", 60), (flight(), "dropping-ball", 120), (flight(speed=2.0), "projectile", 120)],
+)
+def test_slow_motion_is_said_first_with_the_frame_rate(path, phenomenon, rate):
+    doubt = result(path, phenomenon, slow=8.0).verdict.reasons[0]
+    assert doubt.kind == "clock"
+    assert "slow motion? the clock seems 8 times too slow" in doubt.finding
+    assert f"--fps {rate}" in doubt.remedy
+
+
+def test_slow_motion_without_a_scale_shows_in_the_size_of_the_body():
+    doubt = result(swing(), "pendulum", slow=8.0, calibration=uncalibrated()).verdict.reasons[0]
+    assert doubt.kind == "clock"
+    assert "by gravity the body is 3.8" in doubt.finding
+
+
+def test_slow_motion_contradicts_a_stated_radius():
+    doubt = result(swing(), "pendulum", slow=4.0, calibration=uncalibrated(), settings=BALL).verdict.reasons[0]
+    assert doubt.kind == "clock"
+    assert "the clock seems 4" in doubt.finding
+
+
+def test_time_lapse_is_said_as_well():
+    doubt = result(flight(), "dropping-ball", slow=0.25).verdict.reasons[0]
+    assert "the clock seems 4 times too fast" in doubt.finding
+
+
+@pytest.mark.parametrize(("path", "phenomenon"), [(swing(), "pendulum"), (flight(), "dropping-ball")])
+def test_wrong_scale_is_said_with_both_readings(path, phenomenon):
+    fit = result(path, phenomenon, calibration=scale(PX_M / 1.5, 1.0))
+    doubt = fit.verdict.reasons[0]
+    assert doubt.kind == "scale"
+    assert "lengths are 1.5 times too large, or the clock seems 1.2 times too fast" in doubt.finding
+    assert "--scale" in doubt.remedy
+    assert not fit.verdict.good
+
+
+@pytest.mark.parametrize("phenomenon", ["dropping-ball", "projectile"])
+def test_swing_taken_for_a_flight_is_a_misfit_that_names_the_pendulum(phenomenon):
+    verdict = result(swing(), phenomenon).verdict
+    assert verdict.word == "misfit"
+    assert verdict.reasons[0].kind == "phenomenon"
+    assert verdict.reasons[0].remedy == "try --phenomenon pendulum"
+
+
+@pytest.mark.parametrize(
+    ("path", "name"), [(flight(), "dropping-ball"), (flight(speed=2.0), "projectile"), (slide(), "sliding-cone")]
+)
+def test_other_motion_taken_for_a_swing_is_refused_with_the_one_that_fits(path, name):
+    with pytest.raises(DataError, match=f"this is no pendulum; try --phenomenon {name}"):
+        result(path, "pendulum")
+
+
+def test_radius_of_an_arc_has_an_error_that_grows_as_the_arc_gets_short():
+    wide, short = (circle_radius(swing(start=start)[1]) for start in (1.0, 0.1))
+    assert wide[0] == pytest.approx(0.5, abs=1e-3)
+    assert wide[1] < 0.05 * wide[0]
+    assert short[1] > 0.3 * short[0]
+
+
+@pytest.mark.parametrize(
+    ("values", "count"), [([0, 1, 2, 3], 0), ([0, 2, 0, 2, 0], 3), ([0, 2, 1.9, 2, 0], 1), ([1, 1, 1], 0)]
+)
+def test_reversals_are_counted_where_they_are_large(values, count):
+    assert reversals(np.array(values, dtype=float)) == count
