@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from pysindy import SSR
 
 from fitters.sindy.weak_form import Rows
 from iris_sysid.types import Array
@@ -30,6 +29,8 @@ def proposed(rows: Rows) -> list[NDArray[np.intp]]:
 
     Each choice (c,) holds indices of terms.
     """
+    from pysindy import SSR  # takes two seconds to import, and what a residual suggests does without
+
     left, right = rows.left, rows.right
     count = right.shape[1]
     chosen = [np.arange(count)]

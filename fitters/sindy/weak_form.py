@@ -17,7 +17,6 @@ from scipy.linalg import solve_triangular
 from fitters.noise.measurement_noise import noise_from_differences, outliers_in_motion
 from fitters.sindy.library import RATE, Library, evaluated, value_of
 from iris_sysid.errors import DataError
-from iris_sysid.trajectory.smoothing import smooth
 from iris_sysid.types import Array, Mask, Trajectory
 
 BRIDGED = 2  # missing samples in a row that the smoother fills; more end a piece
@@ -56,6 +55,8 @@ class Rows:
 
 def pieces_of(trajectory: Trajectory, library: Library) -> list[Piece]:
     """Cut a trajectory at its gaps and events; DataError when nothing in it moves or too little is left."""
+    from iris_sysid.trajectory.smoothing import smooth  # half a second to import
+
     names = [variable.quantity.name for variable in library.variables]
     columns = [trajectory.column(name) for name in names]
     inside = trajectory.valid & trajectory.mask("motion")

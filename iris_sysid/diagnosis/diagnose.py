@@ -174,6 +174,6 @@ def _without_weak(cache: FitCache, final: ModelWithEffects) -> tuple[SearchRepor
 
 def _proposed(clips: Sequence[FitRequest], final: ModelWithEffects) -> tuple[DiscoveredTerm, ...]:
     """Terms without a named effect that the remaining residual suggests."""
-    from fitters.sindy.proposals import proposals  # pysindy takes half a second to import
+    from fitters.sindy.proposals import proposals  # seldom needed
 
     return proposals([clip.trajectory for clip in clips], final.fits)
