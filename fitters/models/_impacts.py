@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy.signal import argrelmin
 
 from fitters.models._gravity import STANDARD_GRAVITY
 from fitters.starting_values import solved, start_of, weak_system
@@ -23,6 +22,8 @@ def between_contacts(apart: Array) -> tuple[float, list[slice]]:
 
     Both in the unit of the distance.
     """
+    from scipy.signal import argrelmin  # here: it takes a second to load, and only this model needs it
+
     nearest = float(np.min(apart))
     near = nearest + NEAR * float(np.ptp(apart))
     contacts = [int(k) for k in argrelmin(apart, order=1, mode="wrap")[0] if apart[k] < near]

@@ -12,12 +12,26 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from iris_sysid.errors import FitError, IrisError, OutputError
+from iris_sysid.errors import DataError, FitError, IrisError, OutputError
 
 if TYPE_CHECKING:
     from iris_sysid.types import FitResult, OdeModel, Track, Trajectory, Verdict
 
 NOT_GOOD = 3  # exit status with --strict
+
+
+def check_sources(sources: Sequence[Path]) -> None:
+    """Raise DataError before anything heavy is imported when a file to be read is not there."""
+    for source in sources:
+        within = Path(str(source).rpartition(":")[0])  # swings.xlsx:Sheet2, project.trz:NAME
+        if not (source.exists() or within.is_file()):
+            raise DataError(f"cannot read {source}: No such file or directory")
+
+
+def check_dataset(folder: Path) -> None:
+    """Raise DataError before anything heavy is imported when a data set is no folder."""
+    if not folder.is_dir():
+        raise DataError(f"{folder} is no folder that can be read; give the one that holds the classes")
 
 
 def check_outputs(source: Path, paths: Sequence[Path | None], *, overwrite: bool) -> None:

@@ -64,6 +64,8 @@ def benchmark(
     Example:
       iris-sysid benchmark DATASET/ --latent baseline=iris_baseline.csv --robustness 8 -o out/
     """
+    if dataset is not None:
+        _terminal.check_dataset(dataset)
     from iris_sysid.benchmark.build import Inputs, build, can_write
     from iris_sysid.benchmark.dataset_rows import ALL_STUDIES, Plan
     from iris_sysid.benchmark.groundtruth.measure import Conditions

@@ -30,6 +30,7 @@ def calibrate(
     Example:
       iris-sysid calibrate board.mp4 --board 9x6 --square 25mm -o calibration.json --plot
     """
+    _terminal.check_sources(sources)
     from iris_sysid.calibration.request import calibrate_plane
     from iris_sysid.cli import _calibrate_output, _calibrate_request
 
@@ -43,3 +44,5 @@ def calibrate(
     typer.echo(_calibrate_output.text_of(plane.calibration, json=json))
     for path in drawn:
         typer.echo(f"drawn: {path}", err=True)
+    scaled = ("--phenomenon", "NAME", "--calibration", output)
+    _terminal.suggest("run", over or "CLIP", *scaled, "-o", output.with_name("run"), json=json)

@@ -28,7 +28,7 @@ def demo(output: Output = Path("demo-output"), force: Force = False) -> None:
     Example:
       iris-sysid demo -o demo-output
     """
-    with _terminal.progress("demo") as report_progress:
+    with _terminal.progress("rendering", then="tracking, fitting, diagnosing") as report_progress:
         text = run_demo(output, overwrite=force, progress=report_progress)
     typer.echo(text)
 

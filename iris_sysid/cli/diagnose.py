@@ -87,7 +87,6 @@ def diagnose(
     measured = _measured(clips, described, columns, phenomenon, output, trials, board, square)
     # imported after the clips are read, so that an unreadable file is reported without delay
     from iris_sysid.diagnosis.diagnose import diagnose as find_missing_effects
-    from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
     from iris_sysid.report.text import diagnosis_text
 
     trajectories = [_parsing.with_options(clip, **options) for clip in measured]
@@ -95,19 +94,25 @@ def diagnose(
         trajectories = [clip.with_(sensor=stated) for clip in trajectories]
     stated_before = {name for clip in measured for name in (*fixed, *clip.known)}
     estimated = [*(name for name in free_by_default if name not in stated_before), *(free or ())]
-    diagnosis = find_missing_effects(
-        trajectories,
-        described,
-        fixed=fixed,
-        free=list(dict.fromkeys(estimated)),
-        effects=[*EFFECTS.values(), *map(EFFECTS.named, effect or ())],
-        holdout=holdout,
-        progress=lambda text: typer.echo(text, err=True),
-    )
-    page = write_diagnosis(diagnosis, trajectories, output, overwrite=force)
-    document = document_text(diagnosis_document(diagnosis, trajectories)).rstrip("\n")
+    with _terminal.phases(f"fitting {described.name}") as say:
+        diagnosis = find_missing_effects(
+            trajectories,
+            described,
+            fixed=fixed,
+            free=list(dict.fromkeys(estimated)),
+            effects=[*EFFECTS.values(), *map(EFFECTS.named, effect or ())],
+            holdout=holdout,
+            progress=say,
+        )
     _terminal.show_verdict(diagnosis.verdict, json)
-    typer.echo(document if json else diagnosis_text(diagnosis))
+    if not json:
+        typer.echo(diagnosis_text(diagnosis))
+    # drawing the page takes longer than a short search: the answer is there before it
+    from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
+
+    page = write_diagnosis(diagnosis, trajectories, output, overwrite=force)
+    if json:
+        typer.echo(document_text(diagnosis_document(diagnosis, trajectories)).rstrip("\n"))
     typer.echo(f"report: {page}", err=True)
     if diagnosis.incomplete and model != AUTO and equation is None:
         tables = [table for path in clips for table in ([path] if path.is_file() else sorted(path.glob("*.csv")))]

@@ -31,6 +31,7 @@ def discover(
       iris-sysid discover trajectory.csv -o discovery.json --plot discovery.png
       iris-sysid discover trajectory.csv --residual-of pendulum -o lacking.json
     """
+    _terminal.check_sources(tables)
     from fitters.sindy import discover as find
     from iris_sysid.cli import _parsing
     from iris_sysid.io import discovery_json, files, json_documents
@@ -44,7 +45,8 @@ def discover(
     constants = _parsing.settings(known or (), units)
     options = {"columns": columns, "quantity": quantity, "set": known, "residual_of": residual_of, "seed": seed}
     clips = [_parsing.with_options(clip, **options) for clip in _terminal.read_tables(tables, columns)]
-    discovery = find(clips, quantities=quantity or (), known=constants, residual_of=residual_of, seed=seed)
+    with _terminal.phases("searching for the equation"):
+        discovery = find(clips, quantities=quantity or (), known=constants, residual_of=residual_of, seed=seed)
     document = discovery_json.discovery_document(discovery, discovery_sentence(discovery))
     json_documents.write_document(document, output, overwrite=force)
     if plot is not None:

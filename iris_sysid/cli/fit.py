@@ -125,7 +125,8 @@ def _fit_one(
     from iris_sysid.io import json_documents
 
     methods = [method for text in uncertainty for method in text.split(",")]
-    result = fit_model(trajectory, model, fixed=fixed, free=free, start=starts, uncertainty=methods)
+    with _terminal.phases(f"fitting {model.name}"):
+        result = fit_model(trajectory, model, fixed=fixed, free=free, start=starts, uncertainty=methods)
     if result.identifiability is not None:
         result = replace(result, identifiability=identifiability(result, trajectory))
     json_documents.write_fit(result, trajectory, output, overwrite=force)
@@ -153,7 +154,8 @@ def _pool(
     from iris_sysid.report.text import pooled_table
 
     shared, per_clip, free = names
-    pooled = fit_clips(clips, model, shared=shared, per_clip=per_clip, fixed=fixed, free=free, start=starts)
+    with _terminal.phases(f"fitting {model.name} to {len(clips)} clips"):
+        pooled = fit_clips(clips, model, shared=shared, per_clip=per_clip, fixed=fixed, free=free, start=starts)
     document = pooled_document(pooled, [table.name for table in tables], clips[0])
     json_documents.write_document(document, output, overwrite=force)
     _terminal.show_verdict(pooled.verdict, json)
@@ -173,7 +175,8 @@ def _choose(trajectory: Trajectory, free: list[str], output: Path, force: bool, 
     from iris_sysid.io.fit_json import selection_document
     from iris_sysid.report.text import fit_table
 
-    choice = select_model(trajectory, free=free)
+    with _terminal.phases("fitting every model of the bank"):
+        choice = select_model(trajectory, free=free)
     if choice.nearest.fit is None:
         raise IrisError(f"no model of the bank could be fitted: {choice.nearest.note}")
     document = selection_document(choice, trajectory)

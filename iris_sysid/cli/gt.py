@@ -1,12 +1,15 @@
 """The command ``iris-sysid gt``."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Fps, KeepPartial, TimeBase, TransferCurve
+
+if TYPE_CHECKING:
+    from iris_sysid.io.schemas.groundtruth import ParameterEntry, ParametersDocument
 
 
 def gt(
@@ -34,6 +37,8 @@ def gt(
     Example:
       iris-sysid gt DATASET/ --measured measured.json -o parameters.json
     """
+    if dataset is not None:
+        _terminal.check_dataset(dataset)
     from iris_sysid.benchmark.groundtruth import direct
     from iris_sysid.benchmark.groundtruth.effects import lacking_effects
     from iris_sysid.benchmark.groundtruth.measure import Conditions, measure
@@ -71,5 +76,30 @@ def gt(
         )
     document = parameters_document(measurements, by_hand, lacking_effects if diagnose else None)
     write_document(document, output, overwrite=force)
+    _terminal.print_rows(_rows(document), json=False, header=True)
     clips, gaps = len(measurements.clips), len(measurements.gaps)
     typer.echo(f"{clips} clips, {measurements.now} measured now; {gaps} gaps", err=True)
+    _terminal.suggest("benchmark", dataset, "-o", output.with_name("tables"))
+
+
+def _rows(document: "ParametersDocument") -> list[dict[str, str]]:
+    """One row for each parameter of each setting: its value with its standard uncertainty, and how it was measured."""
+    from iris_sysid.io.schemas import number
+    from iris_sysid.report.text import with_error
+    from iris_sysid.types import Estimate
+
+    def value(entry: "ParameterEntry") -> Estimate:
+        return Estimate(number(entry.mean), number(entry.standard_uncertainty), entry.unit, entry.measurement_type)
+
+    return [
+        {
+            "setting": setting,
+            "parameter": name,
+            "value": with_error(value(entry)),
+            "measured": entry.measurement_type,
+            "clips": str(entry.n),
+        }
+        for settings in document.classes.values()
+        for setting, parameters in settings.items()
+        for name, entry in parameters.items()
+    ]

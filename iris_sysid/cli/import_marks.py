@@ -35,6 +35,7 @@ def import_marks(
     from iris_sysid.errors import CalibrationError
     from iris_sysid.io import csv_write, osp_tracker
 
+    _terminal.check_outputs(project, [output, world], overwrite=force)
     content = osp_tracker.read_osp(project)
     if world is not None and not content.calibrated:
         raise CalibrationError(f"{project} has no scale: calibrate it in Tracker, or leave out --world")

@@ -59,6 +59,7 @@ def render(
         force,
     )
     typer.echo(f"{output}", err=True)
+    _terminal.suggest("run", output, "--phenomenon", phenomenon, "-o", output.with_name(f"{output.stem}-run"))
 
 
 def _refuse(options: Mapping[str, object], reason: str) -> None:

@@ -59,7 +59,7 @@ def run(
         vertical=_parsing.vertical(scene.vertical),
         scale_from_gravity=gravity,
     )
-    with _terminal.progress("tracking") as report_progress:
+    with _terminal.progress("tracking", then="calibrating and fitting") as report_progress:
         result = pipeline.run(
             video,
             chosen,

@@ -13,6 +13,7 @@ def smooth(table: Table, output: Output, columns: Columns = None, force: Force =
     Example:
       iris-sysid smooth trajectory.csv -o smoothed.csv
     """
+    _terminal.check_sources([table])
     from iris_sysid.io import csv_write
     from iris_sysid.trajectory import smoothing
 
@@ -23,3 +24,4 @@ def smooth(table: Table, output: Output, columns: Columns = None, force: Force =
     assert state is not None
     for quantity, psd, nis in zip(smoothed.quantities, state.psd, state.nis, strict=True):
         typer.echo(f"{quantity.name}: process noise {psd:.4g} {quantity.unit}^2/s^5, NIS {nis:.2f}", err=True)
+    _terminal.suggest("fit", output, "--model", "auto", "-o", output.with_name("fit.json"))

@@ -23,7 +23,9 @@ from iris_sysid.cli.arguments import (
 )
 
 if TYPE_CHECKING:
-    from iris_sysid.types import TrackCandidate
+    from collections.abc import Sequence
+
+    from iris_sysid.types import Track, TrackCandidate
 
 
 @with_groups
@@ -109,12 +111,23 @@ def track(
 
         with _terminal.progress("drawing") as report_progress:
             write_overlay(opened, tracks, overlay, overwrite=force, progress=report_progress)
-    if opened.warning:
-        typer.echo(f"warning: {opened.warning}", err=True)
-    for text in pipeline.doubts_of(tracks):
+    for text in filter(None, [opened.warning, *pipeline.doubts_of(tracks)]):
         typer.echo(f"warning: {text}", err=True)
-    rows = [
+    _terminal.print_rows(_rows(tracks), json, header=True)
+    if not json:
+        _suggest_next(video, output, world if len(tracks) == 1 else None, phenomenon or "NAME")
+
+
+def _suggest_next(video: Path, output: Path, table: Path | None, phenomenon: str) -> None:
+    """Suggest a fit of the only table in m, else the whole chain."""
+    if table is not None:
+        _terminal.suggest("fit", table, "--model", "auto", "-o", table.with_name("fit.json"))
+    else:
+        _terminal.suggest("run", video, "--phenomenon", phenomenon, "-o", output.parent / "run")
+
+
+def _rows(tracks: Sequence[Track]) -> list[dict[str, object]]:
+    return [
         {"body": body.body, "frames": len(body.t_s), "tracked": body.n_valid, "track": _terminal.quality_word(body)}
         for body in tracks
     ]
-    _terminal.print_rows(rows, json)

@@ -158,6 +158,8 @@ def marked_tracks(project: OspProject, *, fps: float | None = None) -> list[Trac
 def _read(source: str | Path, label: str) -> tuple[bytes, Sequence[str]]:
     """The XML of the project, and the names of the files packed with it."""
     path, wanted = member_of(source)
+    if path.exists() and not path.is_file():  # a device or pipe may never end
+        raise CalibrationError(f"cannot read {label}: it is no ordinary file")
     try:
         if path.suffix.lower() not in (".trz", ".zip"):
             _check_size(path.stat().st_size, label)

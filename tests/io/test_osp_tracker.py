@@ -1,6 +1,7 @@
 """Tracker projects: what is read, in whose pixels, and what is refused."""
 
 import math
+import os
 import zipfile
 
 import cv2
@@ -311,6 +312,13 @@ def test_archive_without_one_project_is_refused(tmp_path, members, message):
             archive.writestr(name, content)
     with pytest.raises(CalibrationError, match=message):
         read_osp(tmp_path / "a.trz")
+
+
+@pytest.mark.parametrize("name", ["a.trk", "a.trz"])
+def test_pipe_is_refused_instead_of_waited_for(tmp_path, name):
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(CalibrationError, match="no ordinary file"):
+        read_osp(tmp_path / name)
 
 
 def test_archive_that_is_none_is_refused(tmp_path):

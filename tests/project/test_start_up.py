@@ -31,6 +31,11 @@ def loaded(*arguments: str) -> set[str]:
         ("schema", "fit"),
         ("fit", "none.csv", "--model", "pendulum", "-o", "none.json"),
         ("diagnose", "none.csv", "--model", "pendulum", "-o", "none"),
+        ("discover", "none.csv", "-o", "none.json"),
+        ("smooth", "none.csv", "-o", "smoothed.csv"),
+        ("calibrate", "none.mp4", "--board", "9x6", "--square", "25mm", "-o", "none.json"),
+        ("gt", "none", "-o", "none.json"),
+        ("benchmark", "none", "-o", "tables"),
     ],
     ids=lambda arguments: arguments[0],
 )
