@@ -51,12 +51,13 @@ TRACK_COLUMNS = (
     *TRACK_SIGMAS,
 )
 SORTED = "sort the rows by time, without duplicates"
+SIDE_CAR = ".origin.json"  # after the name of a table: what a CSV cannot store
 SPECIAL_COLUMNS = ("t_s", "valid", "segment")
 
 
 def side_car_of(path: str | Path) -> Path:
     """Path of the origin file of the table ``path``, which holds what a CSV cannot store."""
-    return Path(f"{path}.origin.json")
+    return Path(f"{path}{SIDE_CAR}")
 
 
 def _read_beside(path: str | Path) -> tuple[OriginDocument | None, dict[str, Any]]:

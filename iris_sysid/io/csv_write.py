@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from iris_sysid.io.csv_read import read_track, read_trajectory, side_car_of
+from iris_sysid.errors import OutputError
+from iris_sysid.io.csv_read import SIDE_CAR, read_track, read_trajectory, side_car_of
 from iris_sysid.io.dataframes import estimates_frame, to_frame
 from iris_sysid.io.files import check_writable, sha256_of, write_atomic
 from iris_sysid.io.formula_cells import guarded
@@ -152,6 +153,8 @@ def write_worlds(worlds: Mapping[str, Trajectory], path: str | Path, *, overwrit
 
 
 def _write(frame: pd.DataFrame, path: str | Path, beside: Mapping[str, Any], *, overwrite: bool) -> Path:
+    if str(path).endswith(SIDE_CAR):
+        raise OutputError(f"cannot write {path}: a name that ends in {SIDE_CAR} is for what belongs to a table")
     side_car = check_writable(side_car_of(path), overwrite=True)  # it belongs to the table, whose presence decides
     changed = {name: frame[name].astype("Int8") for name in ("valid", "hand") if name in frame}
     changed |= {name: frame[name].map(guarded) for name in ("body",) if name in frame}

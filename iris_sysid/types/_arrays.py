@@ -9,6 +9,7 @@ from iris_sysid.errors import DataError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+LARGEST = 1e60  # fourth powers of it, summed over any number of samples, stay far below the largest float
 
 
 def frozen_array(values: ArrayLike, shape: tuple[int | None, ...], name: str) -> Array:
@@ -36,6 +37,13 @@ def frozen_mask(values: ArrayLike, n: int, name: str) -> Mask:
         raise DataError(f"{name} must have shape ({n},), not {mask.shape}")
     mask.flags.writeable = False
     return mask
+
+
+def check_size(values: Array, name: str) -> None:
+    """Raise DataError where a value, of any shape and unit, is too large for sums of fourth powers of it."""
+    largest = float(np.max(np.abs(values), initial=0.0))
+    if largest > LARGEST:
+        raise DataError(f"{name} of {largest:.3g} is too large to compute with; give it in a larger unit")
 
 
 def increasing_times(t_s: ArrayLike) -> Array:

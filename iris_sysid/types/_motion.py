@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from iris_sysid.errors import DataError
-from iris_sysid.types._arrays import Array, Mask, frozen_array, frozen_mask, increasing_times
+from iris_sysid.types._arrays import Array, Mask, check_size, frozen_array, frozen_mask, increasing_times
 from iris_sysid.types._display import Shown, text_of, with_units
 from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation
 from iris_sysid.types._numbers import Estimate, Quantity
@@ -121,6 +121,9 @@ class Trajectory(Shown, Portable):
             )
         if not np.all(np.isfinite(position[valid])):
             raise DataError("a valid sample has a position that is not finite; mark it as a gap")
+        check_size(position[valid], "a position")
+        if self.input_quantities:
+            check_size(np.nan_to_num(np.asarray(inputs), posinf=np.inf, neginf=-np.inf), "an input")
         for segment in self.segments:
             if not 0 <= segment.start < segment.stop <= n:
                 raise DataError(f"segment {segment} does not lie within the {n} samples")

@@ -22,6 +22,7 @@ from iris_sysid.io.csv_write import (
 )
 from iris_sysid.io.files import sha256_of
 from iris_sysid.types import Estimate, Quantity, Segment, Smoothed, Track, Trajectory, symbol_of, unit_suffix
+from iris_sysid.types._arrays import LARGEST
 from iris_sysid.units import rate_of
 from tests._project import recording
 from tests.io.test_json_documents import fit_result
@@ -236,7 +237,7 @@ def test_trajectory_columns_follow_the_grammar(tmp_path):
     ]
 
 
-finite = st.floats(allow_nan=False, allow_infinity=False)
+finite = st.floats(-LARGEST, LARGEST)
 
 
 @settings(max_examples=60, deadline=None)
@@ -552,3 +553,19 @@ def test_trajectory_made_from_the_tanks_has_an_input_and_a_level(tmp_path):
     back = read_trajectory(tmp_path / "tanks.csv")
     assert (back.n, [quantity.column for quantity in back.input_quantities]) == (1024, ["u_V"])
     np.testing.assert_array_equal(back.inputs[:, 0], tanks["uEst"])
+
+
+def test_table_is_not_written_over_what_belongs_to_another_one(tmp_path):
+    path = write_trajectory(trajectory(), tmp_path / "t.csv")
+    before = (tmp_path / "t.csv.origin.json").read_bytes()
+    with pytest.raises(OutputError, match=r"a name that ends in \.origin\.json is for what belongs to a table"):
+        write_trajectory(trajectory(), tmp_path / "t.csv.origin.json", overwrite=True)
+    assert (tmp_path / "t.csv.origin.json").read_bytes() == before
+    assert read_trajectory(path).t_s.size == 5
+
+
+def test_value_whose_powers_overflow_is_refused():
+    with pytest.raises(
+        DataError, match=r"a position of 1e\+160 is too large to compute with; give it in a larger unit"
+    ):
+        trajectory(position=np.full((5, 1), 1e160))
