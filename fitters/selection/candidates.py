@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -94,7 +94,8 @@ def _finished(begun: _Begun) -> ModelCandidate:
     """Fit all samples, from where the first part led."""
     trial, observable = begun.trial, begun.trial.observable
     start = {name: begun.first.estimates[name].value for name in begun.first.free}
-    full = solve(begun.request.from_near(start))
+    near = replace(begun.request.options, local=True)  # with the errors of what the equation lacks, as any other fit
+    full = solve(begun.request.with_(start=start, options=near))
     if not full.usable:
         return ModelCandidate(
             begun.name, observable.name, begun.heldout, np.inf, np.inf, False, None, f"{full.status}: {full.message}"

@@ -258,16 +258,48 @@ def _alone(
 
 
 def _match(library: Library, choice: Refined, known: Mapping[str, Estimate]) -> tuple[Match | None, Match | None]:
-    values, errors = _values(choice)
-    return match(library, choice.kept, values, errors, choice.covariance, known)
+    values, errors = _values(library, choice)
+    before = np.sqrt(np.diag(choice.covariance))
+    grown = errors[list(choice.kept)] / np.where(before > 0, before, 1.0)
+    found = match(library, choice.kept, values, errors, choice.covariance * np.outer(grown, grown), known)
+    quantile = max((_half_width(value) for value in _stated(library, choice).values()), default=NORMAL_975)
+    return tuple(None if one is None else _with_quantile(one, quantile) for one in found)  # type: ignore[return-value]
 
 
-def _values(choice: Refined) -> tuple[Array, Array]:
+def _half_width(value: Estimate) -> float:
+    """Half of an interval in standard errors: the quantile of its distribution."""
+    low, high = value.interval
+    quantile = (high - low) / (2.0 * value.stderr) if value.stderr > 0 else NORMAL_975
+    return quantile if np.isfinite(quantile) else NORMAL_975
+
+
+def _with_quantile(found: Match, quantile: float) -> Match:
+    """The match with the intervals of what was estimated as wide as those of the coefficients."""
+    made = {
+        name: replace(one, ci95=(one.value - quantile * one.stderr, one.value + quantile * one.stderr))
+        if one.measurement_type == "fitted"
+        else one
+        for name, one in found.parameters.items()
+    }
+    return replace(found, parameters=made)
+
+
+def _values(library: Library, choice: Refined) -> tuple[Array, Array]:
     """Coefficients (k,) and standard errors: from the fit for chosen terms, as if added for the others."""
     values, errors = added_alone(choice)
     values[list(choice.kept)] = choice.coefficients
     errors[list(choice.kept)] = np.sqrt(np.diag(choice.covariance))
+    for k, one in _stated(library, choice).items():
+        errors[k] = one.stderr
     return values, errors
+
+
+def _stated(library: Library, choice: Refined) -> dict[int, Estimate]:
+    """The estimates of the chosen terms, of one clip, as its fit states them: with what the equation may lack."""
+    if len(choice.fits) != 1:
+        return {}
+    stated = {k: choice.fits[0].estimates[library.names[k]] for k in choice.kept}
+    return {k: one for k, one in stated.items() if np.isfinite(one.stderr)}
 
 
 # --------------------------------------------------------------------------- the result
@@ -282,7 +314,8 @@ def _discovery(
     matched: Match | None,
     nearest: Match | None,
 ) -> Discovery:
-    values, errors = _values(choice)
+    values, errors = _values(library, choice)
+    stated = _stated(library, choice)
     terms = tuple(
         DiscoveredTerm(
             equation=library.variables[term.equation].left,
@@ -293,7 +326,9 @@ def _discovery(
                 float(values[k]),
                 float(errors[k]),
                 term.parameter.unit,
-                ci95=(float(values[k] - NORMAL_975 * errors[k]), float(values[k] + NORMAL_975 * errors[k])),
+                ci95=stated[k].interval
+                if k in stated
+                else (float(values[k] - NORMAL_975 * errors[k]), float(values[k] + NORMAL_975 * errors[k])),
             ),
             inclusion=float(shares[k]),
             selected=k in choice.kept,
