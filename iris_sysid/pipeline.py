@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from iris_sysid.calibration.pixel_scale import MARK_SIGMA_PX, to_world, uncalibrated
+from iris_sysid.calibration.pixel_scale import MARK_SIGMA_PX, scale_from_text, to_world, uncalibrated
 from iris_sysid.calibration.plane import check_image_size
 from iris_sysid.errors import CalibrationError, DataError, UnknownNameError
 from iris_sysid.io.files import check_writable, origin_of
@@ -25,6 +25,7 @@ from iris_sysid.types import (
     Phenomenon,
     Run,
     Track,
+    Tracker,
     TrackOptions,
     Trajectory,
 )
@@ -40,15 +41,17 @@ NO_GEOMETRY = GeometryOptions()
 # refused, must not wait for them.
 
 
-def track(video: FrameSource, tracker: str = AUTO, options: TrackOptions | None = None) -> list[Track]:
-    """Follow the bodies of a clip with the tracker of that name; ``auto`` chooses one.
+def track(
+    video: str | Path | FrameSource, tracker: str | Tracker = AUTO, options: TrackOptions | None = None
+) -> list[Track]:
+    """Follow the bodies of a clip with a tracker; ``auto`` chooses one.
 
     Parameters
     ----------
     video
-        Frames with their times, from :func:`iris_sysid.open_video`.
+        A clip's file, or frames with their times, from :func:`iris_sysid.open_video`.
     tracker
-        Registered name, shown by ``iris-sysid list``, or ``FILE.py:NAME``.
+        Registered name, shown by ``iris-sysid list``, ``FILE.py:NAME``, or the tracker itself.
     options
         Region, colour, number of bodies, progress.
 
@@ -68,7 +71,9 @@ def track(video: FrameSource, tracker: str = AUTO, options: TrackOptions | None 
     """
     from iris_sysid.video.camera_motion.reference import tracked
 
-    return tracked(video, TRACKERS.named(tracker), options or TrackOptions())
+    chosen = TRACKERS.resolved(tracker)
+    frames = open_video(video) if isinstance(video, str | Path) else video
+    return tracked(frames, chosen, options or TrackOptions())
 
 
 def from_source(
@@ -197,14 +202,14 @@ def _observed(phenomenon: Phenomenon, world: Sequence[Trajectory], known: Mappin
 
 
 def _phenomenon(phenomenon: str | Phenomenon) -> Phenomenon:
-    return phenomenon if isinstance(phenomenon, Phenomenon) else PHENOMENA.named(phenomenon)
+    return PHENOMENA.resolved(phenomenon)
 
 
 def run(
     source: str | Path,
     phenomenon: str | Phenomenon,
     *,
-    calibration: Calibration | None = None,
+    calibration: str | Calibration | None = None,
     settings: Mapping[str, Estimate] | None = None,
     free: Sequence[str] = (),
     options: TrackOptions | None = None,
@@ -221,7 +226,7 @@ def run(
         Registered name, e.g. ``pendulum``, ``FILE.py:NAME``, or a phenomenon, e.g. with another tracker:
         ``replace(PHENOMENA["pendulum"], tracker="disc")``.
     calibration
-        Pixels to metres; without one, results are in px where a length is measured.
+        Pixels to metres, or a scale as text (``640px=1m``); without one, results are in px where a length is measured.
     settings
         Known values by name: constants of the model (``gravity``) and of the scene (``ball_radius``).
     free
@@ -247,6 +252,7 @@ def run(
     """
     chosen = _phenomenon(phenomenon)
     known = dict(settings or {})
+    calibration = scale_from_text(calibration) if isinstance(calibration, str) else calibration
     _check_request(chosen, known, free, geometry)
     video = open_video(source, fps=clip.fps, start_s=clip.start_s, stop_s=clip.stop_s, keep_partial=clip.keep_partial)
     if calibration is not None:

@@ -1,15 +1,22 @@
 """The chain as the library runs it: names are checked first, every box says where it comes from."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
-from iris_sysid import Estimate, IrisError, pipeline, run, save, scale
+from iris_sysid import TRACKERS, Estimate, IrisError, pipeline, plot, run, save, scale, track
 from iris_sysid.errors import CalibrationError, DataError, OutputError, UnknownNameError
 from iris_sysid.io.files import sha256_of
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.synthetic import read_truth
 from iris_sysid.types import GeometryOptions, Track, TrackOptions
 from tests.conftest import listing
+
+
+NAME = "median-background"
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +49,31 @@ def test_run_says_what_each_box_comes_from(result, pendulum_clip):
         assert origin["options"]["phenomenon"] == "pendulum"
         assert origin["options"]["tracker"] == "auto"
         assert origin["options"]["settings"]["ball_radius"] == {"value": 0.03, "stderr": 0.001, "unit": "m"}
+
+
+def test_track_takes_a_file_and_a_tracker_by_name_or_itself(pendulum_clip):
+    by_name, by_object = (track(pendulum_clip, tracker)[0] for tracker in (NAME, TRACKERS[NAME]))
+    np.testing.assert_array_equal(by_name.xy_px, by_object.xy_px)
+    assert by_name.n_valid >= 60
+
+
+def test_scale_may_be_text_and_is_read_before_the_clip():
+    with pytest.raises(CalibrationError, match="640px=1m"):
+        run("none.mp4", "pendulum", calibration="about a metre")
+
+
+def test_run_comes_back_from_a_process(result):
+    again = pickle.loads(pickle.dumps(result))
+    assert repr(again) == repr(copy.deepcopy(result)) == repr(result)
+    assert len(repr(again).splitlines()) == 3
+    np.testing.assert_array_equal(again.trajectory.position, result.trajectory.position)
+
+
+def test_run_is_drawn_on_its_clip_and_shown_in_a_notebook(result):
+    picture, data, residual = plot(result, Figure())
+    assert picture.get_images()
+    assert [data.get_ylabel(), residual.get_ylabel()] == ["theta (rad)", "residual (rad)"]
+    assert "<td>length</td>" in result._repr_html_()
 
 
 def test_stated_value_without_unit_is_in_that_of_the_model(result):
