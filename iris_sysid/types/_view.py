@@ -23,6 +23,7 @@ FILLED = 0.6  # of the picture's height, which a motion takes that nothing is kn
 WIDTH_OVER_HEIGHT = 16 / 9
 FOCAL_PER_WIDTH = 26 / 36  # a phone's main camera: 26 mm equivalent on 36 mm of film
 LARGEST_PX = 1e12
+WORST_FIXED = 1e12  # condition of the normal equations beyond which points fix no circle
 CIRCLE_STEPS = 3  # of Gauss and Newton from a centre that is nearly right; they converge quadratically
 
 
@@ -202,19 +203,24 @@ def kind_of(quantities: Sequence[Quantity]) -> ViewKind | None:
 
 
 def _circle_centre(points_px: Array, start_px: Array, radius: float | None) -> Array:
-    """Centre (2,) px of the circle through points (n, 2) by least squares; where it starts if they fix none."""
-    centre = start_px
+    """Centre (2,) px of the circle through points (n, 2) by least squares; where it starts if they fix none.
+
+    The normal equations of the two coordinates are written out, without the radius where that is free: the fit of an
+    effect asks for thousands of circles.
+    """
+    (x, y), centre = points_px.T, start_px
     for _ in range(CIRCLE_STEPS):
-        away = points_px - centre
-        distance = np.hypot(*away.T)
-        columns = -away / distance[:, None]
+        across, up = x - centre[0], y - centre[1]
+        distance = np.hypot(across, up)
+        across, up = across / distance, up / distance
         if radius is None:
-            columns = np.column_stack([columns, -np.ones(len(away))])
-            distance, known = distance - distance.mean(), 0.0
+            across, up, left = across - across.mean(), up - up.mean(), distance - distance.mean()
         else:
-            known = radius
-        normal = columns.T @ columns
-        if not np.all(np.isfinite(normal)) or np.linalg.cond(normal) > 1e12:
+            left = distance - radius
+        a, b, c = across @ across, across @ up, up @ up
+        determinant = a * c - b * b
+        if not (a + c < np.inf and determinant * WORST_FIXED > (a + c) ** 2):
             return start_px
-        centre = centre - np.linalg.solve(normal, columns.T @ (distance - known))[:2]
+        first, second = across @ left, up @ left
+        centre = centre + np.array([c * first - b * second, a * second - b * first]) / determinant
     return centre
