@@ -15,7 +15,6 @@ from iris_sysid.synthetic import read_truth
 from iris_sysid.types import GeometryOptions, Track, TrackOptions
 from tests.conftest import listing
 
-
 NAME = "median-background"
 
 
