@@ -18,7 +18,7 @@ import pandas as pd
 
 from iris_sysid import MODELS, Diagnosis, FitError, Trajectory, decide, diagnose, plan
 from iris_sysid.diagnosis.planning.changes import SetUpChange
-from iris_sysid.diagnosis.planning.plan import Proposal
+from iris_sysid.diagnosis.planning.plan import PRACTICAL, Proposal
 from validation import pages
 from validation.blind_independent import share, trajectory_of, view_through
 from validation.independent.camera import Camera
@@ -204,21 +204,32 @@ def ambiguous(first: int, cases: int, workers: int, jointly: bool) -> list[Outco
 
 def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
     """A line for each way of making the clip: how often one name is left, the right one, and the predicted power."""
-    rows = []
-    for way in WAYS:
-        for label, own in (("all", outcomes), ("right name in question", [o for o in outcomes if o.right_in_class])):
-            made = [outcome for outcome in own if outcome.way == way]
-            rows.append(
-                {
-                    "one more clip": way,
-                    "cases": f"{label}: {len(made)}",
-                    "predicted power": f"{100 * np.mean([each.power for each in made]):.0f} %" if made else "",
-                    "right single name": share([each.right for each in made]),
-                    "wrong single name": share([each.single and not each.right for each in made]),
-                    "right single name of diagnose": share([each.right_of_both for each in made if each.jointly]),
-                }
-            )
-    return pd.DataFrame(rows)
+    decidable = {each.seed for each in outcomes if each.way == WAYS[0] and each.power > PRACTICAL}
+    groups = {
+        "all": list(outcomes),
+        "right name in question": [each for each in outcomes if each.right_in_class],
+        "and a clip that is likely to decide": [
+            each for each in outcomes if each.right_in_class and each.seed in decidable
+        ],
+    }
+    return pd.DataFrame(
+        [
+            _row(way, f"{label}: {len(own) // len(WAYS)}", [each for each in own if each.way == way])
+            for label, own in groups.items()
+            for way in WAYS
+        ]
+    )
+
+
+def _row(way: str, cases: str, made: Sequence[Outcome]) -> dict[str, str]:
+    return {
+        "cases": cases,
+        "one more clip": way,
+        "predicted power": f"{100 * np.mean([each.power for each in made]):.0f} %" if made else "",
+        "right single name": share([each.right for each in made]),
+        "wrong single name": share([each.single and not each.right for each in made]),
+        "right single name of diagnose": share([each.right_of_both for each in made if each.jointly]),
+    }
 
 
 def calibration(outcomes: Sequence[Outcome]) -> pd.DataFrame:

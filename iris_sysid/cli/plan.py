@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import TABLE, Columns, Force, Json
+from iris_sysid.cli.arguments import TABLE, Columns, Force, Json, Settings
 
 if TYPE_CHECKING:
     from iris_sysid.diagnosis.planning.plan import Plan
@@ -16,50 +16,82 @@ if TYPE_CHECKING:
 
 FILES = ("plan.json", "plan.png")
 
-Diagnosed = Annotated[Path, typer.Argument(help="diagnosis.json, or the folder that holds it.")]
-Clips = Annotated[list[Path], typer.Argument(help=f"The clips that were diagnosed. {TABLE}.")]
+Diagnosed = Annotated[Path | None, typer.Argument(help="diagnosis.json, or the folder that holds it.")]
+Clips = Annotated[list[Path] | None, typer.Argument(help=f"The clips that were diagnosed. {TABLE}.")]
 Names = Annotated[
     list[str] | None, typer.Option("--name", help="Tell these apart instead: quadratic-drag, nothing. Repeat it.")
 ]
 Costs = Annotated[list[str] | None, typer.Option("--cost", help="Cost of a change, 1 for others: release75=3.")]
 Filmed = Annotated[Path | None, typer.Option("--filmed", help="The new clip, made with the change --change.")]
 Change = Annotated[str, typer.Option("--change", help="The change that the new clip was made with.")]
+To = Annotated[
+    str | None, typer.Option("--to", help="Before any clip: the effect to find, and its size: quadratic-drag=0.05.")
+]
+Filming = Annotated[str | None, typer.Option("--phenomenon", help="What will be filmed, with --to; see list.")]
+Distance = Annotated[float, typer.Option(help="Distance of the camera in m, with --to.", min=0.01)]
+Rate = Annotated[float, typer.Option("--fps", help="Frame rate in 1/s, with --to.", min=1.0)]
+NoisePx = Annotated[float, typer.Option("--noise-px", help="Noise of a tracked position in px, with --to.", min=1e-4)]
 Folder = Annotated[Path | None, typer.Option("-o", "--output", help="Folder for plan.json and plan.png.")]
 
 
 def plan(
-    diagnosis: Diagnosed,
-    clips: Clips,
+    diagnosis: Diagnosed = None,
+    clips: Clips = None,
     output: Folder = None,
     name: Names = None,
     cost: Costs = None,
     filmed: Filmed = None,
     change: Change = "repeat",
+    to: To = None,
+    phenomenon: Filming = None,
+    known: Settings = None,
+    distance: Distance = 2.0,
+    fps: Rate = 60.0,
+    noise_px: NoisePx = 0.1,
     columns: Columns = None,
     force: Force = False,
     json: Json = False,
 ) -> None:
     """Rank what to film next: how likely each change of the set-up tells the possible effects apart.
 
-    With --filmed, weigh the effects with the new clip, which was made with one of the changes.
+    With --filmed, weigh the effects with the new clip, which was made with one of the changes. With --to, no clip is
+    needed: the smallest size of an effect that clips of several starts and lengths can show.
 
     \b
     Example:
       iris-sysid plan diagnosis/ trajectory.csv -o plan/
     """
-    from iris_sysid.io.files import check_writable, json_text
+    if to is not None:
+        _before_any_clip(to, phenomenon, known or [], (distance, fps, noise_px), output, force, json)
+    elif diagnosis is None or not clips:
+        raise typer.BadParameter("give a diagnosis and its clips, or --phenomenon and --to")
+    else:
+        _after_a_clip(diagnosis, clips, (name or [], cost or []), (filmed, change), columns, output, force, json)
 
-    if output is not None:
-        for file in FILES:
-            check_writable(output / file, overwrite=force)
-    question = _question(diagnosis, tuple(name or ()))
+
+def _after_a_clip(
+    diagnosis: Path,
+    clips: list[Path],
+    asked: tuple[list[str], list[str]],
+    made: tuple[Path | None, str],
+    columns: str | None,
+    output: Path | None,
+    force: bool,
+    json: bool,
+) -> None:
+    """Rank the changes; ``asked`` are names and costs as typed, ``made`` a new clip and the change it was made with."""
+    from iris_sysid.io.files import json_text
+
+    _check_folder(output, force)
+    filmed, change = made
+    question = _question(diagnosis, tuple(asked[0]))
     trajectories = _terminal.read_tables(clips, columns, question.model)
     new = _terminal.read_tables([filmed], columns, question.model) if filmed is not None else []
     # imported after the clips are read, so that an unreadable file is reported without delay
     from iris_sysid.diagnosis.planning.plan import plan as rank_changes
     from iris_sysid.report.plan_text import decision_text, plan_entry, plan_text
 
-    planned = rank_changes(question, trajectories, costs=_costs(cost or ()))
+    planned = rank_changes(question, trajectories, costs=_costs(asked[1]))
     document = plan_entry(planned)
     said = plan_text(planned)
     if new:
@@ -71,6 +103,50 @@ def plan(
     if output is not None:
         _write(planned, json_text(document), trajectories[0], output, force)
     typer.echo(json_text(document).rstrip("\n") if json else said)
+
+
+def _check_folder(folder: Path | None, force: bool) -> None:
+    """Raise OutputError before any work where a result could not be written."""
+    from iris_sysid.io.files import check_writable
+
+    for file in FILES if folder is not None else ():
+        check_writable(Path(folder or ".") / file, overwrite=force)
+
+
+def _before_any_clip(
+    to: str,
+    phenomenon: str | None,
+    known: list[str],
+    camera: tuple[float, float, float],
+    output: Path | None,
+    force: bool,
+    json: bool,
+) -> None:
+    """Print the detection limits; ``camera`` is its distance (m), frame rate (1/s) and noise (px)."""
+    from iris_sysid.cli import _parsing
+    from iris_sysid.io.files import json_text, write_atomic
+    from iris_sysid.registry import EFFECTS, MODELS, PHENOMENA
+
+    _check_folder(output, force)
+    if phenomenon is None:
+        raise typer.BadParameter("--to needs --phenomenon")
+    effect, _, size = to.partition("=")
+    model = MODELS.named(PHENOMENA.named(phenomenon).model)
+    values = {name: given.value for name, given in _parsing.settings(known, model.units()).items()}
+    from iris_sysid.diagnosis.planning.detection_limit import camera_limits
+    from iris_sysid.report.plan_text import limits_entry, limits_text
+
+    limits = camera_limits(model, EFFECTS.named(effect), values, *camera)
+    wanted = float(size) if size else None
+    document = limits_entry(limits)
+    if output is not None:
+        from iris_sysid.report.page import png_of
+        from iris_sysid.report.plan_figure import limits_figure
+
+        output.mkdir(parents=True, exist_ok=True)
+        write_atomic(output / "plan.json", json_text(document).encode(), overwrite=force)
+        write_atomic(output / "plan.png", png_of(limits_figure(limits, wanted)), overwrite=force)
+    typer.echo(json_text(document).rstrip("\n") if json else limits_text(limits, wanted))
 
 
 def _question(path: Path, names: tuple[str, ...]) -> "Question":
@@ -104,7 +180,7 @@ def _asked(document: "DiagnosisDocument") -> "Question":
     return Question(model, names, beside, fixed, free)
 
 
-def _costs(texts: "list[str] | tuple[()]") -> dict[str, float]:
+def _costs(texts: list[str]) -> dict[str, float]:
     """Costs by change, from NAME=NUMBER."""
     costs = {}
     for text in texts:

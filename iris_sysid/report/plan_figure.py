@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 from matplotlib.figure import Figure
 
+from iris_sysid.diagnosis.planning.detection_limit import DetectionLimits
 from iris_sysid.diagnosis.planning.plan import Plan
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73")  # Okabe and Ito (2008); more lines cannot be told apart
@@ -30,4 +32,30 @@ def plan_figure(planned: Plan) -> Figure:
         axes.set_xlabel("time (s)")
     left.set_ylabel(f"difference of {quantity.name} after a refit ({quantity.unit})")
     right.legend(fontsize=8)
+    return figure
+
+
+def limits_figure(limits: DetectionLimits, wanted: float | None) -> Figure:
+    """The smallest size over the length of the clip, a line for each start.
+
+    Parameters
+    ----------
+    limits
+        With one finite size, or more.
+    wanted
+        The size to be found, drawn as a line across; None for none.
+    """
+    figure = Figure(figsize=(6, 4), layout="constrained")
+    axes = figure.subplots()
+    shades = np.linspace(0.8, 0.1, len(limits.starts))
+    for shade, start, sizes in zip(shades, limits.starts, limits.sizes, strict=True):
+        line = np.where(np.isfinite(sizes), sizes, np.nan)
+        axes.plot(limits.seconds, line, "o-", color=f"{shade:.2f}", label=f"{limits.varied} = {start:.2g}")
+    if wanted is not None:
+        axes.axhline(abs(wanted), color=COLOURS[1], label=f"to be found: {wanted:g}")
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("length of the clip (s)")
+    axes.set_ylabel(f"smallest {limits.effect} ({limits.unit})")
+    axes.legend(fontsize=8)
     return figure

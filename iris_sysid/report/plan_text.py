@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from iris_sysid.diagnosis.planning.decide import Decision
+from iris_sysid.diagnosis.planning.detection_limit import DetectionLimits
 from iris_sysid.diagnosis.planning.plan import Plan, Proposal
 from iris_sysid.diagnosis.planning.rivals import NOTHING
 from iris_sysid.io.schemas import known_number
@@ -50,13 +51,14 @@ def _most_precise(proposal: Proposal, today: Mapping[str, float]) -> str:
 
 def plan_rows(planned: Plan) -> list[dict[str, str]]:
     """A row for each proposal, best first."""
+    shared = {name for proposal in planned.proposals for name in proposal.stderr}
     rows = []
     for proposal in planned.proposals[:MOST_SHOWN]:
         power = {} if np.isnan(proposal.power) else {"power": percent_of(proposal)}
         errors = {
             f"error of {name}": f"x {proposal.stderr[name] / today:.2g}" if name in proposal.stderr else "-"
             for name, today in planned.stderr.items()
-            if today > 0 and not name.endswith("_0")
+            if today > 0 and name in shared
         }
         rows.append({"change": proposal.change.name, **power, **errors, "what to do": proposal.text})
     return rows
@@ -99,3 +101,30 @@ def decision_text(decision: Decision) -> str:
     shares = ", ".join(f"{name} {100 * share:.3g} %" for name, share in decision.probabilities.items())
     left = f"leaves {decision.names[0]}" if len(decision.names) == 1 else f"leaves {' or '.join(decision.names)}"
     return f"The new clip {left}: {shares}"
+
+
+def limits_entry(limits: DetectionLimits) -> dict[str, object]:
+    """The content of plan.json before any clip; sizes that no clip shows are null."""
+    return {
+        "document": "detection-limits",
+        "version": 1,
+        "effect": limits.effect,
+        "unit": limits.unit,
+        "varied": limits.varied,
+        "starts": limits.starts.tolist(),
+        "seconds": limits.seconds.tolist(),
+        "sizes": [[known_number(size) for size in row] for row in limits.sizes.tolist()],
+    }
+
+
+def limits_text(limits: DetectionLimits, wanted: float | None) -> str:
+    """A table of the smallest sizes over start and length, and which clips show the size that is wanted."""
+    heads = [limits.varied, *(f"{seconds:.3g} s" for seconds in limits.seconds)]
+    rows = [
+        [f"{start:.3g}", *(f"{size:.2g}" + ("*" if wanted is not None and size <= abs(wanted) else "") for size in row)]
+        for start, row in zip(limits.starts, limits.sizes, strict=True)
+    ]
+    lines = ["  ".join(cell.rjust(9) for cell in row) for row in (heads, *rows)]
+    said = f"Smallest {limits.effect} ({limits.unit or '1'}) that half of the clips show"
+    shows = [] if wanted is None else [f"* shows {wanted:g} {limits.unit}".rstrip()]
+    return "\n".join([f"{said}, by start and length of the clip:", *lines, *shows])

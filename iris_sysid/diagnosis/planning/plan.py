@@ -119,12 +119,12 @@ def plan(
     >>> import numpy as np
     >>> from iris_sysid import MODELS, Trajectory, diagnose, plan, simulate, with_effects
     >>> t_s = np.arange(300) / 60
-    >>> truth = {"length": 0.5, "damping": 0.1, "quadratic_drag": 0.03, "theta_0": 0.6, "omega_0": 0.0}
+    >>> truth = {"length": 0.5, "damping": 0.1, "quadratic_drag": 0.1, "theta_0": 0.3, "omega_0": 0.0}
     >>> theta = simulate(with_effects("pendulum", ["quadratic-drag"]), t_s, truth).observed
-    >>> theta += 1e-3 * np.random.default_rng(0).standard_normal(theta.shape)
+    >>> theta += 2e-3 * np.random.default_rng(0).standard_normal(theta.shape)
     >>> clip = Trajectory(t_s, MODELS["pendulum"].observed, theta, np.full_like(theta, np.nan), np.ones(300, bool))
-    >>> planned = plan(diagnose(clip, "pendulum"), clip)
-    >>> planned.best.power > planned.repeat.power
+    >>> planned = plan(diagnose(clip, "pendulum", effects=["quadratic-drag", "coulomb-friction"]), clip)
+    >>> planned.best.stderr["quadratic_drag"] < 0.1 * planned.stderr["quadratic_drag"]
     True
     """
     clips = as_clips(trajectories)

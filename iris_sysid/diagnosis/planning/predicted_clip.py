@@ -38,7 +38,19 @@ class Design:
 
     @classmethod
     def of(cls, change: SetUpChange, best: Rival, model: OdeModel, clip: Trajectory) -> Design:
-        """The clip that a change gives, with the noise of today's fit of the best rival."""
+        """The clip that a change gives, with the noise of today's fit of the best rival.
+
+        Parameters
+        ----------
+        change
+            Of the set-up.
+        best
+            The most probable rival.
+        model
+            The equation without effects.
+        clip
+            Today's.
+        """
         fitted = best.fitted
         used = fitted.t_s[fitted.used]
         step = float(np.median(np.diff(used))) / change.faster
@@ -81,7 +93,19 @@ class Roles:
 
 
 def roles(rival: Rival, change: SetUpChange, model: OdeModel, known_view: bool) -> Roles:
-    """What becomes of each value of a rival when the set-up is changed."""
+    """What becomes of each value of a rival when the set-up is changed.
+
+    Parameters
+    ----------
+    rival
+        With its fit to today's clip.
+    change
+        Of the set-up.
+    model
+        The equation without effects.
+    known_view
+        Whether it is known how the coordinates lie in the image: then a camera that stays has the same effects.
+    """
     values = {**rival.values, **{name: start for name, start in change.start.items() if name in rival.values}}
     factors: dict[str, float] = {}
     new = [name for name in rival.fitted.free if name in model.initial_names]
@@ -223,7 +247,19 @@ def _basis(matrix: Array) -> Array:
 
 
 def imitating(wrong: PredictedClip, target: Array, design: Design, steps: int) -> PredictedClip:
-    """The wrong rival linearised where it imitates a target (n d,), whitened, best: Gauss-Newton steps that help."""
+    """The wrong rival linearised where it imitates a target best, after Gauss-Newton steps that help.
+
+    Parameters
+    ----------
+    wrong
+        Its prediction from today's values.
+    target
+        (n d,) whitened.
+    design
+        The new clip.
+    steps
+        At most.
+    """
     moved = np.concatenate([wrong.off, np.zeros(wrong.columns.shape[1] - wrong.off.size)])
     best, cost = wrong, float("inf")
     for _ in range(steps):
