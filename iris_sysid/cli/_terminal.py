@@ -80,7 +80,21 @@ def read_tables(tables: Sequence[Path], columns: str | None, model: OdeModel | N
             clips[-1], text = model.taken_from(clips[-1])
             if text:
                 typer.echo(one_line(f"{table}: {text}"), err=True)
+            _check_observed(clips[-1], model, table)
     return clips
+
+
+def _check_observed(clip: Trajectory, model: OdeModel, table: Path) -> None:
+    """Raise DataError with the option that names columns where a quantity that the model observes is missing."""
+    names = [quantity.name for quantity in clip.quantities]
+    missing = [quantity for quantity in model.observed if quantity.name not in names]
+    if missing:
+        columns = ",".join(f"{quantity.name}[{quantity.unit}]=COLUMN" for quantity in missing)
+        raise DataError(
+            f"{table}: model {model.name} observes {', '.join(quantity.name for quantity in model.observed)}, but the "
+            f'table has {", ".join(names)}: say which columns they are, e.g. --columns "t=COLUMN,{columns}", or choose '
+            "another --model"
+        )
 
 
 def quality_word(track: Track) -> str:
