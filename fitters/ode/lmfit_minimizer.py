@@ -22,7 +22,9 @@ def lmfit_minimizer(fitted: FitResult, trajectory: Trajectory) -> lmfit.Minimize
 
     The residual is (predicted - observed) / noise at the samples that the fit used, so that ``scale_covar`` is off.
     White noise is assumed: where the residual is autocorrelated, lmfit's standard errors are smaller than those of the
-    fit. ``params`` of the result may be changed before minimising: tied (``expr``), bounded, held.
+    fit. ``params`` of the result may be changed before minimising: tied (``expr``), bounded, held. They have the
+    standard errors and correlations of the fit: ``lmfit.report_fit(minimizer.params)`` prints the fit itself, and
+    ``lmfit.conf_interval(minimizer, minimizer.minimize())`` and ``minimizer.emcee()`` go on from it.
 
     Parameters
     ----------
@@ -68,11 +70,24 @@ def lmfit_minimizer(fitted: FitResult, trajectory: Trajectory) -> lmfit.Minimize
         lower, upper = bounds.get(name, (-np.inf, np.inf))
         value = fitted.estimates[name].value
         parameters.add(name, value=value, min=lower, max=upper, vary=name in fitted.free)
+    _state_errors(parameters, fitted)
 
     def lmfit_residual(parameters: lmfit.Parameters) -> Array:
         return residual({name: float(parameter.value) for name, parameter in parameters.items()})
 
     return lmfit.Minimizer(lmfit_residual, parameters, scale_covar=False)
+
+
+def _state_errors(parameters: lmfit.Parameters, fitted: FitResult) -> None:
+    """Give the parameters the standard errors of the fit, and the correlations of their random part."""
+    with np.errstate(all="ignore"):
+        sizes = np.sqrt(np.diag(fitted.covariance))
+        correlation = fitted.covariance / np.outer(sizes, sizes)
+    for k, name in enumerate(fitted.free):
+        if np.isfinite(fitted.estimates[name].stderr):
+            parameters[name].stderr = float(fitted.estimates[name].stderr)
+            others = {other: float(correlation[k, j]) for j, other in enumerate(fitted.free) if j != k}
+            parameters[name].correl = {other: value for other, value in others.items() if np.isfinite(value)}
 
 
 def _residual_of(fitted: FitResult, trajectory: Trajectory) -> Callable[[dict[str, float]], Array]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,6 +31,7 @@ from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.result import conclude, errors_of, failed, information_loss, linearise
 from fitters.ode.status import at_bounds, diverged, needed_samples, too_few_samples
 from fitters.own_model.gradient_matching import matched_starts
+from fitters.own_model.ties import stated_by
 from iris_sysid.errors import FitError
 from iris_sysid.registry import MODELS
 from iris_sysid.types import (
@@ -41,6 +43,9 @@ from iris_sysid.types import (
     OdeModel,
     Trajectory,
 )
+
+if TYPE_CHECKING:
+    import lmfit
 
 PATIENCE = 500_000, 50  # samples evaluated, and least evaluations, before a local fit is abandoned
 HELD = 1e3  # weight at which a prior holds its value
@@ -58,6 +63,7 @@ def fit(
     start: Mapping[str, float] = NOTHING,
     uncertainty: Sequence[str] = ("robust",),
     options: FitOptions = DEFAULT_OPTIONS,
+    parameters: lmfit.Parameters | None = None,
 ) -> FitResult:
     """Fit a model to a measured trajectory, by shooting with a growing horizon.
 
@@ -87,6 +93,10 @@ def fit(
         or ``all``. The notes say where they disagree.
     options
         Which segments to use, the loss function, inputs between samples, how long to search.
+    parameters
+        lmfit ``Parameters`` by the model's names: values are starts, or held where ``vary`` is false; ``min`` and
+        ``max`` are bounds; ``expr`` ties a parameter to others, which is then among the derived quantities. What
+        ``fixed``, ``free`` and ``start`` say counts more.
 
     Returns
     -------
@@ -117,6 +127,10 @@ def fit(
     '0.500 m'
     """
     chosen = MODELS.resolved(model)
+    if parameters is not None:
+        stated = stated_by(parameters, chosen)
+        chosen, free = stated.model, (*stated.free, *free)
+        fixed, start = {**stated.fixed, **fixed}, {**stated.start, **start}
     taken, remark = chosen.taken_from(trajectory)
     request = FitRequest.stated(taken, chosen, fixed, free)
     result = solve(request.with_(start=start, uncertainty=uncertainty, options=options))

@@ -136,6 +136,17 @@ def read_equations(text: str) -> list[tuple[Expression, Expression]]:
     return _Reader(text, list(_tokens(text.translate(ALIKE).replace('"', "''"), text))).equations()
 
 
+def read_expression(text: str) -> Expression:
+    """Read one expression; ExpressionError as for :func:`read_equations`."""
+    if len(text) > LONGEST:
+        raise ExpressionError(text, LONGEST, f"the text is longer than {LONGEST} characters")
+    reader = _Reader(text, list(_tokens(text.translate(ALIKE), text)))
+    made = reader.sum()
+    if reader.now.kind != "end":
+        raise reader.fail(reader.unexpected())
+    return made
+
+
 def _tokens(readable: str, text: str) -> Iterator[_Token]:
     column = 0
     while match := TOKEN.match(readable, column):
