@@ -1,9 +1,9 @@
 """Play five new users on files from the world: print what each command says, and whether it is right or a question.
 
 Needs the recordings in ``../shared/data``. Each row is one command as its user types it first. ``right``: every value
-that is known lies within its tolerance. ``question``: the command ends and names the option
-that it needs. ``answer``: there is a result, and no truth to compare. ``doubt``: there are numbers, and the verdict says why not to trust them. ``WRONG``: numbers that are
-not true, with the verdict good. ``stopped``: it ends and names no option.
+that is known lies within its tolerance. ``question``: the command ends and names the option that it needs. ``answer``:
+there is a result, and no truth to compare. ``doubt``: there are numbers, and the verdict says why not to trust them.
+``WRONG``: numbers that are not true, with the verdict good. ``stopped``: it ends and names no option.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ INCH = 0.0254
 class Step:
     """One command of a user.
 
-    ``command`` without ``iris-sysid``, with ``{world}`` and ``{out}``; several, joined by ``then``. ``known`` before, and
-    from where. ``truth``: value and tolerance of parameters, by name; without any, no number can be right, unless
+    ``command`` without ``iris-sysid``, with ``{world}`` and ``{out}``; several, joined by ``then``. ``known`` says what
+    is known before. ``truth``: value and tolerance of parameters, by name; without any, no number can be right, unless
     ``anything`` may be answered, because nothing that is known can be compared.
     """
 
