@@ -401,7 +401,8 @@ def observe_and_fit(
         if all(_settled(known.get(name), value) for name, value in better.items()):
             break
         known.update(better)
-    doubts = (*doubts_of_run(tracks, world, calibration, phenomenon, result, trajectory), *trajectory.doubts)
+    seen = doubts_of_run(tracks, world, calibration, phenomenon, result, trajectory)
+    doubts = (*seen, *calibration.doubts, *trajectory.doubts)
     return world, trajectory.with_(doubts=doubts), replace(result, doubts=doubts)
 
 

@@ -17,7 +17,7 @@ from iris_sysid.io.archives import member_of
 from iris_sysid.io.files import origin_of
 from iris_sysid.io.json_documents import checked, entries_of, read_document, write_document
 from iris_sysid.io.osp_tracker import read_osp
-from iris_sysid.io.schemas import CalibrationDocument, known_number, number
+from iris_sysid.io.schemas import CalibrationDocument, DoubtEntry, known_number, number
 from iris_sysid.types import N_VALUES, Array, Calibration, VerticalSource
 
 VERTICALS_IN_VERSION_1: Mapping[str, VerticalSource] = MappingProxyType(
@@ -78,6 +78,7 @@ def calibration_document(calibration: Calibration) -> CalibrationDocument:
         fixed=list(calibration.fixed),
         assumed=list(calibration.assumed),
         notes=list(calibration.notes),
+        doubts=[DoubtEntry.of(doubt) for doubt in calibration.doubts],
         rms_px=known_number(calibration.rms_px),
         origin=origin_of(None, {}),
     )
@@ -118,6 +119,7 @@ def read_calibration(path: str | Path) -> Calibration:
         image_size=document.image_size,
         centre_px=document.centre_px,
         notes=tuple(document.notes),
+        doubts=tuple(entry.doubt() for entry in document.doubts),
         rms_px=number(document.rms_px),
         **_statements(document),
     )

@@ -14,6 +14,7 @@ from iris_sysid.types._arrays import Array, frozen_array
 from iris_sysid.types._display import text_of
 from iris_sysid.types._numbers import Estimate
 from iris_sysid.types._pickling import Portable
+from iris_sysid.types._verdict import Doubt
 
 # how the direction of gravity was determined: "unstated" where a calibration does not record it
 VerticalSource = Literal["unstated", "image", "board-edge", "file-axes", "plumb-line", "flight"]
@@ -42,8 +43,8 @@ class Calibration(Portable):
     over frames does not shrink it. They are independent and add up to ``covariance``. ``image_size`` (width, height) px
     is that of the images it is valid for, None where it was not made from images. ``vertical_source`` is how the
     direction of gravity was determined. ``fixed`` lists in words what else the data determined, ``assumed`` the
-    assumptions, ``notes`` other remarks. ``rms_px`` is the root mean square residual of the board's corners, NaN
-    without a board.
+    assumptions, ``notes`` other remarks, ``doubts`` what speaks against it. ``rms_px`` is the root mean square residual
+    of the board's corners, NaN without a board.
     """
 
     homography: Array
@@ -60,6 +61,7 @@ class Calibration(Portable):
     notes: tuple[str, ...] = ()
     rms_px: float = math.nan
     vertical_source: VerticalSource = "unstated"
+    doubts: tuple[Doubt, ...] = ()
     covariance: Array = field(init=False)
 
     def __post_init__(self) -> None:

@@ -209,7 +209,7 @@ def _document(
         ClipDocument,
         **_head(job, tracks),
         status=fit.status,
-        message=fit.message,
+        message=". ".join(filter(None, [*(doubt.text for doubt in fit.doubts), fit.message])),
         parameters=entries_of(fit.estimates, fit.status),
         free=list(fit.free),
         budget={name: {key: known_number(part) for key, part in row.items()} for name, row in fit.budget.items()},

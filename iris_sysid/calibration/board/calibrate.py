@@ -15,9 +15,10 @@ from iris_sysid.calibration.board.board import Board, BoardError, BoardView
 from iris_sysid.calibration.board.detect import find_board, find_boards, grey_image
 from iris_sysid.calibration.board.frame_selection import choose_frames
 from iris_sysid.calibration.board.plane_pose import plane_from_board
+from iris_sysid.calibration.board.plane_view import plane_view_doubt
 from iris_sysid.calibration.camera import CameraCalibration, FittedView, calibrate_camera, fitted_view
 from iris_sysid.errors import CalibrationError
-from iris_sysid.types import Calibration, Frame
+from iris_sysid.types import Array, Calibration, Frame
 from iris_sysid.video.image_sequence import IMAGE_CODECS
 from iris_sysid.video.reader import Video, open_video
 
@@ -74,11 +75,15 @@ class CameraOptions:
 
 
 class Views(NamedTuple):
-    """The ``views`` of a board, notes on them, and by name the reason why an image has no view (``missing``)."""
+    """The ``views`` of a board, notes on them, and by name the reason why an image has no view (``missing``).
+
+    ``seen_px`` (n, 4, 2), px: outlines of the board in frames spread over a clip; None for images.
+    """
 
     views: tuple[BoardView, ...]
     notes: tuple[str, ...]
     missing: Mapping[str, str]
+    seen_px: Array | None = None
 
 
 def calibrate_board(
@@ -113,7 +118,8 @@ def calibrate_board(
     Returns
     -------
     BoardCalibration
-        Its notes name views that were left out and images without a board.
+        Its notes name views that were left out and images without a board; a doubt says where nothing but their order
+        tells which view lies in the plane of motion.
 
     Raises
     ------
@@ -125,8 +131,11 @@ def calibrate_board(
     paths = [] if clip else _images_of(sources)
     view, image = _plane_view(clip, paths, board, placement.view, options)
     notes: tuple[str, ...] = ()
+    doubt = None
     if camera is None and not one_image:
-        camera, notes = _camera(_views(clip, paths, board, options, progress), board, options)
+        views = _views(clip, paths, board, options, progress)
+        camera, notes = _camera(views, board, options)
+        doubt = plane_view_doubt(view, views.views, board, camera, views.seen_px) if placement.view is None else None
     plane = plane_from_board(
         view,
         board,
@@ -139,6 +148,7 @@ def calibrate_board(
     )
     first = () if placement.view is not None else (f"{view.name}, the first that shows the board, lies in its plane",)
     calibration = replace(plane, assumed=(*plane.assumed, *first), notes=(*plane.notes, *notes))
+    calibration = calibration if doubt is None else replace(calibration, doubts=(doubt,))
     if camera is None or one_image:
         return BoardCalibration(calibration, None, None, image)
     return BoardCalibration(calibration, camera, fitted_view(camera.parameters, view, board), image)
@@ -208,7 +218,7 @@ def _views(
 ) -> Views:
     if clip is not None:
         chosen = choose_frames(clip, board, count=options.count, examine=options.examine, progress=progress)
-        return Views(chosen.views, (chosen.summary,), {})
+        return Views(chosen.views, (chosen.summary,), {}, chosen.seen_px)
     search = find_boards(paths, board, window_px=options.window_px, progress=progress)
     return Views(search.views, tuple(f"no view: {reason}" for reason in search.missing.values()), search.missing)
 

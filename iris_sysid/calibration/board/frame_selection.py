@@ -21,13 +21,17 @@ BLURRED_TIMES = 2.0  # the median blur of the sharper half
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ChosenFrames:
-    """Views chosen from a clip, in order of time, and the number of frames rejected for each reason."""
+    """Views chosen from a clip, in order of time, and the number of frames rejected for each reason.
+
+    ``seen_px`` (n_seen, 4, 2) px are the board's outermost corners in every frame that shows it, sharp or not.
+    """
 
     views: tuple[BoardView, ...]
     n_examined: int
     n_seen: int
     n_alike: int
     n_blurred: int
+    seen_px: Array
 
     @property
     def summary(self) -> str:
@@ -93,7 +97,8 @@ def choose_frames(
     chosen = _spread_out(outlines[different], count)
     views = sorted((sharp[different[k]] for k in chosen), key=lambda view: view.t_s or 0.0)
     n_alike = len(sharp) - len(different)
-    return ChosenFrames(tuple(views), n_examined, len(seen), n_alike, len(seen) - len(sharp))
+    seen_px = np.array([view.outline_px(board) for view in seen])
+    return ChosenFrames(tuple(views), n_examined, len(seen), n_alike, len(seen) - len(sharp), seen_px)
 
 
 def _spread(video: FrameSource, examine: int, progress: Progress | None) -> Iterator[Frame]:

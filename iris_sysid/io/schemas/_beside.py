@@ -309,6 +309,8 @@ class CalibrationDocument(Document):
     assumed: list[str] = []
     """What else was taken for granted."""
     notes: list[str] = []
+    doubts: list[DoubtEntry] = []
+    """What speaks against it."""
     rms_px: Number = None
     """Root mean square residual of the board's corners, px; null without a board."""
     origin: dict[str, JsonValue] = {}

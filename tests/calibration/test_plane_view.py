@@ -1,0 +1,61 @@
+"""Which view of a board lies in the plane of motion: by evidence, or said to be a guess."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iris_sysid.calibration.board.plane_view import plane_view_doubt
+from iris_sysid.calibration.calibration_json import read_calibration, write_calibration
+from iris_sysid.calibration.camera import calibrate_camera
+from iris_sysid.calibration.pixel_scale import scale
+from iris_sysid.types import Doubt
+from tests._board_pictures import BOARD, simulated_views
+
+
+@pytest.fixture(scope="module")
+def views():
+    """Twelve views of a board at different distances and angles."""
+    return simulated_views(np.random.default_rng(7), 12)
+
+
+@pytest.fixture(scope="module")
+def camera(views):
+    return calibrate_camera(views, BOARD)
+
+
+def frames(views, held, at=0):
+    """Outlines of the board in frames of a clip: ``held`` at one view, two at each of the others; a hand trembles."""
+    rng = np.random.default_rng(1)
+    outlines = [view.outline_px(BOARD) for k, view in enumerate(views) for _ in range(held if k == at else 2)]
+    return np.array(outlines) + rng.normal(0, 0.3, (len(outlines), 4, 2))
+
+
+def test_first_of_some_images_is_a_guess_that_says_what_it_does_to_the_scale(views, camera):
+    doubt = plane_view_doubt(views[0], views, BOARD, camera, None)
+    assert doubt.kind == "plane-view"
+    assert "the first that shows the board, was taken to lie in the plane of motion" in doubt.finding
+    assert "%" in doubt.finding
+    assert "--plane-view" in doubt.remedy
+
+
+def test_first_view_of_a_clip_that_is_held_longest_is_evidence(views, camera):
+    assert plane_view_doubt(views[0], views, BOARD, camera, frames(views, held=8)) is None
+
+
+def test_first_view_of_a_clip_that_is_held_as_long_as_others_is_a_guess(views, camera):
+    assert plane_view_doubt(views[0], views, BOARD, camera, frames(views, held=2)) is not None
+
+
+def test_first_view_is_a_guess_where_another_is_held_longest(views, camera):
+    assert plane_view_doubt(views[0], views, BOARD, camera, frames(views, held=20, at=5)) is not None
+
+
+def test_views_of_one_scale_leave_nothing_to_guess(views, camera):
+    assert plane_view_doubt(views[0], views[:1], BOARD, camera, None) is None
+
+
+def test_doubt_is_kept_in_the_file(tmp_path):
+    doubt = Doubt("plane-view", "a guess", "say which")
+    path = write_calibration(replace(scale(400, 1.0), doubts=(doubt,)), tmp_path / "calibration.json")
+    assert read_calibration(path).doubts == (doubt,)
