@@ -139,7 +139,7 @@ def selection_document(choice: ModelChoice, origin: Trajectory) -> FitDocument:
     ranking = [
         CandidateEntry(
             model=candidate.model,
-            reading=candidate.observable,
+            observable=candidate.observable,
             heldout=known_number(candidate.heldout),
             residual=known_number(candidate.residual),
             bic=known_number(candidate.bic),

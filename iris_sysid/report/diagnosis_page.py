@@ -85,7 +85,7 @@ def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Dia
     ]
     limits = [{**asdict(limit), "upper_95": known_number(limit.upper_95)} for limit in diagnosis.ruled_out]
     errors = {
-        when: {"fitted": known_number(errors.fitted), "heldout": known_number(errors.heldout)}
+        when: {name: known_number(error) for name, error in asdict(errors).items()}
         for when, errors in (("before", diagnosis.before), ("after", diagnosis.after))
     }
     return checked(
@@ -98,7 +98,9 @@ def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Dia
         probabilities={name: dict(shares) for name, shares in diagnosis.probabilities.items()},
         causes={name: dict(shares) for name, shares in diagnosis.causes.items()},
         ruled_out=limits,
-        error={**errors, "noise_floor": known_number(diagnosis.noise_floor), "unit": diagnosis.unit},
+        **errors,
+        noise_floor=known_number(diagnosis.noise_floor),
+        unit=diagnosis.unit,
         proposed=[term_entry(term) for term in diagnosis.proposed],
         notes=[note.text for note in diagnosis.notes],
         missing_force=force_entry(diagnosis.missing_force),

@@ -165,6 +165,11 @@ class FitResult(Shown, Portable):
         return Verdict(_word(self.status, reasons), reasons)
 
     @property
+    def parameters(self) -> Mapping[str, Estimate]:
+        """The estimates by name, under the word that fit.json has for them."""
+        return self.estimates
+
+    @property
     def n(self) -> int:
         """Number of samples used."""
         return int(self.used.sum())

@@ -144,7 +144,7 @@ def test_document_and_page_say_the_same(dragged, tmp_path):
     trajectory, diagnosis = dragged
     document = diagnosis_document(diagnosis, [trajectory])
     assert [entry.effect for entry in document.added] == ["quadratic-drag"]
-    assert document.error.before.heldout > document.error.after.heldout
+    assert document.before.heldout > document.after.heldout
     page = write_diagnosis(diagnosis, trajectory, tmp_path).read_text()
     assert "Adding quadratic drag" in page
     size = diagnosis.sizes["quadratic_drag"]

@@ -15,7 +15,6 @@ from iris_sysid.io.schemas._beside import TrackQualityEntry as TrackQualityEntry
 from iris_sysid.io.schemas._beside import ViewEntry as ViewEntry
 from iris_sysid.io.schemas._diagnosis import AddedEffect as AddedEffect
 from iris_sysid.io.schemas._diagnosis import DiagnosisDocument as DiagnosisDocument
-from iris_sysid.io.schemas._diagnosis import ErrorTable as ErrorTable
 from iris_sysid.io.schemas._diagnosis import Excluded as Excluded
 from iris_sysid.io.schemas._diagnosis import FitError as FitError
 from iris_sysid.io.schemas._diagnosis import ForceFormEntry as ForceFormEntry

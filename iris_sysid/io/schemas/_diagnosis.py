@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import JsonValue
 
@@ -33,15 +33,8 @@ class FitError(Part):
 
     fitted: Number
     heldout: Number
-
-
-class ErrorTable(Part):
-    """The error before and after, and the noise of the measurement."""
-
-    before: FitError
-    after: FitError
-    noise_floor: Number
-    unit: str
+    weighed: Number = None
+    """The held-out error in units of each sample's noise."""
 
 
 class FurtherClip(Part):
@@ -92,7 +85,7 @@ class DiagnosisDocument(Document):
     """What a model lacks, if anything (diagnosis.json)."""
 
     document: Literal["diagnosis"] = "diagnosis"
-    version: Literal[1] = 1
+    version: Literal[2] = 2
     sentence: str
     """The result in at most five sentences."""
     verdict: VerdictEntry | None = None
@@ -109,7 +102,13 @@ class DiagnosisDocument(Document):
     causes: dict[str, dict[str, float]] = {}
     """For each effect added, the probability that its cause is the physics, the measurement, or the clock."""
     ruled_out: list[Excluded]
-    error: ErrorTable
+    before: FitError
+    """Error without the added effects."""
+    after: FitError
+    noise_floor: Number
+    """Noise of the measurement."""
+    unit: str
+    """Of these errors and of the noise."""
     proposed: list[TermEntry] = []
     """Terms without a named effect that the remaining residual suggests; coefficients to first order."""
     notes: list[str] = []
@@ -120,3 +119,16 @@ class DiagnosisDocument(Document):
     """What it still lacks with the effects that were added, where the residual is above the noise."""
     further_clips: list[FurtherClip] = []
     origin: dict[str, JsonValue]
+
+    @classmethod
+    def upgraded(cls, content: dict[str, Any]) -> dict[str, Any]:
+        """Version 1 had the errors and the noise under one key, and fits of version 1."""
+        if content.get("version") != 1:
+            return content
+        parts = {key: value for key, value in content.items() if key != "error"}
+        further = [{**clip, **_upgraded_fits(clip)} for clip in content.get("further_clips", [])]
+        return {**parts, **content["error"], **_upgraded_fits(content), "version": 2, "further_clips": further}
+
+
+def _upgraded_fits(content: dict[str, Any]) -> dict[str, Any]:
+    return {name: FitDocument.upgraded(content[name]) for name in ("base", "final")}

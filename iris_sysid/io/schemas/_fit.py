@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import JsonValue
 
@@ -120,7 +120,7 @@ class CandidateEntry(Part):
     """One model that was tried on a trajectory."""
 
     model: str
-    reading: str
+    observable: str
     """What the track was taken for, e.g. an angle about a pivot."""
     heldout: Number
     """Error of the prediction of the last samples from the first ones, in units of the noise; null when it failed."""
@@ -162,7 +162,7 @@ class FitDocument(Document):
     """A model fitted to a trajectory (fit.json)."""
 
     document: Literal["fit"] = "fit"
-    version: Literal[1] = 1
+    version: Literal[2] = 2
     model: str
     equation: str
     """The governing equation, LaTeX."""
@@ -209,6 +209,20 @@ class FitDocument(Document):
     selection: SelectionEntry | None = None
     """Where the model was chosen from the bank."""
     origin: dict[str, JsonValue]
+
+    @classmethod
+    def upgraded(cls, content: dict[str, Any]) -> dict[str, Any]:
+        """Version 1 called the observable of a candidate its reading."""
+        if content.get("version") != 1:
+            return content
+        content = {**content, "version": 2}
+        if content.get("selection"):
+            ranking = [
+                {"observable" if key == "reading" else key: value for key, value in candidate.items()}
+                for candidate in content["selection"]["ranking"]
+            ]
+            content["selection"] = {**content["selection"], "ranking": ranking}
+        return content
 
     def estimates(self) -> dict[str, Estimate]:
         """The parameters as Estimates by name."""
