@@ -65,3 +65,16 @@ def test_cord_on_a_streak_does_not_move_it():
     with_cord = Window(image, window.background, window.noise, window.mask, window.other)
     centre = streak_centre(with_cord, coverage_centre(with_cord))
     assert np.hypot(centre.x - 50.3, centre.y - 48.8) < 0.1
+
+
+def test_soft_glow_wider_than_its_core_is_no_swept_disc():
+    rng = np.random.default_rng(0)
+    y, x = np.indices((SIZE, SIZE)).astype(np.float64)
+    wall = 90.0 + 0.1 * x
+    glow = 80.0 * np.exp(-(((x - 50) / 80) ** 2) - ((y - 50) / 45) ** 2)
+    core = (glow > 60).astype(np.uint8)
+    image = wall + glow + NOISE * rng.standard_normal(glow.shape)
+    planes = [plane.astype(np.float32)[..., np.newaxis] for plane in (image, wall, np.full_like(wall, NOISE))]
+    window = Window(*planes, core, np.zeros_like(core))
+    outline = coverage_centre(window)
+    assert streak_centre(window, outline) is outline

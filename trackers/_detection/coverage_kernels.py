@@ -12,10 +12,12 @@ import numpy as np
 
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
+from trackers._detection.shading import cholesky_solved
 from trackers._frames.arrays import MAD_TO_SD, Bytes, Image
 
 TELLING = 4.0  # contrast over noise from which brightness tells coverage
 ONE_SIDED = (0.3, 0.7)  # |f| over s: below it a body is both brighter and darker, above it one of them
+SHADOW, RIDGE = 4, 1e-9  # first term of the shadow; of the squares of a term, added for each pixel
 SHARE_RANGE = (-0.3, 1.3)  # coverage beyond this is another thing, not noise
 
 
@@ -211,21 +213,52 @@ def sweep_terms(columns: Array, rows: Array, sweep: Array) -> Array:
     x0, y0, across, down, radius = sweep
     length = max(math.hypot(across, down), 1e-6)
     ahead_x, ahead_y = across / length, down / length
-    terms = np.empty((columns.size, 7))
+    farthest = (length / 2 + radius + 1) ** 2
+    terms = np.zeros((columns.size, 7))
     for k in range(columns.size):
         x, y = columns[k] - x0, rows[k] - y0
-        along, v = x * ahead_x + y * ahead_y, y * ahead_x - x * ahead_y
-        half = _area(v + 0.5, radius) - _area(v - 0.5, radius)  # of the chord, mean over a pixel
-        first = min(max(along - half, -length / 2), length / 2)
-        last = min(max(along + half, -length / 2), length / 2)
-        u, w, share = (along - first) / radius, (along - last) / radius, (last - first) / length
-        v = v / radius
-        free = 1.0 - share
-        row = terms[k]
-        row[0], row[1], row[2] = share, share * (u + w) / 2, share * v
-        row[3] = share * ((u * u + u * w + w * w) / 3 + v * v)
+        row, free = terms[k], 1.0
+        v = y * ahead_x - x * ahead_y
+        if abs(v) < radius + 0.5 and x * x + y * y < farthest:
+            along = x * ahead_x + y * ahead_y
+            half = _area(v + 0.5, radius) - _area(v - 0.5, radius)  # of the chord, mean over a pixel
+            first = min(max(along - half, -length / 2), length / 2)
+            last = min(max(along + half, -length / 2), length / 2)
+            u, w, share = (along - first) / radius, (along - last) / radius, (last - first) / length
+            v = v / radius
+            free = 1.0 - share
+            row[0], row[1], row[2] = share, share * (u + w) / 2, share * v
+            row[3] = share * ((u * u + u * w + w * w) / 3 + v * v)
         row[4], row[5], row[6] = free, free * x / radius, free * y / radius
     return terms
+
+
+@kernel(nogil=True)
+def swept_left_over(columns: Array, rows: Array, difference: Array, background: Array, sweep: Array) -> Array:
+    """What the best brightness and shadow of a swept disc leave of ``difference`` (n, channels).
+
+    ``background`` (n, channels) is in the same unit; the others are as for :func:`sweep_terms`.
+    """
+    terms = sweep_terms(columns, rows, sweep)
+    count, channels, size = columns.size, difference.shape[1], terms.shape[1]
+    gram, moments = np.zeros((size, size)), np.zeros((size, channels))
+    left = np.empty((count, channels))
+    for k in range(count):
+        for c in range(channels):
+            left[k, c] = difference[k, c] + background[k, c] * terms[k, 0]
+        for i in range(0 if terms[k, 0] > 0 else SHADOW, size):
+            for j in range(0 if terms[k, 0] > 0 else SHADOW, i + 1):
+                gram[i, j] += terms[k, i] * terms[k, j]
+            for c in range(channels):
+                moments[i, c] += terms[k, i] * left[k, c]
+    for i in range(size):
+        gram[i, i] += RIDGE * count
+    solved = cholesky_solved(gram, moments, size)
+    for k in range(count):
+        for i in range(0 if terms[k, 0] > 0 else SHADOW, size):
+            for c in range(channels):
+                left[k, c] -= terms[k, i] * solved[i, c]
+    return left
 
 
 @kernel(nogil=True)

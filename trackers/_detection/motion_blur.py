@@ -15,11 +15,12 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from iris_sysid.types import Array
-from trackers._detection.coverage_kernels import sweep_terms
+from trackers._detection.coverage_kernels import swept_left_over
 from trackers._detection.subpixel_centroid import Centre, Window, largest
 from trackers._frames.arrays import MAD_TO_SD, Flags
 
 SHORTEST = 0.5  # of the radius: after a shorter distance the outline still shows the body
+LARGEST = 1.5  # times the radius by the moments: the fit of a larger disc follows an outline that is none of a streak
 SMALLEST = 15.0  # px, radius: of a smaller disc too few pixels tell shading, shadow and sweep apart
 FRINGE = 5  # px round the body that are compared
 THINNED = 4  # of the pixels one tells the sweep well enough to see which are outliers
@@ -108,10 +109,10 @@ def streak_centre(window: Window, centre: Centre) -> Centre:
     if few.unexplained(guess) > HOPELESS:
         return centre
     sweep = _sweep(_swept(few, guess, ROUGH, FIRST).x)
-    if sweep.length < SOON * sweep.radius:
+    if sweep.length < SOON * sweep.radius or sweep.radius > LARGEST * guess.radius:
         return centre
     sweep = _sweep(_swept(few, sweep, ROUGH).x)
-    if not sweep.is_streak or few.unexplained(sweep) > DOUBTFUL:
+    if not sweep.is_streak or sweep.radius > LARGEST * guess.radius or few.unexplained(sweep) > DOUBTFUL:
         return centre
     kept = pixels.only(_plain(pixels.left_over(sweep)))
     solution = _swept(kept, sweep, PRECISE)
@@ -158,11 +159,9 @@ class _Pixels:
 
     def left_over(self, sweep: Sweep) -> Array:
         """Residual of the best brightness and shadow (n, channels)."""
-        terms = sweep_terms(self.columns, self.rows, sweep.values)
-        shown = self.difference + self.background * terms[:, :1]
-        gram = terms.T @ terms
-        gram.flat[:: len(gram) + 1] += 1e-9 * len(terms)
-        return shown - terms @ np.linalg.solve(gram, terms.T @ shown)
+        return np.asarray(
+            swept_left_over(self.columns, self.rows, self.difference, self.background, np.array(sweep.values))
+        )
 
     def unexplained(self, sweep: Sweep) -> float:
         """Residual share of the sum of squares of the difference."""

@@ -102,7 +102,7 @@ def _best(terms: Array, values: Array) -> Array:
     for count in (LINEAR, TERMS):
         if terms.shape[0] < FEWEST_A_TERM * count:
             break
-        solved = _solved(gram, moments, count)
+        solved = cholesky_solved(gram, moments, count)
         spread = _residual(terms, values, solved)
         if spread < (1 - EXPLAINED) * residual:
             best, residual = solved, spread
@@ -123,7 +123,7 @@ def _residual(terms: Array, values: Array, coefficients: Array) -> float:
 
 
 @kernel(nogil=True)
-def _solved(gram: Array, moments: Array, count: int) -> Array:
+def cholesky_solved(gram: Array, moments: Array, count: int) -> Array:
     """Solution (6, channels) of the first normal equations by Cholesky's method; the other coefficients are 0."""
     lower, solved = np.zeros((count, count)), np.zeros(moments.shape)
     for i in range(count):
