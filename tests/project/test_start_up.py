@@ -51,3 +51,9 @@ def test_import_of_the_package_loads_nothing_heavy():
     code = f"import sys, iris_sysid; print(*sorted(set({sorted(HEAVY | {'numpy'})!r}) & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.split() == []
+
+
+def test_suggestions_of_a_residual_import_neither_pysindy_nor_the_statistics_of_scipy():
+    code = "import sys, fitters.sindy.proposals; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert {"pysindy", "sklearn", "scipy.stats"} & set(done.stdout.split()) == set()
