@@ -7,6 +7,8 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from iris_sysid.trajectory.consistency.angle_unit import with_degrees_doubt
+
 if TYPE_CHECKING:
     from fitters.integrator.initial_value_problem import Hold
     from fitters.ode.least_squares import Loss
@@ -69,6 +71,7 @@ class FitRequest:
         fixed, free
             As for :func:`fitters.ode.fit`. A value that the trajectory knows exactly is estimated where it is free.
         """
+        trajectory = with_degrees_doubt(trajectory, model)
         names = {parameter.name for parameter in model.parameters}
         stated = {name: value for name, value in trajectory.known.items() if name in names}
         known = {name: value for name, value in stated.items() if value.stderr or name not in free}

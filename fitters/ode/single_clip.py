@@ -34,6 +34,7 @@ from fitters.own_model.gradient_matching import matched_starts
 from fitters.own_model.ties import stated_by
 from iris_sysid.errors import FitError
 from iris_sysid.registry import MODELS
+from iris_sysid.trajectory.consistency.angle_unit import short_pendulum_doubt
 from iris_sysid.types import (
     Array,
     Estimate,
@@ -134,7 +135,8 @@ def fit(
     taken, remark = chosen.taken_from(trajectory)
     request = FitRequest.stated(taken, chosen, fixed, free)
     result = solve(request.with_(start=start, uncertainty=uncertainty, options=options))
-    return replace(result, notes=(*result.notes, remark)) if remark else result
+    doubts = (*result.doubts, *short_pendulum_doubt(result.estimates, chosen))
+    return replace(result, notes=(*result.notes, *filter(None, [remark])), doubts=doubts)
 
 
 def solve(request: FitRequest) -> FitResult:

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from iris_sysid import PHENOMENA, DataError, Estimate, Track, scale, uncalibrated
+from iris_sysid import MODELS, PHENOMENA, DataError, Estimate, Track, Trajectory, fit, scale, uncalibrated
 from iris_sysid.pipeline import observe_and_fit
+from iris_sysid.trajectory.consistency.angle_unit import short_pendulum_doubt, with_degrees_doubt
 from iris_sysid.trajectory.consistency.gravity_scale import circle_radius
 from iris_sysid.trajectory.consistency.path_shape import reversals
 
@@ -135,3 +136,41 @@ def test_radius_of_an_arc_has_an_error_that_grows_as_the_arc_gets_short():
 )
 def test_reversals_are_counted_where_they_are_large(values, count):
     assert reversals(np.array(values, dtype=float)) == count
+
+
+def angles(amplitude_rad, unit_per_rad, length_m=0.5):
+    """A swing as a table of another unit holds it, under a name that says rad."""
+    theta = solve_ivp(
+        lambda t, state: [state[1], -9.81 / length_m * np.sin(state[0])],
+        (0, 6.0),
+        [amplitude_rad, 0.0],
+        t_eval=np.arange(360) / 60,
+        rtol=1e-9,
+        atol=1e-9,
+    ).y[0]
+    theta = unit_per_rad * theta + 1e-3 * np.random.default_rng(2).standard_normal(theta.size)
+    n = theta.size
+    return Trajectory(
+        np.arange(n) / 60, MODELS["pendulum"].observed, theta[:, None], np.full((n, 1), np.nan), np.ones(n, bool)
+    )
+
+
+@pytest.mark.parametrize("amplitude_deg", [5.0, 20.0, 60.0])
+def test_degrees_under_a_name_in_rad_are_asked_for(amplitude_deg):
+    doubt = fit(angles(np.radians(amplitude_deg), 180 / np.pi), "pendulum").verdict.reasons[0]
+    assert doubt.kind == "degrees"
+    assert "theta_deg" in doubt.remedy
+
+
+@pytest.mark.parametrize("amplitude_rad", [0.1, 1.0, 3.0])
+def test_angles_in_rad_are_not_taken_for_degrees(amplitude_rad):
+    assert fit(angles(amplitude_rad, 1.0), "pendulum").doubts == ()
+
+
+def test_wheel_on_a_spring_may_turn_by_more_than_a_turn():
+    assert with_degrees_doubt(angles(0.2, 100.0), MODELS["linear-oscillator"]).doubts == ()
+
+
+def test_pendulum_of_a_millimetre_is_doubted():
+    (doubt,) = short_pendulum_doubt({"length": Estimate(0.00124, 1e-5, "m")}, MODELS["pendulum"])
+    assert "0.00124 m long" in doubt.finding

@@ -68,10 +68,15 @@ def _single_run(t_s: Array, position: Array) -> PathShape:
 
 def reversals(values: Array) -> int:
     """How often values (n,) turn back by more than a quarter of their range."""
-    least = SWING * np.ptp(values)
+    return len(turning_values(values))
+
+
+def turning_values(values: Array) -> list[float]:
+    """The extremes from which values (n,) turn back by more than a quarter of their range, in their unit."""
+    least = SWING * np.ptp(values) if values.size else 0.0
     if not least > 0:
-        return 0
-    count, way, extreme = 0, 0.0, values[0]
+        return []
+    found, way, extreme = [], 0.0, values[0]
     for value in values:
         if way == 0.0:
             way = np.sign(value - extreme) if abs(value - extreme) > least else 0.0
@@ -79,8 +84,9 @@ def reversals(values: Array) -> int:
         elif way * (value - extreme) > 0:
             extreme = value
         elif abs(value - extreme) > least:
-            count, way, extreme = count + 1, -way, value
-    return count
+            found.append(float(extreme))
+            way, extreme = -way, value
+    return found
 
 
 def phenomenon_doubt(body: Trajectory, phenomenon: Phenomenon) -> Doubt | None:
