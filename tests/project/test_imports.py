@@ -48,6 +48,7 @@ PIXEL_FILES = (
     "iris_sysid/synthetic/",
     "iris_sysid/report/overlay.py",
     "iris_sysid/report/candidates_sheet.py",
+    "iris_sysid/report/frame_sheet.py",
     "iris_sysid/benchmark/studies/degraded_clips.py",
 )
 OURS = ("iris_sysid", "trackers", "fitters")
