@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from fitters.own_model.function import model_from_function as model_from_function
     from fitters.selection.select import select_model as select_model
     from fitters.sindy.discover import discover as discover
+    from fitters.validation_record import Validation as Validation
+    from fitters.validation_record import validate_fit as validate_fit
     from iris_sysid.calibration.board.calibrate import calibrate_board as calibrate_board
     from iris_sysid.calibration.calibration_json import read_calibration as read_calibration
     from iris_sysid.calibration.calibration_json import write_calibration as write_calibration
@@ -135,6 +137,7 @@ _HOME = {
         "fitters.own_model.function": "model_from_function",
         "fitters.selection.select": "select_model",
         "fitters.sindy.discover": "discover",
+        "fitters.validation_record": "Validation validate_fit",
         "iris_sysid.calibration.board.calibrate": "calibrate_board",
         "iris_sysid.calibration.calibration_json": "read_calibration write_calibration",
         "iris_sysid.calibration.known_size": "plane_from_ball plane_from_distance plane_from_size",

@@ -184,5 +184,7 @@ def predicted_by(
     """
     begin = int(np.searchsorted(trajectory.t_s, fitted.t0_s))
     known = trajectory.inputs[begin:stop] if trajectory.inputs is not None else None
-    _, predicted = simulate(fitted.model, trajectory.t_s[begin:stop], values, inputs=known, tolerance=tolerance)
+    hold: Hold = "zero-order" if fitted.origin.get("hold") == "zero-order" else "linear"
+    times = trajectory.t_s[begin:stop]
+    _, predicted = simulate(fitted.model, times, values, inputs=known, hold=hold, tolerance=tolerance)
     return np.concatenate([np.full((begin, predicted.shape[1]), np.nan), predicted])

@@ -103,7 +103,7 @@ def tied_model(model: OdeModel, ties: tuple[tuple[str, str], ...]) -> OdeModel:
         name=f"{model.name} with {', '.join(f'{name} = {text}' for name, text in ties)}",
         parameters=kept,
         rhs=_rhs(model.rhs, full, names, ties, bool(model.inputs)),
-        guess=_guess(model.guess, names),
+        guess=_guess(model.guess, tuple(read)),
         observe=None if model.observe is None else _observe(model.observe, full, names, ties),
         warp=None if model.warp is None else _warp(model.warp, full, names, ties),
         derived=(*(Quantity(name, own[name].unit, own[name].symbol) for name in read), *model.derived),
@@ -157,10 +157,10 @@ def _warp(
 
 @picklable
 def _guess(
-    base: Callable[[Trajectory], Mapping[str, float]], names: tuple[str, ...]
+    base: Callable[[Trajectory], Mapping[str, float]], tied: tuple[str, ...]
 ) -> Callable[[Trajectory], Mapping[str, float]]:
     def guess(trajectory: Trajectory) -> Mapping[str, float]:
-        return {name: v for name, v in base(trajectory).items() if name in names or name.endswith("_0")}
+        return {name: value for name, value in base(trajectory).items() if name not in tied}
 
     return guess
 

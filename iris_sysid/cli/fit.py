@@ -23,9 +23,12 @@ from iris_sysid.cli.arguments import (
 )
 
 if TYPE_CHECKING:
+    from fitters.integrator.initial_value_problem import Hold
+    from fitters.ode import FitOptions
     from iris_sysid.types import Estimate, FitResult, OdeModel, Trajectory, Verdict
 
 AUTO = "auto"
+HOLDS: dict[str, Hold] = {"zero": "zero-order", "linear": "linear"}
 
 
 def fit(
@@ -43,6 +46,10 @@ def fit(
     shared: Annotated[list[str] | None, typer.Option(help="Parameter with one value for all clips.")] = None,
     per_clip: Annotated[list[str] | None, typer.Option(help="Parameter fitted per clip; report no mean.")] = None,
     uncertainty: Annotated[list[str] | None, typer.Option(help="robust, profile, bootstrap or all.")] = None,
+    hold: Annotated[str, typer.Option(help="Inputs between samples: zero (held) or linear.")] = "linear",
+    validate: Annotated[
+        Path | None, typer.Option(help="Table that is not fitted: simulation error of the fitted model on it.")
+    ] = None,
     plot: Annotated[Path | None, typer.Option(help="Also draw the fit and its residual to this PNG file.")] = None,
     force: Force = False,
     json: Json = False,
@@ -67,6 +74,10 @@ def fit(
     _terminal.check_suffix(plot, ".png")
     if (shared or per_clip) and len(tables) < 2:
         raise DataError("--shared and --per-clip are about several clips; give several tables")
+    if hold not in HOLDS:
+        raise DataError(f"inputs between samples are held: {' or '.join(HOLDS)}, not {hold!r:.40}")
+    if (validate or hold != "linear") and (len(tables) > 1 or model == AUTO):
+        raise DataError("--hold and --validate are about one table and the name of a model, or an equation")
     if len(tables) > 1 and (plot or uncertainty or model == AUTO):
         raise DataError("--plot, --uncertainty and --model auto are about one table; give one")
     if model == AUTO and (plot or uncertainty or known or start):
@@ -87,6 +98,7 @@ def fit(
         "start_at": start,
         "shared": shared,
         "uncertainty": uncertainty,
+        "hold": hold,
     }
     clips = [_parsing.with_options(clip, **options) for clip in _terminal.read_tables(tables, columns, chosen)]
     starts = {name: value.value for name, value in first.items()}
@@ -96,9 +108,11 @@ def fit(
         parts = (shared or [], per_clip or [], free or [])
         verdict = _pool(tables, clips, chosen, parts, fixed, starts, output, force, json)
     else:
+        record = _terminal.read_tables([validate], columns, chosen)[0] if validate is not None else None
         verdict = _fit_one(
-            clips[0], chosen, fixed, free or [], starts, uncertainty or ["robust"], output, plot, force, json
-        )
+            clips[0], chosen, fixed, free or [], starts, uncertainty or ["robust"], HOLDS[hold], record,
+            output, plot, force, json,
+        )  # fmt: skip
     named = ["--model", model] if equation is None else ["--equation", equation, *_terminal.repeated("--bound", bound)]
     same = [*_terminal.repeated("--set", known), *_terminal.repeated("--free", free)]
     same += [] if columns is None else ["--columns", columns]
@@ -113,6 +127,8 @@ def _fit_one(
     free: list[str],
     starts: dict[str, float],
     uncertainty: list[str],
+    hold: Hold,
+    record: Trajectory | None,
     output: Path,
     plot: Path | None,
     force: bool,
@@ -120,20 +136,35 @@ def _fit_one(
 ) -> Verdict:
     from dataclasses import replace
 
+    from fitters.ode import FitOptions
     from fitters.ode import fit as fit_model
     from fitters.ode.identifiability import identifiability
     from iris_sysid.io import json_documents
 
     methods = [method for text in uncertainty for method in text.split(",")]
     with _terminal.phases(f"fitting {model.name}"):
-        result = fit_model(trajectory, model, fixed=fixed, free=free, start=starts, uncertainty=methods)
+        options = FitOptions(hold=hold)
+        result = fit_model(
+            trajectory, model, fixed=fixed, free=free, start=starts, uncertainty=methods, options=options
+        )
     if result.identifiability is not None:
         result = replace(result, identifiability=identifiability(result, trajectory))
     json_documents.write_fit(result, trajectory, output, overwrite=force)
     _draw(trajectory, result, plot, force)
     _terminal.show_fit(result, trajectory, json)
     _terminal.check_usable(result)
+    if record is not None:
+        _show_validation(result, record, options, json)
     return result.verdict
+
+
+def _show_validation(result: FitResult, record: Trajectory, options: FitOptions, json: bool) -> None:
+    from fitters.validation_record import validate_fit
+
+    found = validate_fit(result, record, options)
+    for quantity, rms, share in zip(found.quantities, found.rms, found.fit_percent, strict=True):
+        text = f"validation {quantity.name}: simulation error {rms:.3g} {quantity.unit} rms, fit {share:.1f} %"
+        typer.echo(text, err=json)
 
 
 def _pool(

@@ -123,7 +123,7 @@ def _draw_pivot(axes: Axes, trajectory: Trajectory, calibration: Calibration) ->
 
 
 def fit_figure(trajectory: Trajectory, fit: FitResult) -> Figure:
-    """Each measured quantity with its fit, and under it the residual against the noise.
+    """Each measured quantity with its fit, and under it the residual against the noise; then the inputs, if any.
 
     Parameters
     ----------
@@ -135,11 +135,12 @@ def fit_figure(trajectory: Trajectory, fit: FitResult) -> Figure:
     Returns
     -------
     Figure
-        Two rows a quantity, over time in s.
+        Two rows a quantity and one an input, over time in s.
     """
-    d = len(fit.model.observed)
-    figure = Figure(figsize=(9, 4.6 * d), layout="constrained")
-    rows = figure.subplots(2 * d, 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": [3, 1.4] * d})[:, 0]
+    d, driven = len(fit.model.observed), [quantity.name for quantity in fit.model.inputs]
+    figure = Figure(figsize=(9, 4.6 * d + 1.4 * len(driven)), layout="constrained")
+    heights = [3, 1.4] * d + [1.4] * len(driven)
+    rows = figure.subplots(len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
     labels = np.array(sample_labels(trajectory))
     curve_s, curve = fitted_curve(fit)
     for k, quantity in enumerate(fit.model.observed):
@@ -150,8 +151,31 @@ def fit_figure(trajectory: Trajectory, fit: FitResult) -> Figure:
         rows[2 * k].legend(loc="upper right", framealpha=0.8)
         draw_residual(rows[2 * k + 1], fit, k)
         rows[2 * k + 1].set_ylabel(f"residual ({quantity.unit})")
+    for axes, name in zip(rows[2 * d :], driven, strict=True):
+        draw_input(axes, trajectory, name, held=fit.origin.get("hold") == "zero-order")
     rows[-1].set_xlabel("time (s)")
     return figure
+
+
+def draw_input(axes: Axes, trajectory: Trajectory, name: str, *, held: bool) -> None:
+    """Draw a known input u(t) over time, in steps where it is held between samples.
+
+    Parameters
+    ----------
+    axes
+        To draw on.
+    trajectory
+        Has the input of that name.
+    name
+        Of the input.
+    held
+        Whether it keeps the value of the last sample.
+    """
+    k = [quantity.name for quantity in trajectory.input_quantities].index(name)
+    assert trajectory.inputs is not None
+    style = "steps-post" if held else "default"
+    axes.plot(trajectory.t_s, trajectory.inputs[:, k], color=FIT_COLOUR, linewidth=0.9, drawstyle=style)
+    axes.set_ylabel(f"{name} ({trajectory.input_quantities[k].unit})")
 
 
 def fitted_curve(fit: FitResult) -> tuple[Array, Array]:
