@@ -77,7 +77,7 @@ def text_of(calibration: Calibration, *, json: bool = False) -> str:
     Returns
     -------
     str
-        Scale, stretch, shear and turn with their standard errors, quantities fixed by the data, assumptions, notes.
+        Doubts, then scale, stretch, shear and turn with their standard errors, what the data fix, assumptions, notes.
     """
     if json:
         return document_text(calibration_document(calibration)).rstrip("\n")
@@ -88,4 +88,5 @@ def text_of(calibration: Calibration, *, json: bool = False) -> str:
     statements = [f"fixed by the data: {', '.join(fixed_by_data(calibration))}"]
     statements += [f"assumed: {text}" for text in assumptions(calibration)]
     statements += [f"note: {text}" for text in calibration.notes]
-    return "\n".join([calibration.source, *rows, *statements])
+    doubts = [f"doubtful: {doubt.text}" for doubt in calibration.doubts]
+    return "\n".join([*doubts, calibration.source, *rows, *statements])
