@@ -16,7 +16,7 @@ MOST_WORKERS = 4  # of more, most wait for the interpreter
 def ahead(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
     """The results of some work on each item, in order; the next items are made and worked on meanwhile.
 
-    The work on one item must not depend on that on another. At most two items more than there are workers are held.
+    The work on one item must not depend on that on another. At most one item more than there are workers is held.
     """
     workers = min(MOST_WORKERS, os.cpu_count() or 1)
     waiting: deque[Future[Result]] = deque()
@@ -24,7 +24,7 @@ def ahead(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Res
     try:
         for item in items:
             waiting.append(pool.submit(work, item))
-            if len(waiting) > workers + 1:
+            if len(waiting) > workers:
                 yield waiting.popleft().result()
         while waiting:
             yield waiting.popleft().result()
