@@ -104,7 +104,7 @@ def _scaling(name: str, motion: Motion, change: SetUpChange) -> float:
         return 1.0
     mass, radius = DRAG_POWERS[name]
     longer = change.body.get("length", 1.0) ** (radius - 1.0) if motion.model == "pendulum" else 1.0
-    return change.body.get("mass", 1.0) ** mass * change.body.get("radius", 1.0) ** radius * longer
+    return float(change.body.get("mass", 1.0) ** mass * change.body.get("radius", 1.0) ** radius * longer)
 
 
 def _camera(case: Case, size: float) -> Camera:

@@ -11,7 +11,7 @@ from iris_sysid.cli.arguments import TABLE, Bounds, Columns, Equation, Force, Fr
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from iris_sysid.types import OdeModel, Trajectory
+    from iris_sysid.types import Diagnosis, OdeModel, Trajectory
 
 Clips = Annotated[
     list[Path],
@@ -114,11 +114,28 @@ def diagnose(
     if json:
         typer.echo(document_text(diagnosis_document(diagnosis, trajectories)).rstrip("\n"))
     typer.echo(f"report: {page}", err=True)
+    _advise(diagnosis, trajectories, json)
     if diagnosis.incomplete and model != AUTO and equation is None:
         tables = [table for path in clips for table in ([path] if path.is_file() else sorted(path.glob("*.csv")))]
         found = output / "discovery.json"
         _terminal.suggest("discover", *tables, "--residual-of", described.name, "-o", found, json=json)
     _terminal.end(diagnosis.verdict, strict)
+
+
+def _advise(diagnosis: "Diagnosis", clips: "list[Trajectory]", json: bool) -> None:
+    """Say on stderr what to film next where more than one name is left; nothing beside JSON, which a program reads."""
+    from iris_sysid.diagnosis.planning.plan import plan
+    from iris_sysid.diagnosis.planning.rivals import Question
+    from iris_sysid.errors import FitError
+    from iris_sysid.report.plan_text import advice
+
+    if json or len(Question.of(diagnosis).names) < 2:
+        return
+    try:
+        for line in advice(plan(diagnosis, clips)):
+            typer.echo(line, err=True)
+    except FitError:  # no name can be refitted: the diagnosis stands without advice
+        return
 
 
 def _equation(

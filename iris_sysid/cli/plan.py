@@ -9,12 +9,14 @@ from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import TABLE, Columns, Force, Json, Settings
 
 if TYPE_CHECKING:
+    from iris_sysid.diagnosis.planning.changes import SetUpChange
     from iris_sysid.diagnosis.planning.plan import Plan
     from iris_sysid.diagnosis.planning.rivals import Question
     from iris_sysid.io.schemas import DiagnosisDocument
     from iris_sysid.types import Trajectory
 
 FILES = ("plan.json", "plan.png")
+BODY = ("mass", "radius", "length")
 
 Diagnosed = Annotated[Path | None, typer.Argument(help="diagnosis.json, or the folder that holds it.")]
 Clips = Annotated[list[Path] | None, typer.Argument(help=f"The clips that were diagnosed. {TABLE}.")]
@@ -23,7 +25,9 @@ Names = Annotated[
 ]
 Costs = Annotated[list[str] | None, typer.Option("--cost", help="Cost of a change, 1 for others: release75=3.")]
 Filmed = Annotated[Path | None, typer.Option("--filmed", help="The new clip, made with the change --change.")]
-Change = Annotated[str, typer.Option("--change", help="The change that the new clip was made with.")]
+Change = Annotated[
+    str, typer.Option("--change", help="What the new clip was made with: release75; or factors, mass=2.3,radius=1.")
+]
 To = Annotated[
     str | None, typer.Option("--to", help="Before any clip: the effect to find, and its size: quadratic-drag=0.05.")
 ]
@@ -84,6 +88,7 @@ def _after_a_clip(
 
     _check_folder(output, force)
     filmed, change = made
+    stated, costs = _stated(change), dict(map(_number, asked[1]))
     question = _question(diagnosis, tuple(asked[0]))
     trajectories = _terminal.read_tables(clips, columns, question.model)
     new = _terminal.read_tables([filmed], columns, question.model) if filmed is not None else []
@@ -91,13 +96,13 @@ def _after_a_clip(
     from iris_sysid.diagnosis.planning.plan import plan as rank_changes
     from iris_sysid.report.plan_text import decision_text, plan_entry, plan_text
 
-    planned = rank_changes(question, trajectories, costs=_costs(asked[1]))
+    planned = rank_changes(question, trajectories, costs=costs)
     document = plan_entry(planned)
     said = plan_text(planned)
     if new:
         from iris_sysid.diagnosis.planning.decide import decide
 
-        decision = decide(question, trajectories, new, planned.named(change).change)
+        decision = decide(question, trajectories, new, stated or planned.named(change).change)
         document["decision"] = dict(decision.probabilities)
         said += f"\n{decision_text(decision)}"
     if output is not None:
@@ -180,18 +185,28 @@ def _asked(document: "DiagnosisDocument") -> "Question":
     return Question(model, names, beside, fixed, free)
 
 
-def _costs(texts: list[str]) -> dict[str, float]:
-    """Costs by change, from NAME=NUMBER."""
-    costs = {}
-    for text in texts:
-        change, _, number = text.rpartition("=")
-        try:
-            costs[change] = float(number)
-        except ValueError:
-            raise typer.BadParameter(f"--cost {text}: give CHANGE=NUMBER") from None
-        if not (change and costs[change] > 0):
-            raise typer.BadParameter(f"--cost {text}: give CHANGE=NUMBER, with a number above zero")
-    return costs
+def _stated(text: str) -> "SetUpChange | None":
+    """Another body, by factors on its mass, radius and cord length; None for the name of a change."""
+    from iris_sysid.diagnosis.planning.changes import SetUpChange
+
+    if "=" not in text:
+        return None
+    body = dict(_number(part) for part in text.split(","))
+    if not body.keys() <= set(BODY):
+        raise typer.BadParameter(f"--change {text}: give factors of {', '.join(BODY)}")
+    return SetUpChange("another-body", f"another body: {text}", body=body)
+
+
+def _number(text: str) -> tuple[str, float]:
+    """A name and a number above zero, from NAME=NUMBER."""
+    name, _, number = text.rpartition("=")
+    try:
+        value = float(number)
+    except ValueError:
+        value = 0.0
+    if not (name and 0 < value < float("inf")):
+        raise typer.BadParameter(f"{text}: give NAME=NUMBER, with a number above zero")
+    return name, value
 
 
 def _write(planned: "Plan", text: str, clip: "Trajectory", folder: Path, force: bool) -> None:

@@ -45,7 +45,7 @@ def test_unknown_change_lists_those_there_are(diagnosed, cli):
 def test_wrong_cost_is_wrong_usage(diagnosed, cli, cost):
     outcome = cli("plan", diagnosed / "diagnosis", diagnosed / "small.csv", *ASKED, "--cost", cost)
     assert outcome.status == 2
-    assert "CHANGE=NUMBER" in outcome.err
+    assert "NAME=NUMBER" in outcome.err
 
 
 def test_limits_before_any_clip_fall_with_the_release_and_the_length(cli, tmp_path):
@@ -61,3 +61,17 @@ def test_plan_without_clip_or_effect_says_what_to_give(cli):
     outcome = cli("plan")
     assert outcome.status == 2
     assert "--phenomenon and --to" in outcome.err
+
+
+@pytest.mark.slow
+def test_diagnosis_that_leaves_several_names_says_what_to_film(diagnosed, cli, tmp_path):
+    outcome = cli("diagnose", diagnosed / "small.csv", "--model", "pendulum", "-o", tmp_path / "diagnosis")
+    assert outcome.status == 0, outcome.err
+    assert "Next: release at" in outcome.err
+
+
+def test_another_body_is_stated_by_its_factors(diagnosed, cli):
+    made = ("--filmed", diagnosed / "small.csv", "--change", "mass=2,charge=3")
+    outcome = cli("plan", diagnosed / "diagnosis", diagnosed / "small.csv", *ASKED, *made)
+    assert outcome.status == 2
+    assert "mass, radius, length" in outcome.err

@@ -13,6 +13,7 @@ RELEASES_DEG = (-60.0, -20.0, 10.0, 20.0, 45.0, 75.0)  # from rest; a cord goes 
 RECTIFIED = ("camera-tilt", "radial-distortion", "anisotropic-scale")  # what a board in the plane of motion removes
 CLAMPED = ("camera-drift",)  # what a tripod removes
 ALIKE_RELEASE = 0.15  # relative difference of two releases below which one is a repeat of the other
+FLIGHTS = (["z", "vz"], ["x", "z", "vx", "vz"])  # states of what falls, and of what is thrown
 LEVELS = (0.6, 1.5)  # of a first level, or of an amplitude
 # mass and radius over today's
 BALLS = (("a ball of the same size, 4 times as heavy", 4.0, 1.0), ("a ball half as wide, of the same kind", 0.125, 0.5))
@@ -87,11 +88,12 @@ def changes_for(model: OdeModel, start: Mapping[str, float], effects: Sequence[E
 def _motions(model: OdeModel, start: Mapping[str, float]) -> list[SetUpChange]:
     """Other starts, and longer clips where the motion stays in the picture."""
     longer = SetUpChange("long", "film three times as long", longer=3.0)
+    first, hangs = model.states[0], bool(model.with_role("gravity"))
     if not model.second_order:
         return [longer, *(_level(model, start, factor) for factor in LEVELS)]
-    if len(model.states) == 2 and model.states[0].unit == "rad":
+    if len(model.states) == 2 and first.unit == "rad" and hangs:
         return [longer, *_releases(model, start)]
-    if model.with_role("gravity") or model.states[0].name == "s":
+    if first.name == "s" or ([state.name for state in model.states] in FLIGHTS and hangs):
         return _throws(model, start)
     return [longer, *(_level(model, start, factor) for factor in (*LEVELS, -1.0))]
 

@@ -18,6 +18,8 @@ HIGHEST = 0.95  # lag-1 correlation of the noise that is allowed for
 SMALLEST = 1e-12  # relative variance below which a direction of today's values is known exactly
 ROUNDING = 1e-10  # relative singular value below which columns are parallel
 TOLERANCE = 1e-8
+MOST_SAMPLES = 4000  # of a planned clip; more take longer and show nothing else
+EXACT = 1e-12  # noise over motion of data without noise
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -55,11 +57,15 @@ class Design:
         used = fitted.t_s[fitted.used]
         step = float(np.median(np.diff(used))) / change.faster
         count = round((used[-1] - fitted.t0_s) * change.longer / step) + 1
-        t_s = fitted.t0_s + step * np.arange(count)
-        correlation = float(np.clip(np.nan_to_num(fitted.correlation), 0.0, HIGHEST)) ** (1.0 / change.faster)
-        noise = np.maximum(fitted.rms, 1e-12 * np.maximum(np.nanmax(np.abs(fitted.predicted), axis=0), 1e-12))
+        every = max(int(np.ceil(count / MOST_SAMPLES)), 1)
+        lag_one = float(np.clip(np.nan_to_num(fitted.correlation), 0.0, HIGHEST)) ** (1.0 / change.faster)
+        correlation = lag_one**every
+        # fewer samples, and clips of the same set-up, as one clip that tells as much of a slow signal
+        fewer = _spread(lag_one) / _spread(correlation) / every / change.clips
+        smallest = EXACT * np.maximum(np.nanmax(np.abs(fitted.predicted), axis=0), EXACT)
+        noise = np.maximum(fitted.rms, smallest) * np.sqrt(fewer)
+        t_s = fitted.t0_s + step * every * np.arange(-(-count // every))
         stated = view_of(clip, model) if clip.view is not None else None
-        noise = noise / np.sqrt(change.clips)  # clips of the same set-up are as one with less noise
         return cls(change, model, t_s, noise, correlation, stated, _inputs(clip, t_s))
 
     def whitened(self, values: Array) -> Array:
@@ -67,6 +73,11 @@ class Design:
         scaled = values / self.noise.reshape(1, -1, *(1,) * (values.ndim - 2))
         rest = (scaled[1:] - self.correlation * scaled[:-1]) / np.sqrt(1.0 - self.correlation**2)
         return np.concatenate([scaled[:1], rest]).reshape(-1, *values.shape[2:])
+
+
+def _spread(correlation: float) -> float:
+    """Variance of a slow sum of autocorrelated noise over that of white noise."""
+    return (1.0 + correlation) / (1.0 - correlation)
 
 
 def _inputs(clip: Trajectory, t_s: Array) -> Array | None:
