@@ -82,6 +82,7 @@ def fit(
         raise DataError("--plot, --uncertainty and --model auto are about one table; give one")
     if model == AUTO and (plot or uncertainty or known or start):
         raise DataError("--plot, --uncertainty, --set and --start-at need the name of a model, not --model auto")
+    chosen: OdeModel | None
     if equation is not None:
         chosen = _own_equation.model_of(equation, bound or [], known or [], tables[0], columns)
     else:
