@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from scipy.integrate import solve_ivp
 
-from iris_sysid import MODELS, diagnose, diagnosis_sentence, estimates_frame, fit, read_trajectory
+from iris_sysid import diagnose, diagnosis_sentence, estimates_frame, fit, read_trajectory
 
 
 def write_measured_angles(path: Path) -> None:
@@ -36,10 +36,10 @@ def main() -> None:
         write_measured_angles(table)
         trajectory = read_trajectory(table)
 
-    result = fit(trajectory, MODELS["pendulum"])
+    result = fit(trajectory, "pendulum")
     print(estimates_frame(result)[["value", "stderr", "unit"]])
     print(result.status, result.message)
-    print(diagnosis_sentence(diagnose(trajectory, MODELS["pendulum"])))
+    print(diagnosis_sentence(diagnose(trajectory, "pendulum")))
 
 
 if __name__ == "__main__":
