@@ -3,8 +3,8 @@
 ``python -m validation.waiting --before ../earlier`` renders two pendulums that strike one another (55 frames), a
 pendulum, and six clips of 3 s, and runs each command in a process of its own, in turns with the checkout named; the
 fastest turn of each counts, since the first one compiles. ``--data`` adds the recording of two pendulums among others'
-data. Processor time is less disturbed by what else a machine does than the clock is; the ratio is that of processor
-times.
+data. What a diagnosis reads is what the run before it has written, so ``--only`` names both. Processor time is less
+disturbed by what else a machine does than the clock is; the ratio is that of processor times.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Cost:
 
 
 def tasks(folder: Path, data: Path | None) -> dict[str, list[str]]:
-    """The commands by what they do; ``{out}`` stands for where they write.
+    """The commands by what they do; ``{out}`` stands for where they write, ``{own}`` for what this checkout has run.
 
     Parameters
     ----------
@@ -52,28 +52,25 @@ def tasks(folder: Path, data: Path | None) -> dict[str, list[str]]:
         "list": ["list"],
         "fit, 360 samples": ["fit", table, "--model", "pendulum", "--force", "-o", "{out}.json"],
         "diagnose, 360 samples": ["diagnose", table, "--model", "pendulum", "--force", "-o", "{out}"],
-        "run, two pendulums, 55 frames": [*run, "{out}", pair],
-        "diagnose, two pendulums, 55 frames": [*diagnose, "{out}", str(folder / "pair")],
+        "run, two pendulums, 55 frames": [*run, "{own}/pair", pair],
+        "diagnose, two pendulums, 55 frames": [*diagnose, "{out}", "{own}/pair"],
         "benchmark, six clips of 3 s": ["benchmark", str(folder / "six"), "--force", "-o", "{out}"],
     }
     if data is not None:
-        commands["run, filmed pendulums, 55 frames"] = [*run, "{out}", str(data / FOOTAGE)]
-        commands["diagnose, filmed pendulums"] = [*diagnose, "{out}", str(folder / "filmed")]
+        commands["run, filmed pendulums"] = [*run, "{own}/filmed", str(data / FOOTAGE)]
+        commands["diagnose, filmed pendulums"] = [*diagnose, "{out}", "{own}/filmed"]
     return commands
 
 
-def prepare(folder: Path, data: Path | None) -> None:
-    """Render the clips and measure the tables, with the present checkout; what is there already stays."""
+def prepare(folder: Path) -> None:
+    """Render the clips with the present checkout; what is there already stays."""
     picture = ["--size", SIZE]
     clip = ["render", "--phenomenon", PAIR, "--fps", "20", "--seconds", "2.75", "--seed", "3", *picture]
     six = ["--dataset", str(folder / "six"), "--classes", "pendulum", "--trials", "2", "--seconds", "3"]
     make = {
         "pair.mp4": [*clip, "-o", str(folder / "pair.mp4")],
         "six": ["render", *six, *picture],
-        "pair": ["run", str(folder / "pair.mp4"), "--phenomenon", PAIR, "-o", str(folder / "pair")],
     }
-    if data is not None:
-        make["filmed"] = ["run", str(data / FOOTAGE), "--phenomenon", PAIR, "-o", str(folder / "filmed")]
     for name, command in make.items():
         if not (folder / name).exists():
             cost_of(pages.ROOT, command)
@@ -119,7 +116,7 @@ def fastest(checkouts: Mapping[str, Path], command: Sequence[str], folder: Path,
     checkouts
         By name.
     command
-        With ``{out}`` where it writes.
+        With ``{out}`` and ``{own}`` as :func:`tasks` has them.
     folder
         For what it writes.
     turns
@@ -129,8 +126,8 @@ def fastest(checkouts: Mapping[str, Path], command: Sequence[str], folder: Path,
     for turn in range(turns):
         for name, checkout in checkouts.items():
             # each turn writes anew: a benchmark does not repeat what it finds
-            out = str(folder / f"{name}-{turn}-{abs(hash(tuple(command)))}")
-            costs[name].append(cost_of(checkout, [word.format(out=out) for word in command]))
+            out, own = folder / f"{name}-{turn}-{command[0]}", folder / name
+            costs[name].append(cost_of(checkout, [word.format(out=out, own=own) for word in command]))
     return {name: min(several, key=lambda cost: cost.processor_s) for name, several in costs.items()}
 
 
@@ -158,7 +155,7 @@ def main() -> None:
     data = None if options.data is None else options.data.resolve()
     with tempfile.TemporaryDirectory() as temporary, pages.table("waiting", options.write_docs):
         folder = Path(temporary) if options.clips is None else options.clips.resolve()
-        prepare(folder, data)
+        prepare(folder)
         print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}")
         print(f"| command | {' | '.join(f'processor {name}, s | clock {name}, s' for name in checkouts)} | ratio |")
         print("|---|" + "---:|---:|" * len(checkouts) + "---:|")
