@@ -7,6 +7,7 @@ number of random motions in each row, ``--curve-seeds`` at each point of a curve
 from __future__ import annotations
 
 import argparse
+import itertools
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -229,6 +230,51 @@ def ensemble() -> pysindy.EnsembleOptimizer:
     return pysindy.EnsembleOptimizer(pysindy.STLSQ(), bagging=True, n_models=20)
 
 
+WINDOWS = (7, 11, 21, 41, 81)  # samples of pysindy's smoothing, of those that a clip has three times over
+THRESHOLDS = np.geomspace(0.003, 0.5, 16)  # of coefficients of columns of unit size
+
+
+def tuned(trajectory: Trajectory, window: int, thresholds: Sequence[float]) -> list[set[str]]:
+    """Terms that STLSQ finds among ours at each threshold, with smoothed derivatives and columns of unit size."""
+    library = library_of(trajectory.quantities)
+    derivative = pysindy.SmoothedFiniteDifference(smoother_kws={"window_length": window})
+    raw = plain_states(trajectory, library)[0]
+    rates = np.asarray(derivative(raw, trajectory.t_s))
+    values = np.asarray(derivative.smoothed_x_)
+    second = library.variables[0].order == 2
+    target = np.asarray(derivative(rates, trajectory.t_s)) if second else rates
+    inside = slice(window, len(values) - window)  # derivatives at the ends are unreliable
+    terms, found = evaluated(library, values, rates, None)[inside], [set[str]() for _ in thresholds]
+    for equation in range(len(library.variables)):
+        own = library.of_equation(equation)
+        columns, wanted = terms[:, own], target[inside, equation]
+        columns = columns / np.linalg.norm(columns, axis=0)
+        wanted = wanted / np.linalg.norm(wanted)
+        for k, threshold in enumerate(thresholds):
+            coefficients = np.ravel(pysindy.STLSQ(threshold=threshold, alpha=0.0).fit(columns, wanted[:, None]).coef_)
+            found[k] |= {library.names[i] for i, c in zip(own, coefficients, strict=True) if c != 0}
+    return found
+
+
+def print_tuned(motions: Sequence[Motion], seeds: int) -> None:
+    """Print how often pysindy finds exactly the right terms at the window and threshold best for each model.
+
+    Both are chosen with the truth known, on the motions themselves: an upper bound.
+    """
+    print("| model | tuned pysindy | window | threshold |\n|---|---|---|---|")
+    for motion in motions:
+        trajectories = [drawn(motion, seed)[0] for seed in range(seeds)]
+        windows = [window for window in WINDOWS if trajectories[0].n > 3 * window]
+        hits = np.zeros((len(windows), len(THRESHOLDS)), dtype=int)
+        for (row, window), trajectory in itertools.product(enumerate(windows), trajectories):
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                made = tuned(trajectory, window, THRESHOLDS.tolist())
+            hits[row] += [terms == set(motion.terms) for terms in made]
+        row, k = np.unravel_index(int(np.argmax(hits)), hits.shape)
+        print(f"| {motion.model} | {hits[row, k]}/{seeds} | {windows[row]} | {THRESHOLDS[k]:.2g} |", flush=True)
+
+
 METHODS: dict[str, Callable[[Trajectory], set[str]]] = {
     "defaults": defaults,
     "defaults, our library": lambda motion: with_our_library(motion, pysindy.STLSQ),
@@ -410,7 +456,7 @@ def print_speed() -> None:
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--part", choices=("structure", "degradation", "real", "speed"), action="append")
+    parser.add_argument("--part", choices=("structure", "tuned", "degradation", "real", "speed"), action="append")
     parser.add_argument("--model", action="append", help="only this model; may be repeated")
     parser.add_argument("--seeds", type=int, default=50)
     parser.add_argument("--curve-seeds", type=int, default=10, help="motions at each point of a degradation curve")
@@ -418,12 +464,15 @@ def main() -> None:
     parser.add_argument("--picture", type=Path, help="PNG file for the degradation curves")
     pages.add_option(parser)
     options = parser.parse_args()
-    parts = options.part or ["structure", "degradation", "real", "speed"]
+    parts = options.part or ["structure", "tuned", "degradation", "real", "speed"]
     motions = [motion for motion in MOTIONS if not options.model or motion.model in options.model]
     with threadpool_limits(limits=1):
         if "structure" in parts:
             with pages.table("discovery-structure", options.write_docs):
                 print_structure(motions, options.seeds, options.others_seeds)
+        if "tuned" in parts:
+            with pages.table("discovery-tuned", options.write_docs):
+                print_tuned(motions, options.others_seeds)
         if "degradation" in parts:
             names = options.model or ("pendulum", "linear-oscillator")
             chosen = [motion for motion in motions if motion.model in names]
