@@ -81,7 +81,16 @@ def from_source(
 ) -> list[Track]:
     """The tracks with the file they come from, its sha256, the options and the versions of packages as their origin.
 
-    ``complete`` is False where the file says that a part of the clip is missing.
+    Parameters
+    ----------
+    tracks
+        One per body.
+    source
+        The file.
+    options
+        The request, as it is to be recorded.
+    complete
+        False where the file says that a part of the clip is missing.
     """
     origin = {**origin_of(Path(source), options), "complete": complete}
     return [replace(body, origin={**body.origin, **origin}) for body in tracks]
