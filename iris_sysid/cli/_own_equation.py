@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import typer
+
 from iris_sysid.errors import DataError
 from iris_sysid.units import NUMBER
 
@@ -14,19 +16,21 @@ if TYPE_CHECKING:
     from iris_sysid.types import OdeModel, Trajectory
 
 BOUND = re.compile(rf"\s*(\w+)\s*=\s*({NUMBER})?\s*:\s*({NUMBER})?\s*")
-ONE_OF = "give the governing equation: --model NAME, or --equation \"theta'' = -g/L*sin(theta)\""
+ONE_OF = "Missing option '--model', or --equation \"theta'' = -g/L*sin(theta)\""
 
 
 def check_one(model: str | None, equation: str | None, bounds: Sequence[str]) -> None:
-    """DataError unless there is either a model or an equation that can be read, and bounds only with the latter.
+    """Refuse all but either a model or an equation that can be read, and bounds only with the latter.
 
     Parameters
     ----------
     model, equation, bounds
         As typed.
     """
-    if (model is None) == (equation is None):
-        raise DataError(ONE_OF if model is None else "give --model or --equation, not both")
+    if model is None and equation is None:
+        raise typer.BadParameter(ONE_OF)
+    if model is not None and equation is not None:
+        raise DataError("give --model or --equation, not both")
     if bounds and equation is None:
         raise DataError("--bound is about the parameters of --equation; a registered model has bounds of its own")
     parsed_bounds(bounds)

@@ -295,6 +295,8 @@ OTHER_TABLE = [
     ("calibrate text.mp4 --board 9x6 --square 25mm -o c.json", "text.mp4"),
     ("calibrate taken --board 9x6 --square 25mm -o c.json", "there is no image in taken"),
     ("frame no.mp4 -o f.png", "no.mp4"),
+    ("plan no.json good.csv -o p", "cannot read no.json: No such file"),
+    ("plan --to nothing=0.1 --phenomenon pendulum -o p", "no effect is named 'nothing'; there are: .*quadratic-drag"),
     ("frame text.mp4 -o f.png", "text.mp4"),
     ("frame no.mp4 -o f.jpg", "end its name with .png"),
     ("discover no.csv -o d.json", "no.csv"),

@@ -93,7 +93,6 @@ def motor_record():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ("", "give the governing equation: --model NAME, or --equation"),
         ('--model pendulum --equation "x\' = 1"', "give --model or --equation, not both"),
         ("--model pendulum --bound L=0:1", "--bound is about the parameters of --equation"),
         ('--equation "x\' = 2x"', "column 7 .*operator is missing before x"),
