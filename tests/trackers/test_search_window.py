@@ -8,6 +8,7 @@ from iris_sysid.types import TrackOptions
 from tests._drawn import DrawnClip, disc, paint
 from trackers._detection.detect_frames import detection_setup
 from trackers._detection.strong_windows import merged
+from trackers._frames.ahead import ahead
 from trackers._frames.working_image import view_of
 
 SHAPE = (240, 2000)
@@ -78,3 +79,18 @@ def test_merged_boxes_hold_all_that_were_given_and_do_not_overlap():
         shown[top:bottom, left:right] += 1
     assert shown.max() == 1
     assert all(shown[top:bottom, left:right].all() for left, top, right, bottom in boxes)
+
+
+def test_work_ahead_gives_results_in_order_and_raises_what_the_work_raises():
+    taken = []
+
+    def items():
+        for k in range(20):
+            taken.append(k)
+            yield k
+
+    results = ahead(lambda k: 10 // (15 - k), items())
+    assert [next(results) for _ in range(3)] == [0, 0, 0]
+    assert len(taken) < 12  # frames are large: few are held
+    with pytest.raises(ZeroDivisionError):
+        list(results)
