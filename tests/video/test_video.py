@@ -1040,7 +1040,10 @@ def encrypted(path, content):
         (lambda p: bomb(p / "a.zip"), "claims 125829120 bytes unpacked from .*: more than a video can be"),
         (lambda p: pack(p / "a.zip", {}), "holds no video and no images"),
         (lambda p: pack(p / "a.zip", {"a.txt": b"x"}), "holds no video and no images"),
-        (lambda p: pack(p / "a.zip", {"b.mp4": b"", "a.mp4": b""}), r"holds 2 videos; name one as FILE:NAME: a.mp4, b.mp4"),
+        (
+            lambda p: pack(p / "a.zip", {"b.mp4": b"", "a.mp4": b""}),
+            r"holds 2 videos; name one as FILE:NAME: a.mp4, b.mp4",
+        ),
         (
             lambda p: pack(p / "a.zip", {"a/1.png": b"", "b/1.png": b""}),
             "images in 2 folders; it must hold one video",
