@@ -114,7 +114,8 @@ def diagnose(
     if json:
         typer.echo(document_text(diagnosis_document(diagnosis, trajectories)).rstrip("\n"))
     typer.echo(f"report: {page}", err=True)
-    _advise(diagnosis, trajectories, json)
+    if not json:
+        _advise(diagnosis, trajectories, [path for path in clips if path.is_file()], output)
     if diagnosis.incomplete and model != AUTO and equation is None:
         tables = [table for path in clips for table in ([path] if path.is_file() else sorted(path.glob("*.csv")))]
         found = output / "discovery.json"
@@ -122,20 +123,23 @@ def diagnose(
     _terminal.end(diagnosis.verdict, strict)
 
 
-def _advise(diagnosis: "Diagnosis", clips: "list[Trajectory]", json: bool) -> None:
-    """Say on stderr what to film next where more than one name is left; nothing beside JSON, which a program reads."""
+def _advise(diagnosis: "Diagnosis", clips: "list[Trajectory]", tables: list[Path], output: Path) -> None:
+    """Say on stderr what to film next where more than one name is left, and the command that ranks all changes."""
     from iris_sysid.diagnosis.planning.plan import plan
     from iris_sysid.diagnosis.planning.rivals import Question
     from iris_sysid.errors import FitError
     from iris_sysid.report.plan_text import advice
 
-    if json or len(Question.of(diagnosis).names) < 2:
+    names = Question.of(diagnosis).names
+    if len(names) < 2:
         return
     try:
         for line in advice(plan(diagnosis, clips)):
             typer.echo(line, err=True)
     except FitError:  # no name can be refitted: the diagnosis stands without advice
         return
+    if tables:
+        _terminal.suggest("plan", output, *tables, *_terminal.repeated("--name", list(names)))
 
 
 def _equation(

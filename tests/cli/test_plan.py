@@ -68,6 +68,8 @@ def test_diagnosis_that_leaves_several_names_says_what_to_film(diagnosed, cli, t
     outcome = cli("diagnose", diagnosed / "small.csv", "--model", "pendulum", "-o", tmp_path / "diagnosis")
     assert outcome.status == 0, outcome.err
     assert "Next: release at" in outcome.err
+    assert "next: iris-sysid plan" in outcome.err
+    assert "--name quadratic-drag" in outcome.err
 
 
 def test_another_body_is_stated_by_its_factors(diagnosed, cli):
