@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from fitters.own_model.equation import model_from_equation as model_from_equation
     from fitters.own_model.function import model_from_function as model_from_function
     from fitters.selection.select import select_model as select_model
+    from fitters.sindy.as_pysindy import to_pysindy as to_pysindy
     from fitters.sindy.discover import discover as discover
     from fitters.validation_record import Validation as Validation
     from fitters.validation_record import validate_fit as validate_fit
@@ -136,6 +137,7 @@ _HOME = {
         "fitters.own_model.equation": "model_from_equation",
         "fitters.own_model.function": "model_from_function",
         "fitters.selection.select": "select_model",
+        "fitters.sindy.as_pysindy": "to_pysindy",
         "fitters.sindy.discover": "discover",
         "fitters.validation_record": "Validation validate_fit",
         "iris_sysid.calibration.board.calibrate": "calibrate_board",
