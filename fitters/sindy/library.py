@@ -23,6 +23,7 @@ Kind = Literal["angle", "position", "size", "amount"]
 
 # The function of a term: of its own value a, another value b, its rate v and the body's speed w.
 ONE, LINEAR, SIN, COS, CUBE, ROOT, SQUARE, DIFFERENCE, RATE, DRAG, DRY, INPUT, OTHER_ROOT = range(13)
+FEATURE = 13  # a function that the library was given, see fitters.sindy.given_library
 
 CODES: dict[Kind, tuple[int, ...]] = {
     "angle": (ONE, LINEAR, SIN, COS, RATE, DRAG, DRY),
@@ -72,7 +73,10 @@ class Variable:
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """One candidate: ``code`` is its function, ``own`` and ``other`` are the variables (or input) that it takes."""
+    """One candidate: ``code`` is its function, ``own`` and ``other`` are the variables (or input) that it takes.
+
+    ``other`` of a FEATURE is the index of its function; ``pushed`` says whether the term takes a known input.
+    """
 
     equation: int
     code: int
@@ -80,6 +84,7 @@ class Term:
     parameter: Parameter
     text: str
     latex: str
+    pushed: bool = False
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -87,7 +92,7 @@ class Library:
     """The variables and candidates for trajectories of some quantities; terms are in order of their equation.
 
     ``partner`` says with which variable each one moves in a plane (itself where there is none), ``turnover`` is the
-    speed below which sign(v) turns over smoothly.
+    speed below which sign(v) turns over smoothly. ``functions(state, inputs)`` are those that the library was given.
     """
 
     variables: tuple[Variable, ...]
@@ -95,6 +100,7 @@ class Library:
     inputs: tuple[Quantity, ...]
     partner: tuple[int, ...]
     turnover: float
+    functions: tuple[Callable[..., Any], ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -211,7 +217,7 @@ def _term(equation: int, own: Variable, code: int, other: int, second: Quantity 
     unit = _coefficient_unit(own, dimension, second if code == INPUT else None)
     symbol = rf"c_{{{own.state.symbol},{label.replace('_', ' ')}}}"
     parameter = Parameter(f"{own.quantity.name}_{label}", unit, symbol, default=0.0)
-    return Term(equation, code, other, parameter, text, latex)
+    return Term(equation, code, other, parameter, text, latex, pushed=code == INPUT)
 
 
 def _name(quantity: Quantity | None) -> str:
@@ -330,8 +336,13 @@ def evaluated(library: Library, values: Array, rates: Array, inputs: Array | Non
         (n, m), None where there are none.
     """
     columns = []
+    state = (*values.T, *rates.T) if library.variables[0].order == 2 else tuple(values.T)
+    given = tuple(inputs.T) if inputs is not None else ()
     for term in library.terms:
         k, other = term.equation, term.other
+        if term.code == FEATURE:
+            columns.append(library.functions[other](state, given) + 0.0 * values[:, k])
+            continue
         velocity, along = rates[:, k], rates[:, library.partner[k]]
         speed = np.abs(velocity) if library.partner[k] == k else np.hypot(velocity, along)
         second = values[:, other] if term.code in (DIFFERENCE, OTHER_ROOT) else values[:, k]

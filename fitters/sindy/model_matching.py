@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from fitters.sindy.library import Library
-from fitters.sindy.model_structure import PRESENT, Structure, coefficients_of, key_of, structures
+from fitters.sindy.model_structure import PRESENT, Key, Structure, coefficients_of, key_of, structures
 from iris_sysid.types import Array, Estimate, Match, chi2_sf
 
 Rank = tuple[int, int, bool]
@@ -63,11 +63,18 @@ def match(
         return None, None
     others.sort(key=lambda item: (item[0], item[1].model.name))
     structure = others[0][1]
-    texts = {key_of(library, k): f"{library.terms[k].text} in {library.variables[library.terms[k].equation].left}"
-             for k in range(len(library.terms))}  # fmt: skip
+    texts = _texts(structure.library) | _texts(library)  # a library that was given may lack a term of the model
     lists = structure.always - discovered, discovered - structure.sometimes
     absent, added = (tuple(texts[key] for key in sorted(keys)) for keys in lists)
     return None, Match(structure.model.name, {}, missing=absent, extra=added)
+
+
+def _texts(library: Library) -> dict[Key, str]:
+    """Each term in words, e.g. ``sin(theta) in theta''``."""
+    return {
+        key_of(library, k): f"{term.text} in {library.variables[term.equation].left}"
+        for k, term in enumerate(library.terms)
+    }
 
 
 def _strangers(structure: Structure, library: Library) -> int:

@@ -21,13 +21,13 @@ class TermLibrary(BaseFeatureLibrary):  # type: ignore[misc]  # pysindy ships no
     def __init__(self, model: OdeModel, names: Sequence[str], places: Sequence[tuple[int, int | None]]) -> None:
         self.model, self.names, self.places = model, names, places
 
-    @x_sequence_or_item
+    @x_sequence_or_item  # type: ignore[untyped-decorator]
     def fit(self, x_full: Any, y: Any = None) -> TermLibrary:
         """Note the sizes: nothing is estimated."""
         self.n_features_in_, self.n_output_features_ = x_full[0].shape[-1], len(self.names)
         return self
 
-    @x_sequence_or_item
+    @x_sequence_or_item  # type: ignore[untyped-decorator]
     def transform(self, x_full: Any) -> list[Any]:
         """The features (n, f) of states and inputs (n, s + m), in the units of the terms."""
         return [AxesArray(self._features(np.asarray(x)), {"ax_sample": 0, "ax_coord": 1}) for x in x_full]

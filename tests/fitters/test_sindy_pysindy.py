@@ -4,12 +4,16 @@ import copy
 import pickle
 
 import numpy as np
+import pysindy
 import pytest
 from scipy.integrate import solve_ivp
 
 from fitters.ode import simulate
 from fitters.sindy import discover
 from fitters.sindy.as_pysindy import to_pysindy
+from fitters.sindy.given_library import with_features
+from fitters.sindy.library import evaluated, library_of
+from iris_sysid.errors import DataError, FitError
 from iris_sysid.types import Quantity, Trajectory
 
 T_S = np.arange(300) / 60
@@ -98,3 +102,155 @@ def test_model_of_pysindy_is_copied_pickled_and_fitted_again(found, swing):
         assert np.array_equal(other.predict(ours), made.predict(ours))
     slopes = np.array([pendulum(0.0, state) for state in ours])
     assert made.fit(ours, T_S, x_dot=slopes).coefficients()[1] == pytest.approx([-0.2, -19.6], abs=1e-6)
+
+
+# --------------------------------------------------------------------------- a library of pysindy in a discovery
+
+POLYNOMIALS = pysindy.PolynomialLibrary(degree=3)
+CHIRP = pysindy.CustomLibrary([lambda x: np.exp(x), lambda x, y: x * np.abs(y)], include_bias=True)
+
+
+def selected(discovery):
+    return {term.term for term in discovery.selected}
+
+
+@pytest.mark.parametrize(
+    "library",
+    [
+        POLYNOMIALS,
+        pysindy.IdentityLibrary(),
+        pysindy.FourierLibrary(n_frequencies=2),
+        pysindy.FourierLibrary(include_cos=False),
+        CHIRP,
+        pysindy.CustomLibrary([lambda x, y: x * y], interaction_only=False),
+        POLYNOMIALS + pysindy.FourierLibrary() + CHIRP,
+        pysindy.IdentityLibrary() * pysindy.FourierLibrary(n_frequencies=2),
+        pysindy.GeneralizedLibrary(
+            [POLYNOMIALS, pysindy.FourierLibrary()], tensor_array=[[1, 1]], inputs_per_library=[[0, 1], [2]]
+        ),
+    ],
+)
+def test_features_have_the_values_that_pysindy_gives_them(library):
+    x = np.random.default_rng(1).uniform(0.2, 1.2, (20, 3))
+    theirs = np.asarray(copy.deepcopy(library).fit(x).transform(x))
+    made = with_features(library_of((THETA,), (PUSH,)), library)
+    ours = evaluated(made, x[:, :1], x[:, 1:2], x[:, 2:])
+    assert ours.shape[1] <= theirs.shape[1]
+    for column in theirs.T:
+        assert np.min(np.max(np.abs(ours - column[:, None]), axis=0)) < 1e-12
+    texts = [term.text for term in made.terms]
+    assert len(set(texts)) == len(set(made.names)) == len(texts)
+
+
+def test_pendulum_in_a_library_of_pysindy_is_named_with_its_length(swing):
+    library = pysindy.PolynomialLibrary(degree=2) + pysindy.FourierLibrary(n_frequencies=1)
+    discovery = discover(swing, library=library, resampled=10)
+    assert selected(discovery) == {"sin(theta)", "theta'"}
+    assert discovery.matched.model == "pendulum"
+    assert discovery.matched.parameters["length"].value == pytest.approx(9.80665 / 19.6, rel=5e-3)
+
+
+def test_feature_that_our_library_lacks_is_found_with_its_interval_and_unit():
+    def van_der_pol(t, s):
+        return [s[1], -20.0 * s[0] + 1.5 * s[1] - 60.0 * s[0] ** 2 * s[1]]
+
+    data = clip(van_der_pol, [0.05, 0.0], Z, noise=2e-4)
+    discovery = discover(data, library=POLYNOMIALS, resampled=10)
+    assert selected(discovery) == {"z", "z'", "z^2 z'"}
+    values = {term.term: term.coefficient for term in discovery.selected}
+    for name, truth in {"z": -20.0, "z'": 1.5, "z^2 z'": -60.0}.items():
+        assert abs(values[name].value - truth) < 4 * values[name].stderr < 0.1 * abs(truth)
+    assert values["z^2 z'"].unit == "1/m^2/s"
+    assert discovery.matched is None
+    again = pickle.loads(pickle.dumps(discovery))
+    ours = simulate(again, T_S).states
+    assert np.array_equal(ours, simulate(discovery, T_S).states)
+    made = to_pysindy(discovery)
+    assert set(made.get_feature_names()) == {"z", "d_z", "z^2 d_z"}
+    assert made.simulate(ours[0], T_S) == pytest.approx(ours, abs=1e-5)
+
+
+def test_product_with_an_input_is_found():
+    u = np.sign(np.sin(2.3 * T_S))
+
+    def pumped(t, s):
+        return [s[1], -15.0 * s[0] - 5.0 * np.interp(t, T_S, u) * s[0]]
+
+    data = clip(pumped, [0.2, 0.0], Z, input_quantities=(PUSH,), inputs=u[:, None])
+    discovery = discover(data, library=pysindy.PolynomialLibrary(degree=2, interaction_only=True), resampled=10)
+    assert selected(discovery) == {"z", "z u"}
+    (term,) = (term for term in discovery.selected if term.term == "z u")
+    assert term.coefficient.value == pytest.approx(-5.0, rel=0.01)
+    assert term.coefficient.unit == "1/s^2/V"
+
+
+def test_function_of_the_user_that_is_one_of_ours_has_its_name_and_effect():
+    drag = pysindy.CustomLibrary([lambda v: np.abs(v) * v], [lambda name: f"abs({name}) {name}"])
+    data = clip(lambda t, s: [s[1], -20.0 * s[0] - 0.8 * np.abs(s[1]) * s[1]], [0.4, 0.0], Z, noise=4e-4)
+    discovery = discover(data, library=pysindy.IdentityLibrary() + drag, resampled=10)
+    assert selected(discovery) == {"z", "|z'| z'"}
+    assert {term.effect for term in discovery.selected} == {"", "quadratic-drag"}
+
+
+@pytest.mark.parametrize(
+    "library", [pysindy.PDELibrary(derivative_order=1, spatial_grid=np.arange(4.0)), "polynomials", object()]
+)
+def test_library_that_cannot_be_integrated_is_refused(swing, library):
+    with pytest.raises(DataError, match=r"can be integrated; give PolynomialLibrary, FourierLibrary"):
+        discover(swing, library=library)
+
+
+def test_feature_without_a_value_in_the_motion_is_named(swing):
+    logarithm = pysindy.CustomLibrary([lambda x: np.log(x)], [lambda name: f"log({name})"])
+    with pytest.raises(DataError, match=r"log\(theta\), log\(theta'\): not a finite number"):
+        discover(swing, library=pysindy.IdentityLibrary() + logarithm)
+
+
+def test_library_without_any_feature_is_refused(swing):
+    with pytest.raises(DataError, match="no feature of theta, theta'"):
+        discover(swing, library=pysindy.CustomLibrary([lambda a, b, c: a * b * c]))
+
+
+def test_library_without_a_term_of_the_model_cannot_explain_its_residual(swing):
+    with pytest.raises(FitError, match="lacks a term of 'pendulum'"):
+        discover(swing, library=pysindy.IdentityLibrary(), residual_of="pendulum")
+
+
+# --------------------------------------------------------------------------- an optimizer of pysindy in a discovery
+
+
+@pytest.mark.parametrize(
+    "optimizer",
+    [
+        pysindy.STLSQ(threshold=0.1),
+        pysindy.SR3(reg_weight_lam=0.01),
+        pysindy.SSR(),
+        pysindy.EnsembleOptimizer(pysindy.STLSQ(threshold=0.1), bagging=True, n_models=5),
+    ],
+)
+def test_optimizer_proposes_and_the_fit_decides(swing, optimizer):
+    before = copy.deepcopy(vars(optimizer))
+    first, second = (discover(swing, optimizer=optimizer, resampled=5) for _ in range(2))
+    assert selected(first) == {"sin(theta)", "theta'"}
+    assert first.proposed == second.proposed
+    assert vars(optimizer).keys() == before.keys()
+
+
+def test_proposal_is_that_of_the_optimizer(swing):
+    small, large = (discover(swing, optimizer=pysindy.STLSQ(threshold=t), resampled=5).proposed for t in (0.05, 5.0))
+    assert "theta_rate" in small
+    assert "theta_rate" not in large  # its coefficient of 0.2 is below the threshold
+    assert "theta_sin" in large
+
+
+@pytest.mark.parametrize("optimizer", ["STLSQ", pysindy.STLSQ])
+def test_what_is_no_optimizer_is_refused(swing, optimizer):
+    with pytest.raises(DataError, match="give an optimizer of pysindy"):
+        discover(swing, optimizer=optimizer)
+
+
+def test_optimizer_with_constraints_is_refused(swing):
+    optimizer = pysindy.STLSQ()
+    optimizer.constraint_lhs = np.eye(2)
+    with pytest.raises(DataError, match="constraints between coefficients"):
+        discover(swing, optimizer=optimizer)
