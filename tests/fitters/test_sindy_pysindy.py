@@ -236,11 +236,12 @@ def test_optimizer_proposes_and_the_fit_decides(swing, optimizer):
     assert vars(optimizer).keys() == before.keys()
 
 
-def test_proposal_is_that_of_the_optimizer(swing):
-    small, large = (discover(swing, optimizer=pysindy.STLSQ(threshold=t), resampled=5).proposed for t in (0.05, 5.0))
-    assert "theta_rate" in small
-    assert "theta_rate" not in large  # its coefficient of 0.2 is below the threshold
-    assert "theta_sin" in large
+def test_proposal_is_that_of_the_optimizer_and_the_fit_puts_back_what_it_lacks(swing):
+    small, large = (discover(swing, optimizer=pysindy.STLSQ(threshold=t), resampled=5) for t in (0.05, 5.0))
+    assert "theta_rate" in small.proposed
+    assert "theta_rate" not in large.proposed  # its coefficient of 0.2 is below the threshold
+    assert "theta_sin" in large.proposed
+    assert selected(small) == selected(large) == {"sin(theta)", "theta'"}
 
 
 @pytest.mark.parametrize("optimizer", ["STLSQ", pysindy.STLSQ])
