@@ -48,6 +48,10 @@ def columns(t, states, params, inputs, out):
         except:
             out[:, c] = nan
 """
+MOST_REPLAYS = 3
+# Attribute of a right-hand side of which only numba, not its author, thinks that it can raise (an index that is known
+# to be one of the tuple): exceptions need no guard, which makes each step several times slower.
+NEVER_RAISES = "never_raises"
 RAISE = dis.opmap["RAISE_VARARGS"]
 
 
@@ -93,10 +97,10 @@ def _compile(rhs: Callable[..., Any], n_states: int, n_params: int, n_inputs: in
     try:
         values = {"rhs": callable_in_kernels(rhs)}
         columns = compiled_columns(generated(source, values))
-        if can_raise(columns):
+        if can_raise(columns) and not getattr(rhs, NEVER_RAISES, False):
             guarded = _loop_source(n_states, n_params, n_inputs, loop=_GUARDED)
             columns = compiled_columns(generated(guarded, {**values, "nan": np.nan}), catches=True)
-            return CompiledRhs(functools.partial(_replayed, plain), columns)
+            return CompiledRhs(_Replaying(plain), columns)
     except Exception as error:  # whatever numba raises: plain Python tells whether the function is at fault
         reason = next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
         note = f"numba cannot compile the model's rhs ({reason[:120]}): it ran in plain Python, which is slower"
@@ -104,17 +108,28 @@ def _compile(rhs: Callable[..., Any], n_states: int, n_params: int, n_inputs: in
     return CompiledRhs(integrate, columns)
 
 
-def _replayed(plain: Callable[..., None], columns: Any, *arguments: Any) -> None:
-    """Integrate; a solution that is not finite is integrated again in plain Python, which raises what was raised."""
-    *given, out = arguments
-    try:
-        integrate(columns, *given, out)
-    except SystemError:  # an exception that numba itself sets, e.g. of a missing key, cannot be caught in machine code
-        out[:] = np.nan
-    t_s, substeps, initial, params, *rest = given
-    for c in np.flatnonzero(~np.isfinite(out).all(axis=(0, 1))):
-        one = np.empty((*out.shape[:2], 1))
-        integrate.py_func(plain, t_s, substeps, initial[:, c : c + 1], params[:, c : c + 1], *rest, one)
+class _Replaying:
+    """Integrate; a solution that is not finite is integrated again in plain Python, which raises what was raised.
+
+    After some of them without an exception, solutions of this function diverge by themselves: no more are replayed.
+    """
+
+    def __init__(self, plain: Callable[..., None]) -> None:
+        self._plain = plain
+        self._left = MOST_REPLAYS
+
+    def __call__(self, columns: Any, *arguments: Any) -> None:
+        *given, out = arguments
+        try:
+            integrate(columns, *given, out)
+        except SystemError:  # one that numba itself sets, e.g. of a missing key, cannot be caught in machine code
+            out[:] = np.nan
+            self._left = max(self._left, 1)
+        t_s, substeps, initial, params, *rest = given
+        for c in np.flatnonzero(~np.isfinite(out).all(axis=(0, 1)))[: self._left]:
+            one = np.empty((*out.shape[:2], 1))
+            integrate.py_func(self._plain, t_s, substeps, initial[:, c : c + 1], params[:, c : c + 1], *rest, one)
+            self._left -= 1
 
 
 def _arguments(n_states: int, n_params: int, n_inputs: int) -> dict[str, str]:

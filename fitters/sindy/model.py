@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numba.extending import register_jitable
 
+from fitters.integrator.compile_rhs import NEVER_RAISES
 from fitters.sindy.library import DIFFERENCE, FEATURE, INPUT, OTHER_ROOT, Library, Term, bare_model, term_value
 from iris_sysid.types import Array, OdeModel, picklable
 
@@ -82,13 +83,13 @@ def _rhs(
         for index in (index for index, code, _ in own if code == FEATURE):
             total = _plus(total, index, functions[index])
         slopes = _and(slopes, total)
-    if pushed:
-        return slopes
 
     def autonomous(t: Any, state: Any, params: Any) -> Any:
         return slopes(t, state, params, ())
 
-    return autonomous
+    rhs = slopes if pushed else autonomous
+    setattr(rhs, NEVER_RAISES, not any(functions))
+    return rhs
 
 
 @_in_kernels
