@@ -92,7 +92,7 @@ def predict(
     fitted = _fit_of(result)
     if not fitted.usable:
         raise FitError(f"the fit has no estimates to predict with ({fitted.status}): {fitted.message}")
-    times = np.atleast_1d(np.asarray(frozen_array(np.atleast_1d(np.asarray(t_s, dtype=object)), (None,), "t_s")))
+    times = frozen_array(np.atleast_1d(np.asarray(t_s, dtype=object)), (None,), "t_s")
     if not np.all(np.isfinite(times)):
         raise DataError("t_s holds a number that is not finite")
     after = times >= fitted.t0_s

@@ -41,7 +41,7 @@ def frozen_mask(values: ArrayLike, n: int, name: str) -> Mask:
 
 def check_size(values: Array, name: str) -> None:
     """Raise DataError where a value, of any shape and unit, is too large for sums of fourth powers of it."""
-    largest = float(np.max(np.abs(values), initial=0.0))
+    largest = float(np.nanmax(np.abs(values), initial=0.0))
     if largest > LARGEST:
         raise DataError(f"{name} of {largest:.3g} is too large to compute with; give it in a larger unit")
 

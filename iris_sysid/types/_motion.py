@@ -123,7 +123,7 @@ class Trajectory(Shown, Portable):
             raise DataError("a valid sample has a position that is not finite; mark it as a gap")
         check_size(position[valid], "a position")
         if self.input_quantities:
-            check_size(np.nan_to_num(np.asarray(inputs), posinf=np.inf, neginf=-np.inf), "an input")
+            check_size(np.asarray(inputs), "an input")
         for segment in self.segments:
             if not 0 <= segment.start < segment.stop <= n:
                 raise DataError(f"segment {segment} does not lie within the {n} samples")

@@ -18,7 +18,7 @@ from av.video.stream import VideoStream
 
 from iris_sysid.errors import VideoError
 from iris_sysid.video.completeness import EMPTY_PACKET_BYTES, Promise, Tally, promise_of, what_is_missing
-from iris_sysid.video.container_ends import what_is_cut
+from iris_sysid.video.container_ends import top_level_boxes, what_is_cut
 from iris_sysid.video.even_times import EvenTimes, even_times, is_coarse
 from iris_sysid.video.pixel_formats import Orientation, coding_of, orientation_of
 
@@ -267,19 +267,11 @@ def _why(path: Path, error: av.FFmpegError) -> str:
 
 
 def _has_box(path: Path, kind: bytes) -> bool:
-    """Whether an MP4 has a whole top-level box of that kind (ISO 14496-12, 4.2)."""
-    end, position = path.stat().st_size, 0
+    """Whether an MP4 has a whole top-level box of that kind."""
+    size = path.stat().st_size
     with path.open("rb") as file:
-        while position + 8 <= end:
-            file.seek(position)
-            head = file.read(16)
-            length = int.from_bytes(head[8:16]) if head[:4] == b"\0\0\0\1" else int.from_bytes(head[:4])
-            if head[4:8] == kind:
-                return position + length <= end
-            if length < 8:
-                return False
-            position += length
-    return False
+        found = (start + length <= size for name, start, length in top_level_boxes(file, size) if name == kind)
+        return next(found, False)
 
 
 # --------------------------------------------------------------------------- decoding

@@ -8,7 +8,7 @@ live Matroska, fragmented MP4) cannot be seen.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -22,6 +22,7 @@ TS_AT_ONCE = 100_000  # packets, 19 MB
 FILE_PROPERTIES = bytes.fromhex("a1dcab8c47a9cf118ee400c00c205365")  # ASF specification, 10.1
 ASF_BROADCAST = 0x01
 UNKNOWN_SIZE = -1
+SHORTEST_BOX = 8  # bytes
 EBML_HEADER, SEGMENT = 0x1A45DFA3, 0x18538067  # RFC 8794 and RFC 9559
 
 
@@ -146,19 +147,25 @@ def _variable_integer(file: BinaryIO, *, keep_marker: bool) -> int:
     return UNKNOWN_SIZE if without == (1 << 7 * length) - 1 else without
 
 
-def _boxes(file: BinaryIO, size: int) -> str:
-    """Boxes state their length; 0 is: to the end (ISO 14496-12, 4.2)."""
-    position = 0
-    while position < size:
+def top_level_boxes(file: BinaryIO, size: int) -> Iterator[tuple[bytes, int, int]]:
+    """Kind, start and stated length of each top-level box of an MP4 of that size, bytes (ISO 14496-12, 4.2).
+
+    The last one is the first that states a length below that of its own header; 0 means: to the end.
+    """
+    position, length = 0, SHORTEST_BOX
+    while position < size and length >= SHORTEST_BOX:
         file.seek(position)
         head = file.read(16)
         length = int.from_bytes(head[8:16], "big") if head[:4] == b"\0\0\0\1" else int.from_bytes(head[:4], "big")
-        if length == 0:
-            return ""
-        if length < 8 or position + length > size:
-            return "its last box is cut off"
+        yield head[4:8], position, length
         position += length
-    return ""
+
+
+def _boxes(file: BinaryIO, size: int) -> str:
+    """Boxes state their length."""
+    ends = [(start, length) for _, start, length in top_level_boxes(file, size)]
+    cut = any(0 < length < SHORTEST_BOX or start + length > size for start, length in ends)
+    return "its last box is cut off" if cut else ""
 
 
 def _windows_media(file: BinaryIO, size: int) -> str:
