@@ -49,7 +49,12 @@ class Case:
 
 
 def draw_case(
-    seed: int, *, hidden: Sequence[HiddenEffect] = HIDDEN, clean: bool = False, noises: Sequence[str] = tuple(NOISES)
+    seed: int,
+    *,
+    hidden: Sequence[HiddenEffect] = HIDDEN,
+    clean: bool = False,
+    noises: Sequence[str] = tuple(NOISES),
+    alike: bool = True,
 ) -> Case:
     """A random case; the same seed gives the same case.
 
@@ -63,6 +68,8 @@ def draw_case(
         Hide nothing.
     noises
         Kinds of noise to draw from.
+    alike
+        Find the effects that would have given the same data: takes longer than all the rest. Without, there are none.
     """
     rng = np.random.default_rng(seed)
     for _ in range(ATTEMPTS):
@@ -71,7 +78,7 @@ def draw_case(
         motion = MOTIONS[effect.motions[int(rng.integers(len(effect.motions)))]]
         if clean:
             motion = list(MOTIONS.values())[int(rng.integers(len(MOTIONS)))]
-        case = _clean_case(seed, motion, kind, rng) if clean else _hidden_case(seed, motion, effect, kind, rng)
+        case = _clean_case(seed, motion, kind, rng) if clean else _hidden_case(seed, motion, effect, kind, rng, alike)
         if case is not None:
             return case
     raise ArithmeticError(f"seed {seed} gives no case in {ATTEMPTS} attempts")
@@ -83,7 +90,9 @@ def _clean_case(seed: int, motion: Motion, kind: str, rng: np.random.Generator) 
     return Case(seed, motion, values, kind, t_s, NOISES[kind](clean, motion.noise, rng), clean)
 
 
-def _hidden_case(seed: int, motion: Motion, effect: HiddenEffect, kind: str, rng: np.random.Generator) -> Case | None:
+def _hidden_case(
+    seed: int, motion: Motion, effect: HiddenEffect, kind: str, rng: np.random.Generator, alike: bool
+) -> Case | None:
     values, t_s = motion.draw(rng), motion.times()
     shape = effect.shape(motion, t_s, rng)
     factor = float(np.exp(rng.uniform(*np.log(FACTORS))))
@@ -99,7 +108,7 @@ def _hidden_case(seed: int, motion: Motion, effect: HiddenEffect, kind: str, rng
     if not np.all(np.isfinite(clean)) or np.max(np.abs(clean - undisturbed)) > LARGEST_CHANGE * 4 * spread:
         return None
     observed = NOISES[kind](clean, motion.noise, rng)
-    others = _alike(motion, values, t_s, effect, clean - undisturbed, kind)
+    others = _alike(motion, values, t_s, effect, clean - undisturbed, kind) if alike else frozenset()
     return Case(seed, motion, values, kind, t_s, observed, clean, effect, size, factor, shape, others)
 
 
@@ -170,9 +179,9 @@ def _slope(motion: Motion, values: Values, t_s: Array, name: str, kind: str) -> 
 
 def _step_of(motion: Motion, values: Values, t_s: Array, effect: HiddenEffect, shape: Mapping[str, float]) -> float:
     """A size whose effect is about the noise: small for the motion, large for the integrator."""
-    size = 1e-3
+    size, undisturbed = 1e-3, effect.show(motion, values, t_s, 0.0, shape)
     for _ in range(60):
-        change = effect.show(motion, values, t_s, size, shape) - effect.show(motion, values, t_s, 0.0, shape)
+        change = effect.show(motion, values, t_s, size, shape) - undisturbed
         ratio = float(np.max(np.abs(change))) / motion.noise
         if 0.3 < ratio < 10.0:
             return size
