@@ -21,6 +21,8 @@ PLANNED = 2000  # samples by which steps are chosen
 FEW, MOST_OF = 8, 0.99  # an eighth of the intervals has all but a hundredth of the error: there are kinks in them
 KINK_TRIALS = 4  # of what each kink may be off, until all together are not off by too much
 KINKED_ORDER = 4  # an error that falls with a lower power of the step is that of an equation with a kink
+LONG = 20_000  # samples from which on steps over several of them are tried
+WIDEST, NARROWEST = 64, 3  # samples in such a step, at most and at least
 RESPONSE = 1e-4  # change of the prediction that a difference step aims at, relative to the motion
 
 
@@ -34,8 +36,8 @@ class InitialValueProblem:
     """A model at given times.
 
     ``t_s`` (n,) s, the first of which is where the initial states hold; ``inputs`` (n, m);
-    ``substeps`` (n - 1,) steps in each sample interval. Vectors of values are in the order of
-    :func:`value_names`.
+    ``substeps`` (n - 1,) steps in each sample interval; where ``step_s`` is above 0, steps are of that length instead,
+    over several samples each. Vectors of values are in the order of :func:`value_names`.
     """
 
     model: OdeModel
@@ -44,6 +46,7 @@ class InitialValueProblem:
     inputs: Array
     hold: Hold
     substeps: NDArray[np.int64]
+    step_s: float = 0.0
 
     def states(self, columns: Array) -> Array:
         """States (n, s, c) for c columns of values (p + s, c)."""
@@ -70,6 +73,11 @@ class InitialValueProblem:
         n_params = len(self.model.parameters)
         params, initial = np.ascontiguousarray(columns[:n_params]), np.ascontiguousarray(columns[n_params:])
         out = np.empty((t_s.size, *initial.shape))
+        if self.step_s > 0:
+            from fitters.integrator.continuous_extension import integrate_over_samples  # only long records need it
+
+            integrate_over_samples(self.rhs.columns, t_s, self.step_s, initial, params, out)
+            return out
         linear = self.hold == "linear"
         self.rhs.integrate(self.rhs.columns, t_s, self.substeps, initial, params, self.inputs, linear, out)
         return out
@@ -156,12 +164,22 @@ class InitialValueProblem:
     def every(self, k: int) -> InitialValueProblem:
         """The problem at every k-th sample, for a model without inputs."""
         substeps = np.ones((self.t_s.size - 1) // k, dtype=np.int64)
-        return replace(self, t_s=self.t_s[::k].copy(), inputs=self.inputs[::k].copy(), substeps=substeps)
+        return replace(self, t_s=self.t_s[::k].copy(), inputs=self.inputs[::k].copy(), substeps=substeps, step_s=0.0)
+
+    def halved(self) -> InitialValueProblem:
+        """The problem with steps half as long."""
+        return replace(self, substeps=2 * self.substeps, step_s=0.5 * self.step_s)
+
+    def is_as_fine_as(self, other: InitialValueProblem) -> bool:
+        """Whether no step is longer than those of another plan for the same samples."""
+        if self.step_s > 0:
+            return other.step_s >= self.step_s
+        return other.step_s > 0 or bool(np.all(other.substeps <= self.substeps))
 
     def with_step(self, longest_step_s: float) -> InitialValueProblem:
         """The problem with the fewest equal steps in each sample interval that are no longer than this."""
         counts = np.ceil(np.diff(self.t_s) / longest_step_s * (1 - 1e-9))
-        return replace(self, substeps=np.clip(counts, 1, MOST_STEPS[1]).astype(np.int64))
+        return replace(self, substeps=np.clip(counts, 1, MOST_STEPS[1]).astype(np.int64), step_s=0.0)
 
     def planned(self, values: Array, tolerance: float, negligible: float = 0.0) -> InitialValueProblem:
         """The problem with steps short enough for these values, judged by its first PLANNED samples.
@@ -171,8 +189,12 @@ class InitialValueProblem:
         The error is the difference between the states with these steps and with half of them, relative to
         the size of each state; it falls with the power ORDER of the step. Where the equation has a kink, as a rim
         over which water runs, it falls with a low power whatever the method, and ``negligible`` is enough; not where
-        steps end at the events of the model.
+        steps end at the events of the model. A long record gets steps over several samples where these are exact
+        enough over all of it.
         """
+        wide = self._over_samples(values, tolerance)
+        if wide is not None:
+            return wide
         negligible = 0.0 if self.model.events else negligible
         step_s = float(np.median(np.diff(self.t_s))) if self.t_s.size > 1 else 1.0
         shortest_s = float(self.t_s[-1] - self.t_s[0]) / max(MOST_STEPS[0] * self.t_s.size, MOST_STEPS[1])
@@ -193,6 +215,21 @@ class InitialValueProblem:
             smooth = error * (shorter / step_s) ** KINKED_ORDER
             step_s, problem = shorter, self.with_step(shorter)
         return problem
+
+    def _over_samples(self, values: Array, tolerance: float) -> InitialValueProblem | None:
+        """The problem with steps over several samples each; None where its record is short, or steps must be too."""
+        if self.t_s.size < LONG or self.inputs.size or not self._can_restart:
+            return None
+        sample_s = float(np.median(np.diff(self.t_s)))
+        step_s = WIDEST * sample_s
+        while step_s >= NARROWEST * sample_s:
+            wide = replace(self, step_s=step_s)
+            error = wide.step_error(values)
+            if error <= tolerance:
+                return wide
+            ratio = (error / tolerance) ** (1 / (ORDER - 1)) if np.isfinite(error) else 4.0
+            step_s /= min(max(1.1 * ratio, 1.2), 4.0)
+        return None
 
     @property
     def _can_restart(self) -> bool:
@@ -243,7 +280,7 @@ class InitialValueProblem:
 
         The error is dimensionless; ``values`` (p + s,), each in its own unit.
         """
-        fine = replace(self, substeps=2 * self.substeps).predicted(values)
+        fine = self.halved().predicted(values)
         with np.errstate(all="ignore"):
             size = np.max(np.abs(fine), axis=0, initial=0.0)
             error = np.max(np.abs(predicted - fine) / np.where(size > 0, size, 1.0), initial=0.0)
@@ -255,7 +292,7 @@ class InitialValueProblem:
         The error is dimensionless; ``values`` (p + s,), each in its own unit.
         """
         coarse = self.states(values[:, None])[:, :, 0]
-        fine = replace(self, substeps=2 * self.substeps).states(values[:, None])[:, :, 0]
+        fine = self.halved().states(values[:, None])[:, :, 0]
         with np.errstate(all="ignore"):
             size = np.max(np.abs(fine), axis=0, initial=0.0)
             error = np.max(np.abs(coarse - fine) / np.where(size > 0, size, 1.0), initial=0.0)

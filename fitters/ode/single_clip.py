@@ -309,8 +309,7 @@ def _exact(solution: Solution, target: Target) -> bool:
     error = problem.prediction_error(solution.values, solution.predicted)
     if error < 10 * FINE_STEP or problem.model.events:
         return error < 10 * FINE_STEP
-    planned = problem.planned(solution.values, FINE_STEP, target.negligible)
-    return bool(np.all(planned.substeps <= problem.substeps))
+    return problem.is_as_fine_as(problem.planned(solution.values, FINE_STEP, target.negligible))
 
 
 def _with_priors_weighed(task: Task, target: Target, solution: Solution, loss: Loss) -> tuple[Task, Solution]:

@@ -1,6 +1,7 @@
 """The integrator against closed forms, its order, uneven times, inputs, and its sensitivities."""
 
 import operator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scipy.integrate import DOP853, solve_ivp
 from scipy.special import ellipk
 
 from fitters.integrator.compile_rhs import compiled_rhs
-from fitters.integrator.dop853_coefficients import NODES, STAGES, WEIGHTS
+from fitters.integrator.dop853_coefficients import EXTENSION, EXTENSION_NODES, NODES, POLYNOMIAL, STAGES, WEIGHTS
 from fitters.integrator.dormand_prince import ORDER, kernel
 from fitters.integrator.initial_value_problem import initial_value_problem
 from fitters.ode import sensitivity, simulate
@@ -289,3 +290,37 @@ def test_kernel_with_no_place_on_disk_is_compiled_in_memory():
 def test_coefficients_are_those_of_scipy():
     assert np.array_equal(NODES, DOP853.C[:STAGES])
     assert np.array_equal(WEIGHTS, np.vstack([DOP853.A[:STAGES, :STAGES], DOP853.B[:STAGES]]))
+    assert np.array_equal(EXTENSION_NODES, DOP853.C_EXTRA)
+    assert np.array_equal(EXTENSION, DOP853.A_EXTRA)
+    assert np.array_equal(POLYNOMIAL, DOP853.D)
+
+
+LONG_RECORD_S = np.delete(np.arange(0.0, 250.0, 0.01), np.s_[9000:9700])  # 25,000 samples, and 7 s without any
+
+
+def test_long_record_is_solved_in_steps_over_many_samples():
+    uneven = LONG_RECORD_S + np.random.default_rng(2).uniform(0.0, 0.009, LONG_RECORD_S.size)
+    values = np.array([2.0, 0.02, 9.81, 1.0, 0.5])
+    reference = solve_ivp(
+        lambda t, y: PENDULUM.rhs(t, tuple(y), tuple(values[:3])), uneven[[0, -1]], values[3:], t_eval=uneven,
+        rtol=1e-12, atol=1e-12, method="DOP853",
+    )  # fmt: skip
+    planned = initial_value_problem(PENDULUM, uneven, None, "linear").planned(values, 1e-8)
+    assert planned.step_s > 3 * 0.01
+    np.testing.assert_allclose(planned.states(values[:, None])[:, :, 0], reference.y.T, atol=3e-8)
+
+
+def test_continuous_extension_has_its_order():
+    values = np.array([2.0, 0.02, 9.81, 1.0, 0.5])
+    problem = initial_value_problem(PENDULUM, LONG_RECORD_S[:800], None, "linear")
+    exact = problem.with_step(0.001).states(values[:, None])
+    steps_s = np.array([0.16, 0.22, 0.32, 0.44])
+    errors = [np.abs(replace(problem, step_s=step).states(values[:, None]) - exact).max() for step in steps_s]
+    assert np.polyfit(np.log(steps_s), np.log(errors), 1)[0] > 7.0
+
+
+def test_long_record_with_a_kink_keeps_its_steps_at_the_samples():
+    problem = initial_value_problem(model_of(stiffer_below, states=("x", "v")), LONG_RECORD_S, None, "linear")
+    planned = problem.planned(np.array([1.0, 0.3, 0.0]), 1e-8, 1e-6)
+    assert planned.step_s == 0.0
+    assert planned.substeps.min() >= 1
