@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from iris_sysid.types._verdict import Doubt
 
@@ -22,6 +22,10 @@ class TrackQuality:
     def doubtful(self) -> bool:
         """Whether some evidence says that the track may not be that of the body."""
         return bool(self.doubts)
+
+    def with_doubts(self, *doubts: Doubt) -> TrackQuality:
+        """The same evidence with further ``doubts``."""
+        return replace(self, doubts=(*self.doubts, *doubts))
 
 
 @dataclass(frozen=True, slots=True)

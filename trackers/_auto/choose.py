@@ -107,9 +107,11 @@ class Choice:
             if len(tracks) <= FEW and (way.name != FIRST or any(map(_suspicious, judgements))):
                 judgements = self.against_the_scene(tracks, judgements)
             if way.name == FIRST and not self.options.marks:
-                judgements = [replace(own, doubts=(*own.doubts, *lost_together(tracks))) for own in judgements]
+                judgements = [own.with_doubts(*lost_together(tracks)) for own in judgements]
             if way.guessed and self.candidates and not self.candidates[0].tracks:
-                judgements = [_doubted(*pair) for pair in zip(tracks, judgements, strict=True)]
+                judgements = [
+                    own.with_doubts(by_looks_alone(body)) for body, own in zip(tracks, judgements, strict=True)
+                ]
             of_bodies = [replace(body, quality=quality) for body, quality in zip(tracks, judgements, strict=True)]
             candidate = TrackCandidate(way.name, tuple(of_bodies))
         self.candidates.append(candidate)
@@ -130,7 +132,7 @@ class Choice:
     def against_the_scene(self, tracks: Sequence[Track], judgements: Sequence[TrackQuality]) -> list[TrackQuality]:
         """The judgements with what the other things that move, and the body itself seen elsewhere, say."""
         return [
-            replace(quality, doubts=(*quality.doubts, *self._scene_doubts(track, tracks, quality)))
+            quality.with_doubts(*self._scene_doubts(track, tracks, quality))
             for track, quality in zip(tracks, judgements, strict=True)
         ]
 
@@ -217,11 +219,10 @@ class Choice:
         return found
 
 
-def _doubted(track: Track, quality: TrackQuality) -> TrackQuality:
-    """The quality of a track by looks where nothing is followed before the background."""
+def by_looks_alone(track: Track) -> Doubt:
+    """Doubt of a track by looks where nothing is followed before the background."""
     finding = "no such body is followed before the still background; its looks alone tell it"
-    doubt = Doubt("ambiguous", finding, f"check the overlay, and mark it: --mark {track.body}=x,y@frame")
-    return replace(quality, doubts=(*quality.doubts, doubt))
+    return Doubt("ambiguous", finding, f"check the overlay, and mark it: --mark {track.body}=x,y@frame")
 
 
 def lost_together(tracks: Sequence[Track]) -> list[Doubt]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import (
     Array,
-    CameraMotion,
     Doubt,
     Frame,
     FrameSource,
@@ -28,7 +27,7 @@ from iris_sysid.types import (
     part_of_progress,
 )
 from iris_sysid.video.camera_motion.steady import examined
-from iris_sysid.video.camera_motion.steady_video import Canvas, SteadyVideo
+from iris_sysid.video.camera_motion.steady_video import OnCanvas, SteadyVideo
 from iris_sysid.video.camera_motion.survey import CameraState
 
 TAKEN_OUT = "taken out; positions are in px of the first frame"
@@ -40,36 +39,9 @@ LARGE_PX = 0.5  # of standard error: a motion known no better makes a track doub
 REMEDY = "film with the camera on a tripod, or with a textured background in view"
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class SteadyMasks:
+@dataclass(eq=False)
+class SteadyMasks(OnCanvas):
     """Masks of a clip's frames, on the canvas of its steady clip: 0 where a frame does not reach."""
-
-    masks: FrameSource
-    motion: CameraMotion
-    canvas: Canvas
-
-    @property
-    def width(self) -> int:
-        """Width of the canvas, px."""
-        return self.canvas.width
-
-    @property
-    def height(self) -> int:
-        """Height of the canvas, px."""
-        return self.canvas.height
-
-    @property
-    def n_expected(self) -> int:
-        """Number of masks."""
-        return self.masks.n_expected
-
-    def frames(self) -> Iterator[Frame]:
-        """Every mask in order."""
-        return (self._steady(frame) for frame in self.masks.frames())
-
-    def sample(self, count: int) -> list[Frame]:
-        """About ``count`` masks spread evenly over the clip."""
-        return [self._steady(frame) for frame in self.masks.sample(count)]
 
     def _steady(self, frame: Frame) -> Frame:
         moved = self.canvas.map_to(self.motion.of(np.array([frame.index]))[0])
@@ -100,8 +72,7 @@ def tracked(video: FrameSource, tracker: Tracker, options: TrackOptions) -> list
 
 def _doubted(track: Track, finding: str, remedy: str = REMEDY) -> Track:
     quality = track.quality or TrackQuality()
-    doubt = Doubt("moving-camera", finding, remedy)
-    return replace(track, quality=replace(quality, doubts=(*quality.doubts, doubt)))
+    return replace(track, quality=quality.with_doubts(Doubt("moving-camera", finding, remedy)))
 
 
 def on_canvas(options: TrackOptions, steady: SteadyVideo) -> TrackOptions:

@@ -65,7 +65,7 @@ def examined(video: FrameSource, progress: Progress | None = None) -> CameraRepo
     if not _clear(motion):
         return CameraReport(CameraState.STILL)
     few = [samples[k] for k in np.unique(np.linspace(0, len(samples) - 1, MOST_SAMPLES).astype(int))]
-    return CameraReport(state, SteadyVideo(video, motion, few, Canvas.of(motion, video.width, video.height)))
+    return CameraReport(state, SteadyVideo(video, motion, Canvas.of(motion, video.width, video.height), few))
 
 
 def _clear(motion: CameraMotion) -> bool:

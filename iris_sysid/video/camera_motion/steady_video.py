@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -70,18 +71,12 @@ class _Fill:
 
 
 @dataclass(eq=False)
-class SteadyVideo:
-    """A clip with the motion of its camera taken out: a FrameSource in px of :class:`Canvas`.
-
-    Frames are resampled (bicubic). Where a frame does not reach, the background that other frames show there is put,
-    with their noise; where few frames reach, all show the same. So nothing moves there.
-    """
+class OnCanvas(ABC):
+    """A FrameSource whose frames are moved onto a canvas, px of which do not move with the camera."""
 
     video: FrameSource
     motion: CameraMotion
-    samples: Sequence[Frame]
     canvas: Canvas
-    _fills: dict[str, _Fill] = field(default_factory=dict)
 
     @property
     def width(self) -> int:
@@ -105,6 +100,22 @@ class SteadyVideo:
     def sample(self, count: int) -> list[Frame]:
         """About ``count`` frames spread evenly over the clip."""
         return [self._steady(frame) for frame in self.video.sample(count)]
+
+    @abstractmethod
+    def _steady(self, frame: Frame) -> Frame:
+        """A frame on the canvas."""
+
+
+@dataclass(eq=False)
+class SteadyVideo(OnCanvas):
+    """A clip with the motion of its camera taken out: a FrameSource in px of :class:`Canvas`.
+
+    Frames are resampled (bicubic). Where a frame does not reach, the background that other frames show there is put,
+    with their noise; where few frames reach, all show the same. So nothing moves there.
+    """
+
+    samples: Sequence[Frame]
+    _fills: dict[str, _Fill] = field(default_factory=dict)
 
     def _steady(self, frame: Frame) -> Frame:
         luma = self._shown("luma", _luma, frame, frame.luma)
