@@ -6,16 +6,26 @@
 # make lint        style, types, and whether the installed packages agree
 # make docs        the pages and the reference of the API, into docs-output/
 # make validation  the measurements that the validation pages quote
+# make torture     damaged input, kills, full disks: what breaks; its short form is part of test-slow
+# make fuzz        an hour of mutated input for every reader
+# make wheel       the wheel, the same bytes every time, into dist/
+# make sbom        the packages that iris-sysid needs, with versions and licences (CycloneDX), into dist/
+# make constraints pin what pyproject.toml asks for, with hashes
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
-CONSTRAINED := PIP_CONSTRAINT=constraints.txt PIP_DISABLE_PIP_VERSION_CHECK=1
+INSTALL := -m pip --disable-pip-version-check install --quiet
+PINNED := $(INSTALL) --require-hashes
 DEMO ?= demo-output
+DIST ?= dist
 WORKERS ?= 2
 # One thread for each worker: two workers that share two cores with BLAS threads wait for each other.
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
 PYTEST := $(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS)
 
-.PHONY: demo test test-slow lint format validation docs wheel clean
+SECONDS ?= 3600
+COMPILE := .venv-release/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate
+
+.PHONY: demo test test-slow lint format validation torture fuzz docs wheel sbom constraints clean
 
 demo: .venv/ready
 	$(BIN)/iris-sysid demo -o $(DEMO) --force
@@ -39,20 +49,53 @@ format: .venv/ready
 validation: .venv/ready
 	$(BIN)/python -m validation
 
+torture: .venv/ready
+	$(BIN)/python -m validation.torture
+
+fuzz: .venv/ready-for-fuzz
+	$(BIN)/python -m tests.fuzz --seconds $(SECONDS)
+
 docs: .venv/ready-for-docs
 	$(BIN)/python -m sphinx --fail-on-warning --keep-going docs docs-output
 
+# Neither dates nor modes of the files that it is built from are in the wheel: it is the same bytes everywhere.
+wheel: export SOURCE_DATE_EPOCH ?= 1577836800
 wheel: .venv/ready
-	$(BIN)/python -m build --wheel --no-isolation --outdir dist .
+	rm -rf build/lib
+	chmod -R u=rwX,go=rX iris_sysid trackers fitters LICENSE
+	umask 022 && $(BIN)/python -m build --wheel --no-isolation --outdir $(DIST) .
 
-.venv/ready: pyproject.toml constraints.txt
+sbom: .venv-release/ready
+	$(PYTHON) -m venv --clear build/sbom-venv
+	build/sbom-venv/bin/python $(PINNED) -r constraints.txt
+	mkdir -p $(DIST)
+	.venv-release/bin/cyclonedx-py environment --output-reproducible --pyproject pyproject.toml -o $(DIST)/sbom.json build/sbom-venv
+
+constraints: .venv-release/ready
+	$(COMPILE) pyproject.toml -o constraints.txt > /dev/null
+	$(COMPILE) --group dev -c constraints.txt -o tests/constraints.txt > /dev/null
+	$(COMPILE) --group docs -c constraints.txt -o docs/constraints.txt > /dev/null
+	$(COMPILE) --group fuzz -c constraints.txt -o tests/fuzz/constraints.txt > /dev/null
+	$(COMPILE) --group release -c constraints.txt -o .ci/constraints.txt > /dev/null
+
+.venv/ready: pyproject.toml constraints.txt tests/constraints.txt
 	$(PYTHON) -m venv .venv
-	$(CONSTRAINED) $(BIN)/python -m pip install --quiet --editable ".[dev]"
+	$(BIN)/python $(PINNED) -r constraints.txt -r tests/constraints.txt
+	$(BIN)/python $(INSTALL) --no-deps --no-build-isolation --editable .
 	touch $@
 
-.venv/ready-for-docs: .venv/ready
-	$(CONSTRAINED) $(BIN)/python -m pip install --quiet --editable ".[dev,docs]"
+.venv/ready-for-docs: .venv/ready docs/constraints.txt
+	$(BIN)/python $(PINNED) -r docs/constraints.txt
+	touch $@
+
+.venv/ready-for-fuzz: .venv/ready tests/fuzz/constraints.txt
+	$(BIN)/python $(PINNED) -r tests/fuzz/constraints.txt
+	touch $@
+
+.venv-release/ready: .ci/constraints.txt
+	$(PYTHON) -m venv .venv-release
+	.venv-release/bin/python $(PINNED) -r .ci/constraints.txt
 	touch $@
 
 clean:
-	rm -rf .venv build dist demo-output docs-output *.egg-info
+	rm -rf .venv .venv-release build dist demo-output docs-output *.egg-info

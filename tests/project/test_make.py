@@ -3,13 +3,25 @@
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from tests._project import ROOT
 
-TARGETS = {"demo", "test", "test-slow", "lint", "format", "validation", "docs", "wheel", "clean"}
+TARGETS = {
+    *("demo", "test", "test-slow", "lint", "format", "validation", "torture", "fuzz"),
+    *("docs", "wheel", "sbom", "constraints", "clean"),
+}
+CONSTRAINTS = [
+    "constraints.txt",
+    "tests/constraints.txt",
+    "docs/constraints.txt",
+    "tests/fuzz/constraints.txt",
+    ".ci/constraints.txt",
+]
+PIN = re.compile(r"[\w.-]+==[\w.!+]+( ; [\w\s'.<>=!]+)?( --hash=sha256:[0-9a-f]{64})+")
 ROW = re.compile(r"^(\w+) +\S+ +\S+ +\S+ +\S+ +(-?[\d.]+)$", re.MULTILINE)  # parameter, ..., off in standard errors
 
 
@@ -31,9 +43,21 @@ def test_ci_runs_the_linters_the_fast_and_the_slow_tests():
     assert "export CI=true" in text
 
 
-def test_constraints_pin_every_package_and_name_no_address():
-    lines = (ROOT / "constraints.txt").read_text("utf-8").splitlines()
-    assert all(re.fullmatch(r"[\w.-]+==[\w.!+]+", line) for line in lines)
+@pytest.mark.parametrize("name", CONSTRAINTS)
+def test_constraints_pin_every_package_by_hash_and_name_no_address(name):
+    lines = re.sub(r" *\\\n +", " ", (ROOT / name).read_text("utf-8")).splitlines()
+    assert [line for line in lines if not PIN.fullmatch(line)] == []
+
+
+def test_constraints_pin_what_pyproject_asks_for():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    asked = {
+        "constraints.txt": project["project"]["dependencies"],
+        "tests/constraints.txt": project["dependency-groups"]["dev"],
+    }
+    for name, requirements in asked.items():
+        pinned = re.findall(r"^[\w.-]+", (ROOT / name).read_text("utf-8"), re.MULTILINE)
+        assert {re.match(r"[\w.-]+", requirement)[0] for requirement in requirements} <= set(pinned)
 
 
 @pytest.mark.slow
