@@ -319,6 +319,37 @@ def track_options(
     return TrackOptions(bodies=bodies, roi=region(roi), colour=colour, progress=progress, transfer=transfer(curve))
 
 
+def with_clip_settings(
+    clips: Sequence[Trajectory], paths: Sequence[Path], texts: Sequence[str], units: Mapping[str, str]
+) -> list[Trajectory]:
+    """The clips with what is known of single ones: ``heavy.csv:mass=0.2``, or ``2:mass=0.2`` for the second.
+
+    Parameters
+    ----------
+    clips
+        In the order in which they are diagnosed.
+    paths
+        As typed; a clip is called by its path where each path is one clip.
+    texts
+        As typed.
+    units
+        Of the model's parameters by name.
+    """
+    numbers = {str(k): k for k in range(1, len(clips) + 1)}
+    if len(paths) == len(clips):
+        numbers |= {str(path): k for k, path in enumerate(paths, start=1)}
+    given: list[list[str]] = [[] for _ in clips]
+    for text in texts:
+        which, _, setting = text.rpartition(":")
+        if which not in numbers:
+            raise DataError(f"--clip-set {text!r:.80}: write it as 2:mass=0.2, with one of {', '.join(numbers)}")
+        given[numbers[which] - 1].append(setting)
+    return [
+        clip.with_(known={**clip.known, **settings(own, units)}) if own else clip
+        for clip, own in zip(clips, given, strict=True)
+    ]
+
+
 def with_options(trajectory: Trajectory, **options: object) -> Trajectory:
     """The trajectory with the command's options and the package versions in its origin."""
     earlier = trajectory.origin.get("options")

@@ -29,6 +29,10 @@ Sensor = Annotated[
     str | None, typer.Option(help="What measured: camera, encoder, gauge or unknown; only a camera has its effects.")
 ]
 
+ClipSettings = Annotated[
+    list[str] | None,
+    typer.Option("--clip-set", help="What is known of one clip: heavy.csv:mass=0.2, or 2:mass=0.2; radius, length."),
+]
 AUTO = "auto"
 Holdout = Annotated[float, typer.Option(help="Fraction of each clip held out for validation.", min=0.0, max=0.9)]
 
@@ -43,6 +47,7 @@ def diagnose(
     effect: Effects = None,
     columns: Columns = None,
     known: Settings = None,
+    clip_set: ClipSettings = None,
     free: Free = None,
     sensor: Sensor = None,
     holdout: Holdout = 0.3,
@@ -79,6 +84,7 @@ def diagnose(
         "bound": bound,
         "columns": columns,
         "set": known,
+        "clip_set": clip_set,
         "free": free,
         "sensor": sensor,
         "holdout": holdout,
@@ -89,6 +95,7 @@ def diagnose(
     from iris_sysid.diagnosis.diagnose import diagnose as find_missing_effects
     from iris_sysid.report.text import diagnosis_text
 
+    measured = _parsing.with_clip_settings(measured, clips, clip_set or [], described.units())
     trajectories = [_parsing.with_options(clip, **options) for clip in measured]
     if stated is not None:
         trajectories = [clip.with_(sensor=stated) for clip in trajectories]

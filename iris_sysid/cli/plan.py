@@ -1,7 +1,7 @@
 """The command ``iris-sysid plan``."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from iris_sysid.diagnosis.planning.plan import Plan
     from iris_sysid.diagnosis.planning.rivals import Question
     from iris_sysid.io.schemas import DiagnosisDocument
-    from iris_sysid.types import Trajectory
+    from iris_sysid.types import OdeModel, Trajectory
 
 FILES = ("plan.json", "plan.png")
 BODY = ("mass", "radius", "length")
@@ -26,7 +26,11 @@ Names = Annotated[
 Costs = Annotated[list[str] | None, typer.Option("--cost", help="Cost of a change, 1 for others: release75=3.")]
 Filmed = Annotated[Path | None, typer.Option("--filmed", help="The new clip, made with the change --change.")]
 Change = Annotated[
-    str, typer.Option("--change", help="What the new clip was made with: release75; or factors, mass=2.3,radius=1.")
+    str,
+    typer.Option(
+        "--change",
+        help="What the new clip was made with: release75, plan.json:release75, or factors, mass=2.3,radius=1.",
+    ),
 ]
 To = Annotated[
     str | None, typer.Option("--to", help="Before any clip: the effect to find, and its size: quadratic-drag=0.05.")
@@ -84,30 +88,29 @@ def _after_a_clip(
     json: bool,
 ) -> None:
     """Rank the changes; ``asked`` are names and costs as typed, ``made`` a new clip and the change it was made with."""
-    from iris_sysid.io.files import json_text
+    from iris_sysid.io.json_documents import document_text
 
     _check_folder(output, force)
     filmed, change = made
     stated, costs = _stated(change), dict(map(_number, asked[1]))
-    question = _question(diagnosis, tuple(asked[0]))
+    question = _question(diagnosis, tuple(asked[0]), clips[0], columns)
     trajectories = _terminal.read_tables(clips, columns, question.model)
     new = _terminal.read_tables([filmed], columns, question.model) if filmed is not None else []
     # imported after the clips are read, so that an unreadable file is reported without delay
     from iris_sysid.diagnosis.planning.plan import plan as rank_changes
-    from iris_sysid.report.plan_text import decision_text, plan_entry, plan_text
+    from iris_sysid.report.plan_text import decision_text, plan_document, plan_text
 
     planned = rank_changes(question, trajectories, costs=costs)
-    document = plan_entry(planned)
-    said = plan_text(planned)
+    document, said = plan_document(planned), plan_text(planned)
     if new:
         from iris_sysid.diagnosis.planning.decide import decide
 
         decision = decide(question, trajectories, new, stated or planned.named(change).change)
-        document["decision"] = dict(decision.probabilities)
+        document = document.model_copy(update={"decision": dict(decision.probabilities)})
         said += f"\n{decision_text(decision)}"
     if output is not None:
-        _write(planned, json_text(document), trajectories[0], output, force)
-    typer.echo(json_text(document).rstrip("\n") if json else said)
+        _write(planned, document_text(document), trajectories[0], output, force)
+    typer.echo(document_text(document).rstrip("\n") if json else said)
 
 
 def _check_folder(folder: Path | None, force: bool) -> None:
@@ -129,7 +132,8 @@ def _before_any_clip(
 ) -> None:
     """Print the detection limits; ``camera`` is its distance (m), frame rate (1/s) and noise (px)."""
     from iris_sysid.cli import _parsing
-    from iris_sysid.io.files import json_text, write_atomic
+    from iris_sysid.io.files import write_atomic
+    from iris_sysid.io.json_documents import document_text
     from iris_sysid.registry import EFFECTS, MODELS, PHENOMENA
 
     _check_folder(output, force)
@@ -139,39 +143,52 @@ def _before_any_clip(
     model = MODELS.named(PHENOMENA.named(phenomenon).model)
     values = {name: given.value for name, given in _parsing.settings(known, model.units()).items()}
     from iris_sysid.diagnosis.planning.detection_limit import camera_limits
-    from iris_sysid.report.plan_text import limits_entry, limits_text
+    from iris_sysid.report.plan_text import limits_document, limits_text
 
     limits = camera_limits(model, EFFECTS.named(effect), values, *camera)
     wanted = float(size) if size else None
-    document = limits_entry(limits)
+    text = document_text(limits_document(limits))
     if output is not None:
         from iris_sysid.report.page import png_of
         from iris_sysid.report.plan_figure import limits_figure
 
         output.mkdir(parents=True, exist_ok=True)
-        write_atomic(output / "plan.json", json_text(document).encode(), overwrite=force)
+        write_atomic(output / "plan.json", text.encode(), overwrite=force)
         write_atomic(output / "plan.png", png_of(limits_figure(limits, wanted)), overwrite=force)
-    typer.echo(json_text(document).rstrip("\n") if json else limits_text(limits, wanted))
+    typer.echo(text.rstrip("\n") if json else limits_text(limits, wanted))
 
 
-def _question(path: Path, names: tuple[str, ...]) -> "Question":
-    """What a diagnosis left open; ``names``, where given, are asked about instead."""
+def _question(path: Path, names: tuple[str, ...], clip: Path, columns: str | None) -> "Question":
+    """What a diagnosis of a clip left open; ``names``, where given, are asked about instead."""
     from dataclasses import replace
 
     from iris_sysid.io.json_documents import read_document
     from iris_sysid.io.schemas import DiagnosisDocument
 
     document = read_document(path / "diagnosis.json" if path.is_dir() else path, DiagnosisDocument)
-    question = _asked(document)
+    question = _asked(document, _model_of(document, clip, columns))
     return replace(question, names=names) if names else question
 
 
-def _asked(document: "DiagnosisDocument") -> "Question":
-    """The question that a diagnosis on disk leaves open: the added effect with the least certain name."""
-    from iris_sysid.diagnosis.planning.rivals import Question, least_certain
+def _model_of(document: "DiagnosisDocument", clip: Path, columns: str | None) -> "OdeModel":
+    """The model of a diagnosis on disk: registered, of a FILE.py, or of an equation, as it was typed then."""
     from iris_sysid.registry import MODELS
 
-    model = MODELS[document.base.model]
+    typed = document.base.origin.get("options", {})
+    options: dict[str, Any] = typed if isinstance(typed, dict) else {}
+    if options.get("equation"):
+        from iris_sysid.cli import _own_equation
+
+        typed_as = options["equation"], options.get("bound") or [], options.get("set") or []
+        return _own_equation.model_of(*typed_as, clip, columns)
+    own = document.base.model not in MODELS
+    return MODELS.named(str(options.get("model", document.base.model)) if own else document.base.model)
+
+
+def _asked(document: "DiagnosisDocument", model: "OdeModel") -> "Question":
+    """The question that a diagnosis on disk leaves open: the added effect with the least certain name."""
+    from iris_sysid.diagnosis.planning.rivals import Question, least_certain
+
     values = document.base.parameters
     own = {parameter.name: parameter for parameter in model.parameters}
     fixed = {
@@ -186,15 +203,26 @@ def _asked(document: "DiagnosisDocument") -> "Question":
 
 
 def _stated(text: str) -> "SetUpChange | None":
-    """Another body, by factors on its mass, radius and cord length; None for the name of a change."""
+    """A change of a plan on disk, or another body by factors; None for the name of a change."""
     from iris_sysid.diagnosis.planning.changes import SetUpChange
 
+    file, _, name = text.rpartition(":")
+    if file:
+        return _from_plan(Path(file), name)
     if "=" not in text:
         return None
     body = dict(_number(part) for part in text.split(","))
     if not body.keys() <= set(BODY):
         raise typer.BadParameter(f"--change {text}: give factors of {', '.join(BODY)}")
     return SetUpChange("another-body", f"another body: {text}", body=body)
+
+
+def _from_plan(file: Path, name: str) -> "SetUpChange":
+    from iris_sysid.io.json_documents import read_document
+    from iris_sysid.io.schemas import PlanDocument
+    from iris_sysid.report.plan_text import change_of
+
+    return change_of(read_document(file, PlanDocument), name)
 
 
 def _number(text: str) -> tuple[str, float]:

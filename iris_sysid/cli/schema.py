@@ -9,7 +9,8 @@ def schema(
     name: Annotated[
         str,
         typer.Argument(
-            help="fit, diagnosis, discovery, calibration, origin, tensor; measured, clip or parameters of gt."
+            help="fit, diagnosis, discovery, plan, detection-limits, calibration, origin, tensor; "
+            "measured, clip or parameters of gt."
         ),
     ],
 ) -> None:

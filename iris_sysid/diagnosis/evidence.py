@@ -22,7 +22,8 @@ def cost_above(first: ModelWithEffects, second: ModelWithEffects) -> float:
     """By how much the criterion of ``first`` is larger than that of ``second``, both fitted to the same clips."""
     each_clip = zip(first.fits, second.fits, first.units, strict=True)
     chosen = _chosen(first) - _chosen(second)
-    return sum(_clip_difference(*clip, chosen) for clip in each_clip) + _prior_cost(first) - _prior_cost(second)
+    clips = sum(_clip_difference(*clip, chosen) for clip in each_clip)
+    return clips + _whole_cost(first) - _whole_cost(second)
 
 
 def best_first(models: Sequence[ModelWithEffects]) -> list[ModelWithEffects]:
@@ -38,8 +39,9 @@ def _chosen(model: ModelWithEffects) -> int:
     return sum(effect.nearby is not None for effect in model.effects)
 
 
-def _prior_cost(model: ModelWithEffects) -> float:
-    return -2.0 * sum(float(np.log(effect.plausibility)) for effect in model.effects)
+def _whole_cost(model: ModelWithEffects) -> float:
+    """Of the effects before the data, and of sizes that do not go with the bodies of the clips as they should."""
+    return model.disagreement - 2.0 * sum(float(np.log(effect.plausibility)) for effect in model.effects)
 
 
 def _clip_difference(first: FitResult, second: FitResult, unit: Array, chosen: int) -> float:

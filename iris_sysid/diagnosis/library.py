@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from fitters.image_effects import offered
-from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, sizes_of
+from iris_sysid.diagnosis.refit import ModelWithEffects, pooled
 from iris_sysid.diagnosis.screening import Candidate
 from iris_sysid.types import ANY_SENSOR, Effect, FitResult, OdeModel, Sensor, Trajectory
 
@@ -56,7 +56,7 @@ class EffectLibrary:
         if not all(_is_sensible(effect, fitted) for effect in model.effects for fitted in model.fits):
             return False
         sizes = [effect.parameters[0].name for effect in model.effects if effect.name in self._one_sided]
-        return all(pooled(sizes_of(model.fits, name)).value >= 0.0 for name in sizes)
+        return all(pooled(model.sizes_of(name)).value >= 0.0 for name in sizes)
 
 
 def _is_sensible(effect: Effect, fitted: FitResult) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,6 @@ from iris_sysid.diagnosis.refit import (
     fit_from,
     free_values,
     pooled,
-    sizes_of,
 )
 from iris_sysid.types import Array, FitResult
 
@@ -75,9 +75,8 @@ def prediction_error(
     several = len(clips) > 1
     errors, weighed = [], []
     for k, (clip, fitted, unit, later) in enumerate(zip(clips, trained.fits, trained.units, left_out, strict=True)):
-        others = [other for j, other in enumerate(trained.fits) if j != k]
         known = without_samples(clip, later)
-        trial = _with_sizes_of(others, trained, known, fitted) if several and trained.effects else fitted
+        trial = _with_sizes_of_others(k, trained, known) if several and trained.effects else fitted
         if not trial.usable:
             return float("nan"), float("nan")
         seen = later[later >= int(np.searchsorted(clip.trajectory.t_s, trial.t0_s))]
@@ -113,15 +112,15 @@ def validation_error(clips: Sequence[FitRequest], model: ModelWithEffects, share
     fits = []
     for clip, fitted, samples in zip(clips, model.fits, known, strict=True):
         fits.append(fit_from(without_samples(clip, samples), fitted.model, free_values(fitted)))
-    return prediction_error(clips, ModelWithEffects(tuple(fits), model.units, model.effects), known)[1]
+    return prediction_error(clips, replace(model, fits=tuple(fits)), known)[1]
 
 
-def _with_sizes_of(
-    others: Sequence[FitResult], trained: ModelWithEffects, clip: FitRequest, fitted: FitResult
-) -> FitResult:
-    """A fit of one clip with the sizes of the effects in the other clips; moments are each clip's own."""
-    sizes = {effect.parameters[0].name for effect in trained.effects}
-    given = {name: pooled(sizes_of(others, name)).value for name in sizes}
+def _with_sizes_of_others(k: int, trained: ModelWithEffects, clip: FitRequest) -> FitResult:
+    """A fit of the k-th clip with the sizes of the effects in the other clips; moments are each clip's own."""
+    fitted, given = trained.fits[k], {}
+    for effect in trained.effects:
+        name, sizes = effect.parameters[0].name, trained.sizes_of(effect.parameters[0].name)
+        given[name] = trained.factors(effect)[k] * pooled([*sizes[:k], *sizes[k + 1 :]]).value
     start = {name: value for name, value in free_values(fitted).items() if name not in given}
     return fit_from(clip.with_(fixed={**clip.fixed, **given}), fitted.model, start)
 

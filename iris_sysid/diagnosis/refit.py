@@ -15,11 +15,24 @@ from fitters.ode import FitRequest, solve
 from fitters.ode.simulation import predicted_by
 from iris_sysid.diagnosis.measurement_errors import observed_columns, unit_noise
 from iris_sysid.diagnosis.score_test import common_size
-from iris_sysid.types import Array, Effect, Estimate, FitResult, Mask, OdeModel, Parameter, normal_isf, student_sf
+from iris_sysid.errors import FitError
+from iris_sysid.types import (
+    Array,
+    Effect,
+    Estimate,
+    FitResult,
+    Mask,
+    OdeModel,
+    Parameter,
+    Trajectory,
+    normal_isf,
+    student_sf,
+)
 
 MOST_MOVES = 4  # steps from an effect's shape to a better one nearby
 ACCURATE = 1e-6  # error of a predicted state from its time step, relative: far below the noise of any sensor
 FAR_OFF = 10.0  # residual over noise
+BODY = ("mass", "radius", "length")  # of which a clip may state a value
 HIGHEST = 0.95  # largest lag-1 correlation that is allowed for
 DETERMINED = ("ok", "misfit")  # statuses of a fit whose free values the data determine
 
@@ -77,17 +90,22 @@ def _parameter(effect: Effect, name: str) -> Parameter:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ModelWithEffects:
-    """The model with some effects, fitted to all clips; ``units`` (n, d) of the residuals, one a clip."""
+    """The model with some effects, fitted to all clips; ``units`` (n, d) of the residuals, one a clip.
+
+    ``bodies`` are the factors on mass, radius and cord length of each clip's body over the first one's, where they
+    were stated and differ; empty otherwise.
+    """
 
     fits: tuple[FitResult, ...]
     units: tuple[Array, ...]
     effects: tuple[Effect, ...] = field(default=())
+    bodies: tuple[Mapping[str, float], ...] = field(default=())
 
     @classmethod
     def without_effects(cls, clips: Sequence[FitRequest], fits: Sequence[FitResult]) -> ModelWithEffects:
         """The model without effects; its noise is the unit of the residuals of all later models."""
         units = [unit_noise(fitted, clip.trajectory) for fitted, clip in zip(fits, clips, strict=True)]
-        return cls(tuple(fits), tuple(units))
+        return cls(tuple(fits), tuple(units), bodies=_bodies([clip.trajectory for clip in clips]))
 
     @property
     def usable(self) -> bool:
@@ -100,6 +118,29 @@ class ModelWithEffects:
         return sum(
             _sum_of_squares(fitted, unit, fitted.used) + _prior_squares(fitted)
             for fitted, unit in zip(self.fits, self.units, strict=True)
+        )
+
+    def factors(self, effect: Effect) -> list[float]:
+        """The factor on the size of an effect in each clip over that in the first; 1 where it is not known."""
+        return [effect.factor(body) or 1.0 for body in self.bodies] or [1.0] * len(self.fits)
+
+    def sizes_of(self, name: str) -> list[Estimate]:
+        """The estimates of one value in all clips; the size of an effect as the first clip has it."""
+        found = [fitted.estimates[name] for fitted in self.fits]
+        effect = next((each for each in self.effects if each.parameters[0].name == name), None)
+        return found if effect is None else list(map(_over, found, self.factors(effect)))
+
+    @property
+    def disagreement(self) -> float:
+        """Chi-square by which sizes differ where it is stated how they go with the body, less the price of each.
+
+        Only where clips have different bodies. The price is that of a free value in the criterion.
+        """
+        count = float(np.log(max(min(fitted.n for fitted in self.fits), 2)))
+        known = [effect for effect in self.effects if effect.recurrence == "always" and effect.image is None]
+        shared = [effect for effect in known if self.bodies and None not in map(effect.factor, self.bodies)]
+        return sum(_scatter(self.sizes_of(effect.parameters[0].name)) for effect in shared) - (
+            len(shared) * (len(self.fits) - 1) * count
         )
 
     @property
@@ -168,7 +209,7 @@ def refitted(
     """
     each_clip = zip(clips, current.fits, starts, current.units, strict=True)
     fits = tuple(_refitted(clip, fitted, start, unit, model, effects) for clip, fitted, start, unit in each_clip)
-    return ModelWithEffects(fits, current.units, tuple(effects))
+    return ModelWithEffects(fits, current.units, tuple(effects), current.bodies)
 
 
 def _refitted(
@@ -257,7 +298,7 @@ def significance(before: ModelWithEffects, after: ModelWithEffects, effects: Seq
     standard errors (:func:`common_size`).
     """
     if len(after.fits) > 1:
-        sizes = [sizes_of(after.fits, effect.parameters[0].name) for effect in effects]
+        sizes = [after.sizes_of(effect.parameters[0].name) for effect in effects]
         common = [common_size([(size.value, size.stderr) for size in clips]) for clips in sizes]
         return float(min(abs(value) / stderr for value, stderr in common))
     first, second, unit = before.fits[0], after.fits[0], after.units[0]
@@ -291,9 +332,30 @@ def _prior_squares(fitted: FitResult) -> float:
     return float(fitted.prior_residual @ fitted.prior_residual)
 
 
-def sizes_of(fits: Sequence[FitResult], name: str) -> list[Estimate]:
-    """The estimates of one value in all clips."""
-    return [fitted.estimates[name] for fitted in fits]
+def _bodies(clips: Sequence[Trajectory]) -> tuple[Mapping[str, float], ...]:
+    """The stated factors on the body of each clip over that of the first; none where no clip differs."""
+    stated = {name: [clip.known[name].value for clip in clips if name in clip.known] for name in BODY}
+    for name in ("mass", "radius"):
+        if stated[name] and len(stated[name]) < len(clips):
+            raise FitError(f"the {name} is stated for {len(stated[name])} of {len(clips)} clips; state it for all")
+    known = {name: values for name, values in stated.items() if len(values) == len(clips) and min(values) > 0}
+    found = tuple({name: values[k] / values[0] for name, values in known.items()} for k in range(len(clips)))
+    return found if any(factor != 1.0 for body in found for factor in body.values()) else ()
+
+
+def _over(size: Estimate, factor: float) -> Estimate:
+    """The size as the first clip has it."""
+    if factor == 1.0:
+        return size
+    interval = None if size.ci95 is None else (size.ci95[0] / factor, size.ci95[1] / factor)
+    return replace(size, value=size.value / factor, stderr=size.stderr / factor, ci95=interval)
+
+
+def _scatter(sizes: Sequence[Estimate]) -> float:
+    """Chi-square of sizes about their common value."""
+    known = np.array([(size.value, size.stderr) for size in sizes if size.stderr > 0]).reshape(-1, 2)
+    weights = known[:, 1] ** -2.0
+    return float(weights @ (known[:, 0] - weights @ known[:, 0] / weights.sum()) ** 2) if len(known) > 1 else 0.0
 
 
 def pooled(sizes: Sequence[Estimate]) -> Estimate:

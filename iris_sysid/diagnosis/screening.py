@@ -42,12 +42,14 @@ class Candidate:
 class Screening:
     """The score tests, in all clips, of every effect that a model does not have yet.
 
-    ``scores`` holds one score a clip for each effect, best effect first; ``library`` is the size of the library.
+    ``scores`` holds one score a clip for each effect, best effect first, its size as the first clip has it;
+    ``library`` is the size of the library, ``factors`` by effect those on the size in each clip.
     """
 
     screens: tuple[Screen, ...]
     scores: tuple[tuple[Score, ...], ...]
     library: int
+    factors: Mapping[str, tuple[float, ...]]
 
     @classmethod
     def of(cls, library: Collection[Effect], current: ModelWithEffects, clips: Sequence[FitRequest]) -> Screening:
@@ -56,9 +58,13 @@ class Screening:
         screens = tuple(
             screen(effects, fitted, clip.trajectory) for fitted, clip in zip(current.fits, clips, strict=True)
         )
-        scores = [tuple(clip.scores[effect.name] for clip in screens) for effect in effects]
+        factors = {effect.name: tuple(current.factors(effect)) for effect in effects}
+        scores = [
+            tuple(clip.scores[name].over(factor) for clip, factor in zip(screens, by_clip, strict=True))
+            for name, by_clip in factors.items()
+        ]
         scores.sort(key=lambda by_clip: -combined(by_clip).gain)
-        return cls(screens, tuple(scores), len(library))
+        return cls(screens, tuple(scores), len(library), factors)
 
     @property
     def names(self) -> list[str]:
@@ -82,7 +88,8 @@ class Screening:
         """One effect as a candidate: it starts from the common size and, in each clip, from its best shape."""
         scores = self.scores_of(name)
         joint = combined(scores)
-        starts = tuple({name: (joint.size, score.shape)} for score in scores)
+        clips = zip(scores, self.factors[name], strict=True)
+        starts = tuple({name: (factor * joint.size, score.shape)} for score, factor in clips)
         return Candidate((name,), starts, joint.chi2, self.needed(name))
 
     def needed(self, name: str) -> float:

@@ -16,7 +16,7 @@ from iris_sysid.diagnosis.model_averaging import (
     competing_effect,
 )
 from iris_sysid.diagnosis.notes import rejected_effect_note
-from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, sizes_of
+from iris_sysid.diagnosis.refit import ModelWithEffects, pooled
 from iris_sysid.diagnosis.selection_bias import corrected_for_selection
 from iris_sysid.types import DiagnosticNote, Effect, EffectCause, Estimate, FitResult, Limit, Score, normal_isf
 
@@ -125,7 +125,7 @@ class SearchReport:
     def size(self, name: str) -> Estimate:
         """A size over all clips; its error allows for alternatives to the added effects, and for one more effect."""
         alternatives = [
-            (pooled(sizes_of(rival.model.fits, name)), rival.above)
+            (pooled(rival.model.sizes_of(name)), rival.above)
             for rival in self._every_rival()
             if name in rival.model.sizes
         ]
@@ -145,7 +145,7 @@ class SearchReport:
 
     def _unbiased(self, name: str) -> Estimate:
         """The size over all clips, corrected for being named only where it is significant."""
-        size = pooled(sizes_of(self._final.fits, name))
+        size = pooled(self._final.sizes_of(name))
         named = [effect.name for effect in self._final.effects if effect.parameters[0].name == name]
         if not named:
             return size

@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 
 import numpy as np
 
+from iris_sysid.diagnosis.planning.changes import SetUpChange
 from iris_sysid.diagnosis.planning.decide import Decision
 from iris_sysid.diagnosis.planning.detection_limit import DetectionLimits
 from iris_sysid.diagnosis.planning.plan import Plan, Proposal
 from iris_sysid.diagnosis.planning.rivals import NOTHING
-from iris_sysid.io.schemas import known_number
+from iris_sysid.errors import UnknownNameError
+from iris_sysid.io.schemas import (
+    ChangeEntry,
+    LimitsDocument,
+    Number,
+    PlanDocument,
+    ProposalEntry,
+    known_number,
+    known_numbers,
+)
 
 MOST_SHOWN = 12
 BETTER = 0.1  # by which the best proposal's power must exceed that of a repeat to be called better
@@ -74,26 +85,41 @@ def plan_text(planned: Plan) -> str:
     return "\n".join([f"In question: {question}", *lines, *advice(planned)])
 
 
-def plan_entry(planned: Plan) -> dict[str, object]:
+def plan_document(planned: Plan) -> PlanDocument:
     """The content of plan.json; what is not known is null."""
-    return {
-        "document": "plan",
-        "version": 1,
-        "probabilities": dict(planned.probabilities),
-        "stderr": dict(planned.stderr),
-        "advice": list(advice(planned)),
-        "proposals": [
-            {
-                "change": proposal.change.name,
-                "text": proposal.text,
-                "power": known_number(proposal.power),
-                "by_name": dict(proposal.by_name),
-                "stderr": dict(proposal.stderr),
-                "cost": proposal.cost,
-            }
+    return PlanDocument(
+        probabilities=dict(planned.probabilities),
+        stderr=_known(planned.stderr),
+        advice=list(advice(planned)),
+        proposals=[
+            ProposalEntry(
+                change=_change_entry(proposal.change),
+                power=known_number(proposal.power),
+                by_name=dict(proposal.by_name),
+                stderr=_known(proposal.stderr),
+                cost=proposal.cost,
+            )
             for proposal in planned.proposals
         ],
-    }
+    )
+
+
+def _known(values: Mapping[str, float]) -> dict[str, Number]:
+    return {name: known_number(value) for name, value in values.items()}
+
+
+def _change_entry(change: SetUpChange) -> ChangeEntry:
+    given = asdict(change)
+    return ChangeEntry(**{**given, "without": list(change.without)})
+
+
+def change_of(document: PlanDocument, name: str) -> SetUpChange:
+    """The change of that name of a plan on disk; UnknownNameError lists those that it holds."""
+    entries = {proposal.change.name: proposal.change for proposal in document.proposals}
+    if name not in entries:
+        raise UnknownNameError(f"no change is named {name!r}; there are: {', '.join(entries)}")
+    given = entries[name].model_dump()
+    return SetUpChange(**{**given, "without": tuple(given["without"])})
 
 
 def decision_text(decision: Decision) -> str:
@@ -103,18 +129,16 @@ def decision_text(decision: Decision) -> str:
     return f"The new clip {left}: {shares}"
 
 
-def limits_entry(limits: DetectionLimits) -> dict[str, object]:
+def limits_document(limits: DetectionLimits) -> LimitsDocument:
     """The content of plan.json before any clip; sizes that no clip shows are null."""
-    return {
-        "document": "detection-limits",
-        "version": 1,
-        "effect": limits.effect,
-        "unit": limits.unit,
-        "varied": limits.varied,
-        "starts": limits.starts.tolist(),
-        "seconds": limits.seconds.tolist(),
-        "sizes": [[known_number(size) for size in row] for row in limits.sizes.tolist()],
-    }
+    return LimitsDocument(
+        effect=limits.effect,
+        unit=limits.unit,
+        varied=limits.varied,
+        starts=limits.starts.tolist(),
+        seconds=limits.seconds.tolist(),
+        sizes=[known_numbers(row) for row in limits.sizes.tolist()],
+    )
 
 
 def limits_text(limits: DetectionLimits, wanted: float | None) -> str:

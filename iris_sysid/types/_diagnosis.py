@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from iris_sysid.types._discovery import DiscoveredTerm
@@ -67,6 +67,14 @@ class Score:
     def explained(self) -> float:
         """The sum of squares that it would explain, in units of the noise."""
         return self.gain * self.total
+
+    def over(self, factor: float) -> Score:
+        """The same with the size in a unit that is ``factor`` times as large."""
+        if factor == 1.0:
+            return self
+        shifts = {name: factor * shift for name, shift in self.shifts.items()}
+        sizes = {name: getattr(self, name) / factor for name in ("size", "stderr", "resolvable_size")}
+        return replace(self, shifts=shifts, **sizes)
 
 
 @dataclass(frozen=True, slots=True)

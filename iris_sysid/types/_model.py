@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
@@ -151,6 +152,11 @@ class OdeModel(Portable):
         return not odd and half > 0 and all(rate.unit == f"{position.unit}/s" for position, rate in pairs)
 
     @property
+    def degrees_of_freedom(self) -> int:
+        """Number of highest derivatives, on which forces act: one a position, or one a state of first order."""
+        return len(self.states) // 2 if self.second_order else len(self.states)
+
+    @property
     def initial_names(self) -> tuple[str, ...]:
         """Names of the initial values, ``<state>_0``, in the order of the states."""
         return tuple(f"{state.name}_0" for state in self.states)
@@ -269,6 +275,15 @@ class Effect(Portable):
     sensible: Callable[[Array, Sequence[float]], bool] | None = None
     recurrence: Recurrence = "always"
     scaling: Mapping[str, float] = field(default_factory=dict)
+
+    def factor(self, body: Mapping[str, float]) -> float | None:
+        """The factor on the size with another body, from those on its mass, radius or cord; None where not known."""
+        changed = {name: factor for name, factor in body.items() if factor != 1.0}
+        if not changed or self.cause != "physics":
+            return 1.0
+        if not changed.keys() <= self.scaling.keys():
+            return None
+        return math.prod(factor ** self.scaling[name] for name, factor in changed.items())
 
     def __repr__(self) -> str:
         return text_of(

@@ -1,11 +1,17 @@
 """The command ``plan``: what a diagnosis on disk leaves open, ranked, and decided with one more clip."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from iris_sysid import diagnose, write_diagnosis, write_trajectory
+from fitters.own_model.equation import model_from_equation
+from iris_sysid import DataError, Plan, Proposal, SetUpChange, diagnose, write_diagnosis, write_trajectory
+from iris_sysid.cli._parsing import with_clip_settings
+from iris_sysid.io.json_documents import read_document, write_document
+from iris_sysid.io.schemas import PlanDocument
+from iris_sysid.report.plan_text import change_of, plan_document
 from tests.diagnosis.test_planning import swing
 
 NAMES = ("quadratic-drag", "coulomb-friction")
@@ -28,10 +34,21 @@ def test_plan_is_printed_and_written_and_decides(diagnosed, cli, tmp_path):
     assert outcome.status == 0, outcome.err
     assert "tell quadratic-drag and coulomb-friction apart" in outcome.out
     assert "The new clip leaves quadratic-drag:" in outcome.out
-    document = json.loads((tmp_path / "plan" / "plan.json").read_text())
-    assert document["proposals"][0]["power"] > 0.9
-    assert document["decision"]["quadratic-drag"] > 0.99
+    document = read_document(tmp_path / "plan" / "plan.json", PlanDocument)
+    assert document.proposals[0].power > 0.9
+    assert document.decision["quadratic-drag"] > 0.99
     assert (tmp_path / "plan" / "plan.png").stat().st_size > 10_000
+
+
+def test_change_is_read_back_from_a_plan(diagnosed, cli, tmp_path):
+    release = SetUpChange("release75", "", start={"theta_0": 1.3, "omega_0": 0.0}, without=("camera-tilt",))
+    proposal = Proposal(release, 0.9, {}, {}, 1.0, np.zeros(1), {})
+    planned = Plan(dict.fromkeys(NAMES, 0.5), {}, proposal, (proposal,), (), np.zeros(1))
+    file = write_document(plan_document(planned), tmp_path / "plan.json")
+    assert change_of(read_document(file, PlanDocument), "release75") == release
+    outcome = cli("plan", diagnosed / "diagnosis", diagnosed / "small.csv", "--change", f"{file}:long")
+    assert outcome.status == 1
+    assert "there are: release75" in outcome.err
 
 
 def test_unknown_change_lists_those_there_are(diagnosed, cli):
@@ -77,3 +94,24 @@ def test_another_body_is_stated_by_its_factors(diagnosed, cli):
     outcome = cli("plan", diagnosed / "diagnosis", diagnosed / "small.csv", *ASKED, *made)
     assert outcome.status == 2
     assert "mass, radius, length" in outcome.err
+
+
+@pytest.mark.slow
+def test_equation_of_a_diagnosis_is_planned_for(diagnosed, cli, tmp_path):
+    equation = "theta'' = -g/L*sin(theta) - b*theta'"
+    small = swing(0.15).with_(origin={"options": {"equation": equation, "bound": ["L=0.1:2"], "set": ["g=9.80665"]}})
+    model = model_from_equation(equation, units={"theta": "rad"}, observed=["theta"], bounds={"L": (0.1, 2.0)})
+    found = diagnose(small, model, fixed={"g": 9.80665}, effects=NAMES)
+    write_diagnosis(found, small, tmp_path / "diagnosis")
+    outcome = cli("plan", tmp_path / "diagnosis", diagnosed / "small.csv", *ASKED)
+    assert outcome.status == 0, outcome.err
+    assert "tell quadratic-drag and coulomb-friction apart" in outcome.out
+
+
+def test_values_of_single_clips_are_told_by_path_and_by_number():
+    clips, paths = [swing(0.15), swing(0.15, seed=1)], [Path("light.csv"), Path("heavy.csv")]
+    light, heavy = with_clip_settings(clips, paths, ["heavy.csv:mass=0.4", "1:mass=0.1", "2:radius=25mm"], {})
+    assert light.known["mass"].value == 0.1
+    assert (heavy.known["mass"].value, heavy.known["radius"].value) == (0.4, 0.025)
+    with pytest.raises(DataError, match="with one of 1, 2, light"):
+        with_clip_settings(clips, paths, ["3:mass=0.4"], {})

@@ -1,5 +1,7 @@
 """What to measure next: clips that SciPy makes, and the statistics of what the plan predicts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -17,15 +19,17 @@ DRAG = 0.15  # 1/rad
 QUESTION = Question(PENDULUM, ("quadratic-drag", "coulomb-friction"))
 
 
-def swing(release_rad: float, seconds: float = 5.0, seed: int = 0, drag: float = DRAG) -> Trajectory:
-    """A pendulum of 0.5 m with quadratic drag."""
+def swing(
+    release_rad: float, seconds: float = 5.0, seed: int = 0, drag: float = DRAG, shift: float = 0.0
+) -> Trajectory:
+    """A pendulum of 0.5 m with quadratic drag, seen with a wrong zero."""
     t_s = np.arange(round(60 * seconds)) / 60
 
     def rates(t, y):
         return y[1], -9.80665 / 0.5 * np.sin(y[0]) - 0.05 * y[1] - drag * abs(y[1]) * y[1]
 
     solved = solve_ivp(rates, (0, t_s[-1]), (release_rad, 0.0), "DOP853", t_s, rtol=1e-9, atol=1e-11)
-    theta = solved.y[:1].T + NOISE_RAD * np.random.default_rng(seed).standard_normal((t_s.size, 1))
+    theta = shift + solved.y[:1].T + NOISE_RAD * np.random.default_rng(seed).standard_normal((t_s.size, 1))
     return Trajectory(
         t_s, (Quantity("theta", "rad"),), theta, np.full_like(theta, np.nan), np.ones(t_s.size, dtype=bool)
     )
@@ -126,6 +130,24 @@ def test_board_in_the_plane_removes_a_tilt():
         if change.name == "board"
     )
     assert roles(rival, board, PENDULUM, False).effects == ()
+
+
+def test_plumb_line_removes_a_wrong_zero_of_an_angle_and_nothing_else():
+    question = Question(PENDULUM, ("zero-offset", "constant-force"))
+    planned = plan(question, swing(0.15, drag=0.0, shift=0.01))
+    by_name = {proposal.change.name: proposal.power for proposal in planned.proposals}
+    assert by_name["plumb-line"] > 0.95
+    assert by_name["repeat"] < 0.1
+
+
+def test_driven_motion_is_driven_otherwise():
+    driven = replace(PENDULUM, inputs=(Quantity("u", "1"),))
+    changes = changes_for(driven, {"theta_0": 0.3, "omega_0": 0.0}, [])
+    assert {change.driven for change in changes} == {1.0, 0.5, 2.0}
+    rival = rivals_of(Question(PENDULUM, ()), [swing(0.3)])[0]
+    clip = swing(0.3).with_(inputs=np.ones((300, 1)), input_quantities=(Quantity("u", "1"),))
+    twice = next(change for change in changes if change.driven == 2.0)
+    assert np.all(Design.of(twice, rival, PENDULUM, clip).inputs == 2.0)
 
 
 def test_two_releases_are_no_pair():

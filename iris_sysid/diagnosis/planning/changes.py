@@ -12,9 +12,11 @@ from iris_sysid.types import Effect, OdeModel
 RELEASES_DEG = (-60.0, -20.0, 10.0, 20.0, 45.0, 75.0)  # from rest; a cord goes slack beyond 90 degrees
 RECTIFIED = ("camera-tilt", "radial-distortion", "anisotropic-scale")  # what a board in the plane of motion removes
 CLAMPED = ("camera-drift",)  # what a tripod removes
+PLUMBED = ("zero-offset",)  # what angles from a plumb line do not have
 ALIKE_RELEASE = 0.15  # relative difference of two releases below which one is a repeat of the other
 FLIGHTS = (["z", "vz"], ["x", "z", "vx", "vz"])  # states of what falls, and of what is thrown
 LEVELS = (0.6, 1.5)  # of a first level, or of an amplitude
+DRIVES = (0.5, 2.0)  # of the inputs
 # mass and radius over today's
 BALLS = (("a ball of the same size, 4 times as heavy", 4.0, 1.0), ("a ball half as wide, of the same kind", 0.125, 0.5))
 
@@ -25,8 +27,8 @@ class SetUpChange:
 
     ``longer`` and ``faster`` are factors on the length of the clip and on its frame rate, ``start`` the new initial
     values by name in the model's units, ``body`` factors on the body's ``mass``, ``radius`` or cord ``length``,
-    ``steeper`` a factor on the acceleration of an incline. Effects in ``without`` cannot act in the new clip.
-    ``clips`` is how many such clips are made.
+    ``steeper`` a factor on the acceleration of an incline, ``driven`` one on the inputs. Effects in ``without`` cannot
+    act in the new clip. ``clips`` is how many such clips are made.
     """
 
     name: str
@@ -36,12 +38,14 @@ class SetUpChange:
     start: Mapping[str, float] = field(default_factory=dict)
     body: Mapping[str, float] = field(default_factory=dict)
     steeper: float = 1.0
+    driven: float = 1.0
     without: tuple[str, ...] = ()
     clips: int = 1
 
     def joined(self, other: SetUpChange) -> SetUpChange | None:
         """Both changes at once; None where they exclude one another."""
         clash = (self.start and other.start) or (self.body and other.body) or self.name == other.name
+        clash = clash or self.driven != 1.0 != other.driven
         if clash or self.longer != 1.0 != other.longer or "repeat" in (self.name, other.name):
             return None
         return replace(
@@ -53,6 +57,7 @@ class SetUpChange:
             start={**self.start, **other.start},
             body={**self.body, **other.body},
             steeper=self.steeper * other.steeper,
+            driven=self.driven * other.driven,
             without=(*self.without, *other.without),
             clips=max(self.clips, other.clips),
         )
@@ -82,6 +87,10 @@ def changes_for(model: OdeModel, start: Mapping[str, float], effects: Sequence[E
         found.append(SetUpChange("board", "a board in the plane of motion as calibration", without=RECTIFIED))
     if names & set(CLAMPED):
         found.append(SetUpChange("tripod", "the camera clamped to something fixed", without=CLAMPED))
+    if names & set(PLUMBED) and model.observed[0].unit == "rad" and model.with_role("gravity"):
+        found.append(SetUpChange("plumb-line", "a plumb line in the picture, and angles from it", without=PLUMBED))
+    if model.inputs:
+        found += [SetUpChange(f"drive-{each:g}", f"drive it {each:g} times as hard", driven=each) for each in DRIVES]
     return found
 
 

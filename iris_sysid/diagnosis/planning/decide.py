@@ -65,15 +65,19 @@ def decide(
     if len(rivals) < 2:
         raise FitError("one name is left already: there is nothing to decide")
     above = np.array([rival.above for rival in rivals])
-    for clip in as_clips(new):
-        above = above + _costs(question, rivals, clip, change)
+    clips = as_clips(new)
+    parts = [roles(rival, change, question.model, clips[0].view is not None) for rival in rivals]
+    known = [_Known.today(rival, part) for rival, part in zip(rivals, parts, strict=True)]
+    for clip in clips:
+        above = above + _costs(question, parts, known, clip)
     return _decision(rivals, above - above.min())
 
 
-def _costs(question: Question, rivals: Sequence[Rival], new: Trajectory, change: SetUpChange) -> Array:
-    """What a new clip adds to the criterion (r,) of each rival; infinite where it cannot be fitted."""
-    known_view = new.view is not None
-    parts = [roles(rival, change, question.model, known_view) for rival in rivals]
+def _costs(question: Question, parts: Sequence[Roles], known: list[_Known], new: Trajectory) -> Array:
+    """What a new clip adds to the criterion (r,) of each rival; infinite where it cannot be fitted.
+
+    What is ``known`` of the values that all clips share becomes what is known with the new one.
+    """
     fits = [_fitted(question, part, new) for part in parts]
     request = question.request(new)
     units = ModelWithEffects.without_effects([request], [solve(request)]).units
@@ -81,10 +85,11 @@ def _costs(question: Question, rivals: Sequence[Rival], new: Trajectory, change:
     if not models:
         raise FitError(f"no name can be fitted to the new clip: {fits[0].message}")
     closest = min(models.values(), key=lambda model: model.squares)
-    costs = np.full(len(rivals), np.inf)
+    costs = np.full(len(parts), np.inf)
     for k, model in models.items():
         shared = len(parts[k].shared) * float(np.log(max(fits[k].n, 2)))
-        costs[k] = cost_above(model, closest) - shared + _disagreement(rivals[k], parts[k], fits[k])
+        known[k], apart = known[k].joined(fits[k])
+        costs[k] = cost_above(model, closest) - shared + apart
     return costs
 
 
@@ -108,18 +113,35 @@ def _fitted(question: Question, part: Roles, new: Trajectory) -> FitResult:
     return solve(request.with_(start=start))
 
 
-def _disagreement(rival: Rival, part: Roles, fitted: FitResult) -> float:
-    """Chi-square of the differences between today's and the new clip's values of what both share."""
-    names = [name for name in part.shared if name in fitted.free]
-    today, new = ([fit.free.index(name) for name in names] for fit in (rival.fitted, fitted))
-    factors = np.array([part.factors[name] for name in names])
-    apart = np.array([fitted.estimates[name].value - part.values[name] for name in names])
-    covariance = rival.fitted.covariance[np.ix_(today, today)] * np.outer(factors, factors)
-    covariance = covariance + fitted.covariance[np.ix_(new, new)]
-    scale = np.sqrt(np.diag(covariance))
-    known = np.isfinite(scale) & (scale > 0)
-    if not known.any():
-        return 0.0
-    correlation = (covariance / np.outer(scale, scale))[np.ix_(known, known)]
-    standard = (apart / scale)[known]
-    return float(standard @ np.linalg.pinv(correlation, hermitian=True) @ standard)
+@dataclass(frozen=True, eq=False, slots=True)
+class _Known:
+    """What the clips so far say of the values (s,) that all share: ``names``, ``values``, ``covariance`` (s, s)."""
+
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+
+    @classmethod
+    def today(cls, rival: Rival, part: Roles) -> _Known:
+        """What today's clip says, in the scale of the new one."""
+        rows = [rival.fitted.free.index(name) for name in part.shared]
+        factors = np.array([part.factors[name] for name in part.shared])
+        covariance = rival.fitted.covariance[np.ix_(rows, rows)] * np.outer(factors, factors)
+        return cls(part.shared, np.array([part.values[name] for name in part.shared]), covariance)
+
+    def joined(self, fitted: FitResult) -> tuple[_Known, float]:
+        """The same with one more clip, and the chi-square of its difference (Kalman 1960, J. Basic Eng. 82, 35)."""
+        both = [k for k, name in enumerate(self.names) if name in fitted.free]
+        rows = [fitted.free.index(self.names[k]) for k in both]
+        total = self.covariance[np.ix_(both, both)] + fitted.covariance[np.ix_(rows, rows)]
+        scale = np.sqrt(np.diag(total))
+        usable = np.isfinite(scale) & (scale > 0)
+        if not usable.any():
+            return self, 0.0
+        which, scale = np.array(both)[usable], scale[usable]
+        new = np.array([fitted.estimates[self.names[k]].value for k in which])
+        inverse = np.linalg.pinv(total[np.ix_(usable, usable)] / np.outer(scale, scale), hermitian=True)
+        inverse = inverse / np.outer(scale, scale)
+        apart, gain = new - self.values[which], self.covariance[:, which] @ inverse
+        joined = _Known(self.names, self.values + gain @ apart, self.covariance - gain @ self.covariance[which])
+        return joined, float(apart @ inverse @ apart)

@@ -66,7 +66,7 @@ class Design:
         noise = np.maximum(fitted.rms, smallest) * np.sqrt(fewer)
         t_s = fitted.t0_s + step * every * np.arange(-(-count // every))
         stated = view_of(clip, model) if clip.view is not None else None
-        return cls(change, model, t_s, noise, correlation, stated, _inputs(clip, t_s))
+        return cls(change, model, t_s, noise, correlation, stated, _inputs(clip, t_s, change.driven))
 
     def whitened(self, values: Array) -> Array:
         """Values (n, d, ...) in the observed unit as independent ones of unit variance (n d, ...)."""
@@ -80,13 +80,13 @@ def _spread(correlation: float) -> float:
     return (1.0 + correlation) / (1.0 - correlation)
 
 
-def _inputs(clip: Trajectory, t_s: Array) -> Array | None:
-    """Today's inputs at the times (n,) s of the new clip, from its beginning again where that is longer."""
+def _inputs(clip: Trajectory, t_s: Array, driven: float) -> Array | None:
+    """Today's inputs, times a factor, at times (n,) s of the new clip; from the beginning again where it is longer."""
     if clip.inputs is None or not clip.input_quantities:
         return None
     span = float(clip.t_s[-1] - clip.t_s[0])
     again = clip.t_s[0] + np.mod(t_s - t_s[0], span)
-    return np.column_stack([np.interp(again, clip.t_s, column) for column in clip.inputs.T])
+    return driven * np.column_stack([np.interp(again, clip.t_s, column) for column in clip.inputs.T])
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -128,7 +128,7 @@ def roles(rival: Rival, change: SetUpChange, model: OdeModel, known_view: bool) 
     acting = tuple(each for each in rival.effects if each.name not in change.without and each.recurrence != "once")
     for effect in acting:
         own = [parameter.name for parameter in effect.parameters if parameter.name in rival.fitted.free]
-        size = _size_factor(effect, change)
+        size = effect.factor(change.body)
         values[effect.parameters[0].name] *= size or 1.0
         factors[effect.parameters[0].name] = size or 1.0
         filmed = effect.image is not None and not known_view
@@ -148,16 +148,6 @@ def _factor(name: str, role: str, change: SetUpChange) -> float:
     if role == "damping" and change.body:
         return change.body.get("radius", 1.0) / change.body.get("mass", 1.0) or 1.0
     return change.steeper if name == "acceleration" else 1.0
-
-
-def _size_factor(effect: Effect, change: SetUpChange) -> float | None:
-    """The factor on an effect's size with another body; None where it is not known."""
-    changed = {name: factor for name, factor in change.body.items() if factor != 1.0}
-    if not changed or effect.cause != "physics":
-        return 1.0
-    if not changed.keys() <= effect.scaling.keys():
-        return None
-    return float(np.prod([factor ** effect.scaling[name] for name, factor in changed.items()]))
 
 
 def _is_known(rival: Rival, name: str) -> bool:

@@ -47,6 +47,10 @@ from iris_sysid.io.schemas._parts import VerdictEntry as VerdictEntry
 from iris_sysid.io.schemas._parts import known_number as known_number
 from iris_sysid.io.schemas._parts import known_numbers as known_numbers
 from iris_sysid.io.schemas._parts import number as number
+from iris_sysid.io.schemas._plan import ChangeEntry as ChangeEntry
+from iris_sysid.io.schemas._plan import LimitsDocument as LimitsDocument
+from iris_sysid.io.schemas._plan import PlanDocument as PlanDocument
+from iris_sysid.io.schemas._plan import ProposalEntry as ProposalEntry
 
 DOCUMENTS: dict[str, type[Document]] = {
     "fit": FitDocument,
@@ -55,4 +59,6 @@ DOCUMENTS: dict[str, type[Document]] = {
     "calibration": CalibrationDocument,
     "origin": OriginDocument,
     "tensor": TensorDocument,
+    "plan": PlanDocument,
+    "detection-limits": LimitsDocument,
 }
