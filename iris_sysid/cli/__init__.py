@@ -118,7 +118,8 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
     help="From a physics video to the parameters of its governing equation, with honest error bars.",
-    epilog="Add --debug to any command to see where a failure comes from.",
+    epilog="Add --debug to any command to see where a failure comes from, --sandbox to run it in a process with limits "
+    "on memory and time, for files that are not trusted.",
 )
 
 
@@ -147,13 +148,20 @@ def main() -> None:
 
     _terminal.replace_unprintable()
     debug = "--debug" in sys.argv
-    arguments = [argument for argument in sys.argv[1:] if argument != "--debug"]
+    arguments = [argument for argument in sys.argv[1:] if argument not in ("--debug", "--sandbox")]
     try:
+        if "--sandbox" in sys.argv:
+            from iris_sysid.video.sandbox import run_limited
+
+            again = [*arguments, "--debug"] if debug else arguments
+            sys.exit(run_limited("from iris_sysid.cli import main; main()", again))
         app(arguments, prog_name="iris-sysid")
     except Exception as error:
         if debug:
             raise
         unexpected = f"unexpected {type(error).__name__}: {error}; --debug shows where"
+        if isinstance(error, MemoryError):
+            unexpected = f"memory is full, or at its limit: {error}"
         text = f"{error}{_terminal.starts_text(error)}" if isinstance(error, IrisError) else unexpected
         typer.echo(f"iris-sysid: {_terminal.one_line(text)}", err=True)
         sys.exit(1)
