@@ -12,14 +12,13 @@ import argparse
 import json
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from fitters.effect_sensitivity import sensitivity, shaped
 from fitters.ode import fit
-from iris_sysid.benchmark.parallel import side_by_side
+from iris_sysid.benchmark.parallel import Batch, side_by_side
 from iris_sysid.calibration.pixel_scale import scale
 from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.diagnosis.score_test import critical_value, screen
@@ -193,7 +192,7 @@ def trajectory_of(hidden: Secret, folder: Path) -> Trajectory:
     return read_trajectory(kept)
 
 
-def case(seed: int, folder: Path) -> Outcome | None:
+def case(folder: Path, seed: int) -> Outcome | None:
     """One clip rendered, tracked and diagnosed; None when that fails. Keeps the outcome, and reads an earlier one back.
 
     Parameters
@@ -242,7 +241,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _print_outcomes(folder: Path, clips: int, workers: int) -> list[Outcome]:
     """Diagnose every clip in parallel, and print the table."""
-    every = dict(side_by_side(partial(case, folder=folder), range(clips), workers, lambda seed: None))
+    every = dict(side_by_side(Batch(folder, case, lambda folder, seed: None), range(clips), workers))
     outcomes = [outcome for _, outcome in sorted(every.items()) if outcome is not None]
     print(f"{len(outcomes)} clips; {len(every) - len(outcomes)} could not be measured or fitted")
     print(pages.markdown(table(outcomes)))

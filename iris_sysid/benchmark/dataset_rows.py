@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pandas as pd
 
 from iris_sysid.benchmark.dataset import places
-from iris_sysid.benchmark.groundtruth.measure import Conditions, Measurements, measure
-from iris_sysid.benchmark.parallel import side_by_side
+from iris_sysid.benchmark.groundtruth.measure import Conditions, Measurements, files_of, measure
+from iris_sysid.benchmark.parallel import Batch, Workers, side_by_side
 from iris_sysid.benchmark.sources.rows import (
     OK,
     ROBUSTNESS,
@@ -55,7 +55,7 @@ class Plan:
     studies: tuple[str, ...] = ALL_STUDIES
     studied: int | None = None
     robustness: int = 0
-    workers: int = 1
+    workers: Workers = 0
     seed: int = 0
 
 
@@ -70,11 +70,11 @@ class DatasetRows:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Unit:
-    """One study of one clip, the unit of parallel work, and the file of its rows."""
+    """One study of one clip, the unit of parallel work, and the place of the file of its rows."""
 
     subject: Subject
     study: str
-    path: Path
+    place: str
     measured: MeasuredDocument
     seed: int
 
@@ -124,9 +124,9 @@ def dataset_rows(
         tell=tell,
     )
     subjects = subjects_of(measured.clips, Path(dataset), plan.name)
-    units = list(_units(subjects, Path(work), plan))
+    units = list(_units(subjects, plan))
     frames = [flat_rows(record for subject in subjects for record in ode_rows(subject))]
-    studies, lost = _all_done(units, plan.workers, progress)
+    studies, lost = _all_done(units, Path(work), plan.workers, progress)
     frames += studies
     if SHARING in plan.studies:
         frames.append(flat_rows(sharing_rows(subjects)))
@@ -135,16 +135,16 @@ def dataset_rows(
     return DatasetRows(joined(frames), gaps, clips)
 
 
-def _units(subjects: Sequence[Subject], work: Path, plan: Plan) -> Iterator[Unit]:
+def _units(subjects: Sequence[Subject], plan: Plan) -> Iterator[Unit]:
     """All units of work: the studies in the order of ``PER_CLIP``, each over the clips in order."""
     turns = places([subject.clip for subject in subjects])
     few = [
         subject for subject, turn in zip(subjects, turns, strict=True) if plan.studied is None or turn < plan.studied
     ]
     for study in (name for name in PER_CLIP if name in plan.studies):
-        yield from (_unit(subject, study, work, plan) for subject in few)
+        yield from (_unit(subject, study, plan) for subject in few)
     if ROBUSTNESS in plan.studies and plan.robustness:
-        yield from (_unit(subject, ROBUSTNESS, work, plan) for subject in _spread(subjects, turns, plan.robustness))
+        yield from (_unit(subject, ROBUSTNESS, plan) for subject in _spread(subjects, turns, plan.robustness))
 
 
 def _spread(subjects: Sequence[Subject], turns: Sequence[int], count: int) -> list[Subject]:
@@ -164,7 +164,7 @@ def _spread(subjects: Sequence[Subject], turns: Sequence[int], count: int) -> li
     return [subjects[k] for k in sorted(order[:count])]
 
 
-def _unit(subject: Subject, study: str, work: Path, plan: Plan) -> Unit:
+def _unit(subject: Subject, study: str, plan: Plan) -> Unit:
     """The unit; a hash of the measurement (with versions and file hashes), truth and seed is part of its file name."""
     dependencies = {
         "measured": subject.measured.document.model_dump(mode="json"),
@@ -174,53 +174,56 @@ def _unit(subject: Subject, study: str, work: Path, plan: Plan) -> Unit:
         "seed": plan.seed,
     }
     key = hashlib.sha256(json_text(dependencies).encode()).hexdigest()[:12]
-    clip = subject.clip
-    path = work / clip.class_name / clip.setting / f"{clip.clip}.{study.replace('+', '-')}.{key}.csv"
-    return Unit(subject, study, path, plan.measured, plan.seed)
+    place = f"{subject.clip.place}.{study.replace('+', '-')}.{key}.csv"
+    return Unit(subject, study, place, plan.measured, plan.seed)
 
 
 # --------------------------------------------------------------------------- running
 
 
-def _all_done(units: Sequence[Unit], workers: int, progress: Progress | None) -> tuple[list[pd.DataFrame], list[str]]:
+def _all_done(
+    units: Sequence[Unit], work: Path, workers: Workers, progress: Progress | None
+) -> tuple[list[pd.DataFrame], list[str]]:
     """The rows of every unit, in the order of the units, and one line per unit whose process died.
 
     Rows of an earlier run are read from disk.
     """
-    kept = {unit.path: _kept(unit) for unit in units}
-    missing, lost = [unit for unit in units if kept[unit.path] is None], []
-    outcomes = side_by_side(work_on, missing, workers, _lost)
+    kept = {unit.place: _kept(work / unit.place) for unit in units}
+    missing, lost = [unit for unit in units if kept[unit.place] is None], []
+    batch = Batch(work, work_on, _lost, reads=lambda unit: files_of(unit.subject.clip))
+    outcomes = side_by_side(batch, missing, workers)
     for unit, whole in with_progress(outcomes, progress, len(units), done=len(units) - len(missing)):
-        kept[unit.path] = _kept(unit)
+        kept[unit.place] = _kept(work / unit.place)
         if not whole:
             lost.append(f"{unit.subject.clip.place}: the process of study {unit.study} died; is there enough memory?")
     return [rows for rows in kept.values() if rows is not None], sorted(lost)
 
 
-def _kept(unit: Unit) -> pd.DataFrame | None:
+def _kept(path: Path) -> pd.DataFrame | None:
     """The complete rows of an earlier run; None when there are none."""
-    if not unit.path.is_file():
+    if not path.is_file():
         return None
-    if unit.path.stat().st_size == 0:  # the study gives no rows for this clip
+    if path.stat().st_size == 0:  # the study gives no rows for this clip
         return flat_rows([])
     try:
-        return read_rows(unit.path)
+        return read_rows(path)
     except IrisError:
         return None
 
 
-def _lost(unit: Unit) -> bool:
+def _lost(folder: Path, unit: Unit) -> bool:
     """Write no file, so that the next run tries again."""
     return False
 
 
-def work_on(unit: Unit) -> bool:
+def work_on(folder: Path, unit: Unit) -> bool:
     """Run one study of one clip and write its rows, an empty file for no rows. True when the file is written."""
+    subject = replace(unit.subject, measured=unit.subject.measured.within(folder))
     if unit.study == ROBUSTNESS:
-        records = robustness_rows(unit.subject, unit.measured, seed=unit.seed)
+        records = robustness_rows(subject, unit.measured, seed=unit.seed)
     elif unit.study == SELECTION:
-        records = selection_rows(unit.subject)
+        records = selection_rows(subject)
     else:
-        records = studied(unit.subject, unit.study)
-    write_atomic(unit.path, rows_text(flat_rows(records)) if records else "", overwrite=True)
+        records = studied(subject, unit.study)
+    write_atomic(folder / unit.place, rows_text(flat_rows(records)) if records else "", overwrite=True)
     return True

@@ -1,66 +1,96 @@
-"""Run jobs in several processes; a process that dies does not stop the others."""
+"""Run independent jobs in several processes, here or on a cluster; a process that dies costs its job alone."""
 
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
-from typing import TypeVar
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
 
 from iris_sysid.errors import DataError
 
 MOST_WORKERS = 256
 
+Workers = int | str  # a number of processes beside this one, or the address or file of a dask scheduler
 Job = TypeVar("Job")
 Outcome = TypeVar("Outcome")
 
 
-def check_workers(workers: int) -> None:
-    """Raise DataError unless ``workers`` is a valid number of processes."""
-    if not isinstance(workers, int) or not 1 <= workers <= MOST_WORKERS:
-        raise DataError(f"workers must be a whole number from 1 to {MOST_WORKERS}, not {workers!r}")
+def nothing(job: object) -> Sequence[str]:
+    """No file: for jobs that read or write none in the folder of their batch."""
+    return ()
 
 
-def side_by_side(
-    work: Callable[[Job], Outcome], jobs: Sequence[Job], workers: int, lost: Callable[[Job], Outcome]
-) -> Iterator[tuple[Job, Outcome]]:
+@dataclass(frozen=True, slots=True)
+class Batch(Generic[Job, Outcome]):
+    """What is to be done with each job, and the folder that all of them write into.
+
+    ``work(folder, job)`` writes below ``folder`` only; a new process can import it, and an exception in it ends the
+    run. ``lost(folder, job)`` gives the outcome of a job whose process died, e.g. because it ran out of memory.
+    ``reads(job)`` names the files below the folder that the job reads where they exist, ``last(job)`` those that make
+    it complete and are therefore written last: a machine without this folder gets the former and sends its files back.
+    """
+
+    folder: Path
+    work: Callable[[Path, Job], Outcome]
+    lost: Callable[[Path, Job], Outcome]
+    reads: Callable[[Job], Sequence[str]] = nothing
+    last: Callable[[Job], Sequence[str]] = nothing
+
+
+def check_workers(workers: Workers) -> None:
+    """Raise DataError unless ``workers`` is a valid number of processes, or text that may name a scheduler."""
+    if isinstance(workers, str) and workers.strip():
+        return
+    if not isinstance(workers, int) or not 0 <= workers <= MOST_WORKERS:
+        raise DataError(f"workers must be a whole number from 0 to {MOST_WORKERS}, not {workers!r}")
+
+
+def side_by_side(batch: Batch[Job, Outcome], jobs: Sequence[Job], workers: Workers) -> Iterator[tuple[Job, Outcome]]:
     """Run all jobs, and yield each with its outcome in the order in which they finish.
 
     Parameters
     ----------
-    work
-        A function that a new process can import; an exception in it ends the run.
+    batch
+        What is to be done.
     jobs
-        Its arguments, one job each.
+        One at a time of each process.
     workers
-        Number of parallel processes; 1 runs all jobs in this process.
-    lost
-        Called instead of ``work`` for a job whose process died, e.g. because it ran out of memory.
+        Number of parallel processes; 0 runs all jobs in this one, which then ends with a job that crashes.
+        Text is the address (``tcp://HOST:PORT``) or the file (``FILE.json``) of a dask scheduler; see
+        :mod:`iris_sysid.benchmark.cluster`.
     """
-    if workers == 1 or len(jobs) < 2:
+    if isinstance(workers, str):
+        from iris_sysid.benchmark.cluster import on_cluster  # dask is an extra
+
+        yield from on_cluster(batch, jobs, workers)
+    elif workers == 0:
         for job in jobs:
-            yield job, work(job)
-        return
+            yield job, batch.work(batch.folder, job)
+    elif jobs:
+        yield from _in_processes(batch, jobs, workers)
+
+
+def _in_processes(batch: Batch[Job, Outcome], jobs: Sequence[Job], workers: int) -> Iterator[tuple[Job, Outcome]]:
     waiting = dict(enumerate(jobs))
     with suppress(BrokenProcessPool):
-        for number, outcome in _pooled(work, waiting, workers):
+        for number, outcome in _pooled(batch, waiting, workers):
             yield waiting.pop(number), outcome
-    for (
-        number,
-        job,
-    ) in waiting.items():  # one of these jobs killed its process: each runs alone now
+    for number, job in waiting.items():  # one of these jobs killed its process: each runs alone now
         try:
-            yield job, next(outcome for _, outcome in _pooled(work, {number: job}, 1))
+            yield job, next(outcome for _, outcome in _pooled(batch, {number: job}, 1))
         except BrokenProcessPool:
-            yield job, lost(job)
+            yield job, batch.lost(batch.folder, job)
 
 
-def _pooled(work: Callable[[Job], Outcome], jobs: dict[int, Job], workers: int) -> Iterator[tuple[int, Outcome]]:
+def _pooled(batch: Batch[Job, Outcome], jobs: Mapping[int, Job], workers: int) -> Iterator[tuple[int, Outcome]]:
     # spawn: a fork would copy locks that threads of the decoder and encoder hold
     with ProcessPoolExecutor(min(workers, len(jobs)), multiprocessing.get_context("spawn")) as pool:
-        waiting = {pool.submit(work, job): number for number, job in jobs.items()}
+        waiting = {pool.submit(batch.work, batch.folder, job): number for number, job in jobs.items()}
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()

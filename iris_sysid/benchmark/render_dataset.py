@@ -8,13 +8,12 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from iris_sysid.benchmark.parallel import check_workers, side_by_side
+from iris_sysid.benchmark.parallel import Batch, Workers, check_workers, side_by_side
 from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.io.files import check_writable, json_text, origin_of, write_atomic
 from iris_sysid.synthetic.board import render_checkerboard
@@ -62,7 +61,7 @@ def render_dataset(
     fps: float = 60.0,
     trials: int = 10,
     seed: int = 0,
-    workers: int = 1,
+    workers: Workers = 0,
     phenomena: Sequence[str] | None = None,
     duration_s: float | None = None,
     look: Look | None = None,
@@ -87,7 +86,7 @@ def render_dataset(
     seed
         Random seed of the whole data set.
     workers
-        Number of parallel processes.
+        Number of parallel processes, 0 for this one, or the address or file of a dask scheduler.
     phenomena
         Names of scenes; None means the benchmark's eight phenomena, LED and Torricelli.
     duration_s
@@ -121,7 +120,8 @@ def render_dataset(
     _claim(root, options)
     missing = [job for job in jobs if not (root / job.place).exists()]
     with _workshop(root):
-        outcomes = side_by_side(partial(_attempt, root), missing, workers, _lost)
+        batch = Batch(root, _attempt, _lost, last=lambda job: (job.place,))
+        outcomes = side_by_side(batch, missing, workers)
         _check_all(with_progress(outcomes, progress, len(jobs), done=len(jobs) - len(missing)))
     _write_parameters(root)
     written = {job.place for job in missing}
@@ -133,7 +133,9 @@ def render_dataset(
     )
 
 
-def _check(size: tuple[int, int], fps: float, trials: int, seed: int, workers: int, duration_s: float | None) -> None:
+def _check(
+    size: tuple[int, int], fps: float, trials: int, seed: int, workers: Workers, duration_s: float | None
+) -> None:
     check_clip(size, fps, 1.0 if duration_s is None else duration_s, seed)
     if not isinstance(trials, int) or not 1 <= trials <= MOST_TRIALS:
         raise DataError(f"trials must be a whole number from 1 to {MOST_TRIALS}, not {trials!r}")
@@ -222,7 +224,7 @@ def _attempt(root: Path, job: Job) -> IrisError | None:
     return None
 
 
-def _lost(job: Job) -> IrisError:
+def _lost(root: Path, job: Job) -> IrisError:
     return IrisError("the process that rendered it died; is there enough memory? Fewer workers need less")
 
 

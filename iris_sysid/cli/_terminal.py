@@ -97,6 +97,27 @@ def _check_observed(clip: Trajectory, model: OdeModel, table: Path) -> None:
         )
 
 
+def workers_of(workers: int | None, scheduler: str | None) -> int | str:
+    """The processes that do the work: their number here, or a scheduler, whose workers are counted on stderr.
+
+    Parameters
+    ----------
+    workers, scheduler
+        As typed; one process without either.
+    """
+    if scheduler is None:
+        return 1 if workers is None else workers
+    if workers is not None:
+        raise DataError("give --workers or --scheduler, not both: the workers of a scheduler are started apart")
+    from iris_sysid.benchmark.cluster import connected
+
+    with connected(scheduler) as client:
+        count = len(client.nthreads())
+    waiting = "" if count else "; the work begins with the first"
+    typer.echo(one_line(f"{scheduler}: {count} workers{waiting}"), err=True)
+    return scheduler
+
+
 def quality_word(track: Track) -> str:
     """``good`` or ``doubtful``; empty where nothing judged the track."""
     if track.quality is None:

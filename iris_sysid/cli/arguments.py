@@ -61,6 +61,14 @@ TimeBase = Annotated[str, typer.Option(help="Standard error of the frame rate: 0
 Starts = Annotated[list[str] | None, typer.Option("--start-at", help="A starting value, e.g. length=0.5.")]
 ModelName = Annotated[str, typer.Option("--model", help="Governing equation; see iris-sysid list. Or FILE.py:NAME.")]
 
+WorkerCount = Annotated[
+    int | None, typer.Option("--workers", help="Number of parallel processes; default 1.", min=1, max=256)
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option("--scheduler", help="Work on the workers of dask instead: tcp://HOST:8786, or its FILE.json."),
+]
+
 Equation = Annotated[
     str | None,
     typer.Option("--equation", help="Equation of motion of your own: \"theta'' = -g/L*sin(theta) - c*theta'\"."),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import Force, Fps, Output, TransferCurve
+from iris_sysid.cli.arguments import Force, Fps, Output, Scheduler, TransferCurve, WorkerCount
 from iris_sysid.errors import DataError
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ Studies = Annotated[
 Studied = Annotated[int | None, typer.Option(help="Study only this many clips of each setting.", min=1)]
 Trials = Annotated[int | None, typer.Option(help="Measure only this many clips of each setting.", min=1)]
 Robustness = Annotated[int, typer.Option(help="Number of clips to degrade and measure again.", min=0)]
-Workers = Annotated[int, typer.Option(help="Number of parallel processes.", min=1)]
 Seed = Annotated[int, typer.Option(help="Seed of the added noise and the dropped frames.", min=0)]
 NO_STUDY = "none"
 
@@ -52,7 +51,8 @@ def benchmark(
     reference: Reference = None,
     fps: Fps = None,
     transfer: TransferCurve = None,
-    workers: Workers = 1,
+    workers: WorkerCount = None,
+    scheduler: Scheduler = None,
     seed: Seed = 0,
     force: Force = False,
 ) -> None:
@@ -83,7 +83,7 @@ def benchmark(
         studies=tuple(choice for choice in study if choice != NO_STUDY) if study else ALL_STUDIES,
         studied=studied,
         robustness=robustness,
-        workers=workers,
+        workers=_terminal.workers_of(workers, scheduler),
         seed=seed,
     )
     measurements = _rows_of(dataset, work or output / "work", plan) if dataset else None

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import Force, Fps, KeepPartial, TimeBase, TransferCurve
+from iris_sysid.cli.arguments import Force, Fps, KeepPartial, Scheduler, TimeBase, TransferCurve, WorkerCount
 
 if TYPE_CHECKING:
     from iris_sysid.io.schemas.groundtruth import ParameterEntry, ParametersDocument
@@ -18,7 +18,8 @@ def gt(
     measured: Annotated[Path | None, typer.Option(help="Direct measurements; --template prints a file.")] = None,
     board: Annotated[str | None, typer.Option(help="Inner corners of the checkerboards, e.g. 9x6.")] = None,
     square: Annotated[str | None, typer.Option(help="Side of their squares: 25mm or 25.0+-0.1mm.")] = None,
-    workers: Annotated[int, typer.Option(help="Number of parallel processes.")] = 1,
+    workers: WorkerCount = None,
+    scheduler: Scheduler = None,
     trials: Annotated[int | None, typer.Option(help="Measure only this many clips of each setting.")] = None,
     work: Annotated[Path | None, typer.Option(help="Folder of the measurements; default OUTPUT.work.")] = None,
     fps: Fps = None,
@@ -64,13 +65,14 @@ def gt(
         trials=trials,
         transfer=_parsing.transfer(transfer),
     )
+    processes = _terminal.workers_of(workers, scheduler)
     with _terminal.progress("measuring clips") as report_progress:
         measurements = measure(
             dataset,
             work or output.with_suffix(".work"),
             measured=by_hand,
             conditions=conditions,
-            workers=workers,
+            workers=processes,
             progress=report_progress,
             tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
         )

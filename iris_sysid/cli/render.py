@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import Force, Settings
+from iris_sysid.cli.arguments import Force, Scheduler, Settings, WorkerCount
 from iris_sysid.errors import DataError, UnknownNameError
 
 # defaults; clips of a data set have the benchmark's size and number
@@ -31,7 +31,8 @@ def render(
     dataset: Annotated[Path | None, typer.Option(help="Render the benchmark's 240 clips into this folder.")] = None,
     classes: Annotated[list[str] | None, typer.Option(help="Render only this class; 'all' renders all ten.")] = None,
     trials: Annotated[int | None, typer.Option(help=f"Clips of each setting; default {TRIALS}.")] = None,
-    workers: Annotated[int | None, typer.Option(help="Number of parallel processes; default 1.")] = None,
+    workers: WorkerCount = None,
+    scheduler: Scheduler = None,
     force: Force = False,
 ) -> None:
     """Render a synthetic clip, or a whole synthetic data set, and write its exact truth beside it.
@@ -45,9 +46,16 @@ def render(
     if dataset is not None:
         options = {"--phenomenon": phenomenon, "-o": output, "--effect": effect, "--set": known, "--force": force}
         _refuse(options, "belongs to a single clip, not to --dataset; leave it out")
-        _render_dataset(dataset, size or DATASET_SIZE, fps, seconds, seed, classes or [], trials, workers)
+        video = (size or DATASET_SIZE, fps, seconds, seed)
+        _render_dataset(dataset, video, classes or [], trials, _terminal.workers_of(workers, scheduler))
         return
-    _refuse({"--classes": classes, "--trials": trials, "--workers": workers}, "belongs to --dataset; give its folder")
+    options: dict[str, object] = {
+        "--classes": classes,
+        "--trials": trials,
+        "--workers": workers,
+        "--scheduler": scheduler,
+    }
+    _refuse(options, "belongs to --dataset; give its folder")
     if phenomenon is None or output is None:
         raise typer.BadParameter("Missing option '--phenomenon' or '-o', for a clip; or '--dataset', for all of them")
     _render_clip(
@@ -100,17 +108,15 @@ def _render_clip(
 
 def _render_dataset(
     folder: Path,
-    size: str,
-    fps: float,
-    seconds: float | None,
-    seed: int,
+    video: tuple[str, float, float | None, int],
     classes: list[str],
     trials: int | None,
-    workers: int | None,
+    workers: int | str,
 ) -> None:
     from iris_sysid.benchmark.render_dataset import render_dataset
     from iris_sysid.cli import _parsing
 
+    size, fps, seconds, seed = video
     with _terminal.progress("rendering") as report_progress:
         done = render_dataset(
             folder,
@@ -118,7 +124,7 @@ def _render_dataset(
             fps=fps,
             trials=TRIALS if trials is None else trials,
             seed=seed,
-            workers=1 if workers is None else workers,
+            workers=workers,
             phenomena=_phenomena(classes),
             duration_s=seconds,
             progress=report_progress,

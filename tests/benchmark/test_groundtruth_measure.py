@@ -145,7 +145,7 @@ def test_measure_takes_the_first_trials_of_each_setting(work, dataset):
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"), [({"workers": 0}, "workers"), ({"conditions": Conditions(trials=0)}, "trials")]
+    ("changes", "message"), [({"workers": -1}, "workers"), ({"conditions": Conditions(trials=0)}, "trials")]
 )
 def test_measure_refuses_numbers_that_make_no_sense(work, dataset, changes, message):
     with pytest.raises(DataError, match=message):

@@ -154,7 +154,7 @@ def test_failed_clip_is_named_and_the_others_are_done(tmp_path, monkeypatch):
     [
         ({"trials": 0}, DataError, "trials must be a whole number from 1 to 999, not 0"),
         ({"trials": 2.5}, DataError, "trials must be"),
-        ({"workers": 0}, DataError, "workers must be a whole number from 1"),
+        ({"workers": -1}, DataError, "workers must be a whole number from 0"),
         ({"size": (63, 36)}, DataError, "size must be two even numbers"),
         ({"fps": -1.0}, DataError, "fps must lie"),
         ({"duration_s": -1.0}, DataError, "at least two frames"),

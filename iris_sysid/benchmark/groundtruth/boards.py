@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +11,40 @@ from iris_sysid.calibration.board.board import Board
 from iris_sysid.calibration.calibration_json import read_calibration, write_calibration
 from iris_sysid.calibration.pixel_scale import scale_bar_from_text, scale_from_text
 from iris_sysid.calibration.request import ByBoard, CalibrationRequest, calibrate_plane
-from iris_sysid.errors import CalibrationError, DataError, IrisError
+from iris_sysid.errors import CalibrationError, DataError, IrisError, OutputError
 from iris_sysid.io.files import json_text, origin_of, sha256_of, write_atomic
 from iris_sysid.io.json_documents import plain_origin
 from iris_sysid.io.schemas.groundtruth import BoardEntry, MeasuredDocument, ScaleEntry
 from iris_sysid.types import Progress
 
 NAME = "calibration.json"
+ORIGIN = "calibration.origin.json"
 BESIDE = (".json", ".truth.json")  # files beside a clip that may hold the size of its board
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class BoardJob:
+    """The clip of the board of one class, to be calibrated by."""
+
+    class_name: str
+    path: Path
+    board: BoardEntry
+
+
+def files_of_board(job: BoardJob) -> list[str]:
+    """The places of the files of a class below the folder of the measurements."""
+    return [f"{job.class_name}/{NAME}", f"{job.class_name}/{ORIGIN}"]
+
+
+def calibrate_board(folder: Path, job: BoardJob) -> str:
+    """Calibrate one class below the folder of the measurements; returns the reason of a failure, else empty."""
+    try:
+        calibrate_class(job.path, job.board, folder / job.class_name)
+    except OutputError:
+        raise
+    except IrisError as error:
+        return str(error)
+    return ""
 
 
 def board_of(clip: Path, class_name: str, measured: MeasuredDocument) -> BoardEntry:
@@ -110,7 +137,7 @@ def calibrate_class(clip: Path, board: BoardEntry, folder: Path, progress: Progr
     CalibrationError, VideoError
         When the clip does not determine metres per pixel.
     """
-    path, origin_path = folder / NAME, folder / "calibration.origin.json"
+    path, origin_path = folder / NAME, folder / ORIGIN
     corners = f"{board.inner_corners[0]}x{board.inner_corners[1]}"
     square = f"{board.square_m!r}+-{board.stderr_m!r}m"  # the format of earlier runs, which are kept
     origin = plain_origin(origin_of(clip, {"board": corners, "square": square}))

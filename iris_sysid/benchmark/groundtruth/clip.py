@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from iris_sysid.benchmark.dataset import Clip
+from iris_sysid.benchmark.groundtruth.boards import NAME
 from iris_sysid.calibration.calibration_json import read_calibration
 from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.calibration.plane import check_image_size
@@ -26,6 +27,7 @@ from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.types import Calibration, Estimate, FitResult, Phenomenon, Track, TrackOptions, Trajectory, Transfer
 from iris_sysid.video.reader import open_video
 
+SUFFIXES = (".json", ".track.csv", ".trajectory.csv")  # of the files of a clip
 FOCAL = 9  # index of the focal lengths among the values of a calibration
 RADIUS, GRAVITY, PROJECTED = "ball_radius", "gravity", "r0_f"
 KNOWN = (GRAVITY, RADIUS, "h0")  # values that fits may use; all others are estimated
@@ -35,12 +37,12 @@ KNOWN = (GRAVITY, RADIUS, "h0")  # values that fits may use; all others are esti
 class Job:
     """One clip to measure, its known values, and the folder of its files.
 
-    ``calibration`` is a calibration.json, or None without a scale.
+    ``calibrated``: whether its class has a calibration.json in the folder.
     """
 
     clip: Clip
     folder: Path
-    calibration: Path | None
+    calibrated: bool
     known: Mapping[str, Estimate]
     fps: float | None
     clock_stderr: float
@@ -50,6 +52,11 @@ class Job:
     def path(self, suffix: str) -> Path:
         """One of the clip's files."""
         return self.folder / f"{self.clip.place}{suffix}"
+
+    @property
+    def calibration(self) -> Path | None:
+        """The calibration.json of its class; None without a scale."""
+        return self.folder / self.clip.class_name / NAME if self.calibrated else None
 
     def options(self) -> dict[str, Any]:
         """The options that the track depends on."""

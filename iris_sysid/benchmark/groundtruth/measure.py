@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from iris_sysid.benchmark.dataset import BOARD, Clip, Listing, list_clips, places
-from iris_sysid.benchmark.groundtruth.boards import NAME, board_of, calibrate_class, scale_class
-from iris_sysid.benchmark.groundtruth.clip import KNOWN, Job, measure_clip, record_failure
-from iris_sysid.benchmark.parallel import check_workers, side_by_side
+from iris_sysid.benchmark.groundtruth.boards import (
+    NAME,
+    BoardJob,
+    board_of,
+    calibrate_board,
+    files_of_board,
+    scale_class,
+)
+from iris_sysid.benchmark.groundtruth.clip import KNOWN, SUFFIXES, Job, measure_clip, record_failure
+from iris_sysid.benchmark.parallel import Batch, Workers, check_workers, side_by_side
 from iris_sysid.calibration.calibration_json import read_calibration
 from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.errors import DataError, IrisError, OutputError
@@ -20,6 +27,7 @@ from iris_sysid.registry import PHENOMENA
 from iris_sysid.types import Calibration, Progress, Track, Trajectory, Transfer, with_progress
 
 NOT_BY_BOARD = ("angle", "intensity")  # observables that need no scale
+IS_IT = "is the file damaged, or memory full?"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -34,6 +42,10 @@ class ClipMeasurement:
     clip: Clip
     document: ClipDocument
     folder: Path
+
+    def within(self, root: Path) -> ClipMeasurement:
+        """The same, its files read below another folder of measurements."""
+        return replace(self, folder=root / self.clip.class_name / self.clip.setting)
 
     def trajectory(self) -> Trajectory | None:
         """The fitted observable, read from disk; None for a clip that failed."""
@@ -83,7 +95,7 @@ def measure(
     *,
     measured: MeasuredDocument | None = None,
     conditions: Conditions | None = None,
-    workers: int = 1,
+    workers: Workers = 0,
     progress: Progress | None = None,
     tell: Callable[[str], None] | None = None,
 ) -> Measurements:
@@ -106,7 +118,8 @@ def measure(
     conditions
         Of the recording.
     workers
-        Number of parallel processes.
+        Number of parallel processes, 0 for this one, or the address or file of a dask scheduler, whose workers find the
+        clips under the same paths.
     progress
         Called with (clips done, total number of clips).
     tell
@@ -126,15 +139,18 @@ def measure(
     """
     conditions, measured, tell = conditions or Conditions(), measured or MeasuredDocument(), tell or _silent
     check_workers(workers)
-    listing, root = list_clips(dataset), Path(folder)
+    listing, root = list_clips(Path(dataset).absolute()), Path(folder)  # absolute: workers run in folders of their own
     gaps = {gap.place: gap.reason for gap in listing.gaps}
     chosen = [
         clip for clip in _chosen(listing.clips, conditions.trials) if conditions.phenomenon in (None, clip.phenomenon)
     ]
-    calibrations = _calibrations(listing, root, measured, chosen, gaps)
-    jobs = [_job(clip, root, measured, conditions, calibrations.get(clip.class_name)) for clip in chosen]
+    calibrated = _calibrated(listing, root, measured, chosen, gaps, workers)
+    jobs = [_job(clip, root, measured, conditions, clip.class_name in calibrated) for clip in chosen]
     now = 0
-    outcomes = side_by_side(measure_clip, _in_turn(jobs), workers, _lost)
+    batch = Batch(
+        root, _measured, _lost, reads=lambda job: files_of(job.clip), last=lambda job: (f"{job.clip.place}.json",)
+    )
+    outcomes = side_by_side(batch, _in_turn(jobs), workers)
     for job, (measured_now, reason) in with_progress(outcomes, progress, len(jobs)):
         now += measured_now
         if reason and measured_now:
@@ -159,11 +175,16 @@ def _in_turn(jobs: Sequence[Job]) -> list[Job]:
     return [job for _, job in sorted(zip(turns, jobs, strict=True), key=lambda pair: pair[0])]
 
 
-def _calibrations(
-    listing: Listing, root: Path, measured: MeasuredDocument, clips: Sequence[Clip], gaps: dict[str, str]
-) -> dict[str, Path]:
-    """The calibration of each class that needs a scale; a class without one becomes a gap with the reason."""
-    calibrations = {}
+def _calibrated(
+    listing: Listing,
+    root: Path,
+    measured: MeasuredDocument,
+    clips: Sequence[Clip],
+    gaps: dict[str, str],
+    workers: Workers,
+) -> set[str]:
+    """Calibrate each class that needs a scale, and name those that have one; another becomes a gap with the reason."""
+    calibrated, jobs = set(), []
     for name, phenomenon in dict.fromkeys((clip.class_name, clip.phenomenon) for clip in clips):
         if PHENOMENA[phenomenon].measures in NOT_BY_BOARD:
             continue
@@ -173,23 +194,33 @@ def _calibrations(
             continue
         try:
             if name in listing.boards:
-                board = board_of(listing.boards[name], name, measured)
-                calibrations[name] = calibrate_class(listing.boards[name], board, root / name)
+                jobs.append(BoardJob(name, listing.boards[name], board_of(listing.boards[name], name, measured)))
             elif scale is not None:
-                calibrations[name] = scale_class(scale, root / name)
+                scale_class(scale, root / name)
+                calibrated.add(name)
         except OutputError:
             raise
         except IrisError as error:
-            gaps[board_place] = f"lengths stay in px: {str(error).replace(str(listing.folder), listing.folder.name)}"
-    return calibrations
+            gaps[board_place] = _no_scale(str(error), listing)
+    batch = Batch(root, calibrate_board, _lost_board, reads=files_of_board, last=files_of_board)
+    for job, reason in side_by_side(batch, jobs, workers):
+        if reason:
+            gaps[f"{job.class_name}/{BOARD}"] = _no_scale(reason, listing)
+        else:
+            calibrated.add(job.class_name)
+    return calibrated
 
 
-def _job(clip: Clip, root: Path, measured: MeasuredDocument, conditions: Conditions, calibration: Path | None) -> Job:
+def _no_scale(reason: str, listing: Listing) -> str:
+    return f"lengths stay in px: {reason.replace(str(listing.folder), listing.folder.name)}"
+
+
+def _job(clip: Clip, root: Path, measured: MeasuredDocument, conditions: Conditions, calibrated: bool) -> Job:
     known = {name: value for name, value in measured.of(clip.class_name, clip.setting).items() if name in KNOWN}
     return Job(
         clip,
         root,
-        calibration,
+        calibrated,
         known,
         conditions.fps,
         conditions.clock_stderr,
@@ -198,9 +229,24 @@ def _job(clip: Clip, root: Path, measured: MeasuredDocument, conditions: Conditi
     )
 
 
-def _lost(job: Job) -> tuple[bool, str]:
+def _measured(folder: Path, job: Job) -> tuple[bool, str]:
+    """Measure a clip with its files in a folder, which on a cluster is another one than the job was made for."""
+    return measure_clip(replace(job, folder=folder))
+
+
+def files_of(clip: Clip) -> list[str]:
+    """The places of a clip's own files, and of the calibration of its class, below the folder of the measurements."""
+    return [f"{clip.class_name}/{NAME}", *(f"{clip.place}{suffix}" for suffix in SUFFIXES)]
+
+
+def _lost(folder: Path, job: Job) -> tuple[bool, str]:
     """The outcome of a clip whose process died."""
-    return True, record_failure(job, "the process that read it died; is the file damaged, or memory full?")
+    return True, record_failure(job, f"the process that read it died; {IS_IT}")
+
+
+def _lost_board(folder: Path, job: BoardJob) -> str:
+    """The reason why a class whose process died has no scale."""
+    return f"the process that read {job.path.name} died; {IS_IT}"
 
 
 def _read(job: Job, gaps: dict[str, str]) -> ClipMeasurement:
