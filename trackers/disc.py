@@ -30,6 +30,7 @@ from trackers._disc.learn_appearance import DiscAppearance, DiscFitter, with_lea
 from trackers._frames.ahead import ahead
 from trackers._frames.working_image import view_of
 from trackers._linking.frame_to_frame import Tracklet
+from trackers._linking.likely_bodies import LikelyBodies, all_measured
 from trackers._linking.select_bodies import held_frames, link_bodies
 from trackers._linking.to_track import error_model
 from trackers._multi_body.track_together import track_together
@@ -76,10 +77,12 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     """
     setup = detection_setup(video, view_of(video, options))
     rough = replace(setup, detector=replace(setup.detector, streaks=False))  # the second pass fits every disc
-    all_detections = observe(video, rough, _first_half(options))
+    diagonal = float(np.hypot(setup.view.width, setup.view.height))
+    all_detections = observe(video, rough, _first_half(options), LikelyBodies(options.bodies, diagonal).among)
     if not all_detections:
         raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
     all_detections, tracklets, refusal = _linked(video, setup, all_detections, options)
+    tracklets = all_measured(video, rough, tracklets)
     fitter, tracklets = _best_fitter(video, setup, (all_detections, tracklets, refusal), options)
     fits: list[dict[int, SeenDisc]] = [{} for _ in fitter.expected_paths]
     second_half = part_of_progress(options.progress, 1, 2)

@@ -1,12 +1,17 @@
-"""Sightings of successive frames joined into paths."""
+"""Sightings of successive frames joined into paths, and which of them are measured."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from iris_sysid.types import TrackOptions
+from tests._drawn import DrawnClip, disc, noisy, paint, swing
+from trackers._detection.detect_frames import detection_setup, measure_rough, observe
 from trackers._detection.detection import Detection, FrameDetections
 from trackers._detection.subpixel_centroid import Centre
+from trackers._frames.working_image import view_of
 from trackers._linking.frame_to_frame import link
+from trackers._linking.likely_bodies import LikelyBodies
 
 RADIUS, SPEED = 20.0, 50.0  # px, px a frame: farther than the two are wide together
 
@@ -42,3 +47,44 @@ def test_balls_that_look_alike_go_where_they_were_predicted():
     paths = link(meeting(-50.0, -50.0), 200.0, 100.0)
     left = next(path for path in paths if path.first.x < 300)
     assert left.last.x > 300, "alike in all, they are taken to pass one another: that is for the group to decide"
+
+
+def clip_with_things_at_rest(n=60):
+    """A disc that swings, and eight squares that stand there in the last third of the clip."""
+    path, images = swing(n, (80, 60), (45, 10)), []
+    for k, (x, y) in enumerate(path):
+        image = np.full((96, 160), 120.0)
+        if k >= 2 * n // 3:
+            for left in range(6, 150, 18):
+                image[8:16, left : left + 8] = 60.0
+        images.append(paint(image, disc(image.shape, x, y, 8), 200.0))
+    return path, DrawnClip(noisy(images, 2.0))
+
+
+def test_of_many_differences_only_the_likely_body_is_measured():
+    path, clip = clip_with_things_at_rest()
+    setup = detection_setup(clip, view_of(clip, TrackOptions()))
+    seen = observe(clip, setup, TrackOptions(), LikelyBodies(1, 186.0).among)
+    measured = [sum(detection.measured for detection in frame.detections) for frame in seen]
+    assert len(seen[-1].detections) == 9
+    assert max(measured[-10:]) == 2  # the disc, and one more that might be a body
+    body = [
+        min(frame.detections, key=lambda found: np.hypot(found.x - x, found.y - y))
+        for frame, (x, y) in zip(seen, path, strict=True)
+    ]
+    assert all(found.measured for found in body)
+    assert np.abs([(found.x, found.y) for found in body] - path).max() < 0.2
+
+
+def test_what_was_left_rough_is_measured_afterwards_as_if_at_once():
+    _, clip = clip_with_things_at_rest()
+    setup = detection_setup(clip, view_of(clip, TrackOptions()))
+    all_at_once = observe(clip, setup, TrackOptions())
+    rough = observe(clip, setup, TrackOptions(), lambda seen: [False] * len(seen.detections))
+    assert not any(found.measured for frame in rough for found in frame.detections)
+    chosen = {rough[k].detections[j] for k, j in ((3, 0), (45, 0), (45, 4), (59, 8))}
+    then = measure_rough(clip, setup, chosen)
+    expected = {found for k in (3, 45, 59) for found in all_at_once[k].detections}
+    assert set(then) == chosen
+    assert set(then.values()) <= expected
+    assert all(np.hypot(found.x - then[found].x, found.y - then[found].y) < 1.0 for found in chosen)

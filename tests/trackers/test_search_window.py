@@ -5,7 +5,7 @@ import pytest
 
 from iris_sysid.registry import TRACKERS
 from iris_sysid.types import TrackOptions
-from tests._drawn import DrawnClip, disc, paint
+from tests._drawn import DrawnClip, disc, moving_disc, paint, swing
 from trackers._detection.detect_frames import detection_setup
 from trackers._detection.strong_windows import merged
 from trackers._frames.ahead import ahead
@@ -47,6 +47,13 @@ def test_body_in_a_large_image_is_found_where_it_is_drawn_in_one_pass(radius, sp
 def test_image_is_searched_at_half_the_usual_size_where_the_body_is_large(radius, step):
     clip = clip_of(across(90.0), radius)
     assert detection_setup(clip, view_of(clip, TrackOptions()), coarse=True).view.step == step
+
+
+@pytest.mark.parametrize(("radius", "step"), [(30, 2), (12, 1)])
+def test_small_image_is_searched_at_half_size_where_the_body_is_large(radius, step):
+    clip = moving_disc(swing(30, (150, 90), (80, 30)), radius, (180, 300))
+    setup = detection_setup(clip, view_of(clip, TrackOptions()), coarse=True)
+    assert setup.view.step == step
 
 
 def test_image_with_a_small_body_beside_a_large_one_is_searched_at_the_usual_size():

@@ -205,6 +205,35 @@ def seen_inside(planes: Planes, mask: Bytes) -> tuple[float, float, float, int]:
 
 
 @kernel(nogil=True)
+def seen_roughly(
+    image: Image, background: Image, mask: Bytes
+) -> tuple[float, float, float, float, float, float, float]:
+    """Area, column and row of the middle of a mask (h, w), px, and what its pixels show.
+
+    That are means of the largest difference of the channels, of the difference and the level of the first, grey
+    levels, and the steepness of that difference which a tenth of the pixels have or exceed, grey levels a px.
+    """
+    height, width, channels = image.shape
+    level, slopes = np.zeros((height, width)), np.empty(height * width)
+    area = across = down = contrast = brightening = intensity = 0.0
+    for y in range(height):
+        for x in range(width):
+            for c in range(channels):
+                level[y, x] = max(level[y, x], abs(image[y, x, c] - background[y, x, c]))
+    for y in range(height):
+        for x in range(width):
+            if mask[y, x]:
+                along = level[y, min(x + 1, width - 1)] - level[y, max(x - 1, 0)]
+                beside = level[min(y + 1, height - 1), x] - level[max(y - 1, 0), x]
+                slopes[int(area)] = math.hypot(along, beside) / 2
+                area, across, down, contrast = area + 1, across + x, down + y, contrast + level[y, x]
+                brightening += image[y, x, 0] - background[y, x, 0]
+                intensity += image[y, x, 0]
+    steep = np.sort(slopes[: int(area)])[int(0.9 * area)]
+    return area, across / area, down / area, contrast / area, brightening / area, intensity / area, steep
+
+
+@kernel(nogil=True)
 def sweep_terms(columns: Array, rows: Array, sweep: Array) -> Array:
     """Coverage of pixels (n,) by a swept disc, its shading, and a shadow's terms on the background (n, 7).
 

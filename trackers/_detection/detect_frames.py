@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import cv2
 import numpy as np
@@ -14,9 +15,10 @@ from trackers._background.median import Background, BackgroundEstimate, estimate
 from trackers._detection.background_samples import usable_samples
 from trackers._detection.coded_planes import plane_limits_of
 from trackers._detection.connected import filled_round
-from trackers._detection.detection import THINNEST_BODY, Detector, FrameDetections
+from trackers._detection.detection import THINNEST_BODY, Detection, Detector, FrameCandidates, FrameDetections
 from trackers._detection.foreground import BackgroundRange, background_range_of, blobs
 from trackers._detection.search_window import SearchWindows, sparse_range_of
+from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes, Flags
 from trackers._frames.sampled_frames import SampledFrames
 from trackers._frames.working_image import View
@@ -30,6 +32,7 @@ LARGE_ENOUGH, SPECKS = 12.0, 10  # px, inscribed radius at half the usual size; 
 AROUND = np.ones((5, 5), np.uint8)  # px about moving bodies: two more than their edge
 FEWEST_COLOURED = 20  # px that must move in colour for a frame to count
 REPORT_EVERY = 10  # frames between two calls of the progress function
+Likely = Callable[[FrameDetections], Sequence[bool]]  # which detections of a frame are to be measured
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -77,12 +80,12 @@ def background_of(samples: SampledFrames, estimate: BackgroundEstimate, usable: 
 def detection_setup(video: FrameSource, view: View, coarse: bool = False) -> DetectionSetup:
     """Background, noise and bounds from frames sampled over the clip; TrackingError when there are too few.
 
-    With ``coarse`` a large image whose bodies are large is searched at half the usual size.
+    With ``coarse`` an image whose bodies are large is searched at half the usual size.
     """
     samples = video.sample(SAMPLES)
     if len(samples) < 3:
         raise TrackingError(f"the clip has {len(samples)} frame(s): the background takes at least 3")
-    if coarse and view.step > 1 and _shows_large(half := replace(view, coarser=2), samples):
+    if coarse and _shows_large(half := replace(view, coarser=2), samples):
         view = half
     search_images = np.stack([view.with_chroma().search_image(frame) for frame in samples])
     known = None if view.chroma or view.step > 1 else estimate_background(search_images)
@@ -163,12 +166,50 @@ def _covered(background_range: BackgroundRange, image: Bytes) -> Flags:
     return cv2.dilate(covered, AROUND) > 0
 
 
-def observe(video: FrameSource, setup: DetectionSetup, options: TrackOptions) -> list[FrameDetections]:
-    """The candidates of every frame, in one pass; ``options.progress`` is called after each."""
-    all_detections: list[FrameDetections] = []
-    search_windows = setup.search_windows()
+def observe(
+    video: FrameSource, setup: DetectionSetup, options: TrackOptions, likely: Likely | None = None
+) -> list[FrameDetections]:
+    """The candidates of every frame, in one pass.
+
+    Parameters
+    ----------
+    video, setup
+        The clip and what its samples show.
+    options
+        ``progress`` is called now and then.
+    likely
+        Called with the rough detections of each frame, in order, says which of them are measured; None: all.
+    """
     frames = with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY)
-    for outlines in search_windows.each(setup.detector.outlined, frames):
-        before = all_detections[-1].detections if all_detections else ()
-        all_detections.append(setup.detector.finished(outlines, before))
-    return all_detections
+    chosen = _chosen(setup, frames, likely or (lambda seen: [True] * len(seen.detections)))
+    return list(ahead(lambda found: setup.detector.measured(*found), chosen))
+
+
+def _chosen(
+    setup: DetectionSetup, frames: Iterable[Frame], likely: Likely
+) -> Iterator[tuple[FrameCandidates, Sequence[bool], Sequence[Detection]]]:
+    """What may be a body in some frames that follow each other, what of it is likely, and what was there before."""
+    before: Sequence[Detection] = ()
+    for found in setup.search_windows().candidates(setup.detector, frames):
+        yield found, likely(FrameDetections(found.frame.index, found.frame.t_s, found.detections, ())), before
+        before = found.detections
+
+
+def measure_rough(
+    video: FrameSource, setup: DetectionSetup, rough: Collection[Detection]
+) -> dict[Detection, Detection | None]:
+    """What :func:`observe` left rough, measured; None for what is cut by the edge.
+
+    The clip is read again up to the last of them.
+    """
+    last = max((detection.frame for detection in rough), default=-1)
+
+    def each(
+        found: FrameCandidates, which: Sequence[bool], before: Sequence[Detection]
+    ) -> list[tuple[Detection, Detection | None]]:
+        seen = setup.detector.each_measured(found, which, before)
+        return [pair for pair, wanted in zip(zip(found.detections, seen, strict=True), which, strict=True) if wanted]
+
+    frames = takewhile(lambda frame: frame.index <= last, video.frames()) if rough else ()
+    chosen = _chosen(setup, frames, lambda seen: [detection in rough for detection in seen.detections])
+    return dict(pair for pairs in ahead(lambda found: each(*found), chosen) for pair in pairs)

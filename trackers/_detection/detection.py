@@ -11,9 +11,11 @@ import numpy as np
 from iris_sysid.types import Frame
 from trackers._background.median import Background
 from trackers._detection.connected import filled_round
+from trackers._detection.coverage_kernels import seen_roughly
 from trackers._detection.depth import depth_of
 from trackers._detection.foreground import CONTRAST_SHARES, SMALLEST_AREA, SQUARE, WEAK_SIGMAS, Blob, padded
 from trackers._detection.motion_blur import streak_centre
+from trackers._detection.strong_windows import grown
 from trackers._detection.subpixel_centroid import Centre, Window, coverage_centre, largest
 from trackers._frames.arrays import Bytes, Image
 from trackers._frames.working_image import View
@@ -50,7 +52,7 @@ class Detection:
     ``centre`` is that in the window whose corner is (left, top), px of the frame; ``brightening`` is
     the mean signed difference in luma, grey levels; ``sharpness`` that of the outline in grey levels a
     px; ``compactness`` is 1 for a disc, less for a long shape; ``hand`` says that something that reaches
-    in from the edge touches it.
+    in from the edge touches it. One that is not ``measured`` is rough: by its pixels of the search.
     """
 
     frame: int
@@ -62,6 +64,7 @@ class Detection:
     sharpness: float
     compactness: float
     hand: bool
+    measured: bool = True
 
     @property
     def x(self) -> float:
@@ -110,12 +113,13 @@ class _Outline:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class FrameOutlines:
-    """What the outlines of one frame show, and objects that reach in from the edge."""
+class FrameCandidates:
+    """What may be a body in a frame: its blobs with a rough detection each; all bodies and what reaches in."""
 
-    frame: int
-    t_s: float
-    outlines: tuple[_Outline, ...]
+    frame: Frame
+    blobs: list[Blob]
+    detections: tuple[Detection, ...]
+    bodies: list[Blob]
     edge_objects: tuple[EdgeObject, ...]
 
 
@@ -138,22 +142,62 @@ class Detector:
 
         ``foreground`` are the blobs of all bodies and hands; ``before`` are the detections of the frame before.
         """
-        return self.finished(self.outlined(frame, bodies, foreground), before)
+        candidates = self.candidates(frame, bodies, foreground)
+        return self.measured(candidates, [True] * len(candidates.blobs), before)
 
-    def outlined(self, frame: Frame, bodies: list[Blob], foreground: list[Blob]) -> FrameOutlines:
-        """What the outlines of the bodies show: as :meth:`detect` before it asks which of them are streaks."""
+    def candidates(self, frame: Frame, bodies: list[Blob], foreground: list[Blob]) -> FrameCandidates:
+        """What may be a body in a frame: see :meth:`detect`."""
         reaching = [blob for blob in foreground if blob.held and blob.inscribed > THINNEST_BODY]
         inside = [blob for blob in bodies if not blob.at_edge and blob.inscribed > THINNEST_BODY]
-        outlines = [self._outline(frame, blob, bodies, reaching) for blob in inside]
-        edge_objects = tuple(self.edge_object(blob) for blob in reaching)
-        found = tuple(outline for outline in outlines if outline is not None)
-        return FrameOutlines(frame.index, frame.t_s, found, edge_objects)
+        rough = tuple(self._rough(frame, blob, reaching) for blob in inside)
+        return FrameCandidates(frame, inside, rough, bodies, tuple(self.edge_object(blob) for blob in reaching))
 
-    def finished(self, seen: FrameOutlines, before: Sequence[Detection]) -> FrameDetections:
-        """The detections of a frame by what its outlines show, given those of the frame before."""
-        detections = [self._detection(outline, before) for outline in seen.outlines]
-        found = tuple(detection for detection in detections if detection is not None)
-        return FrameDetections(seen.frame, seen.t_s, found, seen.edge_objects)
+    def measured(
+        self, candidates: FrameCandidates, which: Sequence[bool], before: Sequence[Detection]
+    ) -> FrameDetections:
+        """The detections of a frame, rough but those that are to be measured; see :meth:`each_measured`."""
+        seen = self.each_measured(candidates, which, before)
+        found = tuple(detection for detection in seen if detection is not None)
+        return FrameDetections(candidates.frame.index, candidates.frame.t_s, found, candidates.edge_objects)
+
+    def each_measured(
+        self, candidates: FrameCandidates, which: Sequence[bool], before: Sequence[Detection]
+    ) -> list[Detection | None]:
+        """The detection of each candidate, rough or measured; None for one that is too small, or cut by the edge.
+
+        Parameters
+        ----------
+        candidates
+            What may be a body.
+        which
+            Of the candidates are measured.
+        before
+            Detections of the frame before, rough or not: a body that has hardly moved since is no streak.
+        """
+        seen: list[Detection | None] = list(candidates.detections)
+        for k in np.flatnonzero(which):
+            rough = candidates.detections[k]
+            outline = self._outline(candidates.frame, candidates.blobs[k], candidates.bodies, rough.hand)
+            seen[k] = None if outline is None else self._detection(outline, before)
+        return seen
+
+    def _rough(self, frame: Frame, blob: Blob, reaching: list[Blob]) -> Detection:
+        """A body by its pixels of the search."""
+        view, step = self.view, self.view.step
+        left, top, right, bottom = grown(blob.box, 1, view.search_size)
+        image = np.atleast_3d(view.part(frame, (left, top, right, bottom), step)).astype(np.float32)
+        background = np.atleast_3d(self.background.reduced(step).patch(top, bottom, left, right).background)
+        mask = np.zeros(image.shape[:2], dtype=np.uint8)
+        rows, columns = slice(blob.top - top, blob.box[3] - top), slice(blob.left - left, blob.box[2] - left)
+        mask[rows, columns] = blob.mask
+        area, x, y, contrast, brightening, intensity, sharpness = seen_roughly(image, background, mask)
+        x, y = view.in_frame(left + x, top + y)
+        unknown = (np.inf,) * 2
+        centre = Centre(x, y, *unknown, area * step**2, np.inf, contrast, intensity, np.inf, cut=False)
+        hand = blob.held or any(touches(blob, thing) for thing in reaching)
+        compactness = min(1.0, np.pi * blob.inscribed**2 / blob.area)
+        stated = (brightening, sharpness / step, compactness, hand)
+        return Detection(frame.index, frame.t_s, centre, 0, 0, *stated, measured=False)
 
     def edge_object(self, blob: Blob) -> EdgeObject:
         """An object that reaches in from the edge, in px of the frame."""
@@ -176,11 +220,12 @@ class Detector:
         reaching
             Objects that reach in from the edge and may be a hand.
         """
-        outline = self._outline(frame, blob, bodies, reaching)
+        hand = blob.held or any(touches(blob, thing) for thing in reaching)
+        outline = self._outline(frame, blob, bodies, hand)
         return None if outline is None else self._detection(outline, ())
 
-    def _outline(self, frame: Frame, blob: Blob, bodies: list[Blob], reaching: list[Blob]) -> _Outline | None:
-        """What the outline of one body shows; None when it is too small."""
+    def _outline(self, frame: Frame, blob: Blob, bodies: list[Blob], hand: bool) -> _Outline | None:
+        """What the outline of one body shows, which a ``hand`` may touch; None when it is too small."""
         size = self._pixel(blob)
         window, left, top = self._window(frame, blob, bodies, size)
         if np.count_nonzero(window.mask) < SMALLEST_AREA:
@@ -198,7 +243,7 @@ class Detector:
             brightening=float(luma[inside].mean()),
             sharpness=_sharpness(window) / size,
             compactness=min(1.0, np.pi * blob.inscribed**2 / blob.area),
-            hand=blob.held or any(touches(blob, thing) for thing in reaching),
+            hand=hand,
         )
         return _Outline(window, centre, size, seen)
 

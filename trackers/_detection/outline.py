@@ -23,7 +23,7 @@ TAIL = 0.03  # mean coverage, or fall of it, at which the outline has ended
 STEPS_APART = 6  # quarters of a px over which the coverage falls, or no longer does
 NARROWEST = 0.75  # px, half the width of the sharpest outline: half a pixel's diagonal
 QUARTER = 0.25  # px from one ring about the outline to the next
-RING = 0.75  # px, width of a ring
+RING_QUARTERS = 3  # of a px, width of a ring
 FAR = 6.0  # px beyond twice the widest half width: there it is not asked for
 
 
@@ -161,13 +161,14 @@ def _reach(away: Image, beside: Image, widest: float, trimmed: bool) -> float:
         Whether the mean is that without the largest and the smallest tenth; else it is the median.
     """
     levels, count = np.empty(int((widest + 1.0) / QUARTER) + 4), 0
+    order, starts = _by_quarters(away, levels.size + RING_QUARTERS)
     ring = np.empty(away.size + 1, dtype=np.float32)
     half_width = NARROWEST
     while half_width < widest + 1.0:
-        size, far = 0, half_width + RING
-        for k in range(away.size):
+        size = 0
+        for k in order[starts[count] : starts[count + RING_QUARTERS]]:
             ring[size] = beside[k]
-            size += (away[k] > half_width) & (away[k] < far)
+            size += away[k] > half_width
         level = _level_of(np.sort(ring[:size]), trimmed)
         levels[count] = level
         if level < TAIL:
@@ -177,6 +178,25 @@ def _reach(away: Image, beside: Image, widest: float, trimmed: bool) -> float:
         count += 1
         half_width = NARROWEST + QUARTER * count
     return widest
+
+
+@kernel(nogil=True)
+def _by_quarters(away: Image, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Numbers of the pixels by how many quarters of a px they are off, and where each quarter begins among them.
+
+    ``away`` (n,), px, is above ``NARROWEST``, where the first of ``count`` quarters begins.
+    """
+    quarter, starts = np.empty(away.size, dtype=np.int64), np.zeros(count + 1, dtype=np.int64)
+    for k in range(away.size):
+        quarter[k] = min(int((away[k] - NARROWEST) / QUARTER), count - 1)
+        starts[quarter[k] + 1] += 1
+    for k in range(count):
+        starts[k + 1] += starts[k]
+    order, free = np.empty(away.size, dtype=np.int64), starts[:-1].copy()
+    for k in range(away.size):
+        order[free[quarter[k]]] = k
+        free[quarter[k]] += 1
+    return order, starts
 
 
 @kernel(nogil=True)

@@ -18,7 +18,7 @@ import numpy as np
 from iris_sysid.types import Frame
 from trackers._background.median import estimate_background
 from trackers._detection.coded_planes import PlaneLimits
-from trackers._detection.detection import THINNEST_BODY
+from trackers._detection.detection import THINNEST_BODY, Detector, FrameCandidates
 from trackers._detection.foreground import (
     BackgroundRange,
     Blob,
@@ -89,7 +89,18 @@ class SearchWindows:
         if self.sparse_range is None:
             yield from ahead(lambda frame: work(frame, *self.blobs(frame)), frames)
         else:
-            yield from ahead(lambda found: work(*found), ((frame, *self.blobs(frame)) for frame in frames))
+            yield from ahead(lambda found: work(*found), self.in_order(frames))
+
+    def in_order(self, frames: Iterable[Frame]) -> Iterator[tuple[Frame, list[Blob], list[Blob]]]:
+        """Every frame with its :meth:`blobs`, one after the other."""
+        return ((frame, *self.blobs(frame)) for frame in frames)
+
+    def candidates(self, detector: Detector, frames: Iterable[Frame]) -> Iterator[FrameCandidates]:
+        """What may be a body in every frame, in order."""
+        if self.sparse_range is None:
+            yield from self.each(detector.candidates, frames)
+        else:  # the search takes less time than what is made of it by others
+            yield from (detector.candidates(*found) for found in self.in_order(frames))
 
     def _found(self, frame: Frame, boxes: list[Box]) -> tuple[dict[Box, list[Component]], list[Blob]]:
         """The components in some boxes, which grow until none cuts one, and their blobs."""

@@ -20,7 +20,7 @@ WIDEST_DETECTION = 960  # px: wider images are searched at reduced size
 class View:
     """Region of the frame (px), whether colour counts, the given colour, and the reduction for detection.
 
-    ``coarser`` is how many times smaller than usual a large image is searched.
+    ``coarser`` is how many times smaller than usual an image is searched whose bodies are large.
     """
 
     left: int
@@ -34,8 +34,7 @@ class View:
     @property
     def step(self) -> int:
         """How many pixels a side make one pixel of the search for bodies."""
-        usual = -(-self.width // WIDEST_DETECTION)
-        return min(usual if usual == 1 else self.coarser * usual, self.height)
+        return min(self.coarser * -(-self.width // WIDEST_DETECTION), self.height)
 
     @property
     def search_size(self) -> tuple[int, int]:

@@ -82,32 +82,49 @@ def dissimilarity(detection: Detection, other: Detection) -> float:
     )
 
 
-def link(all_detections: Sequence[FrameDetections], first_reach: float, least_reach: float) -> list[Tracklet]:
-    """Join the detections of all frames into tracklets; a tracklet ends when it is not seen for some frames.
+@dataclass(eq=False, slots=True)
+class Linking:
+    """Joins the detections of frames, as they come, into tracklets; a tracklet ends when it is not seen for some.
 
     Each frame's detections go to the tracklets at the least total cost (Kuhn-Munkres): the miss from the
     prediction over the reach, plus the difference in looks.
+
+    ``first_reach`` is how far a body may go between its first two detections, px, ``least_reach`` how far from its
+    prediction a body may be whatever its speed and size, px. ``live`` are the tracklets that may go on.
+    """
+
+    first_reach: float
+    least_reach: float
+    live: list[Tracklet] = field(default_factory=list)
+    done: list[Tracklet] = field(default_factory=list)
+
+    def add(self, seen: FrameDetections) -> list[Tracklet]:
+        """The tracklet of each detection of the next frame."""
+        self.done += [tracklet for tracklet in self.live if seen.frame - tracklet.last.frame > LONGEST_GAP]
+        self.live = [tracklet for tracklet in self.live if seen.frame - tracklet.last.frame <= LONGEST_GAP]
+        joined = {column: row for row, column in _assign(self.live, seen, self.first_reach, self.least_reach).items()}
+        new = [k for k in range(len(seen.detections)) if k not in joined]
+        for column, row in joined.items():
+            self.live[row].detections.append(seen.detections[column])
+        joined |= {k: len(self.live) + number for number, k in enumerate(new)}
+        self.live += [Tracklet([seen.detections[k]]) for k in new]
+        return [self.live[joined[k]] for k in range(len(seen.detections))]
+
+
+def link(all_detections: Sequence[FrameDetections], first_reach: float, least_reach: float) -> list[Tracklet]:
+    """Join the detections of all frames into tracklets; see :class:`Linking`.
 
     Parameters
     ----------
     all_detections
         The detections of each frame, in order.
-    first_reach
-        How far a body may go between its first two detections, px.
-    least_reach
-        How far from its prediction a body may be whatever its speed and size, px.
+    first_reach, least_reach
+        As of :class:`Linking`, px.
     """
-    live: list[Tracklet] = []
-    done: list[Tracklet] = []
+    linking = Linking(first_reach, least_reach)
     for frame_detections in all_detections:
-        done += [tracklet for tracklet in live if frame_detections.frame - tracklet.last.frame > LONGEST_GAP]
-        live = [tracklet for tracklet in live if frame_detections.frame - tracklet.last.frame <= LONGEST_GAP]
-        joined = _assign(live, frame_detections, first_reach, least_reach)
-        for row, column in joined.items():
-            live[row].detections.append(frame_detections.detections[column])
-        new = set(range(len(frame_detections.detections))) - set(joined.values())
-        live += [Tracklet([frame_detections.detections[k]]) for k in sorted(new)]
-    return done + live
+        linking.add(frame_detections)
+    return linking.done + linking.live
 
 
 def _assign(

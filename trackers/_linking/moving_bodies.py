@@ -14,6 +14,7 @@ from trackers._detection.detect_frames import DetectionSetup, detection_setup, o
 from trackers._detection.detection import FrameDetections
 from trackers._frames.working_image import View, view_of
 from trackers._linking.frame_to_frame import Tracklet
+from trackers._linking.likely_bodies import LikelyBodies, all_measured
 from trackers._linking.refined_background import refined_setup
 from trackers._linking.select_bodies import link_bodies
 from trackers._linking.to_track import track_of
@@ -95,7 +96,7 @@ def _each_or_together(video: FrameSource, view: View, options: TrackOptions) -> 
             joint = track_together(video, view, options)
             if _seen(joint[1]) > _seen(tracklets):
                 return MovingBodies(*joint)
-    return MovingBodies(all_detections, tracklets, setup.view, setup)
+    return MovingBodies(all_detections, all_measured(video, setup, tracklets), setup.view, setup)
 
 
 def _seen(tracklets: Sequence[Tracklet]) -> int:
@@ -107,7 +108,8 @@ def _track_once(
     video: FrameSource, setup: DetectionSetup, options: TrackOptions
 ) -> tuple[list[FrameDetections], list[Tracklet]]:
     """Read the clip once: what each frame shows, and the tracklets of the bodies."""
-    all_detections = observe(video, setup, options)
+    diagonal = float(np.hypot(video.width, video.height))
+    all_detections = observe(video, setup, options, LikelyBodies(options.bodies, diagonal).among)
     if not all_detections:
         raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
-    return all_detections, link_bodies(all_detections, options.bodies, float(np.hypot(video.width, video.height)))
+    return all_detections, link_bodies(all_detections, options.bodies, diagonal)

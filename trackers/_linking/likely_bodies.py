@@ -1,0 +1,75 @@
+"""Which detections are likely to be of the bodies that are meant, told frame by frame: only these are measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from iris_sysid.types import FrameSource
+from trackers._detection.detect_frames import DetectionSetup, measure_rough
+from trackers._detection.detection import Detection, FrameDetections
+from trackers._linking.frame_to_frame import Linking, Tracklet
+from trackers._linking.select_bodies import CAUTIOUS_REACH, FEWEST_DETECTIONS, FIRST_REACH
+
+SPARE = 2  # times as many as are meant: a shadow, or a hand, goes as far as its body
+
+
+@dataclass(eq=False, slots=True)
+class LikelyBodies:
+    """Links rough detections as they come, and tells those on the tracklets that went farthest, and on new ones.
+
+    ``count`` bodies are meant, in an image of that ``diagonal``, px.
+    """
+
+    count: int
+    diagonal: float
+    _linking: Linking = field(init=False)
+    _paths: dict[int, _Path] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._linking = Linking(FIRST_REACH * self.diagonal, CAUTIOUS_REACH * self.diagonal)
+
+    def among(self, seen: FrameDetections) -> list[bool]:
+        """Which of the detections of the next frame are likely; all of a few."""
+        tracklets = self._linking.add(seen)
+        self._paths = {id(tracklet): self._path(tracklet) for tracklet in self._linking.live}
+        if len(tracklets) <= SPARE * self.count:
+            return [True] * len(tracklets)
+        worth = [self._paths[id(tracklet)].worth(tracklet) for tracklet in tracklets]
+        best = set(np.argsort(np.negative(worth), kind="stable")[: SPARE * self.count].tolist())
+        return [k in best or len(tracklet.detections) <= FEWEST_DETECTIONS for k, tracklet in enumerate(tracklets)]
+
+    def _path(self, tracklet: Tracklet) -> _Path:
+        return self._paths.get(id(tracklet), _Path()).extended(tracklet.last)
+
+
+@dataclass(slots=True)
+class _Path:
+    """The box that holds a tracklet so far, px."""
+
+    left: float = np.inf
+    top: float = np.inf
+    right: float = -np.inf
+    bottom: float = -np.inf
+
+    def extended(self, detection: Detection) -> _Path:
+        x, y = detection.x, detection.y
+        return _Path(min(self.left, x), min(self.top, y), max(self.right, x), max(self.bottom, y))
+
+    def worth(self, tracklet: Tracklet) -> float:
+        """As ``select_bodies.score`` of the tracklet, by its latest looks."""
+        last = tracklet.last
+        extent = float(np.hypot(self.right - self.left, self.bottom - self.top))
+        return extent * len(tracklet.detections) * last.radius * last.sharpness * last.compactness
+
+
+def all_measured(video: FrameSource, setup: DetectionSetup, tracklets: Sequence[Tracklet]) -> list[Tracklet]:
+    """The tracklets with those detections measured that were rough, without those that the edge of the image cuts."""
+    rough = {detection for tracklet in tracklets for detection in tracklet.detections if not detection.measured}
+    if not rough:
+        return list(tracklets)
+    known = measure_rough(video, setup, rough)
+    seen = [[known.get(detection, detection) for detection in tracklet.detections] for tracklet in tracklets]
+    return [Tracklet([detection for detection in path if detection is not None]) for path in seen]
