@@ -19,6 +19,7 @@ OUTWARDS = 6.0  # px outside of the outline in which the background must hold
 FEWEST_PIXELS = 20
 MOST_FLAT = 4000  # pixels away from the edge that count: more do not help
 MOST_ROUGH = 2000  # pixels of a wide edge, and as many away from it, that find it to a fraction of its width
+THINNED, ENOUGH = 4, 300  # of the pixels one leads near the best fit; pixels that do so
 FARTHEST = (2.0, 0.6)  # px, of the radius: how far a fit may go from where the disc was expected
 RADIUS_RATIO = 1.7  # of the radius expected and fitted
 SOFTEST = 0.5  # of the radius: standard deviation of the blur
@@ -174,9 +175,12 @@ def fit_disc(
     if not form.known_background:
         background = np.zeros_like(background)
     x, y = (columns + cutout.left).astype(np.float64), (rows + cutout.top).astype(np.float64)
-    model = DiscModel(x, y, background, start, form, motion)
+    model, pixels = DiscModel(x, y, background, start, form, motion), Pixels(values, noise, zone)
+    few = (rows + 2 * columns) % THINNED == 0 if rows.size > THINNED * ENOUGH else np.ones(rows.size, dtype=np.bool_)
+    rough = DiscModel(x[few], y[few], background[few], start, form, motion)
     try:
-        solution = robust_fit(model, model.start(values), Pixels(values, noise, zone))
+        first = rough.start(values[few])
+        solution = robust_fit(model, first, pixels, (rough, Pixels(values[few], noise[few], zone[few])))
     except np.linalg.LinAlgError:
         return None
     disc = _disc_of(solution, model)

@@ -258,12 +258,14 @@ class _Trials:
         """How many planes of colour the images have."""
         return 3 if self.fitter.view.chroma else 1
 
-    def fits(self, appearance: DiscAppearance, numbers: Sequence[int]) -> list[DiscFit | None]:
-        """The fits that an appearance gives in some frames."""
+    def fits(
+        self, appearance: DiscAppearance, numbers: Sequence[int], *, roughly: bool = False
+    ) -> list[DiscFit | None]:
+        """The fits that an appearance gives in some frames; ``roughly``: by few pixels."""
 
         def fit(number: int) -> DiscFit | None:
             start = self._start(appearance, number)
-            return self.fitter.fit_as(appearance, self.body, self.frames[number], start)
+            return self.fitter.fit_as(appearance, self.body, self.frames[number], start, roughly=roughly)
 
         return list(ahead(fit, numbers))
 
@@ -293,7 +295,7 @@ class _Trials:
         *,
         shown: bool = True,
     ) -> Array:
-        """Score of each appearance: the mean over the frames but the worst."""
+        """Score of each appearance: the mean over the frames but the worst; if not ``shown``, of rough fits."""
         values = [self._scores(appearance, numbers, score, shown=shown) for appearance in appearances]
         return _mean_of_most(np.array(values).T)
 
@@ -309,7 +311,7 @@ class _Trials:
         how = (appearance.form, appearance.shutter, appearance.longest_shutter, appearance.channel)
         keys = [(*how, id(appearance.correlation), number, score, shown) for number in numbers]
         new = [number for number, key in zip(numbers, keys, strict=True) if key not in self.scores]
-        fits = self.fits(appearance, new)
+        fits = self.fits(appearance, new, roughly=not shown)
         scores = iter(map(score, self.shown(fits, new) if shown else fits))
         self.scores.update({key: next(scores) for key in keys if key not in self.scores})
         return [self.scores[key] for key in keys]

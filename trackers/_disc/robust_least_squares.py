@@ -104,7 +104,7 @@ class _Rest:
     sigma: Array
 
 
-def robust_fit(model: Model, start: Start, pixels: Pixels) -> Solution:
+def robust_fit(model: Model, start: Start, pixels: Pixels, few: tuple[Model, Pixels] | None = None) -> Solution:
     """Fit a model to pixels of which some show something else.
 
     The first round takes every pixel as it is; the second counts large residuals linearly (Huber), the third
@@ -120,11 +120,14 @@ def robust_fit(model: Model, start: Start, pixels: Pixels) -> Solution:
         Start values, and bounds of the steps.
     pixels
         Data of the fit.
+    few
+        The same for some of the pixels, evenly spread: the first two rounds, which only lead near, are about these.
     """
-    fit = _Fit(model, start, pixels)
-    rest = fit.round(start.parameters, pixels.noise, 0)
-    for number in range(1, len(ROUNDS)):
-        rest = fit.round(rest.parameters, _measured_noise(rest.equations, pixels), number)
+    first = _Fit(*(few or (model, pixels)), start)
+    rest = first.round(start.parameters, first.pixels.noise, 0)
+    rest = first.round(rest.parameters, _measured_noise(rest.equations, first.pixels), 1)
+    seen = model.equations(rest.parameters, pixels, pixels.noise, 1) if few else rest.equations
+    rest = _Fit(model, pixels, start).round(rest.parameters, _measured_noise(seen, pixels), 2)
     found = rest.equations
     return Solution(
         rest.parameters, found.information, model.jacobian(), found.residual, rest.sigma, found.weight, rest.last_step
@@ -133,11 +136,11 @@ def robust_fit(model: Model, start: Start, pixels: Pixels) -> Solution:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Fit:
-    """Constants of all rounds."""
+    """Constants of several rounds."""
 
     model: Model
-    start: Start
     pixels: Pixels
+    start: Start
 
     def round(self, parameters: Array, sigma: Array, number: int) -> _Rest:
         """Gauss-Newton steps with the weights of one round."""
