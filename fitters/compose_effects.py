@@ -109,7 +109,7 @@ def _guess(model: OdeModel, effect: Effect) -> Callable[[Trajectory], Mapping[st
 
 def bodies_of(model: OdeModel) -> list[list[int]]:
     """Which positions (or, in a model of first order, states) belong to one body: x and z do, angles stand alone."""
-    count = len(model.states) // 2 if model.second_order else len(model.states)
+    count = model.degrees_of_freedom
     groups: dict[str, list[int]] = {}
     for k, state in enumerate(model.states[:count]):
         letters = state.name.rstrip("0123456789")
@@ -119,7 +119,7 @@ def bodies_of(model: OdeModel) -> list[list[int]]:
 
 
 def _rhs(model: OdeModel, effect: Effect) -> Callable[..., tuple[float, ...]]:
-    count = len(model.states) // 2 if model.second_order else len(model.states)
+    count = model.degrees_of_freedom
     shift = count if model.second_order else 0
     velocity = [f"state[{shift + k}]" if shift else f"slopes[{k}]" for k in range(count)]
     lines = [f"slopes[{k}]" for k in range(shift)]

@@ -148,7 +148,7 @@ def motion_of(fitted: FitResult, trajectory: Trajectory) -> Motion:
 
 def _inverse(model: OdeModel, transition: Array) -> Array | None:
     """Columns (m, s, f) of the inverse that forces act through; None where a matrix is too near singular."""
-    count = len(model.states) // 2 if model.second_order else len(model.states)
+    count = model.degrees_of_freedom
     if not np.all(np.isfinite(transition)) or np.max(np.linalg.cond(transition)) > WORST_CONDITION:
         return None
     return np.asarray(np.linalg.inv(transition)[:, :, -count:])
@@ -322,7 +322,7 @@ def force_along(effect: Effect, sizes: Array, model: OdeModel, t_s: Array, state
         (n, s) the motion and its derivatives.
     """
     assert effect.acceleration is not None
-    count = len(model.states) // 2 if model.second_order else len(model.states)
+    count = model.degrees_of_freedom
     velocity = states[:, count:] if model.second_order else base
     slopes = base[:, count:] if model.second_order else base
     unit = (1.0, *sizes[1:])
@@ -348,7 +348,7 @@ def _forced_rhs(rhs: Callable[..., Any], n_states: int, n_forced: int, n_inputs:
 
 def forced(model: OdeModel) -> OdeModel:
     """The model with a force on each of its highest derivatives as further inputs."""
-    count = len(model.states) // 2 if model.second_order else len(model.states)
+    count = model.degrees_of_freedom
     pushes = tuple(Quantity(f"force{k}", "1") for k in range(count))
     rhs = _forced_rhs(model.rhs, len(model.states), count, len(model.inputs))
     inputs = (*model.inputs, *pushes)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from fitters.compose_effects import bodies_of
 from fitters.effect_sensitivity import Motion
-from fitters.latent_force.linear_response import NoisyResidual, Whitened, forces_of, responses
+from fitters.latent_force.linear_response import NoisyResidual, Whitened, responses
 from iris_sysid.types import Array, Estimate, ForceForm, ForceKind
 
 SPEED_POWERS = np.arange(0.0, 4.01, 0.25)
@@ -140,7 +140,7 @@ def _best(fits: Sequence[_Fitted], white: Whitened, noise_variance: float) -> Fo
 def _families(motion: Motion) -> list[_Family]:
     """The forms that make sense for a motion."""
     in_time = [_drift(motion), _own_drift(motion), _pulse(motion), _sine(motion)]
-    states = motion.states[:, : forces_of(motion.model)]
+    states = motion.states[:, : motion.model.degrees_of_freedom]
     if not motion.model.second_order:
         return [_in_position("odd-in-position", motion, np.sign), *in_time]
     turns = np.min(np.sum(np.diff(np.sign(states), axis=0) != 0, axis=0))
@@ -155,14 +155,14 @@ def _families(motion: Motion) -> list[_Family]:
 
 def usual(motion: Motion, kind: ForceKind) -> float:
     """The speed, or for a force that depends on it the position, whose power a force is: its root mean square."""
-    count = forces_of(motion.model)
+    count = motion.model.degrees_of_freedom
     values = motion.states[:, -count:] if kind == "against-velocity" else motion.states[:, :count]
     return float(np.sqrt(np.mean(values**2))) or 1.0
 
 
 def _against_velocity(motion: Motion) -> _Family:
     """-|v|^p along the velocity of each body, v in units of its root mean square."""
-    velocity = motion.states[:, forces_of(motion.model) :]
+    velocity = motion.states[:, motion.model.degrees_of_freedom :]
     speed = np.empty_like(velocity)
     for body in bodies_of(motion.model):
         speed[:, body] = np.sqrt(np.sum(velocity[:, body] ** 2, axis=1))[:, None]
@@ -174,7 +174,7 @@ def _against_velocity(motion: Motion) -> _Family:
 
 def _in_position(kind: ForceKind, motion: Motion, sign: Callable[[Array], Array]) -> _Family:
     """|x|^p with a sign, x in units of its root mean square."""
-    position = motion.states[:, : forces_of(motion.model)]
+    position = motion.states[:, : motion.model.degrees_of_freedom]
     scaled = np.maximum(np.abs(position) / usual(motion, kind), 1e-9)
     forces = sign(position)[:, :, None] * scaled[:, :, None] ** POSITION_POWERS
     return _Family(kind, "1", POSITION_POWERS, forces[..., None])
@@ -189,7 +189,7 @@ def _drift(motion: Motion) -> _Family:
 def _own_drift(motion: Motion) -> _Family:
     """The model's own force, growing evenly with time."""
     share = (motion.grid - motion.grid[0]) / (motion.grid[-1] - motion.grid[0])
-    own = motion.slopes[:, -forces_of(motion.model) :] * share[:, None]
+    own = motion.slopes[:, -motion.model.degrees_of_freedom :] * share[:, None]
     return _Family("own-force-drift", "", np.zeros(1), own[:, :, None, None])
 
 
@@ -222,6 +222,6 @@ def _own_frequency(motion: Motion) -> float:
 
 def _each_freedom(motion: Motion, courses: Array) -> Array:
     """Courses (m, shapes, c) as forces (m, f, shapes, c * f), one column for each degree of freedom."""
-    count = forces_of(motion.model)
+    count = motion.model.degrees_of_freedom
     forces = np.einsum("msc,fg->mfscg", courses, np.eye(count))
     return np.asarray(forces.reshape(*forces.shape[:3], -1))

@@ -19,7 +19,7 @@ from scipy.linalg import eigh
 from scipy.special import logsumexp
 
 from fitters.effect_sensitivity import Motion
-from fitters.latent_force.linear_response import NoisyResidual, Whitened, forces_of, responses
+from fitters.latent_force.linear_response import NoisyResidual, Whitened, responses
 from iris_sysid.types import Array
 
 NODES = 100  # times at which the force is estimated, over all degrees of freedom
@@ -97,7 +97,7 @@ def latent_force(motion: Motion, residual: NoisyResidual) -> LatentForce:
     residual
         Of the fit, at the samples used.
     """
-    nodes, count = _nodes(motion), forces_of(motion.model)
+    nodes, count = _nodes(motion), motion.model.degrees_of_freedom
     rows = _rows(motion, nodes[-1])
     part, shown = residual.at(rows), responses(motion, _hats(motion.grid, nodes, count), rows)
     whites = [part.whitened(shown, rho) for rho in CORRELATIONS]
@@ -137,7 +137,7 @@ def _mixture(posteriors: Sequence[_Posterior]) -> tuple[Array, Array]:
 
 def _nodes(motion: Motion) -> Array:
     """The times (k,) of the nodes, s: over the clip, or as much of its beginning as they resolve."""
-    count = max(min(NODES // forces_of(motion.model), motion.at_samples.size), 2)
+    count = max(min(NODES // motion.model.degrees_of_freedom, motion.at_samples.size), 2)
     start_s, end_s = motion.grid[0], motion.grid[-1]
     resolved_s = (count - 1) * _time_scale(motion) / NODES_A_RADIAN
     span_s = end_s - start_s if resolved_s > NEARLY_ALL * (end_s - start_s) else resolved_s
@@ -146,7 +146,7 @@ def _nodes(motion: Motion) -> Array:
 
 def _time_scale(motion: Motion) -> float:
     """Time in which the motion changes, s: spread of the states over that of their rates, the fastest counts."""
-    count = forces_of(motion.model)
+    count = motion.model.degrees_of_freedom
     states, slopes = motion.states[:, -count:], motion.slopes[:, -count:]
     scale = np.std(states, axis=0) / np.maximum(np.sqrt(np.mean(slopes**2, axis=0)), 1e-300)
     return float(np.min(scale[scale > 0], initial=motion.grid[-1] - motion.grid[0]))
@@ -170,8 +170,8 @@ def _prior_roots(motion: Motion, nodes: Array) -> list[Array]:
     elapsed_s = np.abs(nodes[:, None] - nodes)
     states = np.column_stack([np.interp(nodes, motion.grid, column) for column in motion.states.T])
     scaled = states / np.maximum(np.sqrt(np.mean(states**2, axis=0)), 1e-300)
-    apart = np.sqrt(np.sum((scaled[:, None] - scaled) ** 2, axis=2) / forces_of(motion.model))
-    forward = states[:, -forces_of(motion.model) :] > 0
+    apart = np.sqrt(np.sum((scaled[:, None] - scaled) ** 2, axis=2) / motion.model.degrees_of_freedom)
+    forward = states[:, -motion.model.degrees_of_freedom :] > 0
     same_way = np.mean(forward[:, None] == forward, axis=2)  # dry friction jumps where the velocity turns
     memories_s = np.geomspace(2.0 * step_s, max(span_s, 4.0 * step_s), MEMORIES)
     kernels = [_matern(elapsed_s / memory_s) for memory_s in memories_s]

@@ -11,7 +11,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from fitters.compose_effects import plain_observation
 from fitters.effect_sensitivity import RESPONSE, Motion
-from iris_sysid.types import Array, OdeModel
+from iris_sysid.types import Array
 
 UNDETERMINED = 1e-9  # relative strength of a fitted value below which the data do not determine it
 MOST_NUMBERS = 4_000_000  # of the forces that are integrated at once
@@ -93,11 +93,6 @@ class Whitened:
     def log_likelihood(self, squares: Array | float) -> Array:
         """Log likelihood where the sum of squares is ``squares``; the size of the noise is integrated out."""
         return np.asarray(self.log_scale - 0.5 * self.degrees * np.log(np.maximum(squares, 1e-300) / self.degrees))
-
-
-def forces_of(model: OdeModel) -> int:
-    """The number f of highest derivatives, on which forces act."""
-    return len(model.states) // 2 if model.second_order else len(model.states)
 
 
 def responses(motion: Motion, forces: Array, rows: NDArray[np.intp]) -> Array:

@@ -307,12 +307,11 @@ class _Motion:
     def of(cls, solution: Solution, every: int) -> _Motion | None:
         """The motion of a solution; None where its response to small forces cannot be computed."""
         problem, values = solution.problem, solution.values
-        count = len(problem.model.states)
         states = problem.states(values[:, None])[:, :, 0]
         transition = _transition(solution, states, every)
         if not np.all(np.isfinite(transition)) or np.max(np.linalg.cond(transition)) > WORST_CONDITION:
             return None
-        degrees = count // 2 if problem.model.second_order else count
+        degrees = problem.model.degrees_of_freedom
         slopes = np.gradient(states, problem.t_s, axis=0)[::every, -degrees:]
         states = np.ascontiguousarray(states[::every])
         velocity = states[:, degrees:] if problem.model.second_order else slopes

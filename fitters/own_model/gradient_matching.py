@@ -57,7 +57,7 @@ def matched_starts(
         Same seed, same starts.
     """
     names = [quantity.name for quantity in model.observed]
-    positions = model.states[: len(model.states) // 2] if model.second_order else model.states
+    positions = model.states[: model.degrees_of_freedom]
     if model.observe is not None or model.events or not {state.name for state in positions} <= set(names):
         return
     columns = [names.index(state.name) for state in positions]

@@ -99,13 +99,9 @@ def _not_imitated(
     return fewer, [candidates[k] for k in seen]
 
 
-def _count(model: OdeModel) -> int:
-    return len(model.states) // 2 if model.second_order else len(model.states)
-
-
 def _candidates(model: OdeModel) -> list[_Candidate]:
     made = []
-    for k in range(_count(model)):
+    for k in range(model.degrees_of_freedom):
         if not model.second_order:
             made += [_Candidate(k, power, 0) for power in LEVEL_POWERS]
             continue
@@ -117,7 +113,7 @@ def _candidates(model: OdeModel) -> list[_Candidate]:
 
 def _rows(fit: FitResult, motion: Motion, candidates: Sequence[_Candidate], where: tuple[int, int]) -> list[Compressed]:
     """Compressed rows of one clip: a column a candidate, then those of the fitted parameters."""
-    count, used = _count(fit.model), fit.used
+    count, used = fit.model.degrees_of_freedom, fit.used
     scale = np.maximum(fit.rms, 1e-300)
     columns = []
     for candidate in candidates:

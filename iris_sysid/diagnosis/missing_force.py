@@ -11,7 +11,7 @@ from fitters.compose_effects import with_effect
 from fitters.effect_sensitivity import Motion, force_along, motion_of, rates
 from fitters.latent_force.form import form_of
 from fitters.latent_force.gaussian_process import LatentForce, latent_force
-from fitters.latent_force.linear_response import NoisyResidual, forces_of
+from fitters.latent_force.linear_response import NoisyResidual
 from fitters.latent_force.open_effects import POWER, SIZE, open_effect
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.measurement_errors import unit_noise
@@ -136,7 +136,7 @@ def _described(
     fitted: FitResult, motion: Motion, force: LatentForce, effects: Sequence[tuple[Effect, Array]]
 ) -> MissingForce:
     """The result, freed of what the fitted parameters can imitate."""
-    model, nodes, count = fitted.model, force.t_s, forces_of(fitted.model)
+    model, nodes, count = fitted.model, force.t_s, fitted.model.degrees_of_freedom
     states, slopes = (_at(nodes, motion.grid, values) for values in (motion.states, motion.slopes))
     basis = _imitated(model, motion, nodes, states, fitted.free)
     visible = np.eye(force.mean.size) - basis @ basis.T
@@ -175,7 +175,7 @@ def _rate_of(unit: str) -> str:
 def _imitated(model: OdeModel, motion: Motion, nodes: Array, states: Array, free: Sequence[str]) -> Array:
     """Orthonormal basis (f * k, p) of the forces at the nodes that changes of the fitted parameters make."""
     inputs = None if motion.inputs is None else _at(nodes, motion.grid, motion.inputs)
-    columns = [np.zeros(nodes.size * forces_of(model))]
+    columns = [np.zeros(nodes.size * model.degrees_of_freedom)]
     for parameter in model.parameters:
         if parameter.name in free:
             value = motion.values[parameter.name]
@@ -184,7 +184,7 @@ def _imitated(model: OdeModel, motion: Motion, nodes: Array, states: Array, free
                 rates(model, nodes, states, {**motion.values, parameter.name: value + sign * step}, inputs)
                 for sign in (1, -1)
             ]
-            columns.append((sides[0] - sides[1])[:, -forces_of(model) :].T.ravel() / (2 * step))
+            columns.append((sides[0] - sides[1])[:, -model.degrees_of_freedom :].T.ravel() / (2 * step))
     table = np.column_stack(columns)
     left, strength, _ = np.linalg.svd(table / np.maximum(np.linalg.norm(table, axis=0), 1e-300), full_matrices=False)
     return np.asarray(left[:, strength > STEP * max(float(strength[0]), 1e-300)])
