@@ -18,7 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from iris_sysid.benchmark.parallel import Batch, Job, Outcome
+from iris_sysid.benchmark.parallel import Batch, Job, Outcome, limited
 from iris_sysid.errors import DataError, IrisError
 from iris_sysid.io.files import origin_of, write_atomic
 
@@ -114,7 +114,7 @@ def _result(future: Future) -> Done | None:
 
     try:
         outcome, files = future.result()
-    except KilledWorker:
+    except (KilledWorker, MemoryError):
         return None
     except CancelledError as error:
         raise IrisError("the dask scheduler ended before the work; run again: what is finished is kept") from error
@@ -152,13 +152,15 @@ def carry_out(environment: Mapping[str, str], content: bytes) -> Done:
     DataError
         When the worker has another environment, or works on several jobs at a time.
     """
+    from distributed import get_worker
+
     _check_worker(environment)
     work, job, given = pickle.loads(content)
     with TemporaryDirectory(prefix="iris-sysid-") as name:
         folder = Path(name).resolve()
         for place, bytes_ in given.items():
             write_atomic(folder / place, bytes_)
-        outcome = work(folder, job)
+        outcome = limited(work, folder, job) if get_worker().nanny else work(folder, job)  # a nanny starts it again
         places = [path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()]
         written = _files(folder, places)
     return outcome, {place: bytes_ for place, bytes_ in written.items() if given.get(place) != bytes_}

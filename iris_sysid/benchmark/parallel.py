@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
 from iris_sysid.errors import DataError
+from iris_sysid.video.sandbox import limit_process
 
 MOST_WORKERS = 256
 
@@ -71,28 +72,51 @@ def side_by_side(batch: Batch[Job, Outcome], jobs: Sequence[Job], workers: Worke
     elif workers == 0:
         for job in jobs:
             yield job, batch.work(batch.folder, job)
-    elif jobs:
+    else:
         yield from _in_processes(batch, jobs, workers)
 
 
 def _in_processes(batch: Batch[Job, Outcome], jobs: Sequence[Job], workers: int) -> Iterator[tuple[Job, Outcome]]:
-    waiting = dict(enumerate(jobs))
-    with suppress(BrokenProcessPool):
-        for number, outcome in _pooled(batch, waiting, workers):
-            yield waiting.pop(number), outcome
-    for number, job in waiting.items():  # one of these jobs killed its process: each runs alone now
-        try:
-            yield job, next(outcome for _, outcome in _pooled(batch, {number: job}, 1))
-        except BrokenProcessPool:
-            yield job, batch.lost(batch.folder, job)
+    waiting = deque(jobs)
+    while waiting:
+        suspects: list[Job] = []
+        yield from _pooled(batch, waiting, workers, suspects)
+        for suspect in suspects:  # one of these killed its process, and the pool with it: each runs alone now
+            again: list[Job] = []
+            yield from _pooled(batch, deque([suspect]), 1, again)
+            for job in again:
+                yield job, batch.lost(batch.folder, job)
 
 
-def _pooled(batch: Batch[Job, Outcome], jobs: Mapping[int, Job], workers: int) -> Iterator[tuple[int, Outcome]]:
+def _pooled(
+    batch: Batch[Job, Outcome], waiting: deque[Job], workers: int, suspects: list[Job]
+) -> Iterator[tuple[Job, Outcome]]:
+    """Take jobs as processes become free; when a process dies, leave those that were at work in ``suspects``."""
     # spawn: a fork would copy locks that threads of the decoder and encoder hold
-    with ProcessPoolExecutor(min(workers, len(jobs)), multiprocessing.get_context("spawn")) as pool:
-        waiting = {pool.submit(batch.work, batch.folder, job): number for number, job in jobs.items()}
+    with ProcessPoolExecutor(min(workers, len(waiting)), multiprocessing.get_context("spawn")) as pool:
+        running: dict[Future[Outcome], Job] = {}
         try:
-            for future in as_completed(waiting):
-                yield waiting[future], future.result()
+            while waiting or running:
+                while waiting and len(running) < workers:
+                    running[pool.submit(limited, batch.work, batch.folder, waiting[0])] = waiting[0]
+                    waiting.popleft()
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    outcome = _outcome(batch, running[future], future)
+                    yield running.pop(future), outcome
+        except BrokenProcessPool:
+            suspects += running.values()
         finally:
             pool.shutdown(cancel_futures=True)
+
+
+def _outcome(batch: Batch[Job, Outcome], job: Job, future: Future[Outcome]) -> Outcome:
+    try:
+        return future.result()
+    except MemoryError:  # the limit of the process, which goes on
+        return batch.lost(batch.folder, job)
+
+
+def limited(work: Callable[[Path, Job], Outcome], folder: Path, job: Job) -> Outcome:
+    """Do a job within limits of memory and time for this process, which a file that is not trusted could exhaust."""
+    limit_process()
+    return work(folder, job)

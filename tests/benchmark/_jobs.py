@@ -21,6 +21,21 @@ def minus_one(folder: Path, number: int) -> int:
     return -1
 
 
+def noted_square(folder: Path, number: int) -> int:
+    """As :func:`squared`, after a while; the process is noted in a file."""
+    (folder / str(number)).write_text(str(os.getpid()))
+    time.sleep(0.1)
+    return squared(folder, number)
+
+
+def crowded(folder: Path, number: int) -> int:
+    """The number, or no memory for 3; the process is noted in a file."""
+    (folder / str(number)).write_text(str(os.getpid()))
+    if number == 3:
+        raise MemoryError
+    return number
+
+
 def places(folder: Path, name: str) -> tuple[str, str, str]:
     """Copy a file within the folder; returns where the code is, where the process runs, and the folder."""
     (folder / "copies").mkdir(exist_ok=True)

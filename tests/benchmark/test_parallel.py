@@ -9,7 +9,7 @@ import pytest
 
 from iris_sysid.benchmark.parallel import Batch, check_workers, side_by_side
 from iris_sysid.errors import DataError
-from tests.benchmark._jobs import minus_one, squared
+from tests.benchmark._jobs import crowded, minus_one, noted_square, squared
 
 BATCH = Batch(Path(), squared, minus_one)
 
@@ -26,6 +26,18 @@ def test_crash_of_the_only_job_costs_that_job_alone():
 def test_job_that_ends_its_process_is_lost_and_all_others_are_done():
     done = dict(side_by_side(BATCH, [1, 2, 3, 4], 2))
     assert done == {1: 1, 2: 4, 3: -1, 4: 16}
+
+
+def test_after_a_crash_the_others_still_run_in_several_processes(tmp_path):
+    folder, jobs = tmp_path, [3, *range(4, 12)]
+    done = dict(side_by_side(Batch(folder, noted_square, minus_one), jobs, 2))
+    assert done == {3: -1, **{number: number**2 for number in range(4, 12)}}
+    assert len({(folder / str(number)).read_text() for number in range(6, 12)}) == 2
+
+
+def test_job_without_enough_memory_is_lost_and_its_process_goes_on(tmp_path):
+    assert dict(side_by_side(Batch(tmp_path, crowded, minus_one), [3, 4], 1)) == {3: -1, 4: 4}
+    assert (tmp_path / "3").read_text() == (tmp_path / "4").read_text()
 
 
 def test_jobs_that_are_equal_are_each_done():
