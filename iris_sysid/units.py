@@ -59,13 +59,14 @@ OSP_LENGTHS = ("", *LENGTHS, "km", "in", "ft")  # "": the file does not say, met
 NOT_IN_COLUMNS = ("", "%", "ppm", "km", "in", "ft")
 COLUMN_UNITS = tuple(unit for unit in UNITS if unit not in NOT_IN_COLUMNS)
 
-UNSIGNED = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+# possessive (++): a match of a long text must not take the square of its length; exponents of at most 6 digits are read
+UNSIGNED = r"(?:[0-9]++\.?+[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]{1,6}+(?![0-9]))?"
 NUMBER = rf"[-+]?{UNSIGNED}"
 # 1/s only after a space: in 0.31/s nobody can tell the number from the unit
-UNIT = r"[^\W\d_]+(?:/s(?:\^[0-9])?)?|%|(?<=\s)1/s"
+UNIT = r"[^\W\d_]++(?:/s(?:\^[0-9])?)?|%|(?<=\s)1/s"
 MEASURE = re.compile(
-    rf"\s*(?P<value>{NUMBER})(?:\((?P<last_digits>[0-9]+\.?[0-9]*)\))?\s*(?P<unit>{UNIT})?\s*"
-    rf"(?:(?:\+-|\+/-|±)\s*(?P<stderr>{UNSIGNED})\s*(?P<error_unit>{UNIT})?\s*)?"
+    rf"\s*+(?P<value>{NUMBER})(?:\((?P<last_digits>[0-9]++\.?+[0-9]*+)\))?\s*+(?P<unit>{UNIT})?\s*+"
+    rf"(?:(?:\+-|\+/-|±)\s*+(?P<stderr>{UNSIGNED})\s*+(?P<error_unit>{UNIT})?\s*+)?"
 )
 LENGTH_EXAMPLE = "25mm or 25.0+-0.1mm"
 SCALE_EXAMPLE = "640px=1m, 398.7(5)px=100cm or 640+-3px=1m"

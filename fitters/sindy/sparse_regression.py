@@ -68,7 +68,7 @@ def chosen_by(optimizer: Any, rows: Rows, seed: int) -> NDArray[np.intp]:
     """
     own = copy.deepcopy(optimizer)
     state = np.random.get_state()  # noqa: NPY002 - pysindy's ensembles draw from the global generator
-    np.random.seed(seed)  # noqa: NPY002
+    np.random.seed(seed % 2**32)  # noqa: NPY002
     try:
         own.fit(rows.right, rows.left[:, None])
     except Exception as error:  # whatever the optimizer raises

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -105,7 +105,7 @@ def read_calibration(path: str | Path) -> Calibration:
         raise DataError(f"{path}: scale.stderr must be zero or above, not {document.scale.stderr}")
     homography = np.array(document.homography)
     check_homography(homography)
-    budget = {name: _checked_part(np.array(part), name, path) for name, part in document.budget.items()}
+    budget = {name: _checked_part(part, name, path) for name, part in document.budget.items()}
     if not budget and scale.stderr:
         budget = {"scale": scale_part(homography, scale.stderr / scale.value)}
     calibration = Calibration(
@@ -145,10 +145,11 @@ def _checked_camera(matrix: Array, path: Path) -> Array:
     return matrix
 
 
-def _checked_part(part: Array, name: str, path: Path) -> Array:
+def _checked_part(rows: Sequence[Sequence[float]], name: str, path: Path) -> Array:
     """A covariance (18, 18): symmetric, and no variance of anything below zero; DataError otherwise."""
-    if part.shape != (N_VALUES, N_VALUES):
+    if len(rows) != N_VALUES or any(len(row) != N_VALUES for row in rows):
         raise DataError(f"{path}: budget.{name} must have {N_VALUES} rows of {N_VALUES} numbers")
+    part = np.array(rows)
     size = np.sqrt(np.maximum(np.diag(part), 0.0))
     scaled = part / np.outer(*[np.where(size > 0, size, 1.0)] * 2)
     if not np.allclose(scaled, scaled.T, atol=ROUNDING) or np.linalg.eigvalsh(scaled).min() < -ROUNDING * N_VALUES:

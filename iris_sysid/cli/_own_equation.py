@@ -15,7 +15,7 @@ from iris_sysid.units import NUMBER
 if TYPE_CHECKING:
     from iris_sysid.types import OdeModel, Trajectory
 
-BOUND = re.compile(rf"\s*(\w+)\s*=\s*({NUMBER})?\s*:\s*({NUMBER})?\s*")
+BOUND = re.compile(rf"\s*+(\w++)\s*+=\s*+({NUMBER})?+\s*+:\s*+({NUMBER})?+\s*+")
 ONE_OF = "Missing option '--model', or --equation \"theta'' = -g/L*sin(theta)\""
 
 

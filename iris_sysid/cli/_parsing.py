@@ -133,10 +133,10 @@ def body_marks(texts: Sequence[str]) -> tuple[TrackMark, ...]:
 
 
 def _body_mark(text: str) -> TrackMark:
-    match = re.fullmatch(rf"\s*([^=@,]*[^=@,\s])\s*=\s*({NUMBER})\s*,\s*({NUMBER})\s*@\s*([0-9]{{1,9}})\s*", text)
-    if match is None:
+    match = re.fullmatch(rf"([^=@,]++)=\s*+({NUMBER})\s*+,\s*+({NUMBER})\s*+@\s*+([0-9]{{1,9}}+)\s*+", text)
+    if match is None or not match[1].strip():
         raise DataError(f"cannot read the mark {text!r}: write it as 1=120,88@35 (body=x,y@frame)")
-    return TrackMark(match[1], float(match[2]), float(match[3]), int(match[4]))
+    return TrackMark(match[1].strip(), float(match[2]), float(match[3]), int(match[4]))
 
 
 def plumb_line(texts: Sequence[str]) -> tuple[float, float, float, float] | None:

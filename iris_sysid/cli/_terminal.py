@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import shlex
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from iris_sysid.types import FitResult, OdeModel, Track, Trajectory, Verdict
 
 NOT_GOOD = 3  # exit status with --strict
+LONGEST_LINE = 4000  # characters of a message: names and cells of a damaged file can have megabytes
 
 
 def check_sources(sources: Sequence[Path]) -> None:
@@ -37,10 +38,12 @@ def check_dataset(folder: Path) -> None:
 def check_outputs(source: Path, paths: Sequence[Path | None], *, overwrite: bool) -> None:
     """Raise OutputError before any work when a result could not be written, or would replace its own source.
 
+    A picture among the pictures that it is made from would be read as one of them next time.
+
     Parameters
     ----------
     source
-        The file that the command reads.
+        The file or folder that the command reads.
     paths
         The files that it will write; None is ignored.
     overwrite
@@ -51,6 +54,8 @@ def check_outputs(source: Path, paths: Sequence[Path | None], *, overwrite: bool
     taken = {source.resolve(): "it is what is read"}
     for path in filter(None, paths):
         target = check_writable(path, overwrite=overwrite)
+        if target.parent in taken and target.suffix.lower() == ".png":
+            raise OutputError(f"cannot write {path}: the pictures of the clip are there; give another folder")
         if target in taken:
             raise OutputError(f"cannot write {path}: {taken[target]}; give another name")
         taken[target] = "two results would go there"
@@ -95,6 +100,13 @@ def _check_observed(clip: Trajectory, model: OdeModel, table: Path) -> None:
             f'table has {", ".join(names)}: say which columns they are, e.g. --columns "t=COLUMN,{columns}", or choose '
             "another --model"
         )
+
+
+def refuse(options: Mapping[str, object], reason: str) -> None:
+    """Raise DataError, with the reason after its name, when one of the options was given."""
+    for name, value in options.items():
+        if value:
+            raise DataError(f"{name} {reason}")
 
 
 def workers_of(workers: int | None, scheduler: str | None) -> int | str:
@@ -252,8 +264,9 @@ def _moving(first: str) -> Iterator[Callable[[str, int, int], None]]:
 
 
 def one_line(text: str) -> str:
-    """The text on one line, with control characters (possible in file names) shown as escapes."""
-    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
+    """The text on one line, its middle left out where it is very long, with control characters shown as escapes."""
+    shown = text if len(text) <= LONGEST_LINE else f"{text[: LONGEST_LINE // 2]} ... {text[-LONGEST_LINE // 2 :]}"
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in shown)
 
 
 def replace_unprintable() -> None:

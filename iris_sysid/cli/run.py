@@ -46,7 +46,7 @@ def run(
     from iris_sysid.registry import PHENOMENA, TRACKERS
     from iris_sysid.types import GeometryOptions
 
-    pipeline.check_folder(output, overwrite=force)
+    _terminal.check_outputs(video, [output / name for name in pipeline.FILES], overwrite=force)
     chosen = PHENOMENA.named(phenomenon)
     if tracking.tracker is not None:
         TRACKERS.named(tracking.tracker)  # refuses an unknown name before the clip is opened

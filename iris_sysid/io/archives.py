@@ -2,13 +2,29 @@
 
 from __future__ import annotations
 
+import lzma
 import os
 import re
+import struct
+import zipfile
+import zlib
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 IN_ARCHIVE = re.compile(r"(.+\.(?:trz|zip)):(.+)", re.IGNORECASE | re.DOTALL)
 MOST_LISTED = 8
+# what reading a damaged or odd archive raises; ValueError: names that are no UTF-8, positions before its start
+ZIP_TROUBLE = (
+    zipfile.BadZipFile,
+    NotImplementedError,
+    RuntimeError,
+    ValueError,
+    EOFError,
+    OSError,
+    zlib.error,
+    lzma.LZMAError,
+    struct.error,
+)
 
 
 def member_of(path: str | Path) -> tuple[Path, str | None]:

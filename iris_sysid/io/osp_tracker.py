@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 import re
 import zipfile
-import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -28,16 +27,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.errors import CalibrationError
-from iris_sysid.io.archives import listed, member_of, members_named
+from iris_sysid.io.archives import ZIP_TROUBLE, listed, member_of, members_named
 from iris_sysid.types import Array, Track, frozen_array
 from iris_sysid.units import OSP_LENGTHS, UNITS
 
 CORNER_TO_CENTRE_PX = 0.5  # Tracker's origin is a corner of the first pixel, ours its centre
 MAX_BYTES = 64 * 2**20
+MOST_FRAMES = 10**9
 # Filters that move pixels: marks made through them do not lie where the video file has the body
 MOVING_FILTERS = ("Resize", "Rotate", "Perspective", "RadialDistortion", "BarrelPincushion")
-
-_ZIP_TROUBLE = (zipfile.BadZipFile, NotImplementedError, RuntimeError, zlib.error, EOFError)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -103,9 +101,9 @@ def read_osp(path: str | Path) -> OspProject:
         origin_px=(x, y),
         angle_rad=math.radians(_number(axes, "angle", label, 0.0)),
         delta_t_ms=delta_t_ms if delta_t_ms > 0 else math.nan,
-        start_frame=int(_number(clip, "startframe", label, 0)),
-        step=max(1, int(_number(clip, "stepsize", label, 1))),
-        marks=MappingProxyType(_marks(panel, int(_number(clip, "frameshift", label, 0)), label)),
+        start_frame=_frames(clip, "startframe", label, 0),
+        step=max(1, _frames(clip, "stepsize", label, 1)),
+        marks=MappingProxyType(_marks(panel, _frames(clip, "frameshift", label, 0), label)),
         video=_video_name(video, packed),
         length_unit=unit,
     )
@@ -169,7 +167,7 @@ def _read(source: str | Path, label: str) -> tuple[bytes, Sequence[str]]:
             return archive.read(_the_project(archive, wanted, label)), names
     except OSError as error:
         raise CalibrationError(f"cannot read {label}: {error.strerror or error}") from error
-    except _ZIP_TROUBLE as error:
+    except ZIP_TROUBLE as error:
         raise CalibrationError(f"{label} is no archive that can be unpacked: {error}") from error
 
 
@@ -252,6 +250,14 @@ def _number(parent: Element | None, name: str, label: str, default: float | None
     if not math.isfinite(value):
         raise CalibrationError(f"{label}: {name} is {text}, not a finite number; calibrate again in Tracker")
     return value
+
+
+def _frames(parent: Element | None, name: str, label: str, default: int) -> int:
+    """A whole number of frames; the default where it is not stated."""
+    value = _number(parent, name, label, default)
+    if abs(value) > MOST_FRAMES:
+        raise CalibrationError(f"{label}: {name} is {value:g}, more frames than any clip has; the file is damaged")
+    return int(value)
 
 
 # --------------------------------------------------------------------------- what they mean

@@ -64,6 +64,7 @@ QUANTITIES: Mapping[str, str] = {
     **dict.fromkeys(("z", "height", "hohe", "altura", "altezza", "hauteur", "elevation"), "z"),
     **dict.fromkeys(("level", "liquid_level", "fullhohe", "nivel"), "h"),
 }
+LONGEST_TITLE = 300  # characters; a longer one is no name with a unit
 FRAMES = ("frame", "frames", "bild", "image", "index", "step")
 BRACKETED = re.compile(r"(?P<name>.*?)\s*[\(\[]\s*(?P<unit>[^()\[\]]*?)\s*[\)\]]\s*")
 RATE = r"(?:/s(?:\^?[23]|²)?)?"
@@ -190,6 +191,8 @@ def _unit(text: str) -> tuple[str, float] | None:
 
 def _taken_apart(title: str) -> tuple[str, tuple[str, float] | None]:
     """Name and unit of a title; no unit where none can be told."""
+    if len(title) > LONGEST_TITLE:
+        return title, None
     title = title.rpartition("/")[2] if "/" in title and _unit(title.rpartition("/")[2]) is None else title
     for pattern in (BRACKETED, DIVIDED, ENDING):
         match = pattern.fullmatch(title)
@@ -282,7 +285,7 @@ def _reads(cell: str) -> bool:
 def parse_columns(text: str) -> dict[str, str]:
     """Read ``t=Zeit (s),theta[deg]=Winkel`` into the title of each quantity's column; DataError otherwise."""
     stated: dict[str, str] = {}
-    for part in re.split(r",(?=\s*[A-Za-z]\w*\s*(?:\[[^\]]*\])?\s*=)", text):
+    for part in re.split(r",(?=\s*+[A-Za-z]\w*+\s*+(?:\[[^\],=]*+\])?+\s*+=)", text):
         name, equals, title = part.partition("=")
         match = STATED.fullmatch(name.strip())
         if not equals or match is None or not title.strip():

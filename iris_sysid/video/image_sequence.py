@@ -7,7 +7,6 @@ import shutil
 import tempfile
 import weakref
 import zipfile
-import zlib
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -21,7 +20,7 @@ import av
 from av.video.codeccontext import VideoCodecContext
 
 from iris_sysid.errors import CalibrationError, VideoError
-from iris_sysid.io.archives import listed, members_named
+from iris_sysid.io.archives import ZIP_TROUBLE, listed, members_named
 from iris_sysid.io.osp_tracker import read_osp
 from iris_sysid.video.container import MAX_PIXELS, ContainerSource, DamageError, check_size, open_container
 from iris_sysid.video.pixel_formats import UPRIGHT, Orientation, orientation_of
@@ -41,7 +40,6 @@ MAX_IMAGE_BYTES = 2**30
 MAX_RATIO = 200  # video hardly shrinks at all; raw video of a plain scene by up to about 50
 RATIO_COUNTS_FROM_BYTES = 100 * 2**20
 
-_ZIP_TROUBLE = (zipfile.BadZipFile, NotImplementedError, RuntimeError, zlib.error, EOFError, OSError)
 Read = Callable[[str], bytes]
 
 
@@ -128,7 +126,7 @@ def open_archive(path: Path, label: str, wanted: str | None = None) -> Container
             video = _the_video(members, path, label, wanted)
             if video is not None:
                 return _open_member(archive, members[video], f"{label}:{video}")
-    except _ZIP_TROUBLE as error:
+    except ZIP_TROUBLE as error:
         raise VideoError(f"{label} is no archive that can be unpacked: {error}; no frame was read") from error
     images = _the_images(members, path, label, wanted)
 
@@ -157,11 +155,12 @@ def _open_images(label: str, names: list[str], reading: Callable[[], Iterator[Re
 
 def _decode_image(name: str, read: Read) -> av.VideoFrame:
     decoder = cast(VideoCodecContext, av.CodecContext.create(IMAGE_CODECS[_suffix(name)], "r"))
-    decoder.options = {"max_pixels": str(MAX_PIXELS), "err_detect": "explode"}
     try:
         data = read(name)
+        most = min(MAX_PIXELS, max(RATIO_COUNTS_FROM_BYTES, MAX_RATIO * len(data)))
+        decoder.options = {"max_pixels": str(most), "err_detect": "explode"}
         images = decoder.decode(av.Packet(data)) if data else []
-    except (av.FFmpegError, *_ZIP_TROUBLE) as error:
+    except (av.FFmpegError, *ZIP_TROUBLE) as error:
         raise DamageError(f"{name} cannot be read ({getattr(error, 'strerror', None) or error})") from error
     if len(images) != 1 or images[0].is_corrupt:
         raise DamageError(f"{name} is empty or damaged")
@@ -265,18 +264,25 @@ def _open_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo, label: str) 
 
 
 def _read_member(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> bytes:
-    if member.file_size > MAX_IMAGE_BYTES:
-        raise DamageError(f"{member.filename} claims {member.file_size} bytes; an image may have {MAX_IMAGE_BYTES}")
+    if member.file_size > MAX_IMAGE_BYTES or _is_bomb(member):
+        raise DamageError(
+            f"{member.filename} claims {member.file_size} bytes unpacked from {member.compress_size}; an image may "
+            f"have {MAX_IMAGE_BYTES}, and {MAX_RATIO} times its packed size"
+        )
     return archive.read(member)
 
 
 def _check_member(member: zipfile.ZipInfo, label: str) -> None:
-    ratio = member.file_size / max(member.compress_size, 1)
-    if member.file_size > MAX_MEMBER_BYTES or (member.file_size > RATIO_COUNTS_FROM_BYTES and ratio > MAX_RATIO):
+    if member.file_size > MAX_MEMBER_BYTES or _is_bomb(member):
         raise VideoError(
             f"{label} claims {member.file_size} bytes unpacked from {member.compress_size}: more than a video can be; "
             "unpack it yourself if you trust it"
         )
+
+
+def _is_bomb(member: zipfile.ZipInfo) -> bool:
+    """Whether a large file shrank more than any recording does."""
+    return member.file_size > max(RATIO_COUNTS_FROM_BYTES, MAX_RATIO * member.compress_size)
 
 
 def _suffix(name: str) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from tokenize import TokenError
 
 import av
 import cv2
@@ -198,7 +199,7 @@ def _header(path: Path, label: str) -> tuple[tuple[int, ...], bool, np.dtype[np.
                 raise VideoError(f"{label} is a .npy file of version {version}; a tensor has version 1 or 2")
             read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
             shape, order, dtype = read(file)
-        except (ValueError, TypeError, SyntaxError, RecursionError, MemoryError) as error:
+        except (ValueError, TypeError, SyntaxError, TokenError, RecursionError, MemoryError) as error:
             raise VideoError(f"{label} is no .npy file that can be read: {_one_line(error)}") from error
         if dtype.hasobject or dtype.str[1:] not in NUMBERS:
             raise VideoError(f"{label} holds {dtype}, which is no brightness; it must be float from 0 to 1, or uint8")

@@ -1,5 +1,7 @@
 """Corners of calibration boards: on OpenCV's own images, and on images whose corners are known."""
 
+import zlib
+
 import cv2
 import numpy as np
 import pytest
@@ -354,3 +356,33 @@ def corner_levels(pixels, params):
     distance = offset[:, :1] * np.sin(params[2:4]) - offset[:, 1:] * np.cos(params[2:4])
     steps = erf(distance / (np.sqrt(2) * params[4:6]))
     return params[6] + params[7] * np.prod(steps, axis=1) + offset @ params[8:]
+
+
+def test_image_larger_than_the_slow_search_can_hold_is_searched_smaller(monkeypatch):
+    searched = []
+    for name in ("findChessboardCornersSB", "findChessboardCornersSBWithMeta", "findChessboardCorners"):
+        real = getattr(cv2, name)
+        monkeypatch.setattr(
+            cv2,
+            name,
+            lambda image, *rest, real=real, **more: searched.append(image.shape) or real(image, *rest, **more),
+        )
+    with pytest.raises(CalibrationError, match="no checkerboard is seen"):
+        find_board(np.full((300, 8160), 128, np.uint8), BOARD)
+    assert max(max(shape) for shape in searched) == 4096
+
+
+@pytest.mark.parametrize("shape", [(40, 8160), (32, 33), (1, 1)])
+def test_picture_of_a_few_rows_shows_no_board(tmp_path, shape):
+    cv2.imwrite(str(tmp_path / "a.png"), np.full(shape, 128, np.uint8))
+    with pytest.raises(CalibrationError, match="no checkerboard is seen|too small for a board"):
+        find_board(tmp_path / "a.png", BOARD)
+
+
+def test_picture_that_claims_more_than_any_has_is_refused(tmp_path):
+    header = b"IHDR" + (60000).to_bytes(4) * 2 + b"\x08\0\0\0\0"
+    (tmp_path / "a.png").write_bytes(
+        b"\x89PNG\r\n\x1a\n\0\0\0\r" + header + zlib.crc32(header).to_bytes(4) + bytes(500)
+    )
+    with pytest.raises(CalibrationError, match="is no image that can be read"):
+        find_board(tmp_path / "a.png", BOARD)

@@ -33,3 +33,14 @@ def test_lines_lie_at_the_pixels_that_their_labels_name(width, height, zoom, ste
     bright = np.flatnonzero(row[inside[0] :][: zoom * width] > 170)  # of labelled lines
     assert sorted({int(at // zoom) // step * step for at in bright}) == list(range(0, width, step))
     assert {int(at // zoom) % step for at in bright} <= {0, 1}
+
+
+@pytest.mark.parametrize(
+    "command", ["frame {0} --fps 30 -o {0}/f.png", "run {0} --fps 30 --phenomenon pendulum -o {0}"]
+)
+def test_picture_is_not_written_among_the_pictures_that_it_is_made_from(tmp_path, cli, command):
+    cv2.imwrite(str(tmp_path / "1.png"), np.zeros((48, 64), np.uint8))
+    outcome = cli(*command.format(tmp_path).split())
+    assert outcome.status == 1
+    assert "the pictures of the clip are there; give another folder" in outcome.err
+    assert [path.name for path in tmp_path.iterdir()] == ["1.png"]

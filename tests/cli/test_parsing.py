@@ -1,13 +1,18 @@
 """What users type is read as they mean it, or refused with an example of what is right."""
 
 import math
+import time
 
 import pytest
 
 from iris_sysid.cli import _parsing
+from iris_sysid.cli._own_equation import parsed_bounds
+from iris_sysid.cli._terminal import one_line
 from iris_sysid.errors import DataError
+from iris_sysid.io.table_headers import parse_columns
 from iris_sysid.types import TrackMark
 
+LONG = 30_000
 UNITS = {"gravity": "m/s^2", "length": "m", "angle": "rad"}
 
 
@@ -208,3 +213,33 @@ def test_transfer_function_is_read_with_the_error_of_its_exponent(text, name, ga
 def test_transfer_function_that_is_none_is_refused(text):
     with pytest.raises(DataError, match=r"gamma"):
         _parsing.transfer(text)
+
+
+@pytest.mark.parametrize(
+    ("read", "text"),
+    [
+        (lambda text: _parsing.settings([text]), "x=" + "1" * LONG),
+        (lambda text: _parsing.settings([text]), "x=" + f" {'1' * LONG}" * 2),
+        (lambda text: _parsing.settings([text]), f"x=1e-{'1' * LONG}(1)m"),
+        (lambda text: _parsing.settings([text]), f"x=1e{'1' * LONG}(1)m"),
+        (lambda text: _parsing.effects([text]), f"a={'1' * LONG}:"),
+        (_parsing.region, f"{'1' * LONG}!,1,1,1"),
+        (lambda text: _parsing.body_marks([text]), f"1{' ' * LONG}@"),
+        (lambda text: parsed_bounds([text]), f"x={'1' * LONG}"),
+        (lambda text: parsed_bounds([text]), f"x={' ' * LONG}"),
+        (parse_columns, f",a{' ' * LONG}"),
+        (parse_columns, ",a[" * (LONG // 3)),
+    ],
+)
+def test_long_text_is_refused_in_time_that_grows_with_its_length(read, text):
+    start = time.process_time()
+    with pytest.raises(DataError):
+        read(text)
+    assert time.process_time() - start < 2.0  # about a minute where it grew with the square
+
+
+def test_message_of_an_error_is_a_line_of_bounded_length():
+    line = one_line("cell '" + "x\n" * 100_000 + "' is no number")
+    assert len(line) < 10_000
+    assert line.startswith("cell 'x\\nx")
+    assert line.endswith("is no number")

@@ -344,3 +344,22 @@ def test_marks_become_a_track_at_the_projects_times():
     assert body.n_valid == 11
     np.testing.assert_allclose(np.diff(body.t_s), 0.066, atol=1e-12)
     assert np.isnan(body.sigma_px).all()
+
+
+@pytest.mark.parametrize("name", ["startframe", "stepsize", "frameshift"])
+def test_number_of_frames_beyond_any_clip_is_refused(read, name):
+    clip = video() + prop(name, "1e19", "int")
+    with pytest.raises(CalibrationError, match=rf"{name} is 1e\+19, more frames than any clip has"):
+        read(project(clip=clip, bodies=body("a", {1: (1, 1)})))
+
+
+def test_archive_whose_names_are_no_text_or_whose_content_is_damaged_is_refused(tmp_path):
+    path = tmp_path / "a.trz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_LZMA) as archive:
+        archive.writestr("aé.trk", project())
+    data = path.read_bytes()
+    start = data.index(b".trk") + 20
+    for damaged in (data.replace("é".encode(), b"\xff\xfe"), data[:start] + b"\xff" * 60 + data[start + 60 :]):
+        path.write_bytes(damaged)
+        with pytest.raises(CalibrationError, match="is no archive that can be unpacked"):
+            read_osp(path)

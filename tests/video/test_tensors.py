@@ -133,6 +133,7 @@ GOOD = np.full((2, 3, 1, 8, 9), 0.5, np.float32)
     [
         (b"", "no .npy file that can be read"),
         (b"PK\x03\x04 an archive", "no .npy file that can be read"),
+        (header("(2, 3, 1, 8, 9"), "no .npy file that can be read"),
         (b"\x80\x04\x95 a pickle", "no .npy file that can be read"),
         (header("(2, 3, 1, 8, 9)", "'|O'"), "holds object"),
         (header("(2, 3, 1, 8, 9)", "'<c8'"), "holds complex64"),

@@ -1008,11 +1008,28 @@ def test_archive_that_fails_leaves_nothing_behind(tmp_path, monkeypatch):
     assert not list((tmp_path / "scratch").iterdir())
 
 
-def bomb(path):
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("clip.mp4", "w") as member:
+def bomb(path, name="clip.mp4"):
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open(name, "w") as member:
         for _ in range(120):
             member.write(bytes(2**20))
     return path
+
+
+def blank_png(path):
+    """A picture of 268 million pixels in a file of some kilobytes."""
+    chunks = [(b"IHDR", struct.pack(">IIBBBBB", 16384, 16384, 1, 0, 0, 0, 0)), (b"IDAT", zlib.compress(bytes(2**20)))]
+    written_out = (
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data)) for kind, data in chunks
+    )
+    return written(path, b"\x89PNG\r\n\x1a\n" + b"".join(written_out))
+
+
+def damaged_lzma(path):
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_LZMA) as archive:
+        archive.writestr("clip.mp4", bytes(range(256)) * 20)
+    data = bytearray(path.read_bytes())
+    data[60:140] = b"\xff" * 80
+    return written(path, data)
 
 
 def broken(path, content):
@@ -1038,6 +1055,9 @@ def encrypted(path, content):
         (lambda p: broken(p / "a.zip", clip_bytes(p)), "is no archive that can be unpacked: Bad CRC-32"),
         (lambda p: encrypted(p / "a.zip", clip_bytes(p)), "is no archive that can be unpacked: .*encrypted"),
         (lambda p: bomb(p / "a.zip"), "claims 125829120 bytes unpacked from .*: more than a video can be"),
+        (lambda p: bomb(p / "a.zip", "1.bmp"), "claims 125829120 bytes unpacked from .*; an image may have"),
+        (lambda p: blank_png(p / "1.png").parent, "none of its 1 images was read: 1.png cannot be read"),
+        (lambda p: damaged_lzma(p / "a.zip"), "is no archive that can be unpacked: Corrupt input data"),
         (lambda p: pack(p / "a.zip", {}), "holds no video and no images"),
         (lambda p: pack(p / "a.zip", {"a.txt": b"x"}), "holds no video and no images"),
         (

@@ -19,6 +19,8 @@ Grey = NDArray[np.uint8]
 
 # Longer side of the image that is searched, px: OpenCV's detector misses squares above about 120 px.
 SEARCH_SIDES_PX = (960, 1920)
+SMALLEST_IMAGE_PX = 32  # shorter side: no board is seen in less, and OpenCV fails on images of a few rows
+LARGEST_SIDE_PX = 4096  # of an image searched whole: the slower method takes 60 bytes a px
 CLASSICAL = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE
 SECTORS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
 SMALLEST_SEEN = 12  # inner corners, 4x3: fewer are detected in any cluttered image
@@ -77,16 +79,15 @@ def _grown(grey: Grey, board: Board) -> Found | None:
 def _scales(grey: Grey, thorough: bool) -> Iterator[tuple[float, Grey]]:
     """The image at each scale that is searched, with the number of original pixels per pixel."""
     longer = max(grey.shape)
-    for side in SEARCH_SIDES_PX if thorough else SEARCH_SIDES_PX[:1]:
-        if longer > side:
-            scale = longer / side
-            size = round(grey.shape[1] / scale), round(grey.shape[0] / scale)
-            yield scale, np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
-        else:
+    sides = (*SEARCH_SIDES_PX, min(longer, LARGEST_SIDE_PX)) if thorough else SEARCH_SIDES_PX[:1]
+    for side in sides:
+        if longer <= side:
             yield 1.0, grey
             return
-    if thorough:
-        yield 1.0, grey
+        scale = longer / side
+        size = round(grey.shape[1] / scale), round(grey.shape[0] / scale)
+        if min(size) >= SMALLEST_IMAGE_PX:
+            yield scale, np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), np.uint8)
 
 
 def _quick(grey: Grey, board: Board) -> Array | None:
@@ -192,7 +193,7 @@ def _why_no_checkerboard(grey: Grey, board: Board) -> tuple[str, bool]:
 
 def part_of_board(grey: Grey) -> Array | None:
     """The largest grid of corners (rows, columns, 2), px, in a ``grey`` image; None when it is too small."""
-    scale, small = next(_scales(grey, thorough=True))
+    scale, small = next(_scales(grey, thorough=True), (1.0, grey))
     success, corners, grid = cv2.findChessboardCornersSBWithMeta(small, (3, 3), SECTORS | cv2.CALIB_CB_LARGER)
     if not success or grid is None:
         return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -13,11 +14,12 @@ from numpy.typing import NDArray
 
 from iris_sysid.calibration.board.board import Board, BoardError, BoardView, shortest_side
 from iris_sysid.calibration.board.corner_refinement import LARGEST_REACH_PX, Saddles, refine_by_model, refine_by_window
-from iris_sysid.calibration.board.corner_search import Found, check_ends, locate, why_not_found
+from iris_sysid.calibration.board.corner_search import SMALLEST_IMAGE_PX, Found, check_ends, locate, why_not_found
 from iris_sysid.calibration.board.grid_topology import oriented_grid
 from iris_sysid.calibration.homography import apply_homography, fit_homography, homography_slopes
 from iris_sysid.errors import CalibrationError
 from iris_sysid.types import Array, Progress, with_progress
+from iris_sysid.video.container import MAX_PIXELS
 
 Image = str | Path | NDArray[np.uint8]
 
@@ -134,15 +136,13 @@ def find_boards(
 
 def grey_image(image: Image) -> NDArray[np.uint8]:
     """The ``image`` in grey levels (h, w); CalibrationError for an array or file that is not an image."""
-    if isinstance(image, str | Path):
-        return _read_grey(Path(image))
-    array = np.asarray(image)
+    array = _read_grey(Path(image)) if isinstance(image, str | Path) else np.asarray(image)
     if array.dtype != np.uint8 or array.ndim not in (2, 3) or (array.ndim == 3 and array.shape[2] != 3):
         raise CalibrationError(
             f"an image must be uint8, grey (h, w) or BGR (h, w, 3), not {array.dtype} {array.shape}; convert it first"
         )
     grey = array if array.ndim == 2 else cv2.cvtColor(array, cv2.COLOR_BGR2GRAY)
-    if min(grey.shape) < 32:
+    if min(grey.shape) < SMALLEST_IMAGE_PX:
         raise CalibrationError(f"an image of {grey.shape[1]}x{grey.shape[0]} px is too small for a board")
     return np.ascontiguousarray(grey)
 
@@ -152,9 +152,13 @@ def _read_grey(path: Path) -> NDArray[np.uint8]:
         data = np.fromfile(path, dtype=np.uint8)
     except OSError as error:
         raise CalibrationError(f"cannot read {path}: {error.strerror or error}") from error
-    image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+    image = None
+    with suppress(cv2.error):  # the header claims an image too large to be meant
+        image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
     if image is None:
         raise CalibrationError(f"{path} is no image that can be read; give PNG, JPEG, TIFF or BMP files")
+    if image.size > MAX_PIXELS:
+        raise CalibrationError(f"{path} has {image.shape[1]}x{image.shape[0]} px; at most {MAX_PIXELS} px are read")
     return np.asarray(image, np.uint8)
 
 
