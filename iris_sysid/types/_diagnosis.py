@@ -182,9 +182,10 @@ class Diagnosis(Shown):
         """Misfit where a residual remains, doubtful where an effect has several names or the track is doubted."""
         fits = worst_verdict(final.verdict for final in self.finals)
         unsure = [Doubt("several-names", self._names_text(name), SEVERAL_NAMES) for name in self._unsure()]
-        if self.incomplete:
+        if self.incomplete:  # says of the residual what a fit says of it, once
             finding = f"the residual is {self.residual_ratio:.2g} times the noise"
-            return worst_verdict([fits, Verdict("misfit", (*unsure, Doubt("incomplete", finding, INCOMPLETE)))])
+            others = Verdict(fits.word, tuple(why for why in fits.reasons if why.kind != "residual-above-noise"))
+            return worst_verdict([others, Verdict("misfit", (*unsure, Doubt("incomplete", finding, INCOMPLETE)))])
         return worst_verdict([fits, Verdict("doubtful", tuple(unsure))] if unsure else [fits])
 
     def _unsure(self) -> list[str]:

@@ -61,6 +61,12 @@ def test_diagnosis_speaks_the_same_words():
     assert [doubt.kind for doubt in incomplete.verdict.reasons] == ["jumps", "incomplete"]
 
 
+def test_diagnosis_says_once_that_a_residual_remains():
+    remains = diagnose(swing(strange=0.05), PENDULUM, effects=[])
+    assert "residual-above-noise" in [doubt.kind for doubt in remains.final.verdict.reasons]
+    assert [doubt.kind for doubt in remains.verdict.reasons] == ["incomplete"]
+
+
 @pytest.mark.parametrize(("words", "worst"), [([], "good"), (["good", "failed", "misfit"], "failed")])
 def test_worst_verdict_of_several_results(words, worst):
     assert worst_verdict(Verdict(word, (JUMPS,)) for word in words) == Verdict(worst, (JUMPS,) if words else ())
