@@ -12,12 +12,13 @@ from iris_sysid.registry import TRACKERS
 from iris_sysid.report.overlay import draw_body
 from iris_sysid.types import Track, TrackCandidate, TrackMark, TrackOptions, mapped
 from iris_sysid.video.camera_motion.reference import NOT_MEASURED, in_reference, on_canvas
+from iris_sysid.video.camera_motion.registration import scatter_in_time
 from iris_sysid.video.camera_motion.steady import examined, steadied
 from iris_sysid.video.camera_motion.steady_video import SteadyVideo
 from iris_sysid.video.camera_motion.survey import CameraState
 from iris_sysid.video.reader import open_video
 from tests._drawn import DrawnClip, moving_disc, swing
-from validation.independent.shaken_scene import Shake, Studio, hand_shake, wall
+from validation.independent.shaken_scene import Shake, Studio, hand_shake, wall, write_clip
 
 SIZE = (240, 180)
 FRAMES, FPS = 45, 30
@@ -63,6 +64,26 @@ def test_shake_is_measured_to_a_twentieth_of_a_pixel_with_its_error(shaken, poin
     error -= np.median(error, axis=0)  # the first frame's own error is that of the coordinates
     assert error.std() < 0.05
     assert 0.4 < (error / motion.sigma(motion.frame, places)).std() < 1.6
+
+
+@pytest.mark.parametrize("error_px", [0.02, 0.1])
+def test_errors_of_the_motion_show_in_time_and_the_shake_of_a_hand_does_not(error_px):
+    rng = np.random.default_rng(5)
+    shake = hand_shake(np.arange(150) / 50, rng, Shake(), (0.0, 0.0))[:, :, 2]
+    found = scatter_in_time(shake + rng.normal(0, error_px, shake.shape))
+    assert found == pytest.approx([error_px, error_px], rel=0.35)
+
+
+def test_error_of_the_motion_of_a_compressed_clip_holds_what_all_points_have_in_common(tmp_path):
+    rng, centre = np.random.default_rng(0), np.array([[80.0, 60.0]])
+    maps = hand_shake(np.arange(60) / 50, rng, Shake(), (80.0, 60.0))
+    studio = Studio(wall((160, 120), rng, 6.0), (160, 120), RADIUS, RED, 2.0)
+    images = [studio.image(motion, centre, rng) for motion in maps]
+    _, motion = steadied(open_video(write_clip(tmp_path / "clip.mp4", images, 50, {"crf": "23"})))
+    places = np.tile(centre, (60, 1))
+    error = mapped(motion.to_frame, places) - mapped(against_first(maps), places)
+    error -= np.median(error, axis=0)
+    assert 0.6 < (error / motion.sigma(motion.frame, places)).std() < 1.5  # 2.3 by the points' scatter in a frame alone
 
 
 def test_pan_is_followed_beyond_the_first_frame():

@@ -10,12 +10,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from math import comb
 
 import cv2
 import numpy as np
 
 from iris_sysid.types import Array, CameraMotion, Frame, Mask, Progress, mapped, with_progress
-from iris_sysid.video.camera_motion.affine import CUTOFF, FEWEST_POINTS, LEAST_SD, Fit, first_guess, fitted
+from iris_sysid.video.camera_motion.affine import (
+    CUTOFF,
+    FEWEST_POINTS,
+    LEAST_SD,
+    MAD_TO_SD,
+    Fit,
+    first_guess,
+    fitted,
+)
 from iris_sysid.video.camera_motion.texture import Bytes, Texture, corners, found_again, inside, texture_of
 
 WIDEST = 960  # px: a larger image is followed at reduced size
@@ -25,10 +34,13 @@ LEFT = 0.6  # of a key frame's points: with fewer in view, the frame becomes a k
 CATCH_PX = 2.0  # of the reduced image: tolerance of the first fit
 PASSES = 3  # of fitting points and frames in turns
 FEWEST_FRAMES = 5  # in which a point must be seen to be given its own place
-# of the scatter of the points that all of them have in common: an encoder moves the whole image by quarters of a pixel,
-# and interpolation shifts all points alike; on drawn walls (validation/independent/shaken_scene.py) 0.2 without loss,
-# 0.35 at 0.1 bits a pixel, 0.5 at 0.03
+# of the scatter of the points that all of them have in common at least: an encoder moves the whole image by quarters of
+# a pixel, and interpolation shifts all points alike; on drawn walls (validation/independent/shaken_scene.py) 0.2
+# without loss, 0.35 at 0.1 bits a pixel, 0.5 at 0.03. Where the camera drifts slowly these quarters last for some
+# frames, and the scatter in time does not show them
 COMMON = 0.35
+# differences of the shift from frame to frame: what such high ones show is no hand's motion (up to 8 Hz at 30 frames/s)
+ORDERS = (8, 12)
 REPORT_EVERY = 10  # frames between two calls of the progress function
 NEAR_PX = 30.0  # of the reduced image: how far a point may be from where the last frame had it
 
@@ -154,12 +166,14 @@ class Registration:
         centre = self.centre * step + (step - 1) / 2
         motions, covariances = [], []
         known = [fit.covariance for fit in fits if fit is not None]
+        shifts = np.array([motion[:, 2] for motion, fit in zip(self.motions, fits, strict=True) if fit is not None])
+        in_time = scatter_in_time(shifts.reshape(-1, 2))
         unknown = 100.0 * np.median(known, axis=0) if known else np.eye(6)
         for motion, fit in zip(self.motions, fits, strict=True):
             full = motion.copy()
             full[:, 2] = motion[:, 2] * step + centre - motion[:, :2] @ centre
             motions.append(full)
-            covariances.append(_scaled(unknown if fit is None else fit.covariance + _common(fit.spread), step))
+            covariances.append(_scaled(unknown if fit is None else _with_common(fit, in_time), step))
         early = len(self.before)
         motions = [np.eye(2, 3)] * early + motions
         covariances = [_scaled(unknown, step)] * early + covariances
@@ -171,9 +185,30 @@ class Registration:
         return (sum(self.lost) + len(self.before)) / max(len(self.lost) + len(self.before), 1)
 
 
-def _common(spread: float) -> Array:
-    """Covariance (6, 6) of a shift of the whole image, px^2, that all points of a frame have in common."""
-    return np.asarray(np.diag([0.0, 0.0, 1.0, 0.0, 0.0, 1.0]) * (COMMON * spread) ** 2)
+def scatter_in_time(shifts: Array) -> Array:
+    """Standard deviation (2,) of errors of shifts (n, 2) px that are independent from frame to frame.
+
+    By differences of high order, in which a smooth motion hardly shows: an error of each frame shows in one of order m
+    with the variance of the sum of the squares of its binomial coefficients. Zero where there are too few frames.
+    """
+    if len(shifts) < 2 * ORDERS[-1]:
+        return np.zeros(2)
+    of_orders = [
+        MAD_TO_SD * np.median(np.abs(np.diff(shifts, order, axis=0)), axis=0) / np.sqrt(comb(2 * order, order))
+        for order in ORDERS
+    ]
+    return np.asarray(np.min(of_orders, axis=0))
+
+
+def _with_common(fit: Fit, in_time: Array) -> Array:
+    """Covariance (6, 6) of a frame's map with a shift of the whole image that all of its points have in common.
+
+    Their scatter within the frame does not show that; the scatter of the frames in time, px, does.
+    """
+    shown = np.diag(fit.covariance)[[2, 5]]
+    common = np.zeros(6)
+    common[[2, 5]] = np.maximum((COMMON * fit.spread) ** 2, in_time**2 - shown)
+    return np.asarray(fit.covariance + np.diag(common))
 
 
 def _scaled(covariance: Array, step: int) -> Array:
