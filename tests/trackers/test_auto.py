@@ -9,12 +9,13 @@ from iris_sysid.errors import DataError
 from iris_sysid.registry import TRACKERS
 from iris_sysid.types import Track, TrackCandidate, TrackMark, TrackOptions
 from tests import _phone_clips as phone
-from tests._drawn import disc, moving_disc, noisy, paint, swing
+from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
 from trackers._auto.appearance import Peaks, search_image
 from trackers._auto.best_path import best_path
-from trackers._auto.candidates import radius_at, ways_by_looks
-from trackers._auto.choose import Choice, SampledOnce, doubts_of_one_body, is_scenery, lost_together
-from trackers._auto.evidence import judged, leaps, measured, missed_marks
+from trackers._auto.candidates import Way, radius_at, ways_by_looks
+from trackers._auto.choose import Choice, doubts_of_one_body, is_scenery, lost_together
+from trackers._auto.evidence import Patches, judged, leaps, measured, missed_marks
+from trackers._auto.sampled_once import SampledOnce
 from trackers._auto.survey import kinds_of, looks_like_shadow
 from trackers._frames.working_image import view_of
 
@@ -164,6 +165,8 @@ def test_two_tracks_of_one_body_are_doubtful_and_two_bodies_side_by_side_are_not
     beside = replace(track, xy_px=track.xy_px + np.array([20, 0]), body="2")
     assert {doubt.kind for doubt in doubts_of_one_body(track, [same])} == {"another-body"}
     assert doubts_of_one_body(track, [beside]) == []
+    partly = np.where(np.arange(40)[:, None] < 16, same.xy_px, beside.xy_px)
+    assert {doubt.kind for doubt in doubts_of_one_body(track, [replace(beside, xy_px=partly)])} == {"another-body"}
 
 
 def test_track_by_looks_is_doubtful_where_the_background_tracker_follows_nothing():
@@ -174,6 +177,31 @@ def test_track_by_looks_is_doubtful_where_the_background_tracker_follows_nothing
     assert "ambiguous" in doubts(choice.attempt(way).tracks)
     choice.candidates.clear()
     assert not doubts(choice.attempt(way).tracks)
+
+
+def test_things_of_two_colours_in_turn_are_not_one_body_of_the_colour_between_them():
+    around = np.tile([119.0, 131.0, 120.0], (20, 1))
+    hair, ball = np.array([47.0, 131.0, 126.0]), np.array([153.0, 68.0, 171.0])
+    both = Patches(np.arange(20), np.where(np.arange(20)[:, None] % 2, hair, ball), around)
+    assert np.mean(both.likeness() > 0.5) == 0.5
+    shaded = Patches(np.arange(20), ball * np.linspace([0.75, 1, 1], 1, 20), around)
+    assert np.all(shaded.likeness() > 0.5)
+
+
+@pytest.mark.parametrize(("arm", "kinds"), [(True, {"held"}), (False, set())])
+def test_body_at_the_end_of_an_arm_is_held_though_only_its_looks_are_followed(arm, kinds):
+    places = swing(40, (80, 40), (45, 12), period=37.3)
+    images = []
+    for x, y in places:
+        image = np.full((96, 160), 110.0)
+        if arm:
+            image[int(y) :, int(x) - 7 : int(x) + 7] = 70.0
+        images.append(paint(image, disc((96, 160), x, y, 9), 200.0))
+    clip = DrawnClip(noisy(images, 2.0))
+    (track,) = TRACKERS["median-background"].track(moving_disc(places, 9, (96, 160)), TrackOptions())
+    choice = Choice(SampledOnce(clip), view_of(clip, TrackOptions()), TrackOptions())
+    candidate = choice.attempt(Way("looks", lambda: [track], guessed=True))
+    assert doubts(candidate.tracks) & {"held"} == kinds
 
 
 def test_place_that_looks_like_the_body_while_it_is_elsewhere_is_scenery():

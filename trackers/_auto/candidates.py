@@ -12,7 +12,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.types import Array, Frame, FrameSource, Track, TrackMark, TrackOptions
 from trackers._auto.appearance import learn, search_image
 from trackers._auto.follow_appearance import Body, follow_appearance
-from trackers._auto.survey import LUMA_WEIGHT, Kind
+from trackers._auto.survey import WEIGHTS, Kind
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
 
@@ -123,7 +123,7 @@ def radius_at(image: Bytes, place: tuple[float, float]) -> float:
     near = distance <= 2 * largest
     colours, away = image[near].astype(np.float64), distance[near]
     colour = np.median(colours[away <= CLICKED], axis=0)
-    off = np.linalg.norm((colours - colour) * (LUMA_WEIGHT, 1.0, 1.0), axis=1)
+    off = np.linalg.norm((colours - colour) * WEIGHTS, axis=1)
     best, radius = -np.inf, 3.0
     tried = 2.0
     while tried <= largest:

@@ -12,14 +12,15 @@ from iris_sysid.registry import TRACKERS
 from iris_sysid.types import Doubt, DoubtKind, Frame, FrameSource, Track, TrackCandidate, TrackOptions, TrackQuality
 from trackers._auto.appearance import learn, search_image
 from trackers._auto.candidates import Way, check_marks, marks_by_body, way_by_marks, ways_by_looks
-from trackers._auto.evidence import LEAST_COVERAGE, MOST_SHADOW, judged, measured, missed_marks
-from trackers._auto.survey import Kind, kinds_of
+from trackers._auto.evidence import LEAST_COVERAGE, MOST_SHADOW, held_doubt, judged, measured, missed_marks
+from trackers._auto.sampled_once import SampledOnce
+from trackers._auto.survey import Kind, blob_at, foregrounds_of, kinds_of
 from trackers._frames.arrays import Image
 from trackers._frames.working_image import View, view_of
 from trackers._linking.moving_bodies import follow
 
 SAMPLES = 40  # as many as the background is made of
-HELD = 0.6  # share of the found frames in which a hand touches the body: more is no free motion
+HELD = 0.5  # share of the found frames in which a hand touches the body: more is no free motion
 ON_TRACK = 0.3  # share of the sightings of a kind that lie on the track: fewer, and another thing is followed
 FAR_LIKELIER = 1.5  # times: so much more is another thing like a body than the tracked one
 FEW = 3  # bodies: of more, each is too like the others to be known by its looks
@@ -30,7 +31,10 @@ PLAIN = 0.75  # of the usual score of the body: as plain as that is no chance li
 MOST_WAYS = 3  # by looks
 SCENERY = 0.5  # share of the samples with the body elsewhere: a place that looks like it there too is scenery
 LONG_GAP = 5  # frames without any body
-TOGETHER = 1.5  # radii: two tracks that are mostly nearer to each other are of one body
+TOGETHER = 1.5  # radii: two tracks that are often nearer to each other are of one body, at least in part
+# of their common frames; balls on cords of ten radii that pass each other are so near in a tenth of them, of five
+# radii in a fifth
+OFTEN = 0.3
 LEAST_SIGHTINGS = 0.3  # share of the samples
 FIRST = "median-background"  # the way whose tracks are taken without a look at the scene where they show no fault
 WEIGHT: dict[DoubtKind, float] = {"missed": 0.9, "jumps": 0.8, "shadow": 0.3, "ambiguous": 0.3}  # of a doubt
@@ -38,39 +42,6 @@ RIVAL = "disc"  # the registered tracker that also finds what does not move side
 
 
 Place = tuple[float, float]
-
-
-@dataclass(eq=False)
-class SampledOnce:
-    """A clip whose sampled frames are read once, however often they are asked for."""
-
-    video: FrameSource
-    _samples: dict[int, list[Frame]] = field(default_factory=dict)
-
-    @property
-    def width(self) -> int:
-        """As that of the clip."""
-        return self.video.width
-
-    @property
-    def height(self) -> int:
-        """As that of the clip."""
-        return self.video.height
-
-    @property
-    def n_expected(self) -> int:
-        """As that of the clip."""
-        return self.video.n_expected
-
-    def frames(self) -> Iterator[Frame]:
-        """Every frame of the clip."""
-        return self.video.frames()
-
-    def sample(self, count: int) -> list[Frame]:
-        """Frames spread over the clip."""
-        if count not in self._samples:
-            self._samples[count] = self.video.sample(count)
-        return self._samples[count]
 
 
 @dataclass(eq=False)
@@ -108,6 +79,8 @@ class Choice:
                 judgements = self.against_the_scene(tracks, judgements)
             if way.name == FIRST and not self.options.marks:
                 judgements = [own.with_doubts(*lost_together(tracks)) for own in judgements]
+            if way.guessed:
+                judgements = [own.with_doubts(*self._held(body)) for body, own in zip(tracks, judgements, strict=True)]
             if way.guessed and self.candidates and not self.candidates[0].tracks:
                 judgements = [
                     own.with_doubts(by_looks_alone(body)) for body, own in zip(tracks, judgements, strict=True)
@@ -143,6 +116,19 @@ class Choice:
             *self._rival_doubts(track, tracks, quality),
             *self._missed(track, others),
         ]
+
+    def _held(self, track: Track) -> list[Doubt]:
+        """Doubt where a body followed by its looks, which show no hand, mostly hangs together with the edge."""
+        row_of = {int(number): row for row, number in enumerate(track.frame[track.valid])}
+        places = track.xy_px[track.valid]
+        foregrounds = foregrounds_of([search_image(self.view, frame) for frame in self.frames])[1]
+        found = [
+            blob_at(foreground, self.view.in_search(*places[row_of[frame.index]]))
+            for frame, foreground in zip(self.frames, foregrounds, strict=True)
+            if frame.index in row_of
+        ]
+        seen = [blob.held or blob.at_edge for blob in found if blob is not None]
+        return [held_doubt(track, float(np.mean(seen)))] if len(seen) >= FEWEST_SHOWN and np.mean(seen) > HELD else []
 
     def _rival_doubts(self, track: Track, tracks: Sequence[Track], quality: TrackQuality) -> list[Doubt]:
         """Doubt where a thing that nobody follows is far more like a body than the tracked one."""
@@ -246,7 +232,7 @@ def lost_together(tracks: Sequence[Track]) -> list[Doubt]:
 
 
 def doubts_of_one_body(track: Track, others: Sequence[Track]) -> list[Doubt]:
-    """Doubt where one of the others is mostly nearer to a ``track`` than two bodies can be.
+    """Doubt where one of the others is often nearer to a ``track`` than two bodies can be.
 
     Parameters
     ----------
@@ -259,8 +245,8 @@ def doubts_of_one_body(track: Track, others: Sequence[Track]) -> list[Doubt]:
     for other in others:
         both = track.valid & other.valid
         apart = np.hypot(*(track.xy_px - other.xy_px)[both].T)
-        if both.any() and np.median(apart) < reach:
-            finding = f"bodies {track.body} and {other.body} are mostly tracked at one place"
+        if both.any() and np.quantile(apart, OFTEN) < reach:
+            finding = f"bodies {track.body} and {other.body} are often tracked at one place"
             remedy = f"mark each: --mark {track.body}=x,y@frame, or ask for fewer --bodies"
             return [Doubt("another-body", finding, remedy)]
     return []

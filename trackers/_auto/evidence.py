@@ -8,13 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from iris_sysid.types import Array, Doubt, Frame, Track, TrackMark, TrackQuality
-from trackers._auto.survey import LUMA_WEIGHT, colour_distance, looks_like_shadow
+from trackers._auto.survey import WEIGHTS, colour_distance, looks_like_shadow
 from trackers._frames.arrays import Bytes, Flags
 from trackers._frames.working_image import View
 
 HEART, RING = 0.7, (1.4, 2.2)  # radii: inside of a body, and its surroundings
 SMALLEST_HEART = 1.5  # px
 LIKE_THE_BODY = 0.45  # of the way from the surroundings' colour to the body's: nearer to the surroundings is not it
+# grey levels, luma counting a third: so far from the body's colour is another thing, however far it is from the
+# surroundings' colour as well; light along the path changes a colour by less
+ANOTHER = 30.0
 TELLING = 6.0  # grey levels: less contrast tells nothing
 FEWEST_PATCHES = 4
 MOST_HELD = 0.9  # share of the frames with the body: more is no free motion
@@ -40,20 +43,21 @@ class Patches:
 
     @property
     def body(self) -> Array:
-        """The body's colour (3,)."""
-        return np.asarray(np.median(self.inside, axis=0))
+        """The body's colour (3,): that of the patch which is most like the others. No patch has that of a mixture."""
+        apart = np.linalg.norm((self.inside[:, np.newaxis] - self.inside) * WEIGHTS, axis=2)
+        return np.asarray(self.inside[int(np.argmin(apart.sum(axis=1)))])
 
     def likeness(self) -> Array:
         """How far each patch (k,) is on the way from its surroundings' colour, 0, to the body's, 1; NaN if not telling.
 
-        Luma counts a third: light changes it along the path.
+        0 also where it is far from both. Luma counts a third: light changes it along the path.
         """
-        weight = np.array([LUMA_WEIGHT, 1.0, 1.0])
-        expected = (self.body - self.around) * weight
-        found = (self.inside - self.around) * weight
-        size = np.square(expected).sum(axis=1)
-        share = (expected * found).sum(axis=1) / np.maximum(size, 1e-9)
-        return np.where(size > TELLING**2, share, np.nan)
+        expected = (self.body - self.around) * WEIGHTS
+        found = (self.inside - self.around) * WEIGHTS
+        size = np.linalg.norm(expected, axis=1)
+        share = (expected * found).sum(axis=1) / np.maximum(size, 1e-9) ** 2
+        another = np.linalg.norm(found - expected, axis=1) > np.maximum(size, ANOTHER)
+        return np.where(another, 0.0, np.where(size > TELLING, share, np.nan))
 
     def shadow_share(self) -> float:
         """Share of the patches that look like their surroundings in less light."""
@@ -211,10 +215,7 @@ def judged(track: Track, evidence: dict[str, float], marks: Sequence[TrackMark] 
             Doubt("unsteady-size", f"the tracked thing changes its size by {change:.0%} a frame", help_by_marks)
         )
     if evidence["held"] > MOST_HELD:
-        finding = f"a hand, or what else reaches in from the edge, touches it in {evidence['held']:.0%} of its frames"
-        doubts.append(
-            Doubt("held", finding, f"mark the free body: --mark {track.body}=x,y@frame, or cut it off: --start")
-        )
+        doubts.append(held_doubt(track, evidence["held"]))
     if evidence["travel"] < LEAST_TRAVEL:
         doubts.append(Doubt("ambiguous", "the tracked thing hardly moves", help_by_marks))
     if "same body" not in evidence and evidence.get("luma contrast", 99.0) < FAINT:
@@ -225,6 +226,12 @@ def judged(track: Track, evidence: dict[str, float], marks: Sequence[TrackMark] 
             Doubt("off-marks", f"the track misses the mark in frame {missed[0].frame}", "add marks nearby, or --roi")
         )
     return TrackQuality(tuple(doubts), evidence)
+
+
+def held_doubt(track: Track, share: float) -> Doubt:
+    """Doubt of a track whose body is held in that share of its frames."""
+    finding = f"a hand, or what else reaches in from the edge, touches it in {share:.0%} of its frames"
+    return Doubt("held", finding, f"mark the free body: --mark {track.body}=x,y@frame, or cut it off: --start")
 
 
 def with_quality(track: Track, view: View, frames: Sequence[Frame]) -> Track:

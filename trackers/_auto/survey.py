@@ -16,7 +16,7 @@ from trackers._frames.arrays import Bytes, Flags, Image
 THINNEST = 2.0  # px, inscribed radius at the size of the search
 ALIKE = 16.0  # grey levels, luma counting a third: colours of one kind of thing
 ALIKE_SIZE = 2.0  # times: sizes of one kind of thing
-LUMA_WEIGHT = 0.35
+WEIGHTS = np.array([0.35, 1.0, 1.0])  # of luma, red and blue in a difference of colours: light changes the luma
 LEAST_CONTRAST = 5.0  # grey levels, of colour and luma together
 SHADOW_RANGE = (0.3, 0.97)  # of the light that remains in a shadow
 SHADOW_CHROMA = 3.5  # grey levels: so far may a shadow's chroma be from that of the wall in less light
@@ -80,7 +80,7 @@ class Kind:
 
 def colour_distance(colour: Array, other: Array) -> float:
     """Distance of two colours (luma, red, blue), luma counting a third."""
-    return float(np.linalg.norm((colour - other) * (LUMA_WEIGHT, 1.0, 1.0)))
+    return float(np.linalg.norm((colour - other) * WEIGHTS))
 
 
 def looks_like_shadow(colour: Array, around: Array) -> bool:
@@ -97,14 +97,9 @@ def looks_like_shadow(colour: Array, around: Array) -> bool:
 
 def kinds_of(images: Sequence[Bytes]) -> list[Kind]:
     """The kinds of things that move in sampled search images (h, w, 3), the likeliest body first."""
-    stack = np.stack(images)
-    estimate = estimate_background(stack)
-    background_range, still = background_range_of(estimate), estimate.background
+    still, foregrounds = foregrounds_of(images)
     kinds: list[Kind] = []
-    for number, image in enumerate(images):
-        # light that flickers or adapts moves the whole image: the middle difference is not motion
-        levelled = _levelled(image, still)
-        foreground = blobs(background_range, levelled)
+    for number, (image, foreground) in enumerate(zip(images, foregrounds, strict=True)):
         covered = np.zeros(image.shape[:2], np.uint8)
         for blob in foreground:
             left, top, right, bottom = blob.box
@@ -115,6 +110,24 @@ def kinds_of(images: Sequence[Bytes]) -> list[Kind]:
                 _sort_in(kinds, thing)
     often = [kind for kind in kinds if len(kind.samples) >= max(3, SEEN_OFTEN * len(images))]
     return sorted(often, key=lambda kind: -kind.salience)[:MOST_KINDS]
+
+
+def foregrounds_of(images: Sequence[Bytes]) -> tuple[Image, list[list[Blob]]]:
+    """The still background (h, w, 3) of sampled search images (h, w, 3), and what differs from it in each of them."""
+    estimate = estimate_background(np.stack(images))
+    background_range = background_range_of(estimate)
+    # light that flickers or adapts moves the whole image: the middle difference is not motion
+    return estimate.background, [blobs(background_range, _levelled(image, estimate.background)) for image in images]
+
+
+def blob_at(foreground: Sequence[Blob], place: tuple[float, float]) -> Blob | None:
+    """What differs from the background at a place (x, y), px of the search image."""
+    x, y = (round(c) for c in place)
+    for blob in foreground:
+        left, top, right, bottom = blob.box
+        if left <= x < right and top <= y < bottom and blob.mask[y - top, x - left]:
+            return blob
+    return None
 
 
 def _levelled(image: Bytes, still: Image) -> Bytes:
