@@ -75,7 +75,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     DataError, UnknownNameError
         When the options do not fit the clip, or name an unknown colour.
     """
-    setup = detection_setup(video, view_of(video, options))
+    setup = detection_setup(video, view_of(video, options), coarse=True)
     rough = replace(setup, detector=replace(setup.detector, streaks=False))  # the second pass fits every disc
     diagonal = float(np.hypot(setup.view.width, setup.view.height))
     all_detections = observe(video, rough, _first_half(options), LikelyBodies(options.bodies, diagonal).among)
@@ -121,7 +121,7 @@ def _linked(
         refusal = found
     if options.bodies > 1 and options.colour is None and _least_seen(tracklets) < WELL_SEEN * len(all_detections):
         with suppress(TrackingError):
-            others, joint, _ = track_together(video, setup.view, _first_half(options))
+            others, joint, _ = track_together(video, view_of(video, options), _first_half(options))
             if _least_seen(joint) > _least_seen(tracklets):
                 return others, joint, None
     return all_detections, tracklets, refusal

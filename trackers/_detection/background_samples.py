@@ -5,12 +5,16 @@ There the median shows the body itself.
 
 from __future__ import annotations
 
+from functools import partial
+
 import cv2
 import numpy as np
 
 from trackers._background.median import BackgroundEstimate
 from trackers._detection.foreground import SQUARE, BackgroundRange, any_channel, background_range_of, most_of_channels
+from trackers._detection.strong_windows import grown
 from trackers._detection.subpixel_centroid import largest
+from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes, Flags, Image
 
 SMALLEST_HOLE = 12  # px
@@ -37,28 +41,38 @@ def usable_samples(stack: Bytes, estimate: BackgroundEstimate) -> Flags | None:
     """
     edges = _edges(estimate.background)
     background_range = background_range_of(estimate)
-    holes = np.zeros(stack.shape[:3], dtype=np.bool_)
-    differs = np.zeros(stack.shape[1:3], dtype=np.int64)
-    for k, image in enumerate(stack):
-        differs += background_range.strongly(image)
-        for excess in (cv2.subtract(image, background_range.highest), cv2.subtract(background_range.lowest, image)):
-            excess = np.where(excess > background_range.strong, excess, 0).astype(np.uint8)
-            level = most_of_channels(excess)
-            left, top, width, height = cv2.boundingRect(level)
-            if np.count_nonzero(level) >= SMALLEST_HOLE:
-                window = (
-                    slice(max(0, top - MARGIN), top + height + MARGIN),
-                    slice(max(0, left - MARGIN), left + width + MARGIN),
-                )
-                part = np.ascontiguousarray(image[window]).astype(np.float32)
-                window_holes = _holes(np.ascontiguousarray(level[window]), edges[window], _edges(part))
-                if window_holes.any():
-                    holes[k][window] |= _without_hidden(window_holes, _reaching_in(background_range, image)[window])
+    holes = np.stack(list(ahead(partial(_holes_of, background_range, edges), stack)))
+    differs = sum(background_range.strongly(image).astype(np.int64) for image in stack)
     holes &= holes.sum(axis=0) > AS_HOLE * differs
     if holes.sum(axis=0).max() < FEWEST_SAMPLES:
         return None
     wide = np.stack([cv2.dilate(hole.astype(np.uint8), RIM) > 0 for hole in holes])
     return wide | (wide.sum(axis=0) < FEWEST_SAMPLES)
+
+
+def _holes_of(background_range: BackgroundRange, edges: Image, image: Bytes) -> Flags:
+    """Where (h, w) one sampled image differs from the background in the shape of a hole."""
+    holes = np.zeros(image.shape[:2], dtype=np.bool_)
+    x, y, columns, rows = cv2.boundingRect(background_range.strongly(image))
+    if not columns:
+        return holes
+    box = grown((x, y, x + columns, y + rows), MARGIN, (image.shape[1], image.shape[0]))
+    inside, here = background_range.part(box), image[box[1] : box[3], box[0] : box[2]]
+    for excess in (cv2.subtract(here, inside.highest), cv2.subtract(inside.lowest, here)):
+        level = most_of_channels(np.where(excess > inside.strong, excess, 0).astype(np.uint8))
+        if np.count_nonzero(level) >= SMALLEST_HOLE:
+            left, top, width, height = cv2.boundingRect(level)
+            of_level = (
+                slice(max(0, top - MARGIN), top + height + MARGIN),
+                slice(max(0, left - MARGIN), left + width + MARGIN),
+            )
+            top, left = (part.start + corner for part, corner in zip(of_level, box[1::-1], strict=True))
+            part = np.ascontiguousarray(here[of_level]).astype(np.float32)
+            window = slice(top, top + part.shape[0]), slice(left, left + part.shape[1])
+            window_holes = _holes(np.ascontiguousarray(level[of_level]), edges[window], _edges(part))
+            if window_holes.any():
+                holes[window] |= _without_hidden(window_holes, _reaching_in(background_range, image)[window])
+    return holes
 
 
 def _reaching_in(background_range: BackgroundRange, image: Bytes) -> Flags:

@@ -18,6 +18,7 @@ from trackers._frames.arrays import MAD_TO_SD, Bytes, Image
 TELLING = 4.0  # contrast over noise from which brightness tells coverage
 ONE_SIDED = (0.3, 0.7)  # |f| over s: below it a body is both brighter and darker, above it one of them
 SHADOW, RIDGE = 4, 1e-9  # first term of the shadow; of the squares of a term, added for each pixel
+SWEEP_STEP, SWEEP_DAMPING, SWEEP_RIDGE = 1e-4, 1e-3, 1e-12  # relative, of derivatives; at first; of a flat direction
 SHARE_RANGE = (-0.3, 1.3)  # coverage beyond this is another thing, not noise
 
 
@@ -288,6 +289,58 @@ def swept_left_over(columns: Array, rows: Array, difference: Array, background: 
             for c in range(channels):
                 left[k, c] -= terms[k, i] * solved[i, c]
     return left
+
+
+@kernel(nogil=True)
+def swept_slopes(columns: Array, rows: Array, difference: Array, background: Array, sweep: Array, left: Array) -> Array:
+    """Derivatives (n * channels, 5) by the sweep of what is ``left`` (n, channels), by differences.
+
+    The other arguments are as for :func:`swept_left_over`, which gives what is left.
+    """
+    slopes = np.empty((left.size, sweep.size))
+    for j in range(sweep.size):
+        moved = sweep.copy()
+        moved[j] += SWEEP_STEP * (sweep[j] if sweep[j] != 0.0 else 1.0)
+        off = swept_left_over(columns, rows, difference, background, moved)
+        slopes[:, j] = (off - left).ravel() / (moved[j] - sweep[j])
+    return slopes
+
+
+@kernel(nogil=True)
+def swept(
+    columns: Array, rows: Array, difference: Array, background: Array, sweep: Array, enough: float, steps: int
+) -> tuple[Array, Array]:
+    """The sweep (5,) that leaves least, and what it leaves (n, channels), by the method of Levenberg and Marquardt.
+
+    It begins at ``sweep``, and ends after so many ``steps``, or where a step lessens the sum of squares by less than
+    the share ``enough``. The other arguments are as for :func:`swept_left_over`.
+    """
+    damping = SWEEP_DAMPING
+    left = swept_left_over(columns, rows, difference, background, sweep)
+    cost, size, step = (left * left).sum(), sweep.size, 0
+    while step < steps:
+        slopes = swept_slopes(columns, rows, difference, background, sweep, left)
+        gram, moments = slopes.T @ slopes, np.zeros((size, 1))
+        moments[:, 0] = slopes.T @ left.ravel()
+        better = False
+        while not better and step < steps:
+            step += 1
+            damped = gram.copy()
+            for j in range(size):
+                damped[j, j] += damping * gram[j, j] + SWEEP_RIDGE
+            tried = sweep - cholesky_solved(damped, moments, size)[:, 0]
+            off = swept_left_over(columns, rows, difference, background, tried)
+            lower = (off * off).sum()
+            better = lower < cost
+            if better and cost - lower > enough * cost:
+                damping *= 0.1
+            elif better or damping > 1e6:
+                return (tried, off) if better else (sweep, left)
+            else:
+                damping *= 10.0
+        if better:
+            sweep, left, cost = tried, off, lower
+    return sweep, left
 
 
 @kernel(nogil=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import takewhile
 
 import cv2
@@ -108,7 +109,8 @@ def _shows_large(view: View, samples: Sequence[Frame]) -> bool:
     """Whether the moving bodies, all but a few specks, are large at the search size of this view."""
     stack = np.stack([view.with_chroma().search_image(frame) for frame in samples])
     background_range = background_range_of(estimate_background(stack))
-    moving = [blob.inscribed for image in stack for blob in blobs(background_range, image) if not blob.held]
+    seen = ahead(partial(blobs, background_range), stack)
+    moving = [blob.inscribed for image_blobs in seen for blob in image_blobs if not blob.held]
     bodies = [inscribed for inscribed in moving if inscribed > THINNEST_BODY]
     return len(bodies) > MOSTLY * len(stack) and float(np.percentile(bodies, SPECKS)) > LARGE_ENOUGH
 
@@ -122,7 +124,7 @@ def luma_misses(stack: Bytes, known: BackgroundEstimate | None = None) -> bool:
     """
     estimate = known or estimate_background(stack)
     background_range, luma_range = background_range_of(estimate), background_range_of(estimate.channel(0))
-    seen = [evidence for image in stack if (evidence := _in_colour(background_range, luma_range, image)) is not None]
+    seen = [evidence for evidence in ahead(partial(_in_colour, background_range, luma_range), stack) if evidence]
     if not seen:
         return False
     missed, in_luma, in_colour, shaded = np.array(seen).T

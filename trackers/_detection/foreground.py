@@ -19,6 +19,7 @@ WEAK_SIGMAS, WEAK_FLOOR = 3.5, 4.0  # belongs to it when it touches it
 SMALLEST_AREA = 6  # px
 SMALLEST_SUPPORT = 3  # px of strong evidence
 CONTRAST_SHARES = (0.1, 0.2)  # of a component's peak: fainter pixels are shade or shadow round it
+SPECK = 2  # px: so thin a component is no body, at which share ever it is cut
 IN_DOUBT = 1.5  # times as clear must a body be to be cut at the higher share
 THINNEST = 2.5  # px: a component with a smaller inscribed circle is not taken apart
 BLOB_SHARE = 0.5  # of the inscribed radius: thinner parts are cords, arms of clamps, fingers
@@ -252,6 +253,9 @@ def blobs_of(parts: Iterable[Component], shape: tuple[int, ...]) -> list[Blob]:
     found_blobs: list[Blob] = []
     for component in parts:
         peak = float(cv2.blur(component.level, (3, 3))[component.mask > 0].max())
+        if min(component.mask.shape) <= SPECK:
+            found_blobs += _blobs_at(component, CONTRAST_SHARES[0] * peak, shape)
+            continue
         faint, bold = (_blobs_at(component, share * peak, shape) for share in CONTRAST_SHARES)
         clearness, clearer = (_clearness(component, parts) for parts in (faint, bold))
         found_blobs += bold if clearer > IN_DOUBT * clearness else faint

@@ -8,14 +8,12 @@ the motion from the frames before and after, and is more precise where every bod
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TypeAlias, cast
 
 import cv2
 import numpy as np
-from scipy.optimize import OptimizeResult, least_squares
 
 from iris_sysid.types import Array
-from trackers._detection.coverage_kernels import swept_left_over
+from trackers._detection.coverage_kernels import swept, swept_left_over, swept_slopes
 from trackers._detection.subpixel_centroid import Centre, Window, largest
 from trackers._frames.arrays import MAD_TO_SD, Flags
 
@@ -29,13 +27,10 @@ UNEXPLAINED = (
     0.02  # of the sum of squares, by a body that is no disc, or that turned back meanwhile; a disc leaves 0.01
 )
 HOPELESS, DOUBTFUL = 0.15, 0.03  # the same of a fourth of the pixels, by the guess and by the first fit
-EVALUATIONS = 100
-FIRST, SOON = 3, 0.35  # evaluations, after which what is no streak has a shorter way than that; of the radius
+STEPS = 100  # at most
+FIRST, SOON = 2, 0.35  # steps, after which what is no streak has a shorter way than that; of the radius
 ROUGH, PRECISE = 1e-3, 1e-5  # relative change of the sum of squares at which a fit ends
-STEP = 1e-4  # relative, of numeric derivatives
 BLOCK = 16  # px: a coder moves and rounds squares of this size as one
-
-Vector: TypeAlias = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,18 +103,17 @@ def streak_centre(window: Window, centre: Centre) -> Centre:
     few = pixels.only((pixels.columns + pixels.rows) % THINNED == 0)
     if few.unexplained(guess) > HOPELESS:
         return centre
-    sweep = _sweep(_swept(few, guess, ROUGH, FIRST).x)
+    sweep = few.swept(guess, ROUGH, FIRST)[0]
     if sweep.length < SOON * sweep.radius or sweep.radius > LARGEST * guess.radius:
         return centre
-    sweep = _sweep(_swept(few, sweep, ROUGH).x)
+    sweep = few.swept(sweep, ROUGH)[0]
     if not sweep.is_streak or sweep.radius > LARGEST * guess.radius or few.unexplained(sweep) > DOUBTFUL:
         return centre
     kept = pixels.only(_plain(pixels.left_over(sweep)))
-    solution = _swept(kept, sweep, PRECISE)
-    sweep = _sweep(solution.x)
+    sweep, left = kept.swept(sweep, PRECISE)
     if not sweep.is_streak or pixels.unexplained(sweep) > UNEXPLAINED:
         return centre
-    errors = np.sqrt(np.diag(_covariance(kept, solution)))
+    errors = np.sqrt(np.diag(_covariance(kept, sweep, left)))
     return replace(
         centre,
         x=sweep.x,
@@ -157,11 +151,22 @@ class _Pixels:
     def only(self, which: Flags) -> _Pixels:
         return _Pixels(self.columns[which], self.rows[which], self.difference[which], self.background[which])
 
+    @property
+    def _data(self) -> tuple[Array, Array, Array, Array]:
+        return self.columns, self.rows, self.difference, self.background
+
     def left_over(self, sweep: Sweep) -> Array:
         """Residual of the best brightness and shadow (n, channels)."""
-        return np.asarray(
-            swept_left_over(self.columns, self.rows, self.difference, self.background, np.array(sweep.values))
-        )
+        return np.asarray(swept_left_over(*self._data, sweep.values))
+
+    def slopes(self, sweep: Sweep, left: Array) -> Array:
+        """Derivatives of the residual ``left`` by the five numbers of a sweep (n * channels, 5)."""
+        return np.asarray(swept_slopes(*self._data, sweep.values, left))
+
+    def swept(self, start: Sweep, enough: float, steps: int = STEPS) -> tuple[Sweep, Array]:
+        """The sweep that leaves least over, and what it leaves (n, channels)."""
+        values, left = swept(*self._data, start.values, enough, steps)
+        return _sweep(values), np.asarray(left)
 
     def unexplained(self, sweep: Sweep) -> float:
         """Residual share of the sum of squares of the difference."""
@@ -185,29 +190,18 @@ def _plain(left_over: Array) -> Flags:
     return np.asarray((np.abs(left_over) < OUTLIER * spread).all(axis=1))
 
 
-def _swept(pixels: _Pixels, start: Sweep, enough: float, evaluations: int = EVALUATIONS) -> OptimizeResult:
-    """The numbers of the sweep that leaves least over."""
-
-    def left_over(values: Vector) -> Vector:
-        return pixels.left_over(_sweep(values)).ravel()
-
-    first = cast("Vector", start.values)
-    steps = [STEP] * first.size
-    return least_squares(left_over, first, method="lm", diff_step=steps, ftol=enough, max_nfev=evaluations)
-
-
-def _covariance(pixels: _Pixels, solution: OptimizeResult) -> Array:
-    """Of the five numbers of a sweep that was found, (5, 5).
+def _covariance(pixels: _Pixels, sweep: Sweep, left: Array) -> Array:
+    """Of the five numbers of a sweep that was found, and leaves that (n, channels): (5, 5).
 
     The residual is correlated within the blocks of a coder: the covariance is the one that is robust to clusters (Liang
     and Zeger 1986, Biometrika 73, 13), H^-1 (sum over blocks of s s') H^-1 with H = J'J and s = J'r of a block.
     """
-    jacobian = np.asarray(solution.jac)
+    jacobian, count = pixels.slopes(sweep, left), sweep.values.size
     inverse = np.linalg.pinv(jacobian.T @ jacobian)
     across, down = ((places // BLOCK).astype(np.int64) for places in (pixels.columns, pixels.rows))
     _, block = np.unique(across * (int(down.max()) + 1) + down, return_inverse=True)
-    moved = (solution.fun[:, np.newaxis] * jacobian).reshape(block.size, -1, solution.x.size).sum(axis=1) @ inverse
-    of_blocks = np.zeros((int(block.max()) + 1, solution.x.size))
+    moved = (left.reshape(-1, 1) * jacobian).reshape(block.size, -1, count).sum(axis=1) @ inverse
+    of_blocks = np.zeros((int(block.max()) + 1, count))
     np.add.at(of_blocks, block, moved)
     return of_blocks.T @ of_blocks
 

@@ -13,7 +13,7 @@ from trackers._detection.detection import Detection, FrameDetections
 from trackers._linking.frame_to_frame import Linking, Tracklet
 from trackers._linking.select_bodies import CAUTIOUS_REACH, FEWEST_DETECTIONS, FIRST_REACH
 
-SPARE = 2  # times as many as are meant: a shadow, or a hand, goes as far as its body
+SPARE, NEARLY = 2, 0.3  # times as many as are meant are, if worth so much of them: a hand may go as far as its body
 
 
 @dataclass(eq=False, slots=True)
@@ -32,14 +32,21 @@ class LikelyBodies:
         self._linking = Linking(FIRST_REACH * self.diagonal, CAUTIOUS_REACH * self.diagonal)
 
     def among(self, seen: FrameDetections) -> list[bool]:
-        """Which of the detections of the next frame are likely; all of a few."""
+        """Which of the detections of the next frame are likely."""
         tracklets = self._linking.add(seen)
         self._paths = {id(tracklet): self._path(tracklet) for tracklet in self._linking.live}
-        if len(tracklets) <= SPARE * self.count:
-            return [True] * len(tracklets)
-        worth = [self._paths[id(tracklet)].worth(tracklet) for tracklet in tracklets]
-        best = set(np.argsort(np.negative(worth), kind="stable")[: SPARE * self.count].tolist())
-        return [k in best or len(tracklet.detections) <= FEWEST_DETECTIONS for k, tracklet in enumerate(tracklets)]
+        worth = [
+            self._paths[id(tracklet)].extent * len(tracklet.detections) * looks(tracklet) for tracklet in tracklets
+        ]
+        young = [looks(tracklet) * (len(tracklet.detections) <= FEWEST_DETECTIONS) for tracklet in tracklets]
+        likely = self._best(worth, NEARLY) | self._best(young, 0.0)
+        return [k in likely for k in range(len(tracklets))]
+
+    def _best(self, worth: Sequence[float], nearly: float) -> set[int]:
+        """Which are worth most, as many as bodies are meant, and as many more that are worth so much of these."""
+        order = np.argsort(np.negative(worth), kind="stable")[: SPARE * self.count].tolist()
+        least = nearly * worth[order[min(self.count, len(order)) - 1]] if order else 0.0
+        return {k for place, k in enumerate(order) if worth[k] > least or (nearly and place < self.count)}
 
     def _path(self, tracklet: Tracklet) -> _Path:
         return self._paths.get(id(tracklet), _Path()).extended(tracklet.last)
@@ -58,11 +65,15 @@ class _Path:
         x, y = detection.x, detection.y
         return _Path(min(self.left, x), min(self.top, y), max(self.right, x), max(self.bottom, y))
 
-    def worth(self, tracklet: Tracklet) -> float:
-        """As ``select_bodies.score`` of the tracklet, by its latest looks."""
-        last = tracklet.last
-        extent = float(np.hypot(self.right - self.left, self.bottom - self.top))
-        return extent * len(tracklet.detections) * last.radius * last.sharpness * last.compactness
+    @property
+    def extent(self) -> float:
+        """Diagonal of the box, px."""
+        return float(np.hypot(self.right - self.left, self.bottom - self.top))
+
+
+def looks(tracklet: Tracklet) -> float:
+    """How much a tracklet looks like a body by its latest detection: large, sharp, compact; see ``score``."""
+    return tracklet.last.radius * tracklet.last.sharpness * tracklet.last.compactness
 
 
 def all_measured(video: FrameSource, setup: DetectionSetup, tracklets: Sequence[Tracklet]) -> list[Tracklet]:

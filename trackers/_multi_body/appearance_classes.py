@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -22,6 +23,7 @@ from trackers._detection.foreground import (
     components,
     rounded,
 )
+from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Box, Bytes, Flags, Image
 
 SOLID = 0.88  # of its convex hull: a blob that fills less of it is several bodies, or a hand
@@ -115,10 +117,18 @@ def _free(images: Sequence[Bytes], classes: Sequence[AppearanceClass], backgroun
     free = np.ones((len(images), *background.shape[:2]), dtype=np.bool_)
     for appearance in classes:
         limit = LIKE * float(np.median(np.linalg.norm(background - appearance.colour, axis=-1)))
-        like = np.stack([np.linalg.norm(image - appearance.colour, axis=-1) < limit for image in images])
+        like = np.stack(list(ahead(partial(_is_near, appearance.colour, limit), images)))
         if like.sum(axis=(1, 2)).mean() < TOO_MUCH * count * appearance.area:
             free &= np.stack([cv2.dilate(pixels.astype(np.uint8), SQUARE, iterations=2) == 0 for pixels in like])
     return free
+
+
+def _is_near(colour: Image, limit: float, image: Bytes) -> Flags:
+    """Where (h, w) an image is nearer to a colour than that, grey levels."""
+    planes = (
+        image[..., channel] - level for channel, level in enumerate(colour)
+    )  # faster than a norm over the last axis
+    return np.asarray(sum(plane * plane for plane in planes) < limit**2)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

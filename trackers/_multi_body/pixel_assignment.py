@@ -12,7 +12,7 @@ from scipy.cluster.vq import kmeans2
 from scipy.spatial.distance import cdist
 
 from iris_sysid.types import Array
-from trackers._detection.foreground import BackgroundRange, any_channel
+from trackers._detection.foreground import BackgroundRange
 from trackers._frames.arrays import Bytes, Image
 from trackers._multi_body.appearance_classes import HALF_COVERED, AppearanceClass, class_coverages
 
@@ -80,16 +80,17 @@ def covered_pixels(
 
     Images are in grey levels.
     """
-    where = any_channel(background_range.excess(image) > background_range.weak)
+    where = background_range.weakly(image)
     size = (image.shape[1], image.shape[0])
     if not where.any():
         return CoveredPixels(
             frame, t_s, np.zeros((0, 2), np.int16), np.zeros(0, np.float16), np.zeros(0, np.int8), size
         )
-    x, y, width, height = cv2.boundingRect(where.astype(np.uint8))
+    x, y, width, height = cv2.boundingRect(where)
     part = (slice(y, y + height), slice(x, x + width))
+    shown = where[part] > 0
     coverages = np.zeros((len(classes), height, width), dtype=np.float32)
-    coverages[:, where[part]] = class_coverages(classes, image[where].astype(np.float32), background[where])
+    coverages[:, shown] = class_coverages(classes, image[part][shown].astype(np.float32), background[part][shown])
     for number, appearance in enumerate(classes):
         coverages[number] *= _thick(coverages[number], appearance.radius)
     class_of, share = coverages.argmax(axis=0), coverages.max(axis=0)
