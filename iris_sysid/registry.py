@@ -22,7 +22,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from iris_sysid.errors import DataError, PluginError, UnknownNameError
-from iris_sysid.types import Effect, OdeModel, Phenomenon, Tracker
+from iris_sysid.types import OWN_FILE, Effect, OdeModel, Phenomenon, Tracker
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -282,7 +282,7 @@ def _literal_summary(module: str, item_type: str) -> dict[str, str]:
 def _run(path: Path, changed_ns: int) -> dict[str, object]:
     """The names that a user's file defines; run once, and again after the file has changed."""
     del changed_ns
-    spec = importlib.util.spec_from_file_location(f"_user_plugins_{path.stem}", path)
+    spec = importlib.util.spec_from_file_location(f"{OWN_FILE}{path.stem}", path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -14,12 +14,12 @@ import pickle
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from itertools import islice
-from pathlib import Path
+from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from iris_sysid.benchmark.parallel import Batch, Job, Outcome, limited
-from iris_sysid.errors import DataError, IrisError
+from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.io.files import origin_of, write_atomic
 
 if TYPE_CHECKING:
@@ -128,7 +128,12 @@ def _result(future: Future) -> Done | None:
 def _written(batch: Batch[Job, Outcome], job: Job, result: Done) -> Outcome:
     """Write the files of a job that is done, and return its outcome."""
     outcome, files = result
-    last = set(batch.last(job))
+    for place in files:
+        if PurePath(place).is_absolute() or ".." in PurePath(place).parts:
+            raise OutputError(f"a worker sent a file for {place}, which is not in {batch.folder}: is it yours?")
+    last = set(batch.last(job)) & set(files)
+    for place in last:
+        (batch.folder / place).unlink(missing_ok=True)  # until the others are there, the job is not complete
     for place in sorted(files, key=lambda place: (place in last, place)):
         write_atomic(batch.folder / place, files[place], overwrite=True)
     return outcome

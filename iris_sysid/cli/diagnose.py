@@ -6,7 +6,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from iris_sysid.cli import _terminal
-from iris_sysid.cli.arguments import TABLE, Bounds, Columns, Equation, Force, Free, Json, Output, Settings, Strict
+from iris_sysid.cli.arguments import (
+    TABLE,
+    Bounds,
+    Columns,
+    Equation,
+    Force,
+    Free,
+    Json,
+    Output,
+    Scheduler,
+    Settings,
+    Strict,
+    WorkerCount,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,6 +46,7 @@ ClipSettings = Annotated[
     list[str] | None,
     typer.Option("--clip-set", help="What is known of one clip: heavy.csv:mass=0.2, or 2:mass=0.2; radius, length."),
 ]
+Each = Annotated[bool, typer.Option("--each", help="Diagnose every clip by itself, with a summary of all.")]
 AUTO = "auto"
 Holdout = Annotated[float, typer.Option(help="Fraction of each clip held out for validation.", min=0.0, max=0.9)]
 
@@ -54,6 +68,9 @@ def diagnose(
     trials: Annotated[int | None, typer.Option(help="Number of clips of each setting of a data set.")] = None,
     board: Annotated[str | None, typer.Option(help="Inner corners of a data set's checkerboards: 9x6.")] = None,
     square: Annotated[str | None, typer.Option(help="Side of their squares: 25mm or 25.0+-0.1mm.")] = None,
+    each: Each = False,
+    workers: WorkerCount = None,
+    scheduler: Scheduler = None,
     force: Force = False,
     json: Json = False,
     strict: Strict = False,
@@ -61,20 +78,33 @@ def diagnose(
     """Find the effects that a governing equation lacks, add them, and report the error before and after.
 
     A folder of run needs no further option. Several clips of the same kind are diagnosed jointly; those of a data set
-    are measured first, once. The model may be your own: FILE.py:NAME.
+    are measured first, once. With --each every clip is diagnosed by itself: a page for each and summary.csv; a second
+    run does only what is missing. The model may be your own: FILE.py:NAME.
 
     \b
     Example:
       iris-sysid diagnose trajectory.csv --model pendulum -o diagnosis/
     """
-    from iris_sysid.cli import _parsing
+    from iris_sysid.cli import _each, _parsing
     from iris_sysid.io.json_documents import document_text
     from iris_sysid.registry import EFFECTS
     from iris_sysid.report.diagnosis_files import check_folder
 
+    if each:
+        joint = {"--clip-set": clip_set, "--trials": trials, "--board": board, "--square": square}
+        _terminal.refuse(joint, "belongs to a joint diagnosis, not to --each; leave it out")
+        lists = (bound or (), effect or (), columns, known or (), free or ())
+        request = _each.EachRequest(model, phenomenon, equation, *lists, sensor, holdout)
+        processes = _terminal.workers_of(workers, scheduler)
+        if not _each.diagnose_clips(clips, output, request, processes, force=force, json=json) and strict:
+            raise typer.Exit(_terminal.NOT_GOOD)
+        return
+    _terminal.refuse(
+        {"--workers": workers, "--scheduler": scheduler}, "belongs to --each; several clips at once are one fit"
+    )
     check_folder(output, overwrite=force)
     if equation is None:
-        described, free_by_default = _equation(model, phenomenon, clips, columns)
+        described, free_by_default = stated_model(model, phenomenon, clips, columns)
     else:
         described, free_by_default = _written(model or phenomenon, equation, bound, known, clips, columns), ()
     fixed = _parsing.settings(known or (), described.units())
@@ -149,10 +179,18 @@ def _advise(diagnosis: "Diagnosis", clips: "list[Trajectory]", tables: list[Path
         _terminal.suggest("plan", output, *tables, *_terminal.repeated("--name", list(names)))
 
 
-def _equation(
+def stated_model(
     model: str | None, phenomenon: str | None, clips: "Sequence[Path]", columns: str | None
 ) -> "tuple[OdeModel, Sequence[str]]":
-    """The model to diagnose, and the constants that its phenomenon estimates by default."""
+    """The model to diagnose, and the constants that its phenomenon estimates by default.
+
+    Parameters
+    ----------
+    model, phenomenon, columns
+        As typed.
+    clips
+        Tables and folders; without a model and a phenomenon they are those of run.
+    """
     from iris_sysid.registry import MODELS, PHENOMENA
 
     described = None if phenomenon is None else PHENOMENA.named(phenomenon)
@@ -161,7 +199,7 @@ def _equation(
     if model is not None:
         return MODELS.named(model), ()
     if described is None:
-        return MODELS.named(_model_of_runs(clips)), ()
+        return MODELS.named(model_of_runs(clips)), ()
     return MODELS.named(described.model), described.free
 
 
@@ -181,7 +219,7 @@ def _written(
     return _own_equation.model_of(equation, bound or [], known or [], tables_in(clips[0])[0], columns)
 
 
-def _model_of_runs(clips: "Sequence[Path]") -> str:
+def model_of_runs(clips: "Sequence[Path]") -> str:
     """The model in fit.json of each folder of run, or beside its table."""
     from iris_sysid.errors import DataError
     from iris_sysid.io.json_documents import read_document

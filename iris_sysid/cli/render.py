@@ -1,6 +1,5 @@
 """The command ``iris-sysid render``."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -8,7 +7,7 @@ import typer
 
 from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Scheduler, Settings, WorkerCount
-from iris_sysid.errors import DataError, UnknownNameError
+from iris_sysid.errors import UnknownNameError
 
 # defaults; clips of a data set have the benchmark's size and number
 SIZE, SECONDS = "1280x720", 10.0
@@ -44,18 +43,18 @@ def render(
       iris-sysid render --phenomenon pendulum --effect quadratic-drag=0.08 -o clip.mp4
     """
     if dataset is not None:
-        options = {"--phenomenon": phenomenon, "-o": output, "--effect": effect, "--set": known, "--force": force}
-        _refuse(options, "belongs to a single clip, not to --dataset; leave it out")
+        of_clip = {"--phenomenon": phenomenon, "-o": output, "--effect": effect, "--set": known, "--force": force}
+        _terminal.refuse(of_clip, "belongs to a single clip, not to --dataset; leave it out")
         video = (size or DATASET_SIZE, fps, seconds, seed)
         _render_dataset(dataset, video, classes or [], trials, _terminal.workers_of(workers, scheduler))
         return
-    options: dict[str, object] = {
+    of_dataset = {
         "--classes": classes,
         "--trials": trials,
         "--workers": workers,
         "--scheduler": scheduler,
     }
-    _refuse(options, "belongs to --dataset; give its folder")
+    _terminal.refuse(of_dataset, "belongs to --dataset; give its folder")
     if phenomenon is None or output is None:
         raise typer.BadParameter("Missing option '--phenomenon' or '-o', for a clip; or '--dataset', for all of them")
     _render_clip(
@@ -68,13 +67,6 @@ def render(
     )
     typer.echo(f"{output}", err=True)
     _terminal.suggest("run", output, "--phenomenon", phenomenon, "-o", output.with_name(f"{output.stem}-run"))
-
-
-def _refuse(options: Mapping[str, object], reason: str) -> None:
-    """Raise DataError when one of the options was given."""
-    for name, value in options.items():
-        if value:
-            raise DataError(f"{name} {reason}")
 
 
 def _render_clip(

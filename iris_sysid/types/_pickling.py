@@ -8,6 +8,7 @@ lambda, a function in a function or a notebook) is sent by value.
 from __future__ import annotations
 
 import functools
+import sys
 from collections.abc import Callable
 from dataclasses import fields
 from types import FunctionType, MappingProxyType
@@ -15,6 +16,7 @@ from typing import Any
 
 RECIPE = "made_by"
 NOWHERE = ("<locals>", "<lambda>")
+OWN_FILE = "_own_file_"  # beginning of the names of the modules that users' files are run as
 
 
 def picklable(maker: Callable[..., Any]) -> Callable[..., Any]:
@@ -63,12 +65,14 @@ def _portable(value: Any) -> Any:
         return value
     if hasattr(value, RECIPE):
         return _Call(*getattr(value, RECIPE))
-    return _by_value(value) if _is_nowhere(value) or value.__module__ == "__main__" else value
+    return _by_value(value) if _is_nowhere(value) or value.__module__.startswith(("__main__", OWN_FILE)) else value
 
 
 def _by_value(function: FunctionType) -> _Call:
     from numba import cloudpickle
 
+    if function.__module__.startswith(OWN_FILE):  # with the functions of the same file that it calls
+        cloudpickle.register_pickle_by_value(sys.modules[function.__module__])
     return _Call(_function_of, (cloudpickle.dumps(function),))
 
 

@@ -18,10 +18,11 @@ from iris_sysid.benchmark import cluster
 from iris_sysid.benchmark.groundtruth.measure import measure
 from iris_sysid.benchmark.parallel import Batch, side_by_side
 from iris_sysid.benchmark.render_dataset import render_dataset
-from iris_sysid.errors import DataError
+from iris_sysid.errors import DataError, OutputError
 from iris_sysid.synthetic import Look
 from tests._project import PACKAGES, ROOT
 from tests.benchmark._jobs import minus_one, places, slow, squared
+from tests.cli.test_own_model import MINE, way
 from tests.conftest import listing
 
 TINY = {"size": (64, 36), "fps": 5.0, "duration_s": 1.0, "trials": 3, "look": Look.plain(read_noise=1.0)}
@@ -134,6 +135,21 @@ def test_measured_clips_have_the_same_bytes_on_a_cluster_and_are_not_measured_tw
 
 
 @pytest.mark.slow
+def test_diagnoses_with_a_model_of_ones_own_have_the_same_bytes_on_a_cluster(scheduler, tmp_path, cli, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    calls_another = MINE.replace("return v, -params[0] * v", "return v, slowed(v, params)")
+    Path("my_models.py").write_text(f"{calls_another}\n\ndef slowed(v, params):\n    return -params[0] * v\n")
+    Path("tables").mkdir()
+    way(1).to_csv("tables/way.csv", index=False)
+    command = ["diagnose", "tables", "--each", "--model", "my_models.py:coasting"]
+    for output, where in (("there", ["--scheduler", scheduler]), ("here", ["--workers", "1"])):
+        outcome = cli(*command, "-o", output, *where)
+        assert outcome.status == 0, outcome.err
+    assert Path("there/way/report.html").is_file()
+    assert listing(Path("there")) == listing(Path("here"))
+
+
+@pytest.mark.slow
 def test_worker_with_another_version_is_refused(scheduler, tmp_path, monkeypatch):
     ours = {**cluster.environment_of_this_process(), "numpy": "1.0", cluster.SOURCE: "abc"}
     monkeypatch.setattr(cluster, "environment_of_this_process", lambda: ours)
@@ -158,6 +174,13 @@ def test_worker_of_several_threads_is_refused(scheduler, tmp_path):
                 dict(side_by_side(Batch(tmp_path, slow, minus_one), range(9), scheduler))
         finally:
             process.terminate()
+
+
+@pytest.mark.parametrize("place", ["../escaped", "/escaped", "a/../../escaped"])
+def test_file_of_a_worker_outside_the_folder_is_refused(place, tmp_path):
+    with pytest.raises(OutputError, match=f"a worker sent a file for {place}, which is not in"):
+        cluster._written(Batch(tmp_path / "results", squared, minus_one), 1, (1, {"good": b"", place: b""}))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_scheduler_that_does_not_answer_is_named(tmp_path, monkeypatch):

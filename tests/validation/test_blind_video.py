@@ -24,8 +24,8 @@ def test_clip_that_was_diagnosed_is_not_diagnosed_again(monkeypatch, tmp_path):
     outcome = Outcome("pendulum", ("quadratic-drag",), (3.0,), (True,), (math.nan,), ("finite-bob",), (), 1.1)
     chosen = []
     monkeypatch.setattr(blind_video, "_case", lambda seed, folder: chosen.append(seed) or (outcome if seed else None))
-    first = [case(seed, tmp_path) for seed in (0, 1)]
-    again = [case(seed, tmp_path) for seed in (0, 1)]
+    first = [case(tmp_path, seed) for seed in (0, 1)]
+    again = [case(tmp_path, seed) for seed in (0, 1)]
     assert chosen == [0, 1]
     assert first[0] is None
     assert again[0] is None
