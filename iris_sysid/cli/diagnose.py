@@ -22,8 +22,7 @@ from iris_sysid.cli.arguments import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
+    from iris_sysid.diagnosis.planning.plan import Plan
     from iris_sysid.types import Diagnosis, OdeModel, Trajectory
 
 Clips = Annotated[
@@ -47,7 +46,6 @@ ClipSettings = Annotated[
     typer.Option("--clip-set", help="What is known of one clip: heavy.csv:mass=0.2, or 2:mass=0.2; radius, length."),
 ]
 Each = Annotated[bool, typer.Option("--each", help="Diagnose every clip by itself, with a summary of all.")]
-AUTO = "auto"
 Holdout = Annotated[float, typer.Option(help="Fraction of each clip held out for validation.", min=0.0, max=0.9)]
 
 
@@ -85,7 +83,7 @@ def diagnose(
     Example:
       iris-sysid diagnose trajectory.csv --model pendulum -o diagnosis/
     """
-    from iris_sysid.cli import _each, _parsing
+    from iris_sysid.cli import _each, _model_choice, _parsing
     from iris_sysid.io.json_documents import document_text
     from iris_sysid.registry import EFFECTS
     from iris_sysid.report.diagnosis_files import check_folder
@@ -104,9 +102,12 @@ def diagnose(
     )
     check_folder(output, overwrite=force)
     if equation is None:
-        described, free_by_default = stated_model(model, phenomenon, clips, columns)
+        described, free_by_default = _model_choice.stated_model(model, phenomenon, clips, columns)
     else:
-        described, free_by_default = _written(model or phenomenon, equation, bound, known, clips, columns), ()
+        described, free_by_default = (
+            _model_choice.written_model(model or phenomenon, equation, bound, known, clips, columns),
+            (),
+        )
     fixed = _parsing.settings(known or (), described.units())
     options = {
         "model": described.name if model is None else model,
@@ -147,105 +148,42 @@ def diagnose(
     # drawing the page takes longer than a short search: the answer is there before it
     from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
 
-    page = write_diagnosis(diagnosis, trajectories, output, overwrite=force)
+    planned = _planned(diagnosis, trajectories)
+    page = write_diagnosis(diagnosis, trajectories, output, planned=planned, overwrite=force)
     if json:
         typer.echo(document_text(diagnosis_document(diagnosis, trajectories)).rstrip("\n"))
     typer.echo(f"report: {page}", err=True)
-    if not json:
-        _advise(diagnosis, trajectories, [path for path in clips if path.is_file()], output)
-    if diagnosis.incomplete and model != AUTO and equation is None:
+    if planned is not None and not json:
+        _advise(planned, [path for path in clips if path.is_file()], output)
+    if diagnosis.incomplete and model != _model_choice.AUTO and equation is None:
         tables = [table for path in clips for table in ([path] if path.is_file() else sorted(path.glob("*.csv")))]
         found = output / "discovery.json"
         _terminal.suggest("discover", *tables, "--residual-of", described.name, "-o", found, json=json)
     _terminal.end(diagnosis.verdict, strict)
 
 
-def _advise(diagnosis: "Diagnosis", clips: "list[Trajectory]", tables: list[Path], output: Path) -> None:
-    """Say on stderr what to film next where more than one name is left, and the command that ranks all changes."""
+def _planned(diagnosis: "Diagnosis", clips: "list[Trajectory]") -> "Plan | None":
+    """What to film next; None where one name is left, or where no name can be refitted."""
     from iris_sysid.diagnosis.planning.plan import plan
     from iris_sysid.diagnosis.planning.rivals import Question
     from iris_sysid.errors import FitError
+
+    if len(Question.of(diagnosis).names) < 2:
+        return None
+    try:
+        return plan(diagnosis, clips)
+    except FitError:  # the diagnosis stands without advice
+        return None
+
+
+def _advise(planned: "Plan", tables: list[Path], output: Path) -> None:
+    """Say on stderr what to film next, and the command that ranks all changes."""
     from iris_sysid.report.plan_text import advice
 
-    names = Question.of(diagnosis).names
-    if len(names) < 2:
-        return
-    try:
-        for line in advice(plan(diagnosis, clips)):
-            typer.echo(line, err=True)
-    except FitError:  # no name can be refitted: the diagnosis stands without advice
-        return
+    for line in advice(planned):
+        typer.echo(line, err=True)
     if tables:
-        _terminal.suggest("plan", output, *tables, *_terminal.repeated("--name", list(names)))
-
-
-def stated_model(
-    model: str | None, phenomenon: str | None, clips: "Sequence[Path]", columns: str | None
-) -> "tuple[OdeModel, Sequence[str]]":
-    """The model to diagnose, and the constants that its phenomenon estimates by default.
-
-    Parameters
-    ----------
-    model, phenomenon, columns
-        As typed.
-    clips
-        Tables and folders; without a model and a phenomenon they are those of run.
-    """
-    from iris_sysid.registry import MODELS, PHENOMENA
-
-    described = None if phenomenon is None else PHENOMENA.named(phenomenon)
-    if model == AUTO:
-        return _chosen(clips, columns), ()
-    if model is not None:
-        return MODELS.named(model), ()
-    if described is None:
-        return MODELS.named(model_of_runs(clips)), ()
-    return MODELS.named(described.model), described.free
-
-
-def _written(
-    other: str | None,
-    equation: str,
-    bound: list[str] | None,
-    known: list[str] | None,
-    clips: "Sequence[Path]",
-    columns: str | None,
-) -> "OdeModel":
-    """The model of an equation in text, in the units of the first table."""
-    from iris_sysid.benchmark.clip_folders import tables_in
-    from iris_sysid.cli import _own_equation
-
-    _own_equation.check_one(other, equation, bound or [])
-    return _own_equation.model_of(equation, bound or [], known or [], tables_in(clips[0])[0], columns)
-
-
-def model_of_runs(clips: "Sequence[Path]") -> str:
-    """The model in fit.json of each folder of run, or beside its table."""
-    from iris_sysid.errors import DataError
-    from iris_sysid.io.json_documents import read_document
-    from iris_sysid.io.schemas import FitDocument
-
-    fits = [(path if path.is_dir() else path.parent) / "fit.json" for path in clips]
-    if not all(fit.is_file() for fit in fits):
-        raise typer.BadParameter("Missing option '--model' or '--phenomenon'; only a folder of run can do without")
-    models = {read_document(fit, FitDocument).model for fit in fits}
-    if len(models) > 1:
-        raise DataError(f"these runs have different models: {', '.join(sorted(models))}; diagnose them one by one")
-    return models.pop()
-
-
-def _chosen(clips: "Sequence[Path]", columns: str | None) -> "OdeModel":
-    """The model of the bank that describes the first clip."""
-    from fitters.selection.select import select_model
-    from iris_sysid.benchmark.clip_folders import tables_in
-    from iris_sysid.errors import DataError
-    from iris_sysid.registry import MODELS
-
-    choice = select_model(_terminal.read_tables(tables_in(clips[0])[:1], columns)[0])
-    if choice.chosen is None:
-        raise DataError(f"{choice.message}; name a model with --model")
-    typer.echo(f"model: {choice.message}", err=True)
-    return MODELS[choice.chosen.model]
+        _terminal.suggest("plan", output, *tables, *_terminal.repeated("--name", list(planned.probabilities)))
 
 
 def _measured(

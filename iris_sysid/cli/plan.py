@@ -39,6 +39,9 @@ Filming = Annotated[str | None, typer.Option("--phenomenon", help="What will be 
 Distance = Annotated[float, typer.Option(help="Distance of the camera in m, with --to.", min=0.01)]
 Rate = Annotated[float, typer.Option("--fps", help="Frame rate in 1/s, with --to.", min=1.0)]
 NoisePx = Annotated[float, typer.Option("--noise-px", help="Noise of a tracked position in px, with --to.", min=1e-4)]
+Precise = Annotated[
+    list[str] | None, typer.Option("--precise", help="Say what a value needs to be known that well: gravity=0.1%.")
+]
 Folder = Annotated[Path | None, typer.Option("-o", "--output", help="Folder for plan.json and plan.png.")]
 
 
@@ -48,6 +51,7 @@ def plan(
     output: Folder = None,
     name: Names = None,
     cost: Costs = None,
+    precise: Precise = None,
     filmed: Filmed = None,
     change: Change = "repeat",
     to: To = None,
@@ -74,34 +78,38 @@ def plan(
     elif diagnosis is None or not clips:
         raise typer.BadParameter("give a diagnosis and its clips, or --phenomenon and --to")
     else:
-        _after_a_clip(diagnosis, clips, (name or [], cost or []), (filmed, change), columns, output, force, json)
+        asked = (name or [], cost or [], precise or [])
+        _after_a_clip(diagnosis, clips, asked, (filmed, change), columns, output, force, json)
 
 
 def _after_a_clip(
     diagnosis: Path,
     clips: list[Path],
-    asked: tuple[list[str], list[str]],
+    asked: tuple[list[str], list[str], list[str]],
     made: tuple[Path | None, str],
     columns: str | None,
     output: Path | None,
     force: bool,
     json: bool,
 ) -> None:
-    """Rank the changes; ``asked`` are names and costs as typed, ``made`` a new clip and the change it was made with."""
+    """Rank the changes; ``asked``: names, costs and precisions as typed, ``made``: a new clip and its change."""
     from iris_sysid.io.json_documents import document_text
 
     _check_folder(output, force)
     filmed, change = made
-    stated, costs = _stated(change), dict(map(_number, asked[1]))
+    stated, costs, errors = _stated(change), dict(map(_number, asked[1])), dict(map(_error, asked[2]))
     question = _question(diagnosis, tuple(asked[0]), clips[0], columns)
     trajectories = _terminal.read_tables(clips, columns, question.model)
     new = _terminal.read_tables([filmed], columns, question.model) if filmed is not None else []
     # imported after the clips are read, so that an unreadable file is reported without delay
     from iris_sysid.diagnosis.planning.plan import plan as rank_changes
-    from iris_sysid.report.plan_text import decision_text, plan_document, plan_text
+    from iris_sysid.report.plan_text import decision_text, needs_text, plan_document, plan_text
 
-    planned = rank_changes(question, trajectories, costs=costs)
-    document, said = plan_document(planned), plan_text(planned)
+    only = [stated] if stated is not None and not new else None
+    planned = rank_changes(question, trajectories, changes=only, costs=costs)
+    wanted = _in_units(errors, planned)
+    document = plan_document(planned, wanted)
+    said = "\n".join([plan_text(planned), *(needs_text(planned, *each) for each in wanted.items())])
     if new:
         from iris_sysid.diagnosis.planning.decide import decide
 
@@ -235,6 +243,21 @@ def _number(text: str) -> tuple[str, float]:
     if not (name and 0 < value < float("inf")):
         raise typer.BadParameter(f"{text}: give NAME=NUMBER, with a number above zero")
     return name, value
+
+
+def _error(text: str) -> tuple[str, tuple[float, bool]]:
+    """A name, the error that is wanted, and whether that is a fraction of the value: ``gravity=0.1%``."""
+    name, number = _number(text.removesuffix("%"))
+    return name, (number / 100, True) if text.endswith("%") else (number, False)
+
+
+def _in_units(errors: dict[str, tuple[float, bool]], planned: "Plan") -> dict[str, float]:
+    """Errors in the unit of each value; of a value that is not there, planned says so."""
+    values = planned.fitted.estimates
+    return {
+        name: error * abs(values[name].value) if relative and name in values else error
+        for name, (error, relative) in errors.items()
+    }
 
 
 def _write(planned: "Plan", text: str, clip: "Trajectory", folder: Path, force: bool) -> None:

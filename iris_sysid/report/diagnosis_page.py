@@ -11,14 +11,18 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
+from iris_sysid.diagnosis.planning.plan import Plan
 from iris_sysid.io.discovery_json import term_entry
 from iris_sysid.io.force_json import force_entry
 from iris_sysid.io.json_documents import checked, entries_of, fit_document, plain_origin, write_document
 from iris_sysid.io.schemas import DiagnosisDocument, VerdictEntry, known_number
 from iris_sysid.report.clip_page import write_page
 from iris_sysid.report.diagnosis_files import check_folder
+from iris_sysid.report.figures import MOST_POINTS, outline
 from iris_sysid.report.force_figure import force_caption, force_figure
 from iris_sysid.report.page import Page, PageImage, Section, estimates_section, numbers, png_of, words
+from iris_sysid.report.plan_figure import plan_figure
+from iris_sysid.report.plan_text import advice, plan_document, plan_rows
 from iris_sysid.report.text import (
     as_sentence,
     changed_parameters,
@@ -43,9 +47,10 @@ def write_diagnosis(
     trajectories: Trajectory | Sequence[Trajectory],
     folder: str | Path,
     *,
+    planned: Plan | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write ``diagnosis.json`` and ``report.html`` with its images into a folder.
+    """Write ``diagnosis.json`` and ``report.html`` with its images into a folder, and ``plan.json`` where there is one.
 
     Parameters
     ----------
@@ -55,6 +60,8 @@ def write_diagnosis(
         The diagnosed clips, one or several.
     folder
         Created when it does not exist.
+    planned
+        What :func:`iris_sysid.plan` says of these clips, for the page.
     overwrite
         Replace the files of an earlier diagnosis.
 
@@ -66,7 +73,9 @@ def write_diagnosis(
     folder = check_folder(folder, overwrite=overwrite)
     clips = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
     write_document(diagnosis_document(diagnosis, clips), folder / "diagnosis.json", overwrite=overwrite)
-    return write_page(diagnosis_page(diagnosis, clips), folder, overwrite=overwrite)
+    if planned is not None:
+        write_document(plan_document(planned), folder / "plan.json", overwrite=overwrite)
+    return write_page(diagnosis_page(diagnosis, clips, planned), folder, overwrite=overwrite)
 
 
 def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> DiagnosisDocument:
@@ -114,8 +123,8 @@ def _still_missing(diagnosis: Diagnosis) -> MissingForce | None:
     return diagnosis.remaining_force if diagnosis.added else None
 
 
-def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Page:
-    """The page of a diagnosis; the images and fitted values are those of the first clip."""
+def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory], planned: Plan | None = None) -> Page:
+    """The page of a diagnosis, with what is ``planned`` next; images and fitted values are those of the first clip."""
     model = diagnosis.base.model
     name = _name(clips[0]) + (f" and {len(clips) - 1} more" if len(clips) > 1 else "")
     return Page(
@@ -123,10 +132,11 @@ def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Page:
         headline=diagnosis_sentence(diagnosis),
         verdict=verdict_lines(diagnosis.verdict),
         summary=model.summary,
-        images=_images(diagnosis),
+        images=[*_images(diagnosis), *_plan_images(planned)],
         sections=[
             *_added_section(diagnosis),
             *_notes_section(diagnosis),
+            *_plan_section(planned),
             _error_section(diagnosis),
             *_suggested_section(diagnosis),
             *_changed_section(diagnosis),
@@ -150,6 +160,24 @@ def _images(diagnosis: Diagnosis) -> list[PageImage]:
         caption = force_caption(diagnosis.missing_force)
         images.append(PageImage("missing_force", png_of(force_figure(diagnosis.missing_force)), caption))
     return images
+
+
+def _plan_images(planned: Plan | None) -> list[PageImage]:
+    if planned is None or not planned.best.differences:
+        return []
+    caption = (
+        "What the names in question predict, after a refit of all values to the first of them: in today's set-up "
+        "(left) and in the best one tried (right); above each, the chance that such a clip leaves a single name"
+    )
+    return [PageImage("plan", png_of(plan_figure(planned)), caption)]
+
+
+def _plan_section(planned: Plan | None) -> list[Section]:
+    """The changes of the set-up, best first."""
+    if planned is None:
+        return []
+    rows = plan_rows(planned)
+    return [Section("What to film next", words(*rows[0]), [tuple(row.values()) for row in rows], list(advice(planned)))]
 
 
 def _added_section(diagnosis: Diagnosis) -> list[Section]:
@@ -319,7 +347,8 @@ def _draw_residual(axes: Axes, fit: FitResult, colour: str, diagnosis: Diagnosis
     axes.axhspan(-2 * noise, 2 * noise, color="#009E73", alpha=0.2, label="± 2 noise")
     for k, quantity in enumerate(fit.model.observed):
         name = quantity.name if len(fit.model.observed) > 1 else None
-        axes.plot(fit.t_s, fit.residual[:, k], MARKERS[k % len(MARKERS)], color=colour, markersize=size, label=name)
+        shown, marker = outline(fit.residual[:, k]), MARKERS[k % len(MARKERS)]
+        axes.plot(fit.t_s[shown], fit.residual[shown, k], marker, color=colour, markersize=size, label=name)
     axes.set_ylabel(f"residual ({diagnosis.unit})")
     axes.margins(x=0.01)
 
@@ -356,6 +385,7 @@ def _most_varied(fit: FitResult) -> int:
 
 
 def _draw_state(axes: Axes, fit: FitResult, k: int, largest: float) -> PathCollection:
-    position, colour = fit.predicted[fit.used, k], fit.residual[fit.used, k]
-    size = _size_of_dots(fit) ** 2
-    return axes.scatter(position, _speed(fit, k), s=size, c=colour, cmap="RdBu_r", vmin=-largest, vmax=largest)
+    some = slice(None, None, -(-fit.n // MOST_POINTS))
+    position, colour = fit.predicted[fit.used, k][some], fit.residual[fit.used, k][some]
+    size, speed = _size_of_dots(fit) ** 2, _speed(fit, k)[some]
+    return axes.scatter(position, speed, s=size, c=colour, cmap="RdBu_r", vmin=-largest, vmax=largest)

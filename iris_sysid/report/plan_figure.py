@@ -19,7 +19,7 @@ def plan_figure(planned: Plan) -> Figure:
     planned
         With two names in question, or more.
     """
-    noise, quantity = float(planned.noise[0]), planned.observed[0]
+    noise, quantity = float(planned.fitted.rms[0]), planned.fitted.model.observed[0]
     figure = Figure(figsize=(9, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2)
     first = next(iter(planned.probabilities))

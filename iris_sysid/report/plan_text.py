@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
+from types import MappingProxyType
 
 import numpy as np
 
@@ -11,17 +12,21 @@ from iris_sysid.diagnosis.planning.changes import SetUpChange
 from iris_sysid.diagnosis.planning.decide import Decision
 from iris_sysid.diagnosis.planning.detection_limit import DetectionLimits
 from iris_sysid.diagnosis.planning.plan import Plan, Proposal
+from iris_sysid.diagnosis.planning.precision import Need
 from iris_sysid.diagnosis.planning.rivals import NOTHING
 from iris_sysid.errors import UnknownNameError
 from iris_sysid.io.schemas import (
     ChangeEntry,
     LimitsDocument,
+    NeedEntry,
     Number,
     PlanDocument,
+    PrecisionEntry,
     ProposalEntry,
     known_number,
     known_numbers,
 )
+from iris_sysid.report.text import with_unit
 
 MOST_SHOWN = 12
 BETTER = 0.1  # by which the best proposal's power must exceed that of a repeat to be called better
@@ -85,9 +90,55 @@ def plan_text(planned: Plan) -> str:
     return "\n".join([f"In question: {question}", *lines, *advice(planned)])
 
 
-def plan_document(planned: Plan) -> PlanDocument:
-    """The content of plan.json; what is not known is null."""
+def needs_text(planned: Plan, name: str, stderr: float) -> str:
+    """What a value needs to be known to a standard error, as a sentence.
+
+    Parameters
+    ----------
+    planned
+        With the repeat.
+    name
+        Of a fitted value.
+    stderr
+        In its unit.
+    """
+    estimate = planned.fitted.estimates[name]
+    head = f"{name} to {with_unit(f'{stderr:.2g}', estimate.unit)} ({100 * stderr / abs(estimate.value):.2g} %)"
+    ways = planned.needs(name, stderr)
+    if not ways:
+        return f"{head}: neither more clips nor one better known systematic error is enough."
+    if not ways[0].clips and not ways[0].source:
+        return f"{head}: it is known to that already."
+    return f"{head}: {', or '.join(_way_text(planned, way) for way in ways)}."
+
+
+def _way_text(planned: Plan, way: Need) -> str:
+    clips = [f"{way.clips} more clip{'s' if way.clips > 1 else ''} like this one"] if way.clips else []
+    if not way.source:
+        return clips[0]
+    known, error = planned.fitted.estimates.get(way.source), ""
+    if known is not None and known.stderr > 0:
+        error = f", {with_unit(f'{way.factor * known.stderr:.2g}', known.unit)}"
+    return " and ".join([*clips, f"{way.source} known to {way.factor:.2g} times its error today{error}"])
+
+
+def plan_document(planned: Plan, wanted: Mapping[str, float] = MappingProxyType({})) -> PlanDocument:
+    """The content of plan.json; what is not known is null.
+
+    Parameters
+    ----------
+    planned
+        The proposals.
+    wanted
+        Standard errors by the name of the value that is to be known so well, in its unit.
+    """
     return PlanDocument(
+        precision=[
+            PrecisionEntry(
+                parameter=name, stderr=stderr, ways=[NeedEntry(**asdict(way)) for way in planned.needs(name, stderr)]
+            )
+            for name, stderr in wanted.items()
+        ],
         probabilities=dict(planned.probabilities),
         stderr=_known(planned.stderr),
         advice=list(advice(planned)),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fitters.own_model.equation import model_from_equation
-from iris_sysid import DataError, Plan, Proposal, SetUpChange, diagnose, write_diagnosis, write_trajectory
+from iris_sysid import DataError, Plan, Proposal, SetUpChange, diagnose, fit, write_diagnosis, write_trajectory
 from iris_sysid.cli._parsing import with_clip_settings
 from iris_sysid.io.json_documents import read_document, write_document
 from iris_sysid.io.schemas import PlanDocument
@@ -29,7 +29,7 @@ def diagnosed(tmp_path_factory):
 
 
 def test_plan_is_printed_and_written_and_decides(diagnosed, cli, tmp_path):
-    made = ("--filmed", diagnosed / "large.csv", "--change", "release75")
+    made = ("--filmed", diagnosed / "large.csv", "--change", "release75", "--precise", "length=0.01%")
     outcome = cli("plan", diagnosed / "diagnosis", diagnosed / "small.csv", *ASKED, *made, "-o", tmp_path / "plan")
     assert outcome.status == 0, outcome.err
     assert "tell quadratic-drag and coulomb-friction apart" in outcome.out
@@ -37,13 +37,16 @@ def test_plan_is_printed_and_written_and_decides(diagnosed, cli, tmp_path):
     document = read_document(tmp_path / "plan" / "plan.json", PlanDocument)
     assert document.proposals[0].power > 0.9
     assert document.decision["quadratic-drag"] > 0.99
+    (length,) = document.precision
+    assert (length.parameter, length.stderr) == ("length", pytest.approx(5e-5, rel=0.01))
+    assert f"(0.01 %): {length.ways[0].clips} more clips like this one" in outcome.out
     assert (tmp_path / "plan" / "plan.png").stat().st_size > 10_000
 
 
 def test_change_is_read_back_from_a_plan(diagnosed, cli, tmp_path):
     release = SetUpChange("release75", "", start={"theta_0": 1.3, "omega_0": 0.0}, without=("camera-tilt",))
     proposal = Proposal(release, 0.9, {}, {}, 1.0, np.zeros(1), {})
-    planned = Plan(dict.fromkeys(NAMES, 0.5), {}, proposal, (proposal,), (), np.zeros(1))
+    planned = Plan(dict.fromkeys(NAMES, 0.5), {}, proposal, (proposal,), fit(swing(0.15), "pendulum"))
     file = write_document(plan_document(planned), tmp_path / "plan.json")
     assert change_of(read_document(file, PlanDocument), "release75") == release
     outcome = cli("plan", diagnosed / "diagnosis", diagnosed / "small.csv", "--change", f"{file}:long")
@@ -80,6 +83,13 @@ def test_plan_without_clip_or_effect_says_what_to_give(cli):
     assert "--phenomenon and --to" in outcome.err
 
 
+@pytest.mark.parametrize("wrong", ["length=0", "length=-1%", "length"])
+def test_wrong_precision_is_wrong_usage(diagnosed, cli, wrong):
+    outcome = cli("plan", diagnosed / "diagnosis", diagnosed / "small.csv", "--precise", wrong)
+    assert outcome.status == 2
+    assert "NAME=NUMBER" in outcome.err
+
+
 @pytest.mark.slow
 def test_diagnosis_that_leaves_several_names_says_what_to_film(diagnosed, cli, tmp_path):
     outcome = cli("diagnose", diagnosed / "small.csv", "--model", "pendulum", "-o", tmp_path / "diagnosis")
@@ -87,6 +97,9 @@ def test_diagnosis_that_leaves_several_names_says_what_to_film(diagnosed, cli, t
     assert "Next: release at" in outcome.err
     assert "next: iris-sysid plan" in outcome.err
     assert "--name quadratic-drag" in outcome.err
+    assert "What to film next" in (tmp_path / "diagnosis" / "report.html").read_text()
+    assert (tmp_path / "diagnosis" / "plan.png").stat().st_size > 10_000
+    assert read_document(tmp_path / "diagnosis" / "plan.json", PlanDocument).proposals
 
 
 def test_another_body_is_stated_by_its_factors(diagnosed, cli):

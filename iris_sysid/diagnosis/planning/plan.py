@@ -8,12 +8,13 @@ from itertools import combinations
 
 import numpy as np
 
-from iris_sysid.diagnosis.planning.changes import SetUpChange, changes_for
+from iris_sysid.diagnosis.planning.changes import REPEAT, SetUpChange, changes_for
 from iris_sysid.diagnosis.planning.power import Power, power_of
+from iris_sysid.diagnosis.planning.precision import Need, needs
 from iris_sysid.diagnosis.planning.predicted_clip import Design, PredictedClip, imitating
 from iris_sysid.diagnosis.planning.rivals import Question, Rival, as_clips, probabilities_of, rivals_of
 from iris_sysid.errors import UnknownNameError
-from iris_sysid.types import Array, Diagnosis, Quantity, Trajectory
+from iris_sysid.types import Array, Diagnosis, FitResult, Trajectory
 
 REFINED = 4  # best proposals whose power is found by refits
 JOINED = 4  # best proposals of which pairs are tried
@@ -51,16 +52,15 @@ class Plan:
     """What to measure next: ``proposals``, best first by power over cost, or by precision where nothing is in question.
 
     ``probabilities`` are those of the names in question today, ``stderr`` today's random standard errors by name;
-    ``repeat`` is the proposal to do the same once more, with which all others compare. ``observed`` are the d
-    quantities, and ``noise`` (d,) what a sample of each scatters by, in its unit.
+    ``repeat`` is the proposal to do the same once more, with which all others compare. ``fitted`` is today's fit of
+    the most probable name.
     """
 
     probabilities: Mapping[str, float]
     stderr: Mapping[str, float]
     repeat: Proposal
     proposals: tuple[Proposal, ...]
-    observed: tuple[Quantity, ...]
-    noise: Array
+    fitted: FitResult
 
     @property
     def best(self) -> Proposal:
@@ -75,6 +75,21 @@ class Plan:
         names = ", ".join(proposal.change.name for proposal in self.proposals)
         raise UnknownNameError(f"no change is named {change!r}; there are: {names}")
 
+    def needs(self, name: str, stderr: float) -> tuple[Need, ...]:
+        """The ways to know a fitted value to a standard error, in its unit; UnknownNameError lists the values.
+
+        Parameters
+        ----------
+        name
+            Of a fitted value that the motion shares with a repeat: not a starting value.
+        stderr
+            Wanted, of all sources together.
+        """
+        shared = self.repeat.stderr
+        if name not in shared:
+            raise UnknownNameError(f"no value that clips share is named {name!r}; there are: {', '.join(shared)}")
+        return needs(self.fitted.budget[name], shared[name], stderr)
+
     @property
     def practical(self) -> bool:
         """Whether some proposal is more likely than not to leave a single name."""
@@ -85,6 +100,7 @@ def plan(
     diagnosis: Diagnosis | Question,
     trajectories: Trajectory | Sequence[Trajectory],
     *,
+    changes: Sequence[SetUpChange] | None = None,
     costs: Mapping[str, float] | None = None,
     seed: int = 0,
 ) -> Plan:
@@ -99,6 +115,8 @@ def plan(
         What :func:`iris_sysid.diagnose` returned, or the question it left open.
     trajectories
         The clips that were diagnosed; the new one is planned from the first.
+    changes
+        Those to rank, beside a repeat; by default all that make sense for the model.
     costs
         Of changes, by their names; 1 for all others. Proposals are ranked by power over cost.
     seed
@@ -133,7 +151,8 @@ def plan(
     study = _Study(question, rivals, clips[0], dict(costs or {}), seed)
     start = {name: rivals[0].values[name] for name in question.model.initial_names}
     effects = [effect for rival in rivals for effect in rival.effects]
-    first = study.proposals(changes_for(question.model, start, effects), refined=False)
+    tried = changes_for(question.model, start, effects) if changes is None else [REPEAT, *changes]
+    first = study.proposals(tried, refined=False)
     best = study.ranked(first)
     if len(rivals) > 1:
         best = study.with_pairs(study.refined(best))
@@ -144,8 +163,7 @@ def plan(
         study.today(),
         repeat,
         tuple(best),
-        rivals[0].fitted.model.observed,
-        rivals[0].fitted.rms,
+        rivals[0].fitted,
     )
 
 

@@ -49,7 +49,9 @@ from iris_sysid.io.schemas._parts import known_numbers as known_numbers
 from iris_sysid.io.schemas._parts import number as number
 from iris_sysid.io.schemas._plan import ChangeEntry as ChangeEntry
 from iris_sysid.io.schemas._plan import LimitsDocument as LimitsDocument
+from iris_sysid.io.schemas._plan import NeedEntry as NeedEntry
 from iris_sysid.io.schemas._plan import PlanDocument as PlanDocument
+from iris_sysid.io.schemas._plan import PrecisionEntry as PrecisionEntry
 from iris_sysid.io.schemas._plan import ProposalEntry as ProposalEntry
 
 DOCUMENTS: dict[str, type[Document]] = {

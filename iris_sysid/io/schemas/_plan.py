@@ -44,6 +44,25 @@ class ProposalEntry(Part):
     cost: float
 
 
+class NeedEntry(Part):
+    """One way to a smaller standard error; ``source`` is empty where the systematic errors may stay."""
+
+    clips: int
+    """How many more, as today's."""
+    source: str
+    factor: float
+    """On today's error of the source."""
+
+
+class PrecisionEntry(Part):
+    """What a value needs to be known to a standard error; no way where none was found."""
+
+    parameter: str
+    stderr: float
+    """Wanted, in the unit of the parameter."""
+    ways: list[NeedEntry]
+
+
 class PlanDocument(Document):
     """The changes of the set-up, best first."""
 
@@ -55,6 +74,7 @@ class PlanDocument(Document):
     """Today's random standard errors."""
     advice: list[str]
     proposals: list[ProposalEntry]
+    precision: list[PrecisionEntry] = []
     decision: dict[str, float] | None = None
     """The probabilities of the names with a clip that was filmed since."""
 
