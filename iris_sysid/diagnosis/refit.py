@@ -334,13 +334,22 @@ def _prior_squares(fitted: FitResult) -> float:
 
 def _bodies(clips: Sequence[Trajectory]) -> tuple[Mapping[str, float], ...]:
     """The stated factors on the body of each clip over that of the first; none where no clip differs."""
-    stated = {name: [clip.known[name].value for clip in clips if name in clip.known] for name in BODY}
+    each = {name: [_stated(clip, name) for clip in clips] for name in BODY}
+    stated = {name: [value for value in values if value is not None] for name, values in each.items()}
     for name in ("mass", "radius"):
         if stated[name] and len(stated[name]) < len(clips):
             raise FitError(f"the {name} is stated for {len(stated[name])} of {len(clips)} clips; state it for all")
     known = {name: values for name, values in stated.items() if len(values) == len(clips) and min(values) > 0}
     found = tuple({name: values[k] / values[0] for name, values in known.items()} for k in range(len(clips)))
     return found if any(factor != 1.0 for body in found for factor in body.values()) else ()
+
+
+def _stated(clip: Trajectory, name: str) -> float | None:
+    """What is known of the body of a clip, or a column of the table has throughout; None where neither is."""
+    if name in clip.known:
+        return clip.known[name].value
+    columns = [clip.position[clip.valid, k] for k, quantity in enumerate(clip.quantities) if quantity.name == name]
+    return next((float(column[0]) for column in columns if column.size and np.ptp(column) == 0.0), None)
 
 
 def _over(size: Estimate, factor: float) -> Estimate:

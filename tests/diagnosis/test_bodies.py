@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from iris_sysid import EFFECTS, Estimate, FitError, Trajectory, diagnose
+from fitters.ode import FitRequest
+from iris_sysid import EFFECTS, MODELS, Estimate, FitError, Quantity, Trajectory, diagnose, fit
+from iris_sysid.diagnosis.refit import ModelWithEffects
 from tests.diagnosis.test_planning import DRAG, swing
 
 PAIR = ("quadratic-drag", "coulomb-friction")
@@ -11,6 +13,13 @@ PAIR = ("quadratic-drag", "coulomb-friction")
 
 def weighing(clip: Trajectory, mass_kg: float) -> Trajectory:
     return clip.with_(known={"mass": Estimate(mass_kg, 0.0, "kg", "direct", "balance")})
+
+
+def with_column(clip: Trajectory, mass_kg: float) -> Trajectory:
+    """The clip with one more column of its table, and none of its errors."""
+    table = np.column_stack([clip.position, np.full(clip.n, mass_kg)])
+    quantities = (*clip.quantities, Quantity("mass", "kg"))
+    return Trajectory(clip.t_s, quantities, table, np.full_like(table, np.nan), clip.valid)
 
 
 def names_with(heavy_drag: float) -> set[str]:
@@ -30,6 +39,14 @@ def test_factor_of_an_effect_is_known_where_its_scaling_is():
     assert EFFECTS["quadratic-drag"].factor(body) == 0.25 * 0.25
     assert EFFECTS["coulomb-friction"].factor(body) is None
     assert EFFECTS["zero-offset"].factor(body) == 1.0
+
+
+def test_column_that_is_the_same_throughout_states_the_body():
+    clips = [with_column(swing(0.25), 0.1), with_column(swing(0.25, seed=1), 0.4)]
+    fits = [fit(clip, "pendulum") for clip in clips]
+    base = ModelWithEffects.without_effects([FitRequest(clip, MODELS["pendulum"]) for clip in clips], fits)
+    assert [body["mass"] for body in base.bodies] == [1.0, pytest.approx(4.0)]
+    assert base.factors(EFFECTS["quadratic-drag"]) == [1.0, pytest.approx(0.25)]
 
 
 def test_mass_of_one_clip_alone_is_refused():
