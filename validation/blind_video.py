@@ -18,7 +18,8 @@ import numpy as np
 
 from fitters.effect_sensitivity import sensitivity, shaped
 from fitters.ode import fit
-from iris_sysid.benchmark.parallel import Batch, side_by_side
+from iris_sysid.benchmark.batch import Batch
+from iris_sysid.benchmark.parallel import side_by_side
 from iris_sysid.calibration.pixel_scale import scale
 from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.diagnosis.score_test import critical_value, screen

@@ -18,7 +18,7 @@ from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from iris_sysid.benchmark.parallel import Batch, Job, Outcome, limited
+from iris_sysid.benchmark.batch import Batch, Job, Outcome, limited
 from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.io.files import origin_of, write_atomic
 

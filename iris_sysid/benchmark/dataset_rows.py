@@ -9,9 +9,10 @@ from pathlib import Path
 
 import pandas as pd
 
+from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.dataset import places
 from iris_sysid.benchmark.groundtruth.measure import Conditions, Measurements, files_of, measure
-from iris_sysid.benchmark.parallel import Batch, Workers, side_by_side
+from iris_sysid.benchmark.parallel import Workers, side_by_side
 from iris_sysid.benchmark.sources.rows import (
     OK,
     ROBUSTNESS,

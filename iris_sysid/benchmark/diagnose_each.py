@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from iris_sysid.benchmark.parallel import Batch, Workers, check_workers, side_by_side
+from iris_sysid.benchmark.batch import Batch
+from iris_sysid.benchmark.parallel import Workers, check_workers, side_by_side
 from iris_sysid.errors import DataError, FitError, IrisError, OutputError
 from iris_sysid.io.files import write_atomic
 from iris_sysid.io.formula_cells import guarded

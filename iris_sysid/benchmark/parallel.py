@@ -4,43 +4,16 @@ from __future__ import annotations
 
 import multiprocessing
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Generic, TypeVar
 
+from iris_sysid.benchmark.batch import Batch, Job, Outcome, limited
 from iris_sysid.errors import DataError
-from iris_sysid.video.sandbox import limit_process
 
 MOST_WORKERS = 256
 
 Workers = int | str  # a number of processes beside this one, or the address or file of a dask scheduler
-Job = TypeVar("Job")
-Outcome = TypeVar("Outcome")
-
-
-def nothing(job: object) -> Sequence[str]:
-    """No file: for jobs that read or write none in the folder of their batch."""
-    return ()
-
-
-@dataclass(frozen=True, slots=True)
-class Batch(Generic[Job, Outcome]):
-    """What is to be done with each job, and the folder that all of them write into.
-
-    ``work(folder, job)`` writes below ``folder`` only; a new process can import it, and an exception in it ends the
-    run. ``lost(folder, job)`` gives the outcome of a job whose process died, e.g. because it ran out of memory.
-    ``reads(job)`` names the files below the folder that the job reads where they exist, ``last(job)`` those that make
-    it complete and are therefore written last: a machine without this folder gets the former and sends its files back.
-    """
-
-    folder: Path
-    work: Callable[[Path, Job], Outcome]
-    lost: Callable[[Path, Job], Outcome]
-    reads: Callable[[Job], Sequence[str]] = nothing
-    last: Callable[[Job], Sequence[str]] = nothing
 
 
 def check_workers(workers: Workers) -> None:
@@ -114,9 +87,3 @@ def _outcome(batch: Batch[Job, Outcome], job: Job, future: Future[Outcome]) -> O
         return future.result()
     except MemoryError:  # the limit of the process, which goes on
         return batch.lost(batch.folder, job)
-
-
-def limited(work: Callable[[Path, Job], Outcome], folder: Path, job: Job) -> Outcome:
-    """Do a job within limits of memory and time for this process, which a file that is not trusted could exhaust."""
-    limit_process()
-    return work(folder, job)

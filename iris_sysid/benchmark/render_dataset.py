@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from iris_sysid.benchmark.parallel import Batch, Workers, check_workers, side_by_side
+from iris_sysid.benchmark.batch import Batch
+from iris_sysid.benchmark.parallel import Workers, check_workers, side_by_side
 from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.io.files import check_writable, json_text, origin_of, write_atomic
 from iris_sysid.synthetic.board import render_checkerboard

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from iris_sysid.cli import _own_equation, _terminal
+from iris_sysid.cli import _model_choice, _own_equation, _terminal
 from iris_sysid.errors import DataError, IrisError
 
 if TYPE_CHECKING:
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     Model = tuple[OdeModel, Sequence[str]]
 
-AUTO = "auto"
 SHOWN = ("clip", "status", "effects", "causes", "before", "after", "unit")  # on the terminal; all are in the file
 
 
@@ -98,20 +97,18 @@ def _name(table: Path) -> str:
 
 def _model_of_all(tables: Sequence[Path], request: EachRequest) -> Model | None:
     """The model that was named, with the constants estimated by default; None where each table has its own."""
-    from iris_sysid.cli import diagnose
-
     named = request.model or request.phenomenon
     if request.equation is not None:
         _own_equation.check_one(named, request.equation, request.bound)
         return None
-    if request.model == AUTO:
+    if request.model == _model_choice.AUTO:
         return None
     if named is None:
         for table in tables:
             with suppress(IrisError):  # of that table alone; a missing document is wrong usage
-                diagnose.model_of_runs([table])
+                _model_choice.model_of_runs([table])
         return None
-    return diagnose.stated_model(request.model, request.phenomenon, tables, request.columns)
+    return _model_choice.stated_model(request.model, request.phenomenon, tables, request.columns)
 
 
 def prepared(request: EachRequest, model: Model | None, effects: tuple[Effect, ...], table: Path) -> DiagnosisRequest:
@@ -145,15 +142,14 @@ def prepared(request: EachRequest, model: Model | None, effects: tuple[Effect, .
 
 def _model_of(table: Path, request: EachRequest) -> tuple[OdeModel | None, Sequence[str]]:
     """The model of one table: an equation in its units, that of its run, or None for the one that the bank gives."""
-    from iris_sysid.cli import diagnose
     from iris_sysid.registry import MODELS
 
     if request.equation is not None:
         arguments = (request.equation, request.bound, request.known)
         return _own_equation.model_of(*arguments, table, request.columns), ()
-    if request.model == AUTO:
+    if request.model == _model_choice.AUTO:
         return None, ()
-    return MODELS[diagnose.model_of_runs([table])], ()
+    return MODELS[_model_choice.model_of_runs([table])], ()
 
 
 def _options(request: EachRequest, model: OdeModel | None) -> dict[str, object]:

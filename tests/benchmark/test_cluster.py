@@ -15,8 +15,9 @@ from pathlib import Path
 import pytest
 
 from iris_sysid.benchmark import cluster
+from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.groundtruth.measure import measure
-from iris_sysid.benchmark.parallel import Batch, side_by_side
+from iris_sysid.benchmark.parallel import side_by_side
 from iris_sysid.benchmark.render_dataset import render_dataset
 from iris_sysid.errors import DataError, OutputError
 from iris_sysid.synthetic import Look

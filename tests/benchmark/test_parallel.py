@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from iris_sysid.benchmark.parallel import Batch, check_workers, side_by_side
+from iris_sysid.benchmark.batch import Batch
+from iris_sysid.benchmark.parallel import check_workers, side_by_side
 from iris_sysid.errors import DataError
 from tests.benchmark._jobs import crowded, minus_one, noted_square, squared
 

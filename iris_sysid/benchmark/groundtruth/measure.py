@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.dataset import BOARD, Clip, Listing, list_clips, places
 from iris_sysid.benchmark.groundtruth.boards import (
     NAME,
@@ -16,7 +17,7 @@ from iris_sysid.benchmark.groundtruth.boards import (
     scale_class,
 )
 from iris_sysid.benchmark.groundtruth.clip import KNOWN, SUFFIXES, Job, measure_clip, record_failure
-from iris_sysid.benchmark.parallel import Batch, Workers, check_workers, side_by_side
+from iris_sysid.benchmark.parallel import Workers, check_workers, side_by_side
 from iris_sysid.calibration.calibration_json import read_calibration
 from iris_sysid.calibration.pixel_scale import uncalibrated
 from iris_sysid.errors import DataError, IrisError, OutputError

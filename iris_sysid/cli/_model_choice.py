@@ -1,0 +1,91 @@
+"""The model that ``diagnose`` is about: named, of a phenomenon, written as an equation, of a run, or of the bank."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from iris_sysid.cli import _own_equation, _terminal
+from iris_sysid.errors import DataError
+
+if TYPE_CHECKING:
+    from iris_sysid.types import OdeModel
+
+AUTO = "auto"
+
+
+def stated_model(
+    model: str | None, phenomenon: str | None, clips: Sequence[Path], columns: str | None
+) -> tuple[OdeModel, Sequence[str]]:
+    """The model to diagnose, and the constants that its phenomenon estimates by default.
+
+    Parameters
+    ----------
+    model, phenomenon, columns
+        As typed.
+    clips
+        Tables and folders; without a model and a phenomenon they are those of run.
+    """
+    from iris_sysid.registry import MODELS, PHENOMENA
+
+    described = None if phenomenon is None else PHENOMENA.named(phenomenon)
+    if model == AUTO:
+        return _chosen(clips, columns), ()
+    if model is not None:
+        return MODELS.named(model), ()
+    if described is None:
+        return MODELS.named(model_of_runs(clips)), ()
+    return MODELS.named(described.model), described.free
+
+
+def written_model(
+    other: str | None,
+    equation: str,
+    bound: list[str] | None,
+    known: list[str] | None,
+    clips: Sequence[Path],
+    columns: str | None,
+) -> OdeModel:
+    """The model of an equation in text, in the units of the first table.
+
+    Parameters
+    ----------
+    other, equation, bound, known, columns
+        As typed; ``other`` is a model named beside it, which is refused.
+    clips
+        Tables and folders.
+    """
+    from iris_sysid.benchmark.clip_folders import tables_in
+
+    _own_equation.check_one(other, equation, bound or [])
+    return _own_equation.model_of(equation, bound or [], known or [], tables_in(clips[0])[0], columns)
+
+
+def model_of_runs(clips: Sequence[Path]) -> str:
+    """The model in fit.json of each folder of run, or beside its table."""
+    from iris_sysid.io.json_documents import read_document
+    from iris_sysid.io.schemas import FitDocument
+
+    fits = [(path if path.is_dir() else path.parent) / "fit.json" for path in clips]
+    if not all(fit.is_file() for fit in fits):
+        raise typer.BadParameter("Missing option '--model' or '--phenomenon'; only a folder of run can do without")
+    models = {read_document(fit, FitDocument).model for fit in fits}
+    if len(models) > 1:
+        raise DataError(f"these runs have different models: {', '.join(sorted(models))}; diagnose them one by one")
+    return models.pop()
+
+
+def _chosen(clips: Sequence[Path], columns: str | None) -> OdeModel:
+    """The model of the bank that describes the first clip."""
+    from fitters.selection.select import select_model
+    from iris_sysid.benchmark.clip_folders import tables_in
+    from iris_sysid.registry import MODELS
+
+    choice = select_model(_terminal.read_tables(tables_in(clips[0])[:1], columns)[0])
+    if choice.chosen is None:
+        raise DataError(f"{choice.message}; name a model with --model")
+    typer.echo(f"model: {choice.message}", err=True)
+    return MODELS[choice.chosen.model]
