@@ -25,7 +25,7 @@ from validation import pages
 from validation.blind_independent import share, trajectory_of, view_through
 from validation.independent.camera import Camera
 from validation.independent.cases import SEALED, Case, draw_case
-from validation.independent.effects import camera_before, filmed_by
+from validation.independent.effects import HIDDEN, camera_before, filmed_by
 from validation.independent.motions import Motion, integrate
 from validation.independent.noise import NOISES
 
@@ -35,6 +35,7 @@ ACCIDENTS = ("impact", "lost frames")
 RECTIFIED = ("tilt_rad", "distortion", "aspect")
 DRAG_POWERS = {"linear drag": (-1.0, 1.0), "quadratic drag": (-1.0, 2.0), "drag of another power": (-1.0, 1.5)}
 BINS = 10
+OTHER_FORMS = {effect.name for effect in HIDDEN if effect.own_form}  # than the library's
 ATTEMPTS = 10  # seeds looked at for each ambiguous case
 
 
@@ -238,13 +239,14 @@ def _append(rows: Path | None, seed: int, outcomes: Sequence[Outcome]) -> None:
 
 def table(outcomes: Sequence[Outcome]) -> pd.DataFrame:
     """A line for each way of making the clip: how often one name is left, the right one, and the predicted power."""
-    decidable = {each.seed for each in outcomes if each.way == WAYS[0] and each.power > PRACTICAL}
+    likely = {each.seed for each in outcomes if each.way == WAYS[0] and each.power > PRACTICAL}
+    known = [each for each in outcomes if each.right_in_class]
+    decidable = [each for each in known if each.seed in likely]
     groups = {
         "all": list(outcomes),
-        "right name in question": [each for each in outcomes if each.right_in_class],
-        "and a clip that is likely to decide": [
-            each for each in outcomes if each.right_in_class and each.seed in decidable
-        ],
+        "right name in question": known,
+        "and a clip that is likely to decide": decidable,
+        "and a form that the library has": [each for each in decidable if each.hidden not in OTHER_FORMS],
     }
     return pd.DataFrame(
         [
@@ -277,6 +279,7 @@ def calibration(outcomes: Sequence[Outcome]) -> pd.DataFrame:
                 "predicted power": f"{100 * low:.0f} to {100 * high:.0f} %",
                 "mean": f"{100 * np.mean([each.power for each in inside]):.0f} %" if inside else "",
                 "happened": share([each.right for each in inside]),
+                "the library's forms alone": share([each.right for each in inside if each.hidden not in OTHER_FORMS]),
             }
         )
     return pd.DataFrame(rows)
