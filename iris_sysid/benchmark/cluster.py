@@ -56,8 +56,16 @@ def on_cluster(batch: Batch[Job, Outcome], jobs: Sequence[Job], scheduler: str) 
     IrisError
         When the scheduler ends before the jobs.
     """
-    suspects = []
     with connected(scheduler) as client:
+        yield from _all_done(client, batch, jobs)
+
+
+def _all_done(client: Client, batch: Batch[Job, Outcome], jobs: Sequence[Job]) -> Iterator[tuple[Job, Outcome]]:
+    from distributed import CancelledError
+    from distributed.comm import CommClosedError
+
+    suspects = []
+    try:
         for job, result in _landing(client, batch, iter(jobs)):
             if result is None:
                 suspects.append(job)
@@ -66,6 +74,8 @@ def on_cluster(batch: Batch[Job, Outcome], jobs: Sequence[Job], scheduler: str) 
         for suspect in suspects:  # with one of these its worker died, but several were with it: each runs alone now
             ((_, result),) = _landing(client, batch, iter([suspect]))
             yield suspect, batch.lost(batch.folder, suspect) if result is None else _written(batch, suspect, result)
+    except (CancelledError, CommClosedError) as error:
+        raise IrisError("the dask scheduler ended before the work; run again: what is finished is kept") from error
 
 
 def connected(scheduler: str) -> Client:
@@ -110,14 +120,12 @@ def _landing(client: Client, batch: Batch[Job, Outcome], waiting: Iterator[Job])
 
 def _result(future: Future) -> Done | None:
     """What came back, which the cluster then forgets; None for a job whose workers died."""
-    from distributed import CancelledError, KilledWorker
+    from distributed import KilledWorker
 
     try:
         outcome, files = future.result()
     except (KilledWorker, MemoryError):
         return None
-    except CancelledError as error:
-        raise IrisError("the dask scheduler ended before the work; run again: what is finished is kept") from error
     except ImportError as error:
         raise DataError(f"a worker cannot import {error.name}: install the same iris-sysid there ({error})") from error
     finally:

@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from contextlib import ExitStack
 from pathlib import Path
@@ -19,7 +20,7 @@ from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.groundtruth.measure import measure
 from iris_sysid.benchmark.parallel import side_by_side
 from iris_sysid.benchmark.render_dataset import render_dataset
-from iris_sysid.errors import DataError, OutputError
+from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.synthetic import Look
 from tests._project import PACKAGES, ROOT
 from tests.benchmark._jobs import minus_one, places, slow, squared
@@ -158,6 +159,19 @@ def test_worker_with_another_version_is_refused(scheduler, tmp_path, monkeypatch
         DataError, match=r"worker tcp://.* has numpy [\d.]+ instead of 1\.0, source code \w+ instead of"
     ):
         dict(side_by_side(Batch(tmp_path, squared, minus_one), [1], scheduler))
+
+
+@pytest.mark.slow
+def test_end_of_the_scheduler_is_a_stated_error(tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "CONNECT_S", 5.0)
+    file = tmp_path / "scheduler.json"
+    command = [DASK, "scheduler", "--scheduler-file", str(file), *ON_ONE_MACHINE, "--port", "0"]
+    with (tmp_path / "log").open("w") as log, subprocess.Popen(command, stderr=log, stdout=log) as process:
+        wait_until(file.is_file)
+        killed = threading.Timer(0.5, process.kill)
+        waits = Batch(tmp_path, squared, minus_one, reads=lambda job: killed.start() or ())  # there is no worker
+        with pytest.raises(IrisError, match="the dask scheduler ended before the work; run again"):
+            list(side_by_side(waits, [1], str(file)))
 
 
 @pytest.mark.slow
