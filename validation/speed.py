@@ -4,7 +4,7 @@
 class at 60 frames a second and 45 Mbit/s (at 4K), tracks it by the whole command (from starting Python to the written
 table, the tracker that the phenomenon names) and reads it with OpenCV, in turns, each in a process of its own; the
 fastest run of each counts. "After the start" is the rate by which the time grows where the clip is repeated three
-times. Processor time is less disturbed by what else a machine does than the clock is.
+times, by the clock and in processor time, which is less disturbed by what else a machine does.
 
 ``python -m validation.speed --only opencv track mog2 trackpy [--clip CLIP.mp4]`` compares other programs on a pendulum;
 ``--repeat 15`` runs on the clip so many times over: its memory must not grow with that.
@@ -190,12 +190,13 @@ class ClassCost:
     def row(self, name: str) -> str:
         """The row of the table."""
         read, track = (cost.wall_s / cost.frames for cost in (self.reading, self.command))
-        after = ""
+        after = cpu_after = ""
         if self.repeated is not None:
-            more = self.repeated.wall_s - self.command.wall_s
-            after = f"{(self.repeated.frames - self.command.frames) / max(more, 1e-3):.0f}"
-        cpu = [1e3 * cost.cpu_s / cost.frames for cost in (self.reading, self.command)]
-        numbers = [f"{1 / read:.0f}", f"{1 / track:.1f}", after, f"{read / track:.3f}", *(f"{ms:.1f}" for ms in cpu)]
+            more = self.repeated.frames - self.command.frames
+            after = f"{more / max(self.repeated.wall_s - self.command.wall_s, 1e-3):.0f}"
+            cpu_after = f"{1e3 * (self.repeated.cpu_s - self.command.cpu_s) / more:.1f}"
+        cpu = [f"{1e3 * cost.cpu_s / cost.frames:.1f}" for cost in (self.reading, self.command)]
+        numbers = [f"{1 / read:.0f}", f"{1 / track:.1f}", after, f"{read / track:.3f}", *cpu, cpu_after]
         return f"| {name} | {BODIES[name]} | {' | '.join(numbers)} | {self.command.peak_mb:.0f} |"
 
 
@@ -215,8 +216,8 @@ def class_table(options: argparse.Namespace, folder: Path) -> None:
     """Render a clip of each class, and print a row each as it is measured."""
     print(f"{options.size}, {options.seconds:g} s, {os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}\n")
     titles = "class | bodies | reading, frames/s | command, frames/s | after the start, frames/s | relative to reading"
-    print(f"| {titles} | reading, ms of processor a frame | command, ms | peak memory, MB |")
-    print("|---" + "|---:" * 8 + "|", flush=True)
+    print(f"| {titles} | reading, ms of processor a frame | command, ms | after the start, ms | peak memory, MB |")
+    print("|---" + "|---:" * 9 + "|", flush=True)
     for phenomenon in options.classes:
         clip, longer = rendered(phenomenon, options, folder), None
         if not options.no_start:
