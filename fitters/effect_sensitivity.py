@@ -21,6 +21,7 @@ from fitters.compose_effects import bodies_of, plain_observation, within
 from fitters.image_effects import through, view_of
 from fitters.integrator.codegen import generated, row
 from fitters.ode import simulate
+from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array, Effect, FitResult, OdeModel, Quantity, Trajectory, picklable
 
 REFINEMENT = 4  # points in a sample interval at which the force is given; even, for Simpson's rule
@@ -64,32 +65,25 @@ class Motion:
         """What is seen (k, n, d) of a unit of each of k small forces (k, m, f) on the highest derivatives."""
         largest = np.max(np.abs(forces), axis=(1, 2), initial=0.0)
         acts = (largest > 0) & np.isfinite(forces).all(axis=(1, 2))
+        if self.inverse is not None:
+            shown = np.einsum("nds,nst->ndt", self.observed_by_state(self.at_samples), self.transition[self.at_samples])
+            steps_s = np.diff(self.grid[::REFINEMENT]) / REFINEMENT
+            return np.asarray(_responses(steps_s, self.inverse, forces, acts, self.at_samples // REFINEMENT, shown))
         seen = np.zeros((len(forces), self.at_samples.size, len(self.model.observed)))
-        for some in np.array_split(np.flatnonzero(acts), max(1, forces.size // FORCES_AT_ONCE)):
-            if self.inverse is None:
-                for k in some:
-                    seen[k] = self._integrated(forces[k], float(largest[k]))
-            elif some.size:
-                seen[some] = self._responses(self.inverse, forces[some])
+        for k in np.flatnonzero(acts):
+            seen[k] = self._integrated(forces[k], float(largest[k]))
         return seen
 
-    def _responses(self, inverse: Array, forces: Array) -> Array:
-        """The same through the transition matrices, of which ``inverse`` has the columns that forces act through."""
-        drawn = _integral_at_samples(self.grid, np.einsum("msf,kmf->kms", inverse, forces))
-        wanted = self.at_samples // REFINEMENT
-        changes = np.einsum("nrs,kns->knr", self.transition[self.at_samples], drawn[:, wanted])
-        if self.model.observe is None:
-            names = [state.name for state in self.model.states]
-            return changes[:, :, [names.index(quantity.name) for quantity in self.model.observed]]
-        return np.array([self._seen(change) for change in changes])
-
-    def _seen(self, change: Array) -> Array:
-        """Observed change (n, d) of a small change (n, s) of the states."""
+    def observed_by_state(self, at: NDArray[np.int_]) -> Array:
+        """Derivative (r, d, s) of what is observed by each state, at r points of the grid."""
         params = np.array([self.values[parameter.name] for parameter in self.model.parameters])
-        states, t_s = self.states[self.at_samples], self.grid[self.at_samples]
-        step = RESPONSE * max(float(np.ptp(states)), 1e-12) / max(float(np.max(np.abs(change))), 1e-300)
-        sides = [plain_observation(self.model, t_s, states + sign * step * change, params) for sign in (1.0, -1.0)]
-        return np.asarray((sides[0] - sides[1]) / (2 * step))
+        states, t_s = self.states[at], self.grid[at]
+        spread, columns = np.ptp(states, axis=0), []
+        steps = RESPONSE * np.where(spread > 0, spread, max(float(np.max(spread)), 1e-9))
+        for step in np.diag(steps):
+            sides = [plain_observation(self.model, t_s, states + sign * step, params) for sign in (1.0, -1.0)]
+            columns.append((sides[0] - sides[1]) / (2 * step.sum()))
+        return np.stack(columns, axis=2)
 
     def _integrated(self, force: Array, largest: float) -> Array:
         """The same by integrating the model with the force, twice."""
@@ -103,18 +97,37 @@ class Motion:
         return np.asarray((pushed[0] - pushed[1])[self.at_samples] / (2 * factor))
 
 
-def _integral_at_samples(grid: Array, rates: Array) -> Array:
-    """Integral (k, i + 1, s) of rates (k, m, s) on a grid (m,) s, up to the ends of i intervals of REFINEMENT steps.
+@kernel()
+def _add_interval(start: int, step_s: float, inverse: Array, force: Array, drawn: Array) -> None:
+    """Add to ``drawn`` (s,) the integral over an interval of inverse (m, s, f) times force (m, f)."""
+    for point in range(REFINEMENT + 1):
+        weight = step_s / 3.0 * (SIMPSON[point] if point < REFINEMENT else 1.0)
+        for state in range(drawn.size):
+            for body in range(force.shape[1]):
+                drawn[state] += weight * inverse[start + point, state, body] * force[start + point, body]
 
-    Simpson's rule within each interval, where the steps are equal.
+
+@kernel()
+def _responses(
+    steps_s: Array, inverse: Array, forces: Array, acts: Array, ends: NDArray[np.int_], shown: Array
+) -> Array:
+    """What is seen (k, n, d) of forces (k, m, f) on a grid of intervals with REFINEMENT steps of ``steps_s`` (i,).
+
+    ``inverse`` (m, s, f) carries a force back to the initial state, where it is added up, by Simpson's rule in each
+    interval; ``shown`` (n, d, s) is what a change of the initial state changes in each sample, of which ``ends`` (n,)
+    are the numbers of intervals before it. Forces that do not act (k,) have no response.
     """
-    steps = np.diff(grid[::REFINEMENT]) / REFINEMENT
-    inner = rates[:, :-1].reshape(len(rates), steps.size, REFINEMENT, -1)
-    last = rates[:, REFINEMENT::REFINEMENT]
-    areas = np.einsum("kijs,j->kis", inner, SIMPSON) + last
-    drawn = np.zeros((len(rates), steps.size + 1, rates.shape[2]))
-    np.cumsum(areas * (steps[:, None] / 3.0), axis=1, out=drawn[:, 1:])
-    return drawn
+    seen = np.zeros((len(forces), *shown.shape[:2]))
+    for k in np.flatnonzero(acts):
+        drawn, done = np.zeros(inverse.shape[1]), 0
+        for n in range(ends.size):
+            while done < ends[n]:
+                _add_interval(done * REFINEMENT, steps_s[done], inverse, forces[k], drawn)
+                done += 1
+            for quantity in range(shown.shape[1]):
+                for state in range(drawn.size):
+                    seen[k, n, quantity] += shown[n, quantity, state] * drawn[state]
+    return seen
 
 
 def motion_of(fitted: FitResult, trajectory: Trajectory) -> Motion:
@@ -215,7 +228,10 @@ def sensitivities(
         return np.array([sensitivity(variant, fitted, trajectory, motion) for variant in variants])
     motion = motion or motion_of(fitted, trajectory)
     where = fitted.model, motion.grid, motion.states, motion.slopes
-    return motion.answers(np.array([force_along(variant, _defaults(variant), *where) for variant in variants]))
+    count = max(FORCES_AT_ONCE // motion.grid.size, 1)
+    groups = [variants[first : first + count] for first in range(0, len(variants), count)]
+    forces = (np.array([force_along(each, _defaults(each), *where) for each in group]) for group in groups)
+    return np.concatenate([motion.answers(some) for some in forces])
 
 
 def shaped(effect: Effect, shape: Sequence[float]) -> Effect:

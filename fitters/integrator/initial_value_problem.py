@@ -23,6 +23,7 @@ KINK_TRIALS = 4  # of what each kink may be off, until all together are not off 
 KINKED_ORDER = 4  # an error that falls with a lower power of the step is that of an equation with a kink
 LONG = 20_000  # samples from which on steps over several of them are tried
 WIDEST, NARROWEST = 64, 3  # samples in such a step, at most and at least
+JUDGED = 7  # every seventh sample tells its error
 RESPONSE = 1e-4  # change of the prediction that a difference step aims at, relative to the motion
 
 
@@ -220,13 +221,12 @@ class InitialValueProblem:
         """The problem with steps over several samples each; None where its record is short, or steps must be too."""
         if self.t_s.size < LONG or self.inputs.size or not self._can_restart:
             return None
-        sample_s = float(np.median(np.diff(self.t_s)))
+        sample_s, sparse = float(np.median(np.diff(self.t_s))), self.every(JUDGED)
         step_s = WIDEST * sample_s
         while step_s >= NARROWEST * sample_s:
-            wide = replace(self, step_s=step_s)
-            error = wide.step_error(values)
+            error = replace(sparse, step_s=step_s).step_error(values)
             if error <= tolerance:
-                return wide
+                return replace(self, step_s=step_s)
             ratio = (error / tolerance) ** (1 / (ORDER - 1)) if np.isfinite(error) else 4.0
             step_s /= min(max(1.1 * ratio, 1.2), 4.0)
         return None

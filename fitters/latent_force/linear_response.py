@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import cumulative_trapezoid
 
-from fitters.compose_effects import plain_observation
-from fitters.effect_sensitivity import RESPONSE, Motion
+from fitters.effect_sensitivity import Motion
 from iris_sysid.types import Array
 
 UNDETERMINED = 1e-9  # relative strength of a fitted value below which the data do not determine it
@@ -108,7 +107,7 @@ def responses(motion: Motion, forces: Array, rows: NDArray[np.intp]) -> Array:
         (r,) indices of used samples.
     """
     at = motion.at_samples[rows]
-    observed = np.einsum("rdt,rts->rds", _observed_by_state(motion, at), motion.transition[at])
+    observed = np.einsum("rdt,rts->rds", motion.observed_by_state(at), motion.transition[at])
     count = max(MOST_NUMBERS // (forces.shape[0] * len(motion.model.states)), 1)
     parts = [
         np.einsum("rds,rsq->rdq", observed, _drawn(motion, forces[:, :, first : first + count], at))
@@ -123,16 +122,3 @@ def _drawn(motion: Motion, forces: Array, at: NDArray[np.int_]) -> Array:
     last = int(at[-1]) + 1
     pulled = np.einsum("msf,mfq->msq", motion.inverse[:last], forces[:last])
     return np.asarray(cumulative_trapezoid(pulled, x=motion.grid[:last], axis=0, initial=0)[at])
-
-
-def _observed_by_state(motion: Motion, at: NDArray[np.int_]) -> Array:
-    """Derivative (r, d, s) of what is observed by each state."""
-    params = np.array([motion.values[parameter.name] for parameter in motion.model.parameters])
-    states, t_s = motion.states[at], motion.grid[at]
-    columns = []
-    for k in range(states.shape[1]):
-        step = np.zeros(states.shape[1])
-        step[k] = RESPONSE * max(float(np.ptp(states[:, k])), 1e-12)
-        sides = [plain_observation(motion.model, t_s, states + sign * step, params) for sign in (1.0, -1.0)]
-        columns.append((sides[0] - sides[1]) / (2 * step[k]))
-    return np.stack(columns, axis=2)

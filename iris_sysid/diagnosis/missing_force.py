@@ -14,6 +14,7 @@ from fitters.latent_force.gaussian_process import LatentForce, latent_force
 from fitters.latent_force.linear_response import NoisyResidual
 from fitters.latent_force.open_effects import POWER, SIZE, open_effect
 from fitters.ode import FitRequest
+from iris_sysid.diagnosis.block_means import Residuals, block_means
 from iris_sysid.diagnosis.measurement_errors import unit_noise
 from iris_sysid.diagnosis.refit import fit_from
 from iris_sysid.types import Array, Effect, FitResult, ForceForm, MissingForce, OdeModel, Trajectory
@@ -45,10 +46,11 @@ def missing_force(
         None where there are too few samples, or where the motion forgets its initial state too fast for its linear
         response.
     """
-    motion = motion_of(fitted, clip.trajectory)
+    means = _means(fitted, clip.trajectory)
+    motion = motion_of(means.fitted, means.trajectory)
     if motion.inverse is None or motion.at_samples.size < FEWEST or not np.all(np.isfinite(motion.inverse)):
         return None
-    residual = _noisy_residual(fitted, clip.trajectory, motion)
+    residual = _noisy_residual(means, motion)
     if not (np.all(np.isfinite(residual.jacobian)) and np.all(residual.noise > 0)):
         return None
     force = latent_force(motion, residual)
@@ -92,8 +94,9 @@ def with_form(clip: FitRequest, fitted: FitResult, missing: MissingForce) -> Mis
     """
     if not missing.significant:
         return missing
-    motion = motion_of(fitted, clip.trajectory)
-    form = form_of(motion, _noisy_residual(fitted, clip.trajectory, motion), missing.rho, missing.noise_variance)
+    means = _means(fitted, clip.trajectory)
+    motion = motion_of(means.fitted, means.trajectory)
+    form = form_of(motion, _noisy_residual(means, motion), missing.rho, missing.noise_variance)
     return missing if form is None else replace(missing, form=_refitted(clip, fitted, motion, form))
 
 
@@ -114,11 +117,15 @@ def _refitted(clip: FitRequest, fitted: FitResult, motion: Motion, form: ForceFo
     return replace(form, shape=power if known else None)
 
 
-def _noisy_residual(fitted: FitResult, trajectory: Trajectory, motion: Motion) -> NoisyResidual:
-    used, columns = fitted.used, len(fitted.model.observed)
-    noise = unit_noise(fitted, trajectory)[used]
-    jacobian = fitted.jacobian.reshape(int(used.sum()), columns, -1)
-    return NoisyResidual(motion.grid[motion.at_samples], fitted.residual[used], jacobian, noise)
+def _means(fitted: FitResult, trajectory: Trajectory) -> Residuals:
+    noise = unit_noise(fitted, trajectory)[fitted.used]
+    return block_means(Residuals(fitted, trajectory, noise, np.zeros_like(noise)))
+
+
+def _noisy_residual(means: Residuals, motion: Motion) -> NoisyResidual:
+    fitted = means.fitted
+    jacobian = fitted.jacobian.reshape(*means.noise.shape, -1)
+    return NoisyResidual(motion.grid[motion.at_samples], fitted.residual[fitted.used], jacobian, means.noise)
 
 
 def _sized(effects: Sequence[Effect], fitted: FitResult | None) -> list[tuple[Effect, Array]]:

@@ -17,11 +17,13 @@ import numpy as np
 from fitters.effect_sensitivity import Motion, motion_of, sensitivities
 from fitters.noise.autoregression import Autoregression, grid_positions, on_grid
 from fitters.noise.sandwich_covariance import inverse_normal, middle, random_uncertainty
+from iris_sysid.diagnosis.block_means import Residuals, block_means
 from iris_sysid.diagnosis.measurement_errors import resolvable_size, stated_errors, unit_noise
 from iris_sysid.types import Array, Effect, FitResult, Score, Trajectory, normal_isf
 
 PARALLEL = 0.99  # cosine between projected sensitivities above which two effects are indistinguishable
 MOST_NUMBERS = 20_000_000  # largest array of directions; beyond it, pairs use only the best shape of each effect
+AT_ONCE = 4_000_000  # numbers in the directions that are computed together
 SINGULAR = 1e-9  # fraction of the largest singular value: below it lie null directions of the fitted parameters
 NOT_IMITATED = 1e-4  # fraction of a sensitivity that the fitted parameters must not be able to imitate
 
@@ -241,8 +243,10 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
     trajectory
         What it was fitted to.
     """
-    noise = unit_noise(fitted, trajectory)[fitted.used]
-    residual = _Residual.of(fitted, noise, stated_errors(fitted, trajectory)[fitted.used])
+    noise, stated = unit_noise(fitted, trajectory)[fitted.used], stated_errors(fitted, trajectory)[fitted.used]
+    means = block_means(Residuals(fitted, trajectory, noise, stated))
+    fitted, trajectory, noise = means.fitted, means.trajectory, means.noise
+    residual = _Residual.of(fitted, noise, means.stated)
     forces = any(effect.acceleration is not None for effect in effects)
     motion = motion_of(fitted, trajectory) if forces else None
     observed = (fitted.predicted + fitted.residual)[fitted.used]
@@ -282,15 +286,24 @@ def _visible_directions(
     directions_of: Callable[[Sequence[tuple[float, ...]]], list[_Direction]],
 ) -> list[_Direction]:
     """The shapes that the parameters cannot imitate; shapes near the best are added while one of them explains more."""
-    directions = directions_of(shapes)
-    best = max(directions, key=lambda direction: abs(direction.component), default=None)
+    directions, count = [], max(AT_ONCE // t_s.size, 1)
+    for first in range(0, len(shapes), count):
+        directions += directions_of(shapes[first : first + count])
+        if len(shapes) * t_s.size > MOST_NUMBERS:
+            directions = [replace(each, unit=each.unit.copy()) for each in _best_of(directions)]
+    best = next(iter(_best_of(directions)), None)
     while effect.trials is not None and effect.nearby is not None and best is not None:
         nearby = directions_of(effect.nearby(t_s, best.shape))
         directions += nearby
-        previous, best = best, max([best, *nearby], key=lambda direction: abs(direction.component))
+        previous, best = best, _best_of([best, *nearby])[0]
         if best is previous:
             break
     return directions
+
+
+def _best_of(directions: Sequence[_Direction]) -> list[_Direction]:
+    """The direction that explains most; none of none."""
+    return sorted(directions, key=lambda direction: -abs(direction.component))[:1]
 
 
 def critical_value(level: float, tries: int) -> float:

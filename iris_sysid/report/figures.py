@@ -32,6 +32,7 @@ COLOURS = {
 FIT_COLOUR = "#000000"
 PHASES = 9
 CURVE_POINTS = 600
+MOST_POINTS = 5000  # of a quantity in a plot
 
 
 def sample_labels(trajectory: Trajectory) -> list[str]:
@@ -202,7 +203,8 @@ def draw_measured(axes: Axes, trajectory: Trajectory, measured: Array, labels: N
         (n,) segment of each sample.
     """
     for label in dict.fromkeys(labels):
-        inside = (labels == label) & trajectory.valid
+        inside = np.flatnonzero((labels == label) & trajectory.valid)
+        inside = inside[outline(measured[inside])]
         axes.plot(
             trajectory.t_s[inside], measured[inside], ".", color=COLOURS[label], markersize=4, label=label or "measured"
         )
@@ -216,7 +218,20 @@ def draw_residual(axes: Axes, fit: FitResult, k: int) -> None:
     if np.isfinite(noise):
         axes.axhspan(-2 * noise, 2 * noise, color="#009E73", alpha=0.15, label="± 2 noise")
         axes.legend(loc="upper right", framealpha=0.8)
-    axes.plot(fit.t_s, fit.residual[:, k], ".-", color=COLOURS["motion"], markersize=3, linewidth=0.4)
+    shown = outline(fit.residual[:, k])
+    axes.plot(fit.t_s[shown], fit.residual[shown, k], ".-", color=COLOURS["motion"], markersize=3, linewidth=0.4)
+
+
+def outline(values: Array) -> NDArray[np.intp]:
+    """Indices (m,) of the samples to draw: all, or of a long record the lowest and the highest in each short part.
+
+    ``values`` (n,) in any unit; NaN is not drawn.
+    """
+    finite = np.flatnonzero(np.isfinite(values))
+    if finite.size <= MOST_POINTS:
+        return np.arange(values.size)
+    parts = np.array_split(finite, MOST_POINTS // 2)
+    return np.unique([part[choose(values[part])] for part in parts for choose in (np.argmin, np.argmax)])
 
 
 def equation_figure(equation: str) -> Figure:

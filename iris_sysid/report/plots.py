@@ -19,6 +19,7 @@ from iris_sysid.report.figures import (
     draw_residual,
     draw_track,
     fitted_curve,
+    outline,
     sample_labels,
 )
 from iris_sysid.types import (
@@ -245,7 +246,8 @@ def _draw_fits(axes: Axes, k: int, *fits: tuple[FitResult, str, str]) -> None:
     """The samples that the fits used, and the curve of each, with its colour and its name."""
     fitted = fits[0][0]
     observed = (fitted.predicted + fitted.residual)[:, k]
-    axes.plot(fitted.t_s, observed, ".", color=COLOURS["motion"], markersize=4, label="measured")
+    shown = outline(observed)
+    axes.plot(fitted.t_s[shown], observed[shown], ".", color=COLOURS["motion"], markersize=4, label="measured")
     for one, colour, name in fits:
         curve_s, curve = fitted_curve(one)
         axes.plot(curve_s, curve[:, k], color=colour, linewidth=1.0, label=name)

@@ -24,6 +24,7 @@ from iris_sysid import (
     smooth,
     to_html,
 )
+from iris_sysid.report.figures import MOST_POINTS, outline
 from tests._motions import pendulum_angle
 from tests.types.test_pickling import T_S, dragged
 
@@ -114,3 +115,14 @@ def test_notebook_has_the_numbers_with_their_errors():
 def test_what_has_no_plot_is_refused():
     with pytest.raises(DataError, match="no plot of an object of type OdeModel"):
         plot(MODELS["pendulum"])
+
+
+def test_long_record_is_drawn_by_the_extremes_of_short_parts():
+    values = np.random.default_rng(0).standard_normal(100_000)
+    values[[17, 60_001]] = np.nan, 50.0
+    shown = outline(values)
+    assert shown.size <= MOST_POINTS
+    assert 60_001 in shown
+    assert np.argmin(np.where(np.isfinite(values), values, 0.0)) in shown
+    assert np.all(np.diff(shown) > 0)
+    np.testing.assert_array_equal(outline(values[:MOST_POINTS]), np.arange(MOST_POINTS))

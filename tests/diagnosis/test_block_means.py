@@ -1,0 +1,62 @@
+"""Score tests of a long record by means over blocks: the same scores for less, and no blocks where motion is fast."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from fitters.ode import fit
+from iris_sysid import EFFECTS, Quantity, Trajectory
+from iris_sysid.diagnosis import block_means as module
+from iris_sysid.diagnosis.block_means import Residuals, block_means
+from iris_sysid.diagnosis.score_test import screen
+
+NOISE = 2e-3
+NAMES = ("quadratic-drag", "linear-drag", "cubic-stiffness", "constant-force", "zero-offset", "time-scale")
+
+
+def swinging(rate_hz: float, n: int, drag: float, lost: slice = slice(0)) -> Trajectory:
+    """A pendulum of 1.2 m with quadratic drag, by SciPy; with samples that are lost."""
+    t_s = np.delete(np.arange(n) / rate_hz, lost)
+    solution = solve_ivp(
+        lambda t, y: (y[1], -9.80665 / 1.2 * np.sin(y[0]) - drag * abs(y[1]) * y[1]),
+        t_s[[0, -1]], (0.5, 0.0), t_eval=t_s, method="DOP853", rtol=1e-10, atol=1e-12,
+    )  # fmt: skip
+    theta = solution.y[0] + NOISE * np.random.default_rng(5).standard_normal(t_s.size)
+    shape = (t_s.size, 1)
+    return Trajectory(
+        t_s, (Quantity("theta", "rad"),), theta.reshape(shape), np.full(shape, np.nan), np.ones(t_s.size, bool)
+    )
+
+
+def test_scores_by_block_means_are_those_of_all_samples(monkeypatch):
+    clip = swinging(400.0, 31_000, 0.001, lost=np.s_[8000:8357])
+    fitted = fit(clip, "pendulum")
+    effects = [EFFECTS[name] for name in NAMES]
+    few = screen(effects, fitted, clip)
+    monkeypatch.setattr(module, "FEW", clip.n)
+    every = screen(effects, fitted, clip)
+    assert few.directions.shape[1] <= every.directions.shape[1] / 2.9
+    for name in NAMES:
+        short, full = few.scores[name], every.scores[name]
+        assert short.size == pytest.approx(full.size, rel=0.01, abs=0.05 * full.stderr)
+        assert short.stderr == pytest.approx(full.stderr, rel=0.05)
+        assert few.cosine("quadratic-drag", name) == pytest.approx(every.cosine("quadratic-drag", name), abs=0.01)
+
+
+def test_motion_that_is_fast_for_its_samples_is_not_averaged():
+    clip = swinging(3.0, 25_000, 0.0)
+    noise = np.ones((clip.n, 1))
+    given = Residuals(fit(clip, "pendulum"), clip, noise, noise)
+    assert block_means(given) is given
+
+
+def test_noise_of_a_mean_shrinks_but_what_is_stated_does_not():
+    clip = swinging(400.0, 30_000, 0.0)
+    fitted = fit(clip, "pendulum")
+    ones = np.ones((fitted.n, 1))
+    means = block_means(Residuals(fitted, clip, NOISE * ones, 0.1 * ones))
+    inside = slice(1, -1)
+    np.testing.assert_allclose(means.noise[inside], NOISE / np.sqrt(3))
+    np.testing.assert_allclose(means.stated, 0.1)
+    assert np.std(means.fitted.residual / means.noise) == pytest.approx(1.0, abs=0.03)
+    assert np.std(means.trajectory.position - means.fitted.predicted) == pytest.approx(NOISE / np.sqrt(3), rel=0.03)
