@@ -158,7 +158,9 @@ def _decode_image(name: str, read: Read) -> av.VideoFrame:
     try:
         data = read(name)
         most = min(MAX_PIXELS, max(RATIO_COUNTS_FROM_BYTES, MAX_RATIO * len(data)))
-        decoder.options = {"max_pixels": str(most), "err_detect": "explode"}
+        # FFmpeg counts every tag of a TIFF that it does not know as damage, such as those that OpenCV writes
+        careful = {} if decoder.name == "tiff" else {"err_detect": "explode"}
+        decoder.options = {"max_pixels": str(most), **careful}
         images = decoder.decode(av.Packet(data)) if data else []
     except (av.FFmpegError, *ZIP_TROUBLE) as error:
         raise DamageError(f"{name} cannot be read ({getattr(error, 'strerror', None) or error})") from error

@@ -849,6 +849,12 @@ def test_images_of_each_kind_agree_with_opencv(tmp_path, suffix):
     assert np.abs(frame.luma.astype(int) - expected).max() <= 2
 
 
+def test_tiff_images_that_opencv_wrote_are_read(tmp_path):
+    grey = np.random.default_rng(0).integers(0, 255, (48, 64), np.uint8)
+    cv2.imwrite(str(tmp_path / "1.tiff"), grey)
+    assert np.array_equal(next(open_video(tmp_path, fps=1).frames()).luma, grey)
+
+
 def test_images_of_sixteen_bits_give_their_upper_eight(tmp_path):
     (tmp_path / "shots").mkdir()
     Image.fromarray(image_of(0).astype(np.uint16) * 256 + 77).save(tmp_path / "shots" / "a.png")
@@ -930,7 +936,7 @@ def test_damaged_image_ends_the_sequence(tmp_path, content, message):
     assert len(times(folder, fps=1, keep_partial=True)) == 3
 
 
-@pytest.mark.parametrize("suffix", ["png", "jpg"])
+@pytest.mark.parametrize("suffix", ["png", "jpg", "tiff"])
 def test_cut_off_image_is_damage(tmp_path, suffix):
     folder = write_pictures(tmp_path / "shots", range(3), "a{}." + suffix)
     cut_to(folder / f"a1.{suffix}", 0.6)
