@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import time
 from pathlib import Path
 
@@ -34,6 +35,11 @@ def crowded(folder: Path, number: int) -> int:
     if number == 3:
         raise MemoryError
     return number
+
+
+def most_memory(folder: Path, number: int) -> int:
+    """The most bytes that this process may have; -1 without a limit."""
+    return resource.getrlimit(resource.RLIMIT_DATA)[0]
 
 
 def places(folder: Path, name: str) -> tuple[str, str, str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,8 @@ import pytest
 from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.parallel import check_workers, side_by_side
 from iris_sysid.errors import DataError
-from tests.benchmark._jobs import crowded, minus_one, noted_square, squared
+from iris_sysid.video.sandbox import MOST_BYTES
+from tests.benchmark._jobs import crowded, minus_one, most_memory, noted_square, squared
 
 BATCH = Batch(Path(), squared, minus_one)
 
@@ -39,6 +41,12 @@ def test_after_a_crash_the_others_still_run_in_several_processes(tmp_path):
 def test_job_without_enough_memory_is_lost_and_its_process_goes_on(tmp_path):
     assert dict(side_by_side(Batch(tmp_path, crowded, minus_one), [3, 4], 1)) == {3: -1, 4: 4}
     assert (tmp_path / "3").read_text() == (tmp_path / "4").read_text()
+
+
+def test_other_processes_have_limits_and_this_one_has_not(tmp_path):
+    batch = Batch(tmp_path, most_memory, minus_one)
+    assert list(side_by_side(batch, [1], 1)) == [(1, MOST_BYTES)]
+    assert list(side_by_side(batch, [1], 0)) == [(1, resource.RLIM_INFINITY)]
 
 
 def test_jobs_that_are_equal_are_each_done():
