@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from iris_sysid.benchmark.dataset import benchmark_classes
+from iris_sysid.benchmark.parallel import Workers
 from iris_sysid.errors import DataError
 from iris_sysid.io.schemas.groundtruth import MeasuredDocument
 from iris_sysid.types import Progress, Trajectory
@@ -50,6 +51,7 @@ def clips_of_dataset(
     *,
     board: MeasuredDocument,
     trials: int | None = None,
+    workers: Workers = 0,
     tell: Callable[[str], None],
     progress: Progress | None = None,
 ) -> list[Trajectory]:
@@ -67,6 +69,8 @@ def clips_of_dataset(
         The checkerboards, as measured by hand.
     trials
         At most this many clips of each setting; None for all.
+    workers
+        Number of parallel processes, 0 for this one, or the address or file of a dask scheduler.
     tell
         Called with one line per clip that is left out, with the reason.
     progress
@@ -80,7 +84,9 @@ def clips_of_dataset(
     from iris_sysid.benchmark.groundtruth.measure import Conditions, measure  # loads trackers and calibration
 
     conditions = Conditions(trials=trials, phenomenon=phenomenon)
-    measurements = measure(folder, work, measured=board, conditions=conditions, progress=progress, tell=tell)
+    measurements = measure(
+        folder, work, measured=board, conditions=conditions, workers=workers, progress=progress, tell=tell
+    )
     trajectories = [clip.trajectory() for clip in measurements.clips if clip.document.usable]
     usable = [trajectory for trajectory in trajectories if trajectory is not None]
     if not usable:

@@ -83,6 +83,7 @@ def diagnose(
     Example:
       iris-sysid diagnose trajectory.csv --model pendulum -o diagnosis/
     """
+    from iris_sysid.benchmark.clip_folders import is_dataset
     from iris_sysid.cli import _each, _model_choice, _parsing
     from iris_sysid.io.json_documents import document_text
     from iris_sysid.registry import EFFECTS
@@ -97,9 +98,10 @@ def diagnose(
         if not _each.diagnose_clips(clips, output, request, processes, force=force, json=json) and strict:
             raise typer.Exit(_terminal.NOT_GOOD)
         return
-    _terminal.refuse(
-        {"--workers": workers, "--scheduler": scheduler}, "belongs to --each; several clips at once are one fit"
-    )
+    if (workers or scheduler) and not any(map(is_dataset, clips)):
+        parallel = {"--workers": workers, "--scheduler": scheduler}
+        _terminal.refuse(parallel, "belongs to --each and to data sets; several tables at once are one fit")
+    processes = _terminal.workers_of(workers, scheduler)
     check_folder(output, overwrite=force)
     if equation is None:
         described, free_by_default = _model_choice.stated_model(model, phenomenon, clips, columns)
@@ -111,6 +113,7 @@ def diagnose(
     fixed = _parsing.settings(known or (), described.units())
     options = {
         "model": described.name if model is None else model,
+        "phenomenon": phenomenon,
         "equation": equation,
         "bound": bound,
         "columns": columns,
@@ -121,7 +124,7 @@ def diagnose(
         "holdout": holdout,
     }
     stated = _parsing.sensor(sensor)
-    measured = _measured(clips, described, columns, phenomenon, output, trials, board, square)
+    measured = _measured(clips, described, columns, phenomenon, output, trials, board, square, processes)
     # imported after the clips are read, so that an unreadable file is reported without delay
     from iris_sysid.diagnosis.diagnose import diagnose as find_missing_effects
     from iris_sysid.report.text import diagnosis_text
@@ -195,6 +198,7 @@ def _measured(
     trials: int | None,
     board: str | None,
     square: str | None,
+    workers: int | str,
 ) -> "list[Trajectory]":
     """The trajectories of tables and folders; clips of a data set are measured, with results beside the output."""
     from iris_sysid.benchmark.clip_folders import clips_of_dataset, is_dataset, tables_in
@@ -221,6 +225,7 @@ def _measured(
                 Path(f"{output}".rstrip("/") + ".work"),
                 board=direct,
                 trials=trials,
+                workers=workers,
                 tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
                 progress=report_progress,
             )

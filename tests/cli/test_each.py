@@ -100,6 +100,7 @@ def test_two_tables_of_one_name_and_a_folder_of_other_results_are_refused(named,
         diagnose_each(named, prepared, tmp_path)
 
 
+@pytest.mark.slow
 def test_command_takes_the_model_of_each_run_in_another_process(angles, tmp_path, cli):
     (tmp_path / "run").mkdir()
     shutil.copy(angles, tmp_path / "run" / "trajectory.csv")
