@@ -12,6 +12,7 @@ from iris_sysid.benchmark.batch import Batch, Job, Outcome, limited
 from iris_sysid.errors import DataError
 
 MOST_WORKERS = 256
+JOBS_A_PROCESS = 8  # what libraries keep of each job, up to 60 MB, goes with the process; a new one takes 2 s
 
 Workers = int | str  # a number of processes beside this one, or the address or file of a dask scheduler
 
@@ -50,36 +51,62 @@ def side_by_side(batch: Batch[Job, Outcome], jobs: Sequence[Job], workers: Worke
 
 
 def _in_processes(batch: Batch[Job, Outcome], jobs: Sequence[Job], workers: int) -> Iterator[tuple[Job, Outcome]]:
-    waiting = deque(jobs)
-    while waiting:
-        suspects: list[Job] = []
-        yield from _pooled(batch, waiting, workers, suspects)
-        for suspect in suspects:  # one of these killed its process, and the pool with it: each runs alone now
-            again: list[Job] = []
-            yield from _pooled(batch, deque([suspect]), 1, again)
-            for job in again:
-                yield job, batch.lost(batch.folder, job)
+    crashed: list[Job] = []
+    yield from _in_lanes(batch, deque(jobs), workers, crashed)
+    lost: list[Job] = []
+    yield from _in_lanes(batch, deque(crashed), 1, lost)  # once more, alone: memory may have been too little for many
+    for job in lost:
+        yield job, batch.lost(batch.folder, job)
 
 
-def _pooled(
-    batch: Batch[Job, Outcome], waiting: deque[Job], workers: int, suspects: list[Job]
+def _in_lanes(
+    batch: Batch[Job, Outcome], waiting: deque[Job], workers: int, crashed: list[Job]
 ) -> Iterator[tuple[Job, Outcome]]:
-    """Take jobs as processes become free; when a process dies, leave those that were at work in ``suspects``."""
-    # spawn: a fork would copy locks that threads of the decoder and encoder hold
-    with ProcessPoolExecutor(min(workers, len(waiting)), multiprocessing.get_context("spawn")) as pool:
-        running: dict[Future[Outcome], Job] = {}
-        try:
-            while waiting or running:
-                while waiting and len(running) < workers:
-                    running[pool.submit(limited, batch.work, batch.folder, waiting[0])] = waiting[0]
-                    waiting.popleft()
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    outcome = _outcome(batch, running[future], future)
-                    yield running.pop(future), outcome
-        except BrokenProcessPool:
-            suspects += running.values()
-        finally:
-            pool.shutdown(cancel_futures=True)
+    """Take jobs as lanes become free; those whose process died are left in ``crashed``."""
+    idle = lanes = [_Lane() for _ in range(min(workers, len(waiting)))]
+    running: dict[Future[Outcome], tuple[Job, _Lane]] = {}
+    try:
+        while waiting or running:
+            while waiting and idle:
+                job, lane = waiting.popleft(), idle[0]
+                running[lane.submit(batch, job)], idle = (job, lane), idle[1:]
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                job, lane = running.pop(future)
+                idle = [*idle, lane]
+                try:
+                    yield job, _outcome(batch, job, future)
+                except BrokenProcessPool:
+                    lane.close()
+                    crashed.append(job)
+    finally:
+        for lane in lanes:
+            lane.close()
+
+
+class _Lane:
+    """One process at a time, a new one after JOBS_A_PROCESS jobs: memory that libraries keep goes with the old one.
+
+    A pool of its own, since ``max_tasks_per_child`` of a common one can wait for ever (Python 3.11).
+    """
+
+    def __init__(self) -> None:
+        self._pool: ProcessPoolExecutor | None = None
+        self._done = 0
+
+    def submit(self, batch: Batch[Job, Outcome], job: Job) -> Future[Outcome]:
+        """Begin a job in the process."""
+        if self._pool is None or self._done == JOBS_A_PROCESS:
+            self.close()
+            # spawn: a fork would copy locks that threads of the decoder and encoder hold
+            self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
+        self._done += 1
+        return self._pool.submit(limited, batch.work, batch.folder, job)
+
+    def close(self) -> None:
+        """End the process."""
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+        self._pool, self._done = None, 0
 
 
 def _outcome(batch: Batch[Job, Outcome], job: Job, future: Future[Outcome]) -> Outcome:
