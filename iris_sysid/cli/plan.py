@@ -180,7 +180,7 @@ def _question(path: Path, names: tuple[str, ...], clip: Path, columns: str | Non
 
 def _model_of(document: "DiagnosisDocument", clip: Path, columns: str | None) -> "OdeModel":
     """The model of a diagnosis on disk: registered, of a FILE.py, or of an equation, as it was typed then."""
-    from iris_sysid.registry import MODELS
+    from iris_sysid.registry import MODELS, PHENOMENA
 
     typed = document.base.origin.get("options", {})
     options: dict[str, Any] = typed if isinstance(typed, dict) else {}
@@ -189,8 +189,10 @@ def _model_of(document: "DiagnosisDocument", clip: Path, columns: str | None) ->
 
         typed_as = options["equation"], options.get("bound") or [], options.get("set") or []
         return _own_equation.model_of(*typed_as, clip, columns)
-    own = document.base.model not in MODELS
-    return MODELS.named(str(options.get("model", document.base.model)) if own else document.base.model)
+    if document.base.model in MODELS:
+        return MODELS[document.base.model]
+    phenomenon = options.get("phenomenon")
+    return MODELS.named(PHENOMENA.named(phenomenon).model if phenomenon else options.get("model", document.base.model))
 
 
 def _asked(document: "DiagnosisDocument", model: "OdeModel") -> "Question":

@@ -87,7 +87,8 @@ def plan_text(planned: Plan) -> str:
     lines = ["  ".join(key.ljust(width) for key, width in widths.items())]
     lines += ["  ".join(row[key].ljust(width) for key, width in widths.items()).rstrip() for row in rows]
     question = ", ".join(f"{name} ({100 * share:.0f} %)" for name, share in planned.probabilities.items())
-    return "\n".join([f"In question: {question}", *lines, *advice(planned)])
+    asked = f"In question: {question}" if len(planned.probabilities) > 1 else "One answer is left: ranked by precision"
+    return "\n".join([asked, *lines, *advice(planned)])
 
 
 def needs_text(planned: Plan, name: str, stderr: float) -> str:

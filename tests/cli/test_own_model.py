@@ -69,6 +69,10 @@ def test_own_model_is_fitted_and_diagnosed_over_two_clips_even_if_its_equation_i
         drag = fit["parameters"]["drag"]
         assert abs(drag["value"] - 0.8) < 4 * drag["stderr"]
     assert "Clips" in (tmp_path / "out" / "report.html").read_text()
+    outcome = cli("plan", tmp_path / "out", tmp_path / "1.csv")
+    assert outcome.status == 0, outcome.err
+    assert outcome.out.startswith("One answer is left: ranked by precision")
+    assert "error of drag" in outcome.out
 
 
 def test_own_model_is_fitted_by_the_name_that_help_promises(mine, tmp_path, cli):
