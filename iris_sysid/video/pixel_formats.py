@@ -139,7 +139,8 @@ def luma_of(image: VideoFrame, orientation: Orientation) -> Bytes:
     Where the image has a luma plane, this is that plane as coded, without a copy (unless the image
     is turned): 16-235 in limited range, 0-255 in full range; deeper planes give their upper 8 bits. The
     array keeps the decoder's buffer alive and is never written to again. Other images (GIF, PNG) are
-    converted: 0.299 R + 0.587 G + 0.114 B (ITU-R BT.601).
+    converted: 0.299 R + 0.587 G + 0.114 B (ITU-R BT.601). An interlaced image holds two moments, in alternate
+    rows: the upper field is kept, and the rows between are interpolated.
     """
     layout = _luma_layout(image.format.name)
     if layout is None or image.planes[0].line_size <= 0:
@@ -148,26 +149,40 @@ def luma_of(image: VideoFrame, orientation: Orientation) -> Bytes:
         luma = np.asarray(cv2.cvtColor(image.to_ndarray(format="bgr24"), cv2.COLOR_BGR2GRAY))
     else:
         luma = _plane(image, 0, *layout)
-    luma = orientation.turn(luma)
+    luma = orientation.turn(_one_moment(image, luma))
     luma.flags.writeable = False
     return luma
 
 
 def bgr_of(image: VideoFrame, orientation: Orientation) -> Bytes:
     """The image in colour, (h, w, 3) uint8 in the order blue, green, red; an array of its own."""
-    return orientation.turn(np.ascontiguousarray(image.to_ndarray(format="bgr24"), dtype=np.uint8))
+    bgr = np.ascontiguousarray(image.to_ndarray(format="bgr24"), dtype=np.uint8)
+    return orientation.turn(_one_moment(image, bgr))
 
 
 def chroma_of(image: VideoFrame, orientation: Orientation) -> tuple[Bytes, Bytes] | None:
     """The colour planes (cb, cr) as coded, uint8, at their own size; None where there are not two planes beside luma.
 
-    Without a copy, unless the image is turned or deeper than 8 bits.
+    Without a copy, unless the image is turned, interlaced or deeper than 8 bits.
     """
     layout = _luma_layout(image.format.name)
     if layout is None or len(image.planes) < 3 or any(plane.line_size <= 0 for plane in image.planes):
         return None
-    blue, red = (orientation.turn(_plane(image, number, *layout)) for number in (1, 2))
+    blue, red = (orientation.turn(_one_moment(image, _plane(image, number, *layout))) for number in (1, 2))
     return blue, red
+
+
+def _one_moment(image: VideoFrame, array: Bytes) -> Bytes:
+    """The array (h, w) or (h, w, 3) of an image; of an interlaced one the upper field, its rows interpolated."""
+    if not image.interlaced_frame or len(array) < 3:
+        return array
+    filled = array.copy()
+    upper = array[0::2].astype(np.uint16)
+    between = filled[1::2]
+    between[: len(upper) - 1] = (upper[:-1] + upper[1:] + 1) // 2
+    if len(array) % 2 == 0:
+        between[-1] = array[-2]
+    return filled
 
 
 def coding_of(image: VideoFrame) -> PixelCoding:
