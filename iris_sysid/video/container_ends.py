@@ -8,6 +8,7 @@ live Matroska, fragmented MP4) cannot be seen.
 from __future__ import annotations
 
 import os
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 OGG_HEADER, OGG_LAST = 27, 0x04  # bytes; flag of a stream's last page (RFC 3533, section 6)
+REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 FLV_FILE_HEADER, FLV_TAG_HEADER, FLV_BACK = 9, 11, 4  # bytes (Adobe FLV 10.1, E.2 to E.4)
 TS_SYNC, TS_PACKET, TS_NULL = 0x47, 188, 0x1FFF  # ISO 13818-1, 2.4.3
 TS_AT_ONCE = 100_000  # packets, 19 MB
@@ -44,7 +46,7 @@ def what_is_cut(path: Path, kind: str) -> str:
 
 
 def _ogg(file: BinaryIO, size: int) -> str:
-    """Pages of each stream are numbered, and the last one says so."""
+    """Pages have a checksum, those of each stream are numbered, and the last one says so."""
     position, last = 0, dict[bytes, tuple[int, int]]()
     while position < size:
         file.seek(position)
@@ -54,14 +56,22 @@ def _ogg(file: BinaryIO, size: int) -> str:
         if header[:4] != b"OggS":
             return f"no page begins at byte {position}, where one must"
         lengths = file.read(header[26])
+        if position + OGG_HEADER + header[26] + sum(lengths) > size:
+            return "its last page is cut off"
+        if _ogg_checksum(header, lengths + file.read(sum(lengths))) != int.from_bytes(header[22:26], "little"):
+            return f"the page at byte {position} is damaged"
         stream, number = header[14:18], int.from_bytes(header[18:22], "little")
         if stream in last and number != (last[stream][0] + 1) % 2**32:
             return f"page {number} of a stream follows page {last[stream][0]}"
         last[stream] = number, header[5]
         position += OGG_HEADER + header[26] + sum(lengths)
-    if position > size:
-        return "its last page is cut off"
     return "" if all(flags & OGG_LAST for _, flags in last.values()) else "the last page of a stream is missing"
+
+
+def _ogg_checksum(header: bytes, rest: bytes) -> int:
+    """CRC-32 of a page with 0 in place of its checksum, highest bit first: zlib's with all bits in reverse."""
+    page = (header[:22] + bytes(4) + header[26:] + rest).translate(REVERSED)
+    return int(f"{zlib.crc32(page, 0xFFFFFFFF) ^ 0xFFFFFFFF:032b}"[::-1], 2)
 
 
 def _transport_stream(file: BinaryIO, size: int) -> str:

@@ -629,6 +629,20 @@ def test_cut_of_a_file_that_promises_no_end_is_said(tmp_path, name, options):
             assert video.warning
 
 
+def test_bit_that_changed_in_an_ogg_file_is_said(tmp_path):
+    data = big_clip(tmp_path / "a.ogg", codec="libvpx").read_bytes()
+    said = []
+    for place in np.linspace(0.05, 0.95, 10):
+        changed = bytearray(data)
+        changed[int(place * len(data))] ^= 0x10
+        with suppress(VideoError):  # no frame of it can be read: that is said as well
+            video = open_video(written(tmp_path / "b.ogg", changed), keep_partial=True)
+            list(video.frames())
+            assert not video.complete
+            said.append(video.warning)
+    assert any("is damaged" in warning for warning in said)
+
+
 def test_packets_missing_within_a_transport_stream_are_said(tmp_path):
     data = big_clip(tmp_path / "a.ts").read_bytes()
     middle = len(data) // 2 // 188 * 188
