@@ -6,7 +6,8 @@ the processes take from one another, whatever else the machine does; that of the
 
 The part on paper schedules the clips of the published data set (durations of the scenes, 60 frames/s, 3840x2160) in
 their order on many processes: each clip takes its frames times the processor time a frame of its class, as measured by
-``validation.speed`` (table in ``docs/validation/tracking.md``), times the ratio measured here, plus the overhead.
+``validation.speed`` (table in ``docs/validation/tracking.md``), times the
+ratio of processor times, plus the overhead of a clip, both as the other two parts measured them.
 """
 
 from __future__ import annotations
@@ -82,16 +83,17 @@ def overhead(jobs: int, workers: Workers) -> tuple[float, float]:
     return landed[0], (landed[-1] - landed[0]) / (jobs - 1)
 
 
-def overhead_table(jobs: int) -> tuple[pd.DataFrame, float]:
-    """The overhead of each way to run jobs, and the largest a job, s."""
-    rows = []
+def overhead_table(jobs: int) -> pd.DataFrame:
+    """The overhead of each way to run jobs."""
+    costs = {}
     for count in (1, 2):
-        rows.append((f"{count} processes", *overhead(jobs, count)))
+        costs[f"{count} processes"] = overhead(jobs, count)
         with dask_workers(count) as address:
-            rows.append((f"{count} workers of dask", *overhead(jobs, address)))
-    table = [{"jobs without work": name, "first, s": f"{first:.2f}", "each, ms": f"{1e3 * each:.1f}"}
-             for name, first, each in rows]  # fmt: skip
-    return pd.DataFrame(table), max(each for _, _, each in rows)
+            costs[f"{count} workers of dask"] = overhead(jobs, address)
+    return pd.DataFrame(
+        {"jobs without work": name, "first, s": f"{first:.2f}", "each further, s": f"{each:.3f}"}
+        for name, (first, each) in costs.items()
+    )
 
 
 def scaling_table(folder: Path, trials: int) -> tuple[pd.DataFrame, float]:
@@ -169,20 +171,37 @@ def paper_table(each_s: float, ratio: float) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def print_overhead(jobs: int) -> None:
+    """Print the table of jobs without work."""
+    print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}\n\n{pages.markdown(overhead_table(jobs))}")
+
+
+def print_clips(trials: int) -> None:
+    """Print the table of clips by one process and by two."""
+    with tempfile.TemporaryDirectory() as folder:
+        table, ratio = scaling_table(Path(folder), trials)
+    print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}\n\n{pages.markdown(table)}")
+    print(f"\nProcessor time, two processes over one: {ratio:.2f}.")
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measure, and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--jobs", type=int, default=300, help="jobs without work")
-    parser.add_argument("--trials", type=int, default=3, help="clips of each of three settings")
+    parser.add_argument("--jobs", type=int, default=48, help="jobs without work")
+    parser.add_argument("--trials", type=int, default=2, help="clips of each of three settings")
+    parser.add_argument("--each", type=float, default=0.5, help="overhead of a clip on paper, s")
+    parser.add_argument("--ratio", type=float, default=1.05, help="ratio of processor times on paper")
+    parser.add_argument("--only", choices=("overhead", "clips", "paper"))
     pages.add_option(parser)
     options = parser.parse_args(arguments)
-    with pages.table("scaling", options.write_docs), tempfile.TemporaryDirectory() as folder:
-        print(f"{os.cpu_count()} processors, load {os.getloadavg()[0]:.1f}\n")
-        table, each_s = overhead_table(options.jobs)
-        print(pages.markdown(table))
-        table, ratio = scaling_table(Path(folder), options.trials)
-        print(f"\n{pages.markdown(table)}\n\nProcessor time, two processes over one: {ratio:.2f}.\n")
-        print(pages.markdown(paper_table(each_s, ratio)))
+    parts: dict[str, Callable[[], None]] = {
+        "overhead": lambda: print_overhead(options.jobs),
+        "clips": lambda: print_clips(options.trials),
+        "paper": lambda: print(pages.markdown(paper_table(options.each, options.ratio))),
+    }
+    for name in (options.only,) if options.only else parts:
+        with pages.table(f"scaling-{name}", options.write_docs):
+            parts[name]()
 
 
 if __name__ == "__main__":
