@@ -1,6 +1,7 @@
 """Tables: what is written reads back exactly, what is typed by hand reads, what is wrong is named to the cell."""
 
 import math
+import tracemalloc
 from dataclasses import fields
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from iris_sysid.errors import DataError, OutputError
+from iris_sysid.io.csv_cells import read_sheet
 from iris_sysid.io.csv_columns import SUFFIXES, column_of, parse_column
 from iris_sysid.io.csv_write import (
     estimates_frame,
@@ -569,3 +571,14 @@ def test_value_whose_powers_overflow_is_refused():
         DataError, match=r"a position of 1e\+160 is too large to compute with; give it in a larger unit"
     ):
         trajectory(position=np.full((5, 1), 1e160))
+
+
+def test_reading_a_long_table_takes_some_times_the_memory_of_its_text(tmp_path):
+    path = tmp_path / "long.csv"
+    path.write_text("t_s,theta_rad\n" + "".join(f"{k / 100:.2f},{k % 97 / 100}\n" for k in range(50_000)))
+    tracemalloc.start()
+    sheet = read_sheet(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(sheet.lines) == 50_000
+    assert peak < 25 * path.stat().st_size  # 35 times with a list a row
