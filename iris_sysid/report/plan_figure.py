@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from iris_sysid.diagnosis.planning.detection_limit import DetectionLimits
 from iris_sysid.diagnosis.planning.plan import Plan
+from iris_sysid.report.plan_text import percent_of
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73")  # Okabe and Ito (2008); more lines cannot be told apart
 
@@ -28,7 +29,7 @@ def plan_figure(planned: Plan) -> Figure:
         axes.axhspan(-noise, noise, color="0.9", label="noise of a sample")
         for colour, (name, change) in zip(COLOURS, proposal.differences.items(), strict=False):
             axes.plot(proposal.t_s, change[:, 0], color=colour, label=f"{name} less {first}")
-        axes.set_title(f"{title}: {100 * proposal.power:.0f} %", fontsize=10)
+        axes.set_title(f"{title}: {percent_of(proposal)}", fontsize=10)
         axes.set_xlabel("time (s)")
     left.set_ylabel(f"difference of {quantity.name} after a refit ({quantity.unit})")
     right.legend(fontsize=8)

@@ -32,8 +32,18 @@ MOST_SHOWN = 12
 BETTER = 0.1  # by which the best proposal's power must exceed that of a repeat to be called better
 
 
+UNDESCRIBED = (
+    "None of these describes today's clip, whose residual is far above its noise: what is predicted holds only if one "
+    "of them is right all the same."
+)
+
+
 def advice(planned: Plan) -> tuple[str, ...]:
     """One or two sentences: the best clip to make next, and how likely it decides."""
+    return (*_best(planned), *((UNDESCRIBED,) if planned.fitted.status == "misfit" else ()))
+
+
+def _best(planned: Plan) -> tuple[str, ...]:
     names = [name for name in planned.probabilities if name != NOTHING]
     best, repeat = planned.best, planned.repeat
     if np.isnan(best.power):

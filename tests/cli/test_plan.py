@@ -1,6 +1,7 @@
 """The command ``plan``: what a diagnosis on disk leaves open, ranked, and decided with one more clip."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from iris_sysid import DataError, Plan, Proposal, SetUpChange, diagnose, fit, wr
 from iris_sysid.cli._parsing import with_clip_settings
 from iris_sysid.io.json_documents import read_document, write_document
 from iris_sysid.io.schemas import PlanDocument
-from iris_sysid.report.plan_text import change_of, plan_document
+from iris_sysid.report.plan_text import advice, change_of, plan_document
 from tests.diagnosis.test_planning import swing
 
 NAMES = ("quadratic-drag", "coulomb-friction")
@@ -52,6 +53,14 @@ def test_change_is_read_back_from_a_plan(diagnosed, cli, tmp_path):
     outcome = cli("plan", diagnosed / "diagnosis", diagnosed / "small.csv", "--change", f"{file}:long")
     assert outcome.status == 1
     assert "there are: release75" in outcome.err
+
+
+def test_advice_says_where_no_name_describes_the_clip():
+    proposal = Proposal(SetUpChange("long", "film longer"), 0.9, {}, {}, 1.0, np.zeros(1), {})
+    good = Plan(dict.fromkeys(NAMES, 0.5), {}, proposal, (proposal,), fit(swing(0.15), "pendulum"))
+    assert len(advice(good)) == 1
+    said = advice(replace(good, fitted=replace(good.fitted, status="misfit")))
+    assert "None of these describes today's clip" in said[-1]
 
 
 def test_unknown_change_lists_those_there_are(diagnosed, cli):
