@@ -35,3 +35,25 @@ def test_exit_status_and_arguments_pass_through():
 def test_crash_is_a_stated_failure(name, match):
     with pytest.raises(IrisError, match=match):
         run_limited(f"import os, signal; os.kill(os.getpid(), signal.{name})", [])
+
+
+def _command(*arguments):
+    program = [sys.executable, "-c", "from iris_sysid.cli import main; main()"]
+    return subprocess.run([*program, *map(str, arguments)], check=False, capture_output=True, text=True, timeout=120)
+
+
+def test_command_in_a_sandbox_writes_the_same_bytes(pendulum_clip, tmp_path):
+    plain, limited = tmp_path / "plain.png", tmp_path / "limited.png"
+    first = _command("frame", pendulum_clip, "--time", "0.5", "-o", plain)
+    second = _command("frame", pendulum_clip, "--time", "0.5", "-o", limited, "--sandbox")
+    assert (first.returncode, second.returncode) == (0, 0)
+    assert second.stdout == first.stdout.replace(str(plain), str(limited))
+    assert limited.read_bytes() == plain.read_bytes()
+
+
+def test_command_whose_process_dies_in_the_sandbox_ends_with_one_line(tmp_path, angles):
+    (tmp_path / "crash.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n")
+    done = _command("fit", angles, "--model", f"{tmp_path / 'crash.py'}:m", "-o", tmp_path / "f.json", "--sandbox")
+    assert done.returncode == 1
+    assert done.stderr.startswith("iris-sysid: the process that reads the file crashed or was ended (SIGSEGV)")
+    assert "Traceback" not in done.stderr
