@@ -15,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,49 +36,50 @@ CLIPS = {
     "mp4": "libx264", "mov": "libx264", "mkv": "libx264", "webm": "libvpx", "avi": "mpeg4", "flv": "libx264",
     "mpegts": "libx264", "mpeg": "mpeg2video", "ogg": "libvpx", "gif": "gif",
 }  # fmt: skip
+PARTS = ("readers", "clips", "commands")
 READER = re.compile(r"^(\S+) \| ([0-9]+) \| (.*)$", re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """A command, as words in which ``{out}`` is its folder, and what must be there before it runs."""
+    """A command on the input in the folder ``work``."""
 
     name: str
-    words: tuple[str, ...]
+    work: Path
 
     def command(self, out: Path) -> list[str]:
         """The command line that writes into a folder."""
-        return [*COMMAND, *(word.format(out=out) for word in self.words)]
+        return [*COMMAND, *(word.format(work=self.work, out=out) for word in COMMANDS[self.name])]
 
 
-def steps(work: Path, short: bool) -> Iterator[Step]:
-    """The commands that are tried, on a small table, clip and data set made in the folder."""
-    table, clip, dataset = work / "swing.csv", work / "clip.mp4", work / "dataset"
-    yield Step("fit", ("fit", str(table), "--model", "linear-pendulum", "-o", "{out}/fit.json", "--force"))
-    if short:
-        return
-    scale = ("--phenomenon", "pendulum", "--scale", "200px=1m")
-    yield Step("run", ("run", str(clip), *scale, "-o", "{out}", "--force"))
-    one_class = ("--classes", "Pendulum", "--trials", "1", "--size", "160x120", "--seconds", "2")
-    yield Step("render", ("render", "--dataset", "{out}/dataset", *one_class))
-    yield Step("gt", ("gt", str(dataset), "-o", "{out}/parameters.json"))
-    yield Step("benchmark", ("benchmark", str(dataset), "-o", "{out}"))
+SMALL = ("--size", "160x120", "--seconds", "2")
+ONE_CLASS = ("--classes", "Pendulum", "--trials", "1", *SMALL)
+COMMANDS = {
+    "fit": ("fit", "{work}/swing.csv", "--model", "linear-pendulum", "-o", "{out}/fit.json", "--force"),
+    "run": (
+        *("run", "{work}/clip.mp4", "--phenomenon", "pendulum", "--scale", "200px=1m", "-o", "{out}/run", "--force"),
+    ),
+    "render": ("render", "--dataset", "{out}/dataset", *ONE_CLASS),
+    "gt": ("gt", "{work}/dataset", "-o", "{out}/parameters.json"),
+    "benchmark": ("benchmark", "{work}/dataset", "-o", "{out}/benchmark"),
+}
+INPUTS = {  # of the commands that need more than a table
+    "run": ("render", "--phenomenon", "pendulum", *SMALL, "-o", "{work}/clip.mp4"),
+    "gt": ("render", "--dataset", "{work}/dataset", *ONE_CLASS),
+}
 
 
-def make_input(work: Path, short: bool) -> None:
+def make_input(work: Path, commands: Sequence[str]) -> None:
     """A table of a swing, and where they are needed a rendered clip and data set."""
     t_s = np.arange(200) / 50
     noise = np.random.default_rng(1).normal(0, 1e-3, t_s.size)
     theta = 0.2 * np.exp(-0.05 * t_s) * np.cos(4 * t_s) + noise
     rows = "".join(f"{t:.3f},{angle:.6f}\n" for t, angle in zip(t_s, theta, strict=True))
     (work / "swing.csv").write_text(f"t_s,theta_rad\n{rows}")
-    if not short:
-        small = ("--size", "160x120", "--seconds", "2")
-        subprocess.run(
-            [*COMMAND, "render", "--phenomenon", "pendulum", *small, "-o", str(work / "clip.mp4")], check=True
-        )
-        one_class = ("--classes", "Pendulum", "--trials", "1")
-        subprocess.run([*COMMAND, "render", "--dataset", str(work / "dataset"), *one_class, *small], check=True)
+    for name in dict.fromkeys("gt" if name == "benchmark" else name for name in commands):
+        if name in INPUTS:
+            words = [word.format(work=work) for word in INPUTS[name]]
+            subprocess.run([*COMMAND, *words], check=True, capture_output=True)
 
 
 # --------------------------------------------------------------------------- readers and clips
@@ -221,11 +222,12 @@ def same_bytes(step: Step, work: Path, disturb: Callable[[list[str], Path], None
     return last.status in (0, 1) and content(disturbed) == content(calm)
 
 
-def disturbances(work: Path, short: bool, kills: int) -> pd.DataFrame:
+def disturbances(work: Path, commands: Sequence[str], kills: int) -> pd.DataFrame:
     """Of each command: killed at random times, two at once, a full disk, files from the future, memory."""
     rng = random.Random(0)
     rows = []
-    for step in steps(work, short):
+    make_input(work, commands)
+    for step in (Step(name, work) for name in commands):
         (work / f"{step.name}-calm").mkdir()
         calm = ended(step.command(work / f"{step.name}-calm"))
 
@@ -280,15 +282,20 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=600.0, help="of mutated input for all readers together")
     parser.add_argument("--kills", type=int, default=10, help="kill points of each command")
     parser.add_argument("--each", type=int, default=100, help="cuts, and flipped bits, of each kind of clip")
+    parser.add_argument("--part", choices=PARTS, action="append", help="readers, clips, commands; all if none is given")
+    parser.add_argument("--command", action="append", help="fit, run, render, gt, benchmark; all if none is given")
     pages.add_option(parser)
     options = parser.parse_args()
     seconds, kills, each = (8.0, 2, 8) if options.short else (options.seconds, options.kills, options.each)
-    with pages.table("torture", options.write_docs), tempfile.TemporaryDirectory() as folder:
-        work = Path(folder)
-        make_input(work, options.short)
-        print(pages.markdown(readers(seconds)))
-        print(pages.markdown(damaged_clips(work, each)))
-        print(pages.markdown(disturbances(work, options.short, kills)))
+    commands = ["fit"] if options.short else options.command or list(COMMANDS)
+    makes: dict[str, Callable[[Path], pd.DataFrame]] = {
+        "readers": lambda _: readers(seconds),
+        "clips": lambda work: damaged_clips(work, each),
+        "commands": lambda work: disturbances(work, commands, kills),
+    }
+    for part in options.part or PARTS:
+        with pages.table(f"torture-{part}", options.write_docs), tempfile.TemporaryDirectory() as folder:
+            print(pages.markdown(makes[part](Path(folder))), flush=True)
 
 
 if __name__ == "__main__":
