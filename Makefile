@@ -98,4 +98,4 @@ constraints: .venv-release/ready
 	touch $@
 
 clean:
-	rm -rf .venv .venv-release build dist demo-output docs-output *.egg-info
+	rm -rf .venv .venv-release build dist demo-output docs-output fuzz-output *.egg-info
