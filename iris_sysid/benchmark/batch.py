@@ -38,4 +38,13 @@ class Batch(Generic[Job, Outcome]):
 def limited(work: Callable[[Path, Job], Outcome], folder: Path, job: Job) -> Outcome:
     """Do a job within limits of memory and time for this process, which a file that is not trusted could exhaust."""
     limit_process()
-    return work(folder, job)
+    return one_thread(work, folder, job)
+
+
+def one_thread(work: Callable[[Path, Job], Outcome], folder: Path, job: Job) -> Outcome:
+    """Do a job with one thread of linear algebra: sums in several threads differ in the last digit."""
+    import scipy.linalg  # noqa: F401  # its library is limited only when it is loaded
+    from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # ships none
+
+    with threadpool_limits(1, "blas"):
+        return work(folder, job)

@@ -18,7 +18,7 @@ from pathlib import Path, PurePath
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from iris_sysid.benchmark.batch import Batch, Job, Outcome, limited
+from iris_sysid.benchmark.batch import Batch, Job, Outcome, limited, one_thread
 from iris_sysid.errors import DataError, IrisError, OutputError
 from iris_sysid.io.files import origin_of, write_atomic
 
@@ -173,7 +173,8 @@ def carry_out(environment: Mapping[str, str], content: bytes) -> Done:
         folder = Path(name).resolve()
         for place, bytes_ in given.items():
             write_atomic(folder / place, bytes_)
-        outcome = limited(work, folder, job) if get_worker().nanny else work(folder, job)  # a nanny starts it again
+        # a nanny starts a worker again that its limits end
+        outcome = limited(work, folder, job) if get_worker().nanny else one_thread(work, folder, job)
         places = [path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()]
         written = _files(folder, places)
     return outcome, {place: bytes_ for place, bytes_ in written.items() if given.get(place) != bytes_}

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 
-from iris_sysid.benchmark.batch import Batch, Job, Outcome, limited
+from iris_sysid.benchmark.batch import Batch, Job, Outcome, limited, one_thread
 from iris_sysid.errors import DataError
 
 MOST_WORKERS = 256
@@ -45,7 +45,7 @@ def side_by_side(batch: Batch[Job, Outcome], jobs: Sequence[Job], workers: Worke
         yield from on_cluster(batch, jobs, workers)
     elif workers == 0:
         for job in jobs:
-            yield job, batch.work(batch.folder, job)
+            yield job, one_thread(batch.work, batch.folder, job)
     else:
         yield from _in_processes(batch, jobs, workers)
 
