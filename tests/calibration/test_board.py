@@ -375,7 +375,7 @@ def test_image_larger_than_the_slow_search_can_hold_is_searched_smaller(monkeypa
 @pytest.mark.parametrize("shape", [(40, 8160), (32, 33), (1, 1)])
 def test_picture_of_a_few_rows_shows_no_board(tmp_path, shape):
     cv2.imwrite(str(tmp_path / "a.png"), np.full(shape, 128, np.uint8))
-    with pytest.raises(CalibrationError, match="no checkerboard is seen|too small for a board"):
+    with pytest.raises(CalibrationError, match=r"no checkerboard is seen|too small for a board"):
         find_board(tmp_path / "a.png", BOARD)
 
 
