@@ -18,9 +18,10 @@ from av.video.stream import VideoStream
 
 from iris_sysid.errors import VideoError
 from iris_sysid.video.completeness import EMPTY_PACKET_BYTES, Promise, Tally, promise_of, what_is_missing
-from iris_sysid.video.container_ends import top_level_boxes, what_is_cut
+from iris_sysid.video.container_ends import what_is_cut
 from iris_sysid.video.even_times import EvenTimes, even_times, is_coarse
 from iris_sysid.video.pixel_formats import Orientation, coding_of, orientation_of
+from iris_sysid.video.sample_tables import boxes
 
 MAX_SIDE_PX = 16384
 MAX_PIXELS = 2**28
@@ -270,7 +271,7 @@ def _has_box(path: Path, kind: bytes) -> bool:
     """Whether an MP4 has a whole top-level box of that kind."""
     size = path.stat().st_size
     with path.open("rb") as file:
-        found = (start + length <= size for name, start, length in top_level_boxes(file, size) if name == kind)
+        found = (start + length <= size for name, start, length in boxes(file, 0, size) if name == kind)
         return next(found, False)
 
 

@@ -1,4 +1,4 @@
-"""Whether a file's own structure goes on to its end: chains of pages, packets, tags, elements and boxes.
+"""Whether a file's own structure is whole to its end: chains of pages, packets, tags, elements and boxes.
 
 A file that was cut off while it was recorded or copied often plays as a shorter clip. These formats number or measure
 their parts, which shows a cut that no header speaks of. A cut between two parts of a format that marks no end (MPEG-TS,
@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import os
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
+
+from iris_sysid.video.sample_tables import BOX_HEADER, boxes, what_disagrees
 
 OGG_HEADER, OGG_LAST = 27, 0x04  # bytes; flag of a stream's last page (RFC 3533, section 6)
 REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
@@ -24,12 +26,11 @@ TS_AT_ONCE = 100_000  # packets, 19 MB
 FILE_PROPERTIES = bytes.fromhex("a1dcab8c47a9cf118ee400c00c205365")  # ASF specification, 10.1
 ASF_BROADCAST = 0x01
 UNKNOWN_SIZE = -1
-SHORTEST_BOX = 8  # bytes
 EBML_HEADER, SEGMENT = 0x1A45DFA3, 0x18538067  # RFC 8794 and RFC 9559
 
 
 def what_is_cut(path: Path, kind: str) -> str:
-    """Why the file's structure does not go on to its end; empty where it does, or where the format does not tell.
+    """Why the file's structure is not whole to its end; empty where it is, or where the format does not tell.
 
     Parameters
     ----------
@@ -157,25 +158,11 @@ def _variable_integer(file: BinaryIO, *, keep_marker: bool) -> int:
     return UNKNOWN_SIZE if without == (1 << 7 * length) - 1 else without
 
 
-def top_level_boxes(file: BinaryIO, size: int) -> Iterator[tuple[bytes, int, int]]:
-    """Kind, start and stated length of each top-level box of an MP4 of that size, bytes (ISO 14496-12, 4.2).
-
-    The last one is the first that states a length below that of its own header; 0 means: to the end.
-    """
-    position, length = 0, SHORTEST_BOX
-    while position < size and length >= SHORTEST_BOX:
-        file.seek(position)
-        head = file.read(16)
-        length = int.from_bytes(head[8:16], "big") if head[:4] == b"\0\0\0\1" else int.from_bytes(head[:4], "big")
-        yield head[4:8], position, length
-        position += length
-
-
 def _boxes(file: BinaryIO, size: int) -> str:
-    """Boxes state their length."""
-    ends = [(start, length) for _, start, length in top_level_boxes(file, size)]
-    cut = any(0 < length < SHORTEST_BOX or start + length > size for start, length in ends)
-    return "its last box is cut off" if cut else ""
+    """Boxes state their length, and their tables count the same samples."""
+    ends = [(start, length) for _, start, length in boxes(file, 0, size)]
+    cut = any(0 < length < BOX_HEADER or start + length > size for start, length in ends)
+    return "its last box is cut off" if cut else what_disagrees(file, size)
 
 
 def _windows_media(file: BinaryIO, size: int) -> str:

@@ -643,6 +643,20 @@ def test_bit_that_changed_in_an_ogg_file_is_said(tmp_path):
     assert any("is damaged" in warning for warning in said)
 
 
+@pytest.mark.parametrize("suffix", [".mp4", ".mov"])
+@pytest.mark.parametrize(("table", "number"), [(b"stsz", 2), (b"stts", 2), (b"stsc", 3), (b"stsc", 2), (b"stco", 1)])
+def test_tables_of_an_mp4_that_count_other_frames_are_said(tmp_path, table, number, suffix):
+    data = bytearray(big_clip(tmp_path / f"a{suffix}").read_bytes())
+    assert open_video(tmp_path / f"a{suffix}").complete
+    place = data.index(table) + 4 + 4 * number + 3  # the last byte of one of its numbers
+    data[place] ^= 0x04
+    with suppress(VideoError):  # no frame of it can be read: that is said as well
+        video = open_video(written(tmp_path / f"b{suffix}", data), keep_partial=True)
+        list(video.frames())
+        assert not video.complete
+        assert video.warning
+
+
 def test_packets_missing_within_a_transport_stream_are_said(tmp_path):
     data = big_clip(tmp_path / "a.ts").read_bytes()
     middle = len(data) // 2 // 188 * 188
