@@ -16,7 +16,7 @@ class Validation:
     """How well a fitted model simulates a record that was not used.
 
     ``rms`` (d,): simulation error, root mean square, in the units of the ``quantities`` (d,). ``fit_percent`` (d,):
-    100 (1 - |error| / |observed - mean|), 100 for a perfect simulation and 0 for one no better than the mean.
+    100 (``1 - |error| / |observed - mean|``), 100 for a perfect simulation and 0 for one no better than the mean.
     ``simulated`` has the predicted motion and its residual.
     """
 
