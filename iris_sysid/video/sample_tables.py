@@ -55,7 +55,7 @@ def what_disagrees(file: BinaryIO, size: int) -> str:
 def _counts(file: BinaryIO, track: tuple[int, int]) -> dict[str, float]:
     """How many samples each table of a track counts; none where it holds no pictures."""
     kinds = [_numbers(file, start, end)[2:3].tobytes() for start, end in _inside(file, *track, b"mdia", b"hdlr")]
-    if kinds != [np.frombuffer(PICTURES, ">u4").tobytes()]:
+    if kinds != [PICTURES]:
         return {}
     tables = {
         kind: _numbers(file, start + BOX_HEADER, min(start + length, end))
@@ -82,8 +82,9 @@ def _in_chunks(entries: NDArray[np.float64], chunks: float) -> float:
 
 def _entries(table: NDArray[np.uint32], width: int) -> NDArray[np.float64]:
     """The rows (n, width) of a table, which begins with a version and their number."""
-    whole = table[2 : 2 + (table.size - 2) // width * width].reshape(-1, width) if table.size > 2 else table[:0]
-    return whole.reshape(-1, width)[: int(table[1:2].sum())].astype(np.float64)
+    rows = table[2:]
+    whole = rows[: rows.size // width * width].reshape(-1, width)
+    return whole[: int(table[1:2].sum())].astype(np.float64)
 
 
 def _numbers(file: BinaryIO, start: int, end: int) -> NDArray[np.uint32]:
