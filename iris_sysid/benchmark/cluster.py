@@ -8,10 +8,14 @@ Scheduling: Rocklin (2015), *Proc. 14th Python in Science Conf.*, 126.
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import importlib
+import json
 import pickle
+import time
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from itertools import islice
 from pathlib import Path, PurePath
@@ -26,6 +30,7 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 CONNECT_S = 20.0  # a scheduler that runs answers within so long
+FILE_TRIES, FILE_WAIT_S = 10, 0.05  # its file is written at once, but not in one step
 AHEAD = 2  # jobs that are sent for each worker: one at work, one that waits for it
 LEAST_AHEAD = 8  # sent also while there are fewer workers, so that those who come find work
 LARGE = "distributed.admin.large-graph-warning-threshold"  # jobs carry the tracks that they read
@@ -83,17 +88,38 @@ def connected(scheduler: str) -> Client:
     try:
         from dask import config
         from distributed import Client
+        from distributed.utils import LoopRunner
     except ImportError as error:
         raise DataError("a scheduler needs dask: pip install 'iris-sysid[cluster]'") from error
-    is_file = scheduler.endswith(".json")
-    if is_file and not Path(scheduler).is_file():
-        raise DataError(f"there is no file {scheduler}; dask scheduler --scheduler-file {scheduler} writes it")
+    address = _address_in(scheduler) if scheduler.endswith(".json") else scheduler
     config.set({LARGE: "1GB"})
-    where = {"scheduler_file" if is_file else "address": scheduler}
     try:
-        return Client(**where, timeout=CONNECT_S, set_as_default=False)
+        # A client that fails to connect closes itself when it is collected, under a lock that the next one may hold.
+        LoopRunner().run_sync(_greet, address)
+        return Client(address, timeout=CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as error:  # TimeoutError is an OSError
         raise DataError(f"no dask scheduler answers at {scheduler}; is it running? ({error})") from error
+
+
+def _address_in(file: str) -> str:
+    """The address in the file of a scheduler, which may be at writing it."""
+    if not Path(file).is_file():
+        raise DataError(f"there is no file {file}; dask scheduler --scheduler-file {file} writes it")
+    for _ in range(FILE_TRIES):
+        with suppress(ValueError, KeyError, TypeError):
+            return str(json.loads(Path(file).read_bytes())["address"])
+        time.sleep(FILE_WAIT_S)
+    raise DataError(f"{file} names no address; dask scheduler --scheduler-file {file} writes it")
+
+
+async def _greet(address: str) -> None:
+    """Exchange the first messages with a scheduler; OSError or ValueError when it does not answer as one."""
+    from distributed.comm import connect
+    from distributed.security import Security
+
+    async with asyncio.timeout(CONNECT_S):
+        comm = await connect(address, timeout=CONNECT_S, **Security().get_connection_args("client"))
+    await comm.close()
 
 
 def _landing(client: Client, batch: Batch[Job, Outcome], waiting: Iterator[Job]) -> Iterator[tuple[Job, Done | None]]:

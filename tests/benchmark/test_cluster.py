@@ -214,6 +214,29 @@ def test_address_that_is_none_is_named(address, monkeypatch):
         cluster.connected(address)
 
 
+def test_scheduler_that_does_not_answer_leaves_no_client_behind(monkeypatch):
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.2)
+    monkeypatch.setattr("distributed.Client", lambda *arguments, **options: pytest.fail("a client was made"))
+    with pytest.raises(DataError, match="no dask scheduler answers"):
+        cluster.connected("tcp://127.0.0.1:1")
+
+
+def test_server_that_is_no_scheduler_is_named(monkeypatch):
+    monkeypatch.setattr(cluster, "CONNECT_S", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        with pytest.raises(DataError, match=f"no dask scheduler answers at {address}"):
+            cluster.connected(address)
+
+
+@pytest.mark.parametrize("content", ["", "{}", "[]", '{"address"'])
+def test_file_without_an_address_is_named(content, tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "FILE_WAIT_S", 0.0)
+    (tmp_path / "scheduler.json").write_text(content)
+    with pytest.raises(DataError, match=r"scheduler\.json names no address"):
+        cluster.connected(str(tmp_path / "scheduler.json"))
+
+
 def test_file_of_a_scheduler_that_is_missing_is_named(tmp_path):
     with pytest.raises(DataError, match=r"there is no file .*none\.json; dask scheduler --scheduler-file"):
         cluster.connected(str(tmp_path / "none.json"))
