@@ -20,7 +20,7 @@ DIST ?= dist
 WORKERS ?= 2
 # One thread for each worker: two workers that share two cores with BLAS threads wait for each other.
 ONE_THREAD := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1
-PYTEST := $(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS)
+PYTEST := $(ONE_THREAD) $(BIN)/python -m pytest -n $(WORKERS) --max-worker-restart 0
 
 SECONDS ?= 3600
 COMPILE := .venv-release/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header --no-annotate
