@@ -220,7 +220,9 @@ def _refitted(
     for effect in effects:
         for _ in range(MOST_MOVES):
             values = _in_better_shape(effect, clip, best, unit)
-            moved = _fit_from(clip, values, fitted.free, model, effects) if values else best
+            if not values:
+                break
+            moved = _fit_from(clip, values, fitted.free, model, effects)
             if not moved.usable or _misfit(clip, moved, unit) >= _misfit(clip, best, unit):
                 break
             best = moved
