@@ -58,6 +58,37 @@ def estimate_background(stack: Bytes, usable: Flags | None = None) -> Background
     return BackgroundEstimate(centre, np.maximum(noise, QUANTISATION_SD).astype(np.float32))
 
 
+def estimate_again(stack: Bytes, known: BackgroundEstimate, before: Flags | None, usable: Flags) -> BackgroundEstimate:
+    """The estimate where other samples are left out than before: worked out anew only about where these differ.
+
+    Parameters
+    ----------
+    stack, usable
+        As for :func:`estimate_background`.
+    known
+        The estimate by the samples that were usable before.
+    before
+        Those samples (k, h, w); None for all.
+    """
+    differs = (~usable if before is None else usable != before).any(axis=0).view(np.uint8)
+    left, top, columns, rows = cv2.boundingRect(differs)
+    if not columns:
+        return known
+    height, width = differs.shape
+    inner, outer = (
+        (max(0, top - by), min(height, top + rows + by), max(0, left - by), min(width, left + columns + by))
+        for by in (POOL, 2 * POOL)  # the noise is that of neighbours, whose cut is that of theirs
+    )
+    part = slice(outer[0], outer[1]), slice(outer[2], outer[3])
+    anew = estimate_background(np.ascontiguousarray(stack[:, *part]), usable[:, *part])
+    estimate = BackgroundEstimate(*(image.copy() for image in known))
+    for image, new in zip(estimate, anew, strict=True):
+        image[inner[0] : inner[1], inner[2] : inner[3]] = new[
+            inner[0] - outer[0] : inner[1] - outer[0], inner[2] - outer[2] : inner[3] - outer[2]
+        ]
+    return estimate
+
+
 def _near(centre: Image, cut: Image, stack: Bytes, usable: Flags | None) -> tuple[Image, Image]:
     """Mean and variance of the samples within ``cut`` of the centre."""
     rows, channels = (len(stack), stack.shape[1], -1), 1 if stack.ndim == 3 else stack.shape[3]
