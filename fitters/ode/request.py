@@ -27,6 +27,7 @@ class FitOptions:
     sample (``zero-order``). ``multistart``: number of random starts to try when no start explains the data.
     ``local``: the start is near the minimum, e.g. that of a simpler model; minimise from it without a global search.
     ``discrepancy``: where the residual is more than noise, add to the errors what the equation may lack.
+    ``rough``: with ``local``, stop where a step changes the sum of squares by less than 1e-5, and keep outliers.
     """
 
     segments: tuple[SegmentLabel, ...] = ("motion",)
@@ -35,6 +36,7 @@ class FitOptions:
     multistart: int = 8
     local: bool = False
     discrepancy: bool = True
+    rough: bool = False
 
 
 DEFAULT_OPTIONS = FitOptions()

@@ -188,6 +188,8 @@ def find_minimum(request: FitRequest) -> Minimum:
     else:
         solution = search(task.problem, task.target, task.unknowns, _starts(task, request.start, options.multistart))
     _check_finite(request, task, solution)
+    if options.local and options.rough:
+        return Minimum(task, task.target, solution)
     most = max(PATIENCE[0] // int(task.selection.used.sum()), PATIENCE[1]) if options.local else None
     target, solution = _without_outliers(task, solution, options.loss, most)
     if task.priors:

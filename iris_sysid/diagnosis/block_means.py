@@ -2,7 +2,8 @@
 
 A score is a sum over samples of residual times sensitivity. Where a sensitivity changes little from one sample to the
 next, the sum over blocks of mean residual times mean sensitivity is the same sum: no information is lost, and a test
-costs what the number of blocks costs. Refits, sizes and errors use every sample.
+costs what the number of blocks costs. Where many effects must be refitted to say which explain the record at all, one
+sample of each block does. The refits that decide, sizes and errors use every sample.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from fitters.image_effects import view_of
 from iris_sysid.types import Array, FitResult, Trajectory
 
 FEW = 10_000  # samples up to which every one is used, and blocks that a longer record has at least
+FEWEST = 5_000  # the same of the samples by which effects are ranked
 BLURRED = 0.01  # largest share of the motion's variance inside blocks: changes means by half of it, a size by no more
 
 
@@ -39,7 +41,7 @@ def block_means(given: Residuals) -> Residuals:
     given
         A fit with all its samples.
     """
-    starts = _starts(given.fitted)
+    starts = _starts(given.fitted, FEW)
     if starts is None:
         return given
     fitted, used = given.fitted, given.fitted.used
@@ -76,10 +78,44 @@ def block_means(given: Residuals) -> Residuals:
     return Residuals(short, trajectory, noise, means(given.stated))
 
 
-def _starts(fitted: FitResult) -> NDArray[np.intp] | None:
+def one_a_block(fitted: FitResult, trajectory: Trajectory) -> NDArray[np.intp]:
+    """Indices (m,) of the first sample used of each block; of all used where blocks have one sample.
+
+    Parameters
+    ----------
+    fitted, trajectory
+        A fit, and what it was fitted to; where that has inputs, between samples they are known by the samples alone.
+    """
+    used = np.flatnonzero(fitted.used)
+    starts = _starts(fitted, FEWEST) if trajectory.inputs is None else None
+    return used if starts is None else used[starts]
+
+
+def at_samples(trajectory: Trajectory, which: NDArray[np.intp]) -> Trajectory:
+    """The trajectory with some of its samples alone, all in one segment, and without what their errors have in common.
+
+    Parameters
+    ----------
+    trajectory
+        Without inputs.
+    which
+        Indices (m,), increasing.
+    """
+    return trajectory.with_(
+        t_s=trajectory.t_s[which],
+        position=trajectory.position[which],
+        sigma=trajectory.sigma[which],
+        valid=trajectory.valid[which],
+        segments=(),
+        smoothed=None,
+        first_frame=None,
+    )
+
+
+def _starts(fitted: FitResult, few: int) -> NDArray[np.intp] | None:
     """Indices (m,), among the samples used, at which blocks of equal duration begin; None for blocks of one sample."""
     seen, t_s = fitted.predicted[fitted.used], fitted.t_s[fitted.used]
-    size = fitted.n // FEW
+    size = fitted.n // few
     while size > 1:
         number = np.floor((t_s - t_s[0]) / (size * np.median(np.diff(t_s))) * (1 + 1e-9))
         starts = np.flatnonzero(np.diff(number, prepend=-1.0))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 from fitters.ode import FitRequest
+from iris_sysid.diagnosis.block_means import at_samples, one_a_block
 from iris_sysid.diagnosis.evidence import DECISIVE, best_first, cost_above
 from iris_sysid.diagnosis.library import EffectLibrary
 from iris_sysid.diagnosis.prediction_error import validation_error
@@ -51,12 +53,20 @@ class FitCache:
         self._models: dict[frozenset[str], ModelWithEffects] = {base.key: base}
         self._screenings: dict[frozenset[str], Screening] = {}
         self._errors: dict[frozenset[str], float] = {}
+        self._few: FitCache | None = None
 
     @property
     def failed(self) -> list[tuple[str, FitResult]]:
         """The effects that could not be added to the base alone, each with the first fit that failed."""
-        alone = [model for model in self._models.values() if len(model.effects) == 1 and not model.usable]
-        return [(model.effects[0].name, next(fit for fit in model.fits if not fit.usable)) for model in alone]
+        alone = [model for model in self._tried() if len(model.effects) == 1 and not model.usable]
+        failed = {model.effects[0].name: next(fit for fit in model.fits if not fit.usable) for model in alone}
+        return list(failed.items())
+
+    def _tried(self) -> Iterator[ModelWithEffects]:
+        """All refits, those to few samples as well."""
+        yield from self._models.values()
+        if self._few is not None:
+            yield from self._few._tried()
 
     def screening(self, current: ModelWithEffects) -> Screening:
         """The score tests of every effect that a model does not have yet."""
@@ -120,10 +130,39 @@ class FitCache:
         allowed = [candidate for candidate in candidates if self.library.allows(candidate)]
         worth = [candidate for candidate in allowed if candidate.ratio > WORTH_REFITTING][:REFITTED]
         alone = [candidate for candidate in candidates if len(candidate.names) == 1]
-        chosen = alone if current.far_off and alone else worth  # far off, neither gains nor signs are to be trusted
+        # far off, neither gains nor signs are to be trusted
+        chosen = self._best_of(current, alone) if current.far_off and alone else worth
         models = [self.with_added(current, candidate) for candidate in chosen]
         usable = [model for model in models if model.usable and self.library.allows_fit(model)]
         return best_first(usable)
+
+    def _best_of(self, current: ModelWithEffects, candidates: Sequence[Candidate]) -> Sequence[Candidate]:
+        """The best of many candidates, and those nearly as good, by rough refits to few samples; all of short clips."""
+        few = self._with_few_samples() if len(candidates) > REFITTED else None
+        if few is None:
+            return candidates
+        start = replace(current, units=few.base.units)
+        models = [few.with_added(start, candidate) for candidate in candidates]
+        ranked = best_first([model for model in models if model.usable and self.library.allows_fit(model)])
+        near = [model for model in ranked[REFITTED:] if cost_above(model, ranked[0]) < DECISIVE]
+        names = {model.names - current.names for model in (*ranked[:REFITTED], *near)}
+        return [candidate for candidate in candidates if frozenset(candidate.names) in names]
+
+    def _with_few_samples(self) -> FitCache | None:
+        """A cache of rough refits to one sample of each short block of the clips; None where blocks have one sample."""
+        if self._few is None:
+            pairs = list(zip(self.clips, self.base.fits, strict=True))
+            which = [one_a_block(fitted, clip.trajectory) for clip, fitted in pairs]
+            if all(each.size == fitted.n for each, fitted in zip(which, self.base.fits, strict=True)):
+                return None
+            clips = [
+                clip.with_(trajectory=at_samples(clip.trajectory, each), options=replace(clip.options, rough=True))
+                for clip, each in zip(self.clips, which, strict=True)
+            ]
+            units = tuple(unit[each] for unit, each in zip(self.base.units, which, strict=True))
+            base = replace(self.base, units=units)
+            self._few = FitCache(clips, self._model, self.library, base, self._holdout, self.report)
+        return self._few
 
     def testable(self, current: ModelWithEffects) -> frozenset[str]:
         """The effects that the parameters of neither this model nor the base can imitate."""
@@ -138,7 +177,7 @@ class FitCache:
 
     def refitted(self, rest: ModelWithEffects) -> frozenset[str]:
         """The effects of which a usable refit beside those of ``rest`` exists."""
-        added = [model.names - rest.names for key, model in self._models.items() if key > rest.key and model.usable]
+        added = [model.names - rest.names for model in self._tried() if model.key > rest.key and model.usable]
         return frozenset(name for names in added if len(names) == 1 for name in names)
 
     def equally_good(self, final: ModelWithEffects, effect: Effect) -> list[ModelWithEffects]:

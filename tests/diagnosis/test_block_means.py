@@ -1,4 +1,4 @@
-"""Score tests of a long record by means over blocks: the same scores for less, and no blocks where motion is fast."""
+"""Long records by blocks: the same scores and the same ranks for less, and no blocks where motion is fast."""
 
 from dataclasses import replace
 
@@ -6,24 +6,29 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fitters.ode import fit
-from iris_sysid import EFFECTS, Quantity, Trajectory
+from fitters.ode import FitRequest, fit
+from iris_sysid import EFFECTS, MODELS, Quantity, Trajectory
 from iris_sysid.diagnosis import block_means as module
+from iris_sysid.diagnosis import fit_cache
 from iris_sysid.diagnosis.block_means import Residuals, block_means
+from iris_sysid.diagnosis.fit_cache import FitCache
+from iris_sysid.diagnosis.library import EffectLibrary
+from iris_sysid.diagnosis.refit import ModelWithEffects, with_free_geometry
 from iris_sysid.diagnosis.score_test import screen
 
 NOISE = 2e-3
 NAMES = ("quadratic-drag", "linear-drag", "cubic-stiffness", "constant-force", "zero-offset", "time-scale")
+MORE = ("parameter-drift", "camera-tilt", "radial-distortion")
 
 
-def swinging(rate_hz: float, n: int, drag: float, lost: slice = slice(0)) -> Trajectory:
+def swinging(rate_hz: float, n: int, drag: float, lost: slice = slice(0), noise: float = NOISE) -> Trajectory:
     """A pendulum of 1.2 m with quadratic drag, by SciPy; with samples that are lost."""
     t_s = np.delete(np.arange(n) / rate_hz, lost)
     solution = solve_ivp(
         lambda t, y: (y[1], -9.80665 / 1.2 * np.sin(y[0]) - drag * abs(y[1]) * y[1]),
         t_s[[0, -1]], (0.5, 0.0), t_eval=t_s, method="DOP853", rtol=1e-10, atol=1e-12,
     )  # fmt: skip
-    theta = solution.y[0] + NOISE * np.random.default_rng(5).standard_normal(t_s.size)
+    theta = solution.y[0] + noise * np.random.default_rng(5).standard_normal(t_s.size)
     shape = (t_s.size, 1)
     return Trajectory(
         t_s, (Quantity("theta", "rad"),), theta.reshape(shape), np.full(shape, np.nan), np.ones(t_s.size, bool)
@@ -64,3 +69,34 @@ def test_noise_of_a_mean_shrinks_but_what_is_stated_does_not():
     np.testing.assert_allclose(means.stated, 0.1)
     assert np.std(means.fitted.residual / means.noise) == pytest.approx(1.0, abs=0.03)
     assert np.std(means.trajectory.position - means.fitted.predicted) == pytest.approx(NOISE / np.sqrt(3), rel=0.03)
+
+
+def far_off(n: int) -> FitCache:
+    """A cache of a pendulum with strong quadratic drag that its model lacks: over 10 times the noise remain."""
+    clip, model = swinging(120.0, n, 0.05, noise=1e-4), MODELS["pendulum"]
+    request, fitted = with_free_geometry(FitRequest.stated(clip, model))
+    library = EffectLibrary([EFFECTS[name] for name in (*NAMES, *MORE)], model, [clip])
+    base = ModelWithEffects.without_effects([request], [fitted])
+    assert base.far_off
+    return FitCache([request], model, library, base, 0.3, lambda text: None)
+
+
+def test_far_from_the_noise_only_the_best_effects_are_refitted_to_all_samples(monkeypatch):
+    cache, sizes, refit = far_off(12_000), [], fit_cache.refitted
+
+    def counted(clips, *args):
+        sizes.append(clips[0].trajectory.n)
+        return refit(clips, *args)
+
+    monkeypatch.setattr(fit_cache, "refitted", counted)
+    screening = cache.screening(cache.base)
+    singles = [screening.single(name) for name in screening.names if name in screening.visible]
+    found = cache.refits(cache.base, singles)
+    assert found[0].names == {"quadratic-drag"}
+    assert found[0].fits[0].n > 11_000
+    assert sizes.count(12_000) == fit_cache.REFITTED < len(singles) == sum(size <= 6_000 for size in sizes)
+    assert cache.refitted(cache.base) == {single.names[0] for single in singles}  # none is judged by its score alone
+    monkeypatch.setattr(module, "FEWEST", 12_000)
+    every = far_off(12_000).refits(cache.base, singles)
+    assert [model.names for model in every[: len(found)]] == [model.names for model in found]
+    assert every[0].sizes_of("quadratic_drag") == found[0].sizes_of("quadratic_drag")
