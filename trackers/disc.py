@@ -76,7 +76,8 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         When the options do not fit the clip, or name an unknown colour.
     """
     setup = detection_setup(video, view_of(video, options), coarse=True)
-    rough = replace(setup, detector=replace(setup.detector, streaks=False))  # the second pass fits every disc
+    detector = replace(setup.detector, streaks=False, refined=False)  # the second pass fits every disc
+    rough = replace(setup, detector=detector)
     diagonal = float(np.hypot(setup.view.width, setup.view.height))
     all_detections = observe(video, rough, _first_half(options), LikelyBodies(options.bodies, diagonal).among)
     if not all_detections:

@@ -43,18 +43,21 @@ def beyond_shade(image: Image, shade: Image, depth: Image) -> Image:
 
 
 @kernel(nogil=True)
-def own_brightness(planes: Planes, shade: Image, soft: Image, depth: Image) -> tuple[Image, Image, Image]:
+def own_brightness(planes: Planes, shade: Image, soft: Image, depth: Image, near: Bytes) -> tuple[Image, Image, Image]:
     """The body's own brightness, continued outwards, its strength (h, w), and what it misses of the strength seen.
 
     The strength is how far the channels are off the background, in units of the noise. ``soft`` is
-    :func:`beyond_shade`, blurred; its mean is added to the ``shade``.
+    :func:`beyond_shade`, blurred; its mean is added to the ``shade``. What is neither inside nor ``near`` (h, w)
+    is left out: 0.
     """
     image, background, noise = planes
     height, width, channels = image.shape
-    own = np.empty((height, width, channels), dtype=np.float32)
-    strength, missed = np.empty((height, width), dtype=np.float32), np.zeros((height, width), dtype=np.float32)
+    own = np.zeros((height, width, channels), dtype=np.float32)
+    strength, missed = np.zeros((2, height, width), dtype=np.float32)
     for y in range(height):
         for x in range(width):
+            if not near[y, x] and depth[y, x] <= 0:
+                continue
             weight = max(soft[y, x, channels], np.float32(1e-6))
             of_own = of_seen = np.float32(0)
             for c in range(channels):

@@ -127,13 +127,15 @@ class FrameCandidates:
 class Detector:
     """Measures blobs: background, region of interest, reduction for the search, inflation of the noise.
 
-    ``streaks`` says that a body that moves far during an exposure is fitted as a swept disc.
+    ``streaks`` says that a body that moves far during an exposure is fitted as a swept disc, ``refined`` that a centre
+    is looked at again by what was found first.
     """
 
     background: Background
     view: View
     inflation: float
     streaks: bool = True
+    refined: bool = True
 
     def detect(
         self, frame: Frame, bodies: list[Blob], foreground: list[Blob], before: Sequence[Detection] = ()
@@ -230,7 +232,7 @@ class Detector:
         window, left, top = self._window(frame, blob, bodies, size)
         if np.count_nonzero(window.mask) < SMALLEST_AREA:
             return None
-        centre = coverage_centre(window)
+        centre = coverage_centre(window, refined=self.refined)
         left, top = left * size + self.view.left, top * size + self.view.top
         inside = window.mask > 0
         luma = (window.image - window.background)[..., 0]

@@ -9,7 +9,7 @@ import numpy as np
 
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
-from trackers._frames.arrays import Image
+from trackers._frames.arrays import Bytes, Image
 
 INSIDE = 0.5  # px, depth from which on a pixel tells
 TERMS, LINEAR = 6, 3  # of the quadratic polynomial, and of its linear part
@@ -19,7 +19,7 @@ RIDGE = 1e-9  # of the mean square of the constant term, added to each: pixels i
 
 
 @kernel(nogil=True)
-def shading(image: Image, depth: Image) -> Image:
+def shading(image: Image, depth: Image, near: Bytes) -> Image:
     """The polynomial in x and y (h, w, channels), constant to quadratic, that the pixels inside speak for.
 
     More terms must explain a good part of the residual of fewer: shading does, texture does not.
@@ -30,6 +30,8 @@ def shading(image: Image, depth: Image) -> Image:
         Grey levels (h, w, channels).
     depth
         Depth (h, w) of each pixel within the body, px.
+    near
+        Pixels (h, w) in which it is asked for, besides those inside; elsewhere it is 0.
     """
     height, width, channels = image.shape
     places, values = _inside(image, depth)
@@ -47,6 +49,8 @@ def shading(image: Image, depth: Image) -> Image:
         lowest[c], highest[c] = values[:, c].min(), values[:, c].max()
     for y in range(height):
         for x in range(width):
+            if not near[y, x] and depth[y, x] <= 0:
+                continue
             _fill_terms(row, (x - x0) / scale, (y - y0) / scale)
             for c in range(channels):
                 level = 0.0

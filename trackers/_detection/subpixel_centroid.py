@@ -81,7 +81,7 @@ class Window:
         return planes[0], planes[1], planes[2]
 
 
-def coverage_centre(window: Window) -> Centre:
+def coverage_centre(window: Window, *, refined: bool = True) -> Centre:
     """Centre of the body in a window, weighted by how much of each pixel it covers.
 
     A pixel that the body covers by the share a shows I = a F + (1 - a) B. Let i = (I - B)/noise and
@@ -101,14 +101,22 @@ def coverage_centre(window: Window) -> Centre:
     noisier than the still background the pixels just outside of the band are: compression keeps the
     noise of the moving body. e^2 is the variance of a just inside of the band beyond its noise, that is how
     badly F is known on a textured body, and d the distance in px over which such an error persists.
+
+    Parameters
+    ----------
+    window
+        The pixels round the body.
+    refined
+        Whether outline and background are looked at again by the first result; if not, the centre is a good guess.
     """
     depth = depth_of(window.mask, outside=False)
     near = (cv2.dilate(window.mask, NEAR) > window.other).view(np.uint8)
     heart, persistence = depth > 0.5 * depth.max(), max(1.5, float(depth.max()) / 2)
     rim = min(RIM_PX, RIM_SHARE * float(depth.max()))
-    share, distance, half_width, axes = _first_look(window, near, depth, rim, persistence)
+    (share, variance), distance, half_width, axes = _first_look(window, near, depth, rim, persistence)
     blurred = bool(half_width.max() > SHARP)
-    for _ in range(REFINED if blurred and axes == 1 else 1):
+    rounds = REFINED if blurred and axes == 1 else 1
+    for _ in range(rounds if refined else 0):
         level = _with_level_outside(window, share, distance + half_width)
         clear = distance - np.minimum(half_width * (1.0 if axes == 1 else CLEAR), DEEPEST * distance.max())
         if distance.max() < SHALLOW * depth.max():  # a notch, as in a small ball both darker and brighter
@@ -125,18 +133,18 @@ def coverage_centre(window: Window) -> Centre:
 
 def _first_look(
     window: Window, near: Bytes, depth: Image, rim: float, persistence: float
-) -> tuple[Image, Image, Image, int]:
-    """Coverage, distance to the outline, half its width, and the number of directions in which they are determined.
+) -> tuple[tuple[Image, Image], Image, Image, int]:
+    """Coverage and its variance, distance to the outline, half its width, and in how many directions that is found.
 
     Where the outline is wide, the body's brightness is taken from deep inside instead of from the rim inwards. A
     streak is as thick then; a body whose rim is of another brightness is not, and stays as it is by its rim.
     """
     heart = depth > 0.5 * depth.max()
-    share, _ = _share(window, near, depth - rim, persistence)
-    distance, half_width = outline(share, heart)
+    share = _share(window, near, depth - rim, persistence)
+    distance, half_width = outline(share[0], heart)
     if half_width.max() >= SHARP:
-        by_depth, _ = _share(window, near, depth - DEEPEST * float(depth.max()), persistence)
-        inner, reach = outline(by_depth, heart, AXES)
+        by_depth = _share(window, near, depth - DEEPEST * float(depth.max()), persistence)
+        inner, reach = outline(by_depth[0], heart, AXES)
         if inner.max() > WHOLE * distance.max():
             return by_depth, inner, reach, AXES
     return share, distance, half_width, 1
@@ -177,9 +185,9 @@ def _share(window: Window, near: Bytes, depth: Image, blur: float) -> tuple[Imag
     left is replaced by the mean of the near pixels.
     """
     planes, depth = window.planes, np.asarray(depth, dtype=np.float32)
-    shade = shading(planes[0], depth)
+    shade = shading(planes[0], depth, near)
     soft = _blurred(beyond_shade(planes[0], shade, depth), blur)
-    own, strength, missed = own_brightness(planes, shade, soft, depth)
+    own, strength, missed = own_brightness(planes, shade, soft, depth, near)
     strength += _blurred(missed, blur) / np.maximum(soft[..., -1], np.float32(1e-6))
     return shares(planes, own, strength, window.mask, near)
 
