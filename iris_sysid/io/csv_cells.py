@@ -26,8 +26,38 @@ FLAGS = {"1": 1.0, "0": 0.0, "true": 1.0, "false": 0.0, "1.0": 1.0, "0.0": 0.0} 
     (text.lower() for text in BLANK), math.nan
 )
 ROWS_AT_ONCE = 10_000  # are taken apart into columns: a list a row takes three times what a cell does
+BETWEEN = "\0"  # of the cells of a block: a file that holds it is refused
 FIRST_LINE = 100_000  # bytes in which the header of an own table ends
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+class PackedCells:
+    """The cells of a column, ROWS_AT_ONCE in one text: a text of its own takes six times what stands in a cell."""
+
+    __slots__ = ("_blocks", "_size")
+
+    def __init__(self) -> None:
+        self._blocks: list[str] = []
+        self._size = 0
+
+    def append(self, cells: Sequence[str]) -> None:
+        """Add a block: ROWS_AT_ONCE cells, or the last ones."""
+        self._blocks.append(BETWEEN.join(cells))
+        self._size += len(cells)
+
+    def __len__(self) -> int:
+        return self._size
+
+    def __getitem__(self, row: int) -> str:
+        return self._blocks[row // ROWS_AT_ONCE].split(BETWEEN)[row % ROWS_AT_ONCE]
+
+    def __iter__(self) -> Iterator[str]:
+        for block in self.blocks():
+            yield from block
+
+    def blocks(self) -> Iterator[list[str]]:
+        """The cells, block by block."""
+        return (block.split(BETWEEN) for block in self._blocks)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -38,7 +68,7 @@ class Sheet:
     """
 
     label: str
-    columns: dict[str, list[str]]
+    columns: Mapping[str, list[str] | PackedCells]
     lines: Sequence[int]
     decimal_comma: bool = False
     factors: Mapping[str, float] = field(default_factory=dict)
@@ -66,15 +96,15 @@ class Sheet:
 
         They have the unit of the column.
         """
-        cells = [cell.strip() for cell in self.columns[column]]
-        if self.decimal_comma:
-            cells = [cell.replace(",", ".") for cell in cells]
-        try:
-            values = np.array([math.nan if cell in BLANK else float(cell) for cell in cells], dtype=np.float64)
-        except ValueError:
-            values = np.array([])
-        if values.size != len(cells) or any("_" in cell for cell in cells):
-            self.refuse(column, next(row for row, cell in enumerate(cells) if not _is_number(cell)), "is not a number")
+        cells, parts = self.columns[column], list[Array]()
+        for block in cells.blocks() if isinstance(cells, PackedCells) else [cells]:
+            block = [cell.replace(",", ".") for cell in block] if self.decimal_comma else block
+            numbers = _numbers(block)
+            if numbers is None:
+                wrong = next(k for k, cell in enumerate(block) if not _is_number(cell.strip()))
+                self.refuse(column, sum(part.size for part in parts) + wrong, "is not a number")
+            parts.append(numbers)
+        values = np.concatenate(parts)
         if np.isinf(values).any():
             self.refuse(column, int(np.argmax(np.isinf(values))), "is infinite; leave the cell blank for a gap")
         if not gaps and np.isnan(values).any():
@@ -108,12 +138,27 @@ class Sheet:
         return np.array([FLAGS[cell] for cell in cells])
 
 
+def _numbers(cells: list[str]) -> Array | None:
+    """The numbers (n,), NaN for a blank cell; None where a cell holds something else."""
+    if any("_" in cell for cell in cells):  # Python reads 1_0 as 10
+        return None
+    try:
+        return np.fromiter(map(float, cells), np.float64, len(cells))
+    except ValueError:  # a blank cell, or no number
+        pass
+    stripped = [cell.strip() for cell in cells]
+    try:
+        return np.array([math.nan if cell in BLANK else float(cell) for cell in stripped], dtype=np.float64)
+    except ValueError:
+        return None
+
+
 def _is_number(cell: str) -> bool:
     try:
         float(cell or "nan")
     except ValueError:
         return cell in BLANK
-    return "_" not in cell  # Python reads 1_0 as 10
+    return "_" not in cell
 
 
 def is_own_table(path: str | Path) -> bool:
@@ -137,18 +182,19 @@ def read_sheet(path: str | Path) -> Sheet:
     """
     label = str(path)
     text = _decode(read_file(path), label)
-    header_line = re.split(r"[\r\n]", text.lstrip(), maxsplit=1)[0]
+    header_line = re.split(r"[\r\n]", text.lstrip()[:FIRST_LINE], maxsplit=1)[0]
     separator = next((character for character in ",;\t" if character in header_line), ",")
     rows = _rows(text, separator, label)
+    del text
     _, header = next(rows, (0, []))
     if not header:
         raise DataError(f"{label} is empty: it needs a header line, e.g. t_s,theta_rad, and a line a sample")
-    lines, cells = array("q"), [list[str]() for _ in header]
+    lines, cells = array("q"), [PackedCells() for _ in header]
     while body := list(islice(rows, ROWS_AT_ONCE)):
         _check_width(header, body, separator, label)
         lines.extend(line for line, _ in body)
         for column, more in zip(cells, zip(*(row for _, row in body), strict=True), strict=True):
-            column.extend(more)
+            column.append(more)
     if not lines:
         raise DataError(f"{label} has a header but no line of data")
     return Sheet(label, _named([name.strip() for name in header], cells, label), lines, decimal_comma=separator != ",")
@@ -171,10 +217,11 @@ def _rows(text: str, separator: str, label: str) -> Iterator[tuple[int, list[str
     """Line number and cells of every line that is not blank."""
     # as bytes: a StringIO takes four bytes a character
     lines = io.TextIOWrapper(io.BytesIO(text.encode()), encoding="utf-8", newline="")
+    del text
     reader = csv.reader(lines, delimiter=separator)
     try:
         for row in reader:
-            if any(cell.strip() for cell in row):
+            if "".join(row).strip():
                 yield reader.line_num, row
     except csv.Error as error:
         raise DataError(f"{label} line {reader.line_num}: {error}; is a quotation mark left open?") from error
@@ -192,8 +239,8 @@ def _check_width(header: list[str], body: list[tuple[int, list[str]]], separator
     )
 
 
-def _named(header: list[str], cells: list[list[str]], label: str) -> dict[str, list[str]]:
-    columns: dict[str, list[str]] = {}
+def _named(header: list[str], cells: list[PackedCells], label: str) -> dict[str, PackedCells]:
+    columns: dict[str, PackedCells] = {}
     for position, (name, column) in enumerate(zip(header, cells, strict=True), start=1):
         if not name and not any(cell.strip() for cell in column):
             continue
