@@ -342,18 +342,30 @@ def with_priors(unknowns: Unknowns, priors: Mapping[str, Estimate]) -> Unknowns:
     return replace(unknowns, expected=expected, precision=precision)
 
 
-def starting_values(task: Task, start: Mapping[str, float]) -> Iterator[Array]:
+def guesses(task: Task, start: Mapping[str, float]) -> dict[str, float] | None:
+    """What the model guesses, and defaults, by name; None where the start and the priors give every free value."""
+    return None if set(task.free) <= {*start, *task.priors} else _guess(task, needed=True)
+
+
+def starting_values(task: Task, start: Mapping[str, float], guessed: Mapping[str, float] | None) -> Iterator[Array]:
     """Full vectors of starting values: the model's guess overridden by the caller's values, then the guess alone.
 
     Each vector is (p + s,), every value in its own unit. A parameter that has neither a start, nor a guess, nor a
     default starts from the middle of its bounds, or 1; see :func:`without_start`.
+
+    Parameters
+    ----------
+    task, start
+        The prepared fit, and the caller's values by name.
+    guessed
+        Of :func:`guesses`: a guess from a long record is made once.
     """
     known = {name: estimate.value for name, estimate in task.known.items()}
     start = {**{name: estimate.value for name, estimate in task.priors.items()}, **start}
-    complete = set(task.free) <= set(start)
+    complete = guessed is None
     if complete:
         yield _vector(task, {**start, **known})
-    guessed = _guess(task, needed=not complete)
+    guessed = _guess(task, needed=False) if guessed is None else guessed
     middles = {name: _middle(task.model, name) for name in task.free}
     if not complete:
         yield _vector(task, {**middles, **guessed, **start, **known})
@@ -361,12 +373,16 @@ def starting_values(task: Task, start: Mapping[str, float]) -> Iterator[Array]:
         yield _vector(task, {**guessed, **known})
 
 
-def without_start(task: Task, start: Mapping[str, float]) -> list[str]:
-    """The free parameters that have neither a start, nor a prior, nor a finite guess, nor a default."""
-    if set(task.free) <= {*start, *task.priors}:
-        return []
-    guessed = {**_guess(task, needed=True), **start, **dict.fromkeys(task.priors, 0.0)}
-    return [name for name in task.free if name not in guessed]
+def without_start(task: Task, start: Mapping[str, float], guessed: Mapping[str, float] | None) -> list[str]:
+    """The free parameters that have neither a start, nor a prior, nor a finite guess, nor a default.
+
+    Parameters
+    ----------
+    task, start, guessed
+        As for :func:`starting_values`.
+    """
+    given = {*task.free} if guessed is None else {*guessed, *start, *task.priors}
+    return [name for name in task.free if name not in given]
 
 
 def _vector(task: Task, values: Mapping[str, float]) -> Array:

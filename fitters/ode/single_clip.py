@@ -15,6 +15,7 @@ from fitters.ode.fit_problem import (
     Task,
     check_columns,
     check_names,
+    guesses,
     in_units_of,
     known_values,
     prepare,
@@ -231,27 +232,28 @@ def _failure(
 
 def _downhill(task: Task, start: Mapping[str, float]) -> Solution:
     """Fit all samples from the start given alone."""
-    return minimise(task.problem, task.target, task.unknowns, next(starting_values(task, start)), rough=True)
+    values = next(starting_values(task, start, guesses(task, start)))
+    return minimise(task.problem, task.target, task.unknowns, values, rough=True)
 
 
 def _starts(task: Task, start: Mapping[str, float], multistart: int) -> Iterator[tuple[Array, bool]]:
     """Starts in the order of trust, each with whether it is trusted; the last are random ones about the one before."""
-    values = np.zeros(0)
-    for values in _matched(task, start):
+    values, guessed = np.zeros(0), guesses(task, start)
+    for values in _matched(task, start, guessed):
         yield values, True
-    for values in starting_values(task, start):
+    for values in starting_values(task, start, guessed):
         yield values, True
     for scattered in scattered_starts(task.unknowns, values, task.target, multistart):
         yield scattered, False
 
 
-def _matched(task: Task, start: Mapping[str, float]) -> Iterator[Array]:
+def _matched(task: Task, start: Mapping[str, float], guessed: Mapping[str, float] | None) -> Iterator[Array]:
     """Starts by gradient matching, where some parameters have no other."""
-    names = without_start(task, start)
+    names = without_start(task, start, guessed)
     if not names:
         return
     problem, used = task.problem, task.target.used
-    first, given = next(starting_values(task, start)), [name in start for name in value_names(task.model)]
+    first, given = next(starting_values(task, start, guessed)), [name in start for name in value_names(task.model)]
     samples = problem.t_s[used], task.target.observed[used], problem.inputs[used]
     for matched in matched_starts(problem.model, *samples, task.unknowns.only(names), first):
         yield np.where(given, first, matched)
