@@ -36,6 +36,10 @@ UNDESCRIBED = (
     "None of these describes today's clip, whose residual is far above its noise: what is predicted holds only if one "
     "of them is right all the same."
 )
+NOT_DECIDED = (
+    "Even the best of these leaves a residual far above the noise of a clip: the right one may not be among them. "
+    "Diagnose the clips together."
+)
 
 
 def advice(planned: Plan) -> tuple[str, ...]:
@@ -188,7 +192,8 @@ def decision_text(decision: Decision) -> str:
     """What the new clip left, with the probability of each name."""
     shares = ", ".join(f"{name} {100 * share:.3g} %" for name, share in decision.probabilities.items())
     left = f"leaves {decision.names[0]}" if len(decision.names) == 1 else f"leaves {' or '.join(decision.names)}"
-    return f"The new clip {left}: {shares}"
+    doubt = "" if decision.described else f"\n{NOT_DECIDED}"
+    return f"The new clip {left}: {shares}{doubt}"
 
 
 def limits_document(limits: DetectionLimits) -> LimitsDocument:

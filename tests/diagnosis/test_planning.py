@@ -12,6 +12,7 @@ from iris_sysid.diagnosis.planning.detection_limit import detection_limits
 from iris_sysid.diagnosis.planning.plan import Plan
 from iris_sysid.diagnosis.planning.predicted_clip import Design, predicted_clip, roles
 from iris_sysid.diagnosis.planning.rivals import Question, Rival, rivals_of
+from iris_sysid.report.plan_text import decision_text
 
 PENDULUM = MODELS["pendulum"]
 NOISE_RAD = 1e-3
@@ -70,6 +71,16 @@ def test_advised_clip_leaves_the_true_name(planned, small):
     left = decide(QUESTION, small, swing(np.radians(75), seed=1), change)
     assert left.names == ("quadratic-drag",)
     assert left.probabilities["quadratic-drag"] > 0.99
+    assert left.described
+
+
+def test_clip_that_no_name_describes_is_not_said_to_decide(planned, small):
+    change = next(each.change for each in planned.proposals if each.change.name == "release75")
+    new = swing(np.radians(75), seed=1)
+    pushed = new.with_(position=new.position + 0.1 * np.sin(3.0 * new.t_s)[:, None])
+    decision = decide(QUESTION, small, pushed, change)
+    assert not decision.described
+    assert "the right one may not be among them" in decision_text(decision)
 
 
 def test_cost_of_a_change_moves_it_down(small, planned):

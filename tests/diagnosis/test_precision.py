@@ -24,6 +24,13 @@ def test_systematic_error_does_not_shrink_with_clips():
     assert needs(parts, 0.1 / np.sqrt(2), 0.09) == ()
 
 
+def test_value_without_a_random_error_is_known_well_enough_or_needs_a_better_scale():
+    parts = {"random": 0.0, "scale": 1.0}
+    assert needs(parts, 0.0, 1.5) == (Need(0),)
+    assert needs(parts, 0.0, 0.5) == (Need(0, "scale", 0.5),)
+    assert needs(parts, 0.0, 0.001) == ()
+
+
 def test_both_ways_are_offered_where_either_is_enough():
     few, better = needs({"random": 1.0, "scale": 0.5}, 1 / np.sqrt(2), 0.7)
     assert few == Need(4)  # 1 / 5 + 0.25 < 0.49 < 1 / 4 + 0.25

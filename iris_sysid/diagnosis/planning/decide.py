@@ -17,15 +17,19 @@ from iris_sysid.diagnosis.planning.predicted_clip import Roles, roles
 from iris_sysid.diagnosis.planning.rivals import Question, Rival, as_clips, probabilities_of, rivals_of
 from iris_sysid.diagnosis.refit import ModelWithEffects
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, Diagnosis, FitResult, Trajectory
+from iris_sysid.types import Array, Diagnosis, FitResult, Mask, Trajectory
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """``probabilities`` of the names with the new clip, most probable first; ``names`` are those that it leaves."""
+    """``probabilities`` of the names with the new clip, most probable first; ``names`` are those that it leaves.
+
+    ``described`` says whether the best of the names describes every clip; else they are the best of wrong names.
+    """
 
     probabilities: Mapping[str, float]
     names: tuple[str, ...]
+    described: bool = True
 
 
 def decide(
@@ -53,7 +57,7 @@ def decide(
     Returns
     -------
     Decision
-        The probability of each name, and those that are left.
+        The probability of each name, those that are left, and whether the best of them describes every clip.
 
     Raises
     ------
@@ -68,13 +72,16 @@ def decide(
     clips = as_clips(new)
     parts = [roles(rival, change, question.model, clips[0].view is not None) for rival in rivals]
     known = [_Known.today(rival, part) for rival, part in zip(rivals, parts, strict=True)]
+    misfits = np.array([[fit.status == "misfit" for fit in rival.fits] for rival in rivals])
     for clip in clips:
-        above = above + _costs(question, parts, known, clip)
-    return _decision(rivals, above - above.min())
+        costs, misfit = _costs(question, parts, known, clip)
+        above, misfits = above + costs, np.column_stack([misfits, misfit])
+    best = int(np.argmin(above))
+    return _decision(rivals, above - above[best], described=not misfits[best].any())
 
 
-def _costs(question: Question, parts: Sequence[Roles], known: list[_Known], new: Trajectory) -> Array:
-    """What a new clip adds to the criterion (r,) of each rival; infinite where it cannot be fitted.
+def _costs(question: Question, parts: Sequence[Roles], known: list[_Known], new: Trajectory) -> tuple[Array, Mask]:
+    """What a new clip adds to the criterion (r,) of each rival; infinite where it cannot be fitted. Which are misfits.
 
     What is ``known`` of the values that all clips share becomes what is known with the new one.
     """
@@ -90,15 +97,16 @@ def _costs(question: Question, parts: Sequence[Roles], known: list[_Known], new:
         shared = len(parts[k].shared) * float(np.log(max(fits[k].n, 2)))
         known[k], apart = known[k].joined(fits[k])
         costs[k] = cost_above(model, closest) - shared + apart
-    return costs
+    return costs, np.array([fit.status == "misfit" for fit in fits])
 
 
-def _decision(rivals: Sequence[Rival], above: Array) -> Decision:
+def _decision(rivals: Sequence[Rival], above: Array, described: bool) -> Decision:
     order = np.argsort(above)
     shares = probabilities_of(above)
     return Decision(
         {rivals[k].name: float(shares[k]) for k in order},
         tuple(rivals[k].name for k in order if above[k] < DECISIVE),
+        described,
     )
 
 

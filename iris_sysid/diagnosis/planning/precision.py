@@ -55,14 +55,16 @@ def needs(parts: Mapping[str, float], repeated: float, wanted: float) -> tuple[N
 
 def _random(today: float, repeated: float, clips: int) -> float:
     """Variance of the random part with so many clips more: each adds what the first repeat adds."""
+    if today == 0:
+        return 0.0
     added = max(repeated**-2.0 - today**-2.0, 0.0)
     return 1.0 / (today**-2.0 + clips * added)
 
 
 def _clips(today: float, repeated: float, variance: float) -> int | None:
     """How many clips more bring the random variance down to this; None where no number does."""
-    counts = range(MOST_CLIPS + 1) if variance > 0 and today > 0 else range(0)
-    return next((count for count in counts if _random(today, repeated, count) <= variance), None if today > 0 else 0)
+    counts = range(MOST_CLIPS + 1)
+    return next((count for count in counts if _random(today, repeated, count) <= variance), None)
 
 
 def _with_better(today: float, repeated: float, variance: float, error: float) -> tuple[int, float] | None:
