@@ -279,3 +279,18 @@ def test_bodies_that_are_lost_together_may_have_changed_their_names():
     assert lost_together(tracks[:1]) == []
     short = [replace(body, valid=np.ones(40, np.bool_), xy_px=place) for body in tracks[:1]] + tracks[1:]
     assert lost_together(short) == []
+
+
+@pytest.mark.parametrize(("lost", "kinds"), [(slice(0, 0), set()), (slice(26, 32), {"missed"})])
+def test_body_in_view_for_a_third_of_the_clip_that_is_lost_for_a_part_of_that_is_missed(lost, kinds):
+    path = [(20 + 3 * k, 60) for k in range(24)]
+    plain = np.full((120, 160), 70.0)
+    images = [plain] * 20 + [paint(plain, disc(plain.shape, *at, 9.0), 170.0) for at in path] + [plain] * 30
+    clip = DrawnClip(noisy(images, 2.0))
+    (track,) = TRACKERS["median-background"].track(clip, TrackOptions())
+    valid = track.valid.copy()
+    valid[lost] = False
+    gappy = replace(track, valid=valid)
+    choice = Choice(SampledOnce(clip), view_of(clip, TrackOptions()), TrackOptions())
+    (quality,) = choice.against_the_scene([gappy], [judged(gappy, measured(gappy, choice.view, choice.frames))])
+    assert {doubt.kind for doubt in quality.doubts} == kinds
