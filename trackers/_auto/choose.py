@@ -27,7 +27,7 @@ FEW = 3  # bodies: of more, each is too like the others to be known by its looks
 MOST_REST = 0.5  # share of the samples: a body at rest for longer is to be followed there too
 FEWEST_SHOWN = 4  # samples that show the body, to know its looks
 # share of the samples that show the body, and number of them, in which it is plainly seen off its track: toss-ball-lamp
-# shows it in 11 of 40 samples, and it is lost in 2 of these
+# shows it in 9 of 40 samples, and it is lost in 2 of these
 MISSED, FEWEST_MISSED = 0.1, 2
 PLAIN = 0.75  # of the usual score of the body: as plain as that is no chance likeness
 MOST_WAYS = 3  # by looks
