@@ -133,11 +133,11 @@ def detection_setup(video: FrameSource, view: View, coarse: bool = False) -> Det
     samples = video.sample(SAMPLES)
     if len(samples) < 3:
         raise TrackingError(f"the clip has {len(samples)} frame(s): the background takes at least 3")
-    if coarse and _shows_large(half := replace(view, coarser=2), samples):
+    if coarse and _shows_large(half := replace(view, coarser=2), samples[::2]):
         view = half
     search_images = np.stack([view.with_chroma().search_image(frame) for frame in samples])
     known = None if view.chroma or view.step > 1 else estimate_background(search_images)
-    if view.chroma or luma_misses(search_images[:: 1 if view.step == 1 else 2], known):  # fewer tell as much of large
+    if view.chroma or luma_misses(search_images[::2], known):  # half of them tell as much
         view, estimate = view.with_chroma(), known or estimate_background(search_images)
     else:
         search_images = np.ascontiguousarray(search_images[..., 0])
