@@ -11,6 +11,7 @@ from iris_sysid.errors import DataError, TrackingError
 from iris_sysid.pipeline import observe_and_fit
 from iris_sysid.registry import PHENOMENA
 from iris_sysid.types import Frame, PixelCoding, TrackOptions, Transfer
+from tests._drawn import disc, paint
 
 FPS, RATE, START_S = 60.0, 1.2, 0.5
 SIZE = (120, 200)
@@ -29,6 +30,10 @@ CODES = {  # light to code, from the standards' formulas
         np.sqrt(3 * light),
         0.17883277 * np.log(np.maximum(12 * light - 0.28466892, 1e-9)) + 0.55991073,
     ),
+    "pq": lambda light: (
+        ((0.8359375 + 18.8515625 * (0.1 * light) ** 0.1593017578125) / (1 + 18.6875 * (0.1 * light) ** 0.1593017578125))
+        ** 78.84375
+    ),  # white is 1000 cd/m^2
 }
 
 
@@ -227,22 +232,25 @@ def test_still_background_is_no_change_of_exposure():
 # --------------------------------------------------------------------------- files
 
 
-def film(path, images, *, transfer=1, range_=1, options=None, key_every=30):
-    """Codes (h, w) as H.264, 8 bits, of that range and tag."""
+def film(path, images, *, transfer=1, range_=1, options=None, key_every=30, deep=False):
+    """Codes (h, w) as H.264, 8 bits, of that range and tag; ``deep``: 10 bits, in the colours of BT.2020."""
+    kind, sample, finer = ("yuv420p10le", np.uint16, 4) if deep else ("yuv420p", np.uint8, 1)
     with av.open(str(path), "w") as container:
         stream = container.add_stream("libx264", rate=60)
-        stream.width, stream.height, stream.pix_fmt = SIZE[1], SIZE[0], "yuv420p"
-        context = stream.codec_context
-        context.color_range, context.colorspace, context.color_trc, context.thread_count = range_, 1, transfer, 1
+        stream.width, stream.height, stream.pix_fmt = SIZE[1], SIZE[0], kind
+        context, matrix = stream.codec_context, 9 if deep else 1
+        context.color_range, context.colorspace, context.color_trc, context.thread_count = range_, matrix, transfer, 1
         stream.options = options or {"qp": "0", "preset": "ultrafast", "bf": "0", "g": str(key_every)}
         black, span = (16, 219) if range_ == 1 else (0, 255)
         rng = np.random.default_rng(1)
         for k, code in enumerate(images):
-            frame = av.VideoFrame(SIZE[1], SIZE[0], "yuv420p")
-            levels = np.clip(np.rint(black + span * code + rng.normal(0, 1.5, code.shape)), 0, 255).astype(np.uint8)
-            planes = (levels, *[np.full((SIZE[0] // 2, SIZE[1] // 2), 128, np.uint8)] * 2)
+            frame = av.VideoFrame(SIZE[1], SIZE[0], kind)
+            levels = np.clip(
+                np.rint(finer * (black + span * code + rng.normal(0, 1.5, code.shape))), 0, 256 * finer - 1
+            )
+            planes = (levels, *[np.full((SIZE[0] // 2, SIZE[1] // 2), 128 * finer)] * 2)
             for plane, values in zip(frame.planes, planes, strict=True):
-                padded = np.zeros((plane.height, plane.line_size), np.uint8)
+                padded = np.zeros((plane.height, plane.line_size // sample().itemsize), sample)
                 padded[:, : plane.width] = values
                 plane.update(padded)
             frame.pts, frame.color_range = k, range_
@@ -296,3 +304,28 @@ def test_lag_of_compression_is_measured_at_key_frames_and_taken_out(tmp_path, se
     assert track.origin["lag_grey"] > 0.2
     assert low < rate < high
     assert (high - low) / rate < 0.2
+
+
+@pytest.mark.parametrize(("number", "curve"), [(16, "pq"), (18, "hlg")])
+def test_lamp_of_a_ten_bit_hdr_clip_fades_as_its_light_does(tmp_path, number, curve):
+    images = [CODES[curve](level * LAMP + AMBIENT) for level in shining()]
+    clip = open_video(film(tmp_path / "clip.mp4", images, transfer=number, deep=True))
+    coding = next(clip.frames()).coding
+    assert (coding.transfer, coding.limited, coding.matrix, coding.lost_bits) == (curve, True, "bt2020", 2)
+    rate = decay(tracked(clip)).estimates["decay_rate"]
+    assert rate.value == pytest.approx(RATE, rel=0.006)
+    assert abs(rate.value - RATE) < 3 * rate.stderr
+
+
+@pytest.mark.parametrize("curve", ["bt709", "pq", "hlg"])
+def test_disc_is_in_its_place_whatever_curve_codes_it_and_seems_larger_where_it_is_brighter(tmp_path, curve):
+    path = np.column_stack([100 + 60 * np.cos(0.11 * np.arange(40)), 60 + 30 * np.sin(0.17 * np.arange(40))])
+    lights = [paint(np.full(SIZE, 0.02), disc(SIZE, *at, 12.0), 0.35) for at in path]
+    numbers = {"bt709": 1, "pq": 16, "hlg": 18}
+    images = [CODES[curve](light) for light in lights]
+    video = open_video(film(tmp_path / "clip.mp4", images, transfer=numbers[curve], deep=curve != "bt709"))
+    (track,) = TRACKERS["median-background"].track(video, TrackOptions())
+    error = track.xy_px - path
+    assert np.abs(error).max() < 0.05
+    assert 0.7 < (error / track.sigma_px).std() < 1.4
+    assert 0.08 < np.median(track.radius_px) - 12.0 < 0.25  # codes of mixed light are nearer to white
