@@ -82,15 +82,17 @@ def _curvature(problem: InitialValueProblem, values: Array, which: Array, pull: 
     """Second derivatives (k, k) of sum pull * prediction by the free values, by central differences."""
     k = which.size
     steps = WIDER * difference_steps(problem, values, which.astype(np.intp))
-    pairs = [(i, j, a, b) for i in range(k) for j in range(i, k) for a in (1.0, -1.0) for b in (1.0, -1.0)]
-    columns = np.repeat(values[:, None], len(pairs), axis=1)
-    for c, (i, j, a, b) in enumerate(pairs):
-        columns[which[i], c] += a * steps[i] / 2
-        columns[which[j], c] += b * steps[j] / 2
+    pairs = [(i, j) for i in range(k) for j in range(i, k)]
+    moves = np.array([np.zeros(k), *(np.eye(k)[[*{i, j}]].sum(axis=0) for i, j in pairs)]) * steps
+    columns = np.repeat(values[:, None], 2 * len(moves), axis=1)
+    columns[which] += np.concatenate([moves, -moves]).T
     batches = np.array_split(columns, -(-columns.shape[1] * problem.t_s.size // BATCH_NUMBERS), axis=1)
     parts = [np.einsum("nd,ndc->c", pull, np.nan_to_num(problem.predictions(batch))) for batch in batches]
-    sums = np.concatenate(parts)
-    curvature = np.zeros((k, k))
-    for (i, j, a, b), total in zip(pairs, sums, strict=True):
-        curvature[i, j] += a * b * total / (steps[i] * steps[j])
-    return np.asarray(np.triu(curvature) + np.triu(curvature, 1).T)
+    still, *moved = np.concatenate(parts).reshape(2, -1).sum(axis=0)
+    change = np.zeros((k, k))  # with one value moved, on the diagonal, or two
+    for pair, total in zip(pairs, moved, strict=True):
+        change[pair] = total - still
+    alone = np.diag(change)
+    curvature = np.triu(change - alone[:, None] - alone, 1) / 2
+    curvature = np.diag(alone) + curvature + curvature.T
+    return np.asarray(curvature / np.outer(steps, steps))

@@ -10,7 +10,7 @@ from array import array
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import NoReturn
 
@@ -25,14 +25,14 @@ BLANK = frozenset({"", "nan", "NaN", "NAN", "NA", "N/A", "null", "None"})
 FLAGS = {"1": 1.0, "0": 0.0, "true": 1.0, "false": 0.0, "1.0": 1.0, "0.0": 0.0} | dict.fromkeys(
     (text.lower() for text in BLANK), math.nan
 )
-ROWS_AT_ONCE = 10_000  # are taken apart into columns: a list a row takes three times what a cell does
+ROWS_AT_ONCE = 5_000  # are taken apart into columns: a list a row takes three times what a cell does
 BETWEEN = "\0"  # of the cells of a block: a file that holds it is refused
 FIRST_LINE = 100_000  # bytes in which the header of an own table ends
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 class PackedCells:
-    """The cells of a column, ROWS_AT_ONCE in one text: a text of its own takes six times what stands in a cell."""
+    """The cells of a column, thousands in one text: a text of its own takes six times what stands in a cell."""
 
     __slots__ = ("_blocks", "_size")
 
@@ -41,7 +41,7 @@ class PackedCells:
         self._size = 0
 
     def append(self, cells: Sequence[str]) -> None:
-        """Add a block: ROWS_AT_ONCE cells, or the last ones."""
+        """Add a block of cells."""
         self._blocks.append(BETWEEN.join(cells))
         self._size += len(cells)
 
@@ -49,7 +49,7 @@ class PackedCells:
         return self._size
 
     def __getitem__(self, row: int) -> str:
-        return self._blocks[row // ROWS_AT_ONCE].split(BETWEEN)[row % ROWS_AT_ONCE]
+        return next(islice(self, row, None))
 
     def __iter__(self) -> Iterator[str]:
         for block in self.blocks():
@@ -184,13 +184,13 @@ def read_sheet(path: str | Path) -> Sheet:
     text = _decode(read_file(path), label)
     header_line = re.split(r"[\r\n]", text.lstrip()[:FIRST_LINE], maxsplit=1)[0]
     separator = next((character for character in ",;\t" if character in header_line), ",")
-    rows = _rows(text, separator, label)
+    blocks = _blocks(text, separator, label)
     del text
-    _, header = next(rows, (0, []))
+    (_, header), *first = next(blocks, [(0, list[str]())])
     if not header:
         raise DataError(f"{label} is empty: it needs a header line, e.g. t_s,theta_rad, and a line a sample")
     lines, cells = array("q"), [PackedCells() for _ in header]
-    while body := list(islice(rows, ROWS_AT_ONCE)):
+    for body in filter(None, chain([first], blocks)):
         _check_width(header, body, separator, label)
         lines.extend(line for line, _ in body)
         for column, more in zip(cells, zip(*(row for _, row in body), strict=True), strict=True):
@@ -213,16 +213,19 @@ def _decode(data: bytes, label: str) -> str:
     return text
 
 
-def _rows(text: str, separator: str, label: str) -> Iterator[tuple[int, list[str]]]:
-    """Line number and cells of every line that is not blank."""
+def _blocks(text: str, separator: str, label: str) -> Iterator[list[tuple[int, list[str]]]]:
+    """Line number and cells of every line that is not blank, of up to ROWS_AT_ONCE lines at a time."""
     # as bytes: a StringIO takes four bytes a character
     lines = io.TextIOWrapper(io.BytesIO(text.encode()), encoding="utf-8", newline="")
     del text
     reader = csv.reader(lines, delimiter=separator)
     try:
-        for row in reader:
-            if "".join(row).strip():
-                yield reader.line_num, row
+        before = -1
+        while before < reader.line_num:
+            before = reader.line_num
+            body = [(reader.line_num, row) for row in islice(reader, ROWS_AT_ONCE) if "".join(row).strip()]
+            if body:
+                yield body
     except csv.Error as error:
         raise DataError(f"{label} line {reader.line_num}: {error}; is a quotation mark left open?") from error
 

@@ -75,15 +75,16 @@ def _read_beside(path: str | Path) -> tuple[OriginDocument | None, dict[str, Any
 def _times(sheet: Sheet, rows: Sequence[int] | None = None) -> Array:
     """Times (n,), increasing; of the given rows only, where only these belong together."""
     times = sheet.numbers("t_s", gaps=False)
-    rows = range(times.size) if rows is None else rows
-    late = np.flatnonzero(np.diff(times[list(rows)]) <= 0)
+    own = times if rows is None else times[list(rows)]
+    late = np.flatnonzero(np.diff(own) <= 0)
     if late.size:
+        rows = range(times.size) if rows is None else rows
         before, row = rows[late[0]], rows[late[0] + 1]
         problem = f"is not later than {float(times[before])!r} in line {sheet.lines[before]}"
         again = times[row] <= times[rows[0]] + abs(times[rows[-1]]) * 1e-3
         remedy = "several runs below each other? write each to a table of its own" if again else SORTED
         sheet.refuse("t_s", row, f"{problem}; {remedy}")
-    return times[list(rows)]
+    return own
 
 
 def _require(sheet: Sheet, columns: Sequence[str], example: str) -> None:

@@ -583,4 +583,4 @@ def test_reading_a_long_table_takes_some_times_the_memory_of_its_text(tmp_path):
     assert len(sheet.lines) == 50_000
     assert sheet.columns["theta_rad"][43_210] == "0.45"
     assert held < 3 * path.stat().st_size  # 20 times with a text a cell
-    assert peak < 15 * path.stat().st_size  # of which 10,000 rows, as lists, take most
+    assert peak < 15 * path.stat().st_size  # of which 5,000 rows, as lists, take most
