@@ -20,7 +20,9 @@ from trackers._frames.working_image import View, view_of
 from trackers._linking.moving_bodies import follow
 
 SAMPLES = 40  # as many as the background is made of
-HELD = 0.5  # share of the found frames in which a hand touches the body: more is no free motion
+# share of the found frames in which a hand touches the body: more is no free motion; chosen on marked clips, not
+# confirmed on others
+HELD = 0.5
 ON_TRACK = 0.3  # share of the sightings of a kind that lie on the track: fewer, and another thing is followed
 FAR_LIKELIER = 1.5  # times: so much more is another thing like a body than the tracked one
 FEW = 3  # bodies: of more, each is too like the others to be known by its looks

@@ -11,7 +11,8 @@ from trackers._frames.arrays import MAD_TO_SD
 NEIGHBOURS = 31  # frames over which the area hardly changes by itself
 USUAL = 4.0  # robust standard deviations: that much the area varies by noise and compression
 # frames, over which a streak grows by less, and share of the area that something else adds: on the one synthetic drop
-# that showed it (1280x720, seed 7301, drop_50), 0.25 left too many such frames in, 0.2 and 0.15 did not
+# that showed it (1280x720, seed 7301, drop_50), 0.25 left too many such frames in, 0.2 and 0.15 did not; of six others
+# (1280x720 seed 8102, 640x360 seeds 8170, 8220, 8270) 0.2 and 0.25 mark the same seven frames, off by 0.55 and 0.7 px
 FEW, LARGER = 15, 0.2
 # of the frames: where the area is off by LARGER more often, in either direction, the body has no one area; 5 % of that
 # drop, 14 and 23 % of two real clips (throw-green-PV4, incline-marble-1) that lost a right frame
