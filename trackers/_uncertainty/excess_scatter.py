@@ -25,8 +25,8 @@ FAST = 1.5  # times the scatter of a closer polynomial: the motion is too fast f
 FEWEST_WINDOWS = 4
 # times their median: the squares of windows in which the velocity changes at once; of 10 to 1000 the one whose pulls
 # were nearest to 1 on three synthetic drops (seed 4101, first clips); on six others (1280x720 seed 8102, 640x360 seeds
-# 8170, 8220, 8270; impacts' own errors left out) 1000 to 10,000 are alike, and with 30 to 300 the vertical errors of three
-# are stated 2 to 2.3 times too small
+# 8170, 8220, 8270; without the errors of impacts) 1000 to 10,000 are alike, and with 30 to 300 the vertical errors of
+# three are stated 2 to 2.3 times too small
 KINK = 1000.0
 CLEAN = 0.25  # of the windows, at least, hold no such change
 FROZEN = 0.3  # of the stated errors: a resting body that scatters less is a copy of one frame
