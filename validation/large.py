@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from scipy.integrate import solve_ivp
 from scipy.optimize import curve_fit
 
@@ -77,16 +78,18 @@ def cost(command: list[str]) -> Cost:
     return Cost(used.ru_utime + used.ru_stime, used.ru_maxrss / 1e3)
 
 
-def row(task: str, rows: int, folder: Path, scipy: bool) -> str:
+def row(task: str, rows: int, folder: Path, scipy: bool) -> dict[str, str | int]:
     """One row of the table: the command, and SciPy on the same table where wanted."""
     drag, table = TRUTH["drag"] if task == "diagnose" else 0.0, folder / f"{task}{rows}.csv"
     write_table(table, rows, drag)
     ours = cost([PROGRAM, task, str(table), "--model", "pendulum", "-o", str(folder / f"{task}{rows}")])
-    text = f"{task:<9}{rows:>9}{ours.cpu_s:>9.1f}{ours.memory_mb:>8.0f}"
-    if not scipy or rows > SCIPY_ROWS:
-        return text
-    theirs = cost([sys.executable, "-m", "validation.large", "--scipy", str(table), "--drag", str(drag)])
-    return f"{text}{theirs.cpu_s:>9.1f}{theirs.memory_mb:>8.0f}{theirs.cpu_s / ours.cpu_s:>7.1f}"
+    said: dict[str, str | int] = {"command": task, "rows": rows, "processor, s": f"{ours.cpu_s:.1f}"}
+    said["memory, MB"] = round(ours.memory_mb)
+    if scipy and rows <= SCIPY_ROWS:
+        theirs = cost([sys.executable, "-m", "validation.large", "--scipy", str(table), "--drag", str(drag)])
+        said["curve_fit, s"], said["curve_fit, MB"] = f"{theirs.cpu_s:.1f}", str(round(theirs.memory_mb))
+        said["ratio of times"] = f"{theirs.cpu_s / ours.cpu_s:.1f}"
+    return said
 
 
 def main() -> None:
@@ -103,14 +106,9 @@ def main() -> None:
         by_scipy(options.scipy, options.drag)
         return
     with tempfile.TemporaryDirectory() as folder, pages.table("large", options.write_docs):
-        print(
-            f"{'':<18}{'iris-sysid':>17}{'curve_fit':>17}\n{'':<9}{'rows':>9}"
-            + f"{'CPU s':>9}{'MB':>8}" * 2
-            + "  ratio"
-        )
-        for task, sizes in (("fit", options.fit), ("diagnose", options.diagnose)):
-            for rows in sizes:
-                print(row(task, rows, Path(folder), not options.no_scipy), flush=True)
+        sizes = [*(("fit", rows) for rows in options.fit), *(("diagnose", rows) for rows in options.diagnose)]
+        rows = [row(task, count, Path(folder), not options.no_scipy) for task, count in sizes]
+        print(pages.markdown(pd.DataFrame(rows).fillna("")))
 
 
 if __name__ == "__main__":

@@ -113,11 +113,32 @@ def sensitivity(
     FitError
         When a name is unknown or a value is missing.
     """
+    return linearisation(model, t_s, values, names, inputs=inputs, hold=hold, tolerance=tolerance)[1]
+
+
+def linearisation(
+    model: OdeModel,
+    t_s: ArrayLike,
+    values: Mapping[str, float],
+    names: Sequence[str],
+    *,
+    inputs: ArrayLike | None = None,
+    hold: Hold = "linear",
+    tolerance: float = 1e-9,
+) -> tuple[Array, Array]:
+    """The observed quantities (n, d) and their :func:`sensitivity` (n, d, k), with the same time steps.
+
+    Parameters
+    ----------
+    model, t_s, values, names, inputs, hold, tolerance
+        As for :func:`sensitivity`.
+    """
     check_names(model, names=names)
     problem, vector = problem_at(model, t_s, values, inputs, hold)
     problem = problem.planned(vector, tolerance)
     which = np.array([value_names(model).index(name) for name in names], dtype=np.intp)
-    return problem.sensitivity(vector, which, difference_steps(problem, vector, which))
+    slopes = problem.sensitivity(vector, which, difference_steps(problem, vector, which))
+    return problem.predicted(vector), slopes
 
 
 def _equation_of(model: str | OdeModel | FitResult | Discovery) -> tuple[OdeModel, dict[str, float]]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitters.compose_effects import with_effects
 from fitters.image_effects import view_of
-from fitters.ode import sensitivity, simulate
+from fitters.ode.simulation import linearisation
 from iris_sysid.diagnosis.planning.changes import SetUpChange
 from iris_sysid.diagnosis.planning.rivals import Rival
 from iris_sysid.types import Array, Effect, OdeModel, Trajectory, View
@@ -212,8 +212,7 @@ def predicted_clip(rival: Rival, design: Design, moved: Array | None = None) -> 
         off = moved[: len(part.shared)]
         steps = np.concatenate([root @ off, moved[len(part.shared) :]])
         values |= {name: values[name] + float(step) for name, step in zip(names, steps, strict=True)}
-    seen = simulate(composed, design.t_s, values, inputs=design.inputs, tolerance=TOLERANCE).observed
-    slopes = sensitivity(composed, design.t_s, values, names, inputs=design.inputs, tolerance=TOLERANCE)
+    seen, slopes = linearisation(composed, design.t_s, values, names, inputs=design.inputs, tolerance=TOLERANCE)
     if not (np.all(np.isfinite(seen)) and np.all(np.isfinite(slopes))):
         return None
     columns = design.whitened(slopes)
