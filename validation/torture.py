@@ -59,10 +59,17 @@ COMMANDS = {
     "run": (
         *("run", "{work}/clip.mp4", "--phenomenon", "pendulum", "--scale", "200px=1m", "-o", "{out}/run", "--force"),
     ),
+    "track": ("track", "{work}/clip.mp4", "--phenomenon", "pendulum", "-o", "{out}/track.csv", "--force"),
+    "calibrate": (
+        *("calibrate", "{work}/board.png", "--board", "9x6", "--square", "25mm", "--one-image"),
+        *("-o", "{out}/calibration.json", "--force"),
+    ),
     "render": ("render", "--dataset", "{out}/dataset", *ONE_CLASS),
     "gt": ("gt", "{work}/dataset", "-o", "{out}/parameters.json"),
     "benchmark": ("benchmark", "{work}/dataset", "-o", "{out}/benchmark"),
 }
+SAME_INPUT = {"track": "run", "benchmark": "gt"}
+SQUARE_PX, BOARD = 90, (7, 10)  # of the picture of a board
 INPUTS = {  # of the commands that need more than a table
     "run": ("render", "--phenomenon", "pendulum", *SMALL, "-o", "{work}/clip.mp4"),
     "gt": ("render", "--dataset", "{work}/dataset", *ONE_CLASS),
@@ -70,13 +77,16 @@ INPUTS = {  # of the commands that need more than a table
 
 
 def make_input(work: Path, commands: Sequence[str]) -> None:
-    """A table of a swing, and where they are needed a rendered clip and data set."""
+    """A table of a swing, a picture of a board, and where they are needed a rendered clip and data set."""
     t_s = np.arange(200) / 50
     noise = np.random.default_rng(1).normal(0, 1e-3, t_s.size)
     theta = 0.2 * np.exp(-0.05 * t_s) * np.cos(4 * t_s) + noise
     rows = "".join(f"{t:.3f},{angle:.6f}\n" for t, angle in zip(t_s, theta, strict=True))
     (work / "swing.csv").write_text(f"t_s,theta_rad\n{rows}")
-    for name in dict.fromkeys("gt" if name == "benchmark" else name for name in commands):
+    white = np.indices(BOARD).sum(axis=0) % 2 * 200 + 30
+    board = np.pad(np.kron(white, np.ones((SQUARE_PX, SQUARE_PX))), SQUARE_PX, constant_values=230)
+    cv2.imwrite(str(work / "board.png"), cv2.GaussianBlur(board.astype(np.uint8), (5, 5), 1.0))
+    for name in dict.fromkeys(SAME_INPUT.get(name, name) for name in commands):
         if name in INPUTS:
             words = [word.format(work=work) for word in INPUTS[name]]
             subprocess.run([*COMMAND, *words], check=True, capture_output=True)
@@ -283,7 +293,7 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=10, help="kill points of each command")
     parser.add_argument("--each", type=int, default=100, help="cuts, and flipped bits, of each kind of clip")
     parser.add_argument("--part", choices=PARTS, action="append", help="readers, clips, commands; all if none is given")
-    parser.add_argument("--command", action="append", help="fit, run, render, gt, benchmark; all if none is given")
+    parser.add_argument("--command", action="append", help=f"{', '.join(COMMANDS)}; all if none is given")
     pages.add_option(parser)
     options = parser.parse_args()
     seconds, kills, each = (8.0, 2, 8) if options.short else (options.seconds, options.kills, options.each)
