@@ -201,6 +201,16 @@ def test_slow_misfit_is_not_taken_for_outliers():
     assert fit(bent, PENDULUM).used.all()
 
 
+def test_rough_fit_keeps_outliers_and_ends_near_the_minimum():
+    clip = changed(pendulum_clip(), np.array([400]), np.array([[0.2]]))
+    near = {name: 1.001 * value for name, value in TRUTH.items()}
+    rough, fine = (
+        fit(clip, PENDULUM, start=near, options=FitOptions(local=True, rough=rough)) for rough in (True, False)
+    )
+    assert (rough.n, fine.n) == (900, 899)
+    assert rough.estimates["length"].value == pytest.approx(fine.estimates["length"].value, rel=1e-3)
+
+
 def test_soft_loss_bears_many_outliers():
     clip = pendulum_clip()
     rows = np.random.default_rng(1).choice(900, 120, replace=False)
