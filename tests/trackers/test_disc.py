@@ -7,6 +7,8 @@ import pytest
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import TrackOptions
 from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
+from trackers._disc.fit import fit_disc, whole_image_cutout
+from trackers._disc.model import Disc, Form, Motion
 from trackers.disc import track
 
 SHAPE = (96, 160)
@@ -198,6 +200,13 @@ def bar_clip(n=30):
         image[14:86, round(x) - 4 : round(x) + 4] = 220.0
         images.append(image)
     return DrawnClip(noisy(images, 2.0))
+
+
+def test_what_is_large_and_soft_does_not_take_a_pixel_of_the_whole_image_each():
+    image = noisy([120.0 + 100.0 * cv2.GaussianBlur(disc((700, 800), 400, 350, 180, 1), None, 80.0)], 3.0)[0]
+    fitted = fit_disc(whole_image_cutout(image), Disc(400, 350, 185, blur=6400.0), Form(), Motion())
+    assert fitted.rows.size < 0.25 * image.size
+    np.testing.assert_allclose([fitted.disc.x, fitted.disc.y], (400, 350), atol=5 * fitted.disc.sigma_x)
 
 
 BAD = [

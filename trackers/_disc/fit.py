@@ -18,6 +18,7 @@ INWARDS = (4.0, 0.25, 12.0)  # px, of the radius, px: how far inside of the outl
 OUTWARDS = 6.0  # px outside of the outline in which the background must hold
 FEWEST_PIXELS = 20
 MOST_FLAT = 4000  # pixels away from the edge that count: more do not help
+MOST_EDGE = 100_000  # pixels of the edge: the edge of a disc is less; what is no disc, and ever softer, takes 60 MB
 MOST_ROUGH = 2000  # pixels of a wide edge, and as many away from it, that find it to a fraction of its width
 THINNED, ENOUGH = 4, 300  # of the pixels one leads near the best fit; pixels that do so
 FARTHEST = (2.0, 0.6)  # px, of the radius: how far a fit may go from where the disc was expected
@@ -199,8 +200,7 @@ def _chosen(cutout: Cutout, start: Disc, *, roughly: bool) -> tuple[Labels, Labe
     near_edge = np.abs(distance) < edge
     chosen = (distance < inwards) & (distance > -outwards) & cutout.usable
     _thin(chosen, ~near_edge, MOST_ROUGH if roughly else MOST_FLAT)
-    if roughly:
-        _thin(chosen, near_edge, MOST_ROUGH)
+    _thin(chosen, near_edge, MOST_ROUGH if roughly else MOST_EDGE)
     zone = np.where(near_edge, 1, np.where(distance > 0, 2, 0))
     rows, columns = np.nonzero(chosen)
     return rows, columns, zone[chosen]
