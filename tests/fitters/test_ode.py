@@ -202,7 +202,7 @@ def test_slow_misfit_is_not_taken_for_outliers():
 
 
 def test_rough_fit_keeps_outliers_and_ends_near_the_minimum():
-    clip = changed(pendulum_clip(), np.array([400]), np.array([[0.2]]))
+    clip = changed(pendulum_clip(), np.array([400]), np.array([[0.02]]))
     near = {name: 1.001 * value for name, value in TRUTH.items()}
     rough, fine = (
         fit(clip, PENDULUM, start=near, options=FitOptions(local=True, rough=rough)) for rough in (True, False)
