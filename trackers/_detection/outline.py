@@ -13,7 +13,7 @@ from iris_sysid.io.kernels import kernel
 from trackers._detection.connected import filled_round
 from trackers._frames.arrays import Bytes, Flags, Image
 
-FINER_SMALL, FINER_LARGE = 3, 2  # how much finer than the pixels the half-way contour is drawn
+FINER_SMALL, FINER_LARGE = 4, 2  # how much finer than the pixels the half-way contour is drawn
 SMALL_WINDOW = 64  # px
 CORD_SHARE = 0.2  # of the inscribed radius: a thinner part is a cord
 SMALLEST_STREAK = 5.0  # px, half the thickness of a body whose outline may be wide in some directions
