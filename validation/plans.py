@@ -95,6 +95,8 @@ def _changed_values(case: Case, change: SetUpChange) -> dict[str, float]:
         values[f"x{k}" if k < case.motion.size else f"v{k - case.motion.size}"] = value
     if change.body and "damping" in values:
         values["damping"] *= change.body.get("radius", 1.0) / change.body.get("mass", 1.0)
+    if "stiffness" in values:
+        values["stiffness"] *= change.body.get("spring", 1.0)
     if "length" in values:
         values["length"] *= change.body.get("length", 1.0)
     if "acceleration" in values:
@@ -130,7 +132,7 @@ def new_clip(case: Case, change: SetUpChange, rng: np.random.Generator) -> Traje
     return table.with_(sensor="camera", view=view, geometry=trajectory_of(case).geometry)
 
 
-def score_case(seed: int, jointly: bool = False) -> list[Outcome]:
+def score_case(seed: int, jointly: bool = False, model: str = "") -> list[Outcome]:
     """Diagnose a case; where it is ambiguous, make one more clip in each way. Empty where it is not.
 
     Parameters
@@ -139,11 +141,15 @@ def score_case(seed: int, jointly: bool = False) -> list[Outcome]:
         Of the case, and of the noise of the new clips.
     jointly
         Diagnose both clips together as well.
+    model
+        Name of the model; cases of others are left out. All by default.
     """
     case = draw_case(seed, alike=False)
-    clip, model = trajectory_of(case), MODELS[case.motion.model]
+    if model not in ("", case.motion.model):
+        return []
+    clip, equation = trajectory_of(case), MODELS[case.motion.model]
     try:
-        found = diagnose(clip, model)
+        found = diagnose(clip, equation)
         if all(not found.indistinguishable[effect.name] for effect in found.added):
             return []
         planned = plan(found, clip)
@@ -159,7 +165,7 @@ def score_case(seed: int, jointly: bool = False) -> list[Outcome]:
         new = [new_clip(case, proposal.change, rng) for _ in range(proposal.change.clips)]
         try:
             names = decide(found, clip, new, proposal.change).names
-            both = diagnose([clip, *new], model) if jointly else None
+            both = diagnose([clip, *new], equation) if jointly else None
         except FitError:
             names, both = (), None
         outcomes.append(_outcome(case, way, proposal, planned.probabilities, names, both))
@@ -193,7 +199,7 @@ def _outcome(
     )
 
 
-def ambiguous(first: int, cases: int, workers: int, jointly: bool, rows: Path | None) -> list[Outcome]:
+def ambiguous(first: int, cases: int, workers: int, jointly: bool, rows: Path | None, model: str = "") -> list[Outcome]:
     """The outcomes of the first ambiguous cases from a seed on.
 
     Parameters
@@ -204,13 +210,13 @@ def ambiguous(first: int, cases: int, workers: int, jointly: bool, rows: Path | 
         How many ambiguous ones.
     workers
         Processes.
-    jointly
+    jointly, model
         As for :func:`score_case`.
     rows
         A line of JSON is appended to this file for each seed, and seeds that it holds are not scored again.
     """
     known = _read(rows)
-    score = partial(score_case, jointly=jointly)
+    score = partial(score_case, jointly=jointly, model=model)
     with ProcessPoolExecutor(workers) as pool:
         for begin in range(first, first + ATTEMPTS * cases, workers):
             seeds = [seed for seed in range(begin, begin + workers) if seed not in known]
@@ -294,11 +300,12 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="first seed; with --sealed counted from the sealed ones")
     parser.add_argument("--rows", type=Path, help="file to which each seed adds a line; those in it are not repeated")
     parser.add_argument("--sealed", action="store_true", help="score seeds that nobody looks at; prints no case")
+    parser.add_argument("--model", default="", help="only cases of this model; a table of its own")
     pages.add_option(parser)
     options = parser.parse_args()
     first = options.first + (SEALED if options.sealed else 0)
-    with pages.table("plans", options.write_docs):
-        outcomes = ambiguous(first, options.cases, options.workers, options.jointly, options.rows)
+    with pages.table(f"plans-{options.model}" if options.model else "plans", options.write_docs):
+        outcomes = ambiguous(first, options.cases, options.workers, options.jointly, options.rows, options.model)
         print(pages.markdown(table(outcomes)), "", pages.markdown(calibration(outcomes)), sep="\n")
     if not options.sealed:
         for each in outcomes:

@@ -37,6 +37,6 @@ EFFECT = Effect(
     acceleration=acceleration,
     trials=partial(at_usual_speed, 1.0),
     alike="quadratic drag, when the speed hardly varies",
-    scaling={"mass": -1.0, "radius": 1.0},
+    scaling={"mass": -1.0, "radius": 1.0, "spring": 0.0},
     example=EffectExample("projectile", size=0.05),
 )

@@ -32,6 +32,6 @@ EFFECT = Effect(
     acceleration=acceleration,
     trials=partial(at_usual_speed, 2.0),
     alike="linear drag, when the speed hardly varies",
-    scaling={"mass": -1.0, "radius": 2.0, "length": 1.0},
+    scaling={"mass": -1.0, "radius": 2.0, "length": 1.0, "spring": 0.0},
     example=EffectExample("pendulum", size=0.05),
 )

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from iris_sysid.types import OdeModel, Trajectory
 
 FILES = ("plan.json", "plan.png")
-BODY = ("mass", "radius", "length")
+BODY = ("mass", "radius", "length", "spring")
 
 Diagnosed = Annotated[Path | None, typer.Argument(help="diagnosis.json, or the folder that holds it.")]
 Clips = Annotated[list[Path] | None, typer.Argument(help=f"The clips that were diagnosed. {TABLE}.")]

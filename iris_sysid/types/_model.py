@@ -251,8 +251,8 @@ class Effect(Portable):
     ``example``, which every registered effect has, is a case for the contract tests.
     ``recurrence`` says what a second clip of the same set-up has of it: ``always`` the same size, ``anew`` a size of
     its own (a drift, a force of any phase), or ``once`` nothing, because it was an accident.
-    ``scaling`` holds the powers of the body's ``mass`` and ``radius``, and of a cord's ``length``, with which the size
-    goes, where they are known.
+    ``scaling`` holds the powers of the body's ``mass`` and ``radius``, of a cord's ``length``, and of the stiffness of
+    its ``spring``, with which the size goes, where they are known.
     """
 
     name: str

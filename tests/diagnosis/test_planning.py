@@ -143,6 +143,30 @@ def test_board_in_the_plane_removes_a_tilt():
     assert roles(rival, board, PENDULUM, False).effects == ()
 
 
+def on_a_spring(stiffness: float, force: float, zero: float, seed: int) -> Trajectory:
+    """A body on a linear spring under a constant force per mass, in m/s^2, seen with a wrong zero, in m."""
+    t_s = np.arange(480) / 60
+
+    def rates(t, y):
+        return y[1], force - stiffness * y[0] - 0.05 * y[1]
+
+    z = solve_ivp(rates, (0, t_s[-1]), (0.2, 0.0), "DOP853", t_s, rtol=1e-9, atol=1e-11).y[:1].T
+    z = z + zero + 1e-3 * np.random.default_rng(seed).standard_normal(z.shape)
+    return Trajectory(t_s, (Quantity("z", "m"),), z, np.full_like(z, np.nan), np.ones(t_s.size, dtype=bool))
+
+
+@pytest.mark.parametrize(("force", "zero", "name"), [(0.2, 0.0, "constant-force"), (0.0, 0.01, "zero-offset")])
+def test_stiffer_springs_tell_a_force_from_a_wrong_zero_and_another_start_does_not(force, zero, name):
+    today = on_a_spring(20.0, force, zero, seed=1)
+    question = Question(MODELS["linear-oscillator"], ("constant-force", "zero-offset"))
+    planned = plan(question, today)
+    by_name = {proposal.change.name: proposal.power for proposal in planned.proposals}
+    assert by_name["spring"] > 0.95
+    assert by_name["start--1"] < 0.05
+    change = planned.named("spring").change
+    assert decide(question, today, on_a_spring(40.0, force, zero, seed=2), change).names == (name,)
+
+
 def test_plumb_line_removes_a_wrong_zero_of_an_angle_and_nothing_else():
     question = Question(PENDULUM, ("zero-offset", "constant-force"))
     planned = plan(question, swing(0.15, drag=0.0, shift=0.01))

@@ -26,9 +26,9 @@ class SetUpChange:
     """One more clip, made with one thing changed; what is not named stays as it is today.
 
     ``longer`` and ``faster`` are factors on the length of the clip and on its frame rate, ``start`` the new initial
-    values by name in the model's units, ``body`` factors on the body's ``mass``, ``radius`` or cord ``length``,
-    ``steeper`` a factor on the acceleration of an incline, ``driven`` one on the inputs. Effects in ``without`` cannot
-    act in the new clip. ``clips`` is how many such clips are made.
+    values by name in the model's units, ``body`` factors on the body's ``mass``, ``radius``, cord ``length`` or the
+    stiffness of its ``spring``, ``steeper`` a factor on the acceleration of an incline, ``driven`` one on the inputs.
+    Effects in ``without`` cannot act in the new clip. ``clips`` is how many such clips are made.
     """
 
     name: str
@@ -148,7 +148,7 @@ def _throws(model: OdeModel, start: Mapping[str, float]) -> list[SetUpChange]:
 
 
 def _bodies(model: OdeModel, effects: Sequence[Effect]) -> list[SetUpChange]:
-    """Another ball or cord, where it is known how the size of an effect goes with it."""
+    """Another ball, cord or spring, where it is known how the size of an effect goes with it."""
     scaling = [set(effect.scaling) for effect in effects]
     found = []
     if any({"mass", "radius"} <= known for known in scaling):
@@ -157,6 +157,8 @@ def _bodies(model: OdeModel, effects: Sequence[Effect]) -> list[SetUpChange]:
         ]
     if any("length" in known for known in scaling) and any(each.name == "length" for each in model.parameters):
         found.append(SetUpChange("cord", "a cord twice as long", body={"length": 2.0}))
+    if any("spring" in known for known in scaling) and any(each.name == "stiffness" for each in model.parameters):
+        found.append(SetUpChange("spring", "springs twice as stiff between the same ends", body={"spring": 2.0}))
     if any(each.name == "acceleration" for each in model.parameters):
         found.append(SetUpChange("steeper", "a steeper board: twice the acceleration", steeper=2.0))
     return found

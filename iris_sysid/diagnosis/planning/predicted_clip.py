@@ -20,6 +20,7 @@ ROUNDING = 1e-10  # relative singular value below which columns are parallel
 TOLERANCE = 1e-8
 MOST_SAMPLES = 4000  # of a planned clip; more take longer and show nothing else
 EXACT = 1e-12  # noise over motion of data without noise
+OF_BODY = {"length": "length", "stiffness": "spring"}  # constants of the equation that a change of the body states
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -143,8 +144,8 @@ def roles(rival: Rival, change: SetUpChange, model: OdeModel, known_view: bool) 
 
 def _factor(name: str, role: str, change: SetUpChange) -> float:
     """The factor on a value of the equation; what a heavier ball or a longer cord does to a loss is a guess."""
-    if name == "length":
-        return change.body.get("length", 1.0)
+    if name in OF_BODY:
+        return change.body.get(OF_BODY[name], 1.0)
     if role == "damping" and change.body:
         return change.body.get("radius", 1.0) / change.body.get("mass", 1.0) or 1.0
     return change.steeper if name == "acceleration" else 1.0

@@ -20,7 +20,7 @@ class ChangeEntry(Part):
     start: dict[str, float] = {}
     """New initial values by name, in the model's units."""
     body: dict[str, float] = {}
-    """Factors on the body's mass, radius or cord length."""
+    """Factors on the body's mass, radius, cord length, or the stiffness of its spring."""
     steeper: float = 1.0
     """Factor on the acceleration of an incline."""
     driven: float = 1.0
