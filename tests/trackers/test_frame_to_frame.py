@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from iris_sysid.types import TrackOptions
@@ -12,6 +14,7 @@ from trackers._detection.subpixel_centroid import Centre
 from trackers._frames.working_image import view_of
 from trackers._linking.frame_to_frame import link
 from trackers._linking.likely_bodies import LikelyBodies
+from trackers._linking.select_bodies import link_bodies
 
 RADIUS, SPEED = 20.0, 50.0  # px, px a frame: farther than the two are wide together
 
@@ -34,6 +37,14 @@ def meeting(first, second):
         )
         for k, t in enumerate(turned)
     ]
+
+
+def test_speck_whose_outline_is_not_sharp_at_all_is_no_body():
+    seen = meeting(50.0, 50.0)
+    speck = replace(detection(3, 500.0, 50.0), sharpness=0.0)
+    seen[3] = replace(seen[3], detections=(*seen[3].detections, speck))
+    paths = link_bodies(seen, 2, 800.0)
+    assert [len(path.detections) for path in paths] == [20, 20]
 
 
 def test_a_dark_and_a_light_ball_that_strike_one_another_keep_their_paths():

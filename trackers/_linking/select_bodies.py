@@ -22,6 +22,7 @@ LEAST_OVERLAP = 0.3  # of the shorter tracklet: two tracklets seen together as l
 SHADOW_OVERLAP = 0.6  # of the shadow's tracklet
 SHADOW_SHARPNESS = 0.7  # of the body's: a shadow's outline is softer
 SHADOW_LIKENESS = 0.9  # correlation of a shadow's motion with its body's
+NOTHING = 1e-9  # of a feature: a speck of noise may have an outline that is not sharp at all
 SAME = {
     "radius": np.log(1.6),
     "contrast": np.log(3),
@@ -161,7 +162,7 @@ def _trimmed(detections: list[Detection]) -> list[Detection]:
 
 def _appearance(tracklet: Tracklet) -> dict[str, float]:
     """Appearance of a tracklet: the logarithms of the features in ``SAME``, and how much brighter it is, -1 to 1."""
-    appearance = {name: float(np.log(tracklet.typical(name))) for name in SAME}
+    appearance = {name: float(np.log(max(tracklet.typical(name), NOTHING))) for name in SAME}
     return appearance | {"side": tracklet.typical("brightening") / tracklet.typical("contrast")}
 
 
