@@ -191,14 +191,13 @@ ORANGE, WALL = (40.0, 110.0, 215.0), (150.0, 165.0, 170.0)  # blue, green, red
 
 
 @pytest.mark.parametrize(("moving", "rest"), [(36, 30), (36, 34), (40, 30)])
-def test_body_that_rests_for_almost_half_of_the_clip_is_found_in_one_pass(moving, rest):
+def test_body_that_rests_for_almost_half_of_the_clip_is_found(moving, rest):
     y = np.append(12 + 76 * np.linspace(0, 1, moving) ** 2, np.full(rest, 88.0))
     path = np.column_stack([np.full(y.size, 64.0), y])
     wall = np.full((112, 128), 80.0)
     wall[97:] = 110.0  # the floor on which it comes to rest
     clip = DrawnClip(noisy([paint(wall, disc(wall.shape, *place, 9), 180.0) for place in path], 3.0))
     track = one_track(clip)
-    assert clip.decoded == y.size
     assert track.n_valid == y.size
     assert np.abs(track.xy_px - path).max() < 0.06
 

@@ -27,7 +27,6 @@ from trackers._detection.foreground import (
     WEAK_FLOOR,
     WEAK_SIGMAS,
     BackgroundRange,
-    any_channel,
     background_range_of,
     blobs,
 )
@@ -43,11 +42,9 @@ SHADED = 0.3  # of the body's area is added to it by luma: its shadow
 VIVID = 4.0  # times the noise: least colour difference from the background
 MOSTLY = 0.5  # of the frames
 ROUND_BODY = 1.1  # times the radius of the disc of the same area, for a disc; more for a long shape
-COMPACT = 0.4  # of a body is its largest inscribed disc at least
 OFTEN, FEWEST_FREE = 0.4, 3  # of the samples: where a body is more often it may be background; that must show it free
 LARGE_ENOUGH, SPECKS = 12.0, 10  # px, inscribed radius at half the usual size; % of what moves that may be smaller
 AROUND = np.ones((5, 5), np.uint8)  # px about moving bodies: two more than their edge
-SINGLE, PAIR = np.ones((1, 1), np.uint8), np.ones((2, 2), np.uint8)
 FEWEST_COLOURED = 20  # px that must move in colour for a frame to count
 REPORT_EVERY = 10  # frames between two calls of the progress function
 Likely = Callable[[FrameDetections], Sequence[bool]]  # which detections of a frame are to be measured
@@ -95,18 +92,13 @@ class DetectionSetup:
         too_few = usable.sum(axis=0) < FEWEST_FREE
         return self.with_background_from(usable | (too_few if known is None else too_few & known))
 
-    def differs_from(self, other: DetectionSetup, least: Bytes = PAIR) -> bool:
-        """Whether another background differs by so much that this one would take it for part of a body.
-
-        ``least`` is the smallest part that counts: else single pixels, of the rim of a body or seen in few samples,
-        are none.
-        """
+    def differs_from(self, other: DetectionSetup) -> bool:
+        """Whether another background differs by so much that this one would take it for part of a body."""
         before, after = (setup.detector.background.reduced(setup.view.step).whole for setup in (self, other))
         if before is None or after is None:
             return True
         off = np.abs(after.background - before.background)
-        differs = any_channel(off > np.maximum(WEAK_SIGMAS * before.noise, WEAK_FLOOR)).astype(np.uint8)
-        return bool(cv2.erode(differs, least).any())
+        return bool((off > np.maximum(WEAK_SIGMAS * before.noise, WEAK_FLOOR)).any())
 
     def search_windows(self) -> SearchWindows:
         """The search windows of this clip, for its frames in order."""
@@ -149,7 +141,6 @@ def detection_setup(video: FrameSource, view: View, coarse: bool = False) -> Det
     usable = usable_samples(search_images, estimate)
     if usable is not None:
         setup = setup.with_background_from(usable)
-    setup = _without_bodies(setup)  # before the clip is read, which else would have to be read again
     moving = [_covered(setup.background_range, image) for image in search_images] if view.colour is not None else []
     return replace(setup, view=view.fitted(samples, moving))
 
@@ -206,31 +197,6 @@ def _standing_out(background_range: BackgroundRange, image: Bytes, moving: Flags
     """Contrast of luma and chroma over the least contrast of a body, over most of the moving pixels."""
     excess = background_range.excess(image)[moving].astype(np.float64) / background_range.strong[moving]
     return float(np.median(excess[:, 0])), float(np.median(excess[:, 1:].max(axis=1)))
-
-
-def _without_bodies(setup: DetectionSetup) -> DetectionSetup:
-    """The setup with a background in which no body rests; unchanged where that is no other, only from fewer samples."""
-    covered = np.stack(list(ahead(partial(_covered, setup.background_range), setup.search_images)))
-    free = setup.behind(covered) or setup
-    free = free.behind(_near_bodies(free)) or free
-    return free if setup.differs_from(free, SINGLE) else setup
-
-
-def _near_bodies(setup: DetectionSetup) -> Flags:
-    """Where (k, h', w') in the samples a body is, or a part of one that had become background: within its reach.
-
-    What is long, as a cord, is no body.
-    """
-    near = np.zeros(setup.search_images.shape[:3], dtype=np.uint8)
-    seen = ahead(partial(blobs, setup.background_range), setup.search_images)
-    for flags, found in zip(near, seen, strict=True):
-        for blob in found:
-            disc = np.pi * blob.inscribed**2
-            if blob.inscribed > THINNEST_BODY and disc > COMPACT * blob.area:
-                left, top, right, bottom = blob.box
-                reach = ROUND_BODY * blob.area / (np.pi * blob.inscribed) + 2
-                cv2.circle(flags, ((left + right) // 2, (top + bottom) // 2), int(np.ceil(reach)), 1, cv2.FILLED)
-    return near > 0
 
 
 def _covered(background_range: BackgroundRange, image: Bytes) -> Flags:
