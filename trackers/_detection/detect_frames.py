@@ -23,13 +23,7 @@ from trackers._detection.background_samples import usable_samples
 from trackers._detection.coded_planes import plane_limits_of
 from trackers._detection.connected import filled_round
 from trackers._detection.detection import THINNEST_BODY, Detection, Detector, FrameCandidates, FrameDetections
-from trackers._detection.foreground import (
-    WEAK_FLOOR,
-    WEAK_SIGMAS,
-    BackgroundRange,
-    background_range_of,
-    blobs,
-)
+from trackers._detection.foreground import BackgroundRange, background_range_of, blobs
 from trackers._detection.search_window import SearchWindows, sparse_range_of
 from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes, Flags
@@ -41,8 +35,6 @@ MISSED_BY_LUMA = 0.1  # share of the moving pixels that luma misses, above which
 SHADED = 0.3  # of the body's area is added to it by luma: its shadow
 VIVID = 4.0  # times the noise: least colour difference from the background
 MOSTLY = 0.5  # of the frames
-ROUND_BODY = 1.1  # times the radius of the disc of the same area, for a disc; more for a long shape
-OFTEN, FEWEST_FREE = 0.4, 3  # of the samples: where a body is more often it may be background; that must show it free
 LARGE_ENOUGH, SPECKS = 12.0, 10  # px, inscribed radius at half the usual size; % of what moves that may be smaller
 AROUND = np.ones((5, 5), np.uint8)  # px about moving bodies: two more than their edge
 FEWEST_COLOURED = 20  # px that must move in colour for a frame to count
@@ -78,27 +70,6 @@ class DetectionSetup:
             background_range=background_range_of(estimate),
             detector=replace(self.detector, background=background_of(self.stack, estimate, usable)),
         )
-
-    def behind(self, covered: Flags) -> DetectionSetup | None:
-        """The setup with the background as it is where no body is; None where it is known already.
-
-        ``covered`` (k, h', w') says at the size of the search where bodies are in the samples. Nowhere more than
-        ``OFTEN`` of them, a share, they have not become background.
-        """
-        if covered.mean(axis=0).max() < OFTEN:
-            return None
-        known = self.detector.background.usable
-        usable = ~covered if known is None else known & ~covered
-        too_few = usable.sum(axis=0) < FEWEST_FREE
-        return self.with_background_from(usable | (too_few if known is None else too_few & known))
-
-    def differs_from(self, other: DetectionSetup) -> bool:
-        """Whether another background differs by so much that this one would take it for part of a body."""
-        before, after = (setup.detector.background.reduced(setup.view.step).whole for setup in (self, other))
-        if before is None or after is None:
-            return True
-        off = np.abs(after.background - before.background)
-        return bool((off > np.maximum(WEAK_SIGMAS * before.noise, WEAK_FLOOR)).any())
 
     def search_windows(self) -> SearchWindows:
         """The search windows of this clip, for its frames in order."""

@@ -6,9 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from trackers._detection.detect_frames import ROUND_BODY, DetectionSetup
+from trackers._detection.detect_frames import DetectionSetup
+from trackers._detection.foreground import WEAK_FLOOR, WEAK_SIGMAS
 from trackers._frames.arrays import Flags
 from trackers._linking.frame_to_frame import Tracklet
+
+OFTEN = 0.4  # of the samples: where a body is more often, it may have become background
+ROUND_BODY = 1.1  # times the radius of the disc of the same area, for a disc; more for a long shape
+FEWEST_SAMPLES = 3  # that must show what is behind
 
 
 def refined_setup(setup: DetectionSetup, tracklets: Sequence[Tracklet]) -> DetectionSetup | None:
@@ -16,8 +21,23 @@ def refined_setup(setup: DetectionSetup, tracklets: Sequence[Tracklet]) -> Detec
 
     ``tracklets`` are the bodies as the first look gave them.
     """
-    again = setup.behind(~_free(setup, tracklets))
-    return again if again is not None and setup.differs_from(again) else None
+    free = _free(setup, tracklets)
+    if free.mean(axis=0).min() > 1 - OFTEN:
+        return None
+    known = setup.detector.background.usable
+    usable = free if known is None else free & known
+    too_few = usable.sum(axis=0) < FEWEST_SAMPLES
+    again = setup.with_background_from(usable | (too_few if known is None else too_few & known))
+    return again if _shows_another(setup, again) else None
+
+
+def _shows_another(setup: DetectionSetup, again: DetectionSetup) -> bool:
+    """Whether the background is another one by so much that the first one would take it for part of a body."""
+    before, after = (model.detector.background.reduced(model.view.step).whole for model in (setup, again))
+    if before is None or after is None:
+        return True
+    off = np.abs(after.background - before.background)
+    return bool((off > np.maximum(WEAK_SIGMAS * before.noise, WEAK_FLOOR)).any())
 
 
 def _free(setup: DetectionSetup, tracklets: Sequence[Tracklet]) -> Flags:
