@@ -24,7 +24,7 @@ MOST_HEADER_ROWS = 8
 SEPARATORS = (";", "\t", ",", " ")  # the first of those that split the lines into numbers best
 COMMENT = re.compile(r"\s*(#|//|%|!)")
 SEPARATOR_LINE = re.compile(r"sep=(.)", re.IGNORECASE)
-NUMERIC = re.compile(r"[-+]?(?:[0-9]+[.,]?[0-9]*|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?")
+NUMERIC = re.compile(r"[-+]?(?:[0-9]+(?:[.,][0-9]*)?|[.,][0-9]+)(?:[eE][-+]?[0-9]+)?")
 EXCEL = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0")  # .xlsx, also under the name .xls; and .xls
 
 

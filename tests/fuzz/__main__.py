@@ -7,6 +7,7 @@ search by the lines reached where it is installed. Exit status 1 where anything 
 from __future__ import annotations
 
 import argparse
+import faulthandler
 import re
 import subprocess
 import sys
@@ -50,6 +51,7 @@ def in_this_process(target: str, engine: str, seconds: float, kept: Path) -> int
     if engine == "atheris":
         fuzz_by_atheris(target, seconds, kept)
     else:
+        faulthandler.dump_traceback_later(seconds + GRACE_S / 2)  # where it hangs
         print(f"inputs: {fuzz_by_hypothesis(target, seconds)}")
     return 0
 
@@ -60,8 +62,9 @@ def in_a_process(target: str, engine: str, seconds: float, kept: Path) -> tuple[
     command += ["--seconds", str(seconds), "--kept", str(kept)]
     try:
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=seconds + GRACE_S)
-    except subprocess.TimeoutExpired:
-        return 0, f"a hang: no end {GRACE_S:.0f} s after the time"
+    except subprocess.TimeoutExpired as hang:
+        said = (hang.stderr or b"").decode(errors="replace")
+        return 0, f"a hang: no end {GRACE_S:.0f} s after the time\n{said[-3000:]}"
     counted = INPUTS.findall(done.stdout + done.stderr)
     inputs = int(counted[-1]) if counted else 0
     if done.returncode < 0:

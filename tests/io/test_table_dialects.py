@@ -1,7 +1,9 @@
 """Tables as people have them: the same swing, written in the ways of many programs, is read as the same swing."""
 
 import io
+import time
 import zipfile
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from iris_sysid import read_trajectory
 from iris_sysid.errors import DataError
 from iris_sysid.io.table_headers import parse_columns
 
+LONG = 100_000
 T_S = np.round(np.arange(12) * 0.04, 2)
 THETA = np.round(0.35 * np.cos(4.4 * T_S), 6)
 X_M, Z_M = np.round(0.5 * np.sin(THETA), 6), np.round(-0.5 * np.cos(THETA), 6)
@@ -209,3 +212,15 @@ def test_excel_file_that_claims_to_be_huge_is_refused_before_it_is_unpacked(tmp_
             member.write(bytes(1_000_000))
     with pytest.raises(DataError, match="unpacks to 260 MB"):
         read_trajectory(path)
+
+
+@pytest.mark.parametrize(
+    "cell", ["1" * LONG + "x", "1." * LONG, f"a[{' ' * LONG}x", f"a{' in' * LONG}", "a" + "1" * LONG + "b"]
+)
+@pytest.mark.parametrize("table", ["{}", "Zeit (s);{}\n0;1\n1;2\n2;3\n", "Zeit (s);Winkel (rad)\n0;1\n1;{}\n2;3\n"])
+def test_long_cell_is_read_or_refused_in_time_that_grows_with_its_length(tmp_path, table, cell):
+    (tmp_path / "t.csv").write_text(table.format(cell))
+    start = time.process_time()
+    with suppress(DataError):
+        read_trajectory(tmp_path / "t.csv")
+    assert time.process_time() - start < 2.0  # minutes where it grew with the square
