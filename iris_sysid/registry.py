@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import importlib
 import importlib.util
+import os
 import pkgutil
 import re
 import sys
@@ -87,8 +88,8 @@ class Registry(Mapping[str, Item], Generic[Item]):
         if not separator or not path.endswith(".py"):
             return self[text]
         file = Path(path)
-        if not file.is_file():
-            raise DataError(f"there is no file {file}; give FILE.py:NAME")
+        if not os.path.isfile(file):  # noqa: PTH113  Path.is_file raises where the name is too long
+            raise DataError(f"there is no file {path:.200}; give FILE.py:NAME")
         namespace = _run(file.resolve(), file.stat().st_mtime_ns)
         item = namespace.get(name)
         if isinstance(item, self.item_type):

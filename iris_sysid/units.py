@@ -152,7 +152,7 @@ def _stderr(match: re.Match[str]) -> float:
 def parse_numbers(text: str, names: str) -> tuple[float, ...]:
     """Read comma-separated finite numbers, one for each of the comma-separated ``names``; DataError otherwise."""
     parts, count = text.split(","), len(names.split(","))
-    numbers = tuple(float(part) for part in parts if re.fullmatch(rf"\s*{NUMBER}\s*", part))
+    numbers = tuple(float(part.strip()) for part in parts if re.fullmatch(rf"\s*{NUMBER}\s*", part))
     if not len(numbers) == len(parts) == count or not all(map(math.isfinite, numbers)):
         raise DataError(f"cannot read {text!r}: it must be {names}, e.g. {','.join(['10'] * count)}")
     return numbers

@@ -97,11 +97,11 @@ class Expression:
             known = self.head if self.head != "sign" else "mathrm{sign}"
             return rf"\{known}\left({', '.join(part.latex(symbols) for part in self.parts)}\right)"
         mine = PRECEDENCE[self.head]
-        left, right = first._bracketed(symbols, mine), last._bracketed(symbols, mine + (self.head != "+"))
         if self.head == "negative":
-            return f"-{right}"
+            return f"-{last._bracketed(symbols, mine + 1)}"
         if self.head == "^":
             return f"{first._bracketed(symbols, mine + 1)}^{{{last.latex(symbols)}}}"
+        left, right = first._bracketed(symbols, mine), last._bracketed(symbols, mine + (self.head != "+"))
         return rf"{left}\,{right}" if self.head == "*" else f"{left} {self.head} {right}"
 
     def _bracketed(self, symbols: Mapping[str, str], least: int) -> str:

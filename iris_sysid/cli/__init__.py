@@ -162,6 +162,8 @@ def main() -> None:
         unexpected = f"unexpected {type(error).__name__}: {error}; --debug shows where"
         if isinstance(error, MemoryError):
             unexpected = f"memory is full, or at its limit: {error}"
+        if isinstance(error, OSError) and error.filename and error.strerror:
+            unexpected = f"{error.strerror}: {error.filename}; --debug shows where"
         text = f"{error}{_terminal.starts_text(error)}" if isinstance(error, IrisError) else unexpected
         typer.echo(f"iris-sysid: {_terminal.one_line(text)}", err=True)
         sys.exit(1)

@@ -241,6 +241,7 @@ def trajectory_of_sheet(sheet: Sheet, document: OriginDocument | None, origin: M
     DataError
         When a column is none of a trajectory's, or a cell does not hold what its column should.
     """
+    _require(sheet, ("t_s",), "a trajectory has t_s in s and a column such as theta_rad or x_m")
     columns = _columns(sheet)
     plain = [column for column in columns.values() if column.part == "measured" and not column.is_sigma]
     measured = [column for column in plain if not column.is_input]

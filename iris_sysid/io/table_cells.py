@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from iris_sysid.errors import DataError
+from iris_sysid.io.archives import ZIP_TROUBLE
 from iris_sysid.io.csv_cells import BLANK, UTF_16
 from iris_sysid.io.files import MOST_BYTES, read_file
 
@@ -167,7 +168,7 @@ def _check_unpacked(data: bytes, file: str) -> None:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             size = sum(member.file_size for member in archive.infolist())
-    except (zipfile.BadZipFile, ValueError, OSError) as error:
+    except ZIP_TROUBLE as error:
         raise DataError(f"{file} cannot be read as an Excel file: {error!s:.200}") from error
     if size > MOST_BYTES:
         raise DataError(f"{file} unpacks to {size / 1e6:.0f} MB; a table may have {MOST_BYTES / 1e6:.0f} MB: split it")

@@ -412,6 +412,13 @@ def test_debug_shows_the_traceback(tmp_path):
     assert "VideoError: there is no file" in done.stderr
 
 
+def test_path_that_the_system_refuses_is_named_with_its_reason(cli, tmp_path):
+    outcome = cli("gt", "a" * 3000, "-o", tmp_path / "gt")
+    assert outcome.status == 1
+    assert outcome.err.startswith("iris-sysid: File name too long: aaa")
+    assert "unexpected" not in outcome.err
+
+
 def test_unexpected_failure_is_one_line_unless_debugged(monkeypatch, cli):
     def fail(name):
         raise RuntimeError("first\nsecond \x1b[31m")
