@@ -50,7 +50,8 @@ class Cutout:
     def distance(self, disc: Disc) -> Array:
         """Distance (h, w) of each pixel to the outline of a disc, px, positive inside."""
         rows, columns = np.ogrid[: self.image.shape[0], : self.image.shape[1]]
-        return disc.radius - np.hypot(columns + self.left - disc.x, rows + self.top - disc.y)
+        squared = (columns + self.left - disc.x) ** 2 + (rows + self.top - disc.y) ** 2
+        return disc.radius - np.sqrt(squared)  # several times as fast as np.hypot
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
 from iris_sysid.types import Array
-from trackers._disc.coverage import disc_coverage
-from trackers._disc.normal_equations import jacobian, levels, normal_equations
-from trackers._disc.robust_least_squares import Equations, Pixels, Start
+from trackers._disc.normal_equations import cover, equations, gauss_newton, jacobian, levels
+from trackers._disc.robust_least_squares import ROUNDS, Equations, Pixels, Rest, Start
 
 X, Y, RADIUS, BLUR, OVAL_ALONG, OVAL_ACROSS = range(6)  # the first parameters; the grey levels follow
 SHARPEST = 0.004  # px^2, variance of the sharpest edge
@@ -106,7 +107,11 @@ class DiscModel:
 
     def __post_init__(self) -> None:
         """Work out the terms of the shading (n, 6) in u, v = distance from the origin over its radius."""
-        self.share, self.slopes, self.contrast = np.empty(self.x.size), np.empty((self.x.size, 6)), self.x
+        self.share, self.slopes, self.contrast = (
+            np.empty(self.x.size),
+            np.empty((self.x.size, 6)),
+            np.empty(self.x.size),
+        )
         u = (self.x - self.origin.x) / self.origin.radius
         v = (self.y - self.origin.y) / self.origin.radius
         self.terms = np.column_stack([np.ones_like(u), u, v, u**2 + v**2 - 1, u**2 - v**2, u * v])
@@ -135,20 +140,24 @@ class DiscModel:
         ``pixels`` holds the grey levels that are fitted, ``sigma`` (n,) their noise in grey levels; ``number`` is that
         of the round.
         """
-        self._cover(parameters[: self.form.outline])
-        body, surroundings = self._levels(parameters)
-        self.contrast = body - surroundings
-        residual = pixels.values - (surroundings + self.share * self.contrast)
-        weight = np.empty_like(residual)
-        of_zones, gradient = normal_equations(self._linear, sigma, pixels.zone, number, residual, weight)
-        return Equations(of_zones, gradient, residual, weight)
+        work = self._work()
+        of_zones, _ = equations(self._scene, (pixels.values, sigma, pixels.zone), number, parameters, work)
+        return Equations(of_zones, *work[-2:])
+
+    def round(self, start: Start, pixels: Pixels, sigma: Array, number: int) -> Rest:
+        """Gauss-Newton steps of the grey levels with the weights of one round; see :meth:`equations`."""
+        work, data, bounds = self._work(), (pixels.values, sigma, pixels.zone), (start.longest_step, start.lowest)
+        parameters, step, of_zones, _ = gauss_newton(
+            self._scene, data, (number, *ROUNDS[number]), bounds, start.parameters, work
+        )
+        return Rest(parameters, step, Equations(of_zones, *work[-2:]), sigma)
 
     def jacobian(self) -> Array:
         """Derivatives (n, p) of the grey levels by the parameters of the latest equations.
 
         In grey levels per px or per unit of a level.
         """
-        return np.asarray(jacobian(*self._linear))
+        return np.asarray(jacobian(self.share, self.slopes, self.contrast, self.terms, self._counts))
 
     def contrast_of(self, parameters: Array) -> tuple[float, float]:
         """Mean of body minus surroundings, and of the body, along the outline; ``parameters`` (p,).
@@ -161,9 +170,18 @@ class DiscModel:
         return float(np.average(body - surroundings, weights=edge)), float(np.average(body, weights=edge))
 
     @property
-    def _linear(self) -> tuple[Array, Array, Array, Array, Array]:
-        counts = np.array([self.form.outline, self.form.interior, self.form.exterior])
-        return self.share, self.slopes, self.contrast, self.terms, counts
+    def _counts(self) -> NDArray[np.int64]:
+        return np.array([self.form.outline, self.form.interior, self.form.exterior])
+
+    @property
+    def _scene(self) -> tuple[Array, Array, Array, Array, NDArray[np.int64], Array, int]:
+        """What the kernels take: see :func:`equations`."""
+        parts = min(max(math.ceil(self.motion.length / SUBSTEP), 1), MOST_SUBSTEPS)
+        return self.x, self.y, self.background, self.terms, self._counts, self.motion.way, parts
+
+    def _work(self) -> tuple[Array, Array, Array, Array, Array]:
+        """What the kernels set: share, slopes, contrast, and residual and weight (n,) of the pixels."""
+        return self.share, self.slopes, self.contrast, np.empty_like(self.x), np.empty_like(self.x)
 
     def _levels(self, parameters: Array) -> tuple[Array, Array]:
         """Grey levels (n,) of the body and of the background behind it."""
@@ -174,7 +192,4 @@ class DiscModel:
 
     def _cover(self, outline: Array) -> None:
         """Set the share (n,) of each pixel that the moving disc covers in the mean, and its derivatives (n, 6)."""
-        count = int(np.clip(np.ceil(self.motion.length / SUBSTEP), 1, MOST_SUBSTEPS))
-        every = np.zeros(OVAL_ACROSS + 1)
-        every[: outline.size] = outline
-        disc_coverage(self.x, self.y, every, self.motion.way, count, self.share, self.slopes)
+        cover(self.x, self.y, outline, *self._scene[-2:], self.share, self.slopes)

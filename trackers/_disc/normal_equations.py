@@ -1,4 +1,4 @@
-"""Normal equations of the disc model summed over pixels without an array of derivatives (numba)."""
+"""Normal equations of the disc model summed over pixels without an array of derivatives, and their steps (numba)."""
 
 # mypy: disallow-untyped-decorators=False
 from __future__ import annotations
@@ -7,9 +7,11 @@ import numpy as np
 
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
-from trackers._disc.robust_least_squares import HUBER, TUKEY, Labels
+from trackers._disc.coverage import disc_coverage
+from trackers._disc.robust_least_squares import HUBER, RIDGE, TUKEY, Labels
 
 ZONES = 3
+LEAST_SHARE = 0.1  # of a step that goes back
 
 
 @kernel(nogil=True)
@@ -114,3 +116,97 @@ def normal_equations(
             for j in range(i):
                 part[j, i] = part[i, j]
     return information, gradient
+
+
+@kernel(nogil=True)
+def equations(
+    scene: tuple[Array, ...], data: tuple[Array, Array, Labels], number: int, parameters: Array, work: tuple[Array, ...]
+) -> tuple[Array, Array]:
+    """Information of each zone (3, p, p) and gradient (p,) of the disc model for its ``parameters`` (p,).
+
+    Parameters
+    ----------
+    scene
+        x and y (n,) of the pixels, px, their background (n,), the terms (n, 6) of their shading, how many parameters
+        outline, body and surroundings have, and the way (5,) within the exposure and the number of its parts.
+    data
+        Grey levels (n,), their noise (n,) and zone (n,).
+    number
+        Of the round, which decides the weights.
+    parameters
+        Outline, levels inside, levels outside.
+    work
+        Set to share (n,), slopes (n, 6), contrast, residual and weight (n,).
+    """
+    x, y, background, terms, counts, way, parts = scene
+    values, sigma, zone = data
+    share, slopes, contrast, residual, weight = work
+    cover(x, y, parameters[: counts[0]], way, parts, share, slopes)
+    body = counts[0] + counts[1]
+    levels(terms, background, parameters[counts[0] : body], parameters[body:], contrast, residual)
+    for k in range(x.size):
+        behind = residual[k]
+        contrast[k] -= behind
+        residual[k] = values[k] - (behind + share[k] * contrast[k])
+    return normal_equations((share, slopes, contrast, terms, counts), sigma, zone, number, residual, weight)
+
+
+@kernel(nogil=True)
+def cover(x: Array, y: Array, outline: Array, way: Array, parts: int, share: Array, slopes: Array) -> None:
+    """Set the share (n,) of each pixel that the moving disc covers in the mean, and its derivatives (n, 6)."""
+    every = np.zeros(6)
+    every[: outline.size] = outline
+    disc_coverage(x, y, every, way, parts, share, slopes)
+
+
+@kernel(nogil=True)
+def gauss_newton(
+    scene: tuple[Array, ...],
+    data: tuple[Array, Array, Labels],
+    rounds: tuple[int, int, float],
+    bounds: tuple[Array, Array],
+    start: Array,
+    work: tuple[Array, ...],
+) -> tuple[Array, Array, Array, Array]:
+    """Gauss-Newton steps with the weights of one round; a step that goes to and fro is shortened, and lengthened again.
+
+    Returns parameters and last step (p,), and the information of each zone and the gradient before that step.
+
+    Parameters
+    ----------
+    scene, data, work
+        As for :func:`equations`.
+    rounds
+        Number of the round, the most steps, and the step over standard error that ends it sooner.
+    bounds
+        Longest step (p,) and lowest value (p,) of each parameter.
+    start
+        Parameters (p,) to start from.
+    """
+    number, most, settled = rounds
+    longest, lowest = bounds
+    parameters, before, share = start.copy(), np.zeros_like(start), 1.0
+    for _ in range(most):
+        of_zones, gradient = equations(scene, data, number, parameters, work)
+        information = of_zones.sum(axis=0)
+        scale = np.sqrt(np.diag(information))
+        step = bounded_step(parameters, information, gradient, longest, lowest)
+        back = (step * scale * before).sum() < 0
+        share = max(LEAST_SHARE, share / 2) if back else min(1.0, share * 1.5)
+        before = step * scale
+        step = share * step
+        parameters = np.maximum(parameters + step, lowest)
+        if (np.abs(step) * scale <= settled).all():
+            break
+    return parameters, step, of_zones, gradient
+
+
+@kernel(nogil=True)
+def bounded_step(parameters: Array, information: Array, gradient: Array, longest: Array, lowest: Array) -> Array:
+    """A Gauss-Newton step (p,); a parameter at its lowest value stays there while it is pushed down."""
+    matrix, right = information.copy(), gradient.copy()
+    for i in range(parameters.size):
+        matrix[i, i] *= 1.0 + RIDGE
+        if parameters[i] <= lowest[i] and gradient[i] <= 0:
+            matrix[i, :], matrix[:, i], matrix[i, i], right[i] = 0.0, 0.0, 1.0, 0.0
+    return np.minimum(np.maximum(np.linalg.solve(matrix, right), -longest), longest)

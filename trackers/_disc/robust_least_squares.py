@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -12,11 +12,11 @@ from iris_sysid.types import Array
 from trackers._frames.arrays import MAD_TO_SD
 
 ROUNDS = ((8, 3.0), (8, 0.5), (6, 0.03))  # most steps of each, and the step over standard error that ends it sooner
-LEAST_SHARE = 0.1  # of a step that goes back
 HUBER = 1.5  # standard deviations from which a residual counts linearly: the second round
 TUKEY = 6.0  # standard deviations from which a residual does not count: 98 % efficient on normal noise
 INLIER, TRUNCATION = 3.0, 0.9866  # standard deviation of a normal distribution cut at +-3 sigma
 FEWEST_IN_ZONE = 8  # pixels from which a zone has its own noise
+LEAST_KNOWN = 1e-15  # of the largest eigenvalue of the information: what is known less is not known at all
 RIDGE = 1e-12  # of the diagonal: a parameter that the pixels do not show stays where it is
 
 Labels = NDArray[np.int64]
@@ -36,10 +36,9 @@ class Pixels:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Equations:
-    """Normal equations of some parameters: information of each zone (z, p, p), gradient (p,), residual, weight (n,)."""
+    """Normal equations of some parameters: information of each zone (z, p, p), residual and weight (n,) of pixels."""
 
     of_zones: Array
-    gradient: Array
     residual: Array
     weight: Array
 
@@ -49,16 +48,6 @@ class Equations:
         return np.asarray(self.of_zones.sum(axis=0))
 
 
-class Model(Protocol):
-    """What is fitted."""
-
-    def equations(self, parameters: Array, pixels: Pixels, sigma: Array, number: int) -> Equations:
-        """The normal equations for parameters (p,), with the weights of a round and noise ``sigma`` (n,)."""
-
-    def jacobian(self) -> Array:
-        """Derivatives (n, p) of the prediction for the parameters of the latest equations."""
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class Start:
     """Parameters (p,) to start from, the longest step (p,) of each at once, and the lowest value (p,) of each."""
@@ -66,6 +55,29 @@ class Start:
     parameters: Array
     longest_step: Array
     lowest: Array
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Rest:
+    """Where the steps of one round ended: parameters (p,), the last step (p,) and the equations before it."""
+
+    parameters: Array
+    last_step: Array
+    equations: Equations
+    sigma: Array
+
+
+class Model(Protocol):
+    """What is fitted."""
+
+    def equations(self, parameters: Array, pixels: Pixels, sigma: Array, number: int) -> Equations:
+        """The normal equations for parameters (p,), with the weights of a round and noise ``sigma`` (n,)."""
+
+    def round(self, start: Start, pixels: Pixels, sigma: Array, number: int) -> Rest:
+        """Gauss-Newton steps with the weights of one round, as many as its :data:`ROUNDS` say."""
+
+    def jacobian(self) -> Array:
+        """Derivatives (n, p) of the prediction for the parameters of the latest equations."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -94,16 +106,6 @@ class Solution:
         return (self.weight / self.sigma)[:, np.newaxis] * (self.jacobian @ self.covariance[:, :count])
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Rest:
-    """Where the steps of one round ended: parameters (p,), the last step (p,) and the equations before it."""
-
-    parameters: Array
-    last_step: Array
-    equations: Equations
-    sigma: Array
-
-
 def robust_fit(model: Model, start: Start, pixels: Pixels, few: tuple[Model, Pixels] | None = None) -> Solution:
     """Fit a model to pixels of which some show something else.
 
@@ -123,67 +125,22 @@ def robust_fit(model: Model, start: Start, pixels: Pixels, few: tuple[Model, Pix
     few
         The same for some of the pixels, evenly spread: the first two rounds, which only lead near, are about these.
     """
-    first = _Fit(*(few or (model, pixels)), start)
-    rest = first.round(start.parameters, first.pixels.noise, 0)
-    rest = first.round(rest.parameters, _measured_noise(rest.equations, first.pixels), 1)
+    near, some = few or (model, pixels)
+    rest = near.round(start, some, some.noise, 0)
+    rest = near.round(replace(start, parameters=rest.parameters), some, _measured_noise(rest.equations, some), 1)
     seen = model.equations(rest.parameters, pixels, pixels.noise, 1) if few else rest.equations
-    rest = _Fit(model, pixels, start).round(rest.parameters, _measured_noise(seen, pixels), 2)
+    rest = model.round(replace(start, parameters=rest.parameters), pixels, _measured_noise(seen, pixels), 2)
     found = rest.equations
     return Solution(
         rest.parameters, found.information, model.jacobian(), found.residual, rest.sigma, found.weight, rest.last_step
     )
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Fit:
-    """Constants of several rounds."""
-
-    model: Model
-    pixels: Pixels
-    start: Start
-
-    def round(self, parameters: Array, sigma: Array, number: int) -> _Rest:
-        """Gauss-Newton steps with the weights of one round."""
-        most, settled = ROUNDS[number]
-        damping = _Damping()
-        for _ in range(most):
-            equations = self.model.equations(parameters, self.pixels, sigma, number)
-            information = equations.information
-            scale = np.sqrt(information.diagonal())
-            step = damping.applied(_step(parameters, information, equations.gradient, self.start), scale)
-            parameters = np.maximum(parameters + step, self.start.lowest)
-            if (np.abs(step) * scale <= settled).all():
-                break
-        return _Rest(parameters, step, equations, sigma)
-
-
-@dataclass(eq=False, slots=True)
-class _Damping:
-    """Shortens steps that go to and fro, and lengthens them again."""
-
-    share: float = 1.0
-    before: Array | None = None
-
-    def applied(self, step: Array, scale: Array) -> Array:
-        """The step as it should be made; ``scale`` (p,) are inverse standard errors."""
-        scaled = step * scale
-        back = self.before is not None and float(scaled @ self.before) < 0
-        self.share = max(LEAST_SHARE, self.share / 2) if back else min(1.0, self.share * 1.5)
-        self.before = scaled
-        return self.share * step
-
-
-def _step(parameters: Array, information: Array, gradient: Array, start: Start) -> Array:
-    """A Gauss-Newton step; a parameter at its lowest value stays there while it is pushed down."""
-    free = (parameters > start.lowest) | (gradient > 0)
-    held = information if free.all() else information[free][:, free]
-    step = np.zeros_like(gradient)
-    step[free] = np.linalg.solve(held + RIDGE * np.diag(held.diagonal()), gradient[free])
-    return np.clip(step, -start.longest_step, start.longest_step)
-
-
 def _inverse(information: Array) -> Array:
-    return np.asarray(np.linalg.pinv(information, hermitian=True), dtype=np.float64)
+    """The pseudo-inverse (p, p) of an information matrix."""
+    values, vectors = np.linalg.eigh(information)
+    known = values > LEAST_KNOWN * values[-1]
+    return np.asarray((vectors[:, known] / values[known]) @ vectors[:, known].T, dtype=np.float64)
 
 
 def _measured_noise(equations: Equations, pixels: Pixels) -> Array:
