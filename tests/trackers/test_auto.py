@@ -15,6 +15,7 @@ from trackers._auto.best_path import best_path
 from trackers._auto.candidates import Way, radius_at, ways_by_looks
 from trackers._auto.choose import Choice, doubts_of_one_body, is_scenery, lost_together
 from trackers._auto.evidence import Patches, judged, leaps, measured, missed_marks
+from trackers._auto.receding_disc import not_followed, receding_disc
 from trackers._auto.sampled_once import SampledOnce
 from trackers._auto.survey import kinds_of, looks_like_shadow
 from trackers._frames.working_image import view_of
@@ -177,6 +178,40 @@ def test_track_by_looks_is_doubtful_where_the_background_tracker_follows_nothing
     assert "ambiguous" in doubts(choice.attempt(way).tracks)
     choice.candidates.clear()
     assert not doubts(choice.attempt(way).tracks)
+
+
+def dropped_by_a_fist(held=10, falling=14, n=60, shape=(120, 160)):
+    """A ball that falls away from the camera while a fist leaves: clip, and radius (n,) px of the ball at (80, 60)."""
+    radius = 30.0 / (1 + 0.12 * np.clip(np.arange(n) - held, 0, falling))
+    images = []
+    for k, size in enumerate(radius):
+        image = np.full(shape, 90.0)
+        left = 112 + 5 * max(0, k - held)
+        image[40:80, left : left + 26] = 140.0
+        images.append(paint(image, disc(shape, 80, 60, size), 200.0))
+    return DrawnClip(noisy(images, 2.0)), radius
+
+
+def test_ball_that_falls_away_from_the_camera_is_followed_and_not_the_fist():
+    clip, radius = dropped_by_a_fist()
+    (track,) = AUTO.track(clip, TrackOptions())
+    assert track.origin["chosen"] == "disc"
+    assert track.valid.mean() > 0.95
+    np.testing.assert_allclose(track.radius_px[track.valid], radius[track.valid], atol=0.5)
+    assert not track.quality.doubtful
+
+
+def test_track_that_leaves_out_a_disc_that_changes_its_size_is_doubtful():
+    clip, _ = dropped_by_a_fist()
+    view = view_of(clip, TrackOptions())
+    discs = receding_disc(clip.sample(40), view)
+    place = np.full((60, 2), (80.0, 60.0))
+    track = Track(np.arange(60) / 60, place, np.full((60, 2), 0.1), np.ones(60, np.bool_), np.arange(60))
+    assert not_followed(track, discs) == []
+    (doubt,) = not_followed(replace(track, valid=np.arange(60) < 20), discs)
+    assert "a disc that changes its size, at (80, 60) px in frame" in doubt.finding
+    swinging = moving_disc(swing(40, (80, 48), (45, 20), period=37.3), 9, (96, 160))
+    assert receding_disc(swinging.sample(40), view_of(swinging, TrackOptions())) == {}
 
 
 def test_things_of_two_colours_in_turn_are_not_one_body_of_the_colour_between_them():

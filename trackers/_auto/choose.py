@@ -12,9 +12,11 @@ from iris_sysid.registry import TRACKERS
 from iris_sysid.types import Doubt, DoubtKind, Frame, FrameSource, Track, TrackCandidate, TrackOptions, TrackQuality
 from trackers._auto.appearance import learn, search_image
 from trackers._auto.candidates import Way, check_marks, marks_by_body, way_by_marks, ways_by_looks
-from trackers._auto.evidence import LEAST_COVERAGE, MOST_SHADOW, held_doubt, judged, measured, missed_marks
+from trackers._auto.evidence import LEAST_COVERAGE, MOST_SHADOW, held_doubt, judged, measured, missed_marks, passes
+from trackers._auto.receding_disc import not_followed, receding_disc
 from trackers._auto.sampled_once import SampledOnce
 from trackers._auto.survey import Kind, blob_at, foregrounds_of, kinds_of
+from trackers._disc.model import Disc
 from trackers._frames.arrays import Image
 from trackers._frames.working_image import View, view_of
 from trackers._linking.moving_bodies import follow
@@ -57,6 +59,7 @@ class Choice:
     options: TrackOptions
     candidates: list[TrackCandidate] = field(default_factory=list)
     _kinds: list[Kind] | None = None
+    _receding: dict[int, Disc] | None = None
 
     @property
     def frames(self) -> list[Frame]:
@@ -69,6 +72,13 @@ class Choice:
         if self._kinds is None:
             self._kinds = kinds_of([search_image(self.view, frame) for frame in self.frames])
         return self._kinds
+
+    @property
+    def receding(self) -> dict[int, Disc]:
+        """The disc that changes its size in the sampled frames, by the number of the frame."""
+        if self._receding is None:
+            self._receding = receding_disc(self.frames, self.view) if self.options.bodies == 1 else {}
+        return self._receding
 
     def attempt(self, way: Way) -> TrackCandidate:
         """Follow the bodies in one way, and judge the tracks."""
@@ -119,6 +129,7 @@ class Choice:
             *doubts_of_one_body(track, others),
             *self._rival_doubts(track, tracks, quality),
             *self._missed(track, others),
+            *([] if self.options.marks else not_followed(track, self.receding)),
         ]
 
     def _held(self, track: Track) -> list[Doubt]:
@@ -167,7 +178,7 @@ class Choice:
             number = self.frames[thing.sample].index
             place = self.view.in_frame(thing.x, thing.y)
             reach = max(thing.radius, 3.0) * self.view.step
-            on += any(_passes(track, number, place, reach) for track in tracks)
+            on += any(passes(track, number, place, reach) for track in tracks)
         return on / len(kind.seen)
 
     def _missed(self, track: Track, others: Sequence[Track]) -> list[Doubt]:
@@ -204,7 +215,7 @@ class Choice:
             peaks = looks.peaks(search_image(self.view, self.frames[k]), plain)
             for xy in peaks.xy:
                 place = self.view.in_frame(*xy)
-                taken = any(_passes(other, self.frames[k].index, place, reach) for other in others)
+                taken = any(passes(other, self.frames[k].index, place, reach) for other in others)
                 if not taken and not is_scenery(maps, places, (xy[0], xy[1]), reach / self.view.step, plain):
                     found.setdefault(k, place)
         return found
@@ -302,13 +313,6 @@ def _spread(places: Sequence[tuple[float, float]]) -> float:
     return float(np.hypot(*off.T).max())
 
 
-def _passes(track: Track, number: int, place: tuple[float, float], reach: float) -> bool:
-    k = int(np.searchsorted(track.frame, number))
-    if k >= track.frame.size or track.frame[k] != number or not track.valid[k]:
-        return False
-    return bool(np.hypot(*(track.xy_px[k] - place)) < reach)
-
-
 def _suspicious(quality: TrackQuality) -> bool:
     """Whether what else moves must be looked at: a doubt, a shadow's looks, a body often lost or held."""
     evidence = quality.evidence
@@ -374,8 +378,10 @@ def _ways(choice: Choice) -> Iterator[Way]:
         return
     if options.colour is not None:
         yield _registered("colour", choice)
+    if choice.receding:
+        yield _registered(RIVAL, choice)
     yield from ways_by_looks(video, choice.view, choice.frames, choice.kinds, options)[:MOST_WAYS]
-    if not choice.candidates[0].tracks:
+    if not choice.receding and not choice.candidates[0].tracks:
         yield _registered(RIVAL, choice)
 
 

@@ -176,6 +176,14 @@ def missed_marks(track: Track, marks: Sequence[TrackMark]) -> list[TrackMark]:
     return missed
 
 
+def passes(track: Track, number: int, place: tuple[float, float], reach: float) -> bool:
+    """Whether a track is within ``reach`` px of a place (x, y), px, in the frame of that number."""
+    k = int(np.searchsorted(track.frame, number))
+    if k >= track.frame.size or track.frame[k] != number or not track.valid[k]:
+        return False
+    return bool(np.hypot(*(track.xy_px[k] - place)) < reach)
+
+
 def measured(track: Track, view: View, frames: Sequence[Frame]) -> dict[str, float]:
     """What speaks for and against a track, by name."""
     patches = patches_of(track, view, frames)

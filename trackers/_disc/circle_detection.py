@@ -85,7 +85,7 @@ def path_of_circles(video: FrameSource, view: View) -> ExpectedPath | None:
     for frame in video.frames():
         times[frame.index] = frame.t_s
         nodes += [(frame.index, circle) for circle in circles(search.small(view.image(frame)))]
-    chain = _best_chain(nodes)
+    chain = best_chain(nodes)
     if chain is None:
         return None
     small = ExpectedPath(times, {nodes[k][0]: _disc(nodes[k][1]) for k in chain})
@@ -93,7 +93,7 @@ def path_of_circles(video: FrameSource, view: View) -> ExpectedPath | None:
     return ExpectedPath(times, {frame: search.enlarged(disc) for frame, disc in small.discs.items()})
 
 
-def _best_chain(nodes: list[tuple[int, Array]]) -> Chain | None:
+def best_chain(nodes: list[tuple[int, Array]]) -> Chain | None:
     """The longest chain of circles that follow each other and change over time."""
     left = set(range(len(nodes)))
     for _ in range(COURSES_TRIED):

@@ -1,0 +1,62 @@
+"""A disc that stays near its place and changes its size: a ball that falls away from the camera, or comes nearer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from iris_sysid.types import Doubt, Frame, Track
+from trackers._auto.evidence import passes
+from trackers._disc.circle_detection import LONGEST_GAP, Search, best_chain, circles
+from trackers._disc.model import Disc
+from trackers._frames.working_image import View
+
+# Chosen on rendered falls (640x360, 960x540), where 7 to 40 of 40 samples show it and its radius changes 1.5 to 2.7
+# times; in 27 real clips no chain of 5 samples or more changes its radius by more than 1.39 times.
+FEWEST_SAMPLES = 6
+LEAST_RATIO = 1.4  # largest radius over smallest
+PASSED = 0.5  # share of the samples that show the disc: a track that passes it in fewer does not follow it
+
+
+def receding_disc(frames: Sequence[Frame], view: View) -> dict[int, Disc]:
+    """The circle that changes most lastingly in sampled frames, where it changes its size; empty if there is none.
+
+    Parameters
+    ----------
+    frames
+        The samples, in order; between two of them a disc may change its radius twofold.
+    view
+        The part of the image that counts.
+
+    Returns
+    -------
+    dict of Disc
+        Centre and radius, px of the frame, by the number of the frame.
+    """
+    search = Search(view)
+    # numbered so that the chain joins circles of one sample and the next, but not beyond: gap LONGEST_GAP - 2
+    nodes = [
+        ((LONGEST_GAP - 2) * sample, circle)
+        for sample, frame in enumerate(frames)
+        for circle in circles(search.small(view.image(frame)))
+    ]
+    chain = [nodes[k] for k in best_chain(nodes) or ()]
+    radii = np.array([circle[2] for _, circle in chain])
+    if len(chain) < FEWEST_SAMPLES or radii.max() < LEAST_RATIO * radii.min():
+        return {}
+    discs: dict[int, Disc] = {}
+    for number, circle in chain:
+        x, y, radius = (float(value) for value in circle)
+        discs[frames[number // (LONGEST_GAP - 2)].index] = search.enlarged(Disc(x, y, radius))
+    return discs
+
+
+def not_followed(track: Track, discs: Mapping[int, Disc]) -> list[Doubt]:
+    """Doubt of a track that seldom passes the disc that changes its size, by the number of the frame."""
+    passed = [passes(track, number, (disc.x, disc.y), disc.radius) for number, disc in discs.items()]
+    if not passed or np.mean(passed) >= PASSED:
+        return []
+    number = next(number for number, on in zip(discs, passed, strict=True) if not on)
+    thing = f"a disc that changes its size, at ({discs[number].x:.0f}, {discs[number].y:.0f}) px in frame {number},"
+    return [Doubt("ambiguous", f"{thing} is not followed", "if that is the body: --tracker disc")]
