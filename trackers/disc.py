@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 
 from iris_sysid.errors import TrackingError
-from iris_sysid.types import Frame, FrameSource, Track, Tracker, TrackOptions, part_of_progress, with_progress
+from iris_sysid.types import FrameSource, Track, Tracker, TrackOptions, part_of_progress, with_progress
 from trackers._auto.evidence import with_quality
 from trackers._background.median import Background
 from trackers._detection.detect_frames import DetectionSetup, detection_setup, observe
@@ -136,45 +136,52 @@ def _least_seen(tracklets: Sequence[Tracklet]) -> int:
 def _best_fitter(
     video: FrameSource, setup: DetectionSetup, followed: LinkedBodies, options: TrackOptions
 ) -> tuple[DiscFitter, list[Tracklet]]:
-    """The paths that fit the sampled frames best, ready to be fitted; and the tracklets they follow, if any."""
+    """The paths that fit the sampled frames best, ready to be fitted; and the tracklets they follow, if any.
+
+    One body that is not seen to move in most frames is also searched as a circle. How it looks is learned for the
+    better path alone: a hand is large, no disc, and would take the longest.
+    """
     all_detections, tracklets, refusal = followed
-    frames = setup.stack.frames
-    by_motion = (
-        _fitter_for(setup, frames, [expected_path_of(tracklet, all_detections) for tracklet in tracklets])
+    moving = (
+        _fitter_for(setup, [expected_path_of(tracklet, all_detections) for tracklet in tracklets])
         if tracklets
         else None
     )
     if options.bodies > 1 or _least_seen(tracklets) >= WELL_SEEN * len(all_detections):
-        if by_motion is None:
+        if moving is None:
             raise refusal or TrackingError("nothing moves in the clip")
-        return by_motion, tracklets
+        return _learned(moving, setup), tracklets
     expected_path = path_of_circles(video, setup.view)
-    by_circles = None if expected_path is None else _fitter_for(setup, frames, [expected_path])
-    if by_circles is None and by_motion is None:
+    circling = None if expected_path is None else _fitter_for(setup, [expected_path])
+    if circling is not None and (moving is None or _shows_more(setup, circling, moving)):
+        return _learned(circling, setup), []
+    if moving is None:
         raise refusal or TrackingError("nothing in the clip moves or changes its size")
-    if by_motion is None or (
-        by_circles is not None and _count_fitted(by_circles, frames) > _count_fitted(by_motion, frames)
-    ):
-        return by_circles, []  # type: ignore[return-value]  # one of the two is there
-    return by_motion, tracklets
+    return _learned(moving, setup), tracklets
 
 
-def _fitter_for(setup: DetectionSetup, frames: Sequence[Frame], expected_paths: Sequence[ExpectedPath]) -> DiscFitter:
-    """The fitter for some paths, in colour only where that shows a disc much better than luma does."""
-    view, numbers = setup.view.with_chroma(), [frame.index for frame in frames]
-    coloured = Background(replace(setup.stack, view=view), setup.detector.background.usable)
-    fitter = with_learned_appearance(
-        DiscFitter(view, background_without_discs(coloured, view, numbers, expected_paths), expected_paths), frames
-    )
+def _fitter_for(setup: DetectionSetup, expected_paths: Sequence[ExpectedPath]) -> DiscFitter:
+    """The fitter for some paths, in colour, before it is known how their bodies look."""
+    view = setup.view.with_chroma()
+    background = Background(replace(setup.stack, view=view), setup.detector.background.usable)
+    return DiscFitter(view, background_without_discs(background, view, setup.numbers, expected_paths), expected_paths)
+
+
+def _learned(fitter: DiscFitter, setup: DetectionSetup) -> DiscFitter:
+    """The fitter that knows how its bodies look; in colour only where that shows a disc much better than luma does."""
+    fitter = with_learned_appearance(fitter, setup.stack.frames)
     if setup.view.chroma or any(appearance.channel for appearance in fitter.appearances.values()):
         return fitter
-    known = background_without_discs(setup.detector.background, setup.view, numbers, expected_paths)
+    known = background_without_discs(setup.detector.background, setup.view, setup.numbers, fitter.expected_paths)
     return replace(fitter, view=setup.view, background=known)
 
 
-def _count_fitted(fitter: DiscFitter, frames: Sequence[Frame]) -> int:
-    """In how many of some frames a disc is seen where it is expected."""
-    return sum(fitted is not None for fitted in ahead(partial(fitter.fit, 0), frames))
+def _shows_more(setup: DetectionSetup, fitter: DiscFitter, other: DiscFitter) -> bool:
+    """Whether a disc is seen on the path of one fitter in more of the sampled frames than on that of the other."""
+    frames = setup.stack.frames
+    seen = sum(ahead(partial(fitter.shows_plain, 0), frames))
+    expected = sum(frame.index in other.expected_paths[0].discs for frame in frames)
+    return seen > expected or seen > sum(ahead(partial(other.shows_plain, 0), frames))
 
 
 def _origin(appearance: DiscAppearance, options: TrackOptions) -> dict[str, object]:

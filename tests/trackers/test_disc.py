@@ -7,7 +7,8 @@ import pytest
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import TrackOptions
 from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
-from trackers._disc.fit import fit_disc, whole_image_cutout
+from trackers._disc.fit import fit_disc, image_cutout
+from trackers._disc.learn_appearance import DiscFitter
 from trackers._disc.model import Disc, Form, Motion
 from trackers.disc import track
 
@@ -113,6 +114,23 @@ def test_ball_that_goes_straight_away_is_measured_by_its_radius():
     assert rms(track.xy_px - [80.3, 47.6]) < 0.05
 
 
+def test_hand_that_moves_beside_a_ball_that_goes_away_is_not_studied(monkeypatch):
+    radius = 16.0 / (1 + 0.04 * np.arange(60))
+    images = [paint(PLAIN, disc(SHAPE, 50.3, 47.6, r, 16), 220.0) for r in radius]
+    for k, image in enumerate(images[:25]):  # as large as a hand that reaches in, but for its wrist
+        image[20:78, 86 + k : 140 + k] = 60.0
+    fit_as, radii = DiscFitter.fit_as, []
+
+    def noted(fitter, appearance, body, frame, start=None, **how):
+        radii.append((start or fitter.expected_paths[body].discs[frame.index]).radius)
+        return fit_as(fitter, appearance, body, frame, start, **how)
+
+    monkeypatch.setattr(DiscFitter, "fit_as", noted)
+    track = one_track(DrawnClip(noisy(images, 2.0)))
+    assert rms(track.radius_px - radius) < 0.05
+    assert max(radii) < 20
+
+
 FLOOR, BLUE = np.array([112.0, 136.0, 158.0]), (190.0, 120.0, 60.0)  # blue, green, red
 
 
@@ -204,7 +222,8 @@ def bar_clip(n=30):
 
 def test_what_is_large_and_soft_does_not_take_a_pixel_of_the_whole_image_each():
     image = noisy([120.0 + 100.0 * cv2.GaussianBlur(disc((700, 800), 400, 350, 180, 1), None, 80.0)], 3.0)[0]
-    fitted = fit_disc(whole_image_cutout(image), Disc(400, 350, 185, blur=6400.0), Form(), Motion())
+    start = Disc(400, 350, 185, blur=6400.0)
+    fitted = fit_disc(image_cutout(image, start), start, Form(), Motion())
     assert fitted.rows.size < 0.25 * image.size
     np.testing.assert_allclose([fitted.disc.x, fitted.disc.y], (400, 350), atol=5 * fitted.disc.sigma_x)
 

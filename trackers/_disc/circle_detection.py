@@ -10,7 +10,7 @@ import numpy as np
 
 from iris_sysid.types import Array, FrameSource
 from trackers._disc.expected_position import ExpectedPath
-from trackers._disc.fit import fit_disc, shows_disc, whole_image_cutout
+from trackers._disc.fit import fit_disc, image_cutout, shows_disc
 from trackers._disc.model import Disc, Form, Motion
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
@@ -82,14 +82,19 @@ def path_of_circles(video: FrameSource, view: View) -> ExpectedPath | None:
     search = Search(view)
     times: dict[int, float] = {}
     nodes: list[tuple[int, Array]] = []
+    images: dict[int, Bytes] = {}  # of a short clip, which is then read once
     for frame in video.frames():
+        small_image = search.small(view.image(frame))
         times[frame.index] = frame.t_s
-        nodes += [(frame.index, circle) for circle in circles(search.small(view.image(frame)))]
+        nodes += [(frame.index, circle) for circle in circles(small_image)]
+        if len(images) < MOST_REFINED:
+            images[frame.index] = small_image
     chain = best_chain(nodes)
     if chain is None:
         return None
     small = ExpectedPath(times, {nodes[k][0]: _disc(nodes[k][1]) for k in chain})
-    _refine(small, _images(video, search, _nearest(small)))
+    wanted = _nearest(small)
+    _refine(small, images if images.keys() >= set(wanted) else _images(video, search, wanted))
     return ExpectedPath(times, {frame: search.enlarged(disc) for frame, disc in small.discs.items()})
 
 
@@ -154,18 +159,20 @@ def _images(video: FrameSource, search: Search, wanted: Iterable[int]) -> dict[i
 def _refine(expected_path: ExpectedPath, images: Mapping[int, Bytes]) -> None:
     """Fit a disc to each circle, and to frames without one from where it is in the frames beside, on and back."""
     for frame in set(expected_path.discs) & set(images):
-        fitted = fit_disc(whole_image_cutout(images[frame]), expected_path.discs[frame], FORM, Motion())
-        if fitted is not None and shows_disc(fitted, expected_path.discs[frame]):
-            expected_path.discs[frame] = fitted.disc
+        _fit(expected_path, frame, expected_path.discs[frame], images[frame])
     for frames in (sorted(expected_path.times), sorted(expected_path.times, reverse=True)):
         for index, frame in enumerate(frames):
             known = [earlier for earlier in frames[max(0, index - MEMORY) : index] if earlier in expected_path.discs]
             if frame in expected_path.discs or frame not in images or not known:
                 continue
-            expected = expected_path.extrapolated(frame, known)
-            fitted = fit_disc(whole_image_cutout(images[frame]), expected, FORM, Motion())
-            if fitted is not None and shows_disc(fitted, expected):
-                expected_path.discs[frame] = fitted.disc
+            _fit(expected_path, frame, expected_path.extrapolated(frame, known), images[frame])
+
+
+def _fit(expected_path: ExpectedPath, frame: int, expected: Disc, image: Bytes) -> None:
+    """Put the disc of a frame where a fit shows it, if it does."""
+    fitted = fit_disc(image_cutout(image, expected), expected, FORM, Motion())
+    if fitted is not None and shows_disc(fitted, expected):
+        expected_path.discs[frame] = fitted.disc
 
 
 def _disc(circle: Array) -> Disc:

@@ -10,12 +10,13 @@ from iris_sysid.types import Array
 from trackers._disc.edge_coverage import edge_reach
 from trackers._disc.model import BLUR, OVAL_ALONG, RADIUS, Disc, DiscModel, Form, Motion, X, Y
 from trackers._disc.robust_least_squares import TUKEY, Labels, Pixels, Solution, robust_fit
-from trackers._frames.arrays import Bytes, Flags, Image
+from trackers._frames.arrays import Box, Bytes, Flags, Image
 from trackers._uncertainty.error_correlation import lobe_amplitudes
 from trackers._uncertainty.pixel_correlation import variance_of_sum
 
 INWARDS = (4.0, 0.25, 12.0)  # px, of the radius, px: how far inside of the outline the body's shading must hold
 OUTWARDS = 6.0  # px outside of the outline in which the background must hold
+MARGIN = 2.0  # px round the pixels that count
 FEWEST_PIXELS = 20
 MOST_FLAT = 4000  # pixels away from the edge that count: more do not help
 MOST_EDGE = 100_000  # pixels of the edge: the edge of a disc is less; what is no disc, and ever softer, takes 60 MB
@@ -98,10 +99,23 @@ class DiscFit:
         return float(cost.mean()) + 2 * solution.parameters.size / cost.size
 
 
-def whole_image_cutout(image: Bytes) -> Cutout:
-    """A whole image (h, w) of unknown background and noise as a cutout."""
-    grey = image.astype(np.float32)
-    return Cutout(grey, np.zeros_like(grey), np.ones_like(grey), np.ones(grey.shape, dtype=np.bool_), 0, 0)
+def box_about(disc: Disc, travel: float, region: Box) -> Box:
+    """The part of a region of the frame whose pixels may count for a disc that travels so far, px; it may be empty."""
+    reach = disc.radius + band(disc, travel)[2] + MARGIN
+    left, top, right, bottom = region
+    return (
+        max(left, int(disc.x - reach)),
+        max(top, int(disc.y - reach)),
+        min(right, int(disc.x + reach) + 2),
+        min(bottom, int(disc.y + reach) + 2),
+    )
+
+
+def image_cutout(image: Bytes, disc: Disc) -> Cutout:
+    """The part of an image (h, w) of unknown background and noise that counts for a disc at rest."""
+    left, top, right, bottom = box_about(disc, 0.0, (0, 0, image.shape[1], image.shape[0]))
+    grey = image[top : max(top, bottom), left : max(left, right)].astype(np.float32)
+    return Cutout(grey, np.zeros_like(grey), np.ones_like(grey), np.ones(grey.shape, dtype=np.bool_), left, top)
 
 
 def shows_disc(fitted: DiscFit, expected: Disc) -> bool:

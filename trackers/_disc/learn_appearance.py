@@ -10,7 +10,7 @@ import numpy as np
 from iris_sysid.types import Array, Frame
 from trackers._disc.background import KnownBackground
 from trackers._disc.expected_position import ExpectedPath
-from trackers._disc.fit import Cutout, DiscFit, SeenDisc, band, fit_disc, shows_disc, with_errors
+from trackers._disc.fit import Cutout, DiscFit, SeenDisc, band, box_about, fit_disc, shows_disc, with_errors
 from trackers._disc.model import Disc, Form
 from trackers._frames.ahead import ahead
 from trackers._frames.working_image import View
@@ -41,7 +41,6 @@ MOVED = 1.0  # px from the start from which a fit is repeated about its result
 REPEATS = 3
 GAP = 2.0  # px kept from another body
 MOSTLY = 0.8  # of the pixels outside of the outline: if fewer are known, the background is not
-MARGIN = 2.0  # px round the pixels that count
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -95,6 +94,11 @@ class DiscFitter:
         fitted = self.fit_as(replace(appearance, form=PLAIN), body, frame, soft, roughly=True)
         return fitted.disc if fitted is not None and shows_disc(fitted, expected) else None
 
+    def shows_plain(self, body: int, frame: Frame) -> bool:
+        """Whether a plain fit finds the disc of a body in a frame, in luma or in colour."""
+        planes = (DiscAppearance(channel=channel) for channel in range(3 if self.view.chroma else 1))
+        return any(self.rough(appearance, body, frame) for appearance in planes)
+
     def _appearance_of(self, body: int) -> DiscAppearance:
         return self.appearances.get(body, DiscAppearance())
 
@@ -134,17 +138,16 @@ class DiscFitter:
         travel = (
             self.expected_paths[body].motion(frame.index, max(appearance.shutter, appearance.longest_shutter)).length
         )
-        edge, _, outwards = band(start, travel)
-        reach = start.radius + outwards + MARGIN
-        x, y = start.x - self.view.left, start.y - self.view.top
-        left, right = max(0, int(x - reach)), min(self.view.width, int(x + reach) + 2)
-        top, bottom = max(0, int(y - reach)), min(self.view.height, int(y + reach) + 2)
+        left, top, right, bottom = box_about(start, travel, self.view.box)
         if right - left < 3 or bottom - top < 3:
             return None, appearance.form
-        background, noise, known = self.background.patch(top, bottom, left, right)
-        grey = self.view.part(frame, (left, top, right, bottom)).astype(np.float32)
+        box = (left - self.view.left, top - self.view.top, right - self.view.left, bottom - self.view.top)
+        background, noise, known = self.background.patch(box[1], box[3], box[0], box[2])
+        view = self.view if appearance.channel else replace(self.view, chroma=False)
+        grey = view.part(frame, box).astype(np.float32)
         planes = [np.atleast_3d(part)[..., appearance.channel] for part in (grey, background, noise)]
-        cutout = Cutout(planes[0], planes[1], planes[2], known, left + self.view.left, top + self.view.top, travel)
+        cutout = Cutout(planes[0], planes[1], planes[2], known, left, top, travel)
+        edge, _, _ = band(start, travel)
         outside = cutout.distance(start) < edge
         form = appearance.form
         if form.known_background and known[outside].mean() < MOSTLY:

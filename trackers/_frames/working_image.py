@@ -37,6 +37,11 @@ class View:
         return min(self.coarser * -(-self.width // WIDEST_DETECTION), self.height)
 
     @property
+    def box(self) -> Box:
+        """Left, top, right and bottom (exclusive) of the region, px of the frame."""
+        return (self.left, self.top, self.left + self.width, self.top + self.height)
+
+    @property
     def search_size(self) -> tuple[int, int]:
         """Width and height of the image of the search; pixels beyond a whole number of them are left out."""
         return (self.width // self.step, self.height // self.step)
