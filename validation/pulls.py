@@ -61,11 +61,12 @@ def row(track: Track, true_px: Array, radius_px: float) -> str | None:
     error, sigma = (track.xy_px - true_px)[free], track.sigma_px[free]
     if not free.any() or np.median(np.hypot(*error.T)) > FAR * radius_px:
         return None
-    pull = (error - error.mean(axis=0)) / sigma
+    # less their weighted mean: no fit depends on a constant shift
+    pull = (error - np.average(error, axis=0, weights=sigma**-2)) / sigma
     numbers = (
         error.std(axis=0),
         np.median(sigma, axis=0),
-        (error / sigma).std(axis=0),
+        np.sqrt(np.mean(pull**2, axis=0)),
         (np.abs(pull) > 1.96).mean(axis=0),
     )
     return " | ".join([str(np.count_nonzero(free)), *(f"{across:.3f}, {down:.3f}" for across, down in numbers)])

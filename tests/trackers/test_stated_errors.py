@@ -1,6 +1,7 @@
 """Stated errors of drawn discs on paths that are not smooth to a polynomial: what moves by itself is no error."""
 
 import av
+import cv2
 import numpy as np
 import pytest
 
@@ -166,3 +167,29 @@ def test_scatter_of_the_outline_is_that_of_its_third_lobe():
     assert outline_scatter(frame, 0 * path, lobes, np.full(64, 10.0)) is None
     turning = 0.6 * np.cos(0.05 * frame[:, np.newaxis] + np.arange(4))
     assert outline_scatter(frame, path, turning, np.full(64, 10.0)) < 0.02
+
+
+def cup_drawn(x, y, turned, finer=8):
+    """Share of each pixel (200, 300) that a cup with a rim covers, drawn finer than the pixels, and its centre."""
+    half = [(26, 0), (26, 5), (22, 5), (14, 52)]
+    corners = np.array([*half, *[(-across, up) for across, up in reversed(half)]]) - [0, 24]
+    way = np.array([[np.cos(turned), np.sin(turned)], [-np.sin(turned), np.cos(turned)]])
+    placed = ((corners @ way + [x, y] + 0.5) * finer - 0.5) * 256
+    fine = np.zeros((200 * finer, 300 * finer), np.uint8)
+    cv2.fillPoly(fine, [np.rint(placed).astype(np.int32)], 255, shift=8)
+    moments = cv2.moments(fine, binaryImage=True)
+    centre = (np.array([moments["m10"], moments["m01"]]) / moments["m00"] + 0.5) / finer - 0.5
+    return cv2.resize(fine, (300, 200), interpolation=cv2.INTER_AREA) / 255.0, centre
+
+
+def test_stated_error_of_a_cup_that_topples_holds_what_its_cut_corners_shift():
+    slides = 28
+    turned = 0.08 * np.clip(np.arange(40) - slides, 0, 10)
+    shares, centres = zip(*(cup_drawn(60 + 4.3 * k, 100, turn) for k, turn in enumerate(turned)), strict=True)
+    film = noisy([paint(np.full((200, 300), 90.0), share, 40.0) for share in shares], 1.0)
+    track = TRACKERS["median-background"].track(DrawnClip(film), TrackOptions())[0]
+    error = track.xy_px - centres
+    error -= np.average(error[:slides], axis=0)
+    assert np.median(track.sigma_px[:slides]) < 0.05
+    toppled = error[-4:] / track.sigma_px[-4:]
+    assert 0.3 < np.sqrt(np.mean(toppled**2)) < 1.3

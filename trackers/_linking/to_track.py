@@ -16,6 +16,7 @@ from trackers._linking.select_bodies import held_frames
 from trackers._uncertainty.changed_area import joined_by_another, shifted_by_area
 from trackers._uncertainty.error_correlation import is_moving, outline_autocorrelation, outline_scatter
 from trackers._uncertainty.excess_scatter import ErrorModel, with_scatter
+from trackers._uncertainty.turned_shape import turned_shape
 
 OUTLINE_OF_WHITE = 1.2  # lobes of the coverage over errors of the centroid, on drawn discs with noise, without loss
 # times the lobes by noise: up to 1.35 on drawn discs without loss (plain and textured wall), 5 to 7 with H.264
@@ -60,14 +61,17 @@ def track_of(
     kept = [detection for detection in tracklet.detections if np.isfinite(radius[row_of[detection.frame]])]
     free = [detection for detection in kept if detection.centre.lobes and not detection.hand]
     rows = np.array([row_of[detection.frame] for detection in free], dtype=np.int64)
-    errors = error_model(rows, table[:, :2], radius, np.array([detection.centre.lobes for detection in free]))
+    lobes = np.array([detection.centre.lobes for detection in free])
+    errors = error_model(rows, table[:, :2], radius, lobes)
     sigma = np.column_stack([with_scatter(t_s, table[:, axis], table[:, axis + 2], errors) for axis in (0, 1)])
     struck = struck_within(t_s, table[:, :2], sigma, SHUTTER)
-    joined = shifted_by_area(table[:, 4], radius) if alone else np.zeros(len(radius))
+    shifted = shifted_by_area(table[:, 4], radius) if alone else np.zeros(len(radius))
+    if rows.size:
+        shifted[rows] = np.hypot(shifted[rows], turned_shape(lobes, errors.moving[rows]))
     return Track(
         t_s=t_s,
         xy_px=table[:, 0:2],
-        sigma_px=np.sqrt(sigma**2 + struck**2 + joined[:, np.newaxis] ** 2),
+        sigma_px=np.sqrt(sigma**2 + struck**2 + shifted[:, np.newaxis] ** 2),
         valid=np.isfinite(table[:, 0]),
         frame=np.array([frame_detections.frame for frame_detections in all_detections]),
         body=body,
