@@ -14,9 +14,9 @@ from trackers._disc.impact_frames import struck_within
 from trackers._linking.frame_to_frame import Tracklet
 from trackers._linking.select_bodies import held_frames
 from trackers._uncertainty.changed_area import joined_by_another, shifted_by_area
+from trackers._uncertainty.changed_shape import changed_shape
 from trackers._uncertainty.error_correlation import is_moving, outline_autocorrelation, outline_scatter
 from trackers._uncertainty.excess_scatter import ErrorModel, with_scatter
-from trackers._uncertainty.turned_shape import turned_shape
 
 OUTLINE_OF_WHITE = 1.2  # lobes of the coverage over errors of the centroid, on drawn discs with noise, without loss
 # times the lobes by noise: up to 1.35 on drawn discs without loss (plain and textured wall), 5 to 7 with H.264
@@ -67,7 +67,7 @@ def track_of(
     struck = struck_within(t_s, table[:, :2], sigma, SHUTTER)
     shifted = shifted_by_area(table[:, 4], radius) if alone else np.zeros(len(radius))
     if rows.size:
-        shifted[rows] = np.hypot(shifted[rows], turned_shape(lobes, errors.moving[rows]))
+        shifted[rows] = np.hypot(shifted[rows], changed_shape(lobes, radius[rows], errors.moving[rows]))
     return Track(
         t_s=t_s,
         xy_px=table[:, 0:2],
