@@ -202,7 +202,8 @@ def _members(archive: zipfile.ZipFile, label: str) -> dict[str, zipfile.ZipInfo]
     listed = archive.infolist()
     if len(listed) > MAX_MEMBERS:
         raise VideoError(f"{label} holds {len(listed)} files; at most {MAX_MEMBERS} are read")
-    shown = [member for member in listed if not member.is_dir() and not _hidden(member.filename)]
+    # is_dir of a member without a name fails
+    shown = [member for member in listed if member.filename and not member.is_dir() and not _hidden(member.filename)]
     return {member.filename: member for member in shown}
 
 

@@ -35,6 +35,7 @@ HELD_PIXELS, HELD_FRAMES = 110_000_000, 9
 # A background needs this many different moments, or a third of those asked for
 FEWEST_KEY_FRAMES = 8
 JUMP_S, JUMP = 60.0, 1000.0  # s, and intervals of frames: a longer step in time is damage, or two recordings in one
+LONG_STEP = 1.75  # times the shortest step between frames: one may be missing
 GOLDEN = (math.sqrt(5) - 1) / 2
 
 
@@ -92,6 +93,36 @@ class _Clock:
         return max(0, min(high, frames - 1) - low + 1)
 
 
+@dataclass(slots=True)
+class _OwnSteps:
+    """Steps, s, between the file's own times where a frame rate is given: a long one may be a missing frame.
+
+    ``rounding_s`` is the unit of the times; ``first_long`` the frame after the first long step, 0 where there is none.
+    """
+
+    rounding_s: float
+    before_s: float = math.inf
+    shortest_s: float = math.inf
+    longest_s: float = 0.0
+    first_long: int = 0
+
+    def add(self, index: int, seconds: float) -> None:
+        step_s = seconds - self.before_s
+        self.before_s = seconds
+        if not math.isfinite(step_s) or step_s <= 0:
+            return
+        self.shortest_s, self.longest_s = min(self.shortest_s, step_s), max(self.longest_s, step_s)
+        if not self.first_long and self.longest_s > LONG_STEP * self.shortest_s + self.rounding_s:
+            self.first_long = index
+
+    def text(self) -> str:
+        """The fault, in words."""
+        return (
+            f"the file's own times are uneven, {1e3 * self.shortest_s:.3g} to {1e3 * self.longest_s:.3g} ms a frame "
+            f"(first at frame {self.first_long}); --fps counts frames: if one is missing, all times after it are early"
+        )
+
+
 class Video:
     """Frames of one clip, in order, with exact times; made by :func:`open_video`.
 
@@ -127,6 +158,7 @@ class Video:
         self._damage = ""
         self._jump = ""
         self._repeated: list[int] = []
+        self._uneven: _OwnSteps | None = None
         self._sampled: tuple[int, list[Frame]] | None = None
 
     def __repr__(self) -> str:
@@ -148,6 +180,8 @@ class Video:
                 f"{len(self._repeated)} frames were left out, each with the same time as the frame before it "
                 f"(the first is frame {self._repeated[0]})"
             )
+        if self._uneven is not None and self._uneven.first_long:
+            notes.append(self._uneven.text())
         return "; ".join(filter(None, notes))
 
     @property
@@ -247,6 +281,7 @@ class Video:
     def _wanted(self, last: int | None = None) -> Iterator[tuple[int, float, av.VideoFrame]]:
         """Number, time and image of each requested frame, up to number ``last``."""
         self._damage, self._jump, self._repeated, self.decoded, found = "", "", [], 0, 0
+        self._uneven = None if self._clock.fps is None else _OwnSteps(float(self.time_base or 0))
         t_s = -math.inf
         try:
             with closing(self._timed()) as timed:
@@ -274,6 +309,8 @@ class Video:
         with closing(self._source.images()) as images:
             for index, (seconds, image) in enumerate(images):
                 self.decoded = index + 1
+                if self._uneven is not None and seconds is not None:
+                    self._uneven.add(index, seconds)
                 t_s = self._clock.time(index, seconds)
                 if t_s < before:
                     raise DamageError(f"times run backwards: {t_s:.6g} s in frame {index}, after {before:.6g} s")

@@ -386,3 +386,15 @@ def test_picture_that_claims_more_than_any_has_is_refused(tmp_path):
     )
     with pytest.raises(CalibrationError, match="is no image that can be read"):
         find_board(tmp_path / "a.png", BOARD)
+
+
+def test_piece_of_a_picture_that_claims_more_than_the_file_has_is_refused_before_memory_is_taken(tmp_path, monkeypatch):
+    _, made = cv2.imencode(".png", np.full((64, 64), 128, np.uint8))
+    data, at = made.tobytes(), made.tobytes().index(b"IDAT") - 4
+    (tmp_path / "a.png").write_bytes(data[:at] + b"\xff\xff\xff\x00" + data[at + 4 :])
+    (tmp_path / "longer.png").write_bytes(data + b"what a program puts behind the end \xff")
+    with pytest.raises(CalibrationError, match="no checkerboard is seen"):
+        find_board(tmp_path / "longer.png", BOARD)
+    monkeypatch.setattr("cv2.imdecode", lambda *_: pytest.fail("given to OpenCV"))
+    with pytest.raises(CalibrationError, match="is no image that can be read"):
+        find_board(tmp_path / "a.png", BOARD)

@@ -174,6 +174,23 @@ def test_frames_with_the_time_of_the_one_before_are_left_out_and_counted(tmp_pat
     )
 
 
+def test_frame_that_is_missing_by_the_files_own_times_is_said_where_the_frame_rate_counts_frames(tmp_path):
+    stamps = [k for k in range(12) if k != 7]
+    path = write_clip(tmp_path / "a.mkv", len(stamps), stamps=stamps, time_base=Fraction(1, 25), codec="ffv1")
+    assert times(path) == [k / 25 for k in stamps]
+    video = open_video(path, fps=25.0)
+    assert [frame.t_s for frame in video.frames()] == [k / 25 for k in range(11)]
+    assert "own times are uneven, 40 to 80 ms a frame (first at frame 7)" in video.warning
+    assert video.complete
+
+
+def test_frame_rate_given_for_even_times_is_no_fault(tmp_path):
+    path = write_clip(tmp_path / "a.mkv", 40, rate=24, codec="ffv1")  # 41 and 42 ms
+    video = open_video(path, fps=240.0)
+    assert len(list(video.frames())) == 40
+    assert not video.warning
+
+
 def remux(source, target, stamp):
     """Copy a clip's packets with presentation stamps changed by ``stamp(number, packet)``."""
     with av.open(str(source)) as reader, av.open(str(target), "w") as writer:

@@ -26,6 +26,7 @@ Image = str | Path | NDArray[np.uint8]
 # Beyond this blur (standard deviation, squares) the edges of neighbouring corners run into one another.
 BLUR_LIMIT_SQUARES = 0.2
 SMALLEST_SQUARE_PX = 6.0
+PNG = b"\x89PNG\r\n\x1a\n"
 FEWEST_KEPT = 0.8  # smallest fraction of the detected corners to keep
 
 
@@ -154,12 +155,23 @@ def _read_grey(path: Path) -> NDArray[np.uint8]:
         raise CalibrationError(f"cannot read {path}: {error.strerror or error}") from error
     image = None
     with suppress(cv2.error):  # the header claims an image too large to be meant
-        image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size else None
+        image = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE) if data.size and _chunks_are_within(data.tobytes()) else None
     if image is None:
         raise CalibrationError(f"{path} is no image that can be read; give PNG, JPEG, TIFF or BMP files")
     if image.size > MAX_PIXELS:
         raise CalibrationError(f"{path} has {image.shape[1]}x{image.shape[0]} px; at most {MAX_PIXELS} px are read")
     return np.asarray(image, np.uint8)
+
+
+def _chunks_are_within(data: bytes) -> bool:
+    """Whether each chunk of a PNG ends before the file does: OpenCV takes the memory that a chunk's length claims."""
+    if not data.startswith(PNG):
+        return True
+    at, kind = len(PNG), b""
+    while kind != b"IEND" and at + 8 <= len(data):
+        kind = data[at + 4 : at + 8]
+        at += 12 + int.from_bytes(data[at : at + 4], "big")  # length and kind before its data, checksum after
+    return at <= len(data)
 
 
 def _refined(grey: NDArray[np.uint8], rough: Found, board: Board, name: str, window_px: int | None) -> BoardView:
