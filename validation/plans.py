@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from iris_sysid import MODELS, Diagnosis, FitError, Trajectory, decide, diagnose, plan
+from iris_sysid.benchmark.sources.selection import wilson
 from iris_sysid.diagnosis.planning.changes import SetUpChange
 from iris_sysid.diagnosis.planning.plan import PRACTICAL, Proposal
 from validation import pages
@@ -285,10 +286,16 @@ def calibration(outcomes: Sequence[Outcome]) -> pd.DataFrame:
                 "predicted power": f"{100 * low:.0f} to {100 * high:.0f} %",
                 "mean": f"{100 * np.mean([each.power for each in inside]):.0f} %" if inside else "",
                 "happened": share([each.right for each in inside]),
+                "its 95 % interval": _interval([each.right for each in inside]),
                 "the library's forms alone": share([each.right for each in inside if each.hidden not in OTHER_FORMS]),
             }
         )
     return pd.DataFrame(rows)
+
+
+def _interval(flags: Sequence[bool]) -> str:
+    low, high = wilson(sum(flags), len(flags)) if flags else (0.0, 1.0)
+    return f"{100 * low:.0f} to {100 * high:.0f} %"
 
 
 def main() -> None:
