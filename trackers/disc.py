@@ -42,6 +42,7 @@ WELL_SEEN = 0.8  # of the frames: a body found in fewer frames is also searched 
 CORRELATION_ABSORBED = 0.25
 # errors of the radius over those of the centre: of an outline whose errors at each angle are independent
 RADIUS_OF_CENTRE = np.sqrt(0.5)
+HUGE = 0.1  # of the image's diagonal, radius: what is larger, e.g. a hand, is measured only once it is the body
 REPORT_EVERY = 10  # frames between two calls of the progress function
 EMPTY = (np.nan,) * 8
 LinkedBodies = tuple[
@@ -79,12 +80,17 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
     detector = replace(setup.detector, streaks=False, refined=False)  # the second pass fits every disc
     rough = replace(setup, detector=detector)
     diagonal = float(np.hypot(setup.view.width, setup.view.height))
-    all_detections = observe(video, rough, _first_half(options), LikelyBodies(options.bodies, diagonal).among)
+    likely = LikelyBodies(options.bodies, diagonal)
+
+    def among(seen: FrameDetections) -> list[bool]:
+        chosen = zip(likely.among(seen), seen.detections, strict=True)
+        return [meant and detection.radius < HUGE * diagonal for meant, detection in chosen]
+
+    all_detections = observe(video, rough, _first_half(options), among)
     if not all_detections:
         raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
     all_detections, tracklets, refusal = _linked(video, setup, all_detections, options)
-    tracklets = all_measured(video, rough, tracklets)
-    fitter, tracklets = _best_fitter(video, setup, (all_detections, tracklets, refusal), options)
+    fitter, tracklets = _best_fitter(video, rough, (all_detections, tracklets, refusal), options)
     fits: list[dict[int, SeenDisc]] = [{} for _ in fitter.expected_paths]
     second_half = part_of_progress(options.progress, 1, 2)
     frames = with_progress(video.frames(), second_half, len(all_detections), every=REPORT_EVERY)
@@ -142,22 +148,17 @@ def _best_fitter(
     better path alone: a hand is large, no disc, and would take the longest.
     """
     all_detections, tracklets, refusal = followed
-    moving = (
-        _fitter_for(setup, [expected_path_of(tracklet, all_detections) for tracklet in tracklets])
-        if tracklets
-        else None
-    )
-    if options.bodies > 1 or _least_seen(tracklets) >= WELL_SEEN * len(all_detections):
-        if moving is None:
-            raise refusal or TrackingError("nothing moves in the clip")
-        return _learned(moving, setup), tracklets
-    expected_path = path_of_circles(video, setup.view)
-    circling = None if expected_path is None else _fitter_for(setup, [expected_path])
-    if circling is not None and (moving is None or _shows_more(setup, circling, moving)):
-        return _learned(circling, setup), []
-    if moving is None:
+    if options.bodies == 1 and _least_seen(tracklets) < WELL_SEEN * len(all_detections):
+        expected_path = path_of_circles(video, setup.view)
+        circling = None if expected_path is None else _fitter_for(setup, [expected_path])
+        moving = [expected_path_of(tracklet, all_detections) for tracklet in tracklets]
+        if circling and (not moving or _shows_more(setup, circling, _fitter_for(setup, moving))):
+            return _learned(circling, setup), []
+    if not tracklets:
         raise refusal or TrackingError("nothing in the clip moves or changes its size")
-    return _learned(moving, setup), tracklets
+    tracklets = all_measured(video, setup, tracklets)
+    moving = [expected_path_of(tracklet, all_detections) for tracklet in tracklets]
+    return _learned(_fitter_for(setup, moving), setup), tracklets
 
 
 def _fitter_for(setup: DetectionSetup, expected_paths: Sequence[ExpectedPath]) -> DiscFitter:

@@ -23,6 +23,11 @@ class ExpectedPath:
 
     times: dict[int, float]
     discs: dict[int, Disc] = field(default_factory=dict)
+    frame_time: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Work out the time between two frames, s, by the median; 0 for a single frame."""
+        self.frame_time = float(np.median(np.diff(list(self.times.values())))) if len(self.times) > 1 else 0.0
 
     def motion(self, frame: int, exposure_share: float) -> Motion:
         """Motion within an exposure that takes that share of the time between frames.
@@ -39,8 +44,8 @@ class ExpectedPath:
         positions = np.array(
             [(self.discs[number].x, self.discs[number].y, self.discs[number].radius) for number in near]
         )
-        slope = np.polyfit(t_s, positions, len(near) - 1)[::-1]
-        share = exposure_share * self.frame_time() / elapsed
+        slope = np.linalg.solve(np.vander(t_s, increasing=True), positions)
+        share = exposure_share * self.frame_time / elapsed
         bend = 2 * share**2 * slope[2, :2] if len(near) == 3 else np.zeros(2)
         return Motion(*(share * slope[1]), *bend)
 
@@ -64,10 +69,6 @@ class ExpectedPath:
         return float(
             np.hypot(middle.x - first.x - share * (last.x - first.x), middle.y - first.y - share * (last.y - first.y))
         )
-
-    def frame_time(self) -> float:
-        """Time between two frames, s, by the median."""
-        return float(np.median(np.diff(list(self.times.values())))) if len(self.times) > 1 else 0.0
 
     def extrapolated(self, frame: int, frames: Sequence[int]) -> Disc:
         """The disc at a frame from those at some others, by a straight line through them."""

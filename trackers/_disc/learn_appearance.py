@@ -124,20 +124,22 @@ class DiscFitter:
         start = start or self.expected_paths[body].discs.get(frame.index)
         if start is None:
             return None
-        cutout, form = self._cutout(body, frame, appearance, start)
+        expected_path = self.expected_paths[body]
+        motion = longest = expected_path.motion(frame.index, appearance.shutter)
+        if appearance.longest_shutter > appearance.shutter:
+            longest = expected_path.motion(frame.index, appearance.longest_shutter)
+        cutout, form = self._cutout(body, frame, appearance, start, longest.length)
         if cutout is None:
             return None
-        motion = self.expected_paths[body].motion(frame.index, appearance.shutter)
         return fit_disc(cutout, start, form, motion, appearance.correlation, roughly=roughly)
 
-    def _cutout(self, body: int, frame: Frame, appearance: DiscAppearance, start: Disc) -> tuple[Cutout | None, Form]:
-        """The pixels round a disc, and its form; None when it lies outside of the image.
+    def _cutout(
+        self, body: int, frame: Frame, appearance: DiscAppearance, start: Disc, travel: float
+    ) -> tuple[Cutout | None, Form]:
+        """The pixels round a disc that travels so far, px, and its form; None when it lies outside of the image.
 
         Where much of the background was never seen, it counts as unknown.
         """
-        travel = (
-            self.expected_paths[body].motion(frame.index, max(appearance.shutter, appearance.longest_shutter)).length
-        )
         left, top, right, bottom = box_about(start, travel, self.view.box)
         if right - left < 3 or bottom - top < 3:
             return None, appearance.form

@@ -160,11 +160,10 @@ class DiscModel:
         return np.asarray(jacobian(self.share, self.slopes, self.contrast, self.terms, self._counts))
 
     def contrast_of(self, parameters: Array) -> tuple[float, float]:
-        """Mean of body minus surroundings, and of the body, along the outline; ``parameters`` (p,).
+        """Mean of body minus surroundings, and of the body, along the outline of the latest equations, in grey levels.
 
-        Both are in grey levels.
+        ``parameters`` (p,) tell the levels.
         """
-        self._cover(parameters[: self.form.outline])
         edge = self.share * (1 - self.share) + 1e-9
         body, surroundings = self._levels(parameters)
         return float(np.average(body - surroundings, weights=edge)), float(np.average(body, weights=edge))

@@ -1,13 +1,16 @@
 """Robust least squares by iteratively reweighted Gauss-Newton, with the noise estimated from the residuals."""
 
+# mypy: disallow-untyped-decorators=False
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 from trackers._frames.arrays import MAD_TO_SD
 
@@ -146,18 +149,21 @@ def _inverse(information: Array) -> Array:
 def _measured_noise(equations: Equations, pixels: Pixels) -> Array:
     """Noise of each pixel: that of its zone by the residuals, corrected for the parameters; at least the known."""
     covariance = _inverse(equations.information)
-    noise = pixels.noise.copy()
-    ratio = np.abs(equations.residual) / pixels.noise
+    ratio, factors = np.abs(equations.residual) / pixels.noise, np.ones(len(equations.of_zones))
     for zone, information in enumerate(equations.of_zones):
-        inside = pixels.zone == zone
-        count = np.count_nonzero(inside)
+        count, scale = inlier_scale(ratio, pixels.zone, zone)
         if count >= FEWEST_IN_ZONE:
             taken_up = float((information * covariance).sum()) / count  # mean of the leverages
-            noise[inside] *= max(1.0, _scale(ratio[inside]) / np.sqrt(np.clip(1.0 - taken_up, 0.2, 1.0)))
-    return noise
+            factors[zone] = max(1.0, scale / np.sqrt(np.clip(1.0 - taken_up, 0.2, 1.0)))
+    return np.asarray(pixels.noise * factors[pixels.zone])
 
 
-def _scale(ratio: Array) -> float:
-    """Standard deviation of residuals of which some are foreign: that of those within 3 sigma by the median."""
-    cut = INLIER * MAD_TO_SD * float(np.median(ratio))
-    return float(np.sqrt((ratio[ratio <= cut] ** 2).mean())) / TRUNCATION
+@kernel(nogil=True)
+def inlier_scale(ratio: Array, zone: Labels, number: int) -> tuple[int, float]:
+    """How many residuals (n,) one zone has, and their standard deviation by those within 3 sigma by the median."""
+    inside = ratio[zone == number]
+    if inside.size == 0:
+        return 0, 0.0
+    cut = INLIER * MAD_TO_SD * np.median(inside)
+    inliers = inside[inside <= cut]
+    return inside.size, math.sqrt((inliers**2).mean()) / TRUNCATION
