@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from iris_sysid.types import Array, FrameSource
+from iris_sysid.types import Array, Frame, FrameSource
 from trackers._disc.expected_position import ExpectedPath
 from trackers._disc.fit import fit_disc, image_cutout, shows_disc
 from trackers._disc.model import Disc, Form, Motion
+from trackers._frames.ahead import ahead
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
 
@@ -83,10 +84,14 @@ def path_of_circles(video: FrameSource, view: View) -> ExpectedPath | None:
     times: dict[int, float] = {}
     nodes: list[tuple[int, Array]] = []
     images: dict[int, Bytes] = {}  # of a short clip, which is then read once
-    for frame in video.frames():
+
+    def seen(frame: Frame) -> tuple[Frame, Bytes, Array]:
         small_image = search.small(view.image(frame))
+        return frame, small_image, circles(small_image)
+
+    for frame, small_image, found in ahead(seen, video.frames()):
         times[frame.index] = frame.t_s
-        nodes += [(frame.index, circle) for circle in circles(small_image)]
+        nodes += [(frame.index, circle) for circle in found]
         if len(images) < MOST_REFINED:
             images[frame.index] = small_image
     chain = best_chain(nodes)
@@ -158,21 +163,24 @@ def _images(video: FrameSource, search: Search, wanted: Iterable[int]) -> dict[i
 
 def _refine(expected_path: ExpectedPath, images: Mapping[int, Bytes]) -> None:
     """Fit a disc to each circle, and to frames without one from where it is in the frames beside, on and back."""
-    for frame in set(expected_path.discs) & set(images):
-        _fit(expected_path, frame, expected_path.discs[frame], images[frame])
+    known = [frame for frame in expected_path.discs if frame in images]
+    refined = ahead(lambda frame: _fitted(expected_path.discs[frame], images[frame]), known)
+    expected_path.discs.update(zip(known, list(refined), strict=True))
     for frames in (sorted(expected_path.times), sorted(expected_path.times, reverse=True)):
         for index, frame in enumerate(frames):
-            known = [earlier for earlier in frames[max(0, index - MEMORY) : index] if earlier in expected_path.discs]
-            if frame in expected_path.discs or frame not in images or not known:
+            before = [earlier for earlier in frames[max(0, index - MEMORY) : index] if earlier in expected_path.discs]
+            if frame in expected_path.discs or frame not in images or not before:
                 continue
-            _fit(expected_path, frame, expected_path.extrapolated(frame, known), images[frame])
+            expected = expected_path.extrapolated(frame, before)
+            fitted = _fitted(expected, images[frame])
+            if fitted is not expected:
+                expected_path.discs[frame] = fitted
 
 
-def _fit(expected_path: ExpectedPath, frame: int, expected: Disc, image: Bytes) -> None:
-    """Put the disc of a frame where a fit shows it, if it does."""
+def _fitted(expected: Disc, image: Bytes) -> Disc:
+    """The disc that a fit shows where one is expected; that one itself if it shows none."""
     fitted = fit_disc(image_cutout(image, expected), expected, FORM, Motion())
-    if fitted is not None and shows_disc(fitted, expected):
-        expected_path.discs[frame] = fitted.disc
+    return fitted.disc if fitted is not None and shows_disc(fitted, expected) else expected
 
 
 def _disc(circle: Array) -> Disc:
