@@ -1,12 +1,14 @@
 """Autocorrelation of position errors, measured from the lobes of the outline."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
 from iris_sysid.errors import DataError
 from iris_sysid.types import ErrorAutocorrelation
-from trackers._uncertainty.error_correlation import outline_autocorrelation, outline_lobes
+from trackers._uncertainty.error_correlation import outline_autocorrelation, outline_lobes, outline_scatter
 
 PARTIAL = (0.5, 0.15)  # as of a ball of 10 px in H.264 at a phone's bit rate
 RADIUS = np.full(64, 10.0)
@@ -97,3 +99,15 @@ def test_error_autocorrelation_with_a_model_error_adds_in_quadrature():
 def test_error_autocorrelation_refuses_what_is_not_possible(partial, stderr, match):
     with pytest.raises(DataError, match=match):
         ErrorAutocorrelation(partial, stderr)
+
+
+def test_scatter_of_a_long_track_takes_memory_in_proportion_to_its_length():
+    count = 40_000
+    frame = np.arange(count)
+    lobes = 0.1 * np.random.default_rng(0).standard_normal((count, 4))
+    xy_px = np.column_stack([200 + 100 * np.sin(0.02 * frame), np.full(count, 100.0)])
+    tracemalloc.start()
+    assert outline_scatter(frame, xy_px, lobes, np.full(count, 10.0)) == pytest.approx(0.1, rel=0.1)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 40 * lobes.nbytes  # a thousand times, where each stretch held a copy of all

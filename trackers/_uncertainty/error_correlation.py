@@ -143,7 +143,8 @@ def _stretches_of_disc(frame: Array, xy_px: Array, lobes: Array, radius_px: Arra
     if not useful.any() or np.median(np.abs(lobes[useful])) > LARGEST_LOBE * np.median(radius_px[useful]):
         return []
     useful[useful] = _without_outliers(lobes[useful])
-    return [lobes[useful][stretch] for stretch in _stretches(frame[useful])]
+    moving = lobes[useful]
+    return [moving[stretch] for stretch in _stretches(frame[useful])]
 
 
 def _moments(values: Array, weight: Array) -> tuple[float, float]:
