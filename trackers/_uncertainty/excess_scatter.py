@@ -32,6 +32,7 @@ CLEAN = 0.25  # of the windows, at least, hold no such change
 FROZEN = 0.3  # of the stated errors: a resting body that scatters less is a copy of one frame
 GROWTH = 1.1  # of the scatter from one window to the next: more is the curvature of the motion itself
 EVEN = 1.5  # times its length at even frames: a longer window holds gaps
+WINDOWS_AT_ONCE = 2_000  # of a long track: the memory for all of them would grow with it
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -153,16 +154,20 @@ def _window_squares(
     t_s: Array, values: Array, sigma: Array, counted: Mask, window: int, degree: int
 ) -> tuple[Array, Mask]:
     """Sums (k,) of squared residuals over sigma^2 in each window, and which windows (k,) count: whole and even."""
-    t, y, s = (sliding_window_view(samples, window) for samples in (t_s, values, sigma))
-    length = t[:, -1] - t[:, 0]
-    even = length <= EVEN * (window - 1) * np.median(np.diff(t_s))
-    even &= sliding_window_view(counted, window).all(axis=1)
-    u = 2 * (t - t.mean(axis=1, keepdims=True)) / length[:, np.newaxis]
-    weighted = u[..., np.newaxis] ** np.arange(degree + 1) / s[..., np.newaxis]
-    target = (y - y.mean(axis=1, keepdims=True)) / s
-    basis = np.linalg.qr(weighted)[0]
-    residual = target - (basis @ (basis.transpose(0, 2, 1) @ target[..., np.newaxis]))[..., 0]
-    return np.asarray((residual**2).sum(axis=1)), even
+    longest = EVEN * (window - 1) * float(np.median(np.diff(t_s)))
+    squares, even = [], []
+    for start in range(0, t_s.size - window + 1, WINDOWS_AT_ONCE):
+        part = slice(start, start + WINDOWS_AT_ONCE + window - 1)
+        t, y, s = (sliding_window_view(samples[part], window) for samples in (t_s, values, sigma))
+        length = t[:, -1] - t[:, 0]
+        even.append((length <= longest) & sliding_window_view(counted[part], window).all(axis=1))
+        u = 2 * (t - t.mean(axis=1, keepdims=True)) / length[:, np.newaxis]
+        weighted = u[..., np.newaxis] ** np.arange(degree + 1) / s[..., np.newaxis]
+        target = (y - y.mean(axis=1, keepdims=True)) / s
+        basis = np.linalg.qr(weighted)[0]
+        residual = target - (basis @ (basis.transpose(0, 2, 1) @ target[..., np.newaxis]))[..., 0]
+        squares.append((residual**2).sum(axis=1))
+    return np.concatenate(squares), np.concatenate(even)
 
 
 def _expected_median(window: int, degree: int, partial: tuple[float, ...]) -> float:
