@@ -8,10 +8,12 @@ from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any, cast
 
+import av
 import numpy as np
 from av import VideoFrame
 from numpy.typing import NDArray
 
+from iris_sysid.errors import VideoError
 from iris_sysid.types import Matrix, PixelCoding
 
 Bytes = NDArray[np.uint8]
@@ -146,7 +148,7 @@ def luma_of(image: VideoFrame, orientation: Orientation) -> Bytes:
     if layout is None or image.planes[0].line_size <= 0:
         import cv2
 
-        luma = np.asarray(cv2.cvtColor(image.to_ndarray(format="bgr24"), cv2.COLOR_BGR2GRAY))
+        luma = np.asarray(cv2.cvtColor(_converted(image), cv2.COLOR_BGR2GRAY))
     else:
         luma = _plane(image, 0, *layout)
     luma = orientation.turn(_one_moment(image, luma))
@@ -156,8 +158,15 @@ def luma_of(image: VideoFrame, orientation: Orientation) -> Bytes:
 
 def bgr_of(image: VideoFrame, orientation: Orientation) -> Bytes:
     """The image in colour, (h, w, 3) uint8 in the order blue, green, red; an array of its own."""
-    bgr = np.ascontiguousarray(image.to_ndarray(format="bgr24"), dtype=np.uint8)
-    return orientation.turn(_one_moment(image, bgr))
+    return orientation.turn(_one_moment(image, _converted(image)))
+
+
+def _converted(image: VideoFrame) -> Bytes:
+    try:
+        return np.ascontiguousarray(image.to_ndarray(format="bgr24"), dtype=np.uint8)
+    except (av.FFmpegError, ValueError) as error:  # of an image of one pixel, at times
+        size = f"{image.width}x{image.height} px"
+        raise VideoError(f"an image of {size} in {image.format.name} cannot be converted to colour: {error}") from error
 
 
 def chroma_of(image: VideoFrame, orientation: Orientation) -> tuple[Bytes, Bytes] | None:
