@@ -252,6 +252,8 @@ def _cause_sentence(diagnosis: Diagnosis) -> str:
 def _added_sentence(diagnosis: Diagnosis) -> str:
     effects = " and ".join(_effect_text(effect, diagnosis) for effect in diagnosis.added)
     which, before, after = _errors(diagnosis)
+    if before == after:  # found with all samples only: the held-out error is without it
+        which, before, after = "residual", diagnosis.before.fitted, diagnosis.after.fitted
     verb = "reduces" if after < before else "changes"
     return f"Adding {effects} {verb} the {which} from {_angle(diagnosis, before)} to {_angle(diagnosis, after)}."
 
