@@ -188,15 +188,18 @@ def ended(command: Sequence[str], *, kill_after_s: float | None = None, file_lim
             resource.setrlimit(resource.RLIMIT_FSIZE, (file_limit, file_limit))
 
     start = time.monotonic()
-    with tempfile.TemporaryFile() as errors:
+    with tempfile.TemporaryFile() as file:
+        # the limit would hold for that file too: what a limited command says goes through a pipe, a line or two
+        errors = file if file_limit is None else subprocess.PIPE
         process = subprocess.Popen(
             command, stdout=subprocess.DEVNULL, stderr=errors, preexec_fn=limit, cwd=pages.ROOT, start_new_session=True
         )
         end = start + (LIMIT_S if kill_after_s is None else kill_after_s)
         status, used = _waited(process.pid, end)
         process.returncode = -9 if status is None else status  # waited for here
-        errors.seek(0)
-        said = errors.read().decode(errors="replace").strip().splitlines()[-1:]
+        file.seek(0)
+        with process.stderr or file as written:
+            said = written.read().decode(errors="replace").strip().splitlines()[-1:]
     return Ended(status, "".join(said), time.monotonic() - start, used)
 
 
