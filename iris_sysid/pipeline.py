@@ -288,7 +288,9 @@ def run(
         clock_stderr=clip.fps_stderr,
         image_size=(video.width, video.height),
     )
-    of_calibration = [*calibration.notes, vertical_note(calibration)]
+    of_calibration = [*calibration.notes]
+    if trajectory.view is not None:  # a radius or a brightness has no direction
+        of_calibration.append(vertical_note(calibration))
     return Run(
         source=Path(source),
         video=video,

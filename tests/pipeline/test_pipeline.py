@@ -13,7 +13,8 @@ from iris_sysid.io.files import sha256_of
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.synthetic import read_truth
 from iris_sysid.types import GeometryOptions, Track, TrackOptions
-from tests.conftest import listing
+from tests._changing import fading
+from tests.conftest import listing, write_video
 
 NAME = "median-background"
 
@@ -48,6 +49,12 @@ def test_run_says_what_each_box_comes_from(result, pendulum_clip):
         assert origin["options"]["phenomenon"] == "pendulum"
         assert origin["options"]["tracker"] == "auto"
         assert origin["options"]["settings"]["ball_radius"] == {"value": 0.03, "stderr": 0.001, "unit": "m"}
+
+
+def test_vertical_is_noted_where_a_direction_is_measured_alone(result, tmp_path):
+    assert any("the vertical is the image's" in note for note in result.notes)
+    brightness = run(write_video(tmp_path / "lamp.mp4", fading()[0].images), "led")
+    assert not any("vertical" in note for note in brightness.notes)
 
 
 def test_track_takes_a_file_and_a_tracker_by_name_or_itself(pendulum_clip):
