@@ -187,16 +187,18 @@ def conclude(
     touching = at_bounds(task.unknowns, solution.values)
     determined = _determination(near, ~touching)
     errors, random = errors_of(task, near, ~touching, determined.undetermined)
-    suspected = discrepancy and any(process.partial.size for process in random.noise)
+    residual = target.observed - solution.predicted
+    rms = np.sqrt(np.mean(residual[target.used] ** 2, axis=0))
+    # so far above the noise that no autocorrelation explains it, even where few samples do not tell by their form
+    beyond = is_misfit(rms, task.noise, target.size)
+    suspected = discrepancy and (beyond or any(process.partial.size for process in random.noise))
     found = _discrepancy(task, target, solution, near, ~touching) if suspected else None
-    if found is not None and found.significant:
+    if found is not None and (found.significant or beyond):
         notes = [*notes, DISCREPANCY_NOTE]
         results = estimate_all(task, solution.values, _with_discrepancy(errors, found, ~touching))
     else:
         results = estimate_all(task, solution.values, errors)
-    residual = target.observed - solution.predicted
-    rms = np.sqrt(np.mean(residual[target.used] ** 2, axis=0))
-    misfit = is_misfit(rms, task.noise, target.size) or (found is not None and found.misfit)
+    misfit = beyond or (found is not None and found.misfit)
     status, problems = _status(task, solution, touching, determined, rms if misfit else None)
     measured = with_priors(task.unknowns, task.priors)
     pulls = measured.prior_residual(solution.values)

@@ -33,6 +33,20 @@ def clip_of(t_s, theta):
     return Trajectory(t_s, PENDULUM.observed, theta, np.full_like(theta, np.nan), np.ones(t_s.size, bool))
 
 
+@pytest.mark.parametrize("count", [12, 15, 18])
+@pytest.mark.parametrize("growth", [0.3, 0.9])
+def test_few_samples_that_are_far_off_do_not_give_a_value_a_small_error(count, growth):
+    t_s = np.arange(count) / 10
+    way = solve_ivp(lambda t, state: [state[1], 0.3 * (1 + growth * t)], (0, 2), [0.0, 0.0], "DOP853", t_s, rtol=1e-10)
+    position = way.y[0][:, None] + 1e-4 * np.random.default_rng(0).standard_normal((count, 1))
+    model = MODELS["incline"]
+    unknown = np.full_like(position, np.nan)
+    result = fit(Trajectory(t_s, model.observed, position, unknown, np.ones(count, bool)), model)
+    found = result.estimates["acceleration"]
+    assert result.status == "misfit"
+    assert abs(found.value - 0.3) < 2.5 * found.stderr  # at the start; it is 0.3 (1 + growth t)
+
+
 @pytest.mark.parametrize("hidden", [{"drag": 0.1}, {"stiffening": 0.5}, {"drag": 0.02, "stiffening": -0.2}])
 def test_fit_that_lacks_a_force_is_a_misfit_and_its_length_is_within_the_interval(hidden):
     result = fit(swing(**hidden), PENDULUM)
