@@ -1,5 +1,8 @@
 """What every user meets: help, version, the verdict and its exit status, options by name, the next command."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -90,3 +93,9 @@ def test_diagnosis_chooses_the_model_when_asked(angles, tmp_path, cli):
     assert "model: pendulum" in outcome.err
     document = read_document(tmp_path / "diagnosis" / "diagnosis.json", DiagnosisDocument)
     assert document.base.model == "pendulum"
+
+
+def test_python_m_is_the_program():
+    call = [sys.executable, "-m", "iris_sysid", "--version"]
+    outcome = subprocess.run(call, capture_output=True, text=True, timeout=60)
+    assert (outcome.returncode, outcome.stdout.split()[0]) == (0, "iris-sysid")
