@@ -13,8 +13,9 @@ from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
 from trackers._auto.appearance import Peaks, search_image
 from trackers._auto.best_path import best_path
 from trackers._auto.candidates import Way, radius_at, ways_by_looks
-from trackers._auto.choose import Choice, doubts_of_one_body, is_scenery, lost_together
+from trackers._auto.choose import Choice, doubts_of_one_body, lost_together
 from trackers._auto.evidence import Patches, judged, leaps, measured, missed_marks
+from trackers._auto.fill_gaps import is_scenery
 from trackers._auto.receding_disc import not_followed, receding_disc
 from trackers._auto.sampled_once import SampledOnce
 from trackers._auto.survey import kinds_of, looks_like_shadow

@@ -38,6 +38,10 @@ class Peaks:
     xy: Array
     score: Array
 
+    def where(self, kept: Flags) -> Peaks:
+        """Those that are ``kept`` (k,)."""
+        return Peaks(self.xy[kept], self.score[kept])
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Appearance:
@@ -121,3 +125,9 @@ def _parts(shape: tuple[int, ...], place: tuple[float, float], radius: float) ->
 def search_image(view: View, frame: Frame) -> Bytes:
     """The image in which bodies are looked for by their looks: luma and chroma at the size of the search."""
     return view.with_chroma().search_image(frame)
+
+
+def score_at(score_map: Image, place: tuple[float, float]) -> float:
+    """The best score (h, w) at a place (x, y) px, or next to it."""
+    y, x = (min(max(round(c), 0), size - 1) for c, size in zip(place[::-1], score_map.shape, strict=True))
+    return float(score_map[max(0, y - 1) : y + 2, max(0, x - 1) : x + 2].max())

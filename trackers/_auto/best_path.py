@@ -14,7 +14,7 @@ LONGEST_GAP = 12  # frames over which two places are joined directly
 MISSED = 0.35  # cost of a frame in which the body is not found, in units of the score of a typical place
 STEP = 0.3  # cost of a step as long as the reach
 LEAP = 4.0  # largest cost of a step, however far
-RESTART = 6.0  # cost of going on after a longer gap
+RESTART = 2.0  # cost of going on after a longer gap: three frames in which the body is plainly seen are worth it
 MARKED = 1000.0  # gain of a place at a mark
 
 
@@ -43,10 +43,10 @@ def best_path(candidates: Sequence[Peaks], reach: float) -> list[int | None]:
     reach
         How far the body usually goes between two frames, px.
     """
-    best = [peaks.score[0] for peaks in candidates if len(peaks.score)]
-    if not best:
+    if not any(len(peaks.score) for peaks in candidates):
         return [None] * len(candidates)
-    typical = max(float(np.median(best)), 1e-6)
+    best = [peaks.score[0] for peaks in candidates if len(peaks.score) and not _marked(peaks)]
+    typical = max(float(np.median(best)), 1e-6) if best else 1.0
     steps = Steps(max(reach, 1e-6))
     totals: list[Array] = []
     origins: list[list[tuple[int, int] | None]] = []

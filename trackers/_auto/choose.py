@@ -10,14 +10,14 @@ import numpy as np
 from iris_sysid.errors import TrackingError
 from iris_sysid.registry import TRACKERS
 from iris_sysid.types import Doubt, DoubtKind, Frame, FrameSource, Track, TrackCandidate, TrackOptions, TrackQuality
-from trackers._auto.appearance import learn, search_image
+from trackers._auto.appearance import search_image
 from trackers._auto.candidates import Way, check_marks, marks_by_body, way_by_marks, ways_by_looks
 from trackers._auto.evidence import LEAST_COVERAGE, MOST_SHADOW, held_doubt, judged, measured, missed_marks, passes
+from trackers._auto.fill_gaps import Place, known_looks, sampled_places, with_gaps_filled
 from trackers._auto.receding_disc import not_followed, receding_disc
 from trackers._auto.sampled_once import SampledOnce
 from trackers._auto.survey import Kind, blob_at, foregrounds_of, kinds_of
 from trackers._disc.model import Disc
-from trackers._frames.arrays import Image
 from trackers._frames.working_image import View, view_of
 from trackers._linking.moving_bodies import follow
 
@@ -33,9 +33,7 @@ FEWEST_SHOWN = 4  # samples that show the body, to know its looks
 # share of the samples that show the body, and number of them, in which it is plainly seen off its track: toss-ball-lamp
 # shows it in 9 of 40 samples, and it is lost in 2 of these
 MISSED, FEWEST_MISSED = 0.1, 2
-PLAIN = 0.75  # of the usual score of the body: as plain as that is no chance likeness
 MOST_WAYS = 3  # by looks
-SCENERY = 0.5  # share of the samples with the body elsewhere: a place that looks like it there too is scenery
 LONG_GAP = 5  # frames without any body
 TOGETHER = 1.5  # radii: two tracks that are often nearer to each other are of one body, at least in part
 # of their common frames; balls on cords of ten radii that pass each other are so near in a tenth of them, of five
@@ -45,9 +43,6 @@ LEAST_SIGHTINGS = 0.3  # share of the samples
 FIRST = "median-background"  # the way whose tracks are taken without a look at the scene where they show no fault
 WEIGHT: dict[DoubtKind, float] = {"missed": 0.9, "jumps": 0.8, "shadow": 0.3, "ambiguous": 0.3}  # of a doubt
 RIVAL = "disc"  # the registered tracker that also finds what does not move sideways
-
-
-Place = tuple[float, float]
 
 
 @dataclass(eq=False)
@@ -103,6 +98,21 @@ class Choice:
             candidate = TrackCandidate(way.name, tuple(of_bodies))
         self.candidates.append(candidate)
         return candidate
+
+    @property
+    def lost_in_places(self) -> bool:
+        """Whether nothing else speaks against the first tracks than that they miss the body in places."""
+        found = [track.quality or TrackQuality() for track in self.candidates[0].tracks]
+        kinds = {doubt.kind for quality in found for doubt in quality.doubts}
+        return kinds == {"missed"}
+
+    def first_filled(self) -> list[Track]:
+        """The first tracks with their gaps filled by the looks of the bodies."""
+        tracks = self.candidates[0].tracks
+        others = [[other for other in tracks if other is not track] for track in tracks]
+        return [
+            with_gaps_filled(self.video, self.view, self.frames, *pair) for pair in zip(tracks, others, strict=True)
+        ]
 
     def named_by_marks(self, tracks: list[Track]) -> list[Track]:
         """The tracks under the names of the marks that they pass best."""
@@ -190,7 +200,7 @@ class Choice:
         lost = [k for k, row in enumerate(rows) if row is not None and not track.valid[row] and not held[row]]
         if len(shown) < FEWEST_SHOWN or not lost or track.radius_px is None:
             return []
-        places = {k: self.view.in_search(*track.xy_px[rows[k]]) for k in shown}
+        places = sampled_places(track, self.view, self.frames)
         reach = float(np.nanmedian(track.radius_px[track.valid]))
         found = self._plainly_seen(places, reach, lost, others)
         seen = _without_rest(found, (shown[0], shown[-1]), reach, MOST_REST * len(rows))
@@ -206,17 +216,12 @@ class Choice:
         self, places: Mapping[int, Place], reach: float, lost: Sequence[int], others: Sequence[Track]
     ) -> dict[int, Place]:
         """Where, px of the frame, what is at some places of the samples is to be seen in others, by their number."""
-        known = {k: search_image(self.view, self.frames[k]) for k in places}
-        looks = learn(list(known.values()), list(places.values()), max(1.5, reach / self.view.step))
-        maps = {k: looks.score_map(image) for k, image in known.items()}
-        plain = PLAIN * float(np.median([_score_at(maps[k], place) for k, place in places.items()]))
+        known = known_looks(self.view, self.frames, places, reach)
         found: dict[int, Place] = {}
         for k in lost:
-            peaks = looks.peaks(search_image(self.view, self.frames[k]), plain)
-            for xy in peaks.xy:
+            for xy in known.plainly_in(search_image(self.view, self.frames[k])).xy:
                 place = self.view.in_frame(*xy)
-                taken = any(passes(other, self.frames[k].index, place, reach) for other in others)
-                if not taken and not is_scenery(maps, places, (xy[0], xy[1]), reach / self.view.step, plain):
+                if not any(passes(other, self.frames[k].index, place, reach) for other in others):
                     found.setdefault(k, place)
         return found
 
@@ -278,33 +283,6 @@ def _without_rest(found: Mapping[int, Place], shown: tuple[int, int], reach: flo
         if resting and len(resting) < most and _spread([found[k] for k in resting]) < reach:
             seen = [k for k in seen if k not in resting]
     return seen
-
-
-def is_scenery(
-    maps: Mapping[int, Image], places: Mapping[int, Place], place: Place, reach: float, plain: float
-) -> bool:
-    """Whether a place looks like the body also in most of the samples in which the body is elsewhere.
-
-    Parameters
-    ----------
-    maps
-        Scores (h, w) of samples that show the body, by their number.
-    places
-        Where it is in them, px of the search image.
-    place
-        The place in question, likewise.
-    reach
-        Radius of the body, px.
-    plain
-        Score from which on a place looks like the body.
-    """
-    away = [k for k, body in places.items() if np.hypot(body[0] - place[0], body[1] - place[1]) > 3 * reach]
-    return bool(away) and bool(np.mean([_score_at(maps[k], place) > plain for k in away]) > SCENERY)
-
-
-def _score_at(score_map: Image, place: Place) -> float:
-    y, x = (min(max(round(c), 0), size - 1) for c, size in zip(place[::-1], score_map.shape, strict=True))
-    return float(score_map[max(0, y - 1) : y + 2, max(0, x - 1) : x + 2].max())
 
 
 def _spread(places: Sequence[tuple[float, float]]) -> float:
@@ -376,6 +354,8 @@ def _ways(choice: Choice) -> Iterator[Way]:
         return
     if options.bodies > FEW:
         return
+    if choice.lost_in_places:
+        yield Way("gaps-by-appearance", choice.first_filled)
     if options.colour is not None:
         yield _registered("colour", choice)
     if choice.receding:

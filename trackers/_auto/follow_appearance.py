@@ -95,11 +95,12 @@ def _paths(
     view: View, numbers: Sequence[int], peaks: Sequence[list[Peaks]], bodies: Sequence[Body]
 ) -> list[dict[int, tuple[float, float]]]:
     """Where each body is in the search image, by number of the frame in order; the clearest body first."""
+    row_of = {number: k for k, number in enumerate(numbers)}
     reach_image = REACH_SHARE * float(np.hypot(*view.search_size))
     paths: list[dict[int, tuple[float, float]]] = []
     for candidates, body in zip(peaks, bodies, strict=True):
         free = [_without(places, [path[k] for path in paths if k in path], body) for k, places in enumerate(candidates)]
-        known = {numbers.index(n): view.in_search(*place) for n, place in body.marks.items() if n in numbers}
+        known = {row_of[n]: view.in_search(*place) for n, place in body.marks.items() if n in row_of}
         bound = bound_to_marks(free, known, max(body.appearance.radius, 3.0))
         reach = max(REACH_RADII * body.appearance.radius, reach_image)
         chosen = best_path(bound, reach)
@@ -112,7 +113,7 @@ def _without(places: Peaks, taken: Sequence[tuple[float, float]], body: Body) ->
     free = np.ones(len(places.score), dtype=np.bool_)
     for place in taken:
         free &= np.hypot(*(places.xy - place).T) > APART * body.appearance.radius
-    return Peaks(places.xy[free], places.score[free])
+    return places.where(free)
 
 
 def measured_at(
