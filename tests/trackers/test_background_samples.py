@@ -48,6 +48,16 @@ def test_ball_that_passes_beside_its_resting_position_is_no_background_there():
     assert above[15:].all(), "the samples in which the ball has come to rest show the wall above it"
 
 
+def test_ball_that_touches_its_resting_position_in_every_bounce_leaves_a_hole_there():
+    """Darker than the wall and brighter than the strip, ball and hole are one part where channels are mixed."""
+    stack = samples([(30, 5 + 3 * k) for k in range(5)] + [(30, 42)] * 7 + [REST] * 20)
+    usable = usable_samples(stack, estimate_background(stack))
+    assert usable is not None
+    background = estimate_background(stack, usable).background
+    for (x, y), behind in (((30, 40), WALL), ((26, 38), WALL), ((30, 56), WALL), ((30, 63), STRIP)):
+        assert np.abs(background[y, x] - behind).max() < 10, (x, y)  # the shadow passes there
+
+
 def test_ball_that_never_rests_leaves_every_sample_usable():
     stack = samples([(30, 5 + 2 * k) for k in range(30)])
     assert usable_samples(stack, estimate_background(stack)) is None
