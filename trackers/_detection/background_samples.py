@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from trackers._background.median import BackgroundEstimate
-from trackers._detection.foreground import SQUARE, BackgroundRange, any_channel, background_range_of
+from trackers._detection.foreground import SQUARE, BackgroundRange, any_channel, background_range_of, most_of_channels
 from trackers._detection.strong_windows import grown
 from trackers._detection.subpixel_centroid import largest
 from trackers._frames.ahead import ahead
@@ -51,31 +51,46 @@ def usable_samples(stack: Bytes, estimate: BackgroundEstimate) -> Flags | None:
 
 
 def _holes_of(background_range: BackgroundRange, edges: Image, image: Bytes) -> Flags:
-    """Where (h, w) one sampled image differs from the background in the shape of a hole.
-
-    Channel by channel, since in none of them a body and the hole that it left before such a background differ alike;
-    what some channel shows as a body is no hole.
-    """
+    """Where (h, w) one sampled image differs from the background in the shape of a hole."""
     holes = np.zeros(image.shape[:2], dtype=np.bool_)
     x, y, columns, rows = cv2.boundingRect(background_range.strongly(image))
     if not columns:
         return holes
     box = grown((x, y, x + columns, y + rows), MARGIN, (image.shape[1], image.shape[0]))
     inside, here = background_range.part(box), image[box[1] : box[3], box[0] : box[2]]
-    window = slice(box[1], box[3]), slice(box[0], box[2])
-    differing = [
-        level
-        for excess in (cv2.subtract(here, inside.highest), cv2.subtract(inside.lowest, here))
-        for level in np.atleast_3d(np.where(excess > inside.strong, excess, 0).astype(np.uint8)).transpose(2, 0, 1)
-        if np.count_nonzero(level) >= SMALLEST_HOLE
-    ]
-    if differing:
-        edges_now = _edges(np.ascontiguousarray(here).astype(np.float32))
-        judged = [_holes(np.ascontiguousarray(level), edges[window], edges_now) for level in differing]
-        found = np.any([hole for hole, _ in judged], axis=0) & ~np.any([body for _, body in judged], axis=0)
-        if found.any():
-            holes[window] = _without_hidden(found, _reaching_in(background_range, image)[window])
+    for level in _of_either_sign(inside, here):
+        if np.count_nonzero(level) >= SMALLEST_HOLE:
+            left, top, width, height = cv2.boundingRect(level)
+            of_level = (
+                slice(max(0, top - MARGIN), top + height + MARGIN),
+                slice(max(0, left - MARGIN), left + width + MARGIN),
+            )
+            top, left = (part.start + corner for part, corner in zip(of_level, box[1::-1], strict=True))
+            part = np.ascontiguousarray(here[of_level]).astype(np.float32)
+            window = slice(top, top + part.shape[0]), slice(left, left + part.shape[1])
+            window_holes = _holes(np.ascontiguousarray(level[of_level]), edges[window], _edges(part))
+            if window_holes.any():
+                holes[window] |= _without_hidden(window_holes, _reaching_in(background_range, image)[window])
     return holes
+
+
+def _of_either_sign(background_range: BackgroundRange, image: Bytes) -> tuple[Bytes, Bytes]:
+    """Largest strong difference of the channels of an image, (h, w): where it has one sign, and where the other.
+
+    The sign is that along the colour in which the differences vary most: a hole differs from a background that shows a
+    body as that body does from the scenery, the other way round; in one channel alone both may be brighter.
+    """
+    above, below = (
+        np.where(excess > background_range.strong, excess, 0).astype(np.uint8)
+        for excess in (cv2.subtract(image, background_range.highest), cv2.subtract(background_range.lowest, image))
+    )
+    if image.ndim == 2:
+        return above, below
+    difference = (above.astype(np.float32) - below).reshape(-1, image.shape[2])
+    _, colours = np.linalg.eigh(difference.T @ difference)
+    sign = (difference @ colours[:, -1]).reshape(image.shape[:2])
+    level = np.maximum(most_of_channels(above), most_of_channels(below))
+    return np.where(sign > 0, level, 0).astype(np.uint8), np.where(sign < 0, level, 0).astype(np.uint8)
 
 
 def _reaching_in(background_range: BackgroundRange, image: Bytes) -> Flags:
@@ -113,9 +128,9 @@ def _edges(image: Image) -> Image:
     return np.asarray(strength if strength.ndim == 2 else largest(strength), dtype=np.float32)
 
 
-def _holes(level: Bytes, edges: Image, edges_now: Image) -> tuple[Flags, Flags]:
-    """Foreground parts whose outline is an edge of the background rather than of the frame, and the other parts."""
-    holes, bodies = np.zeros((2, *level.shape), dtype=np.bool_)
+def _holes(level: Bytes, edges: Image, edges_now: Image) -> Flags:
+    """Foreground parts whose outline is an edge of the background rather than of the frame."""
+    holes = np.zeros(level.shape, dtype=np.bool_)
     closed = cv2.morphologyEx((level > 0).astype(np.uint8), cv2.MORPH_CLOSE, SQUARE)
     count, labels, stats, _ = cv2.connectedComponentsWithStats(closed, connectivity=8)
     for label in range(1, count):
@@ -127,9 +142,9 @@ def _holes(level: Bytes, edges: Image, edges_now: Image) -> tuple[Flags, Flags]:
         shape = _without_shade(level[window], labels[window] == label)
         outline = cv2.morphologyEx(shape, cv2.MORPH_GRADIENT, SQUARE) > 0
         only_behind = edges[window][outline] > EDGE_RATIO * edges_now[window][outline] + LEAST_EDGE
-        told = holes if np.count_nonzero(only_behind) > OUTLINE_SHARE * np.count_nonzero(outline) else bodies
-        told[window] |= shape > 0
-    return holes, bodies
+        if np.count_nonzero(only_behind) > OUTLINE_SHARE * np.count_nonzero(outline):
+            holes[window] |= shape > 0
+    return holes
 
 
 def _without_shade(level: Bytes, shape: Flags) -> Bytes:
