@@ -13,12 +13,13 @@ from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
 from trackers._auto.appearance import Peaks, search_image
 from trackers._auto.best_path import best_path
 from trackers._auto.candidates import Way, radius_at, ways_by_looks
-from trackers._auto.choose import Choice, doubts_of_one_body, lost_together
-from trackers._auto.evidence import Patches, judged, leaps, measured, missed_marks
+from trackers._auto.choose import Choice
+from trackers._auto.evidence import Patches, judged, leaps, measured, missed_marks, unsteadiness
 from trackers._auto.fill_gaps import is_scenery
 from trackers._auto.receding_disc import not_followed, receding_disc
 from trackers._auto.sampled_once import SampledOnce
-from trackers._auto.survey import kinds_of, looks_like_shadow
+from trackers._auto.scene_doubts import doubts_of_one_body, lost_together, off_motion
+from trackers._auto.survey import foregrounds_of, kinds_of, looks_like_shadow
 from trackers._frames.working_image import view_of
 
 AUTO = TRACKERS["auto"]
@@ -90,6 +91,22 @@ def test_marks_name_the_bodies_and_tell_two_alike_apart():
 def test_mark_outside_of_the_clip_is_refused(marks, message):
     with pytest.raises(DataError, match=message):
         AUTO.track(moving_disc(swing(20, (64, 48), (35, 20)), 9), TrackOptions(marks=marks))
+
+
+def test_mark_takes_the_path_of_a_small_body_beside_a_larger_one_that_goes_farther():
+    large, small = swing(40, (80, 34), (60, 4), period=37.3), swing(40, (80, 84), (40, 2), period=33.1)
+    plain = np.full((96, 160), 70.0)
+    images = [
+        paint(paint(plain, disc(plain.shape, *at, 12.0), 150.0), disc(plain.shape, *other, 4.0), 150.0)
+        for at, other in zip(large, small, strict=True)
+    ]
+    clip = DrawnClip(noisy(images, 2.0))
+    options = TrackOptions(marks=(TrackMark("1", *map(float, small[7]), 7),))
+    choice = Choice(SampledOnce(clip), view_of(clip, options), options)
+    assert np.nanmax(np.hypot(*(choice.first()[0].xy_px - large).T)) < 0.5
+    (track,) = choice.at_marks()
+    assert np.nanmax(np.hypot(*(track.xy_px - small).T)) < 0.5
+    assert track.valid.mean() > 0.95
 
 
 def test_fewer_marked_bodies_than_asked_for_are_refused():
@@ -293,6 +310,27 @@ def test_things_that_move_are_sorted_by_colour_and_size_and_the_ball_is_the_like
     truth = np.array([clip.truth[0, frames[thing.sample].index] for thing in first.seen])
     assert np.median(np.hypot(*(places - truth).T)) < 3
     assert np.mean([thing.shadow_like for thing in second.seen]) > 0.8
+
+
+def test_track_of_scenery_is_doubtful_and_that_of_a_body_at_rest_is_not():
+    path = np.vstack([swing(20, (80, 40), (45, 20), period=37.3), np.tile((100.0, 30.0), (40, 1))])
+    clip, track = a_track(path)
+    view, frames = view_of(clip, TrackOptions()), clip.sample(40)
+    foregrounds = foregrounds_of([search_image(view, frame) for frame in frames])[1]
+    assert off_motion(track, view, frames, foregrounds) == []
+    off = replace(track, xy_px=swing(60, (80, 82), (60, 2), period=51.7))
+    still = replace(track, xy_px=np.tile((30.0, 80.0), (60, 1)))
+    for elsewhere in (off, still):
+        assert {doubt.kind for doubt in off_motion(elsewhere, view, frames, foregrounds)} == {"another-body"}
+
+
+@pytest.mark.parametrize(("radius", "kinds"), [(3.5, set()), (12.0, {"unsteady-size"})])
+def test_size_that_changes_by_half_a_pixel_is_no_evidence(radius, kinds):
+    _, track = a_track(swing(40, (80, 48), (45, 20), period=37.3))
+    breathing = np.where(np.arange(40) % 2, 1.0, 1.15) * radius
+    changed = replace(track, radius_px=breathing)
+    evidence = {"coverage": 1.0, "leaps": 0.0, "unsteadiness": unsteadiness(changed), "held": 0.0, "travel": 9.0}
+    assert {doubt.kind for doubt in judged(changed, evidence).doubts} == kinds
 
 
 def test_bodies_that_are_lost_together_may_have_changed_their_names():

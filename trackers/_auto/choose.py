@@ -12,14 +12,24 @@ from iris_sysid.registry import TRACKERS
 from iris_sysid.types import Doubt, DoubtKind, Frame, FrameSource, Track, TrackCandidate, TrackOptions, TrackQuality
 from trackers._auto.appearance import search_image
 from trackers._auto.candidates import Way, check_marks, marks_by_body, way_by_marks, ways_by_looks
-from trackers._auto.evidence import LEAST_COVERAGE, MOST_SHADOW, held_doubt, judged, measured, missed_marks, passes
+from trackers._auto.evidence import (
+    LEAST_COVERAGE,
+    MOST_SHADOW,
+    held_doubt,
+    judged,
+    measured,
+    missed_marks,
+    passes,
+)
 from trackers._auto.fill_gaps import Place, known_looks, sampled_places, with_gaps_filled
 from trackers._auto.receding_disc import not_followed, receding_disc
 from trackers._auto.sampled_once import SampledOnce
+from trackers._auto.scene_doubts import by_looks_alone, doubts_of_one_body, lost_together, off_motion
 from trackers._auto.survey import Kind, blob_at, foregrounds_of, kinds_of
+from trackers._detection.foreground import Blob
 from trackers._disc.model import Disc
 from trackers._frames.working_image import View, view_of
-from trackers._linking.moving_bodies import follow
+from trackers._linking.moving_bodies import MovingBodies, follow
 
 SAMPLES = 40  # as many as the background is made of
 # share of the found frames in which a hand touches the body: more is no free motion; chosen on marked clips, not
@@ -34,11 +44,6 @@ FEWEST_SHOWN = 4  # samples that show the body, to know its looks
 # shows it in 9 of 40 samples, and it is lost in 2 of these
 MISSED, FEWEST_MISSED = 0.1, 2
 MOST_WAYS = 3  # by looks
-LONG_GAP = 5  # frames without any body
-TOGETHER = 1.5  # radii: two tracks that are often nearer to each other are of one body, at least in part
-# of their common frames; balls on cords of ten radii that pass each other are so near in a tenth of them, of five
-# radii in a fifth
-OFTEN = 0.3
 LEAST_SIGHTINGS = 0.3  # share of the samples
 FIRST = "median-background"  # the way whose tracks are taken without a look at the scene where they show no fault
 WEIGHT: dict[DoubtKind, float] = {"missed": 0.9, "jumps": 0.8, "shadow": 0.3, "ambiguous": 0.3}  # of a doubt
@@ -55,6 +60,8 @@ class Choice:
     candidates: list[TrackCandidate] = field(default_factory=list)
     _kinds: list[Kind] | None = None
     _receding: dict[int, Disc] | None = None
+    _foregrounds: list[list[Blob]] | None = None
+    _moving: MovingBodies | None = None
 
     @property
     def frames(self) -> list[Frame]:
@@ -67,6 +74,13 @@ class Choice:
         if self._kinds is None:
             self._kinds = kinds_of([search_image(self.view, frame) for frame in self.frames])
         return self._kinds
+
+    @property
+    def foregrounds(self) -> list[list[Blob]]:
+        """What differs from the still background in each sampled frame."""
+        if self._foregrounds is None:
+            self._foregrounds = foregrounds_of([search_image(self.view, frame) for frame in self.frames])[1]
+        return self._foregrounds
 
     @property
     def receding(self) -> dict[int, Disc]:
@@ -99,20 +113,27 @@ class Choice:
         self.candidates.append(candidate)
         return candidate
 
-    @property
-    def lost_in_places(self) -> bool:
-        """Whether nothing else speaks against the first tracks than that they miss the body in places."""
-        found = [track.quality or TrackQuality() for track in self.candidates[0].tracks]
-        kinds = {doubt.kind for quality in found for doubt in quality.doubts}
-        return kinds == {"missed"}
+    def first(self) -> list[Track]:
+        """The bodies that move farthest before the still background."""
+        moving = follow(self.video, self.options)
+        self._moving = moving if self.options.marks else None
+        return moving.tracks("auto", self.options)
 
-    def first_filled(self) -> list[Track]:
-        """The first tracks with their gaps filled by the looks of the bodies."""
-        tracks = self.candidates[0].tracks
+    def at_marks(self) -> list[Track]:
+        """The bodies that move before the still background and pass the marks."""
+        if self._moving is None:
+            raise TrackingError("nothing is followed before the still background")
+        return self._moving.through_marks(self.video, self.options).tracks("auto", self.options)
+
+    def filled(self, candidate: TrackCandidate) -> Way:
+        """The tracks of a candidate with their gaps filled by the looks of the bodies."""
+        tracks = candidate.tracks
         others = [[other for other in tracks if other is not track] for track in tracks]
-        return [
-            with_gaps_filled(self.video, self.view, self.frames, *pair) for pair in zip(tracks, others, strict=True)
-        ]
+        parts = (self.video, self.view, self.frames)
+        return Way(
+            f"{candidate.name}, gaps by looks",
+            lambda: [with_gaps_filled(*parts, *pair) for pair in zip(tracks, others, strict=True)],
+        )
 
     def named_by_marks(self, tracks: list[Track]) -> list[Track]:
         """The tracks under the names of the marks that they pass best."""
@@ -139,6 +160,7 @@ class Choice:
             *doubts_of_one_body(track, others),
             *self._rival_doubts(track, tracks, quality),
             *self._missed(track, others),
+            *off_motion(track, self.view, self.frames, self.foregrounds),
             *([] if self.options.marks else not_followed(track, self.receding)),
         ]
 
@@ -146,10 +168,9 @@ class Choice:
         """Doubt where a body followed by its looks, which show no hand, mostly hangs together with the edge."""
         row_of = {int(number): row for row, number in enumerate(track.frame[track.valid])}
         places = track.xy_px[track.valid]
-        foregrounds = foregrounds_of([search_image(self.view, frame) for frame in self.frames])[1]
         found = [
             blob_at(foreground, self.view.in_search(*places[row_of[frame.index]]))
-            for frame, foreground in zip(self.frames, foregrounds, strict=True)
+            for frame, foreground in zip(self.frames, self.foregrounds, strict=True)
             if frame.index in row_of
         ]
         seen = [blob.held or blob.at_edge for blob in found if blob is not None]
@@ -226,51 +247,10 @@ class Choice:
         return found
 
 
-def by_looks_alone(track: Track) -> Doubt:
-    """Doubt of a track by looks where nothing is followed before the background."""
-    finding = "no such body is followed before the still background; its looks alone tell it"
-    return Doubt("ambiguous", finding, f"check the overlay, and mark it: --mark {track.body}=x,y@frame")
-
-
-def lost_together(tracks: Sequence[Track]) -> list[Doubt]:
-    """Doubt where several bodies are lost for some frames at once, as at a cut: paths do not tell which is which then.
-
-    Parameters
-    ----------
-    tracks
-        All tracks of a clip, by paths alone.
-    """
-    if len(tracks) < 2:
-        return []
-    seen = np.any([track.valid | (False if track.hand is None else track.hand) for track in tracks], axis=0)
-    rows = np.flatnonzero(seen)
-    gaps = np.diff(rows) - 1
-    if not gaps.size or gaps.max() < LONG_GAP:
-        return []
-    before = tracks[0].frame[rows[int(np.argmax(gaps))]]
-    finding = f"all bodies are lost together for {gaps.max()} frames after frame {before}: names may change there"
-    return [Doubt("ambiguous", finding, "mark each body before and after: --mark 1=x,y@frame --mark 2=x,y@frame")]
-
-
-def doubts_of_one_body(track: Track, others: Sequence[Track]) -> list[Doubt]:
-    """Doubt where one of the others is often nearer to a ``track`` than two bodies can be.
-
-    Parameters
-    ----------
-    track, others
-        Tracks of one clip.
-    """
-    if track.radius_px is None or not track.n_valid:
-        return []
-    reach = TOGETHER * float(np.nanmedian(track.radius_px[track.valid]))
-    for other in others:
-        both = track.valid & other.valid
-        apart = np.hypot(*(track.xy_px - other.xy_px)[both].T)
-        if both.any() and np.quantile(apart, OFTEN) < reach:
-            finding = f"bodies {track.body} and {other.body} are often tracked at one place"
-            remedy = f"mark each: --mark {track.body}=x,y@frame, or ask for fewer --bodies"
-            return [Doubt("another-body", finding, remedy)]
-    return []
+def lost_in_places(candidate: TrackCandidate) -> bool:
+    """Whether nothing else speaks against the tracks of a candidate than that they miss a body in places."""
+    found = [track.quality or TrackQuality() for track in candidate.tracks]
+    return {doubt.kind for quality in found for doubt in quality.doubts} == {"missed"}
 
 
 def _without_rest(found: Mapping[int, Place], shown: tuple[int, int], reach: float, most: float) -> list[int]:
@@ -346,16 +326,19 @@ def choose(video: FrameSource, options: TrackOptions) -> tuple[TrackCandidate, l
 def _ways(choice: Choice) -> Iterator[Way]:
     """The ways in the order in which they are tried; later ones are prepared only when they are needed."""
     video, options = choice.video, choice.options
-    yield Way(FIRST, lambda: follow(video, options).tracks("auto", options))
+    yield Way(FIRST, choice.first)
     if options.mask is not None:
         return
     if options.marks:
         yield way_by_marks(video, choice.view, options)
+        yield Way("path-at-marks", choice.at_marks)
+        if lost_in_places(choice.candidates[-1]):
+            yield choice.filled(choice.candidates[-1])
         return
     if options.bodies > FEW:
         return
-    if choice.lost_in_places:
-        yield Way("gaps-by-appearance", choice.first_filled)
+    if lost_in_places(choice.candidates[0]):
+        yield choice.filled(choice.candidates[0])
     if options.colour is not None:
         yield _registered("colour", choice)
     if choice.receding:

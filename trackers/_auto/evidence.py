@@ -30,7 +30,12 @@ LEAP_RADII, LEAP_SPEEDS = 4.0, 5.0  # a step longer than both is a leap: radii, 
 NEIGHBOURS = 6  # steps before and after
 FEWEST_LEAPS, LEAP_SHARE = 3, 0.02
 UNSTEADY = 0.12  # median change of the logarithm of the radius from frame to frame
+# px, median change of the radius: what lies behind a small body changes its outline by half a pixel (a ball of 3.5 px
+# before a room)
+UNSTEADY_PX = 0.75
 LEAST_COVERAGE = 0.85  # share of the frames in which the body is found or held: below it, it is searched for
+# what helps where marks do not: a body that covers much of its own way is seen in no frame as a whole before it
+BY_TEMPLATE = "if it does not turn: --tracker template --roi x,y,width,height, its box in the first frame of the clip"
 MARK_RADII, MARK_PX = 1.0, 4.0  # how far a track may pass from a mark: radii, and px at least
 
 
@@ -91,8 +96,12 @@ def patches_of(track: Track, view: View, frames: Sequence[Frame]) -> Patches:
 
 def _radius(track: Track, row: int) -> float:
     radius = track.radius_px[row] if track.radius_px is not None else np.nan
-    if np.isnan(radius) and track.radius_px is not None and track.n_valid:
-        radius = np.nanmedian(track.radius_px[track.valid])
+    return float(radius) if np.isfinite(radius) else usual_radius(track)
+
+
+def usual_radius(track: Track) -> float:
+    """Median apparent radius, px; 8 where it is not known."""
+    radius = np.nanmedian(track.radius_px[track.valid]) if track.radius_px is not None and track.n_valid else np.nan
     return float(radius) if np.isfinite(radius) else 8.0
 
 
@@ -210,7 +219,11 @@ def measured(track: Track, view: View, frames: Sequence[Frame]) -> dict[str, flo
 def judged(track: Track, evidence: dict[str, float], marks: Sequence[TrackMark] = ()) -> TrackQuality:
     """The quality of a track by its own evidence."""
     doubts: list[Doubt] = []
-    help_by_marks = f"check the overlay, and mark the body where it is lost: --mark {track.body}=x,y@frame"
+    help_by_marks = (
+        BY_TEMPLATE
+        if marks
+        else f"check the overlay, and mark the body where it is lost: --mark {track.body}=x,y@frame"
+    )
     if evidence.get("same body", 1.0) < LEAST_SAME:
         share = 1 - evidence["same body"]
         doubts.append(
@@ -218,7 +231,7 @@ def judged(track: Track, evidence: dict[str, float], marks: Sequence[TrackMark] 
         )
     if evidence["leaps"] >= max(FEWEST_LEAPS, LEAP_SHARE * track.n_valid):
         doubts.append(Doubt("jumps", f"the track leaps {evidence['leaps']:.0f} times", help_by_marks))
-    if evidence["unsteadiness"] > UNSTEADY:
+    if evidence["unsteadiness"] > max(UNSTEADY, UNSTEADY_PX / usual_radius(track)):
         change = evidence["unsteadiness"]
         doubts.append(
             Doubt("unsteady-size", f"the tracked thing changes its size by {change:.0%} a frame", help_by_marks)

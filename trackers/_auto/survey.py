@@ -130,6 +130,17 @@ def blob_at(foreground: Sequence[Blob], place: tuple[float, float]) -> Blob | No
     return None
 
 
+def any_near(foreground: Sequence[Blob], place: tuple[float, float], reach: float) -> bool:
+    """Whether anything differs from the background within ``reach`` of a place (x, y), px of the search image."""
+    for blob in foreground:
+        left, top, right, bottom = blob.box
+        if left - reach < place[0] < right + reach and top - reach < place[1] < bottom + reach:
+            rows, columns = np.nonzero(blob.mask)
+            if np.any(np.hypot(columns + left - place[0], rows + top - place[1]) < reach):
+                return True
+    return False
+
+
 def _levelled(image: Bytes, still: Image) -> Bytes:
     """The image with the exposure of the background."""
     luma, known = image[::4, ::4, 0].astype(np.float32), still[::4, ::4, 0]

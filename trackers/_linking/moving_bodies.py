@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from iris_sysid.errors import TrackingError
-from iris_sysid.types import FrameSource, Track, TrackOptions
+from iris_sysid.types import FrameSource, Track, TrackMark, TrackOptions
 from trackers._detection.detect_frames import DetectionSetup, detection_setup, observe
 from trackers._detection.detection import FrameDetections
 from trackers._frames.working_image import View, view_of
@@ -50,6 +51,30 @@ class MovingBodies:
             track_of(tracklet, self.all_detections, str(number), origin, alone=len(self.tracklets) == 1)
             for number, tracklet in enumerate(self.tracklets, start=1)
         ]
+
+    def through_marks(self, video: FrameSource, options: TrackOptions) -> MovingBodies:
+        """The bodies whose paths pass a mark, from the same look at the clip, whatever goes farther.
+
+        Raises
+        ------
+        TrackingError
+            When fewer paths pass one than bodies are asked for, or all bodies were followed at once.
+        """
+        if self.setup is None:
+            raise TrackingError("all bodies were followed at once: there are no other paths")
+        diagonal = float(np.hypot(video.width, video.height))
+        tracklets = link_bodies(self.all_detections, options.bodies, diagonal, partial(_is_marked, options.marks))
+        return replace(self, tracklets=all_measured(video, self.setup, tracklets))
+
+
+def _is_marked(marks: Sequence[TrackMark], tracklet: Tracklet) -> bool:
+    """Whether a path passes a mark within the radius of the body."""
+    shown = {detection.frame: detection for detection in tracklet.detections}
+    return any(
+        np.hypot(shown[mark.frame].x - mark.x_px, shown[mark.frame].y - mark.y_px) < max(shown[mark.frame].radius, 3.0)
+        for mark in marks
+        if mark.frame in shown
+    )
 
 
 def follow(video: FrameSource, options: TrackOptions) -> MovingBodies:

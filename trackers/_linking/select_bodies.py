@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -49,7 +49,12 @@ def score(tracklet: Tracklet) -> float:
     return extent(tracklet) * len(tracklet.detections) * appearance
 
 
-def link_bodies(all_detections: Sequence[FrameDetections], count: int, diagonal: float) -> list[Tracklet]:
+def link_bodies(
+    all_detections: Sequence[FrameDetections],
+    count: int,
+    diagonal: float,
+    meant: Callable[[Tracklet], bool] = lambda tracklet: True,
+) -> list[Tracklet]:
     """The tracklets of the ``count`` bodies that are meant, the best first, in an image of that diagonal (px).
 
     Linked twice: among all detections, cautiously, to learn what the bodies look like; then boldly
@@ -57,12 +62,12 @@ def link_bodies(all_detections: Sequence[FrameDetections], count: int, diagonal:
     bodies than requested do.
     """
     first = link(all_detections, FIRST_REACH * diagonal, CAUTIOUS_REACH * diagonal)
-    main = _main_tracklets(first, count)
+    main = _main_tracklets(list(filter(meant, first)), count)
     shadows = [
         tracklet for tracklet in first if any(is_shadow(tracklet, seed) for seed in main if seed is not tracklet)
     ]
     tracklets = link(_only_alike(all_detections, main, shadows), FIRST_REACH * diagonal, BOLD_REACH * diagonal)
-    bodies = _main_tracklets(tracklets, count)
+    bodies = _main_tracklets(list(filter(meant, tracklets)), count)
     return with_fragments(bodies, [tracklet for tracklet in tracklets if not any(tracklet is body for body in bodies)])
 
 
