@@ -16,7 +16,15 @@ from functools import partial
 import numpy as np
 
 from iris_sysid.errors import TrackingError
-from iris_sysid.types import FrameSource, Track, Tracker, TrackOptions, part_of_progress, with_progress
+from iris_sysid.types import (
+    RADIUS_ERRORS,
+    FrameSource,
+    Track,
+    Tracker,
+    TrackOptions,
+    part_of_progress,
+    with_progress,
+)
 from trackers._auto.evidence import with_quality
 from trackers._background.median import Background
 from trackers._detection.detect_frames import DetectionSetup, detection_setup, observe
@@ -227,6 +235,8 @@ def _track_of(
     noise_px = float(np.sqrt(np.mean(noise**2))) if noise.size else None
     errors = error_model(free, columns[:, :2], columns[:, 4], lobes, CORRELATION_ABSORBED, noise_px)
     of_radius = replace(errors, outline_px=RADIUS_OF_CENTRE * (errors.outline_px or 0.0))
+    if errors.outline_px:  # more than the noise of the pixels: a compressed clip
+        of_radius = replace(of_radius, autocorrelation=RADIUS_ERRORS)
     sigma = np.column_stack([with_scatter(t_s, columns[:, axis], columns[:, axis + 2], errors) for axis in (0, 1)])
     return Track(
         t_s=t_s,

@@ -7,7 +7,7 @@ import numpy as np
 from iris_sysid.calibration.pixel_scale import to_world
 from iris_sysid.errors import DataError
 from iris_sysid.trajectory.segmentation import segment
-from iris_sysid.types import Array, Calibration, Phenomenon, Quantity, Track, Trajectory
+from iris_sysid.types import RADIUS_ERRORS, Array, Calibration, Phenomenon, Quantity, Track, Trajectory
 
 # what a track may measure besides positions -> the quantity, its column, and that of its standard error
 OF_TRACK = {
@@ -64,7 +64,8 @@ def measured(track: Track, calibration: Calibration, phenomenon: Phenomenon) -> 
         valid=valid,
         geometry={},
         systematic={},
-        error_autocorrelation=None,  # it is that of positions
+        # that of the track is of positions
+        error_autocorrelation=RADIUS_ERRORS if phenomenon.measures == "radius" else None,
     )
 
 

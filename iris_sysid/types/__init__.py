@@ -41,6 +41,7 @@ from iris_sysid.types._distributions import normal_cdf as normal_cdf
 from iris_sysid.types._distributions import normal_isf as normal_isf
 from iris_sysid.types._distributions import student_ppf as student_ppf
 from iris_sysid.types._distributions import student_sf as student_sf
+from iris_sysid.types._error_autocorrelation import RADIUS_ERRORS as RADIUS_ERRORS
 from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation as ErrorAutocorrelation
 from iris_sysid.types._missing_force import ForceForm as ForceForm
 from iris_sysid.types._missing_force import ForceKind as ForceKind

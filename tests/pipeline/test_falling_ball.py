@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from fitters.ode import fit
 from iris_sysid.calibration.pixel_scale import uncalibrated
@@ -79,13 +80,24 @@ def test_gravity_of_the_fall_alone_is_right_within_its_error():
     assert np.sqrt(np.mean(np.square(pulls))) < 1.5
 
 
-def test_radius_has_the_common_error_of_an_edge():
-    values = radius()
+def fitted(errors):
     body = Track(
         t_s=T_S, xy_px=np.full((T_S.size, 2), 300.0), sigma_px=np.full((T_S.size, 2), 0.02), frame=np.arange(T_S.size),
-        valid=np.ones(T_S.size, dtype=bool), radius_px=values + np.random.default_rng(1).normal(0, 0.02, T_S.size),
-        sigma_radius_px=np.full(T_S.size, 0.02),
+        valid=np.ones(T_S.size, dtype=bool), radius_px=radius() + errors, sigma_radius_px=np.full(T_S.size, 0.02),
     )  # fmt: skip
     _, trajectory = observe([body], uncalibrated(), "falling-ball")
-    result = fit(trajectory, MODELS["apparent-radius"], fixed={"r0_f": R0_F}, free=["gravity"])
+    return fit(trajectory, MODELS["apparent-radius"], fixed={"r0_f": R0_F}, free=["gravity"])
+
+
+def test_gravity_is_right_within_its_random_error_where_errors_of_the_radius_last():
+    pulls = []
+    for seed in range(30):
+        white = np.random.default_rng(seed).normal(0, 0.06, T_S.size + 60)
+        gravity = fitted(lfilter([0.8], [1, -0.6], white)[60:])
+        pulls.append((gravity.estimates["gravity"].value - G) / gravity.budget["gravity"]["random"])
+    assert 0.8 < np.sqrt(np.mean(np.square(pulls))) < 1.4
+
+
+def test_radius_has_the_common_error_of_an_edge():
+    result = fitted(np.random.default_rng(1).normal(0, 0.02, T_S.size))
     assert result.budget["h_0"]["edge of the ball"] == pytest.approx(0.1 / (R0_F / H0) * H0, rel=0.2)

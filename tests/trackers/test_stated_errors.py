@@ -7,6 +7,7 @@ import pytest
 
 from iris_sysid import open_video
 from iris_sysid.registry import TRACKERS
+from iris_sysid.synthetic import render_clip
 from iris_sysid.types import ErrorAutocorrelation, TrackOptions
 from tests._drawn import DrawnClip, disc, noisy, paint
 from trackers._uncertainty.changed_area import joined_by_another, shifted_by_area
@@ -69,7 +70,18 @@ def test_disc_of_a_compressed_clip_too_fast_for_polynomials_has_the_errors_of_it
         radius_pulls.append((track.radius_px - 12.0) / track.sigma_radius_px)
     assert 0.8 < np.sqrt(np.mean(np.square(pulls))) < 1.2
     assert (np.mean(pulls, axis=0) > 0.75).all()
-    assert 0.8 < np.std(radius_pulls) < 1.2
+    # an error of the radius is taken to last, as in what a phone stores; here it does not
+    assert 0.65 < np.std(radius_pulls) < 1.2
+
+
+@pytest.mark.slow
+def test_radius_of_a_ball_that_falls_away_has_the_errors_that_a_coder_hands_on(tmp_path):
+    truth = render_clip("falling-ball", tmp_path / "fall.mp4", size=(480, 270), duration_s=1.4, seed=1)
+    table = truth.body("1")
+    true_px, free = table["radius_px"].to_numpy(), (table["phase"] != "hand").to_numpy()
+    track = TRACKERS["disc"].track(open_video(tmp_path / "fall.mp4"), TrackOptions())[0]
+    falls = free & track.valid & (np.abs(np.gradient(true_px)) > 0.1)
+    assert 0.7 < np.std(((track.radius_px - true_px) / track.sigma_radius_px)[falls]) < 1.5
 
 
 @pytest.mark.parametrize("path", [circle(0.4), np.column_stack([40 + 4 * FRAME, 200 - bouncing(FRAME)])])
