@@ -145,14 +145,14 @@ def main() -> None:
     """Run the command line; a reported failure is one line on stderr and exit status 1."""
     from iris_sysid.cli import _terminal
     from iris_sysid.errors import IrisError
+    from iris_sysid.video.sandbox import run_limited, share_pools
 
     _terminal.replace_unprintable()
+    share_pools()
     debug = "--debug" in sys.argv
     arguments = [argument for argument in sys.argv[1:] if argument not in ("--debug", "--sandbox")]
     try:
         if "--sandbox" in sys.argv:
-            from iris_sysid.video.sandbox import run_limited
-
             again = [*arguments, "--debug"] if debug else arguments
             sys.exit(run_limited("from iris_sysid.cli import main; main()", again))
         app(arguments, prog_name="iris-sysid")

@@ -1,5 +1,6 @@
 """What every user meets: help, version, the verdict and its exit status, options by name, the next command."""
 
+import platform
 import subprocess
 import sys
 
@@ -99,3 +100,35 @@ def test_python_m_is_the_program():
     call = [sys.executable, "-m", "iris_sysid", "--version"]
     outcome = subprocess.run(call, capture_output=True, text=True, timeout=60)
     assert (outcome.returncode, outcome.stdout.split()[0]) == (0, "iris-sysid")
+
+
+THREADS = """
+import threading
+from iris_sysid.cli import main
+
+def reserved_mb():
+    status = open("/proc/self/status").read()
+    return int(status.split("VmSize:")[1].split()[0]) / 1024
+
+def hold():
+    piece = bytearray(1000)
+    begun.wait(), ended.wait()
+
+try:
+    main()
+except SystemExit:
+    begun, ended, before = threading.Barrier(9), threading.Barrier(9), reserved_mb()
+    for _ in range(8):
+        threading.Thread(target=hold).start()
+    begun.wait()
+    print(reserved_mb() - before)
+    ended.wait()
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="a pool of memory for each thread is glibc's way")
+def test_threads_of_the_program_share_pools_of_memory():
+    """A pool reserves 64 MB of addresses and a thread's stack 8 MB: 576 MB for eight threads with a pool each."""
+    call = [sys.executable, "-c", THREADS, "--version"]
+    outcome = subprocess.run(call, capture_output=True, text=True, timeout=60)
+    assert float(outcome.stdout.split()[-1]) < 300, outcome.stdout + outcome.stderr
