@@ -10,11 +10,11 @@ from iris_sysid.io.kernels import kernel
 from trackers._frames.arrays import Bytes
 
 Labels = NDArray[np.int32]
-EMPTY, UNSEEN, KEPT, OUTSIDE, SIDE = range(5)  # what is known of a pixel
+ROW, FIRST, STOP = range(3)  # of a run of pixels in a row
 
 
 def connected_parts(mask: Bytes, seeds: Bytes) -> tuple[Labels, Labels]:
-    """Parts of a mask, connected by sides or corners, that hold pixels of ``seeds``, by flood fill.
+    """Parts of a mask, connected by sides or corners, that hold pixels of ``seeds``.
 
     Parameters
     ----------
@@ -27,78 +27,95 @@ def connected_parts(mask: Bytes, seeds: Bytes) -> tuple[Labels, Labels]:
         Number of each pixel's part (h, w), from 1, and of each part left, top, right, bottom (exclusive), number of
         seeds (k, 5).
     """
-    return _flooded(np.ascontiguousarray(mask), np.flatnonzero(seeds))
+    return parts_with(np.ascontiguousarray(mask), np.ascontiguousarray(seeds))
 
 
 @kernel(nogil=True)
-def _flooded(mask: Bytes, seeds: NDArray[np.int64]) -> tuple[Labels, Labels]:
-    height, width = mask.shape
-    labels = np.zeros((height, width), dtype=np.int32)
-    boxes = np.empty((seeds.size, 5), dtype=np.int32)
-    stack = np.empty(mask.size, dtype=np.int32)
+def parts_with(mask: Bytes, seeds: Bytes) -> tuple[Labels, Labels]:
+    """As :func:`connected_parts`, for kernels."""
+    runs, part = _joined(mask, 1)
+    number, boxes = np.zeros(len(runs), dtype=np.int32), np.zeros((len(runs), 5), dtype=np.int32)
     count = 0
-    for seed in seeds:
-        y, x = seed // width, seed % width
-        if labels[y, x]:
-            boxes[labels[y, x] - 1, 4] += 1
-            continue
-        box = boxes[count]
-        box[0], box[1], box[2], box[3], box[4] = x, y, x + 1, y + 1, 1
-        count += 1
-        labels[y, x] = count
-        stack[0], waiting = seed, 1
-        while waiting:
-            waiting -= 1
-            y, x = stack[waiting] // width, stack[waiting] % width
-            box[0], box[1] = min(box[0], x), min(box[1], y)
-            box[2], box[3] = max(box[2], x + 1), max(box[3], y + 1)
-            for row in range(max(0, y - 1), min(height, y + 2)):
-                for column in range(max(0, x - 1), min(width, x + 2)):
-                    if mask[row, column] and not labels[row, column]:
-                        labels[row, column] = count
-                        stack[waiting] = row * width + column
-                        waiting += 1
-    return labels, boxes[:count]
+    for k in range(len(runs)):
+        row, box = runs[k], boxes[part[k]]
+        if part[k] == k:
+            box[0], box[1] = row[FIRST], row[ROW]
+        box[0], box[2], box[3] = min(box[0], row[FIRST]), max(box[2], row[STOP]), row[ROW] + 1
+        box[4] += np.count_nonzero(seeds[row[ROW], row[FIRST] : row[STOP]])
+        if box[4] and not number[part[k]]:
+            count += 1
+            number[part[k]] = count
+    labels, chosen = np.zeros(mask.shape, dtype=np.int32), np.empty((count, 5), dtype=np.int32)
+    for k in range(len(runs)):
+        if number[part[k]]:
+            labels[runs[k, ROW], runs[k, FIRST] : runs[k, STOP]] = number[part[k]]
+            chosen[number[part[k]] - 1] = boxes[part[k]]
+    return labels, chosen
+
+
+@kernel(nogil=True)
+def _joined(mask: Bytes, reach: int) -> tuple[Labels, Labels]:
+    """Row, first column and end (n, 3) of the runs of a mask (h, w), and the first run (n,) of the part of each.
+
+    Runs are connected whose columns overlap, or by a ``reach`` of 1 touch at a corner.
+    """
+    runs = np.empty((mask.shape[0] * ((mask.shape[1] + 1) // 2), 3), dtype=np.int32)
+    part = np.empty(len(runs), dtype=np.int32)
+    count = above = 0
+    for y in range(mask.shape[0]):
+        begin, x, line = count, 0, mask[y]
+        while x < line.size:
+            if not line[x]:
+                x += 1
+                continue
+            first = x
+            while x < line.size and line[x]:
+                x += 1
+            runs[count, ROW], runs[count, FIRST], runs[count, STOP], part[count] = y, first, x, count
+            while above < begin and runs[above, STOP] + reach <= first:
+                above += 1
+            other = above
+            while other < begin and runs[other, FIRST] < x + reach:
+                _join(part, other, count)
+                other += 1
+            count += 1
+        above = begin
+    for k in range(count):
+        part[k] = part[part[k]]
+    return runs[:count], part[:count]
+
+
+@kernel(nogil=True)
+def _join(part: Labels, run: int, other: int) -> None:
+    """Note that two runs are of one part, which is named by its first."""
+    while part[run] != run:
+        run = part[run]
+    while part[other] != other:
+        other = part[other]
+    part[max(run, other)] = min(run, other)
 
 
 def filled_round(mask: Bytes, seed: Bytes) -> Bytes:
     """The parts of ``mask`` (h, w), connected by sides, that overlap ``seed`` (h, w), their holes filled."""
-    return np.asarray(_filled(np.ascontiguousarray(mask), np.ascontiguousarray(seed)))
+    return np.asarray(filled_about(np.ascontiguousarray(mask), np.ascontiguousarray(seed)))
 
 
 @kernel(nogil=True)
-def _filled(mask: Bytes, seed: Bytes) -> Bytes:
+def filled_about(mask: Bytes, seed: Bytes) -> Bytes:
+    """As :func:`filled_round`, for kernels."""
     height, width = mask.shape
-    across = width + 4
-    state = np.full((height + 4) * across, SIDE, dtype=np.uint8)  # two more px on every side, of which one is outside
-    for y in range(height + 2):
-        for x in range(width + 2):
-            inside = 0 < y <= height and 0 < x <= width and mask[y - 1, x - 1]
-            state[(y + 1) * across + x + 1] = UNSEEN if inside else EMPTY
-    stack = np.empty(state.size, dtype=np.int32)
-    for y in range(height):
-        for x in range(width):
-            if mask[y, x] and seed[y, x]:
-                _flood(state, across, (y + 2) * across + x + 2, UNSEEN, KEPT, stack)
-    _flood(state, across, across + 1, EMPTY, OUTSIDE, stack)
-    filled = np.empty((height, width), dtype=np.uint8)
-    for y in range(height):
-        for x in range(width):
-            filled[y, x] = state[(y + 2) * across + x + 2] != OUTSIDE
+    runs, part = _joined(mask, 0)
+    kept = np.zeros(len(runs), dtype=np.bool_)
+    for k in range(len(runs)):
+        if not kept[part[k]]:
+            kept[part[k]] = seed[runs[k, ROW], runs[k, FIRST] : runs[k, STOP]].any()
+    free = np.ones((height + 2, width + 2), dtype=np.uint8)  # another px on every side, all connected
+    for k in range(len(runs)):
+        if kept[part[k]]:
+            free[runs[k, ROW] + 1, runs[k, FIRST] + 1 : runs[k, STOP] + 1] = 0
+    filled = np.ones((height, width), dtype=np.uint8)
+    runs, part = _joined(free, 0)
+    for k in range(len(runs)):
+        if not part[k] and 0 < runs[k, ROW] <= height:
+            filled[runs[k, ROW] - 1, max(0, runs[k, FIRST] - 1) : max(0, runs[k, STOP] - 1)] = 0
     return filled
-
-
-@kernel(nogil=True)
-def _flood(state: Bytes, across: int, start: int, least: int, mark: int, stack: Labels) -> None:
-    """Mark what is connected by sides with a pixel of ``state``, of which a row has so many, and is ``least`` or so."""
-    if state[start] > UNSEEN or state[start] < least:
-        return
-    state[start], stack[0], waiting = mark, start, 1
-    while waiting:
-        waiting -= 1
-        place = stack[waiting]
-        for step in (-1, 1, -across, across):
-            if least <= state[place + step] <= UNSEEN:
-                state[place + step] = mark
-                stack[waiting] = place + step
-                waiting += 1

@@ -53,7 +53,8 @@ def own_brightness(planes: Planes, shade: Image, soft: Image, depth: Image, near
     image, background, noise = planes
     height, width, channels = image.shape
     own = np.zeros((height, width, channels), dtype=np.float32)
-    strength, missed = np.zeros((2, height, width), dtype=np.float32)
+    strength = np.zeros((height, width), dtype=np.float32)
+    missed = np.zeros((height, width), dtype=np.float32)
     for y in range(height):
         for x in range(width):
             if not near[y, x] and depth[y, x] <= 0:
@@ -81,7 +82,8 @@ def shares(planes: Planes, own: Image, strength: Image, mask: Bytes, near: Bytes
     """
     image, background, noise = planes
     height, width, channels = image.shape
-    share, variance = np.zeros((2, height, width), dtype=np.float32)
+    share = np.zeros((height, width), dtype=np.float32)
+    variance = np.zeros((height, width), dtype=np.float32)
     low, high = ONE_SIDED
     for y in range(height):
         for x in range(width):
@@ -233,7 +235,7 @@ def seen_roughly(
                 area, across, down, contrast = area + 1, across + x, down + y, contrast + level[y, x]
                 brightening += image[y, x, 0] - background[y, x, 0]
                 intensity += image[y, x, 0]
-    steep = np.sort(slopes[: int(area)])[int(0.9 * area)]
+    steep = np.partition(slopes[: int(area)], int(0.9 * area))[int(0.9 * area)]
     return area, across / area, down / area, contrast / area, brightening / area, intensity / area, steep
 
 

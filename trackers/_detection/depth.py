@@ -6,6 +6,8 @@
 # mypy: disallow-untyped-decorators=False
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,12 +25,15 @@ def depth_of(mask: Bytes | Flags, *, outside: bool = True) -> Image:
     outside
         Whether what lies outside of the mask is 0; if not, it does not count.
     """
-    return np.asarray(_depth(np.ascontiguousarray(mask).view(np.uint8), outside))
+    return np.asarray(exact_depth(np.ascontiguousarray(mask).view(np.uint8), outside))
 
 
 @kernel(nogil=True)
-def _depth(mask: Bytes, outside: bool) -> Image:
-    """By A. Meijster, J. Roerdink and W. Hesselink, in Mathematical Morphology (2000) 331, only where mask is not 0."""
+def exact_depth(mask: Bytes, outside: bool) -> Image:
+    """As :func:`depth_of`, for kernels.
+
+    By A. Meijster, J. Roerdink and W. Hesselink, in Mathematical Morphology (2000) 331, only where mask is not 0.
+    """
     height, width = mask.shape
     down = _columns(mask, 0 if outside else height + width)
     depth = np.zeros((height, width), dtype=np.float32)
@@ -87,7 +92,7 @@ def _row(
         while last >= 0:
             # from where on the new parabola is below the last
             before = sites[last]
-            start = (site**2 - before**2 + square - squares[last]) // (2 * (site - before)) + 1
+            start = math.floor((site**2 - before**2 + square - squares[last]) / (2 * (site - before))) + 1
             if start > starts[last]:
                 break
             last -= 1
@@ -99,4 +104,4 @@ def _row(
     for x in range(stop - 1, first - 1, -1):
         while starts[last] > x:
             last -= 1
-        depth[x] = np.float32(np.sqrt(np.float64((x - sites[last]) ** 2 + squares[last])))
+        depth[x] = np.sqrt(np.float32((x - sites[last]) ** 2 + squares[last]))

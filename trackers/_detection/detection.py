@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 
 from iris_sysid.types import Frame
 from trackers._background.median import Background
-from trackers._detection.connected import filled_round
 from trackers._detection.coverage_kernels import seen_roughly
 from trackers._detection.depth import depth_of
-from trackers._detection.foreground import CONTRAST_SHARES, SMALLEST_AREA, SQUARE, WEAK_SIGMAS, Blob, padded
+from trackers._detection.foreground import SMALLEST_AREA, Blob
 from trackers._detection.motion_blur import streak_centre
 from trackers._detection.strong_windows import grown
-from trackers._detection.subpixel_centroid import Centre, Window, coverage_centre, largest
+from trackers._detection.subpixel_centroid import Centre, Window, coverage_centre
+from trackers._detection.window_kernels import looks_of, made_ready, paste
 from trackers._frames.arrays import Bytes, Image
 from trackers._frames.working_image import View
 
@@ -24,12 +23,6 @@ THINNEST_BODY = 1.3  # px, inscribed radius
 HAND_SHARE = 0.35  # of the body's inscribed radius: a hand or arm is at least as thick
 HAND_GAP = 0.5  # of the body's inscribed radius: a hand so near is taken to touch it
 MARGIN = 10  # px round a body that its outline and the ring about it need
-RING = 4  # px from the body to the ring in which the background's level is compared
-DARKEST_SHADE = 0.6  # of the light remains in a shadow
-GREY = 128.0  # grey level of a colour plane where there is no colour
-COLOUR_SIGMAS, COLOUR_FLOOR = 3.0, 3.0  # floor in grey levels: by so much a shadow's colour may be off
-MOSTLY_BODY = 0.5  # of the inscribed radius: deeper than that lies the body
-ROUNDER = 1.15  # times: least gain in roundness when a possible shadow is removed
 STILL = 0.4  # of the radius: a body that moved less since the frame before is no streak
 LARGE_RADIUS = 24.0  # px, inscribed: larger bodies are measured in larger pixels, which give the centre as accurately
 
@@ -234,16 +227,15 @@ class Detector:
             return None
         centre = coverage_centre(window, refined=self.refined)
         left, top = left * size + self.view.left, top * size + self.view.top
-        inside = window.mask > 0
-        luma = (window.image - window.background)[..., 0]
+        brightening, sharpness = looks_of(window.planes, window.mask)
         seen = Detection(
             frame.index,
             frame.t_s,
             _in_pixels(centre, size),
             left,
             top,
-            brightening=float(luma[inside].mean()),
-            sharpness=_sharpness(window) / size,
+            brightening=brightening,
+            sharpness=sharpness / size,
             compactness=min(1.0, np.pi * blob.inscribed**2 / blob.area),
             hand=hand,
         )
@@ -274,18 +266,18 @@ class Detector:
         x0, y0, x1, y1 = (side * finer for side in blob.box)
         left, top = max(0, x0 - margin), max(0, y0 - margin)
         right, bottom = min(self.view.width // size, x1 + margin), min(self.view.height // size, y1 + margin)
-        image = self.view.part(frame, (left, top, right, bottom), size).astype(np.float32)
         estimate = self.background.reduced(size).patch(top, bottom, left, right)
-        within = (top, bottom, left, right)
-        mask = _pasted([blob], within, finer)
-        other = _pasted([other_blob for other_blob in bodies if other_blob is not blob], within, finer)
-        image, background, noise = (np.atleast_3d(part) for part in (image, estimate.background, estimate.noise))
-        background = background + _level(image - background, mask, other)
-        if finer > 1:
-            mask = _sharpened(mask, image - background, noise, finer)
-        shaded = _shaded(image, background, noise)
-        mask, other = _without(mask, shaded), other & ~shaded
-        return Window(image, background, noise, mask, other & ~mask, self.inflation), left, top
+        image = self.view.part(frame, (left, top, right, bottom), size)
+        planes = _as_plane(image), _as_plane(estimate.background), _as_plane(estimate.noise)
+        mask = _pasted([blob], (top, bottom, left, right), finer)
+        other = _pasted([thing for thing in bodies if thing is not blob], (top, bottom, left, right), finer)
+        background, mask, other = made_ready(planes, mask, other, finer)
+        return Window(planes[0], background, planes[2], mask, other, self.inflation), left, top
+
+
+def _as_plane(image: Image | Bytes) -> Image:
+    """An image (h, w) or (h, w, channels) as (h, w, channels) grey levels in one piece, as the kernels take it."""
+    return np.array(image if image.ndim == 3 else image[..., np.newaxis], dtype=np.float32, order="C")
 
 
 def _hardly_moved(centre: Centre, left: int, top: int, before: Sequence[Detection]) -> bool:
@@ -316,71 +308,10 @@ def _in_pixels(centre: Centre, size: int) -> Centre:
 def _pasted(blobs: list[Blob], within: tuple[int, int, int, int], finer: int) -> Bytes:
     """The masks of blobs in a window (top, bottom, left, right) whose pixels are so many times finer."""
     top, bottom, left, right = within
-    rows, columns = np.arange(top, bottom) // finer, np.arange(left, right) // finer
-    pasted = np.zeros((rows.size, columns.size), dtype=np.uint8)
+    pasted = np.zeros((bottom - top, right - left), dtype=np.uint8)
     for blob in blobs:
-        x0, y0, x1, y1 = blob.box
-        in_rows = np.flatnonzero((rows >= y0) & (rows < y1))
-        in_columns = np.flatnonzero((columns >= x0) & (columns < x1))
-        if in_rows.size and in_columns.size:
-            part = blob.mask[(rows[in_rows] - y0)[:, np.newaxis], columns[in_columns] - x0]
-            pasted[in_rows[0] : in_rows[-1] + 1, in_columns[0] : in_columns[-1] + 1] |= part
+        paste(pasted, left, top, blob.mask, blob.left, blob.top, finer)
     return pasted
-
-
-def _level(difference: Image, mask: Bytes, other: Bytes) -> Image:
-    """By how much the background round a body is brighter now than in the mean: flicker, soft shade."""
-    near = cv2.dilate(mask | other, np.ones((2 * RING + 1, 2 * RING + 1), np.uint8))
-    ring = difference[near == 0]
-    return np.median(ring, axis=0) if len(ring) else np.zeros(difference.shape[-1], dtype=np.float32)
-
-
-def _sharpened(mask: Bytes, difference: Image, noise: Image, step: int) -> Bytes:
-    """A mask found at reduced size, made right to the pixel."""
-    near = cv2.dilate(mask, np.ones((2 * step + 1, 2 * step + 1), np.uint8))
-    level = largest(np.abs(difference))
-    faint = CONTRAST_SHARES[0] * float(np.percentile(level[mask > 0], 90))
-    body = (near > 0) & (level > np.maximum(faint, WEAK_SIGMAS * largest(noise)))
-    return filled_round(body.astype(np.uint8), mask)
-
-
-def _shaded(image: Image, background: Image, noise: Image) -> Bytes:
-    """1 where an image (h, w, channels) shows the background with less light: all its colours scaled by one factor.
-
-    Without colour a shadow cannot be distinguished from a dark body: 0.
-    """
-    if image.shape[-1] < 3:
-        return np.zeros(image.shape[:2], dtype=np.uint8)
-    luma, *colours = cv2.split(cv2.blur(image, (3, 3)))
-    light = luma / np.maximum(background[..., 0], 1.0)
-    shaded = (light > DARKEST_SHADE) & (light < 1)
-    for channel, colour in enumerate(colours, start=1):
-        expected = GREY + (background[..., channel] - GREY) * light
-        shaded &= np.abs(colour - expected) <= np.maximum(COLOUR_SIGMAS * noise[..., channel], COLOUR_FLOOR)
-    return shaded.astype(np.uint8)
-
-
-def _without(mask: Bytes, shaded: Bytes) -> Bytes:
-    """A mask without the shadow that hangs on the body; as it is where that makes it no rounder: a grey body."""
-    body = cv2.morphologyEx(mask & ~shaded, cv2.MORPH_OPEN, SQUARE)
-    depth = cv2.distanceTransform(padded(body), cv2.DIST_L2, cv2.DIST_MASK_5)[1:-1, 1:-1]
-    body = filled_round(body, (depth > MOSTLY_BODY * depth.max()).astype(np.uint8))
-    return body if _roundness(body) > ROUNDER * _roundness(mask) else mask
-
-
-def _roundness(mask: Bytes) -> float:
-    """Share of a mask that its largest inscribed disc covers; 0 when it is empty."""
-    depth = cv2.distanceTransform(padded(mask), cv2.DIST_L2, cv2.DIST_MASK_5)
-    return float(np.pi * depth.max() ** 2 / max(1, np.count_nonzero(mask)))
-
-
-def _sharpness(window: Window) -> float:
-    """Steepness of the outline: 90th percentile of the gradient of the difference, grey levels a px."""
-    level = largest(np.abs(window.image - window.background))
-    across = cv2.Sobel(level, cv2.CV_32F, 1, 0, scale=1 / 8)
-    down = cv2.Sobel(level, cv2.CV_32F, 0, 1, scale=1 / 8)
-    near = cv2.dilate(window.mask, np.ones((3, 3), np.uint8)) > 0
-    return float(np.percentile(np.hypot(across, down)[near], 90))
 
 
 def touches(blob: Blob, thing: Blob) -> bool:

@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
+from iris_sysid.types import Array
 from trackers._background.median import BackgroundEstimate
-from trackers._detection.connected import connected_parts
-from trackers._detection.depth import depth_of
+from trackers._detection.blob_kernels import INSCRIBED, LEFT, SEED, THINNEST, WHOLE, cut_at, peak_of
+from trackers._detection.connected import Labels, connected_parts
 from trackers._detection.strong_windows import are_most, grown, merged, windows_of
 from trackers._frames.arrays import Box, Bytes, Flags, Image
 
@@ -21,8 +22,6 @@ SMALLEST_SUPPORT = 3  # px of strong evidence
 CONTRAST_SHARES = (0.1, 0.2)  # of a component's peak: fainter pixels are shade or shadow round it
 SPECK = 2  # px: so thin a component is no body, at which share ever it is cut
 IN_DOUBT = 1.5  # times as clear must a body be to be cut at the higher share
-THINNEST = 2.5  # px: a component with a smaller inscribed circle is not taken apart
-BLOB_SHARE = 0.5  # of the inscribed radius: thinner parts are cords, arms of clamps, fingers
 ARM_SHARE = 0.25  # of the inscribed radius: an object that holds a body at the edge is at least as thick
 MOST_BLOBS = 16  # a frame
 FRINGE = 4  # px that the outline of a body may lie beyond its stout part
@@ -252,13 +251,10 @@ def blobs_of(parts: Iterable[Component], shape: tuple[int, ...]) -> list[Blob]:
     """The compact parts of some components of an image of that shape; see :func:`blobs`."""
     found_blobs: list[Blob] = []
     for component in parts:
-        peak = float(cv2.blur(component.level, (3, 3))[component.mask > 0].max())
-        if min(component.mask.shape) <= SPECK:
-            found_blobs += _blobs_at(component, CONTRAST_SHARES[0] * peak, shape)
-            continue
-        faint, bold = (_blobs_at(component, share * peak, shape) for share in CONTRAST_SHARES)
-        clearness, clearer = (_clearness(component, parts) for parts in (faint, bold))
-        found_blobs += bold if clearer > IN_DOUBT * clearness else faint
+        peak = peak_of(component.mask, np.ascontiguousarray(component.level))
+        (faint, clearness), (bold, clearer) = (_blobs_at(component, share * peak, shape) for share in CONTRAST_SHARES)
+        thin = min(component.mask.shape) <= SPECK
+        found_blobs += bold if clearer > IN_DOUBT * clearness and not thin else faint
     return sorted(found_blobs, key=lambda blob: -blob.area)[:MOST_BLOBS]
 
 
@@ -279,114 +275,49 @@ def stout(component: Component) -> Component:
     )
 
 
-def _edges(component: Component, box: Box) -> Image:
-    """Gradient of the difference in a part of a component's window, grey levels a px."""
-    left, top, right, bottom = (
-        side - corner for side, corner in zip(box, 2 * (component.left, component.top), strict=True)
-    )
-    x0, y0 = max(0, left - 1), max(0, top - 1)
-    fine = component.level[y0 : bottom + 1, x0 : right + 1].astype(np.float32)
-    across, down = (cv2.Sobel(fine, cv2.CV_32F, *order, scale=1 / 8) for order in ((1, 0), (0, 1)))
-    inside = slice(top - y0, bottom - y0), slice(left - x0, right - x0)
-    return np.asarray(np.hypot(across[inside], down[inside]), dtype=np.float32)
+def _blobs_at(component: Component, faintest: float, shape: tuple[int, ...]) -> tuple[list[Blob], float]:
+    """The blobs of those parts of a component that differ by so many grey levels at least, and how clear they are.
 
-
-def _clearness(component: Component, parts: list[Blob]) -> float:
-    """How compact some parts are, times how sharp their outlines are by the gradient, grey levels a px."""
-    compactness = sum(part.inscribed**2 for part in parts) / max(1, sum(part.area for part in parts))
-    outlines = [np.zeros(0, dtype=np.float32)]
-    for part in parts:
-        inside = cv2.erode(part.mask, SQUARE, borderType=cv2.BORDER_CONSTANT, borderValue=0)
-        outlines.append(_edges(component, part.box)[part.mask > inside])
-    outline = np.concatenate(outlines)
-    return compactness * float(outline.mean()) if outline.size else 0.0
-
-
-def _blobs_at(component: Component, faintest: float, shape: tuple[int, ...]) -> list[Blob]:
-    """The blobs of those parts of a component that differ by so many grey levels at least."""
-    mask = component.mask & (component.level >= faintest).view(np.uint8)
-    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    found_blobs: list[Blob] = []
-    for contour in sorted(contours, key=lambda contour: (contour[0, 0, 1], contour[0, 0, 0])):  # row by row
-        x, y, width, height = cv2.boundingRect(contour)
-        if width * height < SMALLEST_AREA:
-            continue
-        part = np.zeros((height, width), dtype=np.uint8)
-        cv2.drawContours(part, [contour], -1, 1, cv2.FILLED, offset=(-x, -y))
-        if np.count_nonzero(part) >= SMALLEST_AREA:
-            found_blobs += _split(part, component.left + x, component.top + y, shape)
-    return found_blobs
-
-
-def _split(component: Bytes, left: int, top: int, shape: tuple[int, ...]) -> list[Blob]:
-    """Cut a component where it is thin: morphological opening by a disc of half its thickness."""
-    depth = depth_of(component)
-    thickest = float(depth.max())
-    if thickest < THINNEST:
-        edge = _at_edge(_box(component, left, top), shape)
-        return [_blob(component, left, top, thickest, (edge, edge))]
-    cut = BLOB_SHARE * thickest
-    inland = not _near_edge(_box(component, left, top), ARM_SHARE * thickest, shape)
-    found_blobs = []
-    for seed, mask, x, y in _parts_round(depth, component, cut):
-        deepest = float(depth[y : y + mask.shape[0], x : x + mask.shape[1]][seed].max())
-        edge = held = False
-        if not inland:
-            edge = _at_edge(_box(mask, left + x, top + y), shape)
-            held = edge or _hangs_on_edge(depth, (seed, x, y, deepest), left, top, shape)
-        found_blobs.append(_blob(mask, left + x, top + y, deepest, (edge, held)))
-    return found_blobs
-
-
-def _parts_round(depth: Image, component: Bytes, cut: float) -> Iterator[tuple[Flags, Bytes, int, int]]:
-    """Each part of a component that is deeper than ``cut``, what is about it, and the corner of their window, px.
-
-    What is about several of them belongs to the nearest.
+    See :func:`cut_at`.
     """
-    deep = (depth > cut).view(np.uint8)
-    x0, y0, width, height = cv2.boundingRect(deep)
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(deep[y0 : y0 + height, x0 : x0 + width], connectivity=8)
-    reach = int(cut) + 2
-    windows, seeds, aways = [], [], []
-    for label in range(1, count):
-        left, top, wide, high = (int(value) for value in stats[label, :4])
-        box = grown((x0 + left, y0 + top, x0 + left + wide, y0 + top + high), reach, component.shape[::-1])
-        seed = np.zeros((box[3] - box[1], box[2] - box[0]), dtype=np.bool_)
-        within = (
-            slice(y0 + top - box[1], y0 + top - box[1] + high),
-            slice(x0 + left - box[0], x0 + left - box[0] + wide),
-        )
-        seed[within] = labels[top : top + high, left : left + wide] == label
-        windows.append((slice(box[1], box[3]), slice(box[0], box[2])))
-        seeds.append(seed)
-        aways.append(depth_of(~seed, outside=False))
-    nearest = np.full(component.shape if count > 2 else (0, 0), np.inf, dtype=np.float32)
-    if count > 2:
-        for window, away in zip(windows, aways, strict=True):
-            nearest[window] = np.minimum(nearest[window], away)
-    taken = np.zeros(nearest.shape, dtype=np.bool_)
-    for window, seed, away in zip(windows, seeds, aways, strict=True):
-        mine = (away <= cut + 1.0) & (component[window] > 0)
-        if count > 2:
-            mine &= (away == nearest[window]) & ~taken[window]
-            taken[window] |= mine
-        yield seed, mine.view(np.uint8), window[1].start, window[0].start
+    level = np.ascontiguousarray(component.level)
+    owner, depth, table, clearness = cut_at(component.mask, level, faintest, SMALLEST_AREA)
+    rows = enumerate(table, start=1)
+    return [_blob(component, shape, (owner, depth), number, row) for number, row in rows], clearness
 
 
-def _hangs_on_edge(
-    depth: Image, seed: tuple[Flags, int, int, float], left: int, top: int, shape: tuple[int, ...]
-) -> bool:
+def _blob(component: Component, shape: tuple[int, ...], seen: tuple[Labels, Image], number: int, row: Array) -> Blob:
+    """One part of a component of an image of that shape, from the maps of :func:`cut_at` and its row of the table."""
+    owner, depth = seen
+    left, top, right, bottom = (int(side) for side in row[LEFT:INSCRIBED])
+    inscribed, thickest = float(row[INSCRIBED]), float(row[WHOLE + 4])
+    mask = (owner[top:bottom, left:right] == number).view(np.uint8)
+    x, y = component.left + left, component.top + top
+    edge = _at_edge((x, y, component.left + right, component.top + bottom), shape)
+    held = edge
+    if not edge and thickest >= THINNEST:
+        whole = tuple(int(side) for side in row[WHOLE : WHOLE + 4])
+        if _near_edge(_moved(whole, component), ARM_SHARE * thickest, shape):
+            held = _hangs_on_edge(depth, (int(row[SEED]), int(row[SEED + 1]), inscribed), component, shape)
+    return Blob(mask, x, y, inscribed, edge, held)
+
+
+def _hangs_on_edge(depth: Image, seed: tuple[int, int, float], component: Component, shape: tuple[int, ...]) -> bool:
     """Whether a seed is connected to the edge of the image by something at least an arm thick.
 
-    The seed is a mask, the corner of its window in that of ``depth``, and the greatest depth in it.
+    The seed is the column and row of one of its pixels in the window of a component, and the greatest depth in it.
     """
-    where, x, y, deepest = seed
+    x, y, deepest = seed
     arm = ARM_SHARE * deepest
-    thick, labels = cv2.connectedComponents((depth > arm).view(np.uint8), connectivity=8)
-    if thick <= 1:
-        return False
-    label = labels[y : y + where.shape[0], x : x + where.shape[1]][where][0]
-    return _near_edge(_box((labels == label).view(np.uint8), left, top), arm, shape)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats((depth > arm).view(np.uint8), connectivity=8)
+    left, top, width, height = (int(value) for value in stats[labels[y, x], :4])
+    return _near_edge(_moved((left, top, left + width, top + height), component), arm, shape)
+
+
+def _moved(box: tuple[int, ...], component: Component) -> Box:
+    """A box in the window of a component, in the image."""
+    left, top, right, bottom = box
+    return left + component.left, top + component.top, right + component.left, bottom + component.top
 
 
 def _near_edge(box: Box, arm: float, shape: tuple[int, ...]) -> bool:
@@ -395,18 +326,6 @@ def _near_edge(box: Box, arm: float, shape: tuple[int, ...]) -> bool:
     return _at_edge((box[0] - reach, box[1] - reach, box[2] + reach, box[3] + reach), shape)
 
 
-def _box(mask: Bytes, left: int, top: int) -> Box:
-    """Left, top, right, bottom (exclusive) of the set pixels of a mask whose corner is (left, top)."""
-    x, y, width, height = cv2.boundingRect(mask)
-    return left + x, top + y, left + x + width, top + y + height
-
-
 def _at_edge(box: Box, shape: tuple[int, ...]) -> bool:
     """Whether a box comes within a pixel of the edge of an image of that shape."""
     return box[0] <= 1 or box[1] <= 1 or box[2] >= shape[1] - 1 or box[3] >= shape[0] - 1
-
-
-def _blob(mask: Bytes, left: int, top: int, inscribed: float, edge_and_held: tuple[bool, bool]) -> Blob:
-    """A blob with its window cut close."""
-    x0, y0, x1, y1 = _box(mask, 0, 0)
-    return Blob(np.ascontiguousarray(mask[y0:y1, x0:x1]), left + x0, top + y0, inscribed, *edge_and_held)

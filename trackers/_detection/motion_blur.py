@@ -14,7 +14,8 @@ import numpy as np
 
 from iris_sysid.types import Array
 from trackers._detection.coverage_kernels import swept, swept_left_over, swept_slopes
-from trackers._detection.subpixel_centroid import Centre, Window, largest
+from trackers._detection.subpixel_centroid import Centre, Window
+from trackers._detection.window_kernels import moments_of_difference
 from trackers._frames.arrays import MAD_TO_SD, Flags
 
 SHORTEST = 0.5  # of the radius: after a shorter distance the outline still shows the body
@@ -127,14 +128,9 @@ def streak_centre(window: Window, centre: Centre) -> Centre:
 
 def _guess(window: Window) -> Sweep:
     """The sweep with the moments of the difference from the background."""
-    near = cv2.dilate(window.mask, np.ones((2 * FRINGE + 1, 2 * FRINGE + 1), np.uint8)) > window.other
-    level = largest(np.abs((window.image - window.background) / window.noise))
-    usual = max(float(np.median(level[window.mask > 0])), 1e-6)
-    rows, columns = (indices.astype(np.float64) for indices in np.nonzero(near))
-    weight = np.minimum(level[near] / usual, 1.0)
-    x, y = (float(np.average(coordinates, weights=weight)) for coordinates in (columns, rows))
-    moments = np.cov(np.stack([columns, rows]), aweights=weight)
-    (narrow, wide), axes = np.linalg.eigh(moments)
+    moments = moments_of_difference(window.planes, window.mask, window.other, FRINGE)
+    x, y, across, down, shared = (float(value) for value in moments)
+    (narrow, wide), axes = np.linalg.eigh([[across, shared], [shared, down]])
     way = np.sqrt(12.0 * max(wide - narrow, 0.0)) * axes[:, 1]
     return Sweep(x, y, float(way[0]), float(way[1]), float(2.0 * np.sqrt(max(narrow, 0.25))))
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 
 import math
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.io.kernels import kernel
-from trackers._detection.connected import filled_round
+from iris_sysid.types import Array
+from trackers._detection.connected import filled_about
+from trackers._detection.small_images import chamfer, stretched
 from trackers._frames.arrays import Bytes, Flags, Image
 
 FINER_SMALL, FINER_LARGE = 4, 2  # how much finer than the pixels the half-way contour is drawn
@@ -24,10 +25,13 @@ STEPS_APART = 6  # quarters of a px over which the coverage falls, or no longer 
 NARROWEST = 0.75  # px, half the width of the sharpest outline: half a pixel's diagonal
 QUARTER = 0.25  # px from one ring about the outline to the next
 RING_QUARTERS = 3  # of a px, width of a ring
-FAR = 6.0  # px beyond twice the widest half width: there it is not asked for
+HALF = np.float32(0.5)  # coverage on the outline
+# widest half widths and px off the outline, from where on half the width of the outline there is not asked for
+FAR_WIDTHS, FAR = 1.5, 4.0
 
 
-def outline(share: Image, heart: Flags, axes: int = 1) -> tuple[Image, Image]:
+@kernel(nogil=True)
+def outline(share: Image, heart: Flags, axes: int) -> tuple[Image, Image]:
     """Distance (h, w) of each pixel to the outline, px, positive inside, and half the width (h, w) of the outline, px.
 
     The width is the distance outside of it at which the mean coverage falls no more. What it has fallen to is not the
@@ -47,46 +51,74 @@ def outline(share: Image, heart: Flags, axes: int = 1) -> tuple[Image, Image]:
     return distance, _half_width(share, distance, axes)
 
 
+@kernel(nogil=True)
 def _signed_distance(share: Image, heart: Flags) -> Image:
     """Distance in px of each pixel's centre to the half-way contour round the heart, positive inside."""
     height, width = share.shape
     finer = FINER_SMALL if max(height, width) < SMALL_WINDOW else FINER_LARGE
-    size = (width * finer, height * finer)
-    solid = np.maximum(share, heart)
-    fine = (cv2.resize(solid, size, interpolation=cv2.INTER_LINEAR) > 0.5).view(np.uint8)
-    x, y, columns, rows = cv2.boundingRect(fine)
-    part = slice(max(0, y - 1), y + rows + 1), slice(max(0, x - 1), x + columns + 1)  # with a pixel that is 0 round it
-    seed = cv2.resize(heart.view(np.uint8), size, interpolation=cv2.INTER_NEAREST)
-    body, inside = _without_cords(filled_round(np.ascontiguousarray(fine[part]), seed[part]))
-    free = np.ones_like(fine)
-    free[part] -= body
-    outside = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_5)
-    return np.asarray(_in_pixels(inside, outside, (part[0].start, part[1].start), finer))
+    solid = np.empty((height, width, 1), dtype=np.float32)
+    for y in range(height):
+        for x in range(width):
+            solid[y, x, 0] = max(share[y, x], np.float32(heart[y, x]))
+    fine = stretched(solid, height * finer, width * finer)
+    top, stop, left, end = _about_half(fine)
+    part = np.empty((stop - top, end - left), dtype=np.uint8)
+    seed = np.empty((stop - top, end - left), dtype=np.uint8)
+    for y in range(top, stop):
+        for x in range(left, end):
+            part[y - top, x - left] = fine[y, x, 0] > HALF
+            seed[y - top, x - left] = heart[y // finer, x // finer]
+    body, inside = _without_cords(filled_about(part, seed))
+    free = np.ones((height * finer, width * finer), dtype=np.uint8)
+    free[top:stop, left:end] -= body
+    return _in_pixels(inside, chamfer(free, False), (top, left), finer)
 
 
+@kernel(nogil=True)
+def _about_half(fine: Image) -> tuple[int, int, int, int]:
+    """First and last row, first and last column (both last exclusive) of pixels (h, w, 1) above one half; one more."""
+    height, width, _ = fine.shape
+    top, stop, left, end = height, 0, width, 0
+    for y in range(height):
+        for x in range(width):
+            if fine[y, x, 0] > HALF:
+                top, stop, left, end = min(top, y), y + 1, min(left, x), max(end, x + 1)
+    return max(0, top - 1), min(height, stop + 1), max(0, left - 1), min(width, end + 1)
+
+
+@kernel(nogil=True)
 def _without_cords(mask: Bytes) -> tuple[Bytes, Image]:
     """The mask without parts thinner than a share of its thickness, its outline elsewhere as it was; its depth, px."""
-    depth = np.asarray(cv2.distanceTransform(mask, cv2.DIST_L2, cv2.DIST_MASK_5))
-    cord = CORD_SHARE * float(depth.max())
-    away = cv2.distanceTransform((depth < cord).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
-    stout = mask * (away < cord + 1.0).view(np.uint8)
-    if np.array_equal(stout, mask):
-        return mask, depth
-    return stout, np.asarray(cv2.distanceTransform(stout, cv2.DIST_L2, cv2.DIST_MASK_5))
+    depth = chamfer(mask, False)
+    cord = np.float32(CORD_SHARE * depth.max())
+    thin = np.empty(mask.shape, dtype=np.uint8)
+    for y in range(mask.shape[0]):
+        for x in range(mask.shape[1]):
+            thin[y, x] = depth[y, x] < cord
+    away, stout, left_out = chamfer(thin, False), mask.copy(), 0
+    for y in range(mask.shape[0]):
+        for x in range(mask.shape[1]):
+            if mask[y, x] and away[y, x] >= cord + np.float32(1):
+                stout[y, x] = 0
+                left_out += 1
+    return (stout, chamfer(stout, False)) if left_out else (mask, depth)
 
 
 @kernel(nogil=True)
 def _in_pixels(inside: Image, outside: Image, corner: tuple[int, int], finer: int) -> Image:
     """Signed distance (h, w), px, from the distances at ``finer`` pixels, of which those inside begin at a corner."""
     height, width = outside.shape[0] // finer, outside.shape[1] // finer
-    distance, top, left = np.zeros((height, width), dtype=np.float32), corner[0], corner[1]
+    top, left = corner
+    signed = np.float32(0.5) - outside
+    for row in range(inside.shape[0]):
+        for column in range(inside.shape[1]):
+            if inside[row, column] > 0:
+                signed[row + top, column + left] = inside[row, column] - np.float32(0.5)
+    distance = np.zeros((height, width), dtype=np.float32)
     for row in range(height * finer):
-        within = 0 <= row - top < inside.shape[0]
-        for column in range(width * finer):
-            signed = np.float32(0.5) - outside[row, column]
-            if within and 0 <= column - left < inside.shape[1] and inside[row - top, column - left] > 0:
-                signed = inside[row - top, column - left] - np.float32(0.5)
-            distance[row // finer, column // finer] += signed
+        for column in range(width):
+            for place in range(column * finer, column * finer + finer):
+                distance[row // finer, column] += signed[row, place]
     return distance * np.float32(1.0 / finer**3)
 
 
@@ -96,22 +128,21 @@ def _half_width(share: Image, distance: Image, axes: int) -> Image:
     height, width = share.shape
     thickness = distance.max()
     if axes == 1 or thickness < SMALLEST_STREAK:
-        away, beside, _ = _outside(share, distance, 1, 0.0, 0.0)
+        away, beside, _ = _outside(share, distance, np.empty((0, 0)))
         alike = _reach(away, beside, max(1.0, WIDEST * thickness), True)
         return np.full((height, width), alike, dtype=np.float32)
-    x, y = _middle(distance)
-    away, beside, axis = _outside(share, distance, axes, x, y)
+    turns = _turns(distance, axes)
+    away, beside, axis = _outside(share, distance, turns)
     reaches = np.empty(axes + 1)
     for k in range(axes):
-        reaches[k] = _reach(away[axis == k], beside[axis == k], max(1.0, WIDEST * thickness), False)
+        reaches[k] = _reach(away[axis % axes == k], beside[axis % axes == k], max(1.0, WIDEST * thickness), False)
     reaches[axes] = reaches[0]
     widest = reaches.max()
     half_width = np.full((height, width), widest, dtype=np.float32)
     for row in range(height):
         for column in range(width):
-            if abs(distance[row, column]) < 2 * widest + FAR:  # farther off it does not matter
-                turn = math.atan2(row - y, column - x) / math.pi * axes
-                turn -= axes * math.floor(turn / axes)
+            if abs(distance[row, column]) < FAR_WIDTHS * widest + FAR:
+                turn = turns[row, column]
                 first = min(int(turn), axes - 1)
                 half_width[row, column] = reaches[first] + (turn - first) * (reaches[first + 1] - reaches[first])
     return half_width
@@ -129,20 +160,38 @@ def _middle(distance: Image) -> tuple[float, float]:
 
 
 @kernel(nogil=True)
-def _outside(share: Image, distance: Image, axes: int, x: float, y: float) -> tuple[Image, Image, NDArray[np.int64]]:
+def _turns(distance: Image, axes: int) -> Array:
+    """Direction (h, w) in which pixels are seen from the middle of an outline, from 0 to ``axes`` over half a turn.
+
+    It is that of pixels at most as far outside as the widest outline reaches, and as far inside.
+    """
+    x, y = _middle(distance)
+    farthest = FAR_WIDTHS * max(1.0, WIDEST * distance.max()) + FAR
+    turns = np.zeros(distance.shape)
+    for row in range(distance.shape[0]):
+        for column in range(distance.shape[1]):
+            if abs(distance[row, column]) < farthest:
+                turn = math.atan2(row - y, column - x) / math.pi * axes
+                turns[row, column] = turn - axes * math.floor(turn / axes)
+    return turns
+
+
+@kernel(nogil=True)
+def _outside(share: Image, distance: Image, turns: Array) -> tuple[Image, Image, NDArray[np.int64]]:
     """How far pixels (n,) just outside of an outline are off it, px, their coverage, and in which direction they are.
 
-    Directions are seen from (x, y), px.
+    ``turns`` (h, w) are those directions; where there are none it is 0.
     """
     farthest = max(1.0, WIDEST * distance.max()) + FARTHER
-    away, beside = np.empty((2, share.size), dtype=np.float32)
+    away = np.empty(share.size, dtype=np.float32)
+    beside = np.empty(share.size, dtype=np.float32)
     axis, count = np.zeros(share.size, dtype=np.int64), 0
     for row in range(share.shape[0]):
         for column in range(share.shape[1]):
             if -farthest < distance[row, column] < -NARROWEST:
                 away[count], beside[count] = -distance[row, column], share[row, column]
-                if axes > 1:
-                    axis[count] = int(np.rint(math.atan2(row - y, column - x) / math.pi * axes)) % axes
+                if turns.size:
+                    axis[count] = int(np.rint(turns[row, column]))
                 count += 1
     return away[:count], beside[:count], axis[:count]
 

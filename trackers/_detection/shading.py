@@ -43,10 +43,12 @@ def shading(image: Image, depth: Image, near: Bytes) -> Image:
     terms = np.empty((values.shape[0], TERMS))
     for k in range(values.shape[0]):
         _fill_terms(terms[k], (places[k, 0] - x0) / scale, (places[k, 1] - y0) / scale)
-    best = _best(terms, values)
-    lowest, highest, row = np.empty(channels), np.empty(channels), np.empty(TERMS)
+    lowest, highest, row, middle = np.empty(channels), np.empty(channels), np.empty(TERMS), np.empty(channels)
     for c in range(channels):
-        lowest[c], highest[c] = values[:, c].min(), values[:, c].max()
+        lowest[c], highest[c], middle[c] = values[:, c].min(), values[:, c].max(), values[:, c].mean()
+        values[:, c] -= middle[c]  # squares of what is about 0 are exact
+    best = _best(terms, values)
+    best[0] += middle
     for y in range(height):
         for x in range(width):
             if not near[y, x] and depth[y, x] <= 0:
@@ -90,40 +92,42 @@ def _fill_terms(row: Array, u: float, v: float) -> None:
 @kernel(nogil=True)
 def _best(terms: Array, values: Array) -> Array:
     """Coefficients (6, channels) of the polynomial of the degree that the values (n, channels) speak for."""
-    best = np.zeros((TERMS, values.shape[1]))
-    for c in range(values.shape[1]):
-        best[0, c] = values[:, c].mean()
-    residual = _residual(terms, values, best)
-    gram, moments = np.zeros((TERMS, TERMS)), np.zeros((TERMS, values.shape[1]))
-    for k in range(terms.shape[0]):
+    count, channels = values.shape
+    gram, moments, squares = np.zeros((TERMS, TERMS)), np.zeros((TERMS, channels)), 0.0
+    for k in range(count):
         for i in range(TERMS):
             for j in range(i + 1):
                 gram[i, j] += terms[k, i] * terms[k, j]
-            for c in range(values.shape[1]):
+            for c in range(channels):
                 moments[i, c] += terms[k, i] * values[k, c]
+        for c in range(channels):
+            squares += values[k, c] ** 2
+    best = np.zeros((TERMS, channels))
+    best[0] = moments[0] / count
+    residual = _residual(gram, moments, squares, best)
     for i in range(TERMS):
-        gram[i, i] += RIDGE * terms.shape[0]
-    for count in (LINEAR, TERMS):
-        if terms.shape[0] < FEWEST_A_TERM * count:
+        gram[i, i] += RIDGE * count
+    for of_degree in (LINEAR, TERMS):
+        if count < FEWEST_A_TERM * of_degree:
             break
-        solved = cholesky_solved(gram, moments, count)
-        spread = _residual(terms, values, solved)
+        solved = cholesky_solved(gram, moments, of_degree)
+        spread = _residual(gram, moments, squares, solved)
         if spread < (1 - EXPLAINED) * residual:
             best, residual = solved, spread
     return best
 
 
 @kernel(nogil=True)
-def _residual(terms: Array, values: Array, coefficients: Array) -> float:
-    """Mean square of what a polynomial leaves of values (n, channels), summed over the channels."""
-    total = 0.0
-    for k in range(terms.shape[0]):
-        for c in range(values.shape[1]):
-            off = values[k, c]
-            for term in range(TERMS):
-                off -= terms[k, term] * coefficients[term, c]
-            total += off * off
-    return total / terms.shape[0]
+def _residual(gram: Array, moments: Array, squares: float, coefficients: Array) -> float:
+    """Sum of squares that a polynomial leaves: v'v - 2 c'X'v + c'X'X c, of whose X'X the lower triangle is given."""
+    total = squares
+    for c in range(coefficients.shape[1]):
+        for i in range(TERMS):
+            total -= 2 * coefficients[i, c] * moments[i, c]
+            for j in range(i):
+                total += 2 * coefficients[i, c] * coefficients[j, c] * gram[i, j]
+            total += coefficients[i, c] ** 2 * gram[i, i]
+    return total
 
 
 @kernel(nogil=True)

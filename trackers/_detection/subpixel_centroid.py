@@ -2,41 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 
-import cv2
 import numpy as np
 
-from trackers._detection.coverage_kernels import (
-    beyond_shade,
-    levelled,
-    liveliness,
-    moments,
-    off_background,
-    own_brightness,
-    seen_inside,
-    shares,
-    texture_variance,
-)
-from trackers._detection.depth import depth_of
-from trackers._detection.outline import outline
-from trackers._detection.shading import shading
+from trackers._detection.coverage import coverage
+from trackers._detection.coverage_kernels import moments, seen_inside
 from trackers._frames.arrays import Bytes, Image
 from trackers._uncertainty.error_correlation import outline_lobes
-
-SHARP, REFINED = 1.5, 2  # px: half the width of an outline from which on it is found again, and how often
-CLEAR = 1.5  # of half the width of a streak's outline: so far inside of it is the body alone
-WHOLE = 0.85  # of the thickness: an outline that leaves less of it is not that of a streak
-DEEPEST = 0.6  # of the depth: the body's brightness is taken from there at least
-SHALLOW = 0.7  # of the depth of the mask: an outline that leaves less of it is not that of the whole body
-OUTSKIRTS, FAINT, LEAST_FREE = 4.0, 0.45, 0.02  # px outside of the outline; coverage and share of pixels there
-RIM_PX, RIM_SHARE = 1.4, 0.45  # px and share of the depth: pixels nearer to the outline are blurred
-OUTLINE_DEPTH = 4.0  # px within which the body's brightness must fit that of its outline
-FEWEST_OUTSIDE = 12  # px from which the noise outside of a body is judged
-AXES = 4  # directions in which an outline may be wide
-COARSE = 3.0  # px of the reduced image: the standard deviation of a blur that is made at a reduced size
-NEAR = np.ones((5, 5), np.uint8)  # px about a mask, right to two pixels, in which the body may be
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +50,8 @@ class Window:
 
     @property
     def planes(self) -> tuple[Image, Image, Image]:
-        """Frame, background and noise (h, w, channels), each in one piece, as the kernels take them."""
-        planes = [np.ascontiguousarray(plane, dtype=np.float32) for plane in (self.image, self.background, self.noise)]
-        return planes[0], planes[1], planes[2]
+        """Frame, background and noise (h, w, channels), as the kernels take them."""
+        return self.image, self.background, self.noise
 
 
 def coverage_centre(window: Window, *, refined: bool = True) -> Centre:
@@ -109,45 +82,8 @@ def coverage_centre(window: Window, *, refined: bool = True) -> Centre:
     refined
         Whether outline and background are looked at again by the first result; if not, the centre is a good guess.
     """
-    depth = depth_of(window.mask, outside=False)
-    near = (cv2.dilate(window.mask, NEAR) > window.other).view(np.uint8)
-    heart, persistence = depth > 0.5 * depth.max(), max(1.5, float(depth.max()) / 2)
-    rim = min(RIM_PX, RIM_SHARE * float(depth.max()))
-    (share, variance), distance, half_width, axes = _first_look(window, near, depth, rim, persistence)
-    blurred = bool(half_width.max() > SHARP)
-    rounds = REFINED if blurred and axes == 1 else 1
-    for _ in range(rounds if refined else 0):
-        level = _with_level_outside(window, share, distance + half_width)
-        clear = distance - np.minimum(half_width * (1.0 if axes == 1 else CLEAR), DEEPEST * distance.max())
-        if distance.max() < SHALLOW * depth.max():  # a notch, as in a small ball both darker and brighter
-            clear = np.maximum(clear, depth - rim)
-        share, variance = _share(level, near, clear, persistence)
-        if blurred:
-            distance, half_width = outline(share, heart, axes)
-    edge = np.abs(distance) <= half_width
-    variance = variance * np.float32(liveliness(share, variance, distance + half_width, FEWEST_OUTSIDE))
-    texture = texture_variance(share, variance, distance - half_width, OUTLINE_DEPTH) * persistence
-    variance = np.where(edge, window.inflation * variance + texture * share**2, 0.0)
-    return _moments(window, np.where(edge, share, distance > 0), variance)
-
-
-def _first_look(
-    window: Window, near: Bytes, depth: Image, rim: float, persistence: float
-) -> tuple[tuple[Image, Image], Image, Image, int]:
-    """Coverage and its variance, distance to the outline, half its width, and in how many directions that is found.
-
-    Where the outline is wide, the body's brightness is taken from deep inside instead of from the rim inwards. A
-    streak is as thick then; a body whose rim is of another brightness is not, and stays as it is by its rim.
-    """
-    heart = depth > 0.5 * depth.max()
-    share = _share(window, near, depth - rim, persistence)
-    distance, half_width = outline(share[0], heart)
-    if half_width.max() >= SHARP:
-        by_depth = _share(window, near, depth - DEEPEST * float(depth.max()), persistence)
-        inner, reach = outline(by_depth[0], heart, AXES)
-        if inner.max() > WHOLE * distance.max():
-            return by_depth, inner, reach, AXES
-    return share, distance, half_width, 1
+    share, variance = coverage(window.planes, window.mask, window.other, window.inflation, refined)
+    return _moments(window, share, variance)
 
 
 def _moments(window: Window, share: Image, variance: Image) -> Centre:
@@ -175,40 +111,3 @@ def largest(image: Image) -> Image:
     """The largest of the channels of an image (h, w, channels), pixel by pixel: faster than by np.max."""
     planes = [image[..., channel] for channel in range(image.shape[-1])]
     return np.asarray(reduce(np.maximum, planes))
-
-
-def _share(window: Window, near: Bytes, depth: Image, blur: float) -> tuple[Image, Image]:
-    """Share (h, w) of each pixel that the body covers, and its variance; by the mask where brightness does not tell.
-
-    The body's own brightness, and the strength of its difference in units of noise, are continued outwards from where
-    ``depth`` (h, w), px, is above 0: a pixel is of the body alone. Its shading is followed by a polynomial, what is
-    left is replaced by the mean of the near pixels.
-    """
-    planes, depth = window.planes, np.asarray(depth, dtype=np.float32)
-    shade = shading(planes[0], depth, near)
-    soft = _blurred(beyond_shade(planes[0], shade, depth), blur)
-    own, strength, missed = own_brightness(planes, shade, soft, depth, near)
-    strength += _blurred(missed, blur) / np.maximum(soft[..., -1], np.float32(1e-6))
-    return shares(planes, own, strength, window.mask, near)
-
-
-def _with_level_outside(window: Window, share: Image, beyond: Image) -> Window:
-    """The window with the background as it is about the body now, e.g. in a soft shadow, continued inwards.
-
-    ``beyond`` is negative outside of the outline; a cord that covers much of a pixel there does not count.
-    """
-    free = (beyond < 0) & (beyond > -OUTSKIRTS) & (np.abs(share) < FAINT) & (window.other == 0)
-    image, background, _ = window.planes
-    soft = _blurred(off_background(image, background, free.view(np.uint8)), OUTSKIRTS)
-    return replace(window, background=levelled(background, soft, LEAST_FREE))
-
-
-def _blurred(image: Image, blur: float) -> Image:
-    """Image (h, w, channels) after a Gaussian blur of that standard deviation, px; a wide one at a reduced size."""
-    height, width = image.shape[:2]
-    size = (-(-width // max(1, int(blur / COARSE))), -(-height // max(1, int(blur / COARSE))))
-    if size == (width, height):
-        return np.asarray(cv2.GaussianBlur(image, (0, 0), blur), dtype=np.float32).reshape(image.shape)
-    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    soft = cv2.GaussianBlur(small, (0, 0), blur * size[0] / width, sigmaY=blur * size[1] / height)
-    return np.asarray(cv2.resize(soft, (width, height), interpolation=cv2.INTER_LINEAR)).reshape(image.shape)

@@ -1,0 +1,147 @@
+"""Coverage of the pixels of a window by the body in it, and what its outline shows (numba: one call a body)."""
+
+# mypy: disallow-untyped-decorators=False
+from __future__ import annotations
+
+import numpy as np
+
+from iris_sysid.io.kernels import kernel
+from trackers._detection.coverage_kernels import (
+    Planes,
+    beyond_shade,
+    levelled,
+    liveliness,
+    off_background,
+    own_brightness,
+    shares,
+    texture_variance,
+)
+from trackers._detection.depth import exact_depth
+from trackers._detection.outline import outline
+from trackers._detection.shading import shading
+from trackers._detection.small_images import blurred, dilated
+from trackers._frames.arrays import Bytes, Image
+
+SHARP, REFINED = 1.5, 2  # px: half the width of an outline from which on it is found again, and how often
+CLEAR = 1.5  # of half the width of a streak's outline: so far inside of it is the body alone
+WHOLE = 0.85  # of the thickness: an outline that leaves less of it is not that of a streak
+DEEPEST = 0.6  # of the depth: the body's brightness is taken from there at least
+SHALLOW = 0.7  # of the depth of the mask: an outline that leaves less of it is not that of the whole body
+OUTSKIRTS, FAINT, LEAST_FREE = 4.0, 0.45, 0.02  # px outside of the outline; coverage and share of pixels there
+RIM_PX, RIM_SHARE = 1.4, 0.45  # px and share of the depth: pixels nearer to the outline are blurred
+OUTLINE_DEPTH = 4.0  # px within which the body's brightness must fit that of its outline
+FEWEST_OUTSIDE = 12  # px from which the noise outside of a body is judged
+AXES = 4  # directions in which an outline may be wide
+NEAR = 2  # px about a mask, right to two pixels, in which the body may be
+
+
+@kernel(nogil=True)
+def coverage(planes: Planes, mask: Bytes, other: Bytes, inflation: float, refined: bool) -> tuple[Image, Image]:
+    """Share (h, w) of each pixel that a body covers, 1 or 0 off its outline, and its variance; see ``coverage_centre``.
+
+    Parameters
+    ----------
+    planes
+        Frame, background and noise (h, w, channels), grey levels.
+    mask, other
+        1 where the body is (h, w), right to about two pixels, and where something else is.
+    inflation
+        Variance of sums of noise over that of white noise.
+    refined
+        Whether outline and background are looked at again by the first result.
+    """
+    depth = exact_depth(mask, False)
+    deepest = float(depth.max())
+    near, heart = (dilated(mask, NEAR) > other).astype(np.uint8), depth > 0.5 * deepest
+    persistence, rim = max(1.5, deepest / 2), min(RIM_PX, RIM_SHARE * deepest)
+    share, variance, distance, half_width, axes = _first_look(planes, mask, near, depth, rim)
+    is_blurred = half_width.max() > SHARP
+    for _ in range((REFINED if is_blurred and axes == 1 else 1) if refined else 0):
+        level = _with_level_outside(planes, share, distance + half_width, other)
+        clear = _clear(distance, half_width, 1.0 if axes == 1 else CLEAR)
+        if distance.max() < SHALLOW * deepest:  # a notch, as in a small ball both darker and brighter
+            clear = np.maximum(clear, depth - np.float32(rim))
+        share, variance = _share((planes[0], level, planes[2]), mask, near, clear, persistence)
+        if is_blurred:
+            distance, half_width = outline(share, heart, axes)
+    variance = variance * np.float32(liveliness(share, variance, distance + half_width, FEWEST_OUTSIDE))
+    texture = texture_variance(share, variance, distance - half_width, OUTLINE_DEPTH) * persistence
+    return _at_outline(share, variance, distance, half_width, inflation, texture)
+
+
+@kernel(nogil=True)
+def _first_look(
+    planes: Planes, mask: Bytes, near: Bytes, depth: Image, rim: float
+) -> tuple[Image, Image, Image, Image, int]:
+    """Coverage and its variance, distance to the outline, half its width, and in how many directions that is found.
+
+    Where the outline is wide, the body's brightness is taken from deep inside instead of from the rim inwards. A
+    streak is as thick then; a body whose rim is of another brightness is not, and stays as it is by its rim.
+    """
+    deepest = float(depth.max())
+    heart, persistence = depth > 0.5 * deepest, max(1.5, deepest / 2)
+    share, variance = _share(planes, mask, near, depth - np.float32(rim), persistence)
+    distance, half_width = outline(share, heart, 1)
+    if half_width.max() >= SHARP:
+        by_depth, its_variance = _share(planes, mask, near, depth - np.float32(DEEPEST * deepest), persistence)
+        inner, reach = outline(by_depth, heart, AXES)
+        if inner.max() > WHOLE * distance.max():
+            return by_depth, its_variance, inner, reach, AXES
+    return share, variance, distance, half_width, 1
+
+
+@kernel(nogil=True)
+def _share(planes: Planes, mask: Bytes, near: Bytes, depth: Image, blur: float) -> tuple[Image, Image]:
+    """Share (h, w) of each pixel that the body covers, and its variance; by the mask where brightness does not tell.
+
+    The body's own brightness, and the strength of its difference in units of noise, are continued outwards from where
+    ``depth`` (h, w), px, is above 0: a pixel is of the body alone. Its shading is followed by a polynomial, what is
+    left is replaced by the mean of the near pixels.
+    """
+    height, width = mask.shape
+    shade = shading(planes[0], depth, near)
+    soft = blurred(beyond_shade(planes[0], shade, depth), blur)
+    own, strength, missed = own_brightness(planes, shade, soft, depth, near)
+    spread = blurred(missed.reshape((height, width, 1)), blur)
+    for y in range(height):
+        for x in range(width):
+            strength[y, x] += spread[y, x, 0] / max(soft[y, x, -1], np.float32(1e-6))
+    return shares(planes, own, strength, mask, near)
+
+
+@kernel(nogil=True)
+def _with_level_outside(planes: Planes, share: Image, beyond: Image, other: Bytes) -> Image:
+    """The background as it is about the body now, e.g. in a soft shadow, continued inwards.
+
+    ``beyond`` is negative outside of the outline; a cord that covers much of a pixel there does not count.
+    """
+    free = np.zeros(share.shape, dtype=np.uint8)
+    for y in range(share.shape[0]):
+        for x in range(share.shape[1]):
+            free[y, x] = -OUTSKIRTS < beyond[y, x] < 0 and abs(share[y, x]) < FAINT and other[y, x] == 0
+    soft = blurred(off_background(planes[0], planes[1], free), OUTSKIRTS)
+    return levelled(planes[1], soft, LEAST_FREE)
+
+
+@kernel(nogil=True)
+def _clear(distance: Image, half_width: Image, times: float) -> Image:
+    """How far inside of so many half widths of the outline each pixel is, px, at most a share of the thickness less."""
+    deepest = np.float32(DEEPEST) * distance.max()
+    return distance - np.minimum(half_width * np.float32(times), deepest)
+
+
+@kernel(nogil=True)
+def _at_outline(
+    share: Image, variance: Image, distance: Image, half_width: Image, inflation: float, texture: float
+) -> tuple[Image, Image]:
+    """Share and variance (h, w), of which what is off the outline is 1 or 0 and sure."""
+    settled = np.zeros(share.shape, dtype=np.float32)
+    sure = np.zeros(share.shape, dtype=np.float32)
+    for y in range(share.shape[0]):
+        for x in range(share.shape[1]):
+            if abs(distance[y, x]) <= half_width[y, x]:
+                settled[y, x] = share[y, x]
+                sure[y, x] = inflation * variance[y, x] + texture * share[y, x] ** 2
+            else:
+                settled[y, x] = distance[y, x] > 0
+    return settled, sure
