@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from trackers._auto.scene_doubts import by_looks_alone, doubts_of_one_body, lost
 from trackers._auto.survey import Kind, blob_at, foregrounds_of, kinds_of
 from trackers._detection.foreground import Blob
 from trackers._disc.model import Disc
+from trackers._frames.arrays import Bytes, Image
 from trackers._frames.working_image import View, view_of
 from trackers._linking.moving_bodies import MovingBodies, follow
 
@@ -60,7 +62,6 @@ class Choice:
     candidates: list[TrackCandidate] = field(default_factory=list)
     _kinds: list[Kind] | None = None
     _receding: dict[int, Disc] | None = None
-    _foregrounds: list[list[Blob]] | None = None
     _moving: MovingBodies | None = None
 
     @property
@@ -72,15 +73,21 @@ class Choice:
     def kinds(self) -> list[Kind]:
         """The kinds of things that move."""
         if self._kinds is None:
-            self._kinds = kinds_of([search_image(self.view, frame) for frame in self.frames])
+            self._kinds = kinds_of(self._images, *self._survey)
         return self._kinds
 
     @property
     def foregrounds(self) -> list[list[Blob]]:
         """What differs from the still background in each sampled frame."""
-        if self._foregrounds is None:
-            self._foregrounds = foregrounds_of([search_image(self.view, frame) for frame in self.frames])[1]
-        return self._foregrounds
+        return self._survey[1]
+
+    @cached_property
+    def _survey(self) -> tuple[Image, list[list[Blob]]]:
+        return foregrounds_of(self._images)
+
+    @property
+    def _images(self) -> list[Bytes]:
+        return [search_image(self.view, frame) for frame in self.frames]
 
     @property
     def receding(self) -> dict[int, Disc]:
@@ -238,13 +245,17 @@ class Choice:
     ) -> dict[int, Place]:
         """Where, px of the frame, what is at some places of the samples is to be seen in others, by their number."""
         known = known_looks(self.view, self.frames, places, reach)
-        found: dict[int, Place] = {}
+        moving: dict[int, Place] = {}
+        still: dict[int, Place] = {}
         for k in lost:
-            for xy in known.plainly_in(search_image(self.view, self.frames[k])).xy:
-                place = self.view.in_frame(*xy)
+            for at in known.plainly_in(search_image(self.view, self.frames[k])).xy:
+                place = self.view.in_frame(*at)
                 if not any(passes(other, self.frames[k].index, place, reach) for other in others):
-                    found.setdefault(k, place)
-        return found
+                    moves = blob_at(self.foregrounds[k], (at[0], at[1])) is not None
+                    (moving if moves else still).setdefault(k, place)
+        # a body at rest is background in one place; what looks like it where nothing moves in several is scenery
+        at_rest = still if still and _spread(list(still.values())) < 2 * reach else {}
+        return {**at_rest, **moving}
 
 
 def lost_in_places(candidate: TrackCandidate) -> bool:

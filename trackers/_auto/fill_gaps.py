@@ -17,7 +17,6 @@ from trackers._frames.arrays import Bytes, Image
 from trackers._frames.working_image import View
 
 SCENERY = 0.5  # share of the samples with the body elsewhere: a place that looks like it there too is scenery
-SCENERY_LIKENESS = 0.8  # of the score of a place where the body may be missed: noise and compression change it by less
 PLAIN = 0.75  # of the usual score of the body: as plain as that is no chance likeness
 
 Place = tuple[float, float]
@@ -38,12 +37,9 @@ class KnownLooks:
     def plainly_in(self, image: Bytes) -> Peaks:
         """The places of a search image (h, w, 3) that are plainly the body and no scenery, the best first."""
         peaks = self.looks.peaks(image, self.plain)
-        kept = np.array([not self._is_scenery(*found) for found in zip(peaks.xy, peaks.score, strict=True)], np.bool_)
-        return peaks.where(kept)
-
-    def _is_scenery(self, xy: Array, score: float) -> bool:
-        likeness = SCENERY_LIKENESS * float(score)
-        return is_scenery(self.maps, self.places, (float(xy[0]), float(xy[1])), self.looks.radius, likeness)
+        at = [(float(x), float(y)) for x, y in peaks.xy]
+        kept = [not is_scenery(self.maps, self.places, place, self.looks.radius, self.plain) for place in at]
+        return peaks.where(np.array(kept, np.bool_))
 
 
 def known_looks(view: View, frames: Sequence[Frame], places: Mapping[int, Place], reach: float) -> KnownLooks:

@@ -95,9 +95,16 @@ def looks_like_shadow(colour: Array, around: Array) -> bool:
     return bool(np.all(np.abs((colour[1:] - 128) - light * (around[1:] - 128)) < SHADOW_CHROMA))
 
 
-def kinds_of(images: Sequence[Bytes]) -> list[Kind]:
-    """The kinds of things that move in sampled search images (h, w, 3), the likeliest body first."""
-    still, foregrounds = foregrounds_of(images)
+def kinds_of(images: Sequence[Bytes], still: Image, foregrounds: Sequence[Sequence[Blob]]) -> list[Kind]:
+    """The kinds of things that move in sampled search images (h, w, 3), the likeliest body first.
+
+    Parameters
+    ----------
+    images
+        The samples.
+    still, foregrounds
+        Their background, and what differs from it in each, from :func:`foregrounds_of`.
+    """
     kinds: list[Kind] = []
     for number, (image, foreground) in enumerate(zip(images, foregrounds, strict=True)):
         covered = np.zeros(image.shape[:2], np.uint8)
