@@ -1,21 +1,26 @@
-"""Known autocorrelation of the noise, for fits too short to estimate it from their own residual.
+"""Known autocorrelation and size of the noise, for fits too short to estimate them from their own residual.
 
-The residual of a parabola fitted to 25 samples looks white, whatever the noise. Where the tracker measured the
-autocorrelation of its errors, that is the prior of the autoregression, and the residual updates it.
+The residual of a parabola fitted to 25 samples looks white, whatever the noise, and smaller than it is: what lasts over
+many samples is taken for motion. Where the tracker measured the autocorrelation of its errors, that is the prior of
+the autoregression, and the size that it states one of their variance; the residual updates both.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import cast
 
 import numpy as np
 from scipy.optimize import minimize
 
-from fitters.noise.autoregression import EDGE, Autoregression, Vector, minus_restricted
+from fitters.noise.autoregression import EDGE, Autoregression, Vector, autocovariance, minus_restricted
 from iris_sysid.types import Array, ErrorAutocorrelation
 
 SHORT = 100  # samples; more tell each partial autocorrelation to 0.1 by themselves, better than the tracker does
 MOST = 0.95  # largest measured partial autocorrelation that is used
+# independent samples that the stated size counts for: stated errors of tracks are true to a factor of 1.4, one standard
+# deviation (the table of pulls, 960x540 seed 4101; validation/tracking.md)
+STATED_COUNTS = 4.0
 
 
 def with_measured_correlation(
@@ -49,3 +54,24 @@ def with_measured_correlation(
     minimum = minimize(objective, cast("Vector", known), method="L-BFGS-B", jac="3-point")
     partial = np.asarray(EDGE * np.tanh(minimum.x), dtype=np.float64)
     return Autoregression.of(residual, basis, partial)
+
+
+def with_stated_size(process: Autoregression, stated: float) -> Autoregression:
+    """The autoregression with its variance averaged with the stated one, where that is larger.
+
+    Each variance counts by its number of independent samples: a process of autocorrelations r_k over n samples has
+    n / (1 + 2 sum r_k^2) (Bartlett 1946). A smaller stated one is left alone: the residual is then more than noise.
+
+    Parameters
+    ----------
+    process
+        From a residual of at most ``SHORT`` samples; longer ones are returned as they are.
+    stated
+        Standard deviation of single samples that the tracker states, in the unit of the residual; NaN where unknown.
+    """
+    if process.n > SHORT or not stated > process.sd > 0:
+        return process
+    correlation = autocovariance(process.partial, process.n)[1:] * (process.innovation_sd / process.sd) ** 2
+    independent = process.n / (1 + 2 * float(correlation @ correlation))
+    raised = (independent + STATED_COUNTS * (stated / process.sd) ** 2) / (independent + STATED_COUNTS)
+    return replace(process, innovation_sd=process.innovation_sd * float(np.sqrt(raised)))

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitters.noise.autoregression import Autoregression, coefficients_of, fit_autoregression, grid_positions, on_grid
-from fitters.noise.known_correlation import with_measured_correlation
+from fitters.noise.known_correlation import with_measured_correlation, with_stated_size
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array, ErrorAutocorrelation, student_ppf
 
@@ -57,6 +57,7 @@ def random_uncertainty(
     sensitivity: Array,
     bread: Array,
     measured: ErrorAutocorrelation | None = None,
+    stated: Array | None = None,
 ) -> Uncertainty:
     """Covariance of the free values from the residual, autocorrelation allowed for.
 
@@ -72,6 +73,8 @@ def random_uncertainty(
         (k, k) :func:`inverse_normal` of the sensitivities.
     measured
         Autocorrelation of the noise where the tracker measured it: short residuals need it.
+    stated
+        (d,) standard deviations of single samples as the tracker states them, in units of sigma; None where unknown.
 
     Notes
     -----
@@ -86,6 +89,8 @@ def random_uncertainty(
         errors = on_grid(positions, residual[:, channel], np.nan)
         basis = orthonormal_basis(columns)
         process = with_measured_correlation(errors, basis, measured, fit_autoregression(errors, basis))
+        if stated is not None:
+            process = with_stated_size(process, float(stated[channel]))
         part = bread @ middle(columns, process.coefficients) @ bread * process.innovation_sd**2
         total += part
         spread += _variance_of_variance(columns, bread, process, np.diag(part))

@@ -54,7 +54,7 @@ class Linearised:
     ``residual`` (n, d); ``sensitivity`` (n, d, k) to the free values; ``known`` by source (r, n, d): change of
     prediction - observation for one standard error of each uncertain known value (r = 1), and of each pattern that
     errors of the observation have in common; ``prior`` (j, k) rows that priors add to the sensitivities; ``measured``
-    the autocorrelation of the noise where the tracker measured it.
+    the autocorrelation of the noise and ``stated`` (d,) its size in single samples, where the tracker measured them.
     """
 
     t_s: Array
@@ -63,6 +63,7 @@ class Linearised:
     known: Mapping[str, Array]
     prior: Array
     measured: ErrorAutocorrelation | None = None
+    stated: Array | None = None
 
     @property
     def flat(self) -> Array:
@@ -100,8 +101,24 @@ def linearise(task: Task, target: Target, solution: Solution) -> Linearised:
     known = {name: scaled[None, :, :, k + i] * task.known[name].stderr for i, name in enumerate(uncertain)}
     known |= {source: -patterns[:, target.used] / sigma for source, patterns in task.systematic.items()}
     residual = (target.observed - solution.predicted)[target.used] / sigma
-    measured = task.trajectory.error_autocorrelation
-    return Linearised(problem.t_s[target.used], residual, scaled[:, :, :k], known, task.unknowns.prior_rows, measured)
+    return Linearised(
+        t_s=problem.t_s[target.used],
+        residual=residual,
+        sensitivity=scaled[:, :, :k],
+        known=known,
+        prior=task.unknowns.prior_rows,
+        measured=task.trajectory.error_autocorrelation,
+        stated=_stated(task, target),
+    )
+
+
+def _stated(task: Task, target: Target) -> Array | None:
+    """Median of the errors (d,) that the tracker states, in units of sigma; None where no tracker measured them."""
+    if task.trajectory.error_autocorrelation is None:
+        return None
+    columns = [task.trajectory.column(quantity.name) for quantity in task.model.observed]
+    given = task.trajectory.sigma[task.selection.span][:, columns][target.used]
+    return np.asarray(np.median(given / target.sigma[target.used], axis=0))
 
 
 def errors_of(task: Task, near: Linearised, usable: Mask, undetermined: Mask) -> tuple[Errors, Uncertainty]:
@@ -121,7 +138,9 @@ def errors_of(task: Task, near: Linearised, usable: Mask, undetermined: Mask) ->
     k = usable.size
     flat = near.flat[:, usable]
     bread = inverse_normal(near.informed[:, usable], SINGULAR**-0.5)
-    random = random_uncertainty(near.t_s, near.residual, near.sensitivity[:, :, usable], bread, near.measured)
+    random = random_uncertainty(
+        near.t_s, near.residual, near.sensitivity[:, :, usable], bread, near.measured, near.stated
+    )
     covariance, degrees = np.full((k, k), np.nan), np.full(k, np.nan)
     covariance[np.ix_(usable, usable)] = random.covariance
     degrees[usable] = random.degrees
@@ -257,7 +276,7 @@ def information_loss(near: Linearised) -> float:
     """
     flat = near.flat
     bread = inverse_normal(near.informed, SINGULAR**-0.5)
-    random = random_uncertainty(near.t_s, near.residual, near.sensitivity, bread, near.measured)
+    random = random_uncertainty(near.t_s, near.residual, near.sensitivity, bread, near.measured, near.stated)
     information = float(np.einsum("ij,ij->", flat @ bread, flat))
     middle = near.informed.T @ near.informed @ random.covariance
     return float(np.trace(middle)) / information if information > 0 else float("nan")

@@ -252,7 +252,9 @@ def _view(request: FitRequest, clip: FitResult, shared: Sequence[str], values: A
     size = np.sqrt(np.sum(near.flat**2, axis=0))
     basis = np.linalg.qr(near.flat / np.where(size > 0, size, 1.0))[0]
     across = columns - basis @ (basis.T @ columns)
-    seen = Linearised(near.t_s, near.residual, across.reshape(n, d, -1), {}, np.zeros((0, len(shared))), near.measured)
+    seen = Linearised(
+        near.t_s, near.residual, across.reshape(n, d, -1), {}, np.zeros((0, len(shared))), near.measured, near.stated
+    )
     square = float(np.sum(near.residual**2))
     loss = information_loss(seen)
     return _View(seen, 1.0 / loss if np.isfinite(loss) and loss > 0 else 0.0, known, square)
@@ -307,7 +309,9 @@ def _shift(views: Sequence[_View], name: str, bread: Array) -> Array:
 def _one_clip(view: _View, bread: Array) -> tuple[Array, Array]:
     """Contribution of one clip's noise to the covariance (s, s), and the degrees of freedom (s,) of its variances."""
     near = view.near
-    uncertainty = random_uncertainty(near.t_s, near.residual, near.sensitivity, view.weight * bread, near.measured)
+    uncertainty = random_uncertainty(
+        near.t_s, near.residual, near.sensitivity, view.weight * bread, near.measured, near.stated
+    )
     return uncertainty.covariance, uncertainty.degrees
 
 
