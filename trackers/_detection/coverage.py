@@ -20,7 +20,7 @@ from trackers._detection.depth import exact_depth
 from trackers._detection.outline import outline
 from trackers._detection.shading import shading
 from trackers._detection.small_images import blurred, dilated
-from trackers._frames.arrays import Bytes, Image
+from trackers._frames.arrays import Bytes, Flags, Image
 
 SHARP, REFINED = 1.5, 2  # px: half the width of an outline from which on it is found again, and how often
 CLEAR = 1.5  # of half the width of a streak's outline: so far inside of it is the body alone
@@ -52,20 +52,23 @@ def coverage(planes: Planes, mask: Bytes, other: Bytes, inflation: float, refine
     """
     depth = exact_depth(mask, False)
     deepest = float(depth.max())
-    near, heart = (dilated(mask, NEAR) > other).astype(np.uint8), depth > 0.5 * deepest
+    near, heart = _without(dilated(mask, NEAR), other), _above(depth, 0.5 * deepest)
     persistence, rim = max(1.5, deepest / 2), min(RIM_PX, RIM_SHARE * deepest)
     share, variance, distance, half_width, axes = _first_look(planes, mask, near, depth, rim)
     is_blurred = half_width.max() > SHARP
     for _ in range((REFINED if is_blurred and axes == 1 else 1) if refined else 0):
-        level = _with_level_outside(planes, share, distance + half_width, other)
+        level = _with_level_outside(planes, share, _plus(distance, half_width, 1.0), other)
         clear = _clear(distance, half_width, 1.0 if axes == 1 else CLEAR)
         if distance.max() < SHALLOW * deepest:  # a notch, as in a small ball both darker and brighter
-            clear = np.maximum(clear, depth - np.float32(rim))
+            clear = _larger(clear, _less(depth, rim))
         share, variance = _share((planes[0], level, planes[2]), mask, near, clear, persistence)
         if is_blurred:
             distance, half_width = outline(share, heart, axes)
-    variance = variance * np.float32(liveliness(share, variance, distance + half_width, FEWEST_OUTSIDE))
-    texture = texture_variance(share, variance, distance - half_width, OUTLINE_DEPTH) * persistence
+    lively = np.float32(liveliness(share, variance, _plus(distance, half_width, 1.0), FEWEST_OUTSIDE))
+    for y in range(variance.shape[0]):
+        for x in range(variance.shape[1]):
+            variance[y, x] *= lively
+    texture = texture_variance(share, variance, _plus(distance, half_width, -1.0), OUTLINE_DEPTH) * persistence
     return _at_outline(share, variance, distance, half_width, inflation, texture)
 
 
@@ -79,11 +82,11 @@ def _first_look(
     streak is as thick then; a body whose rim is of another brightness is not, and stays as it is by its rim.
     """
     deepest = float(depth.max())
-    heart, persistence = depth > 0.5 * deepest, max(1.5, deepest / 2)
-    share, variance = _share(planes, mask, near, depth - np.float32(rim), persistence)
+    heart, persistence = _above(depth, 0.5 * deepest), max(1.5, deepest / 2)
+    share, variance = _share(planes, mask, near, _less(depth, rim), persistence)
     distance, half_width = outline(share, heart, 1)
     if half_width.max() >= SHARP:
-        by_depth, its_variance = _share(planes, mask, near, depth - np.float32(DEEPEST * deepest), persistence)
+        by_depth, its_variance = _share(planes, mask, near, _less(depth, DEEPEST * deepest), persistence)
         inner, reach = outline(by_depth, heart, AXES)
         if inner.max() > WHOLE * distance.max():
             return by_depth, its_variance, inner, reach, AXES
@@ -126,8 +129,59 @@ def _with_level_outside(planes: Planes, share: Image, beyond: Image, other: Byte
 @kernel(nogil=True)
 def _clear(distance: Image, half_width: Image, times: float) -> Image:
     """How far inside of so many half widths of the outline each pixel is, px, at most a share of the thickness less."""
-    deepest = np.float32(DEEPEST) * distance.max()
-    return distance - np.minimum(half_width * np.float32(times), deepest)
+    deepest, clear = np.float32(DEEPEST) * distance.max(), np.empty_like(distance)
+    for y in range(distance.shape[0]):
+        for x in range(distance.shape[1]):
+            clear[y, x] = distance[y, x] - min(half_width[y, x] * np.float32(times), deepest)
+    return clear
+
+
+# loops, because numba takes seconds to compile each expression of whole images
+
+
+@kernel(nogil=True)
+def _less(image: Image, by: float) -> Image:
+    less = np.empty_like(image)
+    for y in range(image.shape[0]):
+        for x in range(image.shape[1]):
+            less[y, x] = image[y, x] - np.float32(by)
+    return less
+
+
+@kernel(nogil=True)
+def _plus(image: Image, other: Image, times: float) -> Image:
+    plus = np.empty_like(image)
+    for y in range(image.shape[0]):
+        for x in range(image.shape[1]):
+            plus[y, x] = image[y, x] + np.float32(times) * other[y, x]
+    return plus
+
+
+@kernel(nogil=True)
+def _larger(image: Image, other: Image) -> Image:
+    larger = np.empty_like(image)
+    for y in range(image.shape[0]):
+        for x in range(image.shape[1]):
+            larger[y, x] = max(image[y, x], other[y, x])
+    return larger
+
+
+@kernel(nogil=True)
+def _above(image: Image, level: float) -> Flags:
+    above = np.empty(image.shape, dtype=np.bool_)
+    for y in range(image.shape[0]):
+        for x in range(image.shape[1]):
+            above[y, x] = image[y, x] > level
+    return above
+
+
+@kernel(nogil=True)
+def _without(mask: Bytes, other: Bytes) -> Bytes:
+    without = np.empty(mask.shape, dtype=np.uint8)
+    for y in range(mask.shape[0]):
+        for x in range(mask.shape[1]):
+            without[y, x] = mask[y, x] > other[y, x]
+    return without
 
 
 @kernel(nogil=True)

@@ -198,7 +198,12 @@ def moments_of_difference(planes: Planes, mask: Bytes, other: Bytes, reach: int)
     the background in units of the noise, at most the median of it within the mask.
     """
     image, background, noise = planes
-    level = _largest_difference(image / noise, background / noise)
+    level = np.zeros(mask.shape, dtype=np.float32)
+    for y in range(mask.shape[0]):
+        for x in range(mask.shape[1]):
+            for k in range(image.shape[2]):
+                off = image[y, x, k] / noise[y, x, k] - background[y, x, k] / noise[y, x, k]
+                level[y, x] = max(level[y, x], abs(off))
     usual = max(quantile(_of_mask(level, mask), 0.5), 1e-6)
     near = dilated(mask, reach)
     weights = np.zeros(mask.shape)
@@ -206,11 +211,19 @@ def moments_of_difference(planes: Planes, mask: Bytes, other: Bytes, reach: int)
         for x in range(mask.shape[1]):
             if near[y, x] and not other[y, x]:
                 weights[y, x] = min(level[y, x] / usual, 1.0)
-    total = weights.sum()
-    across, down = np.arange(mask.shape[1]), np.arange(mask.shape[0])
-    by_column, by_row = weights.sum(axis=0), weights.sum(axis=1)
-    x, y = (by_column * across).sum() / total, (by_row * down).sum() / total
-    shared = (weights * (across - x)).sum(axis=1)
-    sums = (by_column * (across - x) ** 2).sum(), (by_row * (down - y) ** 2).sum(), (shared * (down - y)).sum()
-    free = total - (weights * weights).sum() / total  # weighted, unbiased
-    return np.array([x, y, sums[0] / free, sums[1] / free, sums[2] / free])
+    total = squares = middle = height = 0.0
+    for row in range(mask.shape[0]):
+        for column in range(mask.shape[1]):
+            weight = weights[row, column]
+            total, squares = total + weight, squares + weight * weight
+            middle, height = middle + weight * column, height + weight * row
+    middle, height = middle / total, height / total
+    across = down = shared = 0.0
+    for row in range(mask.shape[0]):
+        for column in range(mask.shape[1]):
+            weight = weights[row, column]
+            across += weight * (column - middle) ** 2
+            down += weight * (row - height) ** 2
+            shared += weight * (column - middle) * (row - height)
+    free = total - squares / total  # weighted, unbiased
+    return np.array([middle, height, across / free, down / free, shared / free])
