@@ -211,16 +211,22 @@ def moments_of_difference(planes: Planes, mask: Bytes, other: Bytes, reach: int)
         for x in range(mask.shape[1]):
             if near[y, x] and not other[y, x]:
                 weights[y, x] = min(level[y, x] / usual, 1.0)
+    return _moments_of(weights)
+
+
+@kernel(nogil=True)
+def _moments_of(weights: Array) -> Array:
+    """Mean column and row, variances and covariance (5,) of the pixels of a window that weigh so much (h, w)."""
     total = squares = middle = height = 0.0
-    for row in range(mask.shape[0]):
-        for column in range(mask.shape[1]):
+    for row in range(weights.shape[0]):
+        for column in range(weights.shape[1]):
             weight = weights[row, column]
             total, squares = total + weight, squares + weight * weight
             middle, height = middle + weight * column, height + weight * row
     middle, height = middle / total, height / total
     across = down = shared = 0.0
-    for row in range(mask.shape[0]):
-        for column in range(mask.shape[1]):
+    for row in range(weights.shape[0]):
+        for column in range(weights.shape[1]):
             weight = weights[row, column]
             across += weight * (column - middle) ** 2
             down += weight * (row - height) ** 2
