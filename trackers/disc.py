@@ -16,15 +16,7 @@ from functools import partial
 import numpy as np
 
 from iris_sysid.errors import TrackingError
-from iris_sysid.types import (
-    RADIUS_ERRORS,
-    FrameSource,
-    Track,
-    Tracker,
-    TrackOptions,
-    part_of_progress,
-    with_progress,
-)
+from iris_sysid.types import RADIUS_ERRORS, FrameSource, Track, Tracker, TrackOptions, part_of_progress, with_progress
 from trackers._auto.evidence import with_quality
 from trackers._background.median import Background
 from trackers._detection.detect_frames import DetectionSetup, detection_setup, observe

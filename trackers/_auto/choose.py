@@ -13,15 +13,7 @@ from iris_sysid.registry import TRACKERS
 from iris_sysid.types import Doubt, DoubtKind, Frame, FrameSource, Track, TrackCandidate, TrackOptions, TrackQuality
 from trackers._auto.appearance import search_image
 from trackers._auto.candidates import Way, check_marks, marks_by_body, way_by_marks, ways_by_looks
-from trackers._auto.evidence import (
-    LEAST_COVERAGE,
-    MOST_SHADOW,
-    held_doubt,
-    judged,
-    measured,
-    missed_marks,
-    passes,
-)
+from trackers._auto.evidence import LEAST_COVERAGE, MOST_SHADOW, held_doubt, judged, measured, missed_marks, passes
 from trackers._auto.fill_gaps import Place, known_looks, sampled_places, with_gaps_filled
 from trackers._auto.receding_disc import not_followed, receding_disc
 from trackers._auto.sampled_once import SampledOnce
@@ -223,16 +215,15 @@ class Choice:
         """Doubt where the body is plainly to be seen in sampled frames in which the track has lost it."""
         row_of = {int(number): k for k, number in enumerate(track.frame)}
         rows = [row_of.get(frame.index) for frame in self.frames]
-        shown = [k for k, row in enumerate(rows) if row is not None and track.valid[row]]
+        places = sampled_places(track, self.view, self.frames)
         held = np.zeros(track.valid.size, np.bool_) if track.hand is None else track.hand
         lost = [k for k, row in enumerate(rows) if row is not None and not track.valid[row] and not held[row]]
-        if len(shown) < FEWEST_SHOWN or not lost or track.radius_px is None:
+        if len(places) < FEWEST_SHOWN or not lost or track.radius_px is None:
             return []
-        places = sampled_places(track, self.view, self.frames)
         reach = float(np.nanmedian(track.radius_px[track.valid]))
         found = self._plainly_seen(places, reach, lost, others)
-        seen = _without_rest(found, (shown[0], shown[-1]), reach, MOST_REST * len(rows))
-        showing = len(shown) + len(seen)
+        seen = _without_rest(found, (min(places), max(places)), reach, MOST_REST * len(rows))
+        showing = len(places) + len(seen)
         if len(seen) < FEWEST_MISSED or len(seen) <= MISSED * showing:
             return []
         number = self.frames[seen[0]].index

@@ -226,12 +226,6 @@ def most_of_channels(image: Bytes) -> Bytes:
     return image if image.ndim == 2 else np.maximum(image[..., 0], np.maximum(image[..., 1], image[..., 2]))
 
 
-def filled(mask: Bytes) -> Bytes:
-    """The mask with its holes filled."""
-    contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    return np.asarray(cv2.drawContours(np.zeros_like(mask), contours, -1, 1, cv2.FILLED), dtype=np.uint8)
-
-
 def padded(mask: Bytes) -> Bytes:
     """The mask with another pixel on every side, 0; several times as fast as np.pad."""
     return np.asarray(cv2.copyMakeBorder(mask, 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=0), dtype=np.uint8)

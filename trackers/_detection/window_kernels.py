@@ -11,12 +11,11 @@ from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 from trackers._detection.connected import filled_about
 from trackers._detection.coverage_kernels import Planes
+from trackers._detection.foreground import CONTRAST_SHARES, WEAK_SIGMAS
 from trackers._detection.small_images import chamfer, dilated, mirrored, opened, quantile
 from trackers._frames.arrays import Bytes, Image
 
 RING = 4  # px from the body to the ring in which the background's level is compared
-FAINTEST = 0.1  # of the contrast of a body: what is fainter is no part of it
-WEAK_SIGMAS = 3.5  # of noise: what differs less is no part of a body
 DARKEST_SHADE = 0.6  # of the light remains in a shadow
 GREY = 128.0  # grey level of a colour plane where there is no colour
 COLOUR_SIGMAS, COLOUR_FLOOR = 3.0, 3.0  # floor in grey levels: by so much a shadow's colour may be off
@@ -107,7 +106,7 @@ def _of_mask(image: Image, mask: Bytes) -> Image:
 def _sharpened(mask: Bytes, level: Image, noise: Image, step: int) -> Bytes:
     """A mask found at reduced size, made right to the pixel by the difference (h, w) from the background."""
     near = dilated(mask, step)
-    faint = FAINTEST * quantile(_of_mask(level, mask), 0.9)
+    faint = CONTRAST_SHARES[0] * quantile(_of_mask(level, mask), 0.9)
     for y in range(mask.shape[0]):
         for x in range(mask.shape[1]):
             if near[y, x]:
