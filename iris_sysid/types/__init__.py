@@ -21,6 +21,14 @@ from iris_sysid.types._clip import FrameSource as FrameSource
 from iris_sysid.types._clip import Track as Track
 from iris_sysid.types._clip import TrackCandidate as TrackCandidate
 from iris_sysid.types._clip import TrackOptions as TrackOptions
+from iris_sysid.types._components import SIDES as SIDES
+from iris_sysid.types._components import Component as Component
+from iris_sysid.types._components import ComponentCurve as ComponentCurve
+from iris_sysid.types._components import ComponentKind as ComponentKind
+from iris_sysid.types._components import Components as Components
+from iris_sysid.types._components import ComponentSide as ComponentSide
+from iris_sysid.types._components import Finding as Finding
+from iris_sysid.types._components import FindingWord as FindingWord
 from iris_sysid.types._departure import DEPARTURE_SIGMAS as DEPARTURE_SIGMAS
 from iris_sysid.types._departure import N_REST_SAMPLES as N_REST_SAMPLES
 from iris_sysid.types._departure import departure as departure

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from iris_sysid.types._components import Components, Finding
 from iris_sysid.types._discovery import DiscoveredTerm
 from iris_sysid.types._display import Shown, text_of, values_of
 from iris_sysid.types._missing_force import MissingForce
@@ -137,6 +138,10 @@ class Diagnosis(Shown):
     ``missing_force`` is the force that the model lacks in the first clip, ``remaining_force`` the one that it still
     lacks with the effects (the same where none was added); None where it cannot be estimated, and ``remaining_force``
     also where the residual is at the noise.
+    ``components`` are the parts of the first clip's residual without effects, ``remaining`` those of the residual with
+    them; None where the clip is too short to be split. ``findings`` say of each part what can be said: an effect, a
+    group of effects, where it lies, or that it is open. ``nuisances`` are effects that are in ``finals`` as well,
+    because they improve the prediction, but which are not named: they can imitate a part of anything.
     """
 
     bases: tuple[FitResult, ...]
@@ -156,6 +161,10 @@ class Diagnosis(Shown):
     remaining_force: MissingForce | None = None
     probabilities: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     causes: Mapping[str, Mapping[EffectCause, float]] = field(default_factory=dict)
+    components: Components | None = None
+    remaining: Components | None = None
+    findings: tuple[Finding, ...] = ()
+    nuisances: tuple[Effect, ...] = ()
 
     @property
     def base(self) -> FitResult:
