@@ -28,6 +28,8 @@ EFFECT = Effect(
     equation=r"(u, v)_\mathrm{seen} = ((1 + e)\,u, v)",
     source="Hartley and Zisserman (2004), Multiple View Geometry, section 6.1: pixels that are not square",
     parameters=(Parameter("anisotropic_scale", "1", "e", lower=-0.9, default=0.0),),
+    component="reading-of-position",
+    absorbs=True,
     applies=applies,
     cause="measurement",
     plausibility=0.3,

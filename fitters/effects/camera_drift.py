@@ -33,6 +33,8 @@ EFFECT = Effect(
     equation=r"\mathbf{p}_\mathrm{seen} = \mathbf{p} + \mathbf{u}\,(t - t_0)",
     source="first-order expansion of a slow movement of the camera",
     parameters=(Parameter("camera_drift", "{x}/s", "u", default=0.0), start_parameter("camera_start")),
+    component="zero-wander",
+    absorbs=True,
     applies=applies,
     cause="measurement",
     plausibility=0.3,

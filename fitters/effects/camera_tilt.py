@@ -43,6 +43,8 @@ EFFECT = Effect(
             source="the focal length over that of a phone's main camera, where none was calibrated",
         ),
     ),
+    component="reading-of-position",
+    absorbs=True,
     applies=lies_in_image,
     cause="measurement",
     plausibility=0.3,

@@ -18,6 +18,7 @@ EFFECT = Effect(
     equation=r"+f",
     source="Newton's second law",
     parameters=(Parameter("constant_force", "{x}/s^2", "f", default=0.0),),
+    component="force-of-position",
     applies=moves_on_a_line,
     plausibility=0.5,
     acceleration=acceleration,

@@ -26,6 +26,7 @@ EFFECT = Effect(
         Parameter("coulomb_friction", "{x}/s^2", "c", lower=0.0, default=0.0),
         turnover_parameter("coulomb_turnover", role="form"),
     ),
+    component="force-of-velocity",
     applies=moves,
     acceleration=acceleration,
     alike="constant-force, while the motion keeps its direction",

@@ -18,6 +18,7 @@ EFFECT = Effect(
     equation=r"-k_3\,x^3",
     source="Duffing (1918), Erzwungene Schwingungen bei veraenderlicher Eigenfrequenz",
     parameters=(Parameter("cubic_stiffness", "1/{x}^2/s^2", "k_3", default=0.0),),
+    component="force-of-position",
     applies=is_pulled_back,
     plausibility=0.3,
     acceleration=acceleration,

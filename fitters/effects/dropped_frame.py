@@ -58,6 +58,8 @@ EFFECT = Effect(
         ),
         Parameter("drop_width", "s", "w_d", lower=1e-9, default=1.0, constant=True, source="frame interval"),
     ),
+    component="clock",
+    absorbs=True,
     applies=any_model,
     cause="clock",
     plausibility=0.1,

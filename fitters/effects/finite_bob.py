@@ -12,6 +12,7 @@ EFFECT = Effect(
     equation=r"\ddot\theta_0\,\left(\frac{1}{1 + k} - 1\right)",
     source="Nelson and Olsson (1986), Am. J. Phys. 54, 112, section III",
     parameters=(Parameter("finite_bob", "1", "k", lower=-0.5, default=0.0),),
+    component="force-of-position",
     applies=swings,
     plausibility=0.3,
     acceleration=slowed,

@@ -42,6 +42,8 @@ EFFECT = Effect(
         Parameter("change_width", "s", "w_c", lower=1e-9, default=1.0, constant=True, source="frame interval"),
         turnover_parameter("change_turnover"),
     ),
+    component="force-of-velocity",
+    absorbs=True,
     applies=slides,
     plausibility=0.3,
     acceleration=acceleration,

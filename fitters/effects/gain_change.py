@@ -33,6 +33,8 @@ EFFECT = Effect(
         Parameter("gain_change", "1", "g", lower=-0.95, default=0.0),
         Parameter("gain_level", "{x}", "x_g", default=0.0, role="location"),
     ),
+    component="reading-of-position",
+    absorbs=True,
     applies=is_read_in_volts,
     cause="measurement",
     plausibility=0.1,

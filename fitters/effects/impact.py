@@ -28,6 +28,8 @@ EFFECT = Effect(
         Parameter("impact_time", "s", "t_i", default=0.0, role="location"),
         Parameter("impact_width", "s", "w_i", lower=1e-9, default=1.0, constant=True, source="frame interval"),
     ),
+    component="pulse",
+    absorbs=True,
     applies=moves_on_a_line,
     plausibility=0.5,
     acceleration=acceleration,

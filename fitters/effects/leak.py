@@ -18,6 +18,7 @@ EFFECT = Effect(
     equation=r"-l\,h",
     source="Hagen (1839) and Poiseuille (1840): laminar flow in proportion to the pressure",
     parameters=(Parameter("leak", "1/s", "l", lower=0.0, default=0.0),),
+    component="force-of-position",
     applies=drains,
     acceleration=acceleration,
     alike="the decay rate itself, where the decay is exponential",

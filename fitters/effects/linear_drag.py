@@ -33,6 +33,7 @@ EFFECT = Effect(
         power("linear_drag", 1.0, (0.5, 1.8), "viscous drag"),
         replace(SCALE, name="linear_drag_speed"),
     ),
+    component="force-of-velocity",
     applies=applies,
     acceleration=acceleration,
     trials=partial(at_usual_speed, 1.0),

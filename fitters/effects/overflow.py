@@ -49,6 +49,7 @@ EFFECT = Effect(
             source="a usual depth; another power gives the same flow there",
         ),
     ),
+    component="force-of-position",
     applies=drains,
     plausibility=0.3,
     acceleration=acceleration,

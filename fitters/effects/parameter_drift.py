@@ -21,6 +21,8 @@ EFFECT = Effect(
     equation=r"\ddot x_0\,\epsilon\,(t - t_0)",
     source="first-order expansion of a slowly varying parameter",
     parameters=(Parameter("parameter_drift", "1/s", r"\epsilon", default=0.0), start_parameter("drift_start")),
+    component="own-force-drift",
+    absorbs=True,
     applies=any_model,
     plausibility=0.3,
     acceleration=acceleration,

@@ -52,6 +52,8 @@ EFFECT = Effect(
         Parameter("forcing_phase", "rad", r"\varphi", default=0.0),
         start_parameter("forcing_start"),
     ),
+    component="periodic-force",
+    absorbs=True,
     applies=moves_on_a_line,
     plausibility=0.3,
     acceleration=acceleration,

@@ -28,6 +28,7 @@ EFFECT = Effect(
         power("quadratic_drag", 2.0, (1.2, 4.0), "form drag"),
         replace(SCALE, name="quadratic_drag_speed"),
     ),
+    component="force-of-velocity",
     applies=moves,
     acceleration=acceleration,
     trials=partial(at_usual_speed, 2.0),

@@ -24,6 +24,8 @@ EFFECT = Effect(
     equation=r"\mathbf{p}_\mathrm{seen} = \mathbf{p}\,(1 + k\,|\mathbf{p}|^2 / f^2)",
     source="Brown (1971), Photogrammetric Engineering 37, 855, first radial term",
     parameters=(Parameter("radial_distortion", "1", "k", default=0.0),),
+    component="reading-of-position",
+    absorbs=True,
     applies=lies_in_image,
     cause="measurement",
     plausibility=0.1,

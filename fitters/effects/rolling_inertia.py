@@ -18,6 +18,7 @@ EFFECT = Effect(
     equation=r"\ddot x_0\,\left(\frac{1}{1 + k} - 1\right)",
     source="Goldstein (1980), Classical Mechanics, section 1.4",
     parameters=(Parameter("rolling_inertia", "1", "k", lower=-0.5, default=0.0),),
+    component="force-of-position",
     applies=applies,
     plausibility=0.3,
     acceleration=slowed,

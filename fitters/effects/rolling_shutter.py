@@ -32,6 +32,8 @@ EFFECT = Effect(
     equation=r"\mathbf{p}_\mathrm{seen}(t) = \mathbf{p}\left(t + \tau\,(v_\mathrm{seen} - v_0) / H\right)",
     source="Liang, Chang and Chen (2008), IEEE Trans. Image Process. 17, 1323",
     parameters=(Parameter("rolling_shutter", "s", r"\tau", lower=-0.2, upper=0.2, default=0.0),),
+    component="reading-of-velocity",
+    absorbs=True,
     applies=lies_in_image,
     cause="measurement",
     plausibility=0.1,

@@ -43,6 +43,7 @@ EFFECT = Effect(
             source="-1 or 1, a diagnosis tries both",
         ),
     ),
+    component="force-of-position",
     applies=applies,
     plausibility=0.1,
     acceleration=acceleration,

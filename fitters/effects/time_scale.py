@@ -17,6 +17,8 @@ EFFECT = Effect(
     equation=r"t_\mathrm{true} = (1 + e)\,t",
     source="a frame rate of 30 instead of 29.97 is e = -0.1 %",
     parameters=(Parameter("time_scale", "1", "e", lower=-0.9, upper=9.0, default=0.0),),
+    component="clock",
+    absorbs=True,
     applies=any_model,
     plausibility=0.1,
     cause="clock",

@@ -46,6 +46,7 @@ EFFECT = Effect(
         ),
         turnover_parameter("weakening_turnover"),
     ),
+    component="force-of-velocity",
     applies=moves,
     plausibility=0.3,
     acceleration=acceleration,

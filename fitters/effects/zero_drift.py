@@ -21,6 +21,8 @@ EFFECT = Effect(
     equation=r"x_\mathrm{seen} = x + u\,(t - t_0)",
     source="first-order expansion of a slow drift of a sensor",
     parameters=(Parameter("zero_drift", "{x}/s", "u", default=0.0), start_parameter("zero_drift_start")),
+    component="zero-wander",
+    absorbs=True,
     applies=on_a_line,
     plausibility=0.3,
     cause="measurement",

@@ -20,6 +20,7 @@ EFFECT = Effect(
     equation=r"x_\mathrm{seen} = x + x_0",
     source="a tilt of the camera about its axis by x_0, for an angle",
     parameters=(Parameter("zero_offset", "{x}", "x_0", default=0.0),),
+    component="reading-of-position",
     applies=on_a_line,
     cause="measurement",
     observe=observe,

@@ -35,9 +35,7 @@ class NoisyResidual:
 
     def whitened(self, responses: Array, rho: float) -> Whitened:
         """The residual and responses (n, d, k) for noise that is correlated by ``rho`` over the median time step."""
-        steps = np.diff(self.t_s) / np.median(np.diff(self.t_s))
-        kept = rho**steps if rho > 0 else np.zeros_like(steps)
-        scale = np.concatenate([[1.0], 1.0 / np.sqrt(1.0 - kept**2)])
+        kept, scale = _memory(self.t_s, rho)
         jacobian = _white(self.jacobian / self.noise[:, :, None], kept, scale)
         basis, triangle = np.linalg.qr(jacobian / np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300))
         strength = np.abs(np.diag(triangle))
@@ -52,6 +50,18 @@ class NoisyResidual:
             max(values.size - basis.shape[1], 1),
             self.values.shape[1] * float(np.sum(np.log(scale))) - float(volume),
         )
+
+
+def white_noise_series(series: Array, t_s: Array, rho: float) -> Array:
+    """Innovations (n * d, k) of a series (n, d, k), for noise correlated by ``rho`` over the median step of ``t_s``."""
+    return _white(series, *_memory(t_s, rho))
+
+
+def _memory(t_s: Array, rho: float) -> tuple[Array, Array]:
+    """How much of the noise of each sample the next one keeps (n - 1,), and the scale of its innovations (n,)."""
+    steps = np.diff(t_s) / np.median(np.diff(t_s))
+    kept = rho**steps if rho > 0 else np.zeros_like(steps)
+    return kept, np.concatenate([[1.0], 1.0 / np.sqrt(1.0 - kept**2)])
 
 
 def _white(series: Array, kept: Array, scale: Array) -> Array:

@@ -1,39 +1,56 @@
-"""Find the effects that a model lacks: residual, score tests, refits, then the error before and after.
+"""Find the effects that a model lacks: where the residual lies, then names, then the error before and after.
 
-1. Hold out the end of each third of every clip, and search in the rest: fit the model, test every effect that applies
-by its score (its sensitivity, without what the fitted parameters can imitate, against the residual), refit with the
-best few, and add the effect that explains most if it is significant at 5 % over the whole library (autocorrelation
-allowed for), if it moves the trajectory by more than the stated errors of its samples, and if it improves the
-prediction of samples left out here and there. If no single effect is significant, try pairs. Repeat until no effect is
-significant. After each addition, remove the effects that are no longer needed and replace those with a better rival.
-2. Predict the samples that were held out: nothing above has seen them.
-3. Refit with all samples, and continue the search there: more samples show more. Effects whose interval holds zero are
-left out. The result lists the effects that explain the data as well as an added one, and an upper limit on every
-effect that was not added.
+1. Split the residual into components: force, reading, clock, input and noise, each with its share.
+2. Search the library as if it were complete: score tests (an effect's sensitivity, without what the fitted parameters
+imitate, against the residual), refits of the best few, single effects, pairs and triples, until nothing is significant.
+3. Where that explains the data to the noise, its effects are the answer, each with those that explain the data as well.
+Otherwise the world is open: an effect is kept where it improves the prediction of blocks that its fit did not see, and
+what is said of it depends on its rivals there (:mod:`iris_sysid.diagnosis.open_world`).
+4. The errors before and after over those blocks, the components that remain, values with errors that allow for them,
+and an upper limit on every effect that was not added.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fitters.components import marginal
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.library import EffectLibrary
 from iris_sysid.diagnosis.missing_force import missing_forces
 from iris_sysid.diagnosis.notes import diagnostic_notes, negative_damping_note, weak_notes
+from iris_sysid.diagnosis.open_world import Judgement, OpenWorld
 from iris_sysid.diagnosis.prediction_error import fitted_error
-from iris_sysid.diagnosis.refit import ModelWithEffects, with_free_geometry
+from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, with_free_geometry
+from iris_sysid.diagnosis.residual_components import clip_residual, components_of
 from iris_sysid.diagnosis.score_test import combined
 from iris_sysid.diagnosis.search_report import SearchReport, holds_zero
 from iris_sysid.diagnosis.stepwise_search import StepwiseSearch
-from iris_sysid.diagnosis.training import Training
+from iris_sysid.diagnosis.time_budget import STOPPED, TimeBudget
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
-from iris_sysid.types import Diagnosis, DiscoveredTerm, Effect, Errors, Estimate, FitResult, OdeModel, Trajectory
+from iris_sysid.types import (
+    Components,
+    Diagnosis,
+    DiagnosticNote,
+    DiscoveredTerm,
+    Effect,
+    EffectCause,
+    Errors,
+    Estimate,
+    Finding,
+    FitResult,
+    OdeModel,
+    Trajectory,
+)
 
 ABOVE_NOISE = 1.1  # residual / noise above which terms are suggested; the noise itself is known to a few percent
+COMPLETE = 1.3  # residual / noise up to which effects explain the data: of correlated noise the estimate is that unsure
+SEARCH_SHARE = 0.5  # of the time allowed, for the search in a closed world
 
 
 def diagnose(
@@ -44,9 +61,10 @@ def diagnose(
     free: Sequence[str] = (),
     effects: Sequence[str | Effect] | None = None,
     holdout: float = 0.3,
+    seconds: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
-    """Find the effects that a model lacks by score tests and refits, and measure the error before and after.
+    """Split a residual into components, name the effects that a model lacks, and measure the error before and after.
 
     Parameters
     ----------
@@ -62,7 +80,10 @@ def diagnose(
     effects
         Effects to test, or their names; by default every registered effect that applies to the model.
     holdout
-        Fraction of each third of a clip, at its end, that is held out: search and fits do not see it, and predict it.
+        Fraction of each short part of a clip, at its end, that is left out to validate an effect in the search.
+    seconds
+        After which the best answer so far is returned, with a note; no limit by default. So is it when the program is
+        interrupted (Ctrl-C) after the fit without effects.
     progress
         Called with a line of text at each step.
 
@@ -88,6 +109,7 @@ def diagnose(
     >>> [effect.name for effect in diagnose(clip, pendulum).added]
     ['quadratic-drag']
     """
+    budget = TimeBudget(seconds, progress or (lambda text: None))
     model, tested = MODELS.resolved(model), EFFECTS.all_resolved(EFFECTS if effects is None else effects)
     given = [trajectories] if isinstance(trajectories, Trajectory) else trajectories
     measured = [model.taken_from(clip)[0] for clip in given]
@@ -96,13 +118,38 @@ def diagnose(
     clips = [request for request, _ in fitted]
     base = _base(clips, tuple(fit for _, fit in fitted))
     library = EffectLibrary(tested, model, measured)
-    say = progress or (lambda text: None)
-    trained = Training.of(clips, model, library, base, holdout, say)
-    cache = FitCache(clips, model, library, base, holdout, say)
+    cache = FitCache(clips, model, library, base, holdout, budget.report)
     search = StepwiseSearch(cache)
-    known = trained.refitted(cache) if trained is not None else None
-    path = search.run_from(known) if known is not None else search.run()
-    return _diagnosis(cache, path, trained)
+    components = components_of(clips, base.fits)
+    world = OpenWorld(cache, components)
+    stopped = []
+    try:
+        budget.allow(SEARCH_SHARE)
+        search.run()
+    except STOPPED as why:
+        stopped.append(budget.note(why))
+    proposed = search.reached[-1]
+    complete = not stopped and _residual_ratio(proposed, base) <= COMPLETE
+    judgement = Judgement(base, world.uncovered([]), {})
+    try:
+        budget.allow(1.0)
+        if not complete:
+            judgement = world.judged(proposed)
+    except STOPPED as why:
+        stopped = [budget.note(why)]
+    budget.end()
+    answer = _of_complete(cache, world, search.reached) if complete else _of_open(cache, judgement)
+    return _diagnosis(cache, world, answer, components, stopped)
+
+
+def _residual_ratio(model: ModelWithEffects, base: ModelWithEffects) -> float:
+    """The residual over the noise of the measurement; 1 where that is zero."""
+    noise = _noise(base)
+    return fitted_error(model.fits, base.fits) / noise if noise > 0 else 1.0
+
+
+def _noise(base: ModelWithEffects) -> float:
+    return float(np.sqrt(np.mean([np.mean(fitted.noise**2) for fitted in base.fits])))
 
 
 def _base(clips: Sequence[FitRequest], fits: tuple[FitResult, ...]) -> ModelWithEffects:
@@ -115,44 +162,136 @@ def _base(clips: Sequence[FitRequest], fits: tuple[FitResult, ...]) -> ModelWith
     return ModelWithEffects.without_effects(clips, fits)
 
 
-def _diagnosis(cache: FitCache, path: Sequence[ModelWithEffects], trained: Training | None) -> Diagnosis:
-    """The diagnosis from the models that the search visited, the base first."""
-    base, report, weak = path[0], *_without_weak(cache, path[-1])
+@dataclass(frozen=True, eq=False, slots=True)
+class _Answer:
+    """What a search ended with, in the words of :class:`Diagnosis`; ``path`` are the models of each step."""
+
+    path: tuple[ModelWithEffects, ...]
+    finals: tuple[FitResult, ...]
+    added: tuple[Effect, ...]
+    nuisances: tuple[Effect, ...]
+    sizes: Mapping[str, Estimate]
+    probabilities: Mapping[str, Mapping[str, float]]
+    findings: tuple[Finding, ...]
+    report: SearchReport
+    weak: Sequence[tuple[str, Estimate]] = ()
+
+    @property
+    def final(self) -> ModelWithEffects:
+        """The model in the end."""
+        return self.path[-1]
+
+
+def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffects]) -> _Answer:
+    """The answer where the library explains the data to the noise: a likelihood can compare its effects."""
+    report, weak = _without_weak(cache, path[-1])
     final = report.final
-    path = [*path[:-1], final] if weak else path
-    rounds = [tuple(combined(scores) for scores in cache.screening(model).scores) for model in path]
-    noise = float(np.sqrt(np.mean([np.mean(fitted.noise**2) for fitted in base.fits])))
-    unknown = (float("nan"), float("nan"))
-    before, after = (trained.errors_before, trained.errors_after) if trained is not None else (unknown, unknown)
-    errors = Errors(fitted_error(final.fits, base.fits), *after)
-    lacking, remaining = missing_forces(
-        cache.clips[0], base.fits[0], final.fits[0], final.effects, errors.fitted > ABOVE_NOISE * noise
+    rivals = {effect.name: report.indistinguishable(effect) for effect in final.effects}
+    findings = world.of_complete(final, rivals)
+    said = {name for finding in findings if finding.word in ("named", "group") for name in finding.effects[:1]}
+    added = tuple(effect for effect in final.effects if effect.name in said)
+    return _Answer(
+        (*path[:-1], final),
+        report.finals(),
+        added,
+        tuple(effect for effect in final.effects if effect.name not in said),
+        {name: report.size(name) for name in final.sizes},
+        {effect.name: report.probabilities(effect) for effect in added},
+        (*findings, *world.uncovered(final.effects)),
+        report,
+        weak,
     )
+
+
+def _of_open(cache: FitCache, judgement: Judgement) -> _Answer:
+    """The answer where nothing explains the data to the noise."""
+    final = judgement.model
+    added = tuple(effect for effect in final.effects if not effect.absorbs)
+    finals = tuple(_with_components(clip, fitted) for clip, fitted in zip(cache.clips, final.fits, strict=True))
+    model = replace(final, fits=finals)
+    return _Answer(
+        (cache.base, final) if final.effects else (cache.base,),
+        finals,
+        added,
+        tuple(effect for effect in final.effects if effect.absorbs),
+        {name: pooled(model.sizes_of(name)) for name in final.sizes},
+        {effect.name: judgement.rivals[effect.name] for effect in added},
+        judgement.findings,
+        SearchReport(cache, final),
+    )
+
+
+def _with_components(clip: FitRequest, fitted: FitResult) -> FitResult:
+    """The fit with errors that allow for the components of its residual: they may have moved a value."""
+    residual = clip_residual(clip, fitted)
+    beside = None if residual is None else marginal(residual)
+    if beside is None:
+        return fitted
+    shift, covariance = beside
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0) + shift**2)
+    wider = {
+        name: replace(fitted.estimates[name], stderr=float(error), ci95=None)
+        for name, error in zip(fitted.free, errors, strict=True)
+        if error > fitted.estimates[name].stderr
+    }
+    return replace(fitted, estimates={**fitted.estimates, **wider})
+
+
+def _diagnosis(
+    cache: FitCache,
+    world: OpenWorld,
+    answer: _Answer,
+    components: Components | None,
+    stopped: Sequence[DiagnosticNote],
+) -> Diagnosis:
+    """The diagnosis from the answer of the search."""
+    base, final, report = cache.base, answer.final, answer.report
+    rounds = [tuple(combined(scores) for scores in cache.screening(model).scores) for model in answer.path]
+    noise, fitted = _noise(base), fitted_error(final.fits, base.fits)
+    before, after = world.heldout(base), world.heldout(final)
+    above = fitted > ABOVE_NOISE * noise
+    lacking, remaining = missing_forces(cache.clips[0], base.fits[0], final.fits[0], final.effects, above)
+    effects = {effect.name: effect for effect in (*cache.library.by_name.values(), *final.effects)}
     return Diagnosis(
         bases=base.fits,
-        finals=report.finals(),
-        added=final.effects,
-        sizes={name: report.size(name) for name in final.sizes},
+        finals=answer.finals,
+        added=answer.added,
+        sizes=answer.sizes,
         rounds=tuple(rounds),
-        indistinguishable={effect.name: report.indistinguishable(effect) for effect in final.effects},
-        probabilities={effect.name: report.probabilities(effect) for effect in final.effects},
-        causes={effect.name: report.causes(effect) for effect in final.effects},
+        indistinguishable={
+            name: tuple(other for other in shares if other != name) for name, shares in answer.probabilities.items()
+        },
+        probabilities=answer.probabilities,
+        causes={name: _causes(shares, effects) for name, shares in answer.probabilities.items()},
         ruled_out=tuple(report.limit(score) for score in rounds[-1]),
         before=Errors(fitted_error(base.fits, final.fits), *before),
-        after=errors,
+        after=Errors(fitted, *after),
         noise_floor=noise,
         unit=base.fits[0].model.observed[0].unit,
-        proposed=_proposed(cache.clips, final) if errors.fitted > ABOVE_NOISE * noise else (),
+        proposed=_proposed(cache.clips, final) if above else (),
         notes=(
+            *stopped,
             *diagnostic_notes(base.fits, rounds[0], cache.failed),
             *negative_damping_note(final.fits),
             *report.rejected(),
-            *weak_notes(weak),
-            *(trained.notes(final) if trained is not None else ()),
+            *weak_notes(answer.weak),
         ),
         missing_force=lacking,
         remaining_force=remaining,
+        components=components,
+        remaining=components_of(cache.clips, final.fits) if final.effects else components,
+        findings=answer.findings,
+        nuisances=answer.nuisances,
     )
+
+
+def _causes(shares: Mapping[str, float], effects: Mapping[str, Effect]) -> dict[EffectCause, float]:
+    """The share of the physics, the measurement and the clock in the names that explain the data, largest first."""
+    causes: dict[EffectCause, float] = {}
+    for name, share in shares.items():
+        cause = effects[name].cause
+        causes[cause] = causes.get(cause, 0.0) + share
+    return dict(sorted(causes.items(), key=lambda item: -item[1]))
 
 
 def _without_weak(cache: FitCache, final: ModelWithEffects) -> tuple[SearchReport, list[tuple[str, Estimate]]]:

@@ -56,12 +56,12 @@ def fitted_error(fits: Sequence[FitResult], others: Sequence[FitResult]) -> floa
     return _rms(np.concatenate(both))
 
 
-def prediction_error(
+def block_errors(
     clips: Sequence[FitRequest], trained: ModelWithEffects, left_out: Sequence[Indices]
-) -> tuple[float, float]:
-    """Error over samples that a fit did not see: root mean square, and in units of each sample's noise.
+) -> list[tuple[float, float]]:
+    """Mean squared errors over samples that a fit did not see, one pair a clip: in units of the noise, and plain.
 
-    NaN where one of the fits that predict fails.
+    Infinite where one of the fits that predict fails.
 
     Parameters
     ----------
@@ -72,21 +72,50 @@ def prediction_error(
     left_out
         Indices (m,) of these samples, one a clip.
     """
-    several = len(clips) > 1
+    errors = []
+    for k, (clip, unit, later) in enumerate(zip(clips, trained.units, left_out, strict=True)):
+        error = _error(k, clip, trained, later)
+        if error is None:
+            errors.append((float("inf"), float("inf")))
+            continue
+        with np.errstate(over="ignore"):  # a prediction that diverges is infinitely wrong
+            weighed = np.mean((error / unit[later[-len(error) :]]) ** 2)
+            errors.append((float(weighed), float(np.mean(error**2))))
+    return errors
+
+
+def prediction_error(
+    clips: Sequence[FitRequest], trained: ModelWithEffects, left_out: Sequence[Indices]
+) -> tuple[float, float]:
+    """Error over samples that a fit did not see: root mean square, and in units of each sample's noise.
+
+    NaN where one of the fits that predict fails.
+
+    Parameters
+    ----------
+    clips, trained, left_out
+        As for :func:`block_errors`.
+    """
     errors, weighed = [], []
-    for k, (clip, fitted, unit, later) in enumerate(zip(clips, trained.fits, trained.units, left_out, strict=True)):
-        known = without_samples(clip, later)
-        trial = _with_sizes_of_others(k, trained, known) if several and trained.effects else fitted
-        if not trial.usable:
+    for k, (clip, unit, later) in enumerate(zip(clips, trained.units, left_out, strict=True)):
+        error = _error(k, clip, trained, later)
+        if error is None:
             return float("nan"), float("nan")
-        seen = later[later >= int(np.searchsorted(clip.trajectory.t_s, trial.t0_s))]
-        values, stop = estimate_values(trial), int(later[-1]) + 1
-        predicted = predicted_by(trial, clip.trajectory, values, stop, tolerance=ACCURATE)
-        observed = clip.trajectory.position[:, observed_columns(trial, clip.trajectory)]
-        error = observed[seen] - predicted[seen]
         errors.append(error.ravel())
-        weighed.append((error / unit[seen]).ravel())
+        weighed.append((error / unit[later[-len(error) :]]).ravel())
     return _rms(np.concatenate(errors)), _rms(np.concatenate(weighed))
+
+
+def _error(k: int, clip: FitRequest, trained: ModelWithEffects, later: Indices) -> Array | None:
+    """Observed less predicted (m, d) of the k-th clip, at the samples left out that its motion reaches."""
+    several = len(trained.fits) > 1 and trained.effects
+    trial = _with_sizes_of_others(k, trained, without_samples(clip, later)) if several else trained.fits[k]
+    if not trial.usable:
+        return None
+    seen = later[later >= int(np.searchsorted(clip.trajectory.t_s, trial.t0_s))]
+    predicted = predicted_by(trial, clip.trajectory, estimate_values(trial), int(later[-1]) + 1, tolerance=ACCURATE)
+    observed = clip.trajectory.position[:, observed_columns(trial, clip.trajectory)]
+    return np.asarray(observed[seen] - predicted[seen])
 
 
 def validation_error(clips: Sequence[FitRequest], model: ModelWithEffects, share: float, parts: int) -> float:

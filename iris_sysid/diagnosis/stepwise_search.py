@@ -29,25 +29,26 @@ class StepwiseSearch:
     ----------
     cache
         Fits, score tests and prediction errors of every set of effects.
+
+    Attributes
+    ----------
+    reached
+        The models of the best path so far, the base first; what there is where the search is stopped.
     """
 
     def __init__(self, cache: FitCache) -> None:
         self._cache = cache
+        self.reached: tuple[ModelWithEffects, ...] = (cache.base,)
 
     def run(self) -> tuple[ModelWithEffects, ...]:
         """The models of each step: the base first, the last without any further significant effect."""
         base = self._cache.base
         path = self._continued([base])
+        self.reached = tuple(path)
         for start in self._together(path[-1]):
             path = self._better(path, start)
-        return tuple(path)
-
-    def run_from(self, known: ModelWithEffects) -> tuple[ModelWithEffects, ...]:
-        """The same, or the path from effects that were found in a part of the samples where that ends better."""
-        path = list(self.run())
-        if known.names <= path[-1].names:
-            return tuple(path)
-        return tuple(self._better(path, known))
+            self.reached = tuple(path)
+        return self.reached
 
     def _better(self, path: list[ModelWithEffects], start: ModelWithEffects) -> list[ModelWithEffects]:
         """The path, or one from another start where that ends better.
@@ -83,6 +84,8 @@ class StepwiseSearch:
                 break
             self._cache.report(f"added {', '.join(effect.name for effect in current.effects)}")
             path = [*path, current]
+            if len(path) > len(self.reached):
+                self.reached = tuple(path)
         return path
 
     def _in_another_form(self, current: ModelWithEffects, longer: ModelWithEffects) -> ModelWithEffects | None:

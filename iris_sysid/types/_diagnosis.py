@@ -29,8 +29,7 @@ NoteKind = Literal[
     "rejected-size",
     "negative-damping",
     "weak",
-    "late",
-    "not-predictive",
+    "stopped",
 ]
 
 
@@ -95,9 +94,8 @@ class Limit:
 class Errors:
     """Root mean square of the residual, in the observed unit: over the samples fitted, and over those held out.
 
-    The end of each third of a clip is held out from the search and from the fits, and predicted. With several clips,
-    the size of every added effect comes from the other clips. ``weighed`` is the held-out error in units of each
-    sample's noise.
+    Blocks of each clip are left out in turn, as a whole, and predicted by the fit to the rest. With several clips, the
+    size of every effect comes from the other clips. ``weighed`` is the held-out error in units of each sample's noise.
     NaN where nothing could be held out.
     """
 
@@ -114,9 +112,8 @@ class DiagnosticNote:
     of the library applies, or the fitted parameters imitate all of them. ``refit-failed``: an effect could not be
     fitted. ``rejected-sign``: the residual fits an effect whose size would add energy, or water. ``rejected-size``: it
     fits an effect that changes the trajectory by less than its stated errors. ``negative-damping``: a damping of the
-    model is below zero. ``weak``: an effect was significant, but the interval of its size holds zero. ``late``: the
-    hold-out does not test an effect that is named. ``not-predictive``: what was found in the beginning of the clips
-    predicts the held-out rest no better than the model alone.
+    model is below zero. ``weak``: an effect was significant, but the interval of its size holds zero. ``stopped``: the
+    search ended before all was tried.
     """
 
     kind: NoteKind

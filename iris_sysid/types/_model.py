@@ -11,6 +11,7 @@ import numpy as np
 
 from iris_sysid.errors import DataError
 from iris_sysid.types._arrays import Array
+from iris_sysid.types._components import ComponentKind
 from iris_sysid.types._display import text_of, with_units
 from iris_sysid.types._motion import Trajectory
 from iris_sysid.types._numbers import Quantity
@@ -249,6 +250,9 @@ class Effect(Portable):
     ``nearby(t_s (n,), shape)``, where given, returns others around such values, which are then chosen, not fitted.
     ``sensible(t_s (n,), params)``, where given, says whether fitted parameters still mean the effect in a clip.
     ``example``, which every registered effect has, is a case for the contract tests.
+    ``component`` is the part of a residual that it is: it competes with the other effects of that part. ``absorbs``:
+    it can imitate a piece of anything (a force of any frequency, a blow at any moment), so that it is named only where
+    the equation with it explains the data to the noise.
     ``recurrence`` says what a second clip of the same set-up has of it: ``always`` the same size, ``anew`` a size of
     its own (a drift, a force of any phase), or ``once`` nothing, because it was an accident.
     ``scaling`` holds the powers of the body's ``mass`` and ``radius``, of a cord's ``length``, and of the stiffness of
@@ -275,6 +279,8 @@ class Effect(Portable):
     sensible: Callable[[Array, Sequence[float]], bool] | None = None
     recurrence: Recurrence = "always"
     scaling: Mapping[str, float] = field(default_factory=dict)
+    component: ComponentKind | None = None
+    absorbs: bool = False
 
     def factor(self, body: Mapping[str, float]) -> float | None:
         """The factor on the size with another body, from those on its mass, radius or cord; None where not known."""

@@ -1,0 +1,126 @@
+"""The error of a model over blocks that its fit did not see, and how sure a difference of two such errors is.
+
+The used samples of a clip are cut into blocks of equal length. All but the first, which fixes the initial state, are
+left out in turn as a whole; the model is fitted to the rest and predicts them from the initial state, without looking
+at a sample in between. Neighbouring samples share their noise and what the model lacks; blocks hardly do, so that the
+scatter over blocks tells how sure a difference is (block bootstrap: Kuensch 1989, Ann. Stat. 17, 1217).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitters.ode import FitRequest
+from iris_sysid.diagnosis.prediction_error import Indices, block_errors, without_samples
+from iris_sysid.diagnosis.refit import ModelWithEffects, fit_from, free_values
+from iris_sysid.types import Array, FitResult
+
+BLOCKS = 8  # of a clip that are left out in turn
+FEW_BLOCKS = 4  # the same where there are several clips
+SAMPLES_A_VALUE = 2  # samples per free value that a fit needs after a block is left out
+DRAWS = 2000  # of blocks with replacement
+SEED = 0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class BlockErrors:
+    """Mean squared errors over blocks (b,), in units of the noise, and (b,) their samples; ``rms`` in observed units.
+
+    Infinite where a fit without a block failed.
+    """
+
+    squares: Array
+    counts: Array
+    rms: float
+
+    @property
+    def mean(self) -> float:
+        """The mean squared error of a sample, in units of the noise."""
+        return float(np.average(self.squares, weights=self.counts))
+
+    def share_below(self, other: BlockErrors) -> float:
+        """The share of block bootstraps in which this error is smaller than another one over the same blocks."""
+        return float(np.mean(_draws(other, self) > 0))
+
+    def gain_over(self, other: BlockErrors) -> tuple[float, float]:
+        """By how much this mean error is smaller than another one, and the block standard error of that."""
+        draws = _draws(other, self)
+        return other.mean - self.mean, float(np.std(draws))
+
+
+def _draws(worse: BlockErrors, better: BlockErrors) -> Array:
+    """Differences of the mean errors in bootstraps of the blocks (DRAWS,)."""
+    with np.errstate(invalid="ignore"):
+        difference = np.nan_to_num(worse.squares - better.squares, nan=0.0, posinf=1e30, neginf=-1e30)
+    drawn = np.random.default_rng(SEED).integers(difference.size, size=(DRAWS, difference.size))
+    weights = worse.counts[drawn]
+    return np.asarray(np.sum(weights * difference[drawn], axis=1) / np.sum(weights, axis=1))
+
+
+def wins(errors: Mapping[str, BlockErrors]) -> dict[str, float]:
+    """The share of block bootstraps in which each of several models has the smallest error, the largest share first.
+
+    Parameters
+    ----------
+    errors
+        By name, over the same blocks.
+    """
+    names = list(errors)
+    first = errors[names[0]]
+    means = np.stack([_draws(first, errors[name]) for name in names])
+    counts = np.bincount(np.argmax(means, axis=0), minlength=len(names)) / means.shape[1]
+    return {names[k]: float(counts[k]) for k in np.argsort(-counts, kind="stable")}
+
+
+def blocks_of(fitted: FitResult, count: int) -> list[Indices]:
+    """Indices (m,) of the samples of each block that is left out; empty where too few would be left."""
+    used = np.flatnonzero(fitted.used)
+    parts = np.array_split(used, count + 1)[1:]
+    largest = max((part.size for part in parts), default=0)
+    enough = largest > 0 and used.size - largest >= SAMPLES_A_VALUE * len(fitted.free)
+    return [np.asarray(part, dtype=np.intp) for part in parts] if enough else []
+
+
+def held_out_errors(
+    clips: Sequence[FitRequest], model: ModelWithEffects, blocks: Sequence[Sequence[Indices]]
+) -> BlockErrors:
+    """The errors of a model over blocks that its fits did not see; with several clips sizes come from the others.
+
+    Parameters
+    ----------
+    clips
+        The fit requests with all samples.
+    model
+        The fits to them.
+    blocks
+        Those of each clip, from :func:`blocks_of`.
+    """
+    squares, counts, sums = [], [], []
+    for left_out in zip(*blocks, strict=True):
+        fits = tuple(
+            fit_from(_rough(without_samples(clip, later)), fitted.model, free_values(fitted))
+            for clip, fitted, later in zip(clips, model.fits, left_out, strict=True)
+        )
+        for weighed, plain in block_errors(clips, replace(model, fits=fits), left_out):
+            squares.append(weighed)
+            sums.append(plain)
+        counts += [later.size for later in left_out]
+    every = np.array(counts, dtype=np.float64)
+    rms = float(np.sqrt(np.average(np.array(sums), weights=every))) if every.size else float("nan")
+    return BlockErrors(np.array(squares), every, rms)
+
+
+def _rough(clip: FitRequest) -> FitRequest:
+    """A fit that starts at the minimum of nearly the same samples needs no more."""
+    return clip.with_(options=replace(clip.options, rough=True))
+
+
+def every_block(fits: Sequence[FitResult]) -> list[list[NDArray[np.intp]]]:
+    """The blocks of all clips, as many of each; none where a clip is too short."""
+    count = BLOCKS if len(fits) == 1 else FEW_BLOCKS
+    blocks = [blocks_of(fitted, count) for fitted in fits]
+    return blocks if all(blocks) else []

@@ -1,0 +1,308 @@
+"""Names in an open world: what can be said of a residual that no effect of the library explains to the noise.
+
+No model is exactly right for measured data, and the likelihoods of two models that are both wrong prefer one at random
+(Yang and Zhu 2018, PNAS 115, 1854). So an effect is kept only where it improves the free-run prediction of blocks that
+its fit did not see, in most bootstraps of the blocks; it is named only where its rivals do worse there; and what can
+imitate a piece of anything (a force of any frequency, a blow at any moment) is fitted, but not named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from iris_sysid.diagnosis.fit_cache import FitCache
+from iris_sysid.diagnosis.held_out_blocks import BlockErrors, every_block, held_out_errors, wins
+from iris_sysid.diagnosis.refit import ModelWithEffects, Starts, pooled
+from iris_sysid.diagnosis.residual_components import ranked_effects
+from iris_sysid.diagnosis.screening import Candidate
+from iris_sysid.types import Component, Components, Effect, Finding, normal_isf
+
+MAX_EFFECTS = 3  # that are kept
+AT_ONCE = 2  # effects that are tried together
+TRIED = 4  # best sets that are refitted in each round
+SURE = 0.9  # share of block bootstraps in which an effect must improve the prediction
+WINS = 0.8  # share of block bootstraps in which a named effect must predict better than a rival
+RIVALS = 3  # of an effect that are refitted
+SMALLEST_SHARE = 0.03  # of the residual's variance that an effect must remove
+EVIDENT_SHARE = 0.2  # the same of one that can imitate anything
+LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is told
+Z_975 = normal_isf(0.025)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Judgement:
+    """The model in the end, what is said of each part of the residual, and the rivals of each effect.
+
+    ``rivals`` holds, by effect, the probability of it and of those that predict as well.
+    """
+
+    model: ModelWithEffects
+    findings: tuple[Finding, ...]
+    rivals: dict[str, dict[str, float]]
+
+
+class OpenWorld:
+    """The effects that improve the prediction of blocks left out, and what can be said of them.
+
+    Parameters
+    ----------
+    cache
+        Refits of the clips.
+    components
+        Of the residual of the model without effects; None where they are not known.
+    """
+
+    def __init__(self, cache: FitCache, components: Components | None) -> None:
+        self._cache, self._components = cache, components
+        self._blocks = every_block(cache.base.fits)
+        self._errors: dict[frozenset[str], BlockErrors] = {}
+
+    @property
+    def testable(self) -> bool:
+        """Whether the clips are long enough to leave out blocks."""
+        return bool(self._blocks)
+
+    def errors(self, model: ModelWithEffects) -> BlockErrors:
+        """The errors of a model over blocks that its fits did not see."""
+        if model.key not in self._errors:
+            self._cache.report(f"predicting blocks left out with {', '.join(model.names_in_order) or 'no effect'}")
+            self._errors[model.key] = held_out_errors(self._cache.clips, model, self._blocks)
+        return self._errors[model.key]
+
+    def heldout(self, model: ModelWithEffects) -> tuple[float, float]:
+        """The error over blocks left out: root mean square, in the observed unit and in units of the noise; or NaN."""
+        if not self.testable:
+            return float("nan"), float("nan")
+        errors = self.errors(model)
+        return errors.rms, float(np.sqrt(errors.mean))
+
+    def judged(self, proposed: ModelWithEffects) -> Judgement:
+        """Keep the effects that predict, and say what each is.
+
+        Parameters
+        ----------
+        proposed
+            What a search in a closed world ended with.
+        """
+        if not self.testable:
+            return Judgement(self._cache.base, self.uncovered([]), {})
+        current = self._with_nuisances(self._with_formulas(proposed), proposed)
+        current = self._pruned(current)
+        rivals = {effect.name: self._rivals(current, effect) for effect in current.effects}
+        findings = [self._finding(current, effect, tuple(rivals[effect.name])) for effect in current.effects]
+        return Judgement(current, (*findings, *self.uncovered(current.effects)), rivals)
+
+    def of_complete(self, model: ModelWithEffects, rivals: Mapping[str, Sequence[str]]) -> tuple[Finding, ...]:
+        """The findings on a model that explains the data to the noise: a likelihood can tell effects apart there.
+
+        What can imitate anything is named there too, if it is a good part of the residual, and the part that the
+        components say.
+
+        Parameters
+        ----------
+        model
+            The final model.
+        rivals
+            By effect, those that explain the data as well.
+        """
+        findings = []
+        for effect in model.effects:
+            names, share = (effect.name, *rivals.get(effect.name, ())), self._removed(model, effect)
+            if effect.absorbs and not self._is_evident(model, effect):
+                findings.append(_absorbing(effect, share))
+            elif len(names) > 1:
+                findings.append(Finding("group", effect.component, names, share, "the data cannot tell them apart"))
+            else:
+                findings.append(Finding("named", effect.component, names, share))
+        return tuple(findings)
+
+    def _is_evident(self, model: ModelWithEffects, effect: Effect) -> bool:
+        """Whether an effect is a good part of the residual, and of the kind that the components say."""
+        rest = self._cache.without(model, effect)
+        large = not rest.usable or self._share(rest, model) >= EVIDENT_SHARE
+        parts = () if self._components is None else self._components.parts
+        kinds = {kind for part in parts for kind in (part.kind, *part.similar)}
+        return large and (effect.component in kinds or not parts)
+
+    # the search ------------------------------------------------------------------------------------------------------
+
+    def _with_formulas(self, proposed: ModelWithEffects) -> ModelWithEffects:
+        """The base with the effects that have a formula and improve the prediction, one or two at a time."""
+        current = self._cache.base
+        own = [effect for effect in proposed.effects if not effect.absorbs]
+        first = [self._cache.with_effects(own, _starts(proposed, own))] if own else []
+        while len(current.effects) < MAX_EFFECTS:
+            models = [*first, *self._refits(current)]
+            first = []
+            found = self._best(current, [model for model in models if len(model.effects) <= MAX_EFFECTS])
+            if found is None:
+                break
+            current = found
+        return current
+
+    def _refits(self, current: ModelWithEffects) -> list[ModelWithEffects]:
+        """Refits of the best sets of one and two more effects, ranked to first order beside a flexible rest."""
+        screening, testable = self._cache.screening(current), self._cache.testable(current)
+        names = [name for name in screening.names if name in testable and not self._library[name].absorbs]
+        names = [name for name in names if self._cache.library.allows(screening.single(name)) or current.far_off]
+        effects = {name: (self._library[name], screening.scores_of(name)[0].shape) for name in names}
+        odds = {name: float(np.log(self._library[name].plausibility)) for name in names}
+        ranked = ranked_effects(self._cache.clips, current.fits, effects, odds, AT_ONCE)
+        singles = [each for each in ranked if len(each.sizes) == 1]
+        few = [each for each in ranked if each.sizes][:TRIED]
+        chosen = [*few, *(each for each in singles[:AT_ONCE] if each not in few)]
+        models = [self._added(current, dict(each.sizes)) for each in chosen]
+        return [model for model in models if self._allowed(model)]
+
+    def _added(self, current: ModelWithEffects, sizes: dict[str, float]) -> ModelWithEffects:
+        screening = self._cache.screening(current)
+        shapes = {name: screening.scores_of(name) for name in sizes}
+        starts = tuple(
+            {name: (size, shapes[name][k].shape) for name, size in sizes.items()} for k in range(len(current.fits))
+        )
+        return self._cache.with_added(current, Candidate(tuple(sizes), starts, 0.0, 1.0))
+
+    def _allowed(self, model: ModelWithEffects) -> bool:
+        """Whether a refit succeeded, with sizes that are possible, each excluding zero."""
+        if not model.usable or not self._cache.library.allows_fit(model):
+            return False
+        sizes = [pooled(model.sizes_of(effect.parameters[0].name)) for effect in model.effects]
+        return all(abs(size.value) > Z_975 * size.stderr > 0 for size in sizes)
+
+    def _best(self, current: ModelWithEffects, models: Sequence[ModelWithEffects]) -> ModelWithEffects | None:
+        """The simplest model within one block standard error of the best of those that predict surely better."""
+        before = self.errors(current)
+        better = [
+            model
+            for model in models
+            if self._allowed(model)
+            and model.key != current.key
+            and self.errors(model).share_below(before) >= SURE
+            and self._share(current, model) >= SMALLEST_SHARE
+        ]
+        if not better:
+            return None
+        best = min(better, key=lambda model: self.errors(model).mean)
+        near = [model for model in better if self._is_near(model, best)]
+        return min(near, key=lambda model: (len(model.effects), self.errors(model).mean))
+
+    def _is_near(self, model: ModelWithEffects, best: ModelWithEffects) -> bool:
+        gain, stderr = self.errors(best).gain_over(self.errors(model))
+        return model is best or gain < stderr
+
+    def _share(self, before: ModelWithEffects, after: ModelWithEffects) -> float:
+        """The fraction of the residual's sum of squares without effects that a step removes."""
+        return (before.squares - after.squares) / max(self._cache.base.squares, 1e-300)
+
+    def _with_nuisances(self, current: ModelWithEffects, proposed: ModelWithEffects) -> ModelWithEffects:
+        """The model with those of the proposed effects that imitate anything and improve the prediction as well."""
+        for effect in proposed.effects:
+            screening = self._cache.screening(current)
+            if not effect.absorbs or effect.name not in screening.names:
+                continue
+            model = self._cache.with_added(current, screening.single(effect.name))
+            if self._best(current, [model]) is not None:
+                current = model
+        return current
+
+    def _pruned(self, current: ModelWithEffects) -> ModelWithEffects:
+        """The model without the effects whose removal does not harm the prediction."""
+        for effect in current.effects:
+            if len(current.effects) < 2:
+                break
+            rest = self._cache.without(current, effect)
+            if rest.usable and self.errors(current).share_below(self.errors(rest)) < SURE:
+                current = rest
+        return current
+
+    # what is said ----------------------------------------------------------------------------------------------------
+
+    @property
+    def _library(self) -> dict[str, Effect]:
+        return self._cache.library.by_name
+
+    def _finding(self, model: ModelWithEffects, effect: Effect, names: tuple[str, ...]) -> Finding:
+        share = self._removed(model, effect)
+        if effect.absorbs:
+            return _absorbing(effect, share)
+        if len(names) > 1:
+            return Finding("group", effect.component, names, share, "blocks that were left out are predicted as well")
+        return Finding("named", effect.component, names, share)
+
+    def _removed(self, model: ModelWithEffects, effect: Effect) -> float:
+        """The fraction of the error over blocks left out that an effect removes, the others being in the model."""
+        if not self.testable:
+            return float("nan")
+        rest = self._cache.without(model, effect)
+        if not rest.usable:
+            return float("nan")
+        base = self.errors(self._cache.base).mean
+        gain = self.errors(rest).mean - self.errors(model).mean
+        return float(gain / base) if np.isfinite(gain) and base > 0 else float("nan")
+
+    def _rivals(self, model: ModelWithEffects, effect: Effect) -> dict[str, float]:
+        """An effect and those that predict the blocks as well in its place, with the share of bootstraps each wins."""
+        rest = self._cache.without(model, effect)
+        if effect.absorbs or not rest.usable:
+            return {effect.name: 1.0}
+        screening = self._cache.screening(rest)
+        others = {name: self._cache.with_added(rest, screening.single(name)) for name in self._worth(rest, effect)}
+        near = {
+            name: self.errors(rival)
+            for name, rival in others.items()
+            if self._allowed(rival) and self.errors(model).share_below(self.errors(rival)) < WINS
+        }
+        shares = wins({effect.name: self.errors(model), **near})
+        exact = [name for name in screening.parallel(effect.name) if name not in shares and name not in model.names]
+        each = shares[effect.name] / (1 + len(exact))
+        return {**shares, effect.name: each, **dict.fromkeys(exact, each)}
+
+    def _worth(self, rest: ModelWithEffects, effect: Effect) -> list[str]:
+        """The rivals of an effect that are refitted: the best of its component, and the best of all."""
+        screening, testable = self._cache.screening(rest), self._cache.testable(rest)
+        allowed = [
+            name
+            for name in screening.names
+            if name in testable
+            and name != effect.name
+            and not self._library[name].absorbs
+            and (self._cache.library.allows(screening.single(name)) or rest.far_off)
+        ]
+        best = sorted(allowed, key=lambda name: -screening.score(name).gain)[:RIVALS]
+        same = [name for name in allowed if self._library[name].component == effect.component][:RIVALS]
+        return list(dict.fromkeys([*same, *best]))
+
+    def uncovered(self, effects: Sequence[Effect]) -> tuple[Finding, ...]:
+        """The components that no effect of the model belongs to."""
+        if self._components is None:
+            return ()
+        kinds = {effect.component for effect in effects}
+        left = [part for part in self._components.parts if not kinds & {part.kind, *part.similar}]
+        return tuple(_located(part) for part in left if part.share >= LOCATED_SHARE)
+
+
+def _starts(model: ModelWithEffects, effects: Sequence[Effect]) -> tuple[Starts, ...]:
+    """The fitted sizes and shapes of some effects of a model, one a clip."""
+    return tuple(
+        {
+            effect.name: (values[0], tuple(values[1:]))
+            for effect in effects
+            for values in [[fitted.estimates[parameter.name].value for parameter in effect.parameters]]
+        }
+        for fitted in model.fits
+    )
+
+
+def _absorbing(effect: Effect, share: float) -> Finding:
+    reason = f"it can imitate a part of anything, and there is no other evidence of {effect.name.replace('-', ' ')}"
+    return Finding("located", effect.component, (effect.name,), share, reason)
+
+
+def _located(part: Component) -> Finding:
+    if part.similar:
+        reason = f"{', '.join(part.similar)} would explain it as well"
+        return Finding("open" if len(part.similar) > AT_ONCE else "located", part.kind, (), part.share, reason)
+    return Finding("located", part.kind, (), part.share, "no formula of the library fits it")
