@@ -1,0 +1,52 @@
+"""Readings that are a curve of the position: its middle and its reach are taken from the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from iris_sysid.types import Array, Parameter
+
+MOST = 0.3  # of the motion's reach: a reading that is farther off is no error of a reading
+
+
+def middle_and_reach(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
+    """The median of the motion and its largest distance from there, as the only values to try.
+
+    ``t_s`` (n,), s; ``observed`` (n, d), in the observed unit.
+    """
+    middle = float(np.nanmedian(observed))
+    return [(middle, float(np.nanmax(np.abs(observed - middle))))]
+
+
+def middle_parameter(name: str) -> Parameter:
+    """The position from which the curve is counted, so that no result depends on the zero of the scale."""
+    return Parameter(
+        name, "{x}", "x_m", default=0.0, constant=True, role="shape",
+        source="a diagnosis takes the median of the motion",
+    )  # fmt: skip
+
+
+def reach_parameter(name: str) -> Parameter:
+    """The largest distance from the middle, at which an error of the reading must still be a small part."""
+    return Parameter(
+        name, "{x}", "x_r", lower=1e-12, default=1.0, constant=True, role="shape",
+        source="a diagnosis takes the largest distance from the median",
+    )  # fmt: skip
+
+
+def small_part(power: int, t_s: Array, params: Sequence[float]) -> bool:
+    """Whether the error at the motion's reach is a small part of it.
+
+    Parameters
+    ----------
+    power
+        Of the distance from the middle, with which the error grows.
+    t_s
+        (n,) s, not used.
+    params
+        Size, middle and reach.
+    """
+    size, _, reach = params
+    return abs(size) * reach ** (power - 1) < MOST
