@@ -12,19 +12,21 @@ MOST = 0.3  # of the motion's reach: a reading that is farther off is no error o
 
 
 def middle_and_reach(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
-    """The median of the motion and its largest distance from there, as the only values to try.
+    """The middle of the motion, where a swing rests, and its largest distance from there, as the only values to try.
 
-    ``t_s`` (n,), s; ``observed`` (n, d), in the observed unit.
+    The mean under a window of Hann, to which whole swings and parts of them add nothing. ``t_s`` (n,), s;
+    ``observed`` (n, d), in the observed unit.
     """
-    middle = float(np.nanmedian(observed))
-    return [(middle, float(np.nanmax(np.abs(observed - middle))))]
+    known = observed[np.isfinite(observed).all(axis=1)]
+    middle = float(np.average(known[:, 0], weights=np.hanning(len(known) + 2)[1:-1]))
+    return [(middle, float(np.max(np.abs(known - middle))))]
 
 
 def middle_parameter(name: str) -> Parameter:
     """The position from which the curve is counted, so that no result depends on the zero of the scale."""
     return Parameter(
         name, "{x}", "x_m", default=0.0, constant=True, role="shape",
-        source="a diagnosis takes the median of the motion",
+        source="a diagnosis takes the mean of the motion, its ends weighed less",
     )  # fmt: skip
 
 
@@ -32,7 +34,7 @@ def reach_parameter(name: str) -> Parameter:
     """The largest distance from the middle, at which an error of the reading must still be a small part."""
     return Parameter(
         name, "{x}", "x_r", lower=1e-12, default=1.0, constant=True, role="shape",
-        source="a diagnosis takes the largest distance from the median",
+        source="a diagnosis takes the largest distance from the middle",
     )  # fmt: skip
 
 

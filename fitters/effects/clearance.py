@@ -10,6 +10,7 @@ from fitters.effects._domain import is_pulled_back
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 SHARES = (0.03, 0.06, 0.12, 0.25, 0.5)  # of the motion's reach, tried as half of the gap
+STEPS = 2.0 ** -np.arange(6)  # powers of two by which a gap is moved, down to 2 %
 CORNER = 8  # sharpness of the edge of the gap, smooth for the integrator
 
 
@@ -27,6 +28,11 @@ def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
     return [(share * reach,) for share in SHARES]
 
 
+def nearby(t_s: Array, shape: tuple[float, ...]) -> list[tuple[float, ...]]:
+    """Wider and narrower gaps: beyond a gap only its product with the share counts. ``t_s`` (n,), s, is not used."""
+    return [(float(shape[0] * factor),) for factor in 2.0 ** np.concatenate([-STEPS, STEPS])]
+
+
 def sensible(t_s: Array, params: Sequence[float]) -> bool:
     """Whether something is taken away, and not added. ``t_s`` (n,), s, is not used."""
     return params[0] > 0
@@ -39,13 +45,23 @@ EFFECT = Effect(
     source="dead zone; Nordin and Gutman (2002), Automatica 38, 1633, section 2",
     parameters=(
         Parameter("clearance", "1", "s", lower=-1.0, upper=1.5, default=0.0),
-        Parameter("clearance_gap", "{x}", "x_c", lower=1e-12, default=0.1, role="location"),
+        Parameter(
+            "clearance_gap",
+            "{x}",
+            "x_c",
+            lower=1e-12,
+            default=0.1,
+            constant=True,
+            source="half of the gap that fits best",
+            role="location",
+        ),
     ),
     applies=is_pulled_back,
     plausibility=0.1,
     acceleration=acceleration,
     alike="cubic-stiffness; odd-reading",
     trials=trials,
+    nearby=nearby,
     sensible=sensible,
     example=EffectExample("linear-oscillator", size=0.05),
 )

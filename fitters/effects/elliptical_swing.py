@@ -23,7 +23,7 @@ def observe(t_s: Array, observed: Array, velocity: Array, params: Array) -> Arra
     """
     square, rate = params
     across = velocity / rate
-    turn = PRECESSION * rate * cumulative_trapezoid(observed**2 + across**2, t_s, axis=0, initial=0.0)
+    turn = PRECESSION * rate * cumulative_trapezoid(observed**2 + across**2, t_s, axis=0, initial=0)
     ratio = np.emath.sqrt(square)
     return np.asarray((observed * np.cos(ratio * turn) + across * ratio * np.sin(ratio * turn)).real)
 

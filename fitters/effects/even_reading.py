@@ -32,7 +32,7 @@ EFFECT = Effect(
     cause="measurement",
     plausibility=0.02,  # less than the physical forms, also where no sensor is stated
     observe=observe,
-    alike="camera-tilt and wrong-pivot, the physical forms of it for a camera; gain-change, of a gauge; quadratic forces",
+    alike="camera-tilt and wrong-pivot, its physical forms for a camera; gain-change, of a gauge; quadratic forces",
     trials=middle_and_reach,
     sensible=partial(small_part, 2),
     example=EffectExample("pendulum", size=0.05),

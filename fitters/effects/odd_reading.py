@@ -32,7 +32,7 @@ EFFECT = Effect(
     cause="measurement",
     plausibility=0.008,  # less than the physical forms, also where no sensor is stated
     observe=observe,
-    alike="radial-distortion, the physical form of it for a camera; cubic-stiffness; clearance",
+    alike="radial-distortion, its physical form for a camera; cubic-stiffness; clearance",
     trials=middle_and_reach,
     sensible=partial(small_part, 3),
     example=EffectExample("pendulum", size=0.05),
