@@ -32,9 +32,9 @@ def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
 
 
 def sensible(t_s: Array, params: Sequence[float]) -> bool:
-    """Whether the critical speed is one of the clip's: else it is plain drag. ``t_s`` (n,), s, is not used."""
-    _, critical, fastest = params
-    return SLOWEST * fastest < critical < FASTEST * fastest
+    """Whether it brakes, and the critical speed is one of the clip's: else it is plain drag. ``t_s`` is not used."""
+    drag, critical, fastest = params
+    return drag > 0 and SLOWEST * fastest < critical < FASTEST * fastest
 
 
 EFFECT = Effect(
@@ -43,7 +43,7 @@ EFFECT = Effect(
     equation=r"-c\,|\dot x|\,\dot x\,\left(1 - \frac{3/4}{1 + e^{-(|\dot x| - v_c) / 0.1 v_c}}\right)",
     source="Achenbach (1972), J. Fluid Mech. 54, 565: a smooth sphere at a Reynolds number of 2 to 4 x 10^5",
     parameters=(
-        Parameter("drag_crisis", "1/{x}", "c", lower=0.0, default=0.0),
+        Parameter("drag_crisis", "1/{x}", "c", default=0.0),  # below zero: for plain drag to say
         Parameter(
             "crisis_speed",
             "{x}/s",

@@ -30,7 +30,7 @@ def clip(name: str, values: dict[str, float], hidden: dict[str, float], seconds:
 
 
 def test_what_only_takes_energy_or_water_away_has_no_size_below_zero():
-    frictions = ["coulomb-friction", "drag-crisis", "linear-drag", "quadratic-drag", "velocity-weakening-friction"]
+    frictions = ["coulomb-friction", "linear-drag", "quadratic-drag", "velocity-weakening-friction"]
     assert sorted(ONE_SIDED) == sorted([*frictions, "leak", "overflow"])
 
 
