@@ -126,7 +126,8 @@ class Registry(Mapping[str, Item], Generic[Item]):
 
     def __repr__(self) -> str:
         names = list(self.summaries())
-        return textwrap.fill(f"{len(names)} of {self.item_type.__name__}: {', '.join(names)}", 160)
+        text = f"{len(names)} of {self.item_type.__name__}: {', '.join(names)}"
+        return textwrap.fill(text, 160, max_lines=3, placeholder=" ...", break_on_hyphens=False)
 
     def summaries(self) -> dict[str, str]:
         """The one-line summary of every item by name, read from the source where it stands there literally.

@@ -34,6 +34,16 @@ def is_pulled_back(model: OdeModel) -> bool:
     return moves_on_a_line(model) and not slides(model) and not falls
 
 
+def falls(model: OdeModel) -> bool:
+    """Whether the model is of a body that falls or is thrown: along lengths, under gravity, and on no board."""
+    return moves(model) and model.states[0].unit == "m" and bool(model.with_role("gravity")) and not slides(model)
+
+
+def hangs(model: OdeModel) -> bool:
+    """Whether the model is of one angle that swings under gravity."""
+    return swings(model) and bool(model.with_role("gravity"))
+
+
 def drains(model: OdeModel) -> bool:
     """Whether the model is of first order in quantities of one kind: levels, or a brightness, that go down."""
     return not model.second_order and len({state.unit for state in model.states}) == 1
@@ -52,6 +62,11 @@ def is_read_in_volts(model: OdeModel) -> bool:
 def lies_in_image(model: OdeModel) -> bool:
     """Whether what is observed may be a place in an image: an angle about a pivot, a way along a line, or x and z."""
     return kind_of(model.observed) is not None
+
+
+def several_bodies(model: OdeModel) -> bool:
+    """Whether what is observed is of several bodies: not one quantity, and not x and z of one."""
+    return not on_a_line(model) and kind_of(model.observed) is None
 
 
 def on_a_line(model: OdeModel) -> bool:

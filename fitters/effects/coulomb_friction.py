@@ -29,7 +29,8 @@ EFFECT = Effect(
     component="force-of-velocity",
     applies=moves,
     acceleration=acceleration,
-    alike="constant-force, while the motion keeps its direction",
+    # Rolling resistance is this law with a coefficient of 0.001 to 0.02; what of it grows with v^2 is quadratic drag.
+    alike="constant-force, while the motion keeps its direction; rolling resistance, which is the same law",
     trials=turnovers,
     example=EffectExample("pendulum", size=0.05),
 )

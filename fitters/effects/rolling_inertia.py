@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from fitters.effects._domain import moves
+from fitters.effects._domain import falls, moves
 from fitters.effects._inertia import slowed
 from iris_sysid.types import Effect, EffectExample, OdeModel, Parameter
 
 
 def applies(model: OdeModel) -> bool:
-    """Where a body moves along a way."""
-    return moves(model) and model.states[0].unit == "m"
+    """Where a body moves along a way, and does not fly."""
+    return moves(model) and model.states[0].unit == "m" and not falls(model)
 
 
 EFFECT = Effect(
