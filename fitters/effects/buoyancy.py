@@ -31,6 +31,7 @@ EFFECT = Effect(
     equation=r"-r\,\ddot x_0,\quad r = 1 - \frac{1 - b}{1 + b / 2} \mathrm{\ for\ a\ sphere}",
     source="Batchelor (1967), An Introduction to Fluid Dynamics, section 6.8: a sphere has half the fluid it displaces",
     parameters=(Parameter("buoyancy", "1", "r", lower=-0.5, upper=2.0, default=0.0),),
+    component="force-of-position",
     applies=applies,
     plausibility=0.1,
     acceleration=acceleration,

@@ -56,6 +56,7 @@ EFFECT = Effect(
             role="location",
         ),
     ),
+    component="force-of-position",
     applies=is_pulled_back,
     plausibility=0.1,
     acceleration=acceleration,

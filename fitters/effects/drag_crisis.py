@@ -64,6 +64,7 @@ EFFECT = Effect(
             source="a diagnosis takes the largest speed",
         ),
     ),
+    component="force-of-velocity",
     applies=falls,
     plausibility=0.1,
     acceleration=acceleration,

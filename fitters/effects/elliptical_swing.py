@@ -43,6 +43,8 @@ EFFECT = Effect(
         Parameter("elliptical_swing", "1", "e^2", lower=-0.5, upper=0.5, default=0.0),
         own_rate_parameter("swing_rate"),
     ),
+    component="own-force-drift",
+    absorbs=True,
     applies=hangs,
     plausibility=0.2,
     sensors=frozenset({"camera", "gauge", "unknown"}),  # an axle with an encoder holds the plane

@@ -28,6 +28,7 @@ EFFECT = Effect(
         middle_parameter("even_middle"),
         reach_parameter("even_reach"),
     ),
+    component="reading-of-position",
     applies=on_a_line,
     cause="measurement",
     plausibility=0.02,  # less than the physical forms, also where no sensor is stated

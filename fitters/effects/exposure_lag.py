@@ -48,6 +48,7 @@ EFFECT = Effect(
             source="number of the quantity that lags, -1 for all; a diagnosis tries each",
         ),
     ),
+    component="reading-of-velocity",
     applies=applies,
     cause="measurement",
     plausibility=0.2,

@@ -28,6 +28,7 @@ EFFECT = Effect(
         middle_parameter("odd_middle"),
         reach_parameter("odd_reach"),
     ),
+    component="reading-of-position",
     applies=on_a_line,
     cause="measurement",
     plausibility=0.008,  # less than the physical forms, also where no sensor is stated

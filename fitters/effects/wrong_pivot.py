@@ -39,6 +39,7 @@ EFFECT = Effect(
         Parameter("wrong_pivot", "1", "d", lower=-FARTHEST, upper=FARTHEST, default=0.0),
         Parameter("pivot_direction", "rad", r"\psi", default=0.0),
     ),
+    component="reading-of-position",
     applies=swings,
     cause="measurement",
     plausibility=0.2,

@@ -54,6 +54,8 @@ EFFECT = Effect(
         start_parameter("wander_start"),
         own_rate_parameter("wander_own_rate"),
     ),
+    component="zero-wander",
+    absorbs=True,
     applies=on_a_line,
     cause="measurement",
     plausibility=0.2,
