@@ -8,7 +8,7 @@ motion and shows how much of an effect its own parameters imitate.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -365,19 +365,36 @@ def _whole_number(implant: Implant, base: Base, multiple: float) -> tuple[Change
 
 
 def _any_number(implant: Implant, base: Base, multiple: float) -> tuple[Changed, float]:
-    unit = size = implant.unit(base)
-    best: tuple[Changed, float] | None = None
-    for _ in range(ROUNDS):
+    """A size by steps upwards until the trace is large enough, then by a power law between the nearest two."""
+    size, most = implant.unit(base), LARGEST / SMALL * implant.unit(base)
+    tried: list[tuple[float, float, Changed]] = []  # size, multiple reached, clip
+    while len(tried) < ROUNDS and size < most:
         changed = implant.add(base, size)
-        reached = max(trace(base, changed) / base.rms, 1e-9)
-        if reached * base.rms < IMITATED * rms((changed.clip.position - base.clip.position)[base.inside]):
-            raise NotShownError("the fitted values imitate it")
-        if best is None or abs(reached / multiple - 1) < abs(best[1] / multiple - 1):
-            best = changed, reached
-        size *= float(np.clip(multiple / reached, 1 / STEP, STEP))
-        if abs(reached / multiple - 1) < CLOSE or size > LARGEST / SMALL * unit:
+        tried.append((size, _reached(base, changed), changed))
+        if abs(tried[-1][1] / multiple - 1) < CLOSE:
             break
-    assert best is not None
-    if abs(best[1] / multiple - 1) > ACCEPTED:
+        size = _next_size([each[:2] for each in tried], multiple)
+    _, reached, changed = min(tried, key=lambda each: abs(each[1] / multiple - 1))
+    if abs(reached / multiple - 1) > ACCEPTED:
         raise NotShownError(f"no size below {LARGEST:g} of the model's force or motion leaves {multiple:g} times")
-    return best
+    return changed, reached
+
+
+def _next_size(tried: Sequence[tuple[float, float]], multiple: float) -> float:
+    """The next size after some (size, multiple reached): on the line between the two about it, in logarithms."""
+    above = min((each for each in tried if each[1] > multiple), default=None)
+    if above is None:
+        size, reached = max(tried)
+        return size * float(np.clip(multiple / reached, 1.0, STEP))
+    below = max((each for each in tried if each[1] <= multiple and each[0] < above[0]), default=None)
+    if below is None:
+        return above[0] * float(np.clip(multiple / above[1], 1 / STEP, 1.0))
+    power = math.log(above[0] / below[0]) / math.log(above[1] / below[1])
+    return below[0] * (multiple / below[1]) ** power
+
+
+def _reached(base: Base, changed: Changed) -> float:
+    left = trace(base, changed)
+    if left < IMITATED * rms((changed.clip.position - base.clip.position)[base.inside]):
+        raise NotShownError("the fitted values imitate it")
+    return max(left / base.rms, 1e-9)
