@@ -31,8 +31,10 @@ from validation.world_recordings import LOOKED_AT, RECORDINGS, Recording
 
 MULTIPLES = (3.0, 1.0)  # of the recording's own residual
 HEADER = (
-    "| recording | implant | trace / residual | level (as it is) | added as it is | added with it | extra names "
-    "| changed beside it | parameters held | size holds the truth | run doubts |\n" + "|---" * 11 + "|"
+    "| recording | implant | trace (video: residual) / residual as it is | level (as it is) | added as it is "
+    "| added with it | extra names | changed beside it | parameters held | size holds the truth | new doubts |\n"
+    + "|---" * 11
+    + "|"
 )
 
 # Answers ------------------------------------------------------------------------------------------------------------
@@ -137,7 +139,8 @@ class Row:
     def text(self) -> str:
         """The line of the table."""
         answer, before, found = self.answer, self.before, self.scored
-        cells = [answer.recording, f"{answer.implant} {answer.size:.3g}", f"{answer.ratio:.2f}"]
+        ratio = answer.residual / before.residual if self.filmed and before.residual else answer.ratio
+        cells = [answer.recording, f"{answer.implant} {answer.size:.3g}", f"{ratio:.2f}"]
         if found is None:
             why = answer.skipped or answer.failed or f"as it is: {before.failed}"
             return f"| {answer.recording} | {answer.implant} | x {answer.multiple:g} | {_short(why)} |{' |' * 7}"

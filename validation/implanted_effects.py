@@ -27,7 +27,7 @@ Force = Callable[[float, float, float, float], float]  # (t since the start, pos
 Term = Callable[[float, float, float, float, float, Values], float]  # the same, then size and shape
 
 SMALL = 1e-3  # of the model's own force, or of the motion's spread: where the search of a size starts
-LARGEST = 0.3  # of them: an effect beyond is no small correction
+LARGEST = 0.5  # of them: an effect beyond is no small correction
 IMITATED = 1e-3  # share of a change that is left by the refitted parameters, below which nothing can show it
 CLOSE, ACCEPTED = 0.02, 0.3  # relative errors of the trace: the search ends, and its best result may be used
 ROUNDS = 14  # of refits

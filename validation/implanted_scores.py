@@ -39,7 +39,8 @@ class Answer:
     ``size`` is that of the implant, ``ratio`` its trace over the recording's residual; ``skipped`` says why there is
     no implant, ``failed`` why no diagnosis. ``classes`` are the names added, each with those indistinguishable from it;
     ``findings`` are (word, component, effects), ``components`` (kind, share). ``values`` are the parameters of the
-    model and ``sizes`` those of the effects, each with its standard error; ``doubts`` are kinds of doubt of the run.
+    model and ``sizes`` those of the effects, each with its standard error; ``residual`` is the root mean square of the
+    base model's; ``doubts`` are kinds of doubt of the run.
     """
 
     recording: str
@@ -54,6 +55,7 @@ class Answer:
     components: Sequence[tuple[str, float]] = ()
     values: Mapping[str, Number] = field(default_factory=dict)
     sizes: Mapping[str, Number] = field(default_factory=dict)
+    residual: float = 0.0
     doubts: Sequence[str] = ()
     seconds: float = 0.0
 
@@ -78,6 +80,7 @@ def said(found: Diagnosis) -> dict[str, Any]:
         "components": [(part.kind, float(part.share)) for part in parts],
         "values": {name: _number(found.final.estimates[name]) for name in free},
         "sizes": {name: _number(estimate) for name, estimate in found.sizes.items()},
+        "residual": math.hypot(*found.base.rms) / math.sqrt(found.base.rms.size),
         "doubts": [doubt.kind for doubt in found.verdict.reasons],
     }
 
@@ -172,7 +175,7 @@ def size_holds(hidden: Hidden, answer: Answer, before: Answer) -> bool | None:
 
 def score(hidden: Hidden, answer: Answer, before: Answer, recording: Recording, *, filmed: bool = False) -> Score:
     """Compare the answer with an implant with that for the recording as it is."""
-    both = [name for name in before.values if name in answer.values]
+    both = [name for name, value in before.values.items() if name in answer.values and math.isfinite(value[1])]
     return Score(
         level(hidden, answer, before if filmed else None),
         level(hidden, before),
