@@ -109,8 +109,7 @@ def states(model: str, values: Values, start: tuple[float, ...], t_s: Array, for
             return (highest(t, float(state[0]), 0.0),)
         return float(state[1]), highest(t, float(state[0]), float(state[1]))
 
-    span = (float(t_s[0]), float(t_s[-1]))
-    fine = 1e-11 * max(map(abs, start))
+    span, fine = (float(t_s[0]), float(t_s[-1])), 1e-11 * max(map(abs, start))
     solved = solve_ivp(rates, span, start, "DOP853", t_s, rtol=1e-10, atol=fine, max_step=(span[1] - span[0]) / 50)
     if not solved.success or solved.y.shape[1] < t_s.size:
         raise NotShownError(f"the motion diverges: {solved.message}")
@@ -120,7 +119,7 @@ def states(model: str, values: Values, start: tuple[float, ...], t_s: Array, for
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Base:
-    """A recording's clip with the fit of its base model; ``inside`` (m,) are the samples from the fit's start on."""
+    """A recording's clip with the fit of its base model."""
 
     recording: Recording
     clip: Trajectory
@@ -132,7 +131,7 @@ class Base:
         return self.recording.model.name
 
     @property
-    def values(self) -> dict[str, float]:
+    def values(self) -> Values:
         """All values of the fit."""
         return {name: estimate.value for name, estimate in self.fit.estimates.items()}
 
@@ -350,8 +349,7 @@ def sized(implant: Implant, base: Base, multiple: float) -> tuple[Changed, float
     NotShownError
         When the fitted values imitate the effect, or it would have to be as large as the motion.
     """
-    reached = _whole_number if implant.whole else _any_number
-    return reached(implant, base, multiple)
+    return (_whole_number if implant.whole else _any_number)(implant, base, multiple)
 
 
 def _whole_number(implant: Implant, base: Base, multiple: float) -> tuple[Changed, float]:

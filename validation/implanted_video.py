@@ -88,6 +88,14 @@ def lens_source(distortion: float, width: int, height: int) -> Array:
     return np.asarray(source.reshape(height, width, 2))
 
 
+def tilt_source(turn_rad: float, width: int, height: int) -> Array:
+    """Where in the picture seen squarely (h, w, 2) px each pixel of a turned camera looks."""
+    columns, rows = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
+    pixels = np.stack([columns, rows], axis=-1).reshape(1, -1, 2)
+    source = cv2.perspectiveTransform(pixels, np.linalg.inv(tilted(turn_rad, width, height)))
+    return np.asarray(source.reshape(height, width, 2))
+
+
 def seen_through(fault: Fault, size: float, width: int, height: int) -> Points:
     """Where a fault of the picture shows points; others leave them."""
     if fault.name == "camera-tilt":
@@ -135,26 +143,15 @@ def frames_with(fault: Fault, size: float, frames: Iterable[Timed], count: int) 
 
 
 def _bent(fault: Fault, size: float, frames: Iterable[Timed]) -> Iterator[Timed]:
-    maps: tuple[Array, Array] | None = None
+    maps: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
     for t_s, image in frames:
         height, width = image.shape[:2]
         if maps is None:
-            maps = _tilt_source(size, width, height) if fault.name == "camera-tilt" else _lens_maps(size, width, height)
+            maps = _maps((tilt_source if fault.name == "camera-tilt" else lens_source)(size, width, height))
         yield t_s, cv2.remap(image, *maps, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
 
 
-def _tilt_source(turn_rad: float, width: int, height: int) -> tuple[Array, Array]:
-    columns, rows = np.meshgrid(np.arange(width, dtype=float), np.arange(height, dtype=float))
-    pixels = np.stack([columns, rows], axis=-1).reshape(1, -1, 2)
-    source = cv2.perspectiveTransform(pixels, np.linalg.inv(tilted(turn_rad, width, height)))
-    return _maps(source.reshape(height, width, 2))
-
-
-def _lens_maps(distortion: float, width: int, height: int) -> tuple[Array, Array]:
-    return _maps(lens_source(distortion, width, height))
-
-
-def _maps(source: Array) -> tuple[Array, Array]:
+def _maps(source: Array) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     return source[..., 0].astype(np.float32), source[..., 1].astype(np.float32)
 
 
