@@ -147,9 +147,13 @@ def _share(motion: Motion, t_s: Array) -> Array:
 
 
 def _waves(share: Array, count: int) -> Array:
-    """Slow courses (m, k) of time, ``share`` (m,) of the clip: half cycles, the slower the larger."""
+    """Slow courses (m, k) of time, ``share`` (m,) of the clip: a line, a parabola, half cycles, the slower the larger.
+
+    Half cycles alone have no slope at the ends of the clip.
+    """
     number = np.arange(1, count + 1)
-    return np.asarray(np.cos(np.pi * np.outer(share, number)) / number)
+    half_cycles = np.cos(np.pi * np.outer(share, number)) / number
+    return np.concatenate([_polynomials(2.0 * share - 1.0, (1, 2)), half_cycles], axis=1)
 
 
 def _slow_waves(motion: Motion) -> int:

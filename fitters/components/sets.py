@@ -86,8 +86,8 @@ class SetSearch:
         return [(key, float(close[key] / total)) for key in sorted(close, key=lambda key: -close[key])]
 
     def variances(self, key: Key) -> Variances:
-        """The variances of a set, in the order of its key."""
-        found = self.found[key]
+        """The variances of a set that was compared, in the order given."""
+        found = self.found[tuple(sorted(key))]
         place = {kind: k for k, kind in enumerate(found.chosen)}
         order = [place[kind] for kind in (*self.always, *key)]
         groups = tuple(found.variances.groups[k] for k in order)

@@ -1,25 +1,23 @@
 """The share of the residual's variance that each component explains, so that shares never exceed the whole.
 
-Components overlap: what two explain together is not the sum of what each explains alone. The share of one is the mean,
-over all orders in which the components can be added, of the variance that it explains beyond those before it (Lindeman,
-Merenda and Gold 1980; the Shapley value). Its range runs from what it explains after all others to what it explains
-first.
+Components overlap: what two explain together is not the sum of what each explains alone. Each gets what it explains
+beyond those before it, the likeliest first, so that the shares are of orthogonal parts. Their range runs over all
+orders, from what a component explains after all others to what it explains first (Lindeman, Merenda and Gold 1980).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
-from math import factorial
 
 from fitters.components.likelihood import Products, Variances
 
 
 @dataclass(frozen=True, slots=True)
 class Shares:
-    """The mean share of each component and its range; ``total`` is what all explain together."""
+    """The share of each component and its range; ``total`` is what all explain together."""
 
-    mean: dict[str, float]
+    share: dict[str, float]
     low: dict[str, float]
     high: dict[str, float]
     total: float
@@ -33,7 +31,7 @@ def shares_of(plain: Products, white: Products, kinds: tuple[str, ...], variance
     plain, white
         Products of the residual as it is, and whitened as it was for the variances.
     kinds
-        The components, in the order of ``variances.groups``.
+        The components, the likeliest first, in the order of ``variances.groups``.
     variances
         Their variances.
     """
@@ -42,23 +40,15 @@ def shares_of(plain: Products, white: Products, kinds: tuple[str, ...], variance
         for size in range(len(kinds) + 1)
         for members in combinations(range(len(kinds)), size)
     }
-    mean, low, high = {}, {}, {}
+    share, low, high = {}, {}, {}
     for k, kind in enumerate(kinds):
         gains = {
-            members: explains[tuple(sorted((*members, k)))] - value
+            members: min(max(explains[tuple(sorted((*members, k)))] - value, 0.0), 1.0)
             for members, value in explains.items()
             if k not in members
         }
-        share = sum(_weight(len(members), len(kinds)) * gain for members, gain in gains.items())
-        mean[kind] = min(max(share, 0.0), 1.0)
-        low[kind] = min(max(min(gains.values()), 0.0), 1.0)
-        high[kind] = min(max(max(gains.values()), 0.0), 1.0)
-    return Shares(mean, low, high, explains[tuple(range(len(kinds)))])
-
-
-def _weight(before: int, count: int) -> float:
-    """The share of the orders of ``count`` components in which ``before`` given ones come first, then a given one."""
-    return factorial(before) * factorial(count - before - 1) / factorial(count)
+        share[kind], low[kind], high[kind] = gains[tuple(range(k))], min(gains.values()), max(gains.values())
+    return Shares(share, low, high, explains[tuple(range(len(kinds)))])
 
 
 def explained(plain: Products, white: Products, variances: Variances, members: tuple[int, ...] | None = None) -> float:

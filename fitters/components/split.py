@@ -150,8 +150,8 @@ class Split:
         """The components with their shares and curves."""
         search = self.search
         explanations = search.explanations()
-        shares = [shares_of(self.plain, search.products, key, search.variances(key)) for key, _ in explanations]
-        best, explained = shares[0].mean, shares[0].total
+        shares = [self._shares(key) for key, _ in explanations]
+        best, explained = shares[0].share, shares[0].total
         factor = explained / max(sum(best.values()), 1e-300)  # a share below zero was set to zero
         rms, motion = _sizes(self.layout.clips)
         parts = [self._component(_kind(name), factor * share, shares, rms) for name, share in best.items()]
@@ -165,6 +165,15 @@ class Split:
             self.rho,
             tuple((tuple(map(_kind, key)), probability) for key, probability in explanations),
         )
+
+    def _shares(self, key: Key) -> Shares:
+        """The shares of a set, the likeliest component first."""
+        order: list[str] = []
+        while len(order) < len(key):
+            rest = [kind for kind in key if kind not in order]
+            order.append(max(rest, key=lambda kind: self.search.evidence([*order, kind])))
+        ordered = tuple(order)
+        return shares_of(self.plain, self.search.products, ordered, self.search.variances(ordered))
 
     def _component(self, kind: ComponentKind, share: float, shares: Sequence[Shares], rms: float) -> Component:
         basis = next(each for each in self.bases if each.kind == kind)

@@ -34,6 +34,7 @@ from iris_sysid.diagnosis.time_budget import STOPPED, TimeBudget
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.types import (
+    UNEXPLAINED,
     Components,
     Diagnosis,
     DiagnosticNote,
@@ -50,6 +51,7 @@ from iris_sysid.types import (
 
 ABOVE_NOISE = 1.1  # residual / noise above which terms are suggested; the noise itself is known to a few percent
 COMPLETE = 1.3  # residual / noise up to which effects explain the data: of correlated noise the estimate is that unsure
+NOISE_SHARE = 0.9  # of the residual's variance that components leave, where it is noise
 SEARCH_SHARE = 0.5  # of the time allowed, for the search in a closed world
 
 
@@ -129,7 +131,7 @@ def diagnose(
     except STOPPED as why:
         stopped.append(budget.note(why))
     proposed = search.reached[-1]
-    complete = not stopped and _residual_ratio(proposed, base) <= COMPLETE
+    complete = not stopped and _is_complete(clips, proposed, base)
     judgement = Judgement(base, world.uncovered([]), {})
     try:
         budget.allow(1.0)
@@ -140,6 +142,15 @@ def diagnose(
     budget.end()
     answer = _of_complete(cache, world, search.reached) if complete else _of_open(cache, judgement)
     return _diagnosis(cache, world, answer, components, stopped)
+
+
+def _is_complete(clips: Sequence[FitRequest], model: ModelWithEffects, base: ModelWithEffects) -> bool:
+    """Whether a model explains the data to the noise: by its size, or as a residual without components."""
+    ratio = _residual_ratio(model, base)
+    if ratio <= COMPLETE or ratio > UNEXPLAINED:
+        return ratio <= COMPLETE
+    remaining = components_of(clips, model.fits)
+    return remaining is not None and remaining.noise_share >= NOISE_SHARE
 
 
 def _residual_ratio(model: ModelWithEffects, base: ModelWithEffects) -> float:

@@ -72,8 +72,9 @@ def weak_notes(sizes: Sequence[tuple[str, Estimate]]) -> tuple[DiagnosticNote, .
         Name and size of each.
     """
     texts = [
-        f"{name} = {size.value:.2g} ± {size.stderr:.1g} {size.unit} is not named: its interval holds zero"
+        f"{name} = {size.value:.2g} {size.unit} is not named: its 95 % interval, {low:.2g} to {high:.2g}, holds zero"
         for name, size in sizes
+        for low, high in [size.interval]
     ]
     return _notes("weak", texts)
 

@@ -25,9 +25,10 @@ AT_ONCE = 2  # effects that are tried together
 TRIED = 4  # best sets that are refitted in each round
 SURE = 0.9  # share of block bootstraps in which an effect must improve the prediction
 WINS = 0.8  # share of block bootstraps in which a named effect must predict better than a rival
+EVEN = 0.5  # the same against a rival that can imitate anything
 RIVALS = 3  # of an effect that are refitted
 SMALLEST_SHARE = 0.03  # of the residual's variance that an effect must remove
-EVIDENT_SHARE = 0.2  # the same of one that can imitate anything
+EVIDENT_SHARE = 0.2  # of what all effects remove, that one must remove which can imitate anything
 LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is told
 Z_975 = normal_isf(0.025)
 
@@ -122,7 +123,8 @@ class OpenWorld:
     def _is_evident(self, model: ModelWithEffects, effect: Effect) -> bool:
         """Whether an effect is a good part of the residual, and of the kind that the components say."""
         rest = self._cache.without(model, effect)
-        large = not rest.usable or self._share(rest, model) >= EVIDENT_SHARE
+        explained = max(self._cache.base.squares - model.squares, 1e-300)
+        large = not rest.usable or (rest.squares - model.squares) / explained >= EVIDENT_SHARE
         parts = () if self._components is None else self._components.parts
         kinds = {kind for part in parts for kind in (part.kind, *part.similar)}
         return large and (effect.component in kinds or not parts)
@@ -253,7 +255,8 @@ class OpenWorld:
         near = {
             name: self.errors(rival)
             for name, rival in others.items()
-            if self._allowed(rival) and self.errors(model).share_below(self.errors(rival)) < WINS
+            if self._allowed(rival)
+            and self.errors(model).share_below(self.errors(rival)) < (EVEN if self._library[name].absorbs else WINS)
         }
         shares = wins({effect.name: self.errors(model), **near})
         exact = [name for name in screening.parallel(effect.name) if name not in shares and name not in model.names]
@@ -268,7 +271,6 @@ class OpenWorld:
             for name in screening.names
             if name in testable
             and name != effect.name
-            and not self._library[name].absorbs
             and (self._cache.library.allows(screening.single(name)) or rest.far_off)
         ]
         best = sorted(allowed, key=lambda name: -screening.score(name).gain)[:RIVALS]

@@ -276,6 +276,8 @@ def _directions_of(
     shapes: Sequence[tuple[float, ...]],
 ) -> list[_Direction]:
     """The directions of an effect in those of the shapes that the parameters cannot imitate."""
+    if not shapes:  # e.g. no moment at which a record could have lost a frame
+        return []
     return residual.directions(effect.name, shapes, sensitivities(effect, shapes, *where) / noise)
 
 

@@ -65,9 +65,9 @@ class ComponentCurve:
 class Component:
     """One part of a residual.
 
-    ``share`` is the fraction of the residual's variance that it explains, the mean over the orders in which the
-    components can be added (Shapley value), and over the explanations that the data cannot tell apart;
-    ``share_range`` its smallest and largest value over these. Shares and noise sum to one. ``rms`` is the size of its
+    ``share`` is the fraction of the residual's variance that it explains beyond the likelier components before it, so
+    that shares and noise sum to one; ``share_range`` runs over all orders of the components, and over the explanations
+    that the data cannot tell apart. ``rms`` is the size of its
     contribution in the observed unit, ``probability`` that there is such a component. ``at`` is the moment of a pulse,
     s, or the frequency of a periodic force, Hz; None for the others. ``similar`` are kinds that can take its place.
     """
