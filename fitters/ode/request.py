@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from fitters.ode.rest_position import held_zeros, off_zero
 from iris_sysid.trajectory.consistency.angle_unit import with_degrees_doubt
 
 if TYPE_CHECKING:
@@ -64,6 +65,8 @@ class FitRequest:
     ) -> FitRequest:
         """The request with what the trajectory states and leaves open; ``fixed`` and ``free`` go before that.
 
+        A rest position that nobody states is estimated where the motion swings without passing zero.
+
         Parameters
         ----------
         trajectory
@@ -79,6 +82,8 @@ class FitRequest:
         known = {name: value for name, value in stated.items() if value.stderr or name not in free}
         held = {**known, **fixed}
         opened = [name for name in trajectory.free if name in names and name not in held]
+        rests = held_zeros(trajectory, model, {*held, *free, *opened})
+        opened += rests if rests and off_zero(trajectory, model) else ()
         return cls(trajectory, model, held, list(dict.fromkeys([*free, *opened])))
 
     def with_(self, **changes: Any) -> FitRequest:

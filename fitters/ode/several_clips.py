@@ -10,6 +10,7 @@ import numpy as np
 from fitters.noise.random_effects import LEAST_CLIPS, random_effects
 from fitters.noise.sandwich_covariance import MOST_DEGREES, random_uncertainty
 from fitters.ode.fit_problem import check_names
+from fitters.ode.rest_position import held_zeros, off_zero
 from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.result import Linearised, information_loss, linearise
 from fitters.ode.single_clip import NoMinimumError, find_minimum, solve
@@ -109,7 +110,7 @@ def fit_clips(
     model = MODELS.resolved(model)
     trajectories = [model.taken_from(trajectory)[0] for trajectory in trajectories]
     _check(trajectories, model, shared, per_clip, fixed)
-    freed = _free(free, shared, model)
+    freed = [*_free(free, shared, model), *_rests(trajectories, model, {*fixed, *free, *shared})]
     per_clip = [*per_clip, *(name for trajectory in trajectories for name in trajectory.free if name not in shared)]
     requests = [
         FitRequest.stated(_without(trajectory, shared), model, fixed, freed).with_(start=start, options=options)
@@ -154,6 +155,12 @@ def _check(
 def _without(trajectory: Trajectory, shared: Sequence[str]) -> Trajectory:
     """The trajectory that does not state the shared values."""
     return trajectory.with_(known={name: value for name, value in trajectory.known.items() if name not in shared})
+
+
+def _rests(trajectories: Sequence[Trajectory], model: OdeModel, chosen: Collection[str]) -> list[str]:
+    """Rest positions that nobody states, where some clip swings without passing zero."""
+    names = [name for clip in trajectories if off_zero(clip, model) for name in held_zeros(clip, model, chosen)]
+    return list(dict.fromkeys(names))
 
 
 def _free(free: Sequence[str], shared: Sequence[str], model: OdeModel) -> list[str]:
