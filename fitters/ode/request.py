@@ -28,6 +28,8 @@ class FitOptions:
     sample (``zero-order``). ``multistart``: number of random starts to try when no start explains the data.
     ``local``: the start is near the minimum, e.g. that of a simpler model; minimise from it without a global search.
     ``discrepancy``: where the residual is more than noise, add to the errors what the equation may lack.
+    ``unseen_drag``: with ``discrepancy``, add to the errors of a fall with gravity estimated the drag that its data
+    cannot rule out; false where there is none, as in a vacuum.
     ``rough``: with ``local``, stop where a step changes the sum of squares by less than 1e-5, and keep outliers.
     """
 
@@ -37,6 +39,7 @@ class FitOptions:
     multistart: int = 8
     local: bool = False
     discrepancy: bool = True
+    unseen_drag: bool = True
     rough: bool = False
 
 

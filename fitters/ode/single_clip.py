@@ -30,7 +30,7 @@ from fitters.ode.intervals import Found, Method, checked_methods, disagreements,
 from fitters.ode.least_squares import FINE_STEP, Loss, Solution, Target, minimise, reweighted
 from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.rest_position import calls_for_rest, held_zeros, is_better
-from fitters.ode.result import conclude, errors_of, failed, information_loss, linearise
+from fitters.ode.result import Lacking, conclude, errors_of, failed, information_loss, linearise
 from fitters.ode.status import at_bounds, diverged, needed_samples, too_few_samples
 from fitters.own_model.gradient_matching import matched_starts
 from fitters.own_model.ties import stated_by
@@ -163,8 +163,9 @@ def solve(request: FitRequest) -> FitResult:
     except NoMinimumError as error:
         return error.result
     with np.errstate(all="ignore"):  # meaningless data give unbounded errors: they become infinite
-        notes, discrepancy = _notes(minimum.task, minimum.target), request.options.discrepancy
-        result = conclude(minimum.task, minimum.target, minimum.solution, notes, discrepancy=discrepancy)
+        notes, options = _notes(minimum.task, minimum.target), request.options
+        lacking = Lacking(options.discrepancy, options.discrepancy and options.unseen_drag)
+        result = conclude(minimum.task, minimum.target, minimum.solution, notes, lacking)
         return result if methods == ("robust",) else _with_intervals(minimum, result, methods)
 
 
