@@ -8,7 +8,7 @@ moves it: shift = (J'J)^-1 J's, with s the response of the motion to a unit of k
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from fitters.noise.sandwich_covariance import inverse_normal
 from fitters.ode.fit_problem import Task
 from fitters.ode.least_squares import Solution, Target
 from fitters.ode.model_discrepancy import response_to_force
-from iris_sysid.types import Array, Estimate, Mask, OdeModel
+from iris_sysid.types import Array, Estimate, Mask, OdeModel, Trajectory
 
 UNSEEN_DRAG = "drag that the data cannot rule out"
 AIR = 1.2  # kg/m^3, at sea level and 20 degrees
@@ -41,33 +41,50 @@ def unseen_drag(task: Task, target: Target, solution: Solution, sensitivity: Arr
     usable
         (k,) false for values at a bound: they are held there.
     """
-    if not (solution.converged and usable.any() and falls_freely(task)):
-        return None
-    response = response_to_force(solution, _drag)
-    if response is None:
+    response = drag_response(task, target, solution, task.free)
+    if response is None or not usable.any():
         return None
     jacobian = sensitivity[:, usable]
-    response = (response / target.sigma)[target.used].ravel()
     residual = ((target.observed - solution.predicted) / target.sigma)[target.used].ravel()
     moves = inverse_normal(jacobian, 1e-6) @ (jacobian.T @ response)
     shift = np.full(usable.size, np.nan)
-    shift[usable] = moves * root_mean_square(residual, response - jacobian @ moves, jacobian.shape[1], *_prior(task))
+    shift[usable] = moves * root_mean_square(
+        residual, response - jacobian @ moves, jacobian.shape[1], *prior_of(task.trajectory)
+    )
     return shift if np.all(np.isfinite(shift[usable])) else None
 
 
-def falls_freely(task: Task) -> bool:
+def drag_response(task: Task, target: Target, solution: Solution, estimated: Collection[str]) -> Array | None:
+    """What a unit of drag adds to the used samples (n * d,), in units of sigma.
+
+    None for a motion that is no free fall with gravity estimated, in metres.
+
+    Parameters
+    ----------
+    task, target, solution
+        The prepared fit, the samples used with their weights, and the solution.
+    estimated
+        Names of the values that are not given, those shared by several clips among them.
+    """
+    if not (solution.converged and _falls_freely(task, estimated)):
+        return None
+    response = response_to_force(solution, _drag)
+    return None if response is None else np.asarray((response / target.sigma)[target.used].ravel())
+
+
+def _falls_freely(task: Task, estimated: Collection[str]) -> bool:
     """Whether nothing but an estimated gravity acts on the body: a fall or a throw, in metres."""
     model = task.model
     return (
-        any(parameter.name in task.free for parameter in model.with_role("gravity"))
+        any(parameter.name in estimated for parameter in model.with_role("gravity"))
         and not any(parameter.name in task.priors for parameter in model.with_role("gravity"))
         and model.second_order
-        and not (model.events or model.inputs or _has_drag(model, task.free))
+        and not (model.events or model.inputs or _has_drag(model, estimated))
         and all(quantity.unit == "m" for quantity in model.observed)
     )
 
 
-def _has_drag(model: OdeModel, free: tuple[str, ...]) -> bool:
+def _has_drag(model: OdeModel, free: Collection[str]) -> bool:
     names = {parameter.name for parameter in model.parameters}
     damped = any(parameter.name in free for parameter in model.with_role("damping"))
     return damped or any("drag" in name for name in names)
@@ -78,9 +95,15 @@ def _drag(velocity: Array) -> Array:
     return np.asarray(-np.linalg.norm(velocity, axis=1, keepdims=True) * velocity)
 
 
-def _prior(task: Task) -> tuple[float, float, float]:
-    """The least and the most drag over mass, 1/m, of equal probability per factor, and the probability of none."""
-    stated: Mapping[str, Estimate] = {**task.trajectory.geometry, **task.trajectory.known}
+def prior_of(trajectory: Trajectory) -> tuple[float, float, float]:
+    """The least and the most drag over mass, 1/m, of equal probability per factor, and the probability of none.
+
+    Parameters
+    ----------
+    trajectory
+        Its ``geometry`` may hold the ``mass`` and the ``ball_radius`` of the body.
+    """
+    stated: Mapping[str, Estimate] = {**trajectory.geometry, **trajectory.known}
     mass, radius = stated.get("mass"), stated.get("ball_radius")
     if mass is None or radius is None or not (mass.value > 0 and radius.value > 0):
         return LEAST, MOST, NEGLIGIBLE

@@ -74,7 +74,7 @@ class ModelChoice:
 
     @property
     def verdict(self) -> Verdict:
-        """That of the first model's fit; doubtful where its prediction is poor, misfit where none of the models fits."""
+        """That of the first model's fit; doubtful where it predicts poorly, misfit where none of the models fits."""
         fitted = self.nearest.fit
         own = Verdict("failed") if fitted is None else fitted.verdict
         if self.chosen is not None:

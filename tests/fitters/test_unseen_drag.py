@@ -5,6 +5,7 @@ import pytest
 
 from fitters.compose_effects import with_effects
 from fitters.ode import FitOptions, fit
+from fitters.ode.several_clips import fit_clips
 from fitters.ode.unseen_drag import UNSEEN_DRAG, root_mean_square
 from iris_sysid.registry import MODELS
 from iris_sysid.trajectory.consistency.earth_gravity import earth_gravity_doubt
@@ -100,3 +101,17 @@ def test_gravity_that_was_stated_is_not_doubted():
     clip = fall(0.13)
     assert any("Earth" in doubt.finding for doubt in fit(clip, "free-fall").doubts)
     assert not any("Earth" in doubt.finding for doubt in fit(clip, "free-fall", fixed=moon, free=["gravity"]).doubts)
+
+
+def test_gravity_shared_by_several_falls_allows_for_the_drag_that_they_have_in_common():
+    hits = 0
+    for seed in range(10):
+        clips = [fall(0.13, 3 * seed + k) for k in range(3)]
+        pooled = fit_clips(clips, "free-fall", shared=["gravity"])
+        low, high = pooled.shared["gravity"].interval
+        hits += low <= GRAVITY <= high
+        assert pooled.verdict.word == "doubtful"
+        assert pooled.budget["gravity"][UNSEEN_DRAG] > 0.1
+    assert hits >= 8
+    in_vacuum = fit_clips(clips, "free-fall", shared=["gravity"], options=FitOptions(unseen_drag=False))
+    assert UNSEEN_DRAG not in in_vacuum.budget["gravity"]

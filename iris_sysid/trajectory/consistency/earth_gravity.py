@@ -1,4 +1,4 @@
-"""A fitted gravity that is not that of the Earth: the equation has absorbed an effect, or a scale or a clock is wrong."""
+"""A fitted gravity that is not that of the Earth: it has absorbed an effect, or the scale or the clock is wrong."""
 
 from __future__ import annotations
 
