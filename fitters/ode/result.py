@@ -9,7 +9,7 @@ import numpy as np
 
 from fitters.integrator.initial_value_problem import difference_steps, value_names
 from fitters.noise.sandwich_covariance import Uncertainty, inverse_normal, random_uncertainty
-from fitters.ode.error_budget import Budget, Errors, estimate_all
+from fitters.ode.error_budget import RANDOM, Budget, Errors, estimate_all
 from fitters.ode.fit_problem import Task, with_priors
 from fitters.ode.least_squares import LARGEST, Solution, Target
 from fitters.ode.model_discrepancy import SOURCE, Discrepancy, discrepancy_of
@@ -239,6 +239,7 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str], l
     elif lacking.drag:
         stated = _with_unseen_drag(stated, unseen_drag(task, target, solution, near.flat, ~touching))
     results = estimate_all(task, solution.values, stated)
+    notes = [*notes, *_unseen_drag_note(task, results)]
     misfit = beyond or (found is not None and found.misfit)
     status, problems = _status(task, solution, touching, determined, rms if misfit else None)
     measured = with_priors(task.unknowns, task.priors)
@@ -278,6 +279,14 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str], l
         notes=tuple(filter(None, [*notes, unknown_text(task, results.estimates)])),
         doubts=(*task.trajectory.doubts, *_gravity_doubts(task, results)),
     )
+
+
+def _unseen_drag_note(task: Task, results: Budget) -> list[str]:
+    """What a reader should know where drag that is not seen is the largest error of gravity."""
+    names = [parameter.name for parameter in task.model.with_role("gravity") if parameter.name in results.budget]
+    parts = [results.budget[name] for name in names]
+    most = any(part.get(UNSEEN_DRAG, 0.0) > part[RANDOM] for part in parts)
+    return [f"the errors include {UNSEEN_DRAG}"] if most else []
 
 
 def _gravity_doubts(task: Task, results: Budget) -> tuple[Doubt, ...]:

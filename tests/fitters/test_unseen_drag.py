@@ -50,6 +50,7 @@ def test_allowance_for_drag_is_part_of_the_budget_of_a_short_fall():
     parts = result.budget["gravity"]
     assert parts[UNSEEN_DRAG] > parts["random"]
     assert result.estimates["gravity"].stderr == pytest.approx(np.hypot(parts["random"], parts[UNSEEN_DRAG]))
+    assert f"the errors include {UNSEEN_DRAG}" in result.notes
     thrown = fit(fall(0.0, across=0.5), "projectile", free=["gravity"])
     assert thrown.budget["gravity"][UNSEEN_DRAG] > 0
 
