@@ -14,7 +14,7 @@ from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
 from fitters.ode.rest_position import held_zeros, off_zero
 from fitters.ode.result import Linearised, information_loss, linearise
 from fitters.ode.single_clip import NoMinimumError, find_minimum, solve
-from fitters.ode.unseen_drag import UNSEEN_DRAG, drag_response, prior_of, root_mean_square
+from fitters.ode.unseen_drag import STANDARD_GRAVITY, UNSEEN_DRAG, drag_response, prior_of, root_mean_square
 from iris_sysid.errors import FitError
 from iris_sysid.registry import MODELS
 from iris_sysid.trajectory.consistency.earth_gravity import earth_gravity_doubt
@@ -132,7 +132,8 @@ def fit_clips(
     own = [request.with_(free=[name for name in request.free if name not in shared]) for request in requests]
     usable = [(request, clip) for request, clip in zip(own, alone, strict=True) if clip.usable]
     values, views = _joint(usable, shared)
-    covariance, estimates, budget = _shared_estimates(values, views, shared, alone, prior_of(trajectories[0]))
+    prior = _drag_prior(trajectories[0], model, shared, values)
+    covariance, estimates, budget = _shared_estimates(values, views, shared, alone, prior)
     clips = [
         _held_fit(request.with_(fixed={**request.fixed, **estimates}), clip)
         for request, clip in zip(own, alone, strict=True)
@@ -275,7 +276,7 @@ def _view(request: FitRequest, clip: FitResult, shared: Sequence[str], values: A
     loss = information_loss(seen)
     drag = None
     if options.discrepancy and options.unseen_drag:
-        drag = drag_response(minimum.task, minimum.target, minimum.solution, {*minimum.task.free, *shared})
+        drag = drag_response(minimum.task, minimum.target, minimum.solution, shared)
         drag = drag if drag is None else drag - basis @ (basis.T @ drag)
     weight = 1.0 / loss if np.isfinite(loss) and loss > 0 else 0.0
     return _View(seen, weight, known, square, drag, near.flat.shape[1])
@@ -339,6 +340,15 @@ def _gravity_doubt(
     if name not in {parameter.name for parameter in model.with_role("gravity")}:
         return None
     return earth_gravity_doubt(estimates[name], budget[name].get(UNSEEN_DRAG, 0.0))
+
+
+def _drag_prior(
+    trajectory: Trajectory, model: OdeModel, shared: Sequence[str], values: Array
+) -> tuple[float, float, float]:
+    """What is known beforehand of a drag that the falls of a body have in common, where they share gravity."""
+    names = {parameter.name for parameter in model.with_role("gravity")}
+    gravity = [float(value) for name, value in zip(shared, values, strict=True) if name in names]
+    return prior_of(trajectory, gravity[0] if gravity else STANDARD_GRAVITY)
 
 
 def _drag_shift(views: Sequence[_View], bread: Array, prior: tuple[float, float, float]) -> dict[str, Array]:

@@ -12,12 +12,14 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from fitters.integrator.initial_value_problem import value_names
 from fitters.noise.sandwich_covariance import inverse_normal
 from fitters.ode.fit_problem import Task
 from fitters.ode.least_squares import Solution, Target
 from fitters.ode.model_discrepancy import response_to_force
 from iris_sysid.types import Array, Estimate, Mask, OdeModel, Trajectory
 
+STANDARD_GRAVITY = 9.80665  # m/s^2
 UNSEEN_DRAG = "drag that the data cannot rule out"
 AIR = 1.2  # kg/m^3, at sea level and 20 degrees
 COEFFICIENTS = 0.1, 2.0  # of drag: a streamlined body, and a plate across the wind (Hoerner 1965, Fluid-Dynamic Drag)
@@ -30,7 +32,7 @@ GRID = 200
 def unseen_drag(task: Task, target: Target, solution: Solution, sensitivity: Array, usable: Mask) -> Array | None:
     """Change (k,) of the free values for one standard error of a drag that is not in the equation.
 
-    None for a motion that is no free fall with gravity estimated, in metres; NaN for values at a bound.
+    None for a motion that is no free fall with gravity estimated; NaN for values at a bound.
 
     Parameters
     ----------
@@ -49,7 +51,7 @@ def unseen_drag(task: Task, target: Target, solution: Solution, sensitivity: Arr
     moves = inverse_normal(jacobian, 1e-6) @ (jacobian.T @ response)
     shift = np.full(usable.size, np.nan)
     shift[usable] = moves * root_mean_square(
-        residual, response - jacobian @ moves, jacobian.shape[1], *prior_of(task.trajectory)
+        residual, response - jacobian @ moves, jacobian.shape[1], *prior_of(task.trajectory, gravity_of(task, solution))
     )
     return shift if np.all(np.isfinite(shift[usable])) else None
 
@@ -57,7 +59,7 @@ def unseen_drag(task: Task, target: Target, solution: Solution, sensitivity: Arr
 def drag_response(task: Task, target: Target, solution: Solution, estimated: Collection[str]) -> Array | None:
     """What a unit of drag adds to the used samples (n * d,), in units of sigma.
 
-    None for a motion that is no free fall with gravity estimated, in metres.
+    None for a motion that is no free fall with gravity estimated.
 
     Parameters
     ----------
@@ -73,14 +75,14 @@ def drag_response(task: Task, target: Target, solution: Solution, estimated: Col
 
 
 def _falls_freely(task: Task, estimated: Collection[str]) -> bool:
-    """Whether nothing but an estimated gravity acts on the body: a fall or a throw, in metres."""
+    """Whether nothing but an estimated gravity acts on the body: a fall or a throw."""
     model = task.model
     return (
         any(parameter.name in estimated for parameter in model.with_role("gravity"))
         and not any(parameter.name in task.priors for parameter in model.with_role("gravity"))
         and model.second_order
         and not (model.events or model.inputs or _has_drag(model, estimated))
-        and all(quantity.unit == "m" for quantity in model.observed)
+        and all(quantity.unit in ("m", "px") for quantity in model.observed)
     )
 
 
@@ -95,20 +97,30 @@ def _drag(velocity: Array) -> Array:
     return np.asarray(-np.linalg.norm(velocity, axis=1, keepdims=True) * velocity)
 
 
-def prior_of(trajectory: Trajectory) -> tuple[float, float, float]:
-    """The least and the most drag over mass, 1/m, of equal probability per factor, and the probability of none.
+def gravity_of(task: Task, solution: Solution) -> float:
+    """The fitted gravity, in the unit of length of the trajectory per s^2."""
+    (name, *_) = (parameter.name for parameter in task.model.with_role("gravity"))
+    return float(solution.values[value_names(task.model).index(name)])
+
+
+def prior_of(trajectory: Trajectory, gravity: float) -> tuple[float, float, float]:
+    """The least and the most drag over mass, of equal probability per factor, and the probability of none.
 
     Parameters
     ----------
     trajectory
         Its ``geometry`` may hold the ``mass`` and the ``ball_radius`` of the body.
+    gravity
+        As fitted: that of the Earth tells how long the unit of length is, e.g. where it is a pixel. Drag over mass is
+        in one per that unit.
     """
     stated: Mapping[str, Estimate] = {**trajectory.geometry, **trajectory.known}
     mass, radius = stated.get("mass"), stated.get("ball_radius")
+    metres = STANDARD_GRAVITY / max(abs(gravity), 1e-9)
     if mass is None or radius is None or not (mass.value > 0 and radius.value > 0):
-        return LEAST, MOST, NEGLIGIBLE
+        return LEAST * metres, MOST * metres, NEGLIGIBLE
     area = np.pi * radius.value**2
-    least, most = (float(0.5 * AIR * coefficient * area / mass.value) for coefficient in COEFFICIENTS)
+    least, most = (float(0.5 * AIR * coefficient * area / mass.value * metres) for coefficient in COEFFICIENTS)
     return least, most, 0.0
 
 

@@ -61,9 +61,15 @@ def test_data_that_rule_drag_out_leave_no_allowance():
     assert result.verdict.good
 
 
-def test_no_allowance_in_pixels_in_vacuum_with_a_known_gravity_or_with_drag_in_the_equation():
+def test_allowance_is_the_same_in_any_unit_of_length():
+    metres = fit(fall(0.0), "free-fall").budget["gravity"]
+    clip = fall(0.0, unit="px")
+    pixels = fit(clip.with_(position=500.0 * clip.position), "free-fall").budget["gravity"]
+    assert pixels[UNSEEN_DRAG] == pytest.approx(500.0 * metres[UNSEEN_DRAG], rel=1e-3)
+
+
+def test_no_allowance_in_vacuum_with_a_known_gravity_or_with_drag_in_the_equation():
     clip, free_fall = fall(0.0), MODELS["free-fall"]
-    assert UNSEEN_DRAG not in fit(fall(0.0, unit="px"), free_fall).budget["gravity"]
     assert UNSEEN_DRAG not in fit(clip, free_fall, options=FitOptions(unseen_drag=False)).budget["gravity"]
     assert UNSEEN_DRAG not in fit(clip, with_effects(free_fall, ["quadratic-drag"])).budget["gravity"]
     assert UNSEEN_DRAG not in fit(clip, free_fall, fixed={"gravity": 9.81}).budget["z_0"]
