@@ -27,7 +27,25 @@ def energy(states: Array, params: Array) -> Array:
     return np.asarray(velocity**2 / 2 + params[0] * position**2 / 2)
 
 
+def observe(t_s: Array, states: Array, params: Array) -> Array:
+    """Give what swings as counted from another place than that of rest.
+
+    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
+    """
+    return states[:, :1] + params[2]
+
+
 def guess(position: str, velocity: str, trajectory: Trajectory) -> Mapping[str, float]:
+    """Take the place of rest from y'' regressed on y, 1 and y' in weak form; the rest about it."""
+    t_s, values = samples(trajectory, position)
+    (stiffness, force, _), _ = weak_regression(t_s, values, np.column_stack([-values, np.ones_like(values)]))
+    determined = np.isfinite(stiffness) and stiffness > 0
+    rest = float(np.clip(force / stiffness, values.min(), values.max())) if determined else 0.0
+    about = trajectory.with_(position=trajectory.position - rest, smoothed=None)
+    return {**guess_about_rest(position, velocity, about), "rest": rest}
+
+
+def guess_about_rest(position: str, velocity: str, trajectory: Trajectory) -> Mapping[str, float]:
     """Stiffness and damping by regression of the weak form, and the initial states, by the names of the states."""
     t_s, values = samples(trajectory, position)
     (stiffness, friction), half_width_s = weak_regression(t_s, values, -values[:, None])
@@ -40,6 +58,18 @@ def guess(position: str, velocity: str, trajectory: Trajectory) -> Mapping[str, 
         f"{position}_0": float(start[0]),
         f"{velocity}_0": float(start[1]),
     }
+
+
+def rest_position(name: str, unit: str, symbol: str) -> Parameter:
+    """What is observed of a body at rest.
+
+    Parameters
+    ----------
+    name, unit, symbol
+        Of the parameter.
+    """
+    source = "what is observed at rest: 0 unless the motion is about another place"
+    return Parameter(name, unit, symbol, -1e6, 1e6, default=0.0, constant=True, source=source, role="offset")
 
 
 def linear_oscillator(name: str, summary: str, position: Quantity, velocity: Quantity) -> OdeModel:
@@ -63,9 +93,11 @@ def linear_oscillator(name: str, summary: str, position: Quantity, velocity: Qua
         parameters=(
             Parameter("stiffness", "1/s^2", r"\alpha", lower=-1e6, upper=1e9),
             Parameter("damping", "1/s", r"\beta", lower=-1e2, upper=1e4, role="damping"),
+            rest_position("rest", position.unit, f"{symbol}_r"),
         ),
         observed=(position,),
         rhs=rhs,
+        observe=observe,
         guess=partial(guess, position.name, velocity.name),
         first_integral=energy,
         dissipative=("damping",),

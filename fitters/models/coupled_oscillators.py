@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from fitters.models._oscillator import rest_position
 from fitters.starting_values import samples, start_of, weak_regression
 from iris_sysid.types import Array, ModelExample, OdeModel, Parameter, Quantity, Trajectory
 
@@ -15,7 +16,7 @@ def rhs(
 ) -> tuple[float, float, float, float]:
     """Give z_i'' = -damping_i z_i' - stiffness_i z_i - coupling_i (z_i - z_j)."""
     z_1, z_2, v_1, v_2 = state
-    stiffness_1, stiffness_2, damping_1, damping_2, coupling_1, coupling_2 = params
+    stiffness_1, stiffness_2, damping_1, damping_2, coupling_1, coupling_2, _, _ = params
     return (
         v_1,
         v_2,
@@ -24,7 +25,35 @@ def rhs(
     )
 
 
+def observe(t_s: Array, states: Array, params: Array) -> Array:
+    """Give the positions as counted from another place than those of rest.
+
+    ``t_s`` (n,), s; ``states`` (n, s) and what is observed (n, d) in the units that the model declares.
+    """
+    return states[:, :2] + params[6:8]
+
+
 def guess(trajectory: Trajectory) -> Mapping[str, float]:
+    """Take the places of rest from both bodies' weak forms with a constant force; the rest about them."""
+    t_s, z_1 = samples(trajectory, "z1")
+    _, z_2 = samples(trajectory, "z2")
+    rows, forces = [], []
+    for own, other, sign in ((z_1, z_2, 1), (z_2, z_1, -1)):
+        terms = np.column_stack([-own, other - own, np.ones_like(own)])
+        (stiffness, coupling, force, _), _ = weak_regression(t_s, own, terms)
+        rows.append([stiffness + coupling, -coupling][::sign])
+        forces.append(force)
+    rests = np.zeros(2)
+    if np.all(np.isfinite(rows)) and np.linalg.det(rows) > 0:
+        rests = np.clip(np.linalg.solve(rows, forces), [z_1.min(), z_2.min()], [z_1.max(), z_2.max()])
+    columns = [trajectory.column("z1"), trajectory.column("z2")]
+    position = trajectory.position.copy()
+    position[:, columns] -= rests
+    about = guess_about_rest(trajectory.with_(position=position, smoothed=None))
+    return {**about, "rest_1": float(rests[0]), "rest_2": float(rests[1])}
+
+
+def guess_about_rest(trajectory: Trajectory) -> Mapping[str, float]:
     """Take each body's acceleration regressed on its position, its distance from the other body and its speed."""
     t_s, z_1 = samples(trajectory, "z1")
     _, z_2 = samples(trajectory, "z2")
@@ -69,9 +98,12 @@ MODEL = OdeModel(
         Parameter("damping_2", "1/s", r"\zeta_2", lower=-1e2, upper=1e4, role="damping"),
         Parameter("coupling_1", "1/s^2", r"\kappa_1", lower=-1e6, upper=1e9),
         Parameter("coupling_2", "1/s^2", r"\kappa_2", lower=-1e6, upper=1e9),
+        rest_position("rest_1", "m", r"z_{r1}"),
+        rest_position("rest_2", "m", r"z_{r2}"),
     ),
     observed=(Quantity("z1", "m", "z_1"), Quantity("z2", "m", "z_2")),
     rhs=rhs,
+    observe=observe,
     guess=guess,
     first_integral=energy,
     dissipative=("damping_1", "damping_2"),

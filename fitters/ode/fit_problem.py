@@ -190,7 +190,8 @@ def _constant(parameter: Parameter, trajectory: Trajectory, model: OdeModel) -> 
     if measured is not None and np.isfinite(measured.value):
         return measured
     stated_in_metres = parameter.role not in ("shape", "form") and METRE.search(parameter.unit)
-    if parameter.default is None or (in_pixels(trajectory, model) and stated_in_metres):
+    unknown = parameter.default != 0.0 and in_pixels(trajectory, model) and stated_in_metres  # no length is none in px
+    if parameter.default is None or unknown:
         return Estimate(np.nan, np.nan, parameter.unit, "assumed", "not known")
     stderr, source = parameter.stderr, parameter.source
     scale = None if trajectory.systematic else trajectory.geometry.get("scale")  # count its error only once

@@ -12,7 +12,7 @@ everything, so each form by itself counts as well, the better the more of the re
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 from typing import cast
@@ -47,6 +47,7 @@ WAVES = 10  # cosines over the clip, the fastest with five periods
 SAMPLES_A_WAVE = 30  # at least
 MOST_ORDER = 2  # of the autoregression of the noise beside the forms
 STEP = 1e-5  # relative, of an initial state
+STEADY = 1e-6  # of the largest state: a state that changes by less has a step of its own
 WORST_CONDITION = 1e8  # of the transition matrix, which loses digits as initial conditions decay
 IMITATED = 0.01  # a form of which the values imitate all but this fraction redefines them: no discrepancy
 SOFT = 0.05  # of the largest speed, within which dry friction turns over
@@ -331,11 +332,26 @@ class _Motion:
         return np.asarray((sides[0] - sides[1]) / (2 * size))
 
 
+def response_to_force(solution: Solution, force: Callable[[Array], Array]) -> Array | None:
+    """Change (n, d) of what is observed by a small force on every degree of freedom; None where it is not known.
+
+    Parameters
+    ----------
+    solution
+        Of a fit; the response is that of the motion it found.
+    force
+        Accelerations (n, f) as a function of the velocities (n, f).
+    """
+    motion = _Motion.of(solution, 1)
+    return None if motion is None else motion.seen_of_force(force(motion.velocity))
+
+
 def _transition(solution: Solution, states: Array, every: int) -> Array:
     """Derivatives d state / d initial state (n, s, s) at every k-th sample, by central differences."""
     problem, count = solution.problem, states.shape[1]
     columns = np.repeat(solution.values[:, None], 2 * count, axis=1)
-    step = STEP * np.maximum(np.ptp(states, axis=0), 1e-12)
+    steady = STEADY * float(np.max(np.abs(states), initial=0.0))  # the sideways speed of a throw does not change
+    step = STEP * np.maximum(np.ptp(states, axis=0), max(steady, 1e-12))
     first = len(problem.model.parameters)
     for k in range(count):
         columns[first + k, 2 * k] += step[k]

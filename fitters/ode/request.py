@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from fitters.ode.rest_position import held_zeros, off_zero
 from iris_sysid.trajectory.consistency.angle_unit import with_degrees_doubt
 
 if TYPE_CHECKING:
@@ -27,6 +28,8 @@ class FitOptions:
     sample (``zero-order``). ``multistart``: number of random starts to try when no start explains the data.
     ``local``: the start is near the minimum, e.g. that of a simpler model; minimise from it without a global search.
     ``discrepancy``: where the residual is more than noise, add to the errors what the equation may lack.
+    ``unseen_drag``: with ``discrepancy``, add to the errors of a fall with gravity estimated the drag that its data
+    cannot rule out; false where there is none, as in a vacuum.
     ``rough``: with ``local``, stop where a step changes the sum of squares by less than 1e-5, and keep outliers.
     """
 
@@ -36,6 +39,7 @@ class FitOptions:
     multistart: int = 8
     local: bool = False
     discrepancy: bool = True
+    unseen_drag: bool = True
     rough: bool = False
 
 
@@ -64,6 +68,8 @@ class FitRequest:
     ) -> FitRequest:
         """The request with what the trajectory states and leaves open; ``fixed`` and ``free`` go before that.
 
+        A rest position that nobody states is estimated where the motion swings without passing zero.
+
         Parameters
         ----------
         trajectory
@@ -79,6 +85,8 @@ class FitRequest:
         known = {name: value for name, value in stated.items() if value.stderr or name not in free}
         held = {**known, **fixed}
         opened = [name for name in trajectory.free if name in names and name not in held]
+        rests = held_zeros(trajectory, model, {*held, *free, *opened})
+        opened += rests if rests and off_zero(trajectory, model) else ()
         return cls(trajectory, model, held, list(dict.fromkeys([*free, *opened])))
 
     def with_(self, **changes: Any) -> FitRequest:

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitters.integrator.initial_value_problem import difference_steps, value_names
 from fitters.noise.sandwich_covariance import Uncertainty, inverse_normal, random_uncertainty
-from fitters.ode.error_budget import Errors, estimate_all
+from fitters.ode.error_budget import RANDOM, Budget, Errors, estimate_all
 from fitters.ode.fit_problem import Task, with_priors
 from fitters.ode.least_squares import LARGEST, Solution, Target
 from fitters.ode.model_discrepancy import SOURCE, Discrepancy, discrepancy_of
@@ -29,8 +29,11 @@ from fitters.ode.status import (
     unknown_text,
     weakest_text,
 )
+from fitters.ode.unseen_drag import UNSEEN_DRAG, unseen_drag
+from iris_sysid.trajectory.consistency.earth_gravity import earth_gravity_doubt
 from iris_sysid.types import (
     Array,
+    Doubt,
     ErrorAutocorrelation,
     Estimate,
     FitProblem,
@@ -188,9 +191,26 @@ def _with_discrepancy(errors: Errors, found: Discrepancy, usable: Mask) -> Error
     return replace(errors, covariance=covariance, systematic={**errors.systematic, SOURCE: shifts})
 
 
-def conclude(
-    task: Task, target: Target, solution: Solution, notes: list[str], *, discrepancy: bool = True
-) -> FitResult:
+def _with_unseen_drag(errors: Errors, shift: Array | None) -> Errors:
+    """Errors with that of a drag which is not in the equation; NaN where a value is undetermined."""
+    if shift is None:
+        return errors
+    known = np.where(np.isfinite(np.diag(errors.covariance)), shift, np.nan)
+    return replace(errors, systematic={**errors.systematic, UNSEEN_DRAG: known})
+
+
+@dataclass(frozen=True, slots=True)
+class Lacking:
+    """What the equation may lack and the errors then allow for.
+
+    ``discrepancy``: whatever the residual shows where it is autocorrelated; ``drag``: that which a fall does not show.
+    """
+
+    discrepancy: bool
+    drag: bool
+
+
+def conclude(task: Task, target: Target, solution: Solution, notes: list[str], lacking: Lacking) -> FitResult:
     """Judge the solution and build the result with errors, criteria, status and notes.
 
     Parameters
@@ -199,8 +219,8 @@ def conclude(
         The prepared fit, the samples used with their weights, and the solution.
     notes
         What a reader should know beside the status.
-    discrepancy
-        Whether to look for what the equation lacks, where the residual is autocorrelated.
+    lacking
+        What of the equation's gaps to look for.
     """
     near = linearise(task, target, solution)
     touching = at_bounds(task.unknowns, solution.values)
@@ -210,13 +230,16 @@ def conclude(
     rms = np.sqrt(np.mean(residual[target.used] ** 2, axis=0))
     # so far above the noise that no autocorrelation explains it, even where few samples do not tell by their form
     beyond = is_misfit(rms, task.noise, target.size)
-    suspected = discrepancy and (beyond or any(process.partial.size for process in random.noise))
+    suspected = lacking.discrepancy and (beyond or any(process.partial.size for process in random.noise))
     found = _discrepancy(task, target, solution, near, ~touching) if suspected else None
+    stated = errors
     if found is not None and (found.significant or beyond):
         notes = [*notes, DISCREPANCY_NOTE]
-        results = estimate_all(task, solution.values, _with_discrepancy(errors, found, ~touching))
-    else:
-        results = estimate_all(task, solution.values, errors)
+        stated = _with_discrepancy(errors, found, ~touching)  # drag is among its forms
+    elif lacking.drag:
+        stated = _with_unseen_drag(stated, unseen_drag(task, target, solution, near.flat, ~touching))
+    results = estimate_all(task, solution.values, stated)
+    notes = [*notes, *_unseen_drag_note(task, results)]
     misfit = beyond or (found is not None and found.misfit)
     status, problems = _status(task, solution, touching, determined, rms if misfit else None)
     measured = with_priors(task.unknowns, task.priors)
@@ -254,8 +277,27 @@ def conclude(
         },
         problems=problems,
         notes=tuple(filter(None, [*notes, unknown_text(task, results.estimates)])),
-        doubts=task.trajectory.doubts,
+        doubts=(*task.trajectory.doubts, *_gravity_doubts(task, results)),
     )
+
+
+def _unseen_drag_note(task: Task, results: Budget) -> list[str]:
+    """What a reader should know where drag that is not seen is the largest error of gravity."""
+    names = [parameter.name for parameter in task.model.with_role("gravity") if parameter.name in results.budget]
+    parts = [results.budget[name] for name in names]
+    most = any(part.get(UNSEEN_DRAG, 0.0) > part[RANDOM] for part in parts)
+    return [f"the errors include {UNSEEN_DRAG}"] if most else []
+
+
+def _gravity_doubts(task: Task, results: Budget) -> tuple[Doubt, ...]:
+    """What the gravity of the Earth says of an estimated one; nothing where its value was given as a prior."""
+    names = [parameter.name for parameter in task.model.with_role("gravity") if parameter.name in task.free]
+    found = [
+        earth_gravity_doubt(results.estimates[name], results.budget[name].get(UNSEEN_DRAG, 0.0))
+        for name in names
+        if name not in task.priors
+    ]
+    return tuple(doubt for doubt in found if doubt is not None)
 
 
 def _determination(near: Linearised, usable: Mask) -> Determination:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Collection, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,12 +11,16 @@ from fitters.noise.random_effects import LEAST_CLIPS, random_effects
 from fitters.noise.sandwich_covariance import MOST_DEGREES, random_uncertainty
 from fitters.ode.fit_problem import check_names
 from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
+from fitters.ode.rest_position import held_zeros, off_zero
 from fitters.ode.result import Linearised, information_loss, linearise
 from fitters.ode.single_clip import NoMinimumError, find_minimum, solve
+from fitters.ode.unseen_drag import STANDARD_GRAVITY, UNSEEN_DRAG, drag_response, prior_of, root_mean_square
 from iris_sysid.errors import FitError
 from iris_sysid.registry import MODELS
+from iris_sysid.trajectory.consistency.earth_gravity import earth_gravity_doubt
 from iris_sysid.types import (
     Array,
+    Doubt,
     Estimate,
     FitResult,
     FitStatus,
@@ -39,13 +43,16 @@ class _View:
 
     ``near`` has the sensitivities to them, orthogonal to those to its own values; ``weight`` is one over the effective
     variance of its noise for them; ``known`` by name (r, n * d): response to one standard error of a known
-    value (r = 1), or of each pattern of a source.
+    value (r = 1), or of each pattern of a source. ``drag`` (n * d,) is the response to one that the equation of a fall
+    lacks, also orthogonal to the ``own`` values of the clip, of which there are so many; None for other motions.
     """
 
     near: Linearised
     weight: float
     known: Mapping[str, Array]
     sum_of_squares: float
+    drag: Array | None
+    own: int
 
 
 def fit_clips(
@@ -109,7 +116,7 @@ def fit_clips(
     model = MODELS.resolved(model)
     trajectories = [model.taken_from(trajectory)[0] for trajectory in trajectories]
     _check(trajectories, model, shared, per_clip, fixed)
-    freed = _free(free, shared, model)
+    freed = [*_free(free, shared, model), *_rests(trajectories, model, {*fixed, *free, *shared})]
     per_clip = [*per_clip, *(name for trajectory in trajectories for name in trajectory.free if name not in shared)]
     requests = [
         FitRequest.stated(_without(trajectory, shared), model, fixed, freed).with_(start=start, options=options)
@@ -125,11 +132,14 @@ def fit_clips(
     own = [request.with_(free=[name for name in request.free if name not in shared]) for request in requests]
     usable = [(request, clip) for request, clip in zip(own, alone, strict=True) if clip.usable]
     values, views = _joint(usable, shared)
-    covariance, estimates, budget = _shared_estimates(values, views, shared, alone)
+    prior = _drag_prior(trajectories[0], model, shared, values)
+    covariance, estimates, budget = _shared_estimates(values, views, shared, alone, prior)
     clips = [
         _held_fit(request.with_(fixed={**request.fixed, **estimates}), clip)
         for request, clip in zip(own, alone, strict=True)
     ]
+    doubts = tuple(filter(None, [_gravity_doubt(name, model, estimates, budget) for name in shared]))
+    clips = [replace(clip, doubts=(*clip.doubts, *doubts)) for clip in clips]
     others = _others(alone, shared, per_clip)
     return _pooled(model, clips, estimates, scatter, _populations(clips, others), covariance, budget)
 
@@ -154,6 +164,12 @@ def _check(
 def _without(trajectory: Trajectory, shared: Sequence[str]) -> Trajectory:
     """The trajectory that does not state the shared values."""
     return trajectory.with_(known={name: value for name, value in trajectory.known.items() if name not in shared})
+
+
+def _rests(trajectories: Sequence[Trajectory], model: OdeModel, chosen: Collection[str]) -> list[str]:
+    """Rest positions that nobody states, where some clip swings without passing zero."""
+    names = [name for clip in trajectories if off_zero(clip, model) for name in held_zeros(clip, model, chosen)]
+    return list(dict.fromkeys(names))
 
 
 def _free(free: Sequence[str], shared: Sequence[str], model: OdeModel) -> list[str]:
@@ -240,6 +256,7 @@ def _view(request: FitRequest, clip: FitResult, shared: Sequence[str], values: A
     tried = dict(zip(shared, values.tolist(), strict=True))
     trial = {name: max(abs(value), 1e-3) for name, value in tried.items()}
     held = {name: Estimate(value, trial[name], units[name]) for name, value in tried.items()}
+    options = request.options
     request = request.with_(fixed={**request.fixed, **held}).from_near(_own_values(clip, shared))
     try:
         minimum = find_minimum(request)
@@ -257,7 +274,12 @@ def _view(request: FitRequest, clip: FitResult, shared: Sequence[str], values: A
     )
     square = float(np.sum(near.residual**2))
     loss = information_loss(seen)
-    return _View(seen, 1.0 / loss if np.isfinite(loss) and loss > 0 else 0.0, known, square)
+    drag = None
+    if options.discrepancy and options.unseen_drag:
+        drag = drag_response(minimum.task, minimum.target, minimum.solution, shared)
+        drag = drag if drag is None else drag - basis @ (basis.T @ drag)
+    weight = 1.0 / loss if np.isfinite(loss) and loss > 0 else 0.0
+    return _View(seen, weight, known, square, drag, near.flat.shape[1])
 
 
 def _normal_equations(views: Sequence[_View], weights: Sequence[float]) -> tuple[Array, Array]:
@@ -271,7 +293,11 @@ def _normal_equations(views: Sequence[_View], weights: Sequence[float]) -> tuple
 
 
 def _shared_estimates(
-    values: Array, views: Sequence[_View], shared: Sequence[str], alone: Sequence[FitResult]
+    values: Array,
+    views: Sequence[_View],
+    shared: Sequence[str],
+    alone: Sequence[FitResult],
+    prior: tuple[float, float, float],
 ) -> tuple[Array, dict[str, Estimate], dict[str, dict[str, float]]]:
     """Covariance (s, s), estimates and budget of the shared values; the noise of the clips is independent."""
     weights = [view.weight for view in views]
@@ -283,6 +309,7 @@ def _shared_estimates(
     degrees = np.clip(variance**2 / np.maximum(spread, 1e-300), 1.0, MOST_DEGREES)
     names = sorted({name for view in views for name in view.known})
     shifts = {name: _shift([view for view in views if name in view.known], name, bread) for name in names}
+    shifts |= _drag_shift(views, bread, prior)
     estimates, budget = {}, {}
     for k, name in enumerate(shared):
         part = {"random": float(np.sqrt(variance[k])), **{s: float(shift[k]) for s, shift in shifts.items()}}
@@ -304,6 +331,36 @@ def _shift(views: Sequence[_View], name: str, bread: Array) -> Array:
     if all(shift.shape[1] == 1 for shift in moved):
         return np.asarray(np.abs(sum(moved))[:, 0])
     return np.asarray(sum(np.linalg.norm(shift, axis=1) for shift in moved))
+
+
+def _gravity_doubt(
+    name: str, model: OdeModel, estimates: Mapping[str, Estimate], budget: Mapping[str, Mapping[str, float]]
+) -> Doubt | None:
+    """What the gravity of the Earth says of a shared value; None where that is no gravity."""
+    if name not in {parameter.name for parameter in model.with_role("gravity")}:
+        return None
+    return earth_gravity_doubt(estimates[name], budget[name].get(UNSEEN_DRAG, 0.0))
+
+
+def _drag_prior(
+    trajectory: Trajectory, model: OdeModel, shared: Sequence[str], values: Array
+) -> tuple[float, float, float]:
+    """What is known beforehand of a drag that the falls of a body have in common, where they share gravity."""
+    names = {parameter.name for parameter in model.with_role("gravity")}
+    gravity = [float(value) for name, value in zip(shared, values, strict=True) if name in names]
+    return prior_of(trajectory, gravity[0] if gravity else STANDARD_GRAVITY)
+
+
+def _drag_shift(views: Sequence[_View], bread: Array, prior: tuple[float, float, float]) -> dict[str, Array]:
+    """Change of the shared values (s,) for one standard error of a drag that all falls of a body have in common."""
+    falls = [(view, view.drag, np.sqrt(view.weight)) for view in views if view.drag is not None]
+    if len(falls) < len(views):
+        return {}
+    moves = bread @ sum(view.weight * view.near.flat.T @ drag for view, drag, _ in falls)
+    residual = np.concatenate([root * view.near.residual.ravel() for view, _, root in falls])
+    unseen = np.concatenate([root * (drag - view.near.flat @ moves) for view, drag, root in falls])
+    count = moves.size + sum(view.own for view in views)
+    return {UNSEEN_DRAG: np.abs(moves) * root_mean_square(residual, unseen, count, *prior)}
 
 
 def _one_clip(view: _View, bread: Array) -> tuple[Array, Array]:

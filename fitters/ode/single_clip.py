@@ -29,7 +29,8 @@ from fitters.ode.global_search import explains, is_lost, scattered_starts, searc
 from fitters.ode.intervals import Found, Method, checked_methods, disagreements, intervals_by
 from fitters.ode.least_squares import FINE_STEP, Loss, Solution, Target, minimise, reweighted
 from fitters.ode.request import DEFAULT_OPTIONS, NOTHING, FitOptions, FitRequest
-from fitters.ode.result import conclude, errors_of, failed, information_loss, linearise
+from fitters.ode.rest_position import calls_for_rest, held_zeros, is_better
+from fitters.ode.result import Lacking, conclude, errors_of, failed, information_loss, linearise
 from fitters.ode.status import at_bounds, diverged, needed_samples, too_few_samples
 from fitters.own_model.gradient_matching import matched_starts
 from fitters.own_model.ties import stated_by
@@ -81,7 +82,8 @@ def fit(
         constants of the same name, e.g. ``angle``, and the error of ``scale``.
     model
         The governing equation, or the name of a registered one. Everything that is not a constant is estimated, and
-        so are the initial states ``<state>_0``, which hold at the first sample used.
+        so are the initial states ``<state>_0``, which hold at the first sample used. The position in which an
+        oscillation rests is a constant, 0, and is estimated as well where the data call for it.
     fixed
         Values to hold, by name; an Estimate's standard error is propagated.
     free
@@ -135,9 +137,22 @@ def fit(
         fixed, start = {**stated.fixed, **fixed}, {**stated.start, **start}
     taken, remark = chosen.taken_from(trajectory)
     request = FitRequest.stated(taken, chosen, fixed, free)
-    result = solve(request.with_(start=start, uncertainty=uncertainty, options=options))
+    result = _about_its_rest(request.with_(start=start, uncertainty=uncertainty, options=options), free)
     doubts = (*result.doubts, *short_pendulum_doubt(result.estimates, chosen))
     return replace(result, notes=(*result.notes, *filter(None, [remark])), doubts=doubts)
+
+
+def _about_its_rest(request: FitRequest, asked: Sequence[str]) -> FitResult:
+    """The fit, with its rest position estimated where nobody stated it and the data call for it."""
+    names = held_zeros(request.trajectory, request.model, {*request.fixed, *request.free})
+    result = solve(request)
+    if names and calls_for_rest(result):
+        moved = solve(request.with_(free=[*request.free, *names]))
+        result = moved if is_better(moved, result, names) else result
+    freed = [parameter.name for parameter in request.model.with_role("offset") if request.model.second_order]
+    freed = [name for name in freed if name in result.free and name not in asked]
+    note = f"the motion is not about zero: {', '.join(freed)} is estimated as well"
+    return replace(result, notes=(*result.notes, note)) if freed else result
 
 
 def solve(request: FitRequest) -> FitResult:
@@ -148,8 +163,9 @@ def solve(request: FitRequest) -> FitResult:
     except NoMinimumError as error:
         return error.result
     with np.errstate(all="ignore"):  # meaningless data give unbounded errors: they become infinite
-        notes, discrepancy = _notes(minimum.task, minimum.target), request.options.discrepancy
-        result = conclude(minimum.task, minimum.target, minimum.solution, notes, discrepancy=discrepancy)
+        notes, options = _notes(minimum.task, minimum.target), request.options
+        lacking = Lacking(options.discrepancy, options.discrepancy and options.unseen_drag)
+        result = conclude(minimum.task, minimum.target, minimum.solution, notes, lacking)
         return result if methods == ("robust",) else _with_intervals(minimum, result, methods)
 
 

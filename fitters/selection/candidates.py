@@ -106,7 +106,27 @@ def _finished(begun: _Begun) -> ModelCandidate:
     bic = n * float(np.log(max(residual, 1e-6) ** 2)) + count * float(np.log(n)) + _pulls(full, begun.request.fixed)
     adequate = residual <= max(ADEQUATE_NOISE, ADEQUATE_MOTION * trial.motion)
     idle = _idle(begun.request.model, full, trial.t_s)
-    return ModelCandidate(begun.name, observable.name, begun.heldout, residual, bic, adequate, full, "", count, idle)
+    return ModelCandidate(
+        begun.name, observable.name, begun.heldout, residual, bic, adequate, full, "", count, idle, _expected(begun)
+    )
+
+
+def _expected(begun: _Begun) -> float:
+    """The held-out error that white noise gives, with the errors of the first fit, in units of the noise."""
+    first, trial, lever = begun.first, begun.trial, begun.trial.observable.lever
+    rows = first.informed_jacobian(np.tile(1.0 / lever, (first.n, 1)))
+    shown = np.sum(rows**2, axis=0) > 0
+    sizes, directions = np.linalg.eigh(np.linalg.pinv(rows[:, shown].T @ rows[:, shown], hermitian=True))
+    values = {name: estimate.value for name, estimate in first.estimates.items()}
+    names, squares = [name for name, one in zip(first.free, shown, strict=True) if one], 0.0
+    for size, direction in zip(np.sqrt(np.maximum(sizes, 0.0)), directions.T, strict=True):
+        sides = []
+        for sign in (1.0, -1.0):
+            moved = {name: values[name] + sign * size * part for name, part in zip(names, direction, strict=True)}
+            sides.append(simulate(begun.request.model, trial.t_s, {**values, **moved}).observed[~trial.known])
+        squares += float(np.sum(((sides[0] - sides[1]) / 2 * lever) ** 2))
+    channels = trial.observable.quantities[~trial.known].size + trial.observable.rest[~trial.known].size
+    return float(np.sqrt(1.0 + squares / max(channels, 1)))
 
 
 def _idle(model: OdeModel, full: FitResult, t_s: Array) -> bool:

@@ -197,7 +197,7 @@ def _model_of(document: "DiagnosisDocument", clip: Path, columns: str | None) ->
 
 def _asked(document: "DiagnosisDocument", model: "OdeModel") -> "Question":
     """The question that a diagnosis on disk leaves open: the added effect with the least certain name."""
-    from iris_sysid.diagnosis.planning.rivals import Question, least_certain
+    from iris_sysid.diagnosis.planning.rivals import Question, least_certain, shares_of
 
     values = document.base.parameters
     own = {parameter.name: parameter for parameter in model.parameters}
@@ -209,7 +209,7 @@ def _asked(document: "DiagnosisDocument", model: "OdeModel") -> "Question":
     free = tuple(name for name in own if name in document.base.free and own[name].constant)
     added = [each.effect for each in document.added]
     names, beside = least_certain(added, document.indistinguishable, document.probabilities)
-    return Question(model, names, beside, fixed, free)
+    return Question(model, names, beside, fixed, free, shares_of(names, document.probabilities))
 
 
 def _stated(text: str) -> "SetUpChange | None":

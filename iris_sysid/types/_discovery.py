@@ -13,6 +13,8 @@ from iris_sysid.types._result import FitResult, FitStatus
 from iris_sysid.types._verdict import Doubt, Verdict, worst_verdict
 
 EXCHANGEABLE = "A longer clip or a larger motion tells them apart"
+STABLE = 0.5  # least inclusion of a term that the resampled data call for as well
+UNSURE = "Take a longer clip or a larger motion, or leave the term out of the library"
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +34,15 @@ class DiscoveredTerm:
     inclusion: float
     selected: bool
     effect: str = ""
+
+
+def _weakness(term: DiscoveredTerm) -> str:
+    """Why a selected term may not be there; empty where nothing speaks against it."""
+    low, high = term.coefficient.interval
+    name = f"{term.term} in {term.equation}"
+    if term.inclusion < STABLE:
+        return f"{name} is selected in {100 * term.inclusion:.0f} % of the resampled data only"
+    return f"{name} may be absent: the interval of its coefficient holds zero" if low <= 0.0 <= high else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,9 +104,11 @@ class Discovery(Shown):
 
     @property
     def verdict(self) -> Verdict:
-        """That of the fits; doubtful as well where a term could be exchanged for another one."""
+        """That of the fits; doubtful as well where a term is unsure or could be exchanged for another one."""
         fits = worst_verdict(fitted.verdict for fitted in self.fits)
         unsure = tuple(Doubt("several-names", text, EXCHANGEABLE) for text in self.alternatives)
+        weak = (_weakness(term) for term in self.selected)
+        unsure += tuple(Doubt("undetermined", text, UNSURE) for text in weak if text)
         return worst_verdict([fits, Verdict("doubtful", unsure)] if unsure else [fits])
 
     def __repr__(self) -> str:

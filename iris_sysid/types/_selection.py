@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from iris_sysid.types._display import text_of
 from iris_sysid.types._result import FitResult
 from iris_sysid.types._verdict import Doubt, Verdict, worst_verdict
+
+FAR = 2.0  # times the noise: a held-out error of many samples that noise alone does not give
+FAR_VALUES = 3.5  # times what the errors of a few fitted values give: of right equations 1 in 25 of 15 samples is above
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -17,7 +21,8 @@ class ModelCandidate:
     in units of the measurement's noise, of all raw channels over the samples held out and over all of them; ``bic``
     over all samples. ``fit`` is that of all samples, None when it failed; ``adequate`` when its residual is near the
     noise. ``count`` numbers describe the samples: those of the model and of the observable. ``idle``: the model has
-    events, but none happens in these samples, so the data do not test them.
+    events, but none happens in these samples, so the data do not test them. ``expected`` is the held-out error that
+    the noise and the errors of the fit to the other samples give, 1 where these are known well.
     """
 
     model: str
@@ -30,11 +35,22 @@ class ModelCandidate:
     note: str = ""
     count: int = 0
     idle: bool = False
+    expected: float = 1.0
 
     @property
     def unknowns(self) -> int:
         """Number of fitted values of the equation."""
         return 0 if self.fit is None else len(self.fit.free)
+
+
+def _poor_prediction(chosen: ModelCandidate) -> Doubt | None:
+    """A doubt where the held-out error is far above what the noise explains; None otherwise."""
+    usual = math.sqrt(FAR**2 + FAR_VALUES**2 * (chosen.expected**2 - 1.0))
+    if not chosen.heldout > usual:
+        return None
+    finding = f"{chosen.model} predicts what was held out with an error of {chosen.heldout:.3g} times the noise, "
+    finding += f"where up to {usual:.2g} would be usual"
+    return Doubt("incomplete", finding, "The equation may lack an effect: look at the residual, or diagnose it")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -58,11 +74,12 @@ class ModelChoice:
 
     @property
     def verdict(self) -> Verdict:
-        """That of the first model's fit; misfit where none of the models fits."""
+        """That of the first model's fit; doubtful where it predicts poorly, misfit where none of the models fits."""
         fitted = self.nearest.fit
         own = Verdict("failed") if fitted is None else fitted.verdict
         if self.chosen is not None:
-            return own
+            poor = _poor_prediction(self.chosen)
+            return own if poor is None else worst_verdict([own, Verdict("doubtful", (poor,))])
         return worst_verdict([own, Verdict("misfit", (Doubt("incomplete", self.message, ""),))])
 
     def __repr__(self) -> str:

@@ -6,10 +6,22 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from iris_sysid import EFFECTS, MODELS, FitError, Quantity, SetUpChange, Trajectory, decide, fit, plan, with_effects
+from iris_sysid import (
+    EFFECTS,
+    MODELS,
+    FitError,
+    Quantity,
+    SetUpChange,
+    Trajectory,
+    decide,
+    diagnose,
+    fit,
+    plan,
+    with_effects,
+)
 from iris_sysid.diagnosis.planning.changes import REPEAT, changes_for
 from iris_sysid.diagnosis.planning.detection_limit import detection_limits
-from iris_sysid.diagnosis.planning.plan import Plan
+from iris_sysid.diagnosis.planning.plan import Plan, _Study
 from iris_sysid.diagnosis.planning.predicted_clip import Design, predicted_clip, roles
 from iris_sysid.diagnosis.planning.rivals import Question, Rival, rivals_of
 from iris_sysid.report.plan_text import decision_text
@@ -57,6 +69,21 @@ def named(rivals: tuple[Rival, ...], name: str) -> Rival:
 
 def test_small_swing_leaves_both_names_open(planned):
     assert min(planned.probabilities.values()) > 0.05
+
+
+def test_plan_on_a_diagnosis_has_the_probabilities_of_that_diagnosis(small):
+    found = diagnose(small, "pendulum", effects=["quadratic-drag", "coulomb-friction"])
+    (named,) = (effect.name for effect in found.added)
+    (other,) = {"quadratic-drag", "coulomb-friction"} - {named}
+    for share in (0.8, 1e-9):
+        stated = {named: share, other: 1.0 - share}
+        diagnosis = replace(found, probabilities={named: stated}, indistinguishable={named: (other,)})
+        assert plan(diagnosis, small).probabilities == pytest.approx(stated)
+
+
+def test_error_without_variance_is_left_out_of_the_gain_and_warns_of_nothing(planned, rivals, small):
+    proposal = replace(planned.repeat, stderr={"length": 0.0, "damping": planned.stderr["damping"] / 2})
+    assert _Study(QUESTION, rivals, small)._remaining(proposal) == pytest.approx(0.5, rel=0.2)
 
 
 def test_larger_swing_is_advised_and_repeat_is_not(planned):

@@ -195,3 +195,19 @@ def test_where_every_fit_failed_none_is_chosen():
     choice = _chosen([candidate("worse", 2.0, np.inf), candidate("better", 1.0, np.inf)], 5)
     assert choice.chosen is None
     assert choice.nearest.model == "better"
+
+
+def falling(drag, seed=0):
+    """A metre of fall with quadratic drag, exactly: v = v_1 tanh(g t / v_1), seen with 1 mm of noise."""
+    t_s = np.arange(60) / 120
+    z = -9.80665 * t_s**2 / 2 if drag == 0 else -np.log(np.cosh(np.sqrt(9.80665 * drag) * t_s)) / drag
+    return track(t_s, {"z": z}, ["m"], noise=1e-3, seed=seed)
+
+
+def test_equation_that_predicts_far_worse_than_the_noise_explains_is_doubted():
+    with_drag = select_model(falling(0.3), ["free-fall"])
+    assert with_drag.chosen.heldout > 4 * with_drag.chosen.expected
+    assert any(doubt.kind == "incomplete" for doubt in with_drag.verdict.reasons)
+    for seed in range(5):
+        right = select_model(falling(0.0, seed), ["free-fall"])
+        assert not any(doubt.kind == "incomplete" for doubt in right.verdict.reasons)

@@ -1,5 +1,7 @@
 """Discovery: the right terms and no others on exact motions with noise, its name in the bank, refusal of bad input."""
 
+from dataclasses import replace
+
 import numpy as np
 import pysindy
 import pytest
@@ -259,6 +261,16 @@ def test_programmed_equation_moves_like_the_bank_s():
     coefficients = dict.fromkeys(library.names, 0.0) | {"theta_sin": -9.80665 / 0.5, "theta_rate": -0.05}
     ours = simulate(model_of(library), t_s, coefficients | {"theta_0": 1.0, "d_theta_0": 0.0}).observed
     assert ours == pytest.approx(simulate(MODELS["pendulum"], t_s, PENDULUM).observed, abs=1e-8)
+
+
+@pytest.mark.parametrize("change", [{"inclusion": 0.1}, {"coefficient": Estimate(0.1, 0.1, "1/s", ci95=(-0.1, 0.3))}])
+def test_term_that_the_data_hardly_call_for_is_doubted(change):
+    found = discover(motion("pendulum", PENDULUM, 8.0), resampled=5)
+    assert found.verdict.good
+    weak = [replace(term, **change) if term.parameter == "theta_rate" else term for term in found.terms]
+    verdict = replace(found, terms=tuple(weak)).verdict
+    assert verdict.word == "doubtful"
+    assert "theta'" in verdict.text
 
 
 def test_same_seed_gives_the_same_inclusion():

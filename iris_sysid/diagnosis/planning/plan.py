@@ -210,9 +210,9 @@ class _Study:
         return self.ranked([*proposals, *pairs])
 
     def _remaining(self, proposal: Proposal) -> float:
-        """Geometric mean of the standard errors over today's."""
-        today = self.today()
-        ratios = [stderr / today[name] for name, stderr in proposal.stderr.items() if today.get(name, 0.0) > 0]
+        """Geometric mean of the standard errors over today's, of the values that both determine."""
+        today = self.today()  # an error that rounding left without a variance is none
+        ratios = [stderr / today[name] for name, stderr in proposal.stderr.items() if stderr > 0 < today.get(name, 0.0)]
         return float(np.exp(np.mean(np.log(ratios)))) if ratios else 1.0
 
     def _proposal(self, change: SetUpChange, refined: bool) -> Proposal | None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +21,7 @@ HOLDOUT = 0.3
 NOTHING = "nothing"  # the name of no effect at all
 SUSPECTED = 2.0  # standard errors of a size above which an effect that was not named is worth a clip
 MOST_SUSPECTED = 2
+LEAST = 1e-300  # a probability whose logarithm is finite
 MOST_RIVALS = 6  # the most probable ones; a class of twelve is told apart by what tells the best six apart
 
 
@@ -27,7 +29,8 @@ MOST_RIVALS = 6  # the most probable ones; a class of twelve is told apart by wh
 class Question:
     """What is to be decided: which of the effects ``names`` (or ``nothing``) acts, beside those of ``beside``.
 
-    ``fixed`` and ``free`` as for :func:`iris_sysid.diagnose`.
+    ``fixed`` and ``free`` as for :func:`iris_sysid.diagnose`. ``probabilities`` are what the diagnosis says of the
+    names; where one of them is missing, all are weighed by refits.
     """
 
     model: OdeModel
@@ -35,6 +38,7 @@ class Question:
     beside: tuple[str, ...] = ()
     fixed: Mapping[str, Estimate] = field(default_factory=dict)
     free: tuple[str, ...] = ()
+    probabilities: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, diagnosis: Diagnosis) -> Question:
@@ -44,7 +48,7 @@ class Question:
         if not added:
             return cls(diagnosis.base.model, _suspected(diagnosis), (), fixed, free)
         names, beside = least_certain(added, diagnosis.indistinguishable, diagnosis.probabilities)
-        return cls(diagnosis.base.model, names, beside, fixed, free)
+        return cls(diagnosis.base.model, names, beside, fixed, free, shares_of(names, diagnosis.probabilities))
 
     def request(self, clip: Trajectory) -> FitRequest:
         """The fit of the model without effects to a clip."""
@@ -66,6 +70,22 @@ def least_certain(
     shares = probabilities.get(asked, {})
     names = sorted({asked, *indistinguishable.get(asked, ())}, key=lambda name: -shares.get(name, 0.0))
     return tuple(names), tuple(name for name in added if name != asked)
+
+
+def shares_of(names: Sequence[str], probabilities: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    """The probability of each of the names, given that one of them acts; empty where that was not weighed.
+
+    Parameters
+    ----------
+    names
+        Of one class: an added effect and those that explain the data as well.
+    probabilities
+        As the field of :class:`iris_sysid.Diagnosis`.
+    """
+    for shares in probabilities.values():
+        if set(names) <= set(shares):
+            return {name: float(shares[name]) for name in names}
+    return {}
 
 
 def _suspected(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -137,7 +157,7 @@ def rivals_of(question: Question, clips: Sequence[Trajectory]) -> tuple[Rival, .
     known = {name: model for name, model in models.items() if model is not None and model.usable}
     if not known:
         raise FitError(f"none of {', '.join(models)} can be fitted to the clip")
-    return _ranked(known)
+    return _ranked(known, question.probabilities)
 
 
 def _with_one(cache: FitCache, rest: ModelWithEffects, name: str) -> ModelWithEffects | None:
@@ -148,14 +168,27 @@ def _with_one(cache: FitCache, rest: ModelWithEffects, name: str) -> ModelWithEf
     return model if model.usable else None
 
 
-def _ranked(models: Mapping[str, ModelWithEffects]) -> tuple[Rival, ...]:
-    closest = min(models.values(), key=lambda model: model.squares)
-    costs = {name: cost_above(model, closest) if model is not closest else 0.0 for name, model in models.items()}
+def _ranked(models: Mapping[str, ModelWithEffects], stated: Mapping[str, float]) -> tuple[Rival, ...]:
+    """The rivals, the most probable first: by the probabilities stated, where each has one, else by refits."""
+    costs = _stated_costs(stated, models) or _refitted_costs(models)
     best = min(costs.values())
     ranked = [
         Rival(name, model.effects, model.fits[0], costs[name] - best, model.fits) for name, model in models.items()
     ]
     return tuple(sorted(ranked, key=lambda rival: rival.above)[:MOST_RIVALS])
+
+
+def _stated_costs(stated: Mapping[str, float], names: Collection[str]) -> dict[str, float]:
+    """The criterion of each name that has its probability; empty where one of them has none."""
+    if not set(names) <= set(stated):
+        return {}
+    return {name: -2.0 * math.log(max(stated[name], LEAST)) for name in names}
+
+
+def _refitted_costs(models: Mapping[str, ModelWithEffects]) -> dict[str, float]:
+    """How far the criterion of each model is above that of the closest fit."""
+    closest = min(models.values(), key=lambda model: model.squares)
+    return {name: cost_above(model, closest) if model is not closest else 0.0 for name, model in models.items()}
 
 
 def as_clips(trajectories: Trajectory | Sequence[Trajectory]) -> list[Trajectory]:
