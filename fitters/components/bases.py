@@ -128,11 +128,15 @@ def bases_of(motion: Motion, seen: Array, seen_rate: Array, scale: Scale) -> lis
         _reading_of_velocity(seen, seen_rate, scale, motion),
         _clock(motion, seen_rate),
     ]
-    forces = [_force_of_position(motion, scale), _force_of_time(motion), _own_drift(motion), _pulse(motion)]
+    forces = [
+        _force_of_position(motion, scale),
+        _force_of_time(motion),
+        _own_drift(motion),
+        _pulse(motion),
+        _periodic(motion),
+    ]
     if motion.model.second_order:
         forces = [_force_of_velocity(motion, scale), *forces]
-    if scale.repeats or motion.inputs is not None:
-        forces.append(_periodic(motion))
     if motion.inputs is not None:
         forces.append(_input(motion))
     found = [*readings, *(basis for basis in forces if basis.columns.size)]

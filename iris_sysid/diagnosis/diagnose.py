@@ -34,7 +34,6 @@ from iris_sysid.diagnosis.time_budget import STOPPED, TimeBudget
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.types import (
-    UNEXPLAINED,
     Components,
     Diagnosis,
     DiagnosticNote,
@@ -51,6 +50,7 @@ from iris_sysid.types import (
 
 ABOVE_NOISE = 1.1  # residual / noise above which terms are suggested; the noise itself is known to a few percent
 COMPLETE = 1.3  # residual / noise up to which effects explain the data: of correlated noise the estimate is that unsure
+NOISE_UNSURE = 3.0  # residual / noise up to which it may be correlated or quantised noise: then components decide
 NOISE_SHARE = 0.9  # of the residual's variance that components leave, where it is noise
 SEARCH_SHARE = 0.5  # of the time allowed, for the search in a closed world
 
@@ -147,7 +147,7 @@ def diagnose(
 def _is_complete(clips: Sequence[FitRequest], model: ModelWithEffects, base: ModelWithEffects) -> bool:
     """Whether a model explains the data to the noise: by its size, or as a residual without components."""
     ratio = _residual_ratio(model, base)
-    if ratio <= COMPLETE or ratio > UNEXPLAINED:
+    if ratio <= COMPLETE or ratio > NOISE_UNSURE:
         return ratio <= COMPLETE
     remaining = components_of(clips, model.fits)
     return remaining is not None and remaining.noise_share >= NOISE_SHARE

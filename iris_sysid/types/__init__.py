@@ -32,7 +32,6 @@ from iris_sysid.types._components import FindingWord as FindingWord
 from iris_sysid.types._departure import DEPARTURE_SIGMAS as DEPARTURE_SIGMAS
 from iris_sysid.types._departure import N_REST_SAMPLES as N_REST_SAMPLES
 from iris_sysid.types._departure import departure as departure
-from iris_sysid.types._diagnosis import UNEXPLAINED as UNEXPLAINED
 from iris_sysid.types._diagnosis import Diagnosis as Diagnosis
 from iris_sysid.types._diagnosis import DiagnosticNote as DiagnosticNote
 from iris_sysid.types._diagnosis import Errors as Errors
