@@ -22,18 +22,20 @@ import numpy as np
 from validation import reference_starts as starts
 from validation.reference_least_squares import Experiment, Problem
 from validation.reference_motions import MOTIONS, Clip
-from validation.reference_terms import TERMS, Array
+from validation.reference_terms import TERMS, Array, physical, waves
 from validation.world_recordings import RECORDINGS, Recording, sealed
 
 BLOCKS, GAP = 8, 0.05  # blocks held out in turn, and what is left out beside each, of its length
 PAIRS, TRIPLES, GROWN = 16, 8, 4  # sets that are held out, and pairs from which triples are made
 FULL_ROUNDS, BLOCK_ROUNDS = 25, 8
-WANDER_PRIOR = 3.0  # standard deviation of a wander's cosine, in residuals of the base model
+HOPELESS = 1e12  # the squared error of a fit that failed
+PRICE = 0.15  # by how much each term more must lower the logarithm of the squared error
+LOSSES = ("linear-drag", "quadratic-drag", "cubic-drag", "dry-friction")
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One set of terms: the root mean squares of its residual and of its prediction, and the latter by block, squared."""
+    """One set of terms: the root mean squares of its residual and of its prediction, the squares of that by block."""
 
     terms: tuple[str, ...]
     fitted: float
@@ -42,18 +44,27 @@ class Candidate:
     values: dict[str, float]
 
     @property
-    def complexity(self) -> tuple[int, int]:
-        """Number of terms, and of coefficients."""
-        return len(self.terms), sum(TERMS[name].size for name in self.terms)
+    def price(self) -> int:
+        """For how many terms it counts."""
+        return sum(TERMS[name].price for name in self.terms)
+
+    @property
+    def scores(self) -> Array:
+        """The squared errors by block, dearer with each term."""
+        return np.array(self.blocks) * np.exp(PRICE * self.price)
 
 
 @dataclass(frozen=True)
 class Row:
-    """What was found in one recording: all sets that were held out, the best prediction first."""
+    """What was found in one recording: all sets that were held out, the best prediction first.
+
+    ``alike``: eight blocks of one clip were held out, as a diagnosis holds them out; not whole clips, or pieces.
+    """
 
     name: str
     unit: str
     samples: int
+    alike: bool
     candidates: tuple[Candidate, ...]
 
     @property
@@ -63,13 +74,13 @@ class Row:
 
     @property
     def best(self) -> Candidate:
-        """The set with the best prediction."""
-        return self.candidates[0]
+        """The set with the best prediction, the price of its terms included."""
+        return min(self.candidates, key=lambda each: each.scores.mean())
 
     @property
     def margin(self) -> tuple[Candidate, ...]:
         """All sets that predict as well as the best, within the standard error of the difference."""
-        return tuple(each for each in self.candidates if as_good(each.blocks, self.best.blocks))
+        return tuple(each for each in self.candidates if as_good(each.scores, self.best.scores))
 
     @property
     def minimal(self) -> tuple[Candidate, ...]:
@@ -80,7 +91,7 @@ class Row:
     @property
     def chosen(self) -> Candidate:
         """The simplest set as good as the best."""
-        return min(self.margin, key=lambda each: (*each.complexity, each.heldout))
+        return min(self.margin, key=lambda each: (each.price, each.heldout))
 
     @property
     def removed(self) -> float:
@@ -88,9 +99,9 @@ class Row:
         return 1 - (self.chosen.heldout / self.nothing.heldout) ** 2
 
 
-def as_good(errors: Sequence[float], best: Sequence[float]) -> bool:
+def as_good(errors: Array, best: Array) -> bool:
     """Whether squared errors by block exceed the best ones by at most the standard error of the difference."""
-    worse = np.subtract(errors, best)
+    worse = errors - best
     return float(worse.mean()) <= float(worse.std(ddof=1) / np.sqrt(worse.size))
 
 
@@ -107,8 +118,8 @@ def components(row: Row) -> set[str]:
 # Fits ---------------------------------------------------------------------------------------------------------------
 
 
-def experiment_of(recording: Recording) -> tuple[Experiment, Problem]:
-    """The base model fitted to the clips of a recording."""
+def experiment_of(recording: Recording) -> tuple[Experiment, list[Problem]]:
+    """The base model fitted to the clips of a recording, and what else was fitted on the way."""
     clips = [
         starts.thinned(
             clip.t_s,
@@ -117,36 +128,52 @@ def experiment_of(recording: Recording) -> tuple[Experiment, Problem]:
         )
         for clip in recording.clips()
     ]
-    experiment, base = starts.base_fit(MOTIONS[recording.model.name], clips)
-    return replace(experiment, scales=starts.looked_for(experiment, base)), base
+    base = MOTIONS[recording.model.name]
+    experiment, fits = starts.base_fit(base, starts.pieces(clips[0]) if base.driven else clips)
+    return replace(experiment, scales=starts.looked_for(experiment, fits[0])), fits
 
 
-def with_terms(base: Problem, terms: Sequence[str], known: Sequence[Problem], sigma: float) -> Problem:
-    """A set of terms, from the values of the best fit so far that contains some of them."""
+def begins(terms: Sequence[str], known: Sequence[Problem], fits: Sequence[Problem]) -> list[Problem]:
+    """Fits to begin with: the best of those that have a part of the terms, and those that were made on the way."""
     parts = [problem for problem in known if set(problem.terms) <= set(terms)]
-    begin = min(parts, key=lambda problem: problem.cost, default=base)
+    return [min(parts, key=lambda problem: problem.cost), *fits[1:]]
+
+
+def with_terms(base: Problem, terms: Sequence[str], begin: Problem, sigma: float) -> Problem:
+    """A set of terms, from the values of another fit."""
     labels = [label for name in terms for label in TERMS[name].names]
-    values = {**dict.fromkeys(labels, 0.0), **begin.values}
+    values = {name: begin.values.get(name, 0.0) for name in (*base.values, *labels)}
     if "periodic-force/0" in labels and not values["periodic-force/0"]:
         values["periodic-force/0"] = 1e-3  # of a force of zero the frequency has no slope
     prior = {label: sigma for label in labels if label.startswith("zero-wander")}
     return Problem(tuple(terms), (*base.free, *labels), values, base.weights, {**base.prior, **prior})
 
 
-def searched(experiment: Experiment, base: Problem) -> list[Problem]:
+def is_physical(problem: Problem) -> bool:
+    """Whether a fit ended with sizes that a rig or a camera can have; no damping drives a motion."""
+    terms = [TERMS[name] for name in problem.terms]
+    driven = problem.values.get("damping", 0.0) < 0 and any(term.name in LOSSES for term in terms)
+    sizes = all(physical(term, [problem.values[label] for label in term.names]) for term in terms)
+    return bool(np.isfinite(problem.cost)) and sizes and not driven
+
+
+def searched(experiment: Experiment, fits: Sequence[Problem]) -> list[Problem]:
     """The sets that are worth a prediction: none, each term, the best pairs and triples by their residuals."""
-    used = base.weights > 0
-    rms = float(np.sqrt(np.mean(base.residual[used] ** 2)))
-    # A prior in the unit of a residual of one: coefficients are in units of the reading.
-    sigma = WANDER_PRIOR * rms / experiment.scales.reading / rms
+    # A wander's cosines are of the size of the residual, of which samples within a half wave are no independent ones.
+    base = fits[0]
+    alike = base.weights.size / (2 * waves(experiment.scales))
+    sigma = 1 / (experiment.scales.reading * np.sqrt(alike))
 
     def fitted(sets, known):
-        problems = [with_terms(base, terms, known, sigma) for terms in sets]
+        problems = [
+            with_terms(base, terms, each, sigma) for terms in sets for each in begins(terms, [base, *known], fits)
+        ]
         experiment.fit(problems, FULL_ROUNDS)
-        return sorted(problems, key=lambda problem: problem.cost)
+        problems = list({each.terms: each for each in sorted(problems, key=lambda each: -each.cost)}.values())
+        return sorted(filter(is_physical, problems), key=lambda problem: problem.cost)
 
     names = experiment.base.terms
-    singles = fitted([(name,) for name in names], [base])
+    singles = fitted([(name,) for name in names], [])
     pairs = fitted(itertools.combinations(names, 2), singles)
     grown = {tuple(sorted({*pair.terms, name})) for pair in pairs[:GROWN] for name in names if name not in pair.terms}
     triples = fitted(sorted(grown), [*singles, *pairs])
@@ -184,7 +211,6 @@ def predicted_drops(experiment: Experiment, problems: Sequence[Problem]) -> list
     """The same for several clips: what they share comes from the others, and only the start from the one held out."""
     sizes = [clip.values.size for clip in experiment.clips]
     owner = np.repeat(np.arange(len(sizes)), sizes)
-    quarter = np.concatenate([np.arange(size) * 4 // size for size in sizes])
     errors: list[list[float]] = [[] for _ in problems]
     for k in range(len(sizes)):
         begin = set(experiment.starts(k))
@@ -192,10 +218,12 @@ def predicted_drops(experiment: Experiment, problems: Sequence[Problem]) -> list
             anew(each, each.weights * (owner != k), [n for n in each.free if n not in begin]) for each in problems
         ]
         experiment.fit(others, BLOCK_ROUNDS)
-        starts_only = [anew(each, each.weights * 0 + (owner == k), sorted(begin)) for each in others]
+        starts_only = [
+            anew(each, base.weights * (owner == k), sorted(begin)) for each, base in zip(others, problems, strict=True)
+        ]
         experiment.fit(starts_only, BLOCK_ROUNDS)
         for mine, refit, problem in zip(errors, starts_only, problems, strict=True):
-            mine += [mean_square(refit, (owner == k) & (quarter == part), problem.weights) for part in range(4)]
+            mine.append(mean_square(refit, owner == k, problem.weights))
     return errors
 
 
@@ -209,17 +237,17 @@ def anew(problem: Problem, weights: Array, free: Sequence[str] | None = None) ->
 def mean_square(refit: Problem, inside: Array, weights: Array) -> float:
     """The mean squared error of readings that are there; a fit that failed predicts nothing."""
     if refit.residual is None:
-        return 1e6 * float(np.mean(weights))
+        return HOPELESS
     chosen = inside & (weights > 0)
-    return float(np.mean(refit.residual[chosen] ** 2))
+    return float(min(np.mean(np.clip(refit.residual[chosen], -1e6, 1e6) ** 2), HOPELESS)) if chosen.any() else 0.0
 
 
 def row_of(recording: Recording) -> Row:
     """All of it for one recording."""
-    experiment, base = experiment_of(recording)
-    problems = [each for each in searched(experiment, base) if np.isfinite(each.cost)]
+    experiment, fits = experiment_of(recording)
+    problems = searched(experiment, fits)
     predicted = predicted_blocks if len(experiment.clips) == 1 else predicted_drops
-    used = base.weights > 0
+    used = fits[0].weights > 0
     candidates = [
         Candidate(
             each.terms,
@@ -231,7 +259,9 @@ def row_of(recording: Recording) -> Row:
         for each, errors in zip(problems, predicted(experiment, problems), strict=True)
     ]
     candidates.sort(key=lambda each: each.heldout)
-    return Row(recording.name, recording.model.observed[0].unit, int(used.sum()), tuple(candidates))
+    return Row(
+        recording.name, recording.model.observed[0].unit, int(used.sum()), len(experiment.clips) == 1, tuple(candidates)
+    )
 
 
 # Results ------------------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""Least squares of :mod:`validation.reference_fits`: many problems at once, each with free values and weights of its own.
+"""Least squares of :mod:`validation.reference_fits`: many problems at once, each with its own free values and weights.
 
 All problems of a chunk, and all the differences that their derivatives need, are columns of one integration.
 """
@@ -22,8 +22,8 @@ EASED, STIFFENED, HOPELESS, DONE = 0.2, 6.0, 1e7, 1e-5  # Marquardt's factor, wh
 class Problem:
     """A set of terms, the names of the free values, all values by name, and the weights (n,) of the residuals.
 
-    ``residual`` (n,), observed - predicted, and ``slopes`` (n, p) are those of the best values so far; ``prior`` has the
-    standard deviation of free values that have one, in the unit of a residual of one.
+    ``residual`` (n,), observed - predicted, and ``slopes`` (n, p) are those of the best values so far; ``prior`` has
+    the standard deviation of free values that have one, in the unit of a residual of one.
     """
 
     terms: tuple[str, ...]
@@ -46,8 +46,10 @@ class Problem:
 
     def judge(self, residual: Array, slopes: Array, values: dict[str, float]) -> None:
         """Keep a trial that is better, and go back from one that is worse."""
-        cost = self.penalty(values) + float(np.sum(self.weights * residual**2, where=self.weights > 0))
-        cost = cost if np.isfinite(cost) and np.isfinite(slopes).all() else np.inf
+        used = self.weights > 0
+        with np.errstate(all="ignore"):
+            cost = self.penalty(values) + float(np.sum(self.weights[used] * residual[used] ** 2))
+        cost = cost if np.isfinite(cost) and np.isfinite(slopes[used]).all() else np.inf
         if cost < self.cost:
             self.done = self.cost - cost < DONE * self.cost
             self.cost, self.residual, self.slopes, self.values = cost, residual, slopes, values

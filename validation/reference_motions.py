@@ -11,15 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from validation.reference_terms import TERMS, Array, Scales
+from validation.reference_terms import SWINGS, TERMS, Array, Now, Scales
 
 GRAVITY = 9.81
-STEP_RAD, FEWEST_STEPS = 0.15, 300  # largest step, in radians of the motion's own angle; steps of a short clip
-SWING = (
-    "quadratic-drag cubic-drag dry-friction constant-force square-force cubic-force force-drift drag-drift "
-    "periodic-force zero-offset zero-line zero-wander clock-drift clock-step"
-)
-FALL = "linear-drag quadratic-drag constant-force force-drift zero-wander even-reading odd-reading clock-drift"
+STEP_RAD, FEWEST_STEPS = 0.15, 120  # largest step, in radians of the motion's own angle; steps of a short clip
 
 
 @dataclass(frozen=True)
@@ -36,7 +31,8 @@ class Motion:
     """A base model: its own force, what is read of it, its parameters with starting values, and candidate terms.
 
     ``own(x, v, u, p)`` is the force (d, b), an acceleration, but where ``order`` is one the rate of x. ``damped``: a
-    force ``-damping v`` belongs to the model. What is read is the speed (``reads`` "v"), or the last ``shown`` of x.
+    force ``-damping v`` belongs to the model. What is read is the speed (``reads`` "v"), or the position. The terms
+    ``first`` are there while starting values are looked for, where the base model alone is too far off.
     """
 
     own: Callable[[Array, Array, Array, Mapping[str, Array]], Array]
@@ -47,6 +43,12 @@ class Motion:
     damped: bool = False
     reads: str = "x"
     swings: bool = False
+    first: tuple[str, ...] = ()
+
+    @property
+    def driven(self) -> bool:
+        """Whether a measured torque drives it."""
+        return "gain" in self.start
 
     @property
     def states(self) -> int:
@@ -82,43 +84,44 @@ def thrown(x, v, u, p):
     return np.array([0 * x[0], -p["gravity"] + 0 * x[1]])
 
 
-SWINGS = {"damped": True, "swings": True}
+TO_AND_FRO = {"damped": True, "swings": True}
+FALLS = "linear-drag quadratic-drag scale even-reading odd-reading clock-drift"
 MOTIONS: dict[str, Motion] = {
     "pendulum": motion(
         lambda x, v, u, p: -p["pull"] * np.sin(x), {"pull": (), "damping": (0.0,)},
-        f"{SWING} pivot-aside pivot-along shutter", **SWINGS,
+        f"{SWINGS} pivot-aside pivot-along shutter", **TO_AND_FRO,
     ),
     "linear-oscillator": motion(
         lambda x, v, u, p: -p["pull"] * x, {"pull": (), "damping": (0.0,)},
-        f"{SWING} even-reading odd-reading shutter", **SWINGS,
+        f"{SWINGS} even-reading odd-reading shutter", first=("cubic-force",), **TO_AND_FRO,
     ),
     "torsion-wheel": motion(
         lambda x, v, u, p: -p["pull"] * x, {"pull": (), "damping": (0.0,)},
-        f"{SWING} even-reading odd-reading", reads="v", **SWINGS,
+        f"{SWINGS} even-reading odd-reading", reads="v", **TO_AND_FRO,
     ),
     "driven-arm": motion(
         lambda x, v, u, p: p["gain"] * u - p["pull"] * np.sin(x),
         {"gain": (4.0, 16.0), "pull": (8.0, 16.0, 40.0), "damping": (0.75,)},
         "quadratic-drag cubic-drag dry-friction constant-force force-drift drag-drift ramp-force zero-offset zero-line "
-        "clock-drift", damped=True,
+        "clock-drift", damped=True
     ),
-    "free-fall": motion(lambda x, v, u, p: -GRAVITY + 0 * x, {}, FALL),
+    "free-fall": motion(lambda x, v, u, p: -GRAVITY + 0 * x, {}, FALLS),
     "incline": motion(
         lambda x, v, u, p: p["slope"] + 0 * x, {"slope": (1.0,)},
-        "linear-drag quadratic-drag force-drift place-gain zero-wander even-reading odd-reading clock-step",
+        "linear-drag quadratic-drag force-drift place-gain zero-wander even-reading odd-reading clock-drift clock-step",
     ),
     "projectile": motion(
         thrown, {"gravity": (GRAVITY,)},
-        "linear-drag quadratic-drag force-drift zero-wander tilt lens clock-drift clock-step", degrees=2,
+        "linear-drag quadratic-drag zero-wander tilt lens clock-drift clock-step", degrees=2,
     ),
     "coast-down": motion(
         lambda x, v, u, p: -p["rolling"] + 0 * x, {"rolling": (0.1,)},
-        "linear-drag quadratic-drag cubic-drag force-drift drag-drift periodic-force zero-offset zero-line even-reading "
-        "clock-drift", reads="v",
+        "linear-drag quadratic-drag cubic-drag force-drift drag-drift place-gain periodic-force zero-offset zero-line "
+        "even-reading clock-drift", reads="v",
     ),
     "tapered-tank": motion(
         tank, {"discharge": (0.6,)},
-        "leak place-gain place-gain-2 force-drift zero-offset zero-line zero-wander even-reading odd-reading", order=1,
+        "leak place-gain square-force force-drift zero-offset zero-line zero-wander even-reading odd-reading", order=1,
     ),
     "two-tanks": motion(
         two_tanks, {"upper": (0.05,), "lower": (0.05,), "pump": (0.05,)},
@@ -133,9 +136,10 @@ def derivative(base: Motion, forces: Sequence[str], scales: Scales, p: Mapping[s
     v = y[base.degrees :] if base.order == 2 else x
     own = base.own(x, v, u, p)
     force = own - p["damping"] * v if base.damped else own
+    now = Now(t, x, v, own, scales)
     for name in forces:
         each = TERMS[name]
-        force = force + each.force(t, x, v, own, [p[label] for label in each.names], scales)
+        force = force + each.force(now, [p[label] for label in each.names])
     return force if base.order == 1 else np.concatenate([v, force])
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from validation.reference_motions import GRAVITY, Clip, Motion
 from validation.reference_terms import Array, Scales
 
 MOST, LONG_PERIODS = 900, 3.0  # samples used; periods of the first window of a fit
+PIECE_S = 0.75  # of a driven clip
 OUTLYING, NORMAL = 8.0, 1.4826  # MAD to standard deviation of a normal
 
 
@@ -26,6 +28,14 @@ def thinned(t: Array, values: Array, u: Array) -> Clip:
     step = max(1, int(np.ceil(t.size / MOST)))
     inputs = np.convolve(u, np.ones(step) / step, "same") if step > 1 else u
     return Clip(t[::step] - t[0], values[::step], inputs[::step])
+
+
+def pieces(clip: Clip) -> list[Clip]:
+    """A clip cut into short ones of equal length: an arm that is driven over the top is not predictable for long."""
+    count = max(4, round(clip.t[-1] / PIECE_S))
+    ends = np.linspace(0, clip.t.size, count + 1).astype(int)
+    cut = [slice(first, last) for first, last in pairwise(ends)]
+    return [Clip(clip.t[each] - clip.t[each][0], clip.values[each], clip.u[each]) for each in cut]
 
 
 def own_frequency(clip: Clip) -> float:
@@ -55,7 +65,7 @@ def sizes(base: Motion, clips: Sequence[Clip]) -> Scales:
         )
     force = place * omega**2 if base.swings else speed if base.order == 1 else speed / time
     force = GRAVITY if base.start.keys() <= {"gravity"} else force
-    if "gain" in base.start:
+    if base.driven:
         speed, force = float(np.nanstd(np.gradient(clip.values[:, 0], clip.t))), 10.0
     return Scales(place, speed, force, reading, rate, time, time / 2, omega)
 
@@ -63,7 +73,7 @@ def sizes(base: Motion, clips: Sequence[Clip]) -> Scales:
 def first_motion(base: Motion, clip: Clip, scales: Scales) -> list[float]:
     """The state at the beginning: by a polynomial through the first quarter of a swing, or through all of a fall."""
     short = 0.3 * 2 * np.pi / scales.omega if base.swings else scales.time
-    short = 5.5 * clip.t[1] if "gain" in base.start or base.order == 1 else max(short, 5.5 * clip.t[1])
+    short = 5.5 * clip.t[1] if base.driven or base.order == 1 else max(short, 5.5 * clip.t[1])
     lines = []
     for column in clip.values.T:
         early = np.isfinite(column) & (clip.t <= short)
@@ -84,8 +94,11 @@ def pulls(base: Motion, clip: Clip, scales: Scales) -> tuple[float, ...]:
     return tuple(scales.omega**2 * factor**2 / lengthened**2 for factor in (0.94, 0.97, 1.0, 1.03))
 
 
-def base_fit(base: Motion, clips: Sequence[Clip]) -> tuple[Experiment, Problem]:
-    """The fit without any term: from several starting values, over windows that grow from a few periods to all."""
+def base_fit(base: Motion, clips: Sequence[Clip]) -> tuple[Experiment, list[Problem]]:
+    """The fit without any term, and the one with the first terms.
+
+    From several starting values, over windows that grow from a few periods to all.
+    """
     experiment = Experiment(base, clips, sizes(base, clips))
     values = {}
     for k, clip in enumerate(clips):
@@ -95,26 +108,25 @@ def base_fit(base: Motion, clips: Sequence[Clip]) -> tuple[Experiment, Problem]:
     for name, starts in base.start.items():
         several = starts or pulls(base, clips[0], experiment.scales)
         candidates = [{**candidate, name: start} for candidate in candidates for start in several]
+    labels = [f"{name}/0" for name in base.first]
+    candidates = [{**candidate, **dict.fromkeys(labels, 0.0)} for candidate in candidates]
     problems = []
     for until in windows(base, experiment):
         weights = within(clips, until)
-        problems = [Problem((), free, candidate, weights) for candidate in candidates]
+        problems = [Problem(base.first, (*free, *labels), candidate, weights) for candidate in candidates]
         experiment.fit(problems, 40)
         problems.sort(key=lambda problem: problem.cost)
         candidates = [problem.values for problem in problems[: 1 if len(problems) == 1 else 2]]
-    return replace(experiment), problems[0]
+    begin = {name: value for name, value in candidates[0].items() if name not in labels}
+    plain = Problem((), free, begin, within(clips, np.inf))
+    experiment.fit([plain], 40)
+    return experiment, [plain, *problems[: 1 if labels else 0]]
 
 
 def windows(base: Motion, experiment: Experiment) -> list[float]:
     """Ends, s, of the windows over which the base model is fitted, each twice as long."""
     time = experiment.scales.time
-    first = (
-        LONG_PERIODS * 2 * np.pi / experiment.scales.omega
-        if base.swings
-        else time / 8
-        if "gain" in base.start
-        else time
-    )
+    first = LONG_PERIODS * 2 * np.pi / experiment.scales.omega if base.swings else time / 8 if base.driven else time
     count = max(0, int(np.ceil(np.log2(time / first))))
     return [*(first * 2.0**k for k in range(count)), np.inf]
 
@@ -150,8 +162,8 @@ def looked_for(experiment: Experiment, base: Problem) -> Scales:
 
 def allowed_lines(scales: Scales) -> Array:
     """Angular frequencies, rad/s, of a force away from the motion's own frequency and its double and triple."""
-    slowest = 2 * np.pi * 1.5 / scales.time
+    slowest = 2 * np.pi * 4 / scales.time  # fewer periods imitate a drift
     fastest = 5 * scales.omega if scales.omega else 40 * slowest
-    lines = np.arange(slowest, max(fastest, 3 * slowest), slowest / 6)
+    lines = np.arange(slowest, max(fastest, 3 * slowest), slowest / 16)
     own = scales.omega * np.array([1.0, 2.0, 3.0])
     return lines[np.all(np.abs(lines[:, None] - own) > 0.15 * np.maximum(own, 1e-9), axis=1)]

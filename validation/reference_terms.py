@@ -40,17 +40,29 @@ class Scales:
 
 
 @dataclass(frozen=True)
+class Now:
+    """A moment: the time ``t``, s, position and speed (d, b), the base model's force (d, b), and the usual sizes."""
+
+    t: float
+    x: Array
+    v: Array
+    own: Array
+    s: Scales
+
+
+@dataclass(frozen=True)
 class Term:
     """One candidate: the ``kinds`` of component that it stands for, and the library's ``effects``.
 
-    ``force(t, x, v, own, c, scales)`` is an acceleration (d, b) at the time ``t``, s: ``x`` and ``v`` (d, b), ``own``
-    (d, b) the base model's force, ``c`` the coefficients (b,). ``reading(r, rate, t, scales)`` gives the functions
-    (size, n, d, b) that the coefficients multiply, of what is read (n, d, b), its rate, and the time (n, 1, 1).
+    ``force(now, c)`` is an acceleration (d, b), with the coefficients ``c``, each (b,). ``reading(r, rate, t, scales)``
+    gives the functions (size, n, d, b) that the coefficients multiply, of what is read (n, d, b), its rate, and the
+    time (n, 1, 1). Coefficients outside ``limits`` are not physics.
     """
 
     name: str
     kinds: frozenset[str]
     effects: frozenset[str]
+    limits: tuple[float, float]
     size: int = 1
     force: Callable[..., Array] | None = None
     reading: Callable[..., Array] | None = None
@@ -60,17 +72,27 @@ class Term:
         """The names of its coefficients."""
         return [f"{self.name}/{k}" for k in range(self.size)]
 
+    @property
+    def price(self) -> int:
+        """For how many terms it counts: one of several coefficients imitates more."""
+        return min(self.size, 2)
 
-def periodic(t, x, v, own, c, s):
+
+def periodic(now: Now, c):
     """A force at one frequency, near the one where it was looked for."""
-    phase = s.line * (1 + c[2]) * (t - s.middle)
-    return s.force * (c[0] * np.cos(phase) + c[1] * np.sin(phase))
+    phase = now.s.line * (1 + c[2]) * (now.t - now.s.middle)
+    return now.s.force * (c[0] * np.cos(phase) + c[1] * np.sin(phase))
 
 
-def spill(t, x, v, own, c, s):
+def spill(now: Now, c):
     """What flows over the rim of the upper tank, full at 10 V."""
-    over = c[0] * np.maximum(own[0], 0) / (1 + np.exp(-(x[0] - 10.0) / 0.1))
+    over = c[0] * np.maximum(now.own[0], 0) / (1 + np.exp(-(now.x[0] - 10.0) / 0.1))
     return np.array([-over, np.zeros_like(over)])
+
+
+def dry(now: Now, c):
+    """Dry friction; below half a per cent of the usual speed its sign is rounded, so that steps stay small."""
+    return -c[0] * now.s.force * now.v / np.sqrt(now.v**2 + (0.005 * now.s.v) ** 2)
 
 
 def waves(s: Scales) -> int:
@@ -100,61 +122,78 @@ def length(v: Array) -> Array:
     return np.sqrt(np.sum(v**2, axis=0, keepdims=True))
 
 
-def term(name: str, kinds: str, effects: str = "", size: int = 1, force=None, reading=None) -> Term:
-    """A candidate; kinds and effects with blanks between."""
-    return Term(name, frozenset(kinds.split()), frozenset(effects.split()), size, force, reading)
-
-
 SPEED, PLACE, READING = "force-of-velocity", "force-of-position", "reading-of-position"
-WANDER, LATE = "zero-wander", "reading-of-velocity"
+WANDER, LATE, DRIFT, TIME = "zero-wander", "reading-of-velocity", "own-force-drift", "force-of-time"
 SLOW = "zero-drift camera-drift"
 ZERO = "zero-offset constant-force"
 FRICTION = "coulomb-friction velocity-weakening-friction"
 LENS, TILT = "radial-distortion gain-change", "camera-tilt anisotropic-scale"
+LOSS, SMALL, ANY = (0.0, np.inf), (-0.3, 0.3), (-np.inf, np.inf)
 
 FORCES = (
-    term("linear-drag", SPEED, "linear-drag", 1, lambda t, x, v, own, c, s: -c[0] * s.force * v / s.v),
-    term("quadratic-drag", SPEED, "quadratic-drag", 1, lambda t, x, v, own, c, s: -c[0] * s.force * length(v) * v / s.v**2),
-    term("cubic-drag", SPEED, "quadratic-drag", 1, lambda t, x, v, own, c, s: -c[0] * s.force * (v / s.v) ** 3),
-    # Below half a per cent of the usual speed its sign is rounded, so that the integration stays smooth.
-    term("dry-friction", SPEED, FRICTION, 1, lambda t, x, v, own, c, s: -c[0] * s.force * v / np.sqrt(v**2 + (0.005 * s.v) ** 2)),
-    term("constant-force", f"{PLACE} {WANDER} force-of-time", ZERO, 1, lambda t, x, v, own, c, s: c[0] * s.force),
-    term("square-force", PLACE, "", 1, lambda t, x, v, own, c, s: c[0] * s.force * (x / s.x) ** 2),
-    term("cubic-force", PLACE, "cubic-stiffness", 1, lambda t, x, v, own, c, s: c[0] * s.force * (x / s.x) ** 3),
-    term("place-gain", PLACE, "", 1, lambda t, x, v, own, c, s: c[0] * own * x / s.x),
-    term("place-gain-2", PLACE, "", 2, lambda t, x, v, own, c, s: own * (c[0] + c[1] * x / s.x) * x / s.x),
-    term("overflow", PLACE, "overflow", 1, spill),
-    term("leak", PLACE, "leak constant-force", 1, lambda t, x, v, own, c, s: -c[0] * s.force),
-    term("force-drift", "own-force-drift", "parameter-drift", 1, lambda t, x, v, own, c, s: c[0] * own * s.along(t)),
-    term("ramp-force", f"force-of-time {WANDER}", "parameter-drift", 1, lambda t, x, v, own, c, s: c[0] * s.force * s.along(t)),
-    term("drag-drift", f"{SPEED} force-of-time own-force-drift", "friction-change parameter-drift", 1, lambda t, x, v, own, c, s: c[0] * s.force * v / s.v * s.along(t)),
-    term("periodic-force", "periodic-force", "periodic-forcing", 3, periodic),
+    ("linear-drag", SPEED, "linear-drag", LOSS, lambda n, c: -c[0] * n.s.force * n.v / n.s.v),
+    ("quadratic-drag", SPEED, "quadratic-drag", LOSS, lambda n, c: -c[0] * n.s.force * length(n.v) * n.v / n.s.v**2),
+    ("cubic-drag", SPEED, "quadratic-drag", LOSS, lambda n, c: -c[0] * n.s.force * (n.v / n.s.v) ** 3),
+    ("dry-friction", SPEED, FRICTION, LOSS, dry),
+    ("constant-force", f"{PLACE} {WANDER} {TIME}", ZERO, ANY, lambda n, c: c[0] * n.s.force),
+    ("scale", f"{PLACE} {READING} {TIME}", f"{ZERO} gain-change", (-0.1, 0.1), lambda n, c: c[0] * n.own),
+    ("square-force", PLACE, "", ANY, lambda n, c: c[0] * n.s.force * (n.x / n.s.x) ** 2),
+    ("cubic-force", PLACE, "cubic-stiffness", ANY, lambda n, c: c[0] * n.s.force * (n.x / n.s.x) ** 3),
+    ("place-gain", PLACE, "", ANY, lambda n, c: c[0] * n.own * n.x / n.s.x),
+    ("leak", PLACE, "leak constant-force", LOSS, lambda n, c: -c[0] * n.s.force),
+    ("overflow", PLACE, "overflow", LOSS, spill),
+    ("force-drift", DRIFT, "parameter-drift", SMALL, lambda n, c: c[0] * n.own * n.s.along(n.t)),
+    ("ramp-force", f"{TIME} {WANDER}", "parameter-drift", ANY, lambda n, c: c[0] * n.s.force * n.s.along(n.t)),
+    (
+        "drag-drift", f"{SPEED} {TIME} {DRIFT}", "friction-change parameter-drift", ANY,
+        lambda n, c: c[0] * n.s.force * n.v / n.s.v * n.s.along(n.t),
+    ),
 )  # fmt: skip
 READINGS = (
-    ("zero-offset", f"{WANDER} {READING} {PLACE}", ZERO, lambda r, rate, t, s: s.reading + 0 * r),
-    ("zero-line", WANDER, SLOW, lambda r, rate, t, s: s.reading * s.along(t) + 0 * r),
-    ("even-reading", READING, TILT, lambda r, rate, t, s: r**2 / s.reading),
-    ("odd-reading", READING, LENS, lambda r, rate, t, s: r**3 / s.reading**2),
-    ("pivot-aside", READING, f"{TILT} zero-offset", lambda r, rate, t, s: np.cos(r) - 1),
-    ("pivot-along", READING, LENS, lambda r, rate, t, s: np.sin(r)),
-    ("tilt", READING, TILT, lambda r, rate, t, s: off(r) * off(r)[:, -1:] / s.reading),
-    ("lens", READING, LENS, lambda r, rate, t, s: off(r) * far(r) / s.reading**2),
-    ("shutter", LATE, "rolling-shutter", lambda r, rate, t, s: r * rate / s.rate),
-    ("speed-reading", LATE, "", lambda r, rate, t, s: s.reading * (rate / s.rate) ** 2),
-    ("clock-drift", "clock own-force-drift", "time-scale", lambda r, rate, t, s: s.reading / s.rate * rate * s.along(t) ** 2),
-    ("clock-step", "clock", "dropped-frame", lambda r, rate, t, s: s.reading / s.rate * rate * (s.along(t) > s.step)),
-)  # fmt: skip
+    ("zero-offset", f"{WANDER} {READING} {PLACE}", ZERO, ANY, lambda r, rate, t, s: s.reading + 0 * r),
+    ("zero-line", WANDER, SLOW, ANY, lambda r, rate, t, s: s.reading * s.along(t) + 0 * r),
+    ("even-reading", READING, TILT, SMALL, lambda r, rate, t, s: r**2 / s.reading),
+    ("odd-reading", READING, LENS, SMALL, lambda r, rate, t, s: r**3 / s.reading**2),
+    ("pivot-aside", READING, f"{TILT} zero-offset", SMALL, lambda r, rate, t, s: np.cos(r) - 1),
+    ("pivot-along", READING, LENS, SMALL, lambda r, rate, t, s: np.sin(r)),
+    ("tilt", READING, TILT, SMALL, lambda r, rate, t, s: off(r) * off(r)[:, -1:] / s.reading),
+    ("lens", READING, LENS, SMALL, lambda r, rate, t, s: off(r) * far(r) / s.reading**2),
+    ("shutter", LATE, "rolling-shutter", SMALL, lambda r, rate, t, s: r * rate / s.rate),
+    ("clock-drift", f"clock {DRIFT}", "time-scale", ANY, lambda r, rate, t, s: s.time * rate * s.along(t) ** 2),
+    ("clock-step", "clock", "dropped-frame", ANY, lambda r, rate, t, s: s.time * rate * (s.along(t) > s.step)),
+)
 
 
 def _single(function):
     return lambda r, rate, t, s: function(r, rate, t, s)[None]
 
 
+def _several(name, kinds, effects, size, **more) -> Term:
+    return Term(name, frozenset(kinds.split()), frozenset(effects.split()), ANY, size, **more)
+
+
+def _one(name, kinds, effects, limits, **more) -> Term:
+    return Term(name, frozenset(kinds.split()), frozenset(effects.split()), limits, **more)
+
+
 TERMS: dict[str, Term] = {
     each.name: each
     for each in (
-        *FORCES,
-        *(term(name, kinds, effects, reading=_single(function)) for name, kinds, effects, function in READINGS),
-        term("zero-wander", WANDER, SLOW, WAVES, reading=wander),
+        *(_one(*row, force=function) for *row, function in FORCES),
+        *(_one(*row, reading=_single(function)) for *row, function in READINGS),
+        _several("periodic-force", "periodic-force", "periodic-forcing", 3, force=periodic),
+        _several("zero-wander", WANDER, SLOW, WAVES, reading=wander),
     )
 }
+CLOCK_LIMITS = {"clock-drift": 0.01, "clock-step": 0.02}  # of the whole time
+SWINGS = (
+    "quadratic-drag cubic-drag dry-friction constant-force square-force cubic-force force-drift drag-drift "
+    "periodic-force zero-offset zero-line zero-wander clock-drift clock-step"
+)
+
+
+def physical(term: Term, coefficients: list[float]) -> bool:
+    """Whether all coefficients are of a size that a rig or a camera can have."""
+    most = CLOCK_LIMITS.get(term.name, np.inf)
+    least, largest = max(term.limits[0], -most), min(term.limits[1], most)
+    return all(least <= value <= largest for value in coefficients)

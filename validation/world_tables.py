@@ -24,6 +24,7 @@ NOTHING: frozenset[str] = frozenset()
 LOCAL_GRAVITY = {"gravity": Estimate(9.81, 0.01, "m/s^2", "assumed")}
 MOST_SAMPLES, MOST_DRIVEN = 5000, 1200  # of a table that are used, so that the whole table takes half an hour
 TORQUE = Quantity("tau", "N m", r"\tau")
+TURNING = ("pendulum", "linear-oscillator", "torsion-wheel", "driven-arm", "two-tanks")
 SHEET = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
 
 
@@ -47,6 +48,11 @@ class Recording:
     outside: bool = False
     fixed: Mapping[str, float | Estimate] = field(default_factory=dict)
     free: Sequence[str] = ()
+
+    @property
+    def turns(self) -> bool:
+        """Whether the motion comes back, so that a force and a reading can be told apart."""
+        return self.model.name in TURNING
 
 
 def series(t_s: Array, values: Array, quantity: Quantity, inputs: Array | None = None) -> Trajectory:
