@@ -13,7 +13,7 @@ from validation.reference_motions import GRAVITY, Clip, Motion
 from validation.reference_terms import Array, Scales
 
 MOST, LONG_PERIODS = 900, 3.0  # samples used; periods of the first window of a fit
-PIECE_S = 0.75  # of a driven clip
+PIECE_S, MOST_PIECES = 1.2, 6  # of a driven clip
 OUTLYING, NORMAL = 8.0, 1.4826  # MAD to standard deviation of a normal
 
 
@@ -32,7 +32,7 @@ def thinned(t: Array, values: Array, u: Array) -> Clip:
 
 def pieces(clip: Clip) -> list[Clip]:
     """A clip cut into short ones of equal length: an arm that is driven over the top is not predictable for long."""
-    count = max(4, round(clip.t[-1] / PIECE_S))
+    count = min(max(4, round(clip.t[-1] / PIECE_S)), MOST_PIECES)
     ends = np.linspace(0, clip.t.size, count + 1).astype(int)
     cut = [slice(first, last) for first, last in pairwise(ends)]
     return [Clip(clip.t[each] - clip.t[each][0], clip.values[each], clip.u[each]) for each in cut]
