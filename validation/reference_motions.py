@@ -14,7 +14,7 @@ import numpy as np
 from validation.reference_terms import SWINGS, TERMS, Array, Now, Scales
 
 GRAVITY = 9.81
-STEP_RAD, FEWEST_STEPS = 0.15, 120  # largest step, in radians of the motion's own angle; steps of a short clip
+STEP_RAD, FEWEST_STEPS = 0.25, 100  # largest step, in radians of the motion's own angle; steps of a short clip
 
 
 @dataclass(frozen=True)

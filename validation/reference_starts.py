@@ -12,7 +12,7 @@ from validation.reference_least_squares import Experiment, Problem
 from validation.reference_motions import GRAVITY, Clip, Motion
 from validation.reference_terms import Array, Scales
 
-MOST, LONG_PERIODS = 900, 3.0  # samples used; periods of the first window of a fit
+MOST, LONG_PERIODS = 600, 3.0  # samples used; periods of the first window of a fit
 PIECE_S, MOST_PIECES = 1.2, 6  # of a driven clip
 OUTLYING, NORMAL = 8.0, 1.4826  # MAD to standard deviation of a normal
 

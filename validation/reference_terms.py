@@ -74,8 +74,8 @@ class Term:
 
     @property
     def price(self) -> int:
-        """For how many terms it counts: one of several coefficients imitates more."""
-        return min(self.size, 2)
+        """For how many terms it counts: one that can imitate a part of anything counts twice."""
+        return 2 if self.name in SOAKS else 1
 
 
 def periodic(now: Now, c):
@@ -185,6 +185,7 @@ TERMS: dict[str, Term] = {
         _several("zero-wander", WANDER, SLOW, WAVES, reading=wander),
     )
 }
+SOAKS = ("force-drift", "drag-drift", "ramp-force", "periodic-force", "zero-wander", "clock-drift", "clock-step")
 CLOCK_LIMITS = {"clock-drift": 0.01, "clock-step": 0.02}  # of the whole time
 SWINGS = (
     "quadratic-drag cubic-drag dry-friction constant-force square-force cubic-force force-drift drag-drift "
