@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from validation import pages
 from validation import reference_starts as starts
 from validation.reference_least_squares import Experiment, Problem
 from validation.reference_motions import MOTIONS, Clip
@@ -312,12 +313,14 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, required=True, help="where results are kept")
     parser.add_argument("--only", default="", help="only recordings whose name contains this")
     parser.add_argument("--sealed", action="store_true", help="the sealed recordings as well")
+    pages.add_option(parser)
     options = parser.parse_args()
-    print("| recording | simplest set | components | held out: nothing → it | removed | as good, and minimal |")
-    print("|---|---|---|---|---|---|")
-    for recording in RECORDINGS:
-        if options.only in recording.name and (options.sealed or not sealed(recording.name)):
-            print(line(kept(recording, options.folder)), flush=True)
+    with pages.table("reference-fits", options.write_docs):
+        print("| recording | simplest set | components | held out: nothing → it | removed | as good, and minimal |")
+        print("|---|---|---|---|---|---|")
+        for recording in RECORDINGS:
+            if options.only in recording.name and (options.sealed or not sealed(recording.name)):
+                print(line(kept(recording, options.folder)), flush=True)
 
 
 if __name__ == "__main__":
