@@ -32,7 +32,7 @@ FULL_ROUNDS, BLOCK_ROUNDS = 15, 5
 HOPELESS = 1e12  # the squared error of a fit that failed
 PRICE = 0.15  # by how much each term more must lower the logarithm of the squared error
 LITTLE = 0.05  # of the squared error: a difference that nobody would decide by
-LOSSES = ("linear-drag", "quadratic-drag", "cubic-drag", "dry-friction")
+LOSSES = ("linear-drag", "quadratic-drag", "cubic-drag", "dry-friction", "weakening-friction")
 
 
 @dataclass(frozen=True)
@@ -153,9 +153,10 @@ def with_terms(base: Problem, terms: Sequence[str], begin: Problem, sigma: float
 
 
 def is_physical(problem: Problem) -> bool:
-    """Whether a fit ended with sizes that a rig or a camera can have; no damping drives a motion."""
+    """Whether a fit ended with sizes that a rig or a camera can have; no damping and no rolling drives a motion."""
     terms = [TERMS[name] for name in problem.terms]
     driven = problem.values.get("damping", 0.0) < 0 and any(term.name in LOSSES for term in terms)
+    driven |= problem.values.get("rolling", 0.0) < 0
     sizes = all(physical(term, [problem.values[label] for label in term.names]) for term in terms)
     return bool(np.isfinite(problem.cost)) and sizes and not driven
 

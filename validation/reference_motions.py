@@ -102,8 +102,8 @@ MOTIONS: dict[str, Motion] = {
     "driven-arm": motion(
         lambda x, v, u, p: p["gain"] * u - p["pull"] * np.sin(x),
         {"gain": (4.0, 16.0), "pull": (8.0, 16.0, 40.0), "damping": (0.75,)},
-        "quadratic-drag cubic-drag dry-friction constant-force force-drift drag-drift ramp-force zero-offset zero-line "
-        "clock-drift", damped=True
+        "quadratic-drag dry-friction weakening-friction constant-force force-drift drag-drift ramp-force zero-offset "
+        "zero-line clock-drift", damped=True
     ),
     "free-fall": motion(lambda x, v, u, p: -GRAVITY + 0 * x, {}, FALLS),
     "incline": motion(

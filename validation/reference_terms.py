@@ -122,6 +122,11 @@ def length(v: Array) -> Array:
     return np.sqrt(np.sum(v**2, axis=0, keepdims=True))
 
 
+def weakening(now: Now, c):
+    """Friction that falls with the speed, to a third at the usual one."""
+    return dry(now, c) / (1 + 2 * length(now.v) / now.s.v)
+
+
 SPEED, PLACE, READING = "force-of-velocity", "force-of-position", "reading-of-position"
 WANDER, LATE, DRIFT, TIME = "zero-wander", "reading-of-velocity", "own-force-drift", "force-of-time"
 SLOW = "zero-drift camera-drift"
@@ -135,6 +140,7 @@ FORCES = (
     ("quadratic-drag", SPEED, "quadratic-drag", LOSS, lambda n, c: -c[0] * n.s.force * length(n.v) * n.v / n.s.v**2),
     ("cubic-drag", SPEED, "quadratic-drag", LOSS, lambda n, c: -c[0] * n.s.force * (n.v / n.s.v) ** 3),
     ("dry-friction", SPEED, FRICTION, LOSS, dry),
+    ("weakening-friction", SPEED, FRICTION, LOSS, weakening),
     ("constant-force", f"{PLACE} {WANDER} {TIME}", ZERO, ANY, lambda n, c: c[0] * n.s.force),
     ("scale", f"{PLACE} {READING} {TIME}", f"{ZERO} gain-change", (-0.1, 0.1), lambda n, c: c[0] * n.own),
     ("square-force", PLACE, "", ANY, lambda n, c: c[0] * n.s.force * (n.x / n.s.x) ** 2),
@@ -187,9 +193,10 @@ TERMS: dict[str, Term] = {
 }
 SOAKS = ("force-drift", "drag-drift", "ramp-force", "periodic-force", "zero-wander", "clock-drift", "clock-step")
 CLOCK_LIMITS = {"clock-drift": 0.01, "clock-step": 0.02}  # of the whole time
+TUNED = 0.15  # how far the frequency of a force may lie from where it was looked for
 SWINGS = (
-    "quadratic-drag cubic-drag dry-friction constant-force square-force cubic-force force-drift drag-drift "
-    "periodic-force zero-offset zero-line zero-wander clock-drift clock-step"
+    "quadratic-drag cubic-drag dry-friction weakening-friction constant-force square-force cubic-force force-drift "
+    "drag-drift periodic-force zero-offset zero-line zero-wander clock-drift clock-step"
 )
 
 
@@ -197,4 +204,5 @@ def physical(term: Term, coefficients: list[float]) -> bool:
     """Whether all coefficients are of a size that a rig or a camera can have."""
     most = CLOCK_LIMITS.get(term.name, np.inf)
     least, largest = max(term.limits[0], -most), min(term.limits[1], most)
-    return all(least <= value <= largest for value in coefficients)
+    near = term.name != "periodic-force" or abs(coefficients[2]) < TUNED
+    return near and all(least <= value <= largest for value in coefficients)

@@ -59,8 +59,11 @@ def car_clip(name: str) -> Trajectory:
 
 
 def falling_part(t_s: Array, values: Array) -> slice:
-    """The samples after the last one above 97 % of the largest value, until the first below 10 %."""
-    most = float(np.max(values))
+    """The samples after the last one above 97 % of the largest value, until the first below 10 %.
+
+    The largest is that of the upper 2 %, as a counter shows too much now and then.
+    """
+    most = float(np.percentile(values, 98))
     start = int(np.flatnonzero(values > 0.97 * most)[-1]) + 1
     below = np.flatnonzero(values[start:] < 0.1 * most)
     return slice(start, start + int(below[0]) if below.size else values.size)
