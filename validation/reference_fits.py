@@ -148,7 +148,7 @@ def with_terms(base: Problem, terms: Sequence[str], begin: Problem, sigma: float
     values = {name: begin.values.get(name, 0.0) for name in (*base.values, *labels)}
     if "periodic-force/0" in labels and not values["periodic-force/0"]:
         values["periodic-force/0"] = 1e-3  # of a force of zero the frequency has no slope
-    prior = {label: sigma for label in labels if label.startswith("zero-wander")}
+    prior = dict.fromkeys(set(labels) & set(TERMS["zero-wander"].names[2:]), sigma)
     return Problem(tuple(terms), (*base.free, *labels), values, base.weights, {**base.prior, **prior})
 
 

@@ -18,8 +18,9 @@ OUTLYING, NORMAL = 8.0, 1.4826  # MAD to standard deviation of a normal
 
 
 def thinned(t: Array, values: Array, u: Array) -> Clip:
-    """Every k-th sample, at most some hundred; single samples far from both neighbours are left out."""
-    values = values.copy()
+    """Every k-th sample that is there, at most some hundred; one far from both neighbours is left out."""
+    there = np.isfinite(values).all(axis=1)
+    t, values, u = t[there], values[there], u[there]
     middle = (values[:-2] + values[2:]) / 2
     away = np.abs(values[1:-1] - middle)
     limit = OUTLYING * NORMAL * np.nanmedian(away, axis=0)

@@ -101,10 +101,11 @@ def waves(s: Scales) -> int:
 
 
 def wander(r, rate, t, s):
-    """Slow cosines of the time."""
+    """A constant, a line and slow cosines of the time."""
     turns = np.arange(WAVES)[:, None, None, None] + 1
     slow = turns <= waves(s)
-    return s.reading * slow * np.cos(np.pi * turns * (s.along(t) + 0.5)) * np.ones_like(r)
+    course = [np.ones_like(t)[None], s.along(t)[None], slow * np.cos(np.pi * turns * (s.along(t) + 0.5))]
+    return s.reading * np.concatenate(course) * np.ones_like(r)
 
 
 def off(r: Array) -> Array:
@@ -188,7 +189,7 @@ TERMS: dict[str, Term] = {
         *(_one(*row, force=function) for *row, function in FORCES),
         *(_one(*row, reading=_single(function)) for *row, function in READINGS),
         _several("periodic-force", "periodic-force", "periodic-forcing", 3, force=periodic),
-        _several("zero-wander", WANDER, SLOW, WAVES, reading=wander),
+        _several("zero-wander", WANDER, SLOW, WAVES + 2, reading=wander),
     )
 }
 SOAKS = ("force-drift", "drag-drift", "ramp-force", "periodic-force", "zero-wander", "clock-drift", "clock-step")
