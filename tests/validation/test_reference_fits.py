@@ -1,0 +1,114 @@
+"""The reference fits: integration, the rule of the standard error, and one known effect found."""
+
+import json
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from iris_sysid import EFFECTS, MODELS, Quantity
+from iris_sysid.types import SIDES
+from validation import reference_fits
+from validation.reference_fits import Candidate, Row, components, held_out, read_row, row_of, supported
+from validation.reference_motions import MOTIONS, Clip, course
+from validation.reference_starts import sizes, thinned
+from validation.reference_terms import TERMS, physical
+from validation.world_tables import NOTHING, Recording, series
+
+
+def swing(t_s, drag=0.0):
+    """Angle and rate of a pendulum with quadratic drag, by another method."""
+    right = lambda t, y: (y[1], -20 * np.sin(y[0]) - 0.05 * y[1] - drag * abs(y[1]) * y[1])  # noqa: E731
+    return solve_ivp(right, (0, t_s[-1]), (0.8, 0.0), "DOP853", t_s, rtol=1e-10, atol=1e-12).y.T
+
+
+def a_candidate(errors, *terms):
+    return Candidate(terms, 1.0, float(np.sqrt(np.mean(errors))), tuple(errors), {})
+
+
+def a_row(*candidates):
+    return Row("x", "rad", 100, True, tuple(sorted(candidates, key=lambda each: each.heldout)))
+
+
+def test_integration_agrees_with_another_method():
+    t_s = np.linspace(0, 10, 301)
+    expected = swing(t_s, drag=0.1)
+    clip = Clip(t_s, expected[:, :1], np.zeros(t_s.size))
+    scales = sizes(MOTIONS["pendulum"], [clip])
+    size = 0.1 * scales.v**2 / scales.force
+    p = {name: np.array([value]) for name, value in {"pull": 20.0, "damping": 0.05, "quadratic-drag/0": size}.items()}
+    states = course(MOTIONS["pendulum"], clip, ["quadratic-drag"], scales, p, np.array([[0.8], [0.0]]))
+    np.testing.assert_allclose(states[:, :, 0], expected, atol=1e-3)
+
+
+@pytest.mark.parametrize("model", MOTIONS)
+def test_every_candidate_term_can_be_integrated(model):
+    base = MOTIONS[model]
+    forces = [name for name in base.terms if TERMS[name].force is not None]
+    clip = Clip(
+        np.linspace(0, 1, 5),
+        np.array([1, 1.6, 2, 1.7, 1.1])[:, None] * np.ones((1, 2 if model == "projectile" else 1)),
+        np.zeros(5),
+    )
+    p = {label: np.full(3, 0.01) for name in base.terms for label in TERMS[name].names}
+    p |= {name: np.ones(3) for name in base.start}
+    states = course(base, clip, forces, sizes(base, [clip]), p, np.ones((base.states, 3)))
+    assert states.shape == (5, base.states, 3)
+    assert np.isfinite(states).all()
+
+
+def test_terms_name_components_and_effects_of_the_library():
+    assert all(term.kinds and term.kinds <= set(SIDES) for term in TERMS.values())
+    assert all(term.effects <= set(EFFECTS) for term in TERMS.values())
+
+
+def test_a_drag_that_drives_is_not_physical():
+    assert physical(TERMS["quadratic-drag"], [0.1])
+    assert not physical(TERMS["quadratic-drag"], [-0.1])
+    assert not physical(TERMS["clock-drift"], [0.05])
+
+
+def test_the_simplest_set_within_the_standard_error_is_chosen():
+    even, uneven = [1.0] * 8, [0.2] * 4 + [1.2] * 4
+    row = a_row(
+        a_candidate([9.0] * 8), a_candidate(even, "linear-drag"), a_candidate(uneven, "linear-drag", "cubic-force")
+    )
+    assert row.chosen.terms == ("linear-drag",)
+    assert supported(row) == {"linear-drag"}
+    assert components(row) == {"force-of-velocity"}
+
+
+def test_where_nothing_predicts_better_no_component_is_supported():
+    row = a_row(a_candidate([1.0] * 8), a_candidate([0.95] * 8, "linear-drag"))
+    assert row.chosen.terms == ()
+    assert components(row) == set()
+
+
+def test_blocks_are_held_out_with_a_gap():
+    clip = Clip(np.arange(160.0), np.zeros((160, 1)), np.zeros(160))
+    inside, used = held_out(clip, 3)
+    np.testing.assert_array_equal(np.flatnonzero(inside), np.arange(60, 80))
+    np.testing.assert_array_equal(np.flatnonzero(~used), np.arange(59, 81))
+
+
+def test_a_single_sample_far_from_its_neighbours_is_left_out():
+    t_s = np.linspace(0, 5, 200)
+    values = np.sin(t_s)[:, None] + np.random.default_rng(1).normal(0, 1e-3, (200, 1))
+    values[70] += 0.5
+    clip = thinned(t_s, values, np.zeros(200))
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(clip.values[:, 0])), [70])
+
+
+def test_a_quadratic_drag_is_found(monkeypatch, tmp_path):
+    t_s = np.linspace(0, 12, 240)
+    angle = swing(t_s, drag=0.15)[:, 0] + np.random.default_rng(2).normal(0, 2e-3, t_s.size)
+    few = replace(MOTIONS["pendulum"], terms=("quadratic-drag", "dry-friction", "cubic-force", "zero-line"))
+    monkeypatch.setitem(MOTIONS, "pendulum", few)
+    monkeypatch.setattr(reference_fits, "TRIPLES", 0)
+    read = lambda: [series(t_s, angle, Quantity("theta", "rad"))]  # noqa: E731
+    row = row_of(Recording("x", "here", "that", MODELS["pendulum"], read, "camera", NOTHING))
+    assert row.chosen.terms == ("quadratic-drag",)
+    assert row.chosen.heldout == pytest.approx(2e-3, rel=0.2)
+    (tmp_path / "x.json").write_text(json.dumps(asdict(row)))
+    assert read_row(tmp_path / "x.json") == row
