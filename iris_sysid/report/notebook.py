@@ -10,8 +10,8 @@ from html import escape
 from typing import Any
 
 from iris_sysid.report.plots import Result, figure_of
+from iris_sysid.report.diagnosis_text import diagnosis_sentence
 from iris_sysid.report.text import (
-    diagnosis_sentence,
     discovery_sentence,
     interval_text,
     shown_estimates,

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from iris_sysid.types._component_words import KINDS_IN_WORDS
 from iris_sysid.types._components import Components, Finding
 from iris_sysid.types._discovery import DiscoveredTerm
 from iris_sysid.types._display import Shown, text_of, values_of
@@ -13,11 +14,11 @@ from iris_sysid.types._missing_force import MissingForce
 from iris_sysid.types._model import Effect, EffectCause
 from iris_sysid.types._numbers import Estimate
 from iris_sysid.types._result import FitResult
-from iris_sysid.types._verdict import Doubt, Verdict, worst_verdict
+from iris_sysid.types._verdict import Completeness, Doubt, Verdict, VerdictWord, worst_verdict
 
 UNEXPLAINED = 2.0  # residual / noise above which the model is incomplete: the noise estimate errs by less
 NAMED = 0.9  # probability of an added effect below which another one may act instead
-INCOMPLETE = "The equation lacks more than was found: look at the residual and at the missing force"
+INCOMPLETE = "The equation lacks more than was found: look at the parts of the residual"
 SEVERAL_NAMES = "A longer clip, a larger motion or a second clip tells them apart"
 
 NoteKind = Literal[
@@ -31,6 +32,7 @@ NoteKind = Literal[
     "weak",
     "late",
     "not-predictive",
+    "stopped",
 ]
 
 
@@ -116,7 +118,7 @@ class DiagnosticNote:
     fits an effect that changes the trajectory by less than its stated errors. ``negative-damping``: a damping of the
     model is below zero. ``weak``: an effect was significant, but the interval of its size holds zero. ``late``: the
     hold-out does not test an effect that is named. ``not-predictive``: what was found in the beginning of the clips
-    predicts the held-out rest no better than the model alone.
+    predicts the held-out rest no better than the model alone. ``stopped``: the search was ended early.
     """
 
     kind: NoteKind
@@ -188,14 +190,27 @@ class Diagnosis(Shown):
 
     @property
     def verdict(self) -> Verdict:
-        """Misfit where a residual remains, doubtful where an effect has several names or the track is doubted."""
+        """Whether the values with the effects can be used, and whether the equation with them is complete."""
         fits = worst_verdict(final.verdict for final in self.finals)
-        unsure = [Doubt("several-names", self._names_text(name), SEVERAL_NAMES) for name in self._unsure()]
+        unsure = tuple(Doubt("several-names", self._names_text(name), SEVERAL_NAMES) for name in self._unsure())
+        equation, reasons = self._equation(fits.equation), fits.reasons
         if self.incomplete:  # says of the residual what a fit says of it, once
             finding = f"the residual is {self.residual_ratio:.2g} times the noise"
-            others = Verdict(fits.word, tuple(why for why in fits.reasons if why.kind != "residual-above-noise"))
-            return worst_verdict([others, Verdict("misfit", (*unsure, Doubt("incomplete", finding, INCOMPLETE)))])
-        return worst_verdict([fits, Verdict("doubtful", tuple(unsure))] if unsure else [fits])
+            reasons = (*fits.number_reasons, *unsure, Doubt("incomplete", finding, INCOMPLETE))
+        else:
+            reasons = (*reasons, *unsure)
+        word: VerdictWord = "doubtful" if unsure and fits.good else fits.word
+        return Verdict(word, reasons, equation, fits.accuracy)
+
+    def _equation(self, fitted: Completeness | None) -> Completeness | None:
+        """The completeness of the equation with the effects: its residual over the noise of all clips."""
+        if fitted is None:
+            return None
+        left = self.remaining or (self.components if not self.added else None)
+        largest = left.parts[0] if left is not None and left.parts else None
+        rest = f"{100 * largest.share:.0f} % of it {KINDS_IN_WORDS[largest.kind]}" if largest is not None else ""
+        complete = fitted.complete and not self.incomplete
+        return Completeness(fitted.explained, complete, self.residual_ratio, rest)
 
     def _unsure(self) -> list[str]:
         """The added effects instead of which another one may act."""

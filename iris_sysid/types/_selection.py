@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from iris_sysid.types._display import text_of
 from iris_sysid.types._result import FitResult
-from iris_sysid.types._verdict import Doubt, Verdict, worst_verdict
+from iris_sysid.types._verdict import Completeness, Doubt, Verdict, worst_verdict
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -58,12 +58,13 @@ class ModelChoice:
 
     @property
     def verdict(self) -> Verdict:
-        """That of the first model's fit; misfit where none of the models fits."""
+        """That of the first model's fit; doubtful, of an incomplete equation, where no model fits."""
         fitted = self.nearest.fit
         own = Verdict("failed") if fitted is None else fitted.verdict
         if self.chosen is not None:
             return own
-        return worst_verdict([own, Verdict("misfit", (Doubt("incomplete", self.message, ""),))])
+        incomplete = Completeness(float("nan") if fitted is None else fitted.explained, complete=False)
+        return worst_verdict([own, Verdict("doubtful", (Doubt("incomplete", self.message, ""),), incomplete)])
 
     def __repr__(self) -> str:
         return text_of(
