@@ -11,6 +11,7 @@ from iris_sysid.report.text import (
     SMALLEST_PERCENT,
     as_sentence,
     percent,
+    probability_text,
     rounded_to_error,
     shown_unit,
     with_error,
@@ -136,7 +137,7 @@ def budget_sentence(components: Components | None, subject: str = "residual") ->
 def share_text(part: Component) -> str:
     """The share of a part, with its range where that is wide."""
     low, high = part.share_range
-    range_text = f" ({100 * low:.0f} to {min(100 * high, 99):.0f} %)" if high - low > WIDE_RANGE else ""
+    range_text = f" ({100 * low:.0f} to {min(100 * high, 100):.0f} %)" if high - low > WIDE_RANGE else ""
     return f"{percent(part.share)}{range_text}"
 
 
@@ -215,7 +216,7 @@ def _cause_sentence(diagnosis: Diagnosis) -> str:
     """Whether the physics, the measurement or the clock is the cause, with the probability of each."""
     by_effect = {
         effect.name: " or ".join(
-            f"{CAUSES[cause]} ({percent(probability)})"
+            f"{CAUSES[cause]} ({probability_text(probability)})"
             for cause, probability in diagnosis.causes.get(effect.name, {}).items()
             if probability >= SMALLEST_PROBABILITY
         )

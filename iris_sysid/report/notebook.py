@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
+from iris_sysid.report.diagnosis_text import diagnosis_sentences
 from iris_sysid.report.plots import Result, figure_of
-from iris_sysid.report.diagnosis_text import diagnosis_sentence
 from iris_sysid.report.text import (
     discovery_sentence,
     interval_text,
@@ -85,7 +85,7 @@ def _(result: FitResult) -> list[str]:
 
 @_lines.register
 def _(result: Diagnosis) -> list[str]:
-    return _judged(f"Diagnosis of {result.base.model.name}", result.verdict, diagnosis_sentence(result))
+    return [f"Diagnosis of {result.base.model.name}", *diagnosis_sentences(result), *verdict_lines(result.verdict)]
 
 
 @_lines.register

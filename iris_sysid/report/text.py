@@ -29,10 +29,15 @@ SMALLEST_PERCENT = 0.005  # a share below it is "under 1 %"
 
 
 def percent(share: float) -> str:
-    """A share or a probability in percent; never 100 and never 0, which no data give: 0.926 is "93 %"."""
+    """A share in percent, e.g. "93 %"; one that rounds to zero is "under 1 %"."""
     if not math.isfinite(share):
         return "unknown"
-    return "under 1 %" if share < SMALLEST_PERCENT else f"{min(100 * share, 99):.0f} %"
+    return "under 1 %" if share < SMALLEST_PERCENT else f"{min(100 * share, 100):.0f} %"
+
+
+def probability_text(probability: float) -> str:
+    """A probability in percent; never 100, which no data give: 0.9999 is "99 %"."""
+    return percent(min(probability, 0.99))
 
 
 def rounded_to_error(value: float, stderr: float) -> tuple[str, str]:
