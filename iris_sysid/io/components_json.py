@@ -13,7 +13,7 @@ from iris_sysid.io.schemas import (
     known_number,
     known_numbers,
 )
-from iris_sysid.types import Component, ComponentCurve, Components, Finding, Quantity
+from iris_sysid.types import Component, ComponentCurve, Components, Finding
 
 
 def components_entry(components: Components | None) -> ComponentsEntry | None:
@@ -60,13 +60,13 @@ def _part(part: Component) -> ComponentEntry:
 
 def _curve(curve: ComponentCurve) -> CurveEntry:
     return CurveEntry(
-        argument=_quantity(curve.argument),
+        argument=curve.argument.name,
+        unit=curve.argument.unit,
         at=[float(value) for value in curve.at],
-        quantities=[_quantity(quantity) for quantity in curve.quantities],
+        quantities=[
+            QuantityEntry(name=quantity.name, unit=quantity.unit, symbol=quantity.symbol)
+            for quantity in curve.quantities
+        ],
         values=[known_numbers(row) for row in curve.values],
         stderr=[known_numbers(row) for row in curve.stderr],
     )
-
-
-def _quantity(quantity: Quantity) -> QuantityEntry:
-    return QuantityEntry(name=quantity.name, unit=quantity.unit, symbol=quantity.symbol)

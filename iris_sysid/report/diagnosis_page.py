@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -139,7 +139,12 @@ def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory], planned: P
         statements=statements,
         verdict=diagnosis.verdict,
         summary=model.summary,
-        first=[*_component_images(diagnosis), *parts_sections(diagnosis), _numbers_section(diagnosis)],
+        first=[
+            *_component_images(diagnosis),
+            *parts_sections(diagnosis),
+            _values_section(diagnosis),
+            _error_section(diagnosis),
+        ],
         images=[*_images(diagnosis), *_plan_images(planned)],
         sections=[
             *_added_section(diagnosis),
@@ -165,10 +170,10 @@ def _component_images(diagnosis: Diagnosis) -> list[PageImage]:
     return [PageImage("components", png_of(figure), component_caption(components, added=remaining is not None))]
 
 
-def _numbers_section(diagnosis: Diagnosis) -> Section:
-    """The error before and after, and the values that matter with their errors before and after."""
-    table = _error_section(diagnosis)
-    return replace(table, lines=[as_sentence(fit_headline(diagnosis.final))])
+def _values_section(diagnosis: Diagnosis) -> Section:
+    """The values with the effects, each with its error."""
+    title = "Values with the added effects" if diagnosis.added else "Values"
+    return Section(title, lines=[fit_headline(diagnosis.final)])
 
 
 def _images(diagnosis: Diagnosis) -> list[PageImage]:

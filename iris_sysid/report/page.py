@@ -66,7 +66,7 @@ class Page:
     """The content of a page, before it becomes HTML.
 
     ``headline`` says the result in a sentence, ``statements`` say more, a line each. ``first`` are images and sections
-    that stand above the verdict; then come the other ``images``, then the other ``sections``.
+    that come before the other ``images`` and ``sections``; the verdict is then below the sentences.
     """
 
     title: str

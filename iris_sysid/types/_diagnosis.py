@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from iris_sysid.types._component_words import KINDS_IN_WORDS
-from iris_sysid.types._components import Components, Finding
+from iris_sysid.types._components import Component, Components, Finding
 from iris_sysid.types._discovery import DiscoveredTerm
 from iris_sysid.types._display import Shown, text_of, values_of
 from iris_sysid.types._missing_force import MissingForce
@@ -193,24 +193,33 @@ class Diagnosis(Shown):
         """Whether the values with the effects can be used, and whether the equation with them is complete."""
         fits = worst_verdict(final.verdict for final in self.finals)
         unsure = tuple(Doubt("several-names", self._names_text(name), SEVERAL_NAMES) for name in self._unsure())
-        equation, reasons = self._equation(fits.equation), fits.reasons
-        if self.incomplete:  # says of the residual what a fit says of it, once
-            finding = f"the residual is {self.residual_ratio:.2g} times the noise"
-            reasons = (*fits.number_reasons, *unsure, Doubt("incomplete", finding, INCOMPLETE))
-        else:
-            reasons = (*reasons, *unsure)
         word: VerdictWord = "doubtful" if unsure and fits.good else fits.word
-        return Verdict(word, reasons, equation, fits.accuracy)
+        if not self.incomplete and self._lacking is None:
+            equation = fits.equation and replace(fits.equation, residual_over_noise=self.residual_ratio)
+            return Verdict(word, (*fits.reasons, *unsure), equation, fits.accuracy)
+        finding = f"the residual is {self.residual_ratio:.2g} times the noise"  # said once, not of each fit as well
+        reasons = (*fits.number_reasons, *unsure, Doubt("incomplete", finding, INCOMPLETE))
+        return Verdict(word, reasons, self._incomplete_equation(fits.equation), fits.accuracy)
 
-    def _equation(self, fitted: Completeness | None) -> Completeness | None:
-        """The completeness of the equation with the effects: its residual over the noise of all clips."""
+    @property
+    def _left(self) -> tuple[Component, ...]:
+        """The parts of the residual that the effects leave."""
+        left = self.remaining if self.added else self.components
+        return () if left is None else left.parts
+
+    @property
+    def _lacking(self) -> Component | None:
+        """The largest part of the residual that remains and acts in the equation; None where there is none."""
+        in_equation = (part for part in self._left if part.side in ("force", "input"))
+        return next((part for part in in_equation if part.probability >= NAMED), None)
+
+    def _incomplete_equation(self, fitted: Completeness | None) -> Completeness | None:
+        """What the equation with the effects explains, and the largest part of what it does not."""
         if fitted is None:
             return None
-        left = self.remaining or (self.components if not self.added else None)
-        largest = left.parts[0] if left is not None and left.parts else None
+        largest = next(iter(self._left), None)
         rest = f"{100 * largest.share:.0f} % of it {KINDS_IN_WORDS[largest.kind]}" if largest is not None else ""
-        complete = fitted.complete and not self.incomplete
-        return Completeness(fitted.explained, complete, self.residual_ratio, rest)
+        return Completeness(fitted.explained, False, self.residual_ratio, rest)
 
     def _unsure(self) -> list[str]:
         """The added effects instead of which another one may act."""

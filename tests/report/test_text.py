@@ -18,7 +18,17 @@ from iris_sysid.report.text import (
     verdict_lines,
     with_error,
 )
-from iris_sysid.types import Completeness, DiagnosticNote, Doubt, ForceForm, MissingForce, Quantity, Segment, Trajectory, Verdict
+from iris_sysid.types import (
+    Completeness,
+    DiagnosticNote,
+    Doubt,
+    ForceForm,
+    MissingForce,
+    Quantity,
+    Segment,
+    Trajectory,
+    Verdict,
+)
 from tests._motions import pendulum_angle
 
 NAN = float("nan")

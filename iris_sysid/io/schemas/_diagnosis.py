@@ -84,8 +84,10 @@ class MissingForceEntry(Part):
 class CurveEntry(Part):
     """A part of a residual as a function of its own argument; rows of tables are values of the argument."""
 
-    argument: QuantityEntry
+    argument: str
     """The velocity, the position or the time."""
+    unit: str
+    """Of the argument."""
     at: list[float]
     quantities: list[QuantityEntry]
     """What the columns of the tables are, with their units."""
