@@ -3,10 +3,16 @@
 import importlib
 import json
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
+from iris_sysid import MODELS
+from iris_sysid.benchmark.diagnose_each import NamedTable, diagnose_each
+from iris_sysid.cli._each import EachRequest, prepared
 from iris_sysid.types import DiagnosticNote
+
+PENDULUM = MODELS["pendulum"]
 
 STOPPED = DiagnosticNote("stopped", "stopped after 60 s while refitting quadratic-drag")
 
@@ -44,11 +50,11 @@ def test_what_was_stopped_is_said_beside_json(given, angles, tmp_path, cli):
     assert json.loads(outcome.out)["notes"] == [STOPPED.text]
 
 
-def test_every_clip_of_a_batch_has_the_limit(given, angles, tmp_path, cli):
-    outcome = cli("diagnose", angles, "--model", "pendulum", "--each", *OPTIONS, "-o", tmp_path / "out")
-    assert outcome.status == 0, outcome.err
+def test_every_clip_of_a_batch_has_the_limit(given, angles, tmp_path):
+    request = EachRequest("pendulum", None, None, (), (), None, (), (), None, 0.3, 60.0, KEPT)
+    (row,) = diagnose_each([NamedTable("swing", angles)], partial(prepared, request, (PENDULUM, ()), ()), tmp_path)
     assert given == [(60.0, KEPT)]
-    assert "complete" in outcome.out.splitlines()[1]
+    assert (row["status"], row["equation"]) == ("good", "complete")
 
 
 def test_search_without_a_limit_has_none(given, angles, tmp_path, cli):
