@@ -62,7 +62,7 @@ def diagnosis_sentence(diagnosis: Diagnosis) -> str:
 
 
 def diagnosis_sentences(diagnosis: Diagnosis) -> list[str]:
-    """The sentences of a diagnosis, the budget of the residual first.
+    """The sentences of a diagnosis, the parts of the residual first.
 
     Where the clip is too short to be split: cause, added effects, the error without and with them, missing force.
     """
@@ -72,12 +72,12 @@ def diagnosis_sentences(diagnosis: Diagnosis) -> list[str]:
     named = {name for finding in diagnosis.findings if finding.word == "named" for name in finding.effects[:1]}
     others = [effect for effect in diagnosis.added if effect.name not in named]
     sentences = [
-        budget_sentence(components),
+        parts_sentence(components),
         *(_finding_sentence(finding, diagnosis) for finding in diagnosis.findings),
         _others_sentence(others, diagnosis),
         _nuisance_sentence(diagnosis.nuisances),
         _error_sentence(diagnosis),
-        budget_sentence(diagnosis.remaining, "residual that remains") if _remains(diagnosis) else "",
+        parts_sentence(diagnosis.remaining, "residual that remains") if _remains(diagnosis) else "",
         _suggested_sentence(diagnosis),
     ]
     return list(filter(None, sentences))
@@ -107,7 +107,7 @@ def _unsplit_sentences(diagnosis: Diagnosis) -> list[str]:
 
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:
-    """A line for each sentence, the budget of the residual first, then a line for each note."""
+    """A line for each sentence, the parts of the residual first, then a line for each note."""
     notes = [f"Note: {as_sentence(note.text)}" for note in diagnosis.notes]
     return "\n".join([*diagnosis_sentences(diagnosis), *notes])
 
@@ -115,7 +115,7 @@ def diagnosis_text(diagnosis: Diagnosis) -> str:
 # --------------------------------------------------------------------------- parts of the residual
 
 
-def budget_sentence(components: Components | None, subject: str = "residual") -> str:
+def parts_sentence(components: Components | None, subject: str = "residual") -> str:
     """What share of a residual depends on what, and what is noise; empty without ``components``.
 
     ``subject`` is the residual in words.

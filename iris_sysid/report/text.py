@@ -150,7 +150,9 @@ def fit_headline(fit: FitResult) -> str:
     parts = [f"{name} = {with_error(value)}" for name, value in found.items() if not _holds_zero(value)]
     unsure = [name for name, value in found.items() if _holds_zero(value)]
     parts += [f"not distinguishable from zero: {', '.join(unsure)}"] if unsure else []
-    return "; ".join(parts) if fit.usable and parts else f"{fit.status}: {fit.message}"
+    if fit.usable:
+        return "; ".join(parts) or as_sentence(fit.message)
+    return f"{fit.status}: {fit.message}"
 
 
 def _holds_zero(estimate: Estimate) -> bool:
@@ -213,7 +215,7 @@ def discovery_sentence(discovery: Discovery) -> str:
     if discovery.alternatives:
         sentences.append(f"The data cannot distinguish it from {' or from '.join(discovery.alternatives)}.")
     if discovery.status != "ok":
-        sentences.append(f"Reservation ({discovery.status}): {discovery.message}")
+        sentences.append(f"Reservation: {discovery.message}")
     return " ".join(sentences)
 
 

@@ -13,7 +13,7 @@ from iris_sysid.io.schemas import DiagnosisDocument
 from iris_sysid.registry import EFFECTS
 from iris_sysid.report.component_figure import component_caption, component_figure, part_colours
 from iris_sysid.report.diagnosis_page import diagnosis_page, write_diagnosis
-from iris_sysid.report.diagnosis_text import budget_sentence, diagnosis_sentence, diagnosis_sentences
+from iris_sysid.report.diagnosis_text import diagnosis_sentence, diagnosis_sentences, parts_sentence
 from iris_sysid.report.page import png_of
 from iris_sysid.types import Estimate, Finding
 from tests._split_residuals import GROUP, LOCATED, OPEN, components, drag_part, dragged, split_diagnosis, wander_part
@@ -30,44 +30,44 @@ def split():
 # --------------------------------------------------------------------------- sentences
 
 
-def test_budget_gives_every_part_its_share_its_size_and_its_meaning():
+def test_sentence_of_the_parts_gives_every_part_its_share_its_size_and_its_meaning():
     narrow = components(drag_part(share_range=(0.8, 0.82)), wander_part())
-    assert budget_sentence(narrow) == (
+    assert parts_sentence(narrow) == (
         "81 % of the residual depends on the velocity like drag or friction (0.23°); 8 % is a slow wander of the zero "
         "(0.069°, about 11 s): the support, the camera or the sensor moves; 11 % is noise."
     )
 
 
-def test_budget_gives_the_range_of_a_share_where_it_is_wide_and_what_may_take_its_place():
+def test_sentence_of_the_parts_gives_the_range_of_a_share_where_it_is_wide_and_what_may_take_its_place():
     unsure = wander_part(share=0.6, share_range=(0.2, 0.9), similar=("force-of-time", "input"))
-    assert budget_sentence(components(unsure, noise_share=0.4)).startswith(
+    assert parts_sentence(components(unsure, noise_share=0.4)).startswith(
         "60 % (20 to 90 %) of the residual is a slow wander of the zero or a slow force in time or an error of the "
         "measured input (0.069°"
     )
 
 
-def test_budget_says_when_a_pulse_acts():
+def test_sentence_of_the_parts_says_when_a_pulse_acts():
     pulse = drag_part(kind="pulse", at=Estimate(3.217, 0.012, "s"), curve=None, share_range=(0.8, 0.82))
-    assert "is a pulse at 3.217 ± 0.012 s (0.23°): an impact, a push or a late release" in budget_sentence(
+    assert "is a pulse at 3.217 ± 0.012 s (0.23°): an impact, a push or a late release" in parts_sentence(
         components(pulse)
     )
 
 
-def test_budget_sums_up_parts_that_are_too_small_to_name():
+def test_sentence_of_the_parts_sums_up_parts_that_are_too_small_to_name():
     small = [wander_part(share=0.02), drag_part(kind="clock", share=0.01, curve=None)]
-    text = budget_sentence(components(drag_part(), *small, noise_share=0.16))
+    text = parts_sentence(components(drag_part(), *small, noise_share=0.16))
     assert "; 3 % lies in smaller parts; 16 % is noise." in text
     assert "clock" not in text
 
 
-def test_budget_of_noise_says_that_nothing_is_missing():
-    assert budget_sentence(components(noise_share=1.0)) == NOTHING
-    assert budget_sentence(None) == ""
+def test_sentence_of_the_parts_of_noise_says_that_nothing_is_missing():
+    assert parts_sentence(components(noise_share=1.0)) == NOTHING
+    assert parts_sentence(None) == ""
 
 
-def test_sentences_are_the_budget_then_the_findings_then_the_errors(split):
-    budget, named, located, errors, remaining = diagnosis_sentences(split)
-    assert budget.startswith("81 % (74 to 86 %) of the residual depends on the velocity")
+def test_sentences_are_the_parts_then_the_findings_then_the_errors(split):
+    parts, named, located, errors, remaining = diagnosis_sentences(split)
+    assert parts.startswith("81 % (74 to 86 %) of the residual depends on the velocity")
     assert named.startswith("Quadratic drag (0.200")
     assert named.endswith(" 1/rad) is named: it removes 80 % of the residual in samples held out.")
     assert located == (
@@ -76,7 +76,7 @@ def test_sentences_are_the_budget_then_the_findings_then_the_errors(split):
     assert errors.startswith("With it the held-out error falls from 0.8")
     assert "; the noise is 0.06" in errors
     assert remaining.startswith("62 % (30 to 80 %) of the residual that remains is a slow wander of the zero")
-    assert diagnosis_sentence(split) == " ".join([budget, named, located, errors, remaining])
+    assert diagnosis_sentence(split) == " ".join([parts, named, located, errors, remaining])
 
 
 @pytest.mark.parametrize(
@@ -169,7 +169,7 @@ def test_parts_of_one_side_have_different_colours():
 # --------------------------------------------------------------------------- page and file
 
 
-def test_page_begins_with_the_budget_its_picture_and_its_table(split):
+def test_page_begins_with_the_parts_their_picture_and_their_table(split):
     page = diagnosis_page(split, [dragged()])
     assert page.headline.startswith("81 % (74 to 86 %) of the residual")
     picture, parts, remaining, values, errors = page.first
