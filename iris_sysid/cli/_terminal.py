@@ -234,19 +234,19 @@ def progress(what: str, then: str = "") -> Iterator[Callable[[int, int], None]]:
 
 
 @contextmanager
-def phases(first: str, until_s: float | None = None) -> Iterator[Callable[[str], None]]:
+def phases(first: str, beside: str = "") -> Iterator[Callable[[str], None]]:
     """Show on stderr what is being done while the block runs, when stderr is a terminal; call it with each next step.
 
     Parameters
     ----------
     first
         The first step.
-    until_s
-        The time after which the block ends by itself, shown beside the clock.
+    beside
+        What to show after each step, e.g. how to end the block.
     """
-    limit = "" if until_s is None else f" (at most {until_s:g} s)"
-    with _moving(f"{first}{limit}") as show:
-        yield lambda text: show(f"{text}{limit}", 0, 0)
+    after = f" ({beside})" if beside else ""
+    with _moving(f"{first}{after}") as show:
+        yield lambda text: show(f"{text}{after}", 0, 0)
 
 
 @contextmanager

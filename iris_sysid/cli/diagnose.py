@@ -151,7 +151,7 @@ def diagnose(
         trajectories = [clip.with_(sensor=stated) for clip in trajectories]
     stated_before = {name for clip in measured for name in (*fixed, *clip.known)}
     estimated = [*(name for name in free_by_default if name not in stated_before), *(free or ())]
-    with _terminal.phases(f"fitting {described.name}", until_s=seconds) as say:
+    with _terminal.phases(f"fitting {described.name}", _how_to_end(seconds)) as say:
         diagnosis = find_missing_effects(
             trajectories,
             described,
@@ -181,6 +181,12 @@ def diagnose(
         found = output / "discovery.json"
         _terminal.suggest("discover", *tables, "--residual-of", described.name, "-o", found, json=json)
     _terminal.end(diagnosis.verdict, strict)
+
+
+def _how_to_end(seconds: float | None) -> str:
+    """What the line of progress says of the end of the search."""
+    limit = "" if seconds is None else f"at most {seconds:g} s; "
+    return f"{limit}Ctrl-C: the best answer so far"
 
 
 def _stopped(diagnosis: "Diagnosis", json: bool) -> bool:

@@ -25,30 +25,26 @@ def parts_sections(diagnosis: Diagnosis) -> list[Section]:
 
 def _table(title: str, components: Components, findings: tuple[Finding, ...], lines: list[str] | tuple[()]) -> Section:
     of_part = {finding.component: finding for finding in findings if finding.component is not None}
-    rows = [_row(part, components.unit, of_part.get(part.kind), said=bool(findings)) for part in components.parts]
-    noise = ("noise", percent(components.noise_share), "", size_text(components.noise_rms, components.unit), "")
-    rows.append((*noise, *([""] * (len(rows[0]) - len(noise)) if rows else [""])))
-    columns = (
-        *words("part"),
-        *numbers("share of the residual", "range", "size", "probability"),
-        *words("or instead"),
-        *(words("what is said of it") if findings else ()),
-    )
-    return Section(title, columns, rows, lines)
+    rows = [_row(part, components.unit, of_part.get(part.kind)) for part in components.parts]
+    noise_rms = size_text(components.noise_rms, components.unit)
+    rows.append(("noise", percent(components.noise_share), "", noise_rms, "", "", ""))
+    columns = (*words("part"), *numbers("share", "range", "size", "probability"), *words("or instead", "finding"))
+    filled = [k for k in range(len(columns)) if any(row[k] for row in rows)]
+    return Section(title, [columns[k] for k in filled], [[row[k] for k in filled] for row in rows], lines)
 
 
-def _row(part: Component, unit: str, finding: Finding | None, *, said: bool) -> tuple[str, ...]:
+def _row(part: Component, unit: str, finding: Finding | None) -> tuple[str, ...]:
     where = f" at {with_error(part.at)}" if part.at is not None else ""
     low, high = part.share_range
-    cells = (
+    return (
         f"{KIND_NAMES[part.kind]}{where}",
         percent(part.share),
         f"{100 * low:.0f} to {min(100 * high, 100):.0f} %",
         size_text(part.rms, unit),
         probability_text(part.probability),
         ", ".join(KIND_NAMES[kind] for kind in part.similar),
+        _said(finding),
     )
-    return (*cells, _said(finding)) if said else cells
 
 
 def _said(finding: Finding | None) -> str:

@@ -44,6 +44,7 @@ CAUSES: Mapping[EffectCause, str] = {
     "clock": "the clock",
 }
 MOST_NAMED = 5  # indistinguishable effects that are named; further ones are counted
+MOST_SPOKEN = 2  # added effects that the sentence of the error names
 MUCH_WIDER = 1.5  # ratio of the two standard errors (model-averaged over plain) above which both are given
 FORCES_IN_WORDS: Mapping[ForceKind, str] = {
     "against-velocity": "a force against the velocity",
@@ -265,7 +266,8 @@ def _error_sentence(diagnosis: Diagnosis) -> str:
     if not diagnosis.added:
         return f"The {which} is {_angle(diagnosis, before)}, the noise {noise}."
     verb = "falls" if after < before else "changes"
-    them = "it" if len(diagnosis.added) == 1 else "them"
+    few = [spoken(effect.name) for effect in diagnosis.added] if len(diagnosis.added) <= MOST_SPOKEN else []
+    them = " and ".join(few) or "these effects"
     change = f"from {_angle(diagnosis, before)} to {_angle(diagnosis, after)}"
     return f"With {them} the {which} {verb} {change}; the noise is {noise}."
 

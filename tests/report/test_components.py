@@ -73,7 +73,7 @@ def test_sentences_are_the_parts_then_the_findings_then_the_errors(split):
     assert located == (
         "No formula of the library fits the wander of the zero: it has no simple form; its curve is on the page."
     )
-    assert errors.startswith("With it the held-out error falls from 0.8")
+    assert errors.startswith("With quadratic drag the held-out error falls from 0.8")
     assert "; the noise is 0.06" in errors
     assert remaining.startswith("62 % (30 to 80 %) of the residual that remains is a slow wander of the zero")
     assert diagnosis_sentence(split) == " ".join([parts, named, located, errors, remaining])
@@ -180,7 +180,7 @@ def test_page_begins_with_the_parts_their_picture_and_their_table(split):
         "Values with the added effects",
         "Error before and after",
     ]
-    assert [row[:4] for row in parts.rows] == [
+    assert [tuple(row[:4]) for row in parts.rows] == [
         ("force by velocity", "81 %", "74 to 86 %", "0.23°"),
         ("wander of the zero", "8 %", "5 to 12 %", "0.069°"),
         ("noise", "11 %", "", "0.084°"),
