@@ -52,7 +52,7 @@ def component_figure(
     if not drawn:
         _draw_bars(figure, components, remaining, colours)
         return figure
-    left, right = np.ravel(figure.subfigures(1, 2, width_ratios=(1.0, 1.15)))  # type: ignore[call-overload]  # an array
+    left, right = np.array(figure.subfigures(1, 2, width_ratios=(1.0, 1.15)), dtype=object)
     _draw_bars(left, components, remaining, colours)
     for axes, part in zip(right.subplots(len(drawn), 1, squeeze=False)[:, 0], drawn, strict=True):
         draw_curve(axes, part, colours[part.kind], force)
