@@ -207,6 +207,7 @@ def test_page_and_notebook_escape_what_a_finding_says(split, tmp_path):
     assert "<script>" not in html
     assert "&lt;script&gt;alert(1)" in html
     assert "<script>" not in to_html(hostile)
+    assert to_html(hostile).count("<img ") == 2
 
 
 def test_file_holds_the_parts_the_findings_and_the_verdict_on_two_axes(split, tmp_path):
