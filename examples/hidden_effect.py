@@ -53,7 +53,7 @@ def main(folder: Path, seed: int) -> None:
 
     fitted = fit(angle, MODELS["pendulum"])
     print(estimates_frame(fitted)[["value", "stderr", "unit"]])
-    print(f"the fit: {fitted.status}; residual {fitted.rms[0]:.2g} rad, noise {fitted.noise[0]:.2g} rad")
+    print(f"the fit: {fitted.verdict.text}; residual {fitted.rms[0]:.2g} rad, noise {fitted.noise[0]:.2g} rad")
 
     diagnosis = diagnose(angle, MODELS["pendulum"])
     print(diagnosis_sentence(diagnosis))

@@ -38,7 +38,7 @@ def main() -> None:
 
     result = fit(trajectory, "pendulum")
     print(estimates_frame(result)[["value", "stderr", "unit"]])
-    print(result.status, result.message)
+    print(result.verdict.text)
     print(diagnosis_sentence(diagnose(trajectory, "pendulum")))
 
 

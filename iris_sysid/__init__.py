@@ -71,10 +71,10 @@ if TYPE_CHECKING:
     from iris_sysid.registry import TRACKERS as TRACKERS
     from iris_sysid.report.clip_page import write_report as write_report
     from iris_sysid.report.diagnosis_page import write_diagnosis as write_diagnosis
+    from iris_sysid.report.diagnosis_text import diagnosis_sentence as diagnosis_sentence
+    from iris_sysid.report.diagnosis_text import diagnosis_text as diagnosis_text
     from iris_sysid.report.notebook import to_html as to_html
     from iris_sysid.report.plots import plot as plot
-    from iris_sysid.report.text import diagnosis_sentence as diagnosis_sentence
-    from iris_sysid.report.text import diagnosis_text as diagnosis_text
     from iris_sysid.report.text import discovery_sentence as discovery_sentence
     from iris_sysid.synthetic.board import render_checkerboard as render_checkerboard
     from iris_sysid.synthetic.clip import render_clip as render_clip
@@ -163,7 +163,8 @@ _HOME = {
         "iris_sysid.report.diagnosis_page": "write_diagnosis",
         "iris_sysid.report.notebook": "to_html",
         "iris_sysid.report.plots": "plot",
-        "iris_sysid.report.text": "diagnosis_sentence diagnosis_text discovery_sentence",
+        "iris_sysid.report.diagnosis_text": "diagnosis_sentence diagnosis_text",
+        "iris_sysid.report.text": "discovery_sentence",
         "iris_sysid.synthetic.board": "render_checkerboard",
         "iris_sysid.synthetic.clip": "render_clip",
         "iris_sysid.synthetic.scene": "SCENES",

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.parallel import Workers, check_workers, side_by_side
@@ -22,8 +23,21 @@ from iris_sysid.types import Effect, Estimate, OdeModel, Progress, Trajectory, w
 
 SUMMARY = "summary.csv"
 DOCUMENT, PAGE = "diagnosis.json", "report.html"  # of each clip; the page is written last
-COLUMNS = ("clip", "status", "model", "effects", "causes", "before", "after", "noise_floor", "unit", "message")
+COLUMNS = (
+    "clip",
+    "status",
+    "equation",
+    "model",
+    "effects",
+    "causes",
+    "before",
+    "after",
+    "noise_floor",
+    "unit",
+    "message",
+)
 FAILED = "failed"
+COMPLETE, INCOMPLETE = "complete", "incomplete"
 
 Row = dict[str, str]
 
@@ -40,7 +54,8 @@ class NamedTable:
 class DiagnosisRequest:
     """One clip as it is to be diagnosed; its origin holds everything that the result depends on.
 
-    ``model`` is None where it is chosen from the bank; ``effects`` are tried beside those of the library.
+    ``model`` is None where it is chosen from the bank; ``effects`` are tried beside those of the library. ``limits``
+    are further arguments of :func:`iris_sysid.diagnose`, such as a time after which the search ends.
     """
 
     clip: Trajectory
@@ -49,6 +64,7 @@ class DiagnosisRequest:
     free: tuple[str, ...] = ()
     effects: tuple[Effect, ...] = ()
     holdout: float = 0.3
+    limits: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +124,8 @@ def diagnose_each(
     Returns
     -------
     list of dict
-        One row for each table, by its name, as in the summary: ``status`` is the word of the verdict, or ``failed``.
+        One row for each table, by its name, as in the summary: ``status`` is the word of the verdict, or ``failed``,
+        ``equation`` whether it is complete.
 
     Raises
     ------
@@ -180,6 +197,7 @@ def _diagnose(request: DiagnosisRequest, folder: Path) -> None:
         free=request.free,
         effects=[*EFFECTS.values(), *request.effects],
         holdout=request.holdout,
+        **request.limits,
     )
     write_diagnosis(diagnosis, request.clip, folder, overwrite=True)
 
@@ -210,20 +228,35 @@ def _row(root: Path, name: str, reason: str) -> Row:
     if reason:
         return dict.fromkeys(COLUMNS, "") | {"clip": name, "status": FAILED, "message": reason}
     document = read_document(root / name / DOCUMENT, DiagnosisDocument)
-    causes = {added.effect: document.causes.get(added.effect, {}) for added in document.added}
-    likeliest = [max(shares, key=lambda cause: shares[cause]) for shares in causes.values() if shares]
     return {
         "clip": name,
         "status": "" if document.verdict is None else document.verdict.word,
+        "equation": _equation(document),
         "model": document.base.model,
-        "effects": " + ".join(causes),
-        "causes": " + ".join(dict.fromkeys(likeliest)),
+        "effects": " + ".join(added.effect for added in document.added),
+        "causes": _causes(document),
         "before": _text(document.before.heldout),
         "after": _text(document.after.heldout),
         "noise_floor": _text(document.noise_floor),
         "unit": document.unit,
         "message": document.sentence,
     }
+
+
+def _equation(document: DiagnosisDocument) -> str:
+    equation = None if document.verdict is None else document.verdict.equation
+    return "" if equation is None else COMPLETE if equation.complete else INCOMPLETE
+
+
+def _causes(document: DiagnosisDocument) -> str:
+    """The share of the residual on each side, largest first; of a clip that is too short for that, likeliest causes."""
+    if document.components is None:
+        shares = [document.causes.get(added.effect, {}) for added in document.added]
+        return " + ".join(dict.fromkeys(max(share, key=lambda cause: share[cause]) for share in shares if share))
+    sides: dict[str, float] = {}
+    for part in document.components.parts:
+        sides[part.side] = sides.get(part.side, 0.0) + (part.share or 0.0)
+    return " + ".join(f"{side} {100 * sides[side]:.0f} %" for side in sorted(sides, key=lambda side: -sides[side]))
 
 
 def _text(number: float | None) -> str:

@@ -1,8 +1,9 @@
 """The command line: each command is one step of the pipeline and calls the library.
 
 Results go to files and, with ``--json``, to stdout; progress goes to stderr. Exit status: 0 done,
-1 a reported failure, 2 wrong usage, 3 with ``--strict`` a verdict that is not good. A command's module is imported when
-the command is called, and slow imports are made inside the command that needs them.
+1 a reported failure, 2 wrong usage, 3 with ``--strict`` numbers that are not good or an equation that is
+not complete. A command's module is imported when the command is called, and slow imports are made inside
+the command that needs them.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ COMMANDS = {
     "fit": ("fit", "Fit a governing equation to a trajectory."),
     "diagnose": (
         "diagnose",
-        "Find the effects that a governing equation lacks, add them, and report the error before and after.",
+        "Find what a governing equation lacks: the parts of its residual, the effects, the error before and after.",
     ),
     "plan": (
         "plan",

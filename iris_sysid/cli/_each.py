@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -16,11 +16,20 @@ from iris_sysid.errors import DataError, IrisError
 
 if TYPE_CHECKING:
     from iris_sysid.benchmark.diagnose_each import DiagnosisRequest
-    from iris_sysid.types import Effect, OdeModel
+    from iris_sysid.types import ComponentKind, Effect, OdeModel
 
     Model = tuple[OdeModel, Sequence[str]]
 
-SHOWN = ("clip", "status", "effects", "causes", "before", "after", "unit")  # on the terminal; all are in the file
+SHOWN = (
+    "clip",
+    "status",
+    "equation",
+    "effects",
+    "causes",
+    "before",
+    "after",
+    "unit",
+)  # on the terminal; all are in the file
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,13 +46,15 @@ class EachRequest:
     free: Sequence[str]
     sensor: str | None
     holdout: float
+    seconds: float | None = None
+    keep_component: Sequence[ComponentKind] = ()
     own_files: Sequence[str] = ()
 
 
 def diagnose_clips(
     clips: Sequence[Path], output: Path, request: EachRequest, workers: int | str, *, force: bool, json: bool
 ) -> bool:
-    """Diagnose every table of some paths by itself, and print the summary; whether all verdicts are good.
+    """Diagnose every table of some paths by itself, and print the summary; whether all are good and complete.
 
     Parameters
     ----------
@@ -61,7 +72,7 @@ def diagnose_clips(
         Print the rows as JSON.
     """
     from iris_sysid.benchmark.clip_folders import is_dataset, tables_in
-    from iris_sysid.benchmark.diagnose_each import COLUMNS, FAILED, NamedTable, diagnose_each
+    from iris_sysid.benchmark.diagnose_each import COLUMNS, FAILED, INCOMPLETE, NamedTable, diagnose_each
     from iris_sysid.registry import EFFECTS
 
     data_sets = [path for path in clips if is_dataset(path)]
@@ -85,7 +96,13 @@ def diagnose_clips(
     _terminal.print_rows([{column: row[column] for column in shown} for row in rows], json, header=True)
     failures = sum(row["status"] == FAILED for row in rows)
     typer.echo(f"{output}: {len(rows)} clips, {failures} failed", err=True)
-    return all(row["status"] == "good" for row in rows)
+    return all(row["status"] == "good" and row["equation"] != INCOMPLETE for row in rows)
+
+
+def limits(seconds: float | None, keep: Sequence[ComponentKind]) -> dict[str, Any]:
+    """The arguments of :func:`iris_sysid.diagnose` for a limit in time and for parts to keep, where they are given."""
+    given = {"seconds": seconds, "keep": tuple(keep)}
+    return {name: value for name, value in given.items() if value}
 
 
 def _name(table: Path) -> str:
@@ -137,7 +154,8 @@ def prepared(request: EachRequest, model: Model | None, effects: tuple[Effect, .
     sensor = _parsing.sensor(request.sensor)
     if sensor is not None:
         clip = clip.with_(sensor=sensor)
-    return DiagnosisRequest(clip, described, fixed, tuple(free), effects, request.holdout)
+    ends = limits(request.seconds, request.keep_component)
+    return DiagnosisRequest(clip, described, fixed, tuple(free), effects, request.holdout, ends)
 
 
 def _model_of(table: Path, request: EachRequest) -> tuple[OdeModel | None, Sequence[str]]:

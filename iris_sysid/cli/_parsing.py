@@ -13,6 +13,7 @@ from iris_sysid.errors import CalibrationError, DataError
 from iris_sysid.io.files import origin_of
 from iris_sysid.types import (
     Calibration,
+    ComponentKind,
     Estimate,
     Sensor,
     TrackMark,
@@ -176,6 +177,15 @@ def sensor(text: str | None) -> Sensor | None:
         if text == kind:
             return cast("Sensor", kind)
     raise DataError(f"there is no sensor {text!r}; write {', '.join(get_args(Sensor))}")
+
+
+def components(texts: Sequence[str]) -> tuple[ComponentKind, ...]:
+    """Read the kinds of parts of a residual."""
+    kinds = get_args(ComponentKind)
+    for text in texts:
+        if text not in kinds:
+            raise DataError(f"there is no part of a residual called {text!r}; write {', '.join(kinds)}")
+    return tuple(dict.fromkeys(cast("Sequence[ComponentKind]", texts)))
 
 
 def size(text: str) -> tuple[int, int]:

@@ -159,10 +159,10 @@ def show_fit(fit: FitResult, trajectory: Trajectory, json: bool) -> None:
 
 
 def show_verdict(verdict: Verdict, json: bool) -> None:
-    """Print a verdict: on stdout, before the result; beside JSON on stderr, where there is a result to doubt."""
+    """Print a verdict: on stdout, beside the result; beside JSON on stderr, where there is a result to doubt."""
     from iris_sysid.report.text import verdict_lines
 
-    if not json or verdict.word not in ("good", "failed"):
+    if not json or (verdict.word != "failed" and not (verdict.good and verdict.complete)):
         typer.echo("\n".join(map(one_line, verdict_lines(verdict))), err=json)
 
 
@@ -199,8 +199,8 @@ def check_usable(fit: FitResult) -> None:
 
 
 def end(verdict: Verdict, strict: bool) -> None:
-    """Leave with exit status 3 when ``strict`` and the verdict is not good."""
-    if strict and not verdict.good:
+    """Leave with exit status 3 when ``strict`` and the numbers are not good, or the equation is not complete."""
+    if strict and not (verdict.good and verdict.complete):
         raise typer.Exit(NOT_GOOD)
 
 
@@ -234,16 +234,19 @@ def progress(what: str, then: str = "") -> Iterator[Callable[[int, int], None]]:
 
 
 @contextmanager
-def phases(first: str) -> Iterator[Callable[[str], None]]:
+def phases(first: str, beside: str = "") -> Iterator[Callable[[str], None]]:
     """Show on stderr what is being done while the block runs, when stderr is a terminal; call it with each next step.
 
     Parameters
     ----------
     first
         The first step.
+    beside
+        What to show after each step, e.g. how to end the block.
     """
-    with _moving(first) as show:
-        yield lambda text: show(text, 0, 0)
+    after = f" ({beside})" if beside else ""
+    with _moving(f"{first}{after}") as show:
+        yield lambda text: show(f"{text}{after}", 0, 0)
 
 
 @contextmanager
@@ -261,6 +264,11 @@ def _moving(first: str) -> Iterator[Callable[[str, int, int], None]]:
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as line:
         task = line.add_task(first, total=None)
         yield lambda text, done, expected: line.update(task, description=text, completed=done, total=expected or None)
+
+
+def lines(text: str) -> str:
+    """The text with each of its lines as :func:`one_line` shows it."""
+    return "\n".join(map(one_line, text.splitlines()))
 
 
 def one_line(text: str) -> str:

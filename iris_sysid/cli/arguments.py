@@ -20,7 +20,10 @@ Columns = Annotated[
 Output = Annotated[Path, typer.Option("-o", "--output", help="File or folder for the result.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing results.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON to stdout.")]
-Strict = Annotated[bool, typer.Option("--strict", help="End with exit status 3 unless the verdict is good.")]
+Strict = Annotated[
+    bool,
+    typer.Option("--strict", help="End with exit status 3 unless the numbers are good and the equation is complete."),
+]
 Fps = Annotated[float | None, typer.Option(help="True frame rate in 1/s, for slow motion.")]
 Start = Annotated[float | None, typer.Option(help="Start time in s; earlier frames are skipped.")]
 Stop = Annotated[float | None, typer.Option(help="Stop time in s; later frames are skipped.")]

@@ -53,7 +53,8 @@ def run_demo(folder: Path, *, overwrite: bool = False, progress: Callable[[int, 
     from iris_sysid.diagnosis.diagnose import diagnose
     from iris_sysid.pipeline import check_folder, run, save
     from iris_sysid.report import diagnosis_files, diagnosis_page
-    from iris_sysid.report.text import diagnosis_text, residual_text
+    from iris_sysid.report.diagnosis_text import diagnosis_text
+    from iris_sysid.report.text import residual_text, verdict_lines
 
     report, diagnosis_folder = folder / "report", folder / "diagnosis"
     check_folder(report, overwrite=overwrite)
@@ -72,6 +73,7 @@ def run_demo(folder: Path, *, overwrite: bool = False, progress: Callable[[int, 
             f"{residual_text(result.fit)}.",
             "",
             diagnosis_text(diagnosis),
+            *verdict_lines(diagnosis.verdict),
             _table(compare(truth, diagnosis.final)),
             "",
             *(f"open {page}" for page in pages),

@@ -46,6 +46,16 @@ ClipSettings = Annotated[
     typer.Option("--clip-set", help="What is known of one clip: heavy.csv:mass=0.2, or 2:mass=0.2; radius, length."),
 ]
 Each = Annotated[bool, typer.Option("--each", help="Diagnose every clip by itself, with a summary of all.")]
+Seconds = Annotated[
+    float | None, typer.Option(help="Time for the search, in s: the best answer by then, with a note.", min=1.0)
+]
+KeepComponent = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--keep-component",
+        help="Keep this part of the residual as an effect of its own, e.g. zero-wander: the error after is with it.",
+    ),
+]
 Holdout = Annotated[float, typer.Option(help="Fraction of each clip held out for validation.", min=0.0, max=0.9)]
 
 
@@ -63,6 +73,8 @@ def diagnose(
     free: Free = None,
     sensor: Sensor = None,
     holdout: Holdout = 0.3,
+    seconds: Seconds = None,
+    keep_component: KeepComponent = None,
     trials: Annotated[int | None, typer.Option(help="Number of clips of each setting of a data set.")] = None,
     board: Annotated[str | None, typer.Option(help="Inner corners of a data set's checkerboards: 9x6.")] = None,
     square: Annotated[str | None, typer.Option(help="Side of their squares: 25mm or 25.0+-0.1mm.")] = None,
@@ -73,7 +85,7 @@ def diagnose(
     json: Json = False,
     strict: Strict = False,
 ) -> None:
-    """Find the effects that a governing equation lacks, add them, and report the error before and after.
+    """Find what a governing equation lacks: the parts of its residual, the effects, the error before and after.
 
     A folder of run needs no further option. Several clips of the same kind are diagnosed jointly; those of a data set
     are measured first, once. With --each every clip is diagnosed by itself: a page for each and summary.csv; a second
@@ -93,7 +105,8 @@ def diagnose(
         joint = {"--clip-set": clip_set, "--trials": trials, "--board": board, "--square": square}
         _terminal.refuse(joint, "belongs to a joint diagnosis, not to --each; leave it out")
         lists = (bound or (), effect or (), columns, known or (), free or ())
-        request = _each.EachRequest(model, phenomenon, equation, *lists, sensor, holdout)
+        kept = _parsing.components(keep_component or ())
+        request = _each.EachRequest(model, phenomenon, equation, *lists, sensor, holdout, seconds, kept)
         processes = _terminal.workers_of(workers, scheduler)
         if not _each.diagnose_clips(clips, output, request, processes, force=force, json=json) and strict:
             raise typer.Exit(_terminal.NOT_GOOD)
@@ -111,6 +124,7 @@ def diagnose(
             (),
         )
     fixed = _parsing.settings(known or (), described.units())
+    kept = _parsing.components(keep_component or ())
     options = {
         "model": described.name if model is None else model,
         "phenomenon": phenomenon,
@@ -122,12 +136,14 @@ def diagnose(
         "free": free,
         "sensor": sensor,
         "holdout": holdout,
+        "seconds": seconds,
+        "keep_component": keep_component,
     }
     stated = _parsing.sensor(sensor)
     measured = _measured(clips, described, columns, phenomenon, output, trials, board, square, processes)
     # imported after the clips are read, so that an unreadable file is reported without delay
     from iris_sysid.diagnosis.diagnose import diagnose as find_missing_effects
-    from iris_sysid.report.text import diagnosis_text
+    from iris_sysid.report.diagnosis_text import diagnosis_text
 
     measured = _parsing.with_clip_settings(measured, clips, clip_set or [], described.units())
     trajectories = [_parsing.with_options(clip, **options) for clip in measured]
@@ -135,7 +151,7 @@ def diagnose(
         trajectories = [clip.with_(sensor=stated) for clip in trajectories]
     stated_before = {name for clip in measured for name in (*fixed, *clip.known)}
     estimated = [*(name for name in free_by_default if name not in stated_before), *(free or ())]
-    with _terminal.phases(f"fitting {described.name}") as say:
+    with _terminal.phases(f"fitting {described.name}", _how_to_end(seconds)) as say:
         diagnosis = find_missing_effects(
             trajectories,
             described,
@@ -144,14 +160,16 @@ def diagnose(
             effects=[*EFFECTS.values(), *map(EFFECTS.named, effect or ())],
             holdout=holdout,
             progress=say,
+            **_each.limits(seconds, kept),
         )
-    _terminal.show_verdict(diagnosis.verdict, json)
     if not json:
-        typer.echo(diagnosis_text(diagnosis))
+        typer.echo(_terminal.lines(diagnosis_text(diagnosis)))
+    _terminal.show_verdict(diagnosis.verdict, json)
+    stopped = _stopped(diagnosis, json)
     # drawing the page takes longer than a short search: the answer is there before it
     from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
 
-    planned = _planned(diagnosis, trajectories)
+    planned = None if stopped else _planned(diagnosis, trajectories)
     page = write_diagnosis(diagnosis, trajectories, output, planned=planned, overwrite=force)
     if json:
         typer.echo(document_text(diagnosis_document(diagnosis, trajectories)).rstrip("\n"))
@@ -163,6 +181,20 @@ def diagnose(
         found = output / "discovery.json"
         _terminal.suggest("discover", *tables, "--residual-of", described.name, "-o", found, json=json)
     _terminal.end(diagnosis.verdict, strict)
+
+
+def _how_to_end(seconds: float | None) -> str:
+    """What the line of progress says of the end of the search."""
+    limit = "" if seconds is None else f"at most {seconds:g} s; "
+    return f"{limit}Ctrl-C: the best answer so far"
+
+
+def _stopped(diagnosis: "Diagnosis", json: bool) -> bool:
+    """Whether the search was ended early; beside JSON, what was stopped is said on stderr."""
+    notes = [note.text for note in diagnosis.notes if note.kind == "stopped"]
+    for text in notes if json else ():
+        typer.echo(f"note: {_terminal.one_line(text)}", err=True)
+    return bool(notes)
 
 
 def _planned(diagnosis: "Diagnosis", clips: "list[Trajectory]") -> "Plan | None":

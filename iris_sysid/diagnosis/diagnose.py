@@ -130,17 +130,17 @@ def diagnose(
         search.run()
     except STOPPED as why:
         stopped.append(budget.note(why))
-    proposed = search.reached[-1]
-    complete = not stopped and _is_complete(clips, proposed, base)
-    judgement = Judgement(base, world.uncovered([]), {})
+    answer = None
     try:
         budget.allow(1.0)
-        if not complete:
-            judgement = world.judged(proposed)
+        if not stopped and _is_complete(clips, search.reached[-1], base):
+            answer = _of_complete(cache, world, search.reached)
+        if answer is None:
+            answer = _of_open(cache, world.judged(search.reached[-1]))
     except STOPPED as why:
         stopped = [budget.note(why)]
     budget.end()
-    answer = _of_complete(cache, world, search.reached) if complete else _of_open(cache, judgement)
+    answer = answer or _of_open(cache, Judgement(base, world.uncovered([]), {}))
     return _diagnosis(cache, world, answer, components, stopped)
 
 
@@ -193,10 +193,15 @@ class _Answer:
         return self.path[-1]
 
 
-def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffects]) -> _Answer:
-    """The answer where the library explains the data to the noise: a likelihood can compare its effects."""
+def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffects]) -> _Answer | None:
+    """The answer where the library explains the data to the noise: a likelihood can compare its effects.
+
+    None where that is so only with effects whose intervals hold zero: then blocks left out decide.
+    """
     report, weak = _without_weak(cache, path[-1])
     final = report.final
+    if weak and not _is_complete(cache.clips, final, cache.base):
+        return None
     rivals = {effect.name: report.indistinguishable(effect) for effect in final.effects}
     findings = world.of_complete(final, rivals)
     said = {name for finding in findings if finding.word in ("named", "group") for name in finding.effects[:1]}

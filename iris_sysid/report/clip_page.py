@@ -15,7 +15,6 @@ from iris_sysid.report.text import (
     residual_text,
     samples_text,
     shown_estimates,
-    verdict_lines,
 )
 from iris_sysid.types import FitResult, Run, Trajectory
 
@@ -62,7 +61,7 @@ def write_page(page: Page, folder: str | Path, *, overwrite: bool = False) -> Pa
     Path
         The page.
     """
-    files = {f"{image.name}.png": image.png for image in page.images} | {"report.html": html_of(page)}
+    files = {f"{image.name}.png": image.png for image in page.every_image} | {"report.html": html_of(page)}
     for name in files:
         check_writable(Path(folder) / name, overwrite=overwrite)
     for name, content in files.items():
@@ -94,7 +93,7 @@ def clip_page(run: Run) -> Page:
         ],
         origin=fit.origin,
         notes=[as_sentence(note) for note in run.notes if not any(doubt.text in note for doubt in fit.doubts)],
-        verdict=verdict_lines(fit.verdict),
+        verdict=fit.verdict,
     )
 
 

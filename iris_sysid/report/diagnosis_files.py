@@ -6,7 +6,16 @@ from pathlib import Path
 
 from iris_sysid.io.files import check_writable
 
-FILES = ("diagnosis.json", "residual.png", "state.png", "missing_force.png", "plan.json", "plan.png", "report.html")
+FILES = (
+    "diagnosis.json",
+    "components.png",
+    "residual.png",
+    "state.png",
+    "missing_force.png",
+    "plan.json",
+    "plan.png",
+    "report.html",
+)
 
 
 def check_folder(folder: str | Path, *, overwrite: bool = False) -> Path:

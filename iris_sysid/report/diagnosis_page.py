@@ -1,4 +1,4 @@
-"""The page of a diagnosis: the residual before and after, over time and in the phase plane, then the numbers."""
+"""The page of a diagnosis: the parts of the residual, what is said of each, the numbers, before and after."""
 
 from __future__ import annotations
 
@@ -12,12 +12,16 @@ from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
 from iris_sysid.diagnosis.planning.plan import Plan
+from iris_sysid.io.components_json import components_entry, finding_entry
 from iris_sysid.io.discovery_json import term_entry
 from iris_sysid.io.force_json import force_entry
 from iris_sysid.io.json_documents import checked, entries_of, fit_document, plain_origin, write_document
 from iris_sysid.io.schemas import DiagnosisDocument, VerdictEntry, known_number
 from iris_sysid.report.clip_page import write_page
+from iris_sysid.report.component_figure import component_caption, component_figure
+from iris_sysid.report.component_table import parts_sections
 from iris_sysid.report.diagnosis_files import check_folder
+from iris_sysid.report.diagnosis_text import changed_parameters, diagnosis_sentence, diagnosis_sentences
 from iris_sysid.report.figures import MOST_POINTS, outline
 from iris_sysid.report.force_figure import force_caption, force_figure
 from iris_sysid.report.page import Page, PageImage, Section, estimates_section, numbers, png_of, words
@@ -25,12 +29,10 @@ from iris_sysid.report.plan_figure import plan_figure
 from iris_sysid.report.plan_text import advice, plan_document, plan_rows
 from iris_sysid.report.text import (
     as_sentence,
-    changed_parameters,
-    diagnosis_sentence,
+    fit_headline,
     interval_text,
-    percent,
+    probability_text,
     shown_estimates,
-    verdict_lines,
     with_error,
     with_unit,
 )
@@ -100,6 +102,10 @@ def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Dia
     return checked(
         DiagnosisDocument,
         sentence=diagnosis_sentence(diagnosis),
+        components=components_entry(diagnosis.components),
+        remaining=components_entry(diagnosis.remaining),
+        findings=[finding_entry(finding) for finding in diagnosis.findings],
+        nuisances=[effect.name for effect in diagnosis.nuisances],
         verdict=VerdictEntry.of(diagnosis.verdict),
         **first,
         added=added,
@@ -125,19 +131,25 @@ def _still_missing(diagnosis: Diagnosis) -> MissingForce | None:
 
 def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory], planned: Plan | None = None) -> Page:
     """The page of a diagnosis, with what is ``planned`` next; images and fitted values are those of the first clip."""
-    model = diagnosis.base.model
+    model, (headline, *statements) = diagnosis.base.model, diagnosis_sentences(diagnosis)
     name = _name(clips[0]) + (f" and {len(clips) - 1} more" if len(clips) > 1 else "")
     return Page(
         title=f"{name}: diagnosis of the model {model.name}",
-        headline=diagnosis_sentence(diagnosis),
-        verdict=verdict_lines(diagnosis.verdict),
+        headline=headline,
+        statements=statements,
+        verdict=diagnosis.verdict,
         summary=model.summary,
+        first=[
+            *_component_images(diagnosis),
+            *parts_sections(diagnosis),
+            _values_section(diagnosis),
+            _error_section(diagnosis),
+        ],
         images=[*_images(diagnosis), *_plan_images(planned)],
         sections=[
             *_added_section(diagnosis),
             *_notes_section(diagnosis),
             *_plan_section(planned),
-            _error_section(diagnosis),
             *_suggested_section(diagnosis),
             *_changed_section(diagnosis),
             *_fit_sections(diagnosis),
@@ -149,6 +161,21 @@ def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory], planned: P
     )
 
 
+def _component_images(diagnosis: Diagnosis) -> list[PageImage]:
+    components = diagnosis.components
+    if components is None or not components.parts:
+        return []
+    remaining = diagnosis.remaining if diagnosis.added else None
+    figure = component_figure(components, remaining, diagnosis.missing_force)
+    return [PageImage("components", png_of(figure), component_caption(components, added=remaining is not None))]
+
+
+def _values_section(diagnosis: Diagnosis) -> Section:
+    """The values with the effects, each with its error."""
+    title = "Values with the added effects" if diagnosis.added else "Values"
+    return Section(title, lines=[fit_headline(diagnosis.final)])
+
+
 def _images(diagnosis: Diagnosis) -> list[PageImage]:
     caption = "Residual over time" + (" without (top) and with (bottom) the added effects" if diagnosis.added else "")
     images = [PageImage("residual", png_of(residual_figure(diagnosis)), caption)]
@@ -156,7 +183,7 @@ def _images(diagnosis: Diagnosis) -> list[PageImage]:
         caption = "Residual in the phase plane; its sign and size as colour"
         caption += ", without (left) and with (right) the added effects" if diagnosis.added else ""
         images.append(PageImage("state", png_of(state_figure(diagnosis)), caption))
-    if diagnosis.missing_force is not None:
+    if diagnosis.missing_force is not None and diagnosis.components is None:  # else the parts are drawn
         caption = force_caption(diagnosis.missing_force)
         images.append(PageImage("missing_force", png_of(force_figure(diagnosis.missing_force)), caption))
     return images
@@ -202,7 +229,7 @@ def _added_section(diagnosis: Diagnosis) -> list[Section]:
 
 def _shares(probabilities: Mapping[str, float] | Mapping[EffectCause, float]) -> str:
     """Names with their probabilities in percent."""
-    return ", ".join(f"{name} {percent(probability)}" for name, probability in probabilities.items())
+    return ", ".join(f"{name} {probability_text(probability)}" for name, probability in probabilities.items())
 
 
 def _notes_section(diagnosis: Diagnosis) -> list[Section]:

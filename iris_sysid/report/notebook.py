@@ -9,9 +9,12 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
+from matplotlib.figure import Figure
+
+from iris_sysid.report.component_figure import component_figure
+from iris_sysid.report.diagnosis_text import diagnosis_sentences
 from iris_sysid.report.plots import Result, figure_of
 from iris_sysid.report.text import (
-    diagnosis_sentence,
     discovery_sentence,
     interval_text,
     shown_estimates,
@@ -43,14 +46,24 @@ def to_html(result: Result) -> str:
         When there is no picture of such an object.
     """
     first, *lines = _lines(result)
-    buffer = io.BytesIO()
-    figure_of(result).savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
-    picture = base64.b64encode(buffer.getvalue()).decode("ascii")
     text = "".join(f"<div>{escape(line)}</div>" for line in lines)
-    return (
-        f'<div><b>{escape(first)}</b>{text}<img alt="{escape(type(result).__name__)}" '
-        f'src="data:image/png;base64,{picture}">{_table(*_rows(result))}</div>'
-    )
+    pictures = "".join(_picture(figure, type(result).__name__) for figure in _figures(result))
+    return f"<div><b>{escape(first)}</b>{text}{pictures}{_table(*_rows(result))}</div>"
+
+
+def _figures(result: Result) -> list[Figure]:
+    """The picture of :func:`plot`; before it, of a diagnosis, the parts of the residual."""
+    if isinstance(result, Diagnosis) and result.components is not None and result.components.parts:
+        remaining = result.remaining if result.added else None
+        return [component_figure(result.components, remaining, result.missing_force), figure_of(result)]
+    return [figure_of(result)]
+
+
+def _picture(figure: Figure, name: str) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
+    picture = base64.b64encode(buffer.getvalue()).decode("ascii")
+    return f'<img alt="{escape(name)}" src="data:image/png;base64,{picture}">'
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -85,7 +98,7 @@ def _(result: FitResult) -> list[str]:
 
 @_lines.register
 def _(result: Diagnosis) -> list[str]:
-    return _judged(f"Diagnosis of {result.base.model.name}", result.verdict, diagnosis_sentence(result))
+    return [f"Diagnosis of {result.base.model.name}", *diagnosis_sentences(result), *verdict_lines(result.verdict)]
 
 
 @_lines.register

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 from iris_sysid.io.files import json_text
 from iris_sysid.report.figures import equation_figure
-from iris_sysid.report.text import as_sentence, interval_text, with_error
-from iris_sysid.types import Estimate
+from iris_sysid.report.text import as_sentence, equation_lines, interval_text, number_lines, with_error
+from iris_sysid.types import Estimate, Verdict
 
 DPI = 130
 
@@ -63,7 +63,11 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Page:
-    """The content of a page, before it becomes HTML; the first line of ``verdict`` begins with its word."""
+    """The content of a page, before it becomes HTML.
+
+    ``headline`` says the result in a sentence, ``statements`` say more, a line each. ``first`` are images and sections
+    that come before the other ``images`` and ``sections``; the verdict is then below the sentences.
+    """
 
     title: str
     headline: str
@@ -72,7 +76,14 @@ class Page:
     sections: Sequence[Section]
     origin: Mapping[str, Any]
     notes: Sequence[str] = field(default=())
-    verdict: Sequence[str] = field(default=())
+    verdict: Verdict | None = None
+    statements: Sequence[str] = field(default=())
+    first: Sequence[PageImage | Section] = field(default=())
+
+    @property
+    def every_image(self) -> list[PageImage]:
+        """The images in the order of the page."""
+        return [*(item for item in self.first if isinstance(item, PageImage)), *self.images]
 
 
 def png_of(figure: Figure) -> bytes:
@@ -90,18 +101,29 @@ def html_of(page: Page) -> str:
         trim_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    images = [{"png": _base64(image.png), "caption": image.caption} for image in page.images]
-    sections = [_section(section) for section in page.sections]
+    first = [_image(item) if isinstance(item, PageImage) else _section(item) for item in page.first]
     return environment.get_template("page.html").render(
         title=page.title,
         headline=page.headline,
         summary=as_sentence(page.summary),
         notes=page.notes,
-        verdict=page.verdict,
-        images=images,
-        sections=sections,
+        verdict=[] if page.verdict is None else _verdict(page.verdict),
+        statements=page.statements,
+        first=first,
+        images=[_image(image) for image in page.images],
+        sections=[_section(section) for section in page.sections],
         origin=json_text(dict(page.origin)),
     )
+
+
+def _image(image: PageImage) -> dict[str, Any]:
+    return {"png": _base64(image.png), "caption": image.caption}
+
+
+def _verdict(verdict: Verdict) -> list[dict[str, Any]]:
+    """The lines of a verdict; each says whether it is a warning."""
+    numbers_of = [{"text": line, "warn": not verdict.good} for line in number_lines(verdict)]
+    return [*numbers_of, *({"text": line, "warn": not verdict.complete} for line in equation_lines(verdict))]
 
 
 def _section(section: Section) -> dict[str, Any]:

@@ -8,50 +8,36 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from iris_sysid.types import (
-    Diagnosis,
+    SPOKEN,
     Discovery,
     Doubt,
-    Effect,
-    EffectCause,
     Estimate,
     FitResult,
-    ForceForm,
-    ForceKind,
     Match,
-    MissingForce,
     PooledFit,
     Segment,
     Trajectory,
     Verdict,
 )
 
-SMALLEST_PROBABILITY = 0.05  # of a cause that is mentioned
-CAUSES: Mapping[EffectCause, str] = {
-    "physics": "the physics",
-    "measurement": "the measurement",
-    "clock": "the clock",
-}
-MOST_NAMED = 5  # indistinguishable effects that are named; further ones are counted
-MUCH_WIDER = 1.5  # ratio of the two standard errors (model-averaged over plain) above which both are given
 DEGREES: Mapping[str, tuple[str, float]] = {"rad": ("°", 180 / math.pi), "rad/s": ("°/s", 180 / math.pi)}
 NOTEWORTHY = 0.2  # smallest inclusion at which a term that was not selected is shown
-FORCES_IN_WORDS: Mapping[ForceKind, str] = {
-    "against-velocity": "a force against the velocity",
-    "odd-in-position": "a restoring force",
-    "even-in-position": "a force that is even in the position",
-    "drift": "a force that grows with time",
-    "own-force-drift": "a change of the model's own force with time",
-    "pulse": "a pulse",
-    "sine": "a periodic force",
-}
+SMALLEST_PERCENT = 0.005  # a share below it is "under 1 %"
 
 
 # --------------------------------------------------------------------------- numbers
 
 
-def percent(probability: float) -> str:
-    """A probability in percent; never 100, which no data give: 0.926 is "93 %", 0.9999 "over 99 %"."""
-    return "over 99 %" if probability > 0.99 else f"{100 * probability:.0f} %"
+def percent(share: float) -> str:
+    """A share in percent, e.g. "93 %"; one that rounds to zero is "under 1 %"."""
+    if not math.isfinite(share):
+        return "unknown"
+    return "under 1 %" if share < SMALLEST_PERCENT else f"{min(100 * share, 100):.0f} %"
+
+
+def probability_text(probability: float) -> str:
+    """A probability in percent; never 100, which no data give: 0.9999 is "99 %"."""
+    return percent(min(probability, 0.99))
 
 
 def rounded_to_error(value: float, stderr: float) -> tuple[str, str]:
@@ -114,9 +100,24 @@ def as_sentence(text: str) -> str:
 
 
 def verdict_lines(verdict: Verdict) -> list[str]:
-    """The verdict as lines of text: its word with the first reason and what to do about it, then further reasons."""
-    first, *more = [as_sentence(_reason_text(doubt)) for doubt in verdict.reasons] or [""]
-    return [f"{verdict.word}: {first}" if first else verdict.word, *(f"  also: {text}" for text in more)]
+    """The verdict as lines of text: whether the numbers can be used, and why not; whether the equation is complete."""
+    return [*number_lines(verdict), *equation_lines(verdict)]
+
+
+def number_lines(verdict: Verdict) -> list[str]:
+    """Whether the numbers can be used, with their relative errors or the reasons to doubt them."""
+    reasons = verdict.number_reasons if verdict.equation is not None else verdict.reasons
+    about, *more = [as_sentence(_reason_text(doubt)) for doubt in reasons] or [verdict.accuracy_text]
+    word = SPOKEN[verdict.word]
+    return [f"{word}: {about}" if about else word, *(f"  also: {text}" for text in more)]
+
+
+def equation_lines(verdict: Verdict) -> list[str]:
+    """Whether the equation is complete, and what to do where it is not; nothing where there is no fit."""
+    if verdict.equation is None:
+        return []
+    remedies = [] if verdict.complete else [as_sentence(doubt.remedy) for doubt in verdict.equation_reasons]
+    return [" ".join([f"{verdict.equation.text}{'.' if remedies else ''}", *filter(None, remedies)])]
 
 
 def _reason_text(doubt: Doubt) -> str:
@@ -149,7 +150,9 @@ def fit_headline(fit: FitResult) -> str:
     parts = [f"{name} = {with_error(value)}" for name, value in found.items() if not _holds_zero(value)]
     unsure = [name for name, value in found.items() if _holds_zero(value)]
     parts += [f"not distinguishable from zero: {', '.join(unsure)}"] if unsure else []
-    return "; ".join(parts) if fit.usable and parts else f"{fit.status}: {fit.message}"
+    if fit.usable:
+        return "; ".join(parts) or as_sentence(fit.message)
+    return f"{fit.status}: {fit.message}"
 
 
 def _holds_zero(estimate: Estimate) -> bool:
@@ -203,183 +206,6 @@ def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 
-# --------------------------------------------------------------------------- diagnoses
-
-
-def diagnosis_sentence(diagnosis: Diagnosis) -> str:
-    """The diagnosis in at most five sentences: cause, added effects, the error without and with them, missing force."""
-    if diagnosis.added:
-        sentences = [
-            _cause_sentence(diagnosis),
-            _added_sentence(diagnosis),
-            _indistinguishable_sentence(diagnosis),
-            _remaining_sentence(diagnosis),
-            _missing_force_sentence(diagnosis.remaining_force if diagnosis.incomplete else None),
-        ]
-    else:
-        sentences = [
-            _nothing_added_sentence(diagnosis),
-            _error_sentence(diagnosis),
-            _missing_force_sentence(diagnosis.remaining_force),
-            _suggested_sentence(diagnosis),
-        ]
-    return " ".join(filter(None, sentences))
-
-
-def diagnosis_text(diagnosis: Diagnosis) -> str:
-    """The sentence, then a line for each note."""
-    notes = [f"Note: {as_sentence(note.text)}" for note in diagnosis.notes]
-    return "\n".join([diagnosis_sentence(diagnosis), *notes])
-
-
-def _cause_sentence(diagnosis: Diagnosis) -> str:
-    """Whether the physics, the measurement or the clock is the cause, with the probability of each."""
-    by_effect = {
-        effect.name: " or ".join(
-            f"{CAUSES[cause]} ({percent(probability)})"
-            for cause, probability in diagnosis.causes.get(effect.name, {}).items()
-            if probability >= SMALLEST_PROBABILITY
-        )
-        for effect in diagnosis.added
-    }
-    told = {name: text for name, text in by_effect.items() if text}
-    if len(set(told.values())) == 1:
-        return f"The cause is {next(iter(told.values()))}."
-    parts = [f"{text} of the {_spoken(name)}" for name, text in told.items()]
-    return f"The cause is {', '.join(parts)}." if parts else ""
-
-
-def _added_sentence(diagnosis: Diagnosis) -> str:
-    effects = " and ".join(_effect_text(effect, diagnosis) for effect in diagnosis.added)
-    which, before, after = _errors(diagnosis)
-    if before == after:  # found with all samples only: the held-out error is without it
-        which, before, after = "residual", diagnosis.before.fitted, diagnosis.after.fitted
-    verb = "reduces" if after < before else "changes"
-    return f"Adding {effects} {verb} the {which} from {_angle(diagnosis, before)} to {_angle(diagnosis, after)}."
-
-
-def _indistinguishable_sentence(diagnosis: Diagnosis) -> str:
-    parts = [
-        f"{_spoken(effect.name)} is indistinguishable from {_alternatives(names)}"
-        for effect in diagnosis.added
-        if (names := diagnosis.indistinguishable.get(effect.name, ()))
-    ]
-    return as_sentence("; ".join(parts))
-
-
-def _remaining_sentence(diagnosis: Diagnosis) -> str:
-    subject = "The model is still incomplete: the residual is" if diagnosis.incomplete else "The remaining residual is"
-    return f"{subject} {diagnosis.residual_ratio:.2g} times the noise."
-
-
-def _nothing_added_sentence(diagnosis: Diagnosis) -> str:
-    incomplete = "The model is incomplete; no" if diagnosis.incomplete else "No"
-    if any(note.kind == "weak" for note in diagnosis.notes):
-        return f"{incomplete} effect in the library can be named: the interval of its size would hold zero."
-    return f"{incomplete} effect in the library is significant."
-
-
-def _error_sentence(diagnosis: Diagnosis) -> str:
-    which, before, _ = _errors(diagnosis)
-    noise = _angle(diagnosis, diagnosis.noise_floor)
-    return f"The {which} is {_angle(diagnosis, before)}, the noise {noise}."
-
-
-def _suggested_sentence(diagnosis: Diagnosis) -> str:
-    terms = " and ".join(f"{term.term} in {term.equation}" for term in diagnosis.proposed)
-    return f"The residual suggests {terms}, a term without a named effect." if terms else ""
-
-
-def _missing_force_sentence(force: MissingForce | None) -> str:
-    """What acts on the body that no effect accounts for, in one sentence; empty where no force is significant."""
-    if force is None or not force.significant:
-        return ""
-    size = f"No effect of the library accounts for the missing force ({_force_size(force)} rms)"
-    if force.form is None:
-        return as_sentence(f"{size}, and it has no simple form")
-    similar = " or ".join(FORCES_IN_WORDS[kind] for kind in force.form.similar)
-    return as_sentence(f"{size}: {_force_form(force.form)}{f'; {similar} explains it as well' if similar else ''}")
-
-
-def _force_size(force: MissingForce) -> str:
-    """Root mean square of the force over time, for each degree of freedom."""
-    sizes = np.sqrt(np.mean(force.force**2, axis=0))
-    return ", ".join(with_unit(f"{size:.2g}", unit) for size, unit in zip(sizes, force.units, strict=True))
-
-
-def _force_form(form: ForceForm) -> str:
-    """A clause that says how a force depends on time, position or velocity."""
-    power = "" if form.shape is None else f"^({' ± '.join(rounded_to_error(form.shape.value, form.shape.stderr))})"
-    value = "" if form.shape is None else with_error(form.shape)
-    clauses: Mapping[ForceKind, str] = {
-        "against-velocity": f"it acts against the velocity{f' and grows like |v|{power}' if power else ''}",
-        "odd-in-position": f"it changes sign with the position{f' and grows like |x|{power}' if power else ''}",
-        "even-in-position": f"it is even in the position{f' and grows like |x|{power}' if power else ''}",
-        "drift": "it grows evenly with time",
-        "own-force-drift": "the model's own force grows or shrinks evenly with time",
-        "pulse": f"it acts at t = {value}",
-        "sine": f"it is periodic with a frequency of {value}",
-    }
-    return clauses[form.kind]
-
-
-def _errors(diagnosis: Diagnosis) -> tuple[str, float, float]:
-    """The held-out error before and after, or the residual where nothing could be held out; and its name."""
-    before, after = diagnosis.before, diagnosis.after
-    if math.isfinite(before.heldout) and math.isfinite(after.heldout):
-        return "held-out error", before.heldout, after.heldout
-    return "residual", before.fitted, after.fitted
-
-
-def _effect_text(effect: Effect, diagnosis: Diagnosis) -> str:
-    """The effect's name and size with its error, and when or where it acts."""
-    size, *others = (diagnosis.sizes[parameter.name] for parameter in effect.parameters)
-    alone = diagnosis.final.estimates[effect.parameters[0].name]
-    parts = [with_error(size)]
-    if len(diagnosis.finals) == 1 and size.stderr > MUCH_WIDER * alone.stderr > 0:
-        _, factor = shown_unit(alone.unit)
-        stderr = rounded_to_error(factor * alone.value, factor * alone.stderr)[1]
-        parts.append(f"± {stderr} assuming no further missing effect")
-    parts += [
-        f"{parameter.name.replace('_', ' ')} {with_error(value)}"
-        for parameter, value in zip(effect.parameters[1:], others, strict=True)
-        if parameter.role == "location"
-    ]
-    return f"{_spoken(effect.name)} ({', '.join(parts)})"
-
-
-def _alternatives(names: Sequence[str]) -> str:
-    more = [f"{len(names) - MOST_NAMED} more"] if len(names) > MOST_NAMED else []
-    return " or ".join([*map(_spoken, names[:MOST_NAMED]), *more])
-
-
-def _spoken(name: str) -> str:
-    return name.replace("-", " ")
-
-
-def _angle(diagnosis: Diagnosis, value: float) -> str:
-    """An error in its own unit; angles in degrees."""
-    if not math.isfinite(value):
-        return "unknown"
-    unit, factor = shown_unit(diagnosis.unit)
-    return f"{factor * value:.3g}°" if unit == "°" else with_unit(f"{value:.3g}", unit)
-
-
-def changed_parameters(diagnosis: Diagnosis) -> list[tuple[str, Estimate, Estimate]]:
-    """Parameters that change by more than twice their standard error when the effects are added, before and after.
-
-    Initial states and the small offsets of a geometry are left out.
-    """
-    base, final = diagnosis.base, diagnosis.final
-    offsets = {parameter.name for parameter in base.model.parameters if parameter.constant and parameter.default == 0}
-    pairs = [
-        (name, base.estimates[name], final.estimates[name])
-        for name in base.free
-        if name not in {*base.model.initial_names, *offsets}
-    ]
-    return [pair for pair in pairs if abs(pair[2].value - pair[1].value) > 2 * pair[2].stderr]
-
-
 # --------------------------------------------------------------------------- discoveries
 
 
@@ -389,7 +215,7 @@ def discovery_sentence(discovery: Discovery) -> str:
     if discovery.alternatives:
         sentences.append(f"The data cannot distinguish it from {' or from '.join(discovery.alternatives)}.")
     if discovery.status != "ok":
-        sentences.append(f"Reservation ({discovery.status}): {discovery.message}")
+        sentences.append(f"Reservation: {discovery.message}")
     return " ".join(sentences)
 
 

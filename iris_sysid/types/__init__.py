@@ -21,6 +21,10 @@ from iris_sysid.types._clip import FrameSource as FrameSource
 from iris_sysid.types._clip import Track as Track
 from iris_sysid.types._clip import TrackCandidate as TrackCandidate
 from iris_sysid.types._clip import TrackOptions as TrackOptions
+from iris_sysid.types._component_words import KIND_NAMES as KIND_NAMES
+from iris_sysid.types._component_words import KINDS_IN_WORDS as KINDS_IN_WORDS
+from iris_sysid.types._component_words import MEANINGS as MEANINGS
+from iris_sysid.types._component_words import SIDE_NAMES as SIDE_NAMES
 from iris_sysid.types._components import SIDES as SIDES
 from iris_sysid.types._components import Component as Component
 from iris_sysid.types._components import ComponentCurve as ComponentCurve
@@ -105,6 +109,8 @@ from iris_sysid.types._transfer import Transfer as Transfer
 from iris_sysid.types._transfer import TransferSource as TransferSource
 from iris_sysid.types._transfer import assumed_transfer as assumed_transfer
 from iris_sysid.types._transfer import transfer_tagged as transfer_tagged
+from iris_sysid.types._verdict import SPOKEN as SPOKEN
+from iris_sysid.types._verdict import Completeness as Completeness
 from iris_sysid.types._verdict import Doubt as Doubt
 from iris_sysid.types._verdict import DoubtKind as DoubtKind
 from iris_sysid.types._verdict import FitReason as FitReason

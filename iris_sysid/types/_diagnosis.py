@@ -6,18 +6,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from iris_sysid.types._components import Components, Finding
+from iris_sysid.types._component_words import KINDS_IN_WORDS
+from iris_sysid.types._components import Component, Components, Finding
 from iris_sysid.types._discovery import DiscoveredTerm
 from iris_sysid.types._display import Shown, text_of, values_of
 from iris_sysid.types._missing_force import MissingForce
 from iris_sysid.types._model import Effect, EffectCause
 from iris_sysid.types._numbers import Estimate
 from iris_sysid.types._result import FitResult
-from iris_sysid.types._verdict import Doubt, Verdict, worst_verdict
+from iris_sysid.types._verdict import Completeness, Doubt, Verdict, VerdictWord, worst_verdict
 
 UNEXPLAINED = 2.0  # residual / noise above which the model is incomplete: the noise estimate errs by less
 NAMED = 0.9  # probability of an added effect below which another one may act instead
-INCOMPLETE = "The equation lacks more than was found: look at the residual and at the missing force"
+INCOMPLETE = "The equation lacks more than was found: look at the parts of the residual"
 SEVERAL_NAMES = "A longer clip, a larger motion or a second clip tells them apart"
 
 NoteKind = Literal[
@@ -185,14 +186,36 @@ class Diagnosis(Shown):
 
     @property
     def verdict(self) -> Verdict:
-        """Misfit where a residual remains, doubtful where an effect has several names or the track is doubted."""
+        """Whether the values with the effects can be used, and whether the equation with them is complete."""
         fits = worst_verdict(final.verdict for final in self.finals)
-        unsure = [Doubt("several-names", self._names_text(name), SEVERAL_NAMES) for name in self._unsure()]
-        if self.incomplete:  # says of the residual what a fit says of it, once
-            finding = f"the residual is {self.residual_ratio:.2g} times the noise"
-            others = Verdict(fits.word, tuple(why for why in fits.reasons if why.kind != "residual-above-noise"))
-            return worst_verdict([others, Verdict("misfit", (*unsure, Doubt("incomplete", finding, INCOMPLETE)))])
-        return worst_verdict([fits, Verdict("doubtful", tuple(unsure))] if unsure else [fits])
+        unsure = tuple(Doubt("several-names", self._names_text(name), SEVERAL_NAMES) for name in self._unsure())
+        word: VerdictWord = "doubtful" if unsure and fits.good else fits.word
+        if not self.incomplete and self._lacking is None:
+            equation = fits.equation and replace(fits.equation, residual_over_noise=self.residual_ratio)
+            return Verdict(word, (*fits.reasons, *unsure), equation, fits.accuracy)
+        finding = f"the residual is {self.residual_ratio:.2g} times the noise"  # said once, not of each fit as well
+        reasons = (*fits.number_reasons, *unsure, Doubt("incomplete", finding, INCOMPLETE))
+        return Verdict(word, reasons, self._incomplete_equation(fits.equation), fits.accuracy)
+
+    @property
+    def _left(self) -> tuple[Component, ...]:
+        """The parts of the residual that the effects leave."""
+        left = self.remaining if self.added else self.components
+        return () if left is None else left.parts
+
+    @property
+    def _lacking(self) -> Component | None:
+        """The largest part of the residual that remains and acts in the equation; None where there is none."""
+        in_equation = (part for part in self._left if part.side in ("force", "input"))
+        return next((part for part in in_equation if part.probability >= NAMED), None)
+
+    def _incomplete_equation(self, fitted: Completeness | None) -> Completeness | None:
+        """What the equation with the effects explains, and the largest part of what it does not."""
+        if fitted is None:
+            return None
+        largest = next(iter(self._left), None)
+        rest = f"{100 * largest.share:.0f} % of it {KINDS_IN_WORDS[largest.kind]}" if largest is not None else ""
+        return Completeness(fitted.explained, False, self.residual_ratio, rest)
 
     def _unsure(self) -> list[str]:
         """The added effects instead of which another one may act."""

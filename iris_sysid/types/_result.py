@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -13,10 +14,22 @@ from iris_sysid.types._display import Brief, Shown, text_of, values_of
 from iris_sysid.types._model import OdeModel
 from iris_sysid.types._numbers import Estimate
 from iris_sysid.types._pickling import Portable
-from iris_sysid.types._verdict import Doubt, FitReason, Verdict, VerdictWord, worst_verdict
+from iris_sysid.types._verdict import (
+    Completeness,
+    Doubt,
+    FitReason,
+    Verdict,
+    VerdictWord,
+    explained_percent,
+    worst_verdict,
+)
 
 FitStatus = Literal["ok", "at-bound", "singular", "diverged", "too-short", "not-converged", "misfit"]
 USABLE: tuple[FitStatus, ...] = ("ok", "misfit", "at-bound", "singular")  # with estimates
+IMPRECISE = 0.2  # relative standard error above which a value of an incomplete equation is doubtful
+LITTLE_EXPLAINED = 0.9  # fraction of the motion's variance below which the values of an equation are doubtful
+SETTLE = "Diagnose it: what the equation lacks may move this value by that much"
+ANOTHER = "Another equation may describe the motion: try --model auto, or look at the residual"
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +61,64 @@ class FitProblem:
         return Doubt(self.reason, f"{self.finding} ({self.detail})" if self.detail else self.finding, self.remedy)
 
 
-def _word(status: FitStatus, reasons: tuple[Doubt, ...]) -> VerdictWord:
+def _verdict(
+    status: FitStatus, reasons: tuple[Doubt, ...], equation: Completeness | None, accuracy: Mapping[str, float]
+) -> Verdict:
+    """The verdict on a fit, with the reasons that follow from how little an incomplete equation explains."""
     if status not in USABLE:
-        return "failed"
-    if status == "misfit" or any(doubt.kind == "phenomenon" for doubt in reasons):
-        return "misfit"
-    return "good" if status == "ok" and not reasons else "doubtful"
+        return Verdict("failed", reasons)
+    if equation is not None and not equation.complete:
+        reasons = (*reasons, *_doubts_of_incomplete(equation, accuracy))
+    verdict = Verdict("good", reasons, equation, accuracy)
+    word: VerdictWord = "good" if status in ("ok", "misfit") and not verdict.number_reasons else "doubtful"
+    return Verdict(word, reasons, equation, accuracy)
+
+
+def _doubts_of_incomplete(equation: Completeness, accuracy: Mapping[str, float]) -> list[Doubt]:
+    name, error = next(iter(accuracy.items()), ("", 0.0))
+    doubts = []
+    if error > IMPRECISE:
+        doubts.append(Doubt("imprecise", f"{name} is good to {100 * error:.2g} % only", SETTLE))
+    if equation.explained < LITTLE_EXPLAINED:
+        share = explained_percent(equation.explained)
+        doubts.append(Doubt("little-explained", f"the equation explains only {share} of the motion", ANOTHER))
+    return doubts
+
+
+def _relative(estimates: Mapping[str, Estimate], names: Iterable[str]) -> dict[str, float]:
+    """The standard error over the value, for each name that has both."""
+    found = {name: estimates[name] for name in names if name in estimates}
+    errors = {name: abs(one.stderr / one.value) if one.value else math.nan for name, one in found.items()}
+    return {name: error for name, error in errors.items() if math.isfinite(error) and error > 0}
+
+
+def _accuracy(model: OdeModel, free: Sequence[str], estimates: Mapping[str, Estimate]) -> dict[str, float]:
+    """The relative errors of the physical values; without any, of what is derived, else of all but initial states."""
+    roles = {parameter.name: parameter.role for parameter in model.parameters}
+    physical = [name for name in free if roles.get(name) in ("physical", "gravity")]
+    derived = [name for name, one in estimates.items() if one.measurement_type == "derived"]
+    choices = (physical, derived, [name for name in free if name in roles])
+    return next(filter(None, (_relative(estimates, names) for names in choices)), {})
+
+
+def _explained(motion: Array, residual: Array, units: Sequence[str]) -> float:
+    """The fraction of the variance of a motion (n, d) that is not in the residual (n, d); NaN where nothing moves.
+
+    Quantities of one unit are taken together; otherwise each has the same weight.
+    """
+    if not len(motion):
+        return math.nan
+    variance, left = np.var(motion, axis=0), np.mean(residual**2, axis=0)
+    if len(set(units)) == 1:
+        variance, left = variance.sum(keepdims=True), left.sum(keepdims=True)
+    moves = variance > 0
+    return float(1 - np.mean(left[moves] / variance[moves])) if moves.any() else math.nan
+
+
+def _over_noise(rms: Array, noise: Array) -> float:
+    """The residual (d,) over the noise (d,), root mean square over the quantities; NaN where no noise is known."""
+    known = np.isfinite(noise) & (noise > 0) & np.isfinite(rms)
+    return float(np.sqrt(np.mean((rms[known] / noise[known]) ** 2))) if known.any() else math.nan
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -160,9 +225,21 @@ class FitResult(Shown, Portable):
 
     @property
     def verdict(self) -> Verdict:
-        """Good, doubtful, misfit or failed, with the reasons: the doubts, then the problems."""
+        """Whether the values can be used, and whether the equation is complete; the doubts, then the problems."""
         reasons = (*self.doubts, *(problem.doubt for problem in self.problems))
-        return Verdict(_word(self.status, reasons), reasons)
+        if not self.usable:
+            return Verdict("failed", reasons)
+        lacking = ("residual-above-noise", "phenomenon")
+        complete = self.status != "misfit" and not any(doubt.kind in lacking for doubt in reasons)
+        equation = Completeness(self.explained, complete, _over_noise(np.asarray(self.rms), np.asarray(self.noise)))
+        return _verdict(self.status, reasons, equation, _accuracy(self.model, self.free, self.estimates))
+
+    @property
+    def explained(self) -> float:
+        """The fraction of the variance of the observed motion that the equation explains."""
+        residual = self.residual[self.used]
+        units = [quantity.unit for quantity in self.model.observed]
+        return _explained(self.predicted[self.used] + residual, residual, units)
 
     @property
     def parameters(self) -> Mapping[str, Estimate]:
@@ -242,8 +319,12 @@ class PooledFit:
     @property
     def verdict(self) -> Verdict:
         """That of the fit over all clips, with the reasons of each clip."""
-        reasons = worst_verdict(clip.verdict for clip in self.clips).reasons
-        return Verdict(_word(self.status, reasons), reasons)
+        clips = worst_verdict(clip.verdict for clip in self.clips)
+        equation = clips.equation
+        if equation is not None and self.status == "misfit":
+            equation = replace(equation, complete=False)
+        accuracy = _accuracy(self.model, list(self.estimates), self.estimates)
+        return _verdict(self.status, clips.reasons, equation, accuracy)
 
     @property
     def estimates(self) -> dict[str, Estimate]:

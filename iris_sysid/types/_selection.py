@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from iris_sysid.types._display import text_of
 from iris_sysid.types._result import FitResult
-from iris_sysid.types._verdict import Doubt, Verdict, worst_verdict
+from iris_sysid.types._verdict import Completeness, Doubt, Verdict, worst_verdict
 
 FAR = 2.0  # times the noise: a held-out error of many samples that noise alone does not give
 FAR_VALUES = 3.5  # times what the errors of a few fitted values give: of right equations 1 in 25 of 15 samples is above
@@ -74,13 +74,14 @@ class ModelChoice:
 
     @property
     def verdict(self) -> Verdict:
-        """That of the first model's fit; doubtful where it predicts poorly, misfit where none of the models fits."""
+        """That of the first model's fit; doubtful where it predicts poorly, or where no model fits."""
         fitted = self.nearest.fit
         own = Verdict("failed") if fitted is None else fitted.verdict
         if self.chosen is not None:
             poor = _poor_prediction(self.chosen)
             return own if poor is None else worst_verdict([own, Verdict("doubtful", (poor,))])
-        return worst_verdict([own, Verdict("misfit", (Doubt("incomplete", self.message, ""),))])
+        incomplete = Completeness(float("nan") if fitted is None else fitted.explained, complete=False)
+        return worst_verdict([own, Verdict("doubtful", (Doubt("incomplete", self.message, ""),), incomplete)])
 
     def __repr__(self) -> str:
         return text_of(

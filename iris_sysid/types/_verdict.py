@@ -1,9 +1,10 @@
-"""The verdict on a result: good, doubtful, misfit or failed, with the reasons and what to do about each."""
+"""The verdict on a result: whether its numbers can be used, and whether its equation is complete."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 FitReason = Literal[
@@ -31,10 +32,23 @@ TrackDoubtKind = Literal[
     "exposure",
     "saturated",
 ]
-ResultDoubtKind = Literal["clock", "scale", "phenomenon", "degrees", "plane-view", "several-names", "incomplete"]
+ResultDoubtKind = Literal[
+    "clock",
+    "scale",
+    "phenomenon",
+    "degrees",
+    "plane-view",
+    "several-names",
+    "incomplete",
+    "imprecise",
+    "little-explained",
+]
 DoubtKind = Literal[TrackDoubtKind, ResultDoubtKind, FitReason]
-VerdictWord = Literal["good", "doubtful", "misfit", "failed"]
+VerdictWord = Literal["good", "doubtful", "failed"]
 VERDICT_WORDS: tuple[VerdictWord, ...] = get_args(VerdictWord)  # the best first
+SPOKEN: Mapping[VerdictWord, str] = {"good": "usable", "doubtful": "doubtful", "failed": "failed"}
+OF_THE_EQUATION: tuple[DoubtKind, ...] = ("residual-above-noise", "incomplete")
+MOST_ACCURACIES = 3  # values whose accuracy the text gives
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,31 +65,113 @@ class Doubt:
         return f"{self.finding}; {self.remedy}" if self.remedy else self.finding
 
 
+def explained_percent(share: float) -> str:
+    """A share of the motion in percent, with two digits of what is lacking: 0.994 is "99.4 %", 0.99997 "99.997 %"."""
+    lacking = 100 * (1 - min(max(share, 0.0), 1.0))
+    if lacking < 1e-4:
+        return "over 99.9999 %"
+    return f"{100 - lacking:.{max(0, -math.floor(math.log10(lacking)))}f} %"
+
+
+@dataclass(frozen=True, slots=True)
+class Completeness:
+    """How much of the motion an equation explains.
+
+    ``explained`` is the fraction of the motion's variance that the equation explains, NaN where it is not known;
+    ``complete`` says whether the data show no sign that it lacks something. ``residual_over_noise`` is the ratio of the
+    two root mean squares, NaN where the noise is not known. ``rest`` says in a clause what the residual is made of;
+    empty where that is not known.
+    """
+
+    explained: float
+    complete: bool
+    residual_over_noise: float = math.nan
+    rest: str = ""
+
+    @property
+    def text(self) -> str:
+        """Whether it is complete, what it explains, and what the residual is, in one line."""
+        clauses = [
+            f"it explains {explained_percent(self.explained)} of the motion" if math.isfinite(self.explained) else "",
+            f"the residual is {self.residual_over_noise:.2g} times the noise"
+            if math.isfinite(self.residual_over_noise)
+            else "",
+            self.rest,
+        ]
+        word = "equation complete" if self.complete else "equation incomplete"
+        return ": ".join(filter(None, [word, "; ".join(filter(None, clauses))]))
+
+
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """How far a result can be used: ``word``, and the ``reasons`` why it is not ``good``, causes first.
+    """Whether the numbers of a result can be used, and whether its equation is complete.
 
-    ``good``: nothing speaks against it. ``doubtful``: there are numbers, but evidence says that they may be wrong or
-    are undetermined. ``misfit``: the equation does not describe the motion, so the numbers mean little. ``failed``:
-    there are no numbers.
+    ``word`` is about the numbers. ``good``: they can be used with their errors, which allow for what the equation
+    lacks. ``doubtful``: evidence says that they may be wrong or are undetermined. ``failed``: there are no numbers.
+    ``equation`` says how much of the motion the equation explains; None where there is no fit. ``reasons`` say why the
+    word is not ``good`` or the equation not complete, causes first. ``accuracy`` holds the relative standard error of
+    the values that matter by name, the first one first.
     """
 
     word: VerdictWord
     reasons: tuple[Doubt, ...] = ()
+    equation: Completeness | None = None
+    accuracy: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     @property
     def good(self) -> bool:
-        """Whether nothing speaks against the result."""
+        """Whether the numbers can be used with their errors."""
         return self.word == "good"
 
     @property
+    def complete(self) -> bool:
+        """Whether nothing says that the equation lacks something."""
+        return self.equation is None or self.equation.complete
+
+    @property
+    def number_reasons(self) -> tuple[Doubt, ...]:
+        """The reasons to doubt the numbers."""
+        return tuple(doubt for doubt in self.reasons if doubt.kind not in OF_THE_EQUATION)
+
+    @property
+    def equation_reasons(self) -> tuple[Doubt, ...]:
+        """The reasons why the equation is not complete."""
+        return tuple(doubt for doubt in self.reasons if doubt.kind in OF_THE_EQUATION)
+
+    @property
+    def accuracy_text(self) -> str:
+        """The relative standard errors, e.g. ``length good to 0.7 %, mass to 12 %``; empty without any."""
+        some = list(self.accuracy.items())[:MOST_ACCURACIES]
+        return ", ".join(
+            f"{name.replace('_', ' ')} {'to' if k else 'good to'} {100 * error:.2g} %"
+            for k, (name, error) in enumerate(some)
+        )
+
+    @property
     def text(self) -> str:
-        """The word and the reasons in one line."""
-        return ": ".join(filter(None, [self.word, ". ".join(doubt.text for doubt in self.reasons)]))
+        """Both axes in one line."""
+        about = self.accuracy_text if self.good else ". ".join(doubt.text for doubt in self.number_reasons)
+        number = ": ".join(filter(None, [SPOKEN[self.word], about]))
+        return ". ".join(filter(None, [number, self.equation.text if self.equation is not None else ""]))
 
 
 def worst_verdict(verdicts: Iterable[Verdict]) -> Verdict:
-    """The verdict on results that belong together: the worst word, and each reason once."""
+    """The verdict on results that belong together: the worst of each axis, and each reason once."""
     every = list(verdicts)
     word: VerdictWord = max((verdict.word for verdict in every), key=VERDICT_WORDS.index, default="good")
-    return Verdict(word, tuple(dict.fromkeys(doubt for verdict in every for doubt in verdict.reasons)))
+    reasons = tuple(dict.fromkeys(doubt for verdict in every for doubt in verdict.reasons))
+    accuracy: dict[str, float] = {}
+    for verdict in every:
+        for name, error in verdict.accuracy.items():
+            accuracy[name] = max(error, accuracy.get(name, 0.0))
+    equations = [verdict.equation for verdict in every if verdict.equation is not None]
+    return Verdict(word, reasons, _worst_equation(equations), accuracy)
+
+
+def _worst_equation(equations: list[Completeness]) -> Completeness | None:
+    """The one that explains least, incomplete where one of them is."""
+    if not equations:
+        return None
+    worst = min(equations, key=lambda one: (one.complete, one.explained if math.isfinite(one.explained) else math.inf))
+    ratios = [one.residual_over_noise for one in equations if math.isfinite(one.residual_over_noise)]
+    return Completeness(worst.explained, worst.complete, max(ratios, default=math.nan), worst.rest)

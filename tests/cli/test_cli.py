@@ -177,8 +177,9 @@ def test_run_again_writes_the_same_bytes(ran, pendulum_clip, tmp_path, cli):
 def test_run_prints_a_table_when_not_asked_for_json(pendulum_clip, tmp_path, cli):
     outcome = cli("run", pendulum_clip, "--phenomenon", "pendulum", "-o", tmp_path / "out")
     assert outcome.status == 0
-    verdict, first, *_ = outcome.out.splitlines()
-    assert verdict == "good"
+    number, equation, first, *_ = outcome.out.splitlines()
+    assert number.startswith("usable: length good to ")
+    assert equation.startswith("equation complete: it explains ")
     assert first.startswith("length ")
     assert outcome.err.splitlines()[-2:] == [
         f"report: {tmp_path / 'out' / 'report.html'}",
@@ -369,7 +370,10 @@ def test_diagnose_offers_the_effects_of_the_sensor_that_is_stated(sensor, tested
 def test_diagnose_again_writes_the_same_bytes_and_prints_its_sentence(angles, tmp_path, cli):
     for name in ("one", "two"):
         outcome = cli("diagnose", angles, "--model", "pendulum", "-o", tmp_path / name)
-    assert outcome.out.startswith("good\nNo effect in the library is significant. ")
+    document = read_document(tmp_path / "two" / "diagnosis.json", DiagnosisDocument)
+    *sentences, number, equation = outcome.out.splitlines()
+    assert " ".join(sentences).startswith(document.sentence)
+    assert (number[:8], equation[:18]) == ("usable: ", "equation complete:")
     assert listing(tmp_path / "one") == listing(tmp_path / "two")
 
 

@@ -47,16 +47,19 @@ def test_strict_ends_with_its_own_status_unless_the_verdict_is_good(kinked, angl
     command = ["--model", "pendulum", "--strict", "-o", tmp_path / "fit.json", "--force"]
     bad, good = cli("fit", kinked, *command), cli("fit", angles, *command)
     assert (bad.status, good.status) == (NOT_GOOD, 0)
-    assert bad.out.startswith("misfit: ")
-    assert good.out.startswith("good\n")
+    assert "\nequation incomplete: it explains " in bad.out
+    assert good.out.startswith("usable: length good to ")
+    assert good.out.splitlines()[1].startswith("equation complete: it explains ")
 
 
 def test_verdict_on_screen_is_that_of_the_file(kinked, tmp_path, cli):
     outcome = cli("fit", kinked, "--model", "pendulum", "-o", tmp_path / "fit.json")
     assert outcome.status == 0
     verdict = read_fit(tmp_path / "fit.json").verdict
-    assert outcome.out.startswith(f"{verdict.word}: ")
-    assert verdict.reasons[0].remedy in outcome.out.splitlines()[0]
+    number, equation, *_ = outcome.out.splitlines()
+    assert number.startswith("usable: " if verdict.word == "good" else f"{verdict.word}: ")
+    assert equation.startswith(verdict.equation.completeness().text)
+    assert verdict.reasons[0].remedy in equation
 
 
 def test_next_command_quotes_the_real_paths_and_repeats_what_was_known(kinked, tmp_path, cli):

@@ -13,7 +13,8 @@ from iris_sysid.diagnosis.refit import pooled
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
-from iris_sysid.report.text import diagnosis_sentence, with_error
+from iris_sysid.report.diagnosis_text import diagnosis_sentence
+from iris_sysid.report.text import with_error
 from iris_sysid.types import Effect, Estimate, Parameter, Trajectory
 from tests._real_data import alexiev_length_68
 

@@ -5,7 +5,7 @@ import pytest
 
 from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.registry import EFFECTS, MODELS
-from iris_sysid.report.text import diagnosis_sentence
+from iris_sysid.report.diagnosis_text import diagnosis_sentence
 from iris_sysid.types import Quantity, Trajectory
 
 FIRST, SECOND, PLACE_M = 0.3, 0.7, 0.14  # m/s^2 on either surface, and where the seam is

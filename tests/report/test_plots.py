@@ -104,7 +104,8 @@ def test_inputs_and_several_quantities_have_rows_of_their_own():
 def test_notebook_has_the_numbers_with_their_errors():
     html = to_html(FIT)
     assert re.search(r"<td>length</td><td>0\.49\d* ± 0\.\d+ m</td>", html)
-    assert "misfit" in html
+    assert "equation incomplete" in html
+    assert "misfit" not in html
     assert "quadratic_drag" in to_html(DIAGNOSIS)
     assert "&lt;b&gt;pivot" in to_html(CLIP)
     assert "&lt;script&gt;lost" in to_html(TRACK)

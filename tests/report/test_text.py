@@ -8,10 +8,8 @@ import pytest
 
 from iris_sysid import MODELS, Estimate, fit
 from iris_sysid.registry import EFFECTS
+from iris_sysid.report.diagnosis_text import changed_parameters, diagnosis_sentence, diagnosis_text
 from iris_sysid.report.text import (
-    changed_parameters,
-    diagnosis_sentence,
-    diagnosis_text,
     fit_headline,
     fit_table,
     interval_text,
@@ -20,7 +18,17 @@ from iris_sysid.report.text import (
     verdict_lines,
     with_error,
 )
-from iris_sysid.types import DiagnosticNote, Doubt, ForceForm, MissingForce, Quantity, Segment, Trajectory, Verdict
+from iris_sysid.types import (
+    Completeness,
+    DiagnosticNote,
+    Doubt,
+    ForceForm,
+    MissingForce,
+    Quantity,
+    Segment,
+    Trajectory,
+    Verdict,
+)
 from tests._motions import pendulum_angle
 
 NAN = float("nan")
@@ -174,6 +182,7 @@ def a_diagnosis(
         finals=(final,),
         causes={},
         remaining_force=remaining,
+        components=None,
     )
 
 
@@ -284,10 +293,9 @@ def test_sentence_when_the_model_is_incomplete_but_no_effect_is_significant():
 def test_sentence_is_at_most_three_and_notes_are_lines_of_their_own(added):
     diagnosis = a_diagnosis("m", added=added, notes=(DiagnosticNote("refit-failed", "the refit failed"),) * 2)
     assert diagnosis_sentence(diagnosis).count(". ") + 1 <= 3
-    assert diagnosis_text(diagnosis).splitlines() == [
-        diagnosis_sentence(diagnosis),
-        *["Note: The refit failed."] * 2,
-    ]
+    *sentences, first, second = diagnosis_text(diagnosis).splitlines()
+    assert " ".join(sentences) == diagnosis_sentence(diagnosis)
+    assert first == second == "Note: The refit failed."
 
 
 # the last: found with all samples only, so that the held-out error is without it
@@ -330,8 +338,21 @@ def test_headline_gives_no_size_to_a_value_that_may_be_zero(good_fit):
 
 def test_verdict_says_its_word_first_and_every_reason_with_what_to_do():
     reasons = (Doubt("clock", "the clock seems 8 times too slow", "give --fps 240"), Doubt("missed", "lost", "mark it"))
-    assert verdict_lines(Verdict("good")) == ["good"]
+    assert verdict_lines(Verdict("good")) == ["usable"]
     assert verdict_lines(Verdict("doubtful", reasons)) == [
         "doubtful: The clock seems 8 times too slow. Give --fps 240.",
         "  also: Lost. Mark it.",
+    ]
+
+
+def test_verdict_says_of_each_axis_what_to_do():
+    above = Doubt("residual-above-noise", "the residual is far above the noise", "diagnose it")
+    accuracy = {"length": 0.0068, "ball_mass": 0.123}
+    assert verdict_lines(Verdict("good", (above,), Completeness(0.994, False, 3.14), accuracy)) == [
+        "usable: length good to 0.68 %, ball mass to 12 %",
+        "equation incomplete: it explains 99.4 % of the motion; the residual is 3.1 times the noise. Diagnose it.",
+    ]
+    assert verdict_lines(Verdict("good", (), Completeness(0.99991, True, 1.04), {"length": 0.00012})) == [
+        "usable: length good to 0.012 %",
+        "equation complete: it explains 99.991 % of the motion; the residual is 1 times the noise",
     ]

@@ -109,9 +109,9 @@ def test_wrong_scale_is_said_with_both_readings(path, phenomenon):
 
 
 @pytest.mark.parametrize("phenomenon", ["dropping-ball", "projectile"])
-def test_swing_taken_for_a_flight_is_a_misfit_that_names_the_pendulum(phenomenon):
+def test_swing_taken_for_a_flight_is_doubtful_and_names_the_pendulum(phenomenon):
     verdict = result(swing(), phenomenon).verdict
-    assert verdict.word == "misfit"
+    assert (verdict.word, verdict.complete) == ("doubtful", False)
     assert verdict.reasons[0].kind == "phenomenon"
     assert verdict.reasons[0].remedy == "try --phenomenon pendulum"
 

@@ -53,7 +53,8 @@ def test_shown_in_three_lines_without_arrays(name):
 def test_fit_shows_its_verdict_its_values_and_its_noise():
     first, second, third = repr(fit(CLIP, "pendulum")).splitlines()
     assert first.startswith("FitResult of pendulum, ")
-    assert ": misfit: " in first
+    assert ": usable: length good to " in first
+    assert "equation incomplete: it explains 99.9 % of the motion" in first
     assert "length = 0.49" in second
     assert "±" in second
     assert third.strip().startswith("theta: residual 0.013")

@@ -7,7 +7,9 @@ import pytest
 
 from iris_sysid import MODELS, Doubt, Trajectory, Verdict, diagnose, fit
 from iris_sysid.io.json_documents import write_fit
-from iris_sysid.types import worst_verdict
+from iris_sysid.io.schemas import VerdictEntry
+from iris_sysid.types import Completeness, worst_verdict
+from iris_sysid.types._verdict import explained_percent
 from tests._documents import read_fit
 
 PENDULUM = MODELS["pendulum"]
@@ -25,26 +27,62 @@ def swing(n=200, doubts=(), strange=0.0):
 
 def test_verdict_on_a_clean_fit_is_good():
     verdict = fit(swing(), PENDULUM).verdict
-    assert (verdict.word, verdict.reasons) == ("good", ())
+    assert (verdict.word, verdict.reasons, verdict.complete) == ("good", (), True)
+    assert verdict.equation.explained == pytest.approx(1.0, abs=1e-4)
+    assert list(verdict.accuracy) == ["length"]
+    assert verdict.text.startswith("usable: length good to 0.0")
 
 
 def test_verdict_takes_the_doubts_of_the_track():
     result = fit(swing(doubts=[JUMPS]), PENDULUM)
     assert result.status == "ok"
-    assert result.verdict == Verdict("doubtful", (JUMPS,))
+    assert (result.verdict.word, result.verdict.reasons, result.verdict.complete) == ("doubtful", (JUMPS,), True)
 
 
 def test_verdict_on_a_fit_without_estimates_is_failed():
     verdict = fit(swing(4), PENDULUM).verdict
-    assert verdict.word == "failed"
+    assert (verdict.word, verdict.equation) == ("failed", None)
     assert [doubt.kind for doubt in verdict.reasons] == ["too-few-samples"]
 
 
-def test_verdict_on_a_motion_of_another_equation_is_misfit_with_the_remedy():
+def test_number_of_an_incomplete_equation_is_usable_and_the_equation_says_what_to_do():
+    verdict = fit(swing(strange=0.002), PENDULUM).verdict
+    assert (verdict.word, verdict.complete) == ("good", False)
+    assert verdict.equation.residual_over_noise > 2
+    assert verdict.equation_reasons[-1].kind == "residual-above-noise"
+    assert "diagnose" in verdict.equation_reasons[-1].remedy
+    assert verdict.number_reasons == ()
+    assert ". equation incomplete: it explains 9" in verdict.text
+    assert " % of the motion; the residual is " in verdict.text
+
+
+def test_verdict_on_a_motion_that_the_equation_hardly_explains_is_doubtful():
     verdict = fit(swing(strange=0.05), PENDULUM).verdict
-    assert verdict.word == "misfit"
-    assert verdict.reasons[-1].kind == "residual-above-noise"
-    assert "diagnose" in verdict.reasons[-1].remedy
+    assert (verdict.word, verdict.complete) == ("doubtful", False)
+    assert verdict.equation.explained < 0.9
+    assert "little-explained" in [doubt.kind for doubt in verdict.number_reasons]
+
+
+def test_imprecise_value_of_an_incomplete_equation_is_doubtful():
+    result = fit(swing(strange=0.002), PENDULUM)
+    length = replace(result.estimates["length"], stderr=0.25 * result.estimates["length"].value)
+    verdict = replace(result, estimates={**result.estimates, "length": length}).verdict
+    assert verdict.word == "doubtful"
+    assert [doubt.kind for doubt in verdict.number_reasons] == ["imprecise"]
+
+
+def test_phenomenon_of_another_name_is_doubtful_and_its_equation_incomplete():
+    another = Doubt("phenomenon", "it swings", "take a pendulum")
+    verdict = fit(swing(doubts=[another]), PENDULUM).verdict
+    assert (verdict.word, verdict.complete) == ("doubtful", False)
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(0.994, "99.4 %"), (0.99997, "99.997 %"), (0.881, "88 %"), (1.0, "over 99.9999 %"), (-2.0, "0 %"), (0.0, "0 %")],
+)
+def test_share_of_the_motion_keeps_the_digits_of_what_lacks(share, text):
+    assert explained_percent(share) == text
 
 
 def test_verdict_on_what_the_data_do_not_determine_is_doubtful():
@@ -55,21 +93,34 @@ def test_verdict_on_what_the_data_do_not_determine_is_doubtful():
 
 def test_diagnosis_speaks_the_same_words():
     doubted = diagnose(swing(doubts=[JUMPS]), PENDULUM, effects=[])
-    assert doubted.verdict == Verdict("doubtful", (JUMPS,))
+    assert (doubted.verdict.word, doubted.verdict.reasons, doubted.verdict.complete) == ("doubtful", (JUMPS,), True)
     incomplete = replace(doubted, noise_floor=doubted.after.fitted / 5)
-    assert incomplete.verdict.word == "misfit"
+    assert (incomplete.verdict.word, incomplete.verdict.complete) == ("doubtful", False)
     assert [doubt.kind for doubt in incomplete.verdict.reasons] == ["jumps", "incomplete"]
 
 
 def test_diagnosis_says_once_that_a_residual_remains():
-    remains = diagnose(swing(strange=0.05), PENDULUM, effects=[])
+    remains = diagnose(swing(strange=0.002), PENDULUM, effects=[])
     assert "residual-above-noise" in [doubt.kind for doubt in remains.final.verdict.reasons]
     assert [doubt.kind for doubt in remains.verdict.reasons] == ["incomplete"]
+    assert remains.verdict.good
 
 
-@pytest.mark.parametrize(("words", "worst"), [([], "good"), (["good", "failed", "misfit"], "failed")])
+@pytest.mark.parametrize(("words", "worst"), [([], "good"), (["good", "failed", "doubtful"], "failed")])
 def test_worst_verdict_of_several_results(words, worst):
     assert worst_verdict(Verdict(word, (JUMPS,)) for word in words) == Verdict(worst, (JUMPS,) if words else ())
+
+
+def test_worst_verdict_takes_the_worst_of_each_axis():
+    first = Verdict("good", (), Completeness(0.99, True, 1.1), {"length": 0.01})
+    second = Verdict("doubtful", (), Completeness(0.97, False, 3.0, "it wanders"), {"length": 0.02, "mass": 0.1})
+    worst = worst_verdict([first, second])
+    assert worst.equation == Completeness(0.97, False, 3.0, "it wanders")
+    assert worst.accuracy == {"length": 0.02, "mass": 0.1}
+
+
+def test_file_of_an_older_version_with_the_word_misfit_is_read_as_doubtful():
+    assert VerdictEntry.model_validate({"word": "misfit", "reasons": []}).verdict() == Verdict("doubtful")
 
 
 def test_fit_json_holds_the_verdict_and_the_codes_of_the_problems(tmp_path):

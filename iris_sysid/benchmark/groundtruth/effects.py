@@ -8,7 +8,7 @@ from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
 from iris_sysid.diagnosis.diagnose import diagnose
 from iris_sysid.errors import IrisError
 from iris_sysid.registry import MODELS, PHENOMENA
-from iris_sysid.report.text import diagnosis_text
+from iris_sysid.report.diagnosis_text import diagnosis_text
 from iris_sysid.types import Estimate, Trajectory
 
 MOST_CLIPS = 3  # of a setting; the diagnosis refits each of them for every effect it tries

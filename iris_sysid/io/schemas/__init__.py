@@ -14,8 +14,13 @@ from iris_sysid.io.schemas._beside import TensorDocument as TensorDocument
 from iris_sysid.io.schemas._beside import TrackQualityEntry as TrackQualityEntry
 from iris_sysid.io.schemas._beside import ViewEntry as ViewEntry
 from iris_sysid.io.schemas._diagnosis import AddedEffect as AddedEffect
+from iris_sysid.io.schemas._diagnosis import ComponentEntry as ComponentEntry
+from iris_sysid.io.schemas._diagnosis import ComponentsEntry as ComponentsEntry
+from iris_sysid.io.schemas._diagnosis import CurveEntry as CurveEntry
 from iris_sysid.io.schemas._diagnosis import DiagnosisDocument as DiagnosisDocument
 from iris_sysid.io.schemas._diagnosis import Excluded as Excluded
+from iris_sysid.io.schemas._diagnosis import ExplanationEntry as ExplanationEntry
+from iris_sysid.io.schemas._diagnosis import FindingEntry as FindingEntry
 from iris_sysid.io.schemas._diagnosis import FitError as FitError
 from iris_sysid.io.schemas._diagnosis import ForceFormEntry as ForceFormEntry
 from iris_sysid.io.schemas._diagnosis import FurtherClip as FurtherClip
@@ -36,6 +41,7 @@ from iris_sysid.io.schemas._fit import PopulationEntry as PopulationEntry
 from iris_sysid.io.schemas._fit import ProblemEntry as ProblemEntry
 from iris_sysid.io.schemas._fit import SelectionEntry as SelectionEntry
 from iris_sysid.io.schemas._fit import UsedSamples as UsedSamples
+from iris_sysid.io.schemas._parts import CompletenessEntry as CompletenessEntry
 from iris_sysid.io.schemas._parts import Document as Document
 from iris_sysid.io.schemas._parts import DoubtEntry as DoubtEntry
 from iris_sysid.io.schemas._parts import EstimateEntry as EstimateEntry

@@ -9,7 +9,7 @@ from pydantic import JsonValue
 from iris_sysid.io.schemas._discovery import TermEntry
 from iris_sysid.io.schemas._fit import FitDocument
 from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part, QuantityEntry, VerdictEntry
-from iris_sysid.types import ForceKind
+from iris_sysid.types import ComponentKind, ComponentSide, FindingWord, ForceKind
 
 
 class AddedEffect(Part):
@@ -81,13 +81,98 @@ class MissingForceEntry(Part):
     form: ForceFormEntry | None
 
 
+class CurveEntry(Part):
+    """A part of a residual as a function of its own argument; rows of tables are values of the argument."""
+
+    argument: str
+    """The velocity, the position or the time."""
+    unit: str
+    """Of the argument."""
+    at: list[float]
+    quantities: list[QuantityEntry]
+    """What the columns of the tables are, with their units."""
+    values: list[list[Number]]
+    """What changes of the fitted parameters can imitate is removed."""
+    stderr: list[list[Number]]
+
+
+class ComponentEntry(Part):
+    """One part of a residual."""
+
+    kind: ComponentKind
+    side: ComponentSide
+    """Where it lies: in the forces, in the reading, in the clock, or in a measured input."""
+    share: Number
+    """Fraction of the residual's variance."""
+    share_range: tuple[Number, Number]
+    """Its smallest and largest value over the explanations, and over the orders in which parts can be added."""
+    rms: Number
+    """Size of its contribution, in the observed unit."""
+    probability: Number
+    """That there is such a part."""
+    at: EstimateEntry | None = None
+    """Moment of a pulse or frequency of a periodic force."""
+    similar: list[ComponentKind] = []
+    """Kinds that can take its place."""
+    curve: CurveEntry | None = None
+
+
+class ExplanationEntry(Part):
+    """A set of parts that explains the residual, with its probability."""
+
+    kinds: list[ComponentKind]
+    probability: Number
+
+
+class ComponentsEntry(Part):
+    """The additive parts of a residual, largest share first; shares and noise sum to 1."""
+
+    residual_rms: Number
+    noise_rms: Number
+    """Of the rest that no part explains."""
+    motion_rms: Number
+    unit: str
+    """Of these three."""
+    noise_share: Number
+    correlation: Number
+    """Of that rest, over one sample step."""
+    motion_explained: Number
+    """Fraction of the motion's variance that the model explains."""
+    parts: list[ComponentEntry]
+    """Empty where the residual is noise."""
+    explanations: list[ExplanationEntry] = []
+    """Sets of parts that explain the data about equally well, likeliest first."""
+
+
+class FindingEntry(Part):
+    """What is said of one part of the residual: a named effect, a group of effects, its place, or that it is open."""
+
+    word: FindingWord
+    component: ComponentKind | None
+    """null where it is open."""
+    effects: list[str]
+    """The best first."""
+    share: Number
+    """Fraction of the residual's variance removed in samples held out; null where none could be."""
+    reason: str = ""
+    """Why no more can be said; empty for a named effect."""
+
+
 class DiagnosisDocument(Document):
     """What a model lacks, if anything (diagnosis.json)."""
 
     document: Literal["diagnosis"] = "diagnosis"
     version: Literal[2] = 2
     sentence: str
-    """The result in at most five sentences."""
+    """The result in a few sentences: the parts of the residual, what is said of each, the error before and after."""
+    components: ComponentsEntry | None = None
+    """Parts of the residual of the first clip without effects; null where the clip is too short to be split."""
+    remaining: ComponentsEntry | None = None
+    """Parts of the residual with the effects."""
+    findings: list[FindingEntry] = []
+    """What is said of each part."""
+    nuisances: list[str] = []
+    """Effects that are in the final fit because they improve the prediction, but which are not named."""
     verdict: VerdictEntry | None = None
     """How far the result can be used; null in files from before 2026-11-23."""
     base: FitDocument

@@ -6,9 +6,19 @@ import math
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from iris_sysid.types import Doubt, DoubtKind, Estimate, Quantity, Segment, SegmentLabel, Verdict, VerdictWord
+from iris_sysid.types import (
+    Completeness,
+    Doubt,
+    DoubtKind,
+    Estimate,
+    Quantity,
+    Segment,
+    SegmentLabel,
+    Verdict,
+    VerdictWord,
+)
 
 Number = float | None
 
@@ -117,18 +127,64 @@ class DoubtEntry(Part):
         return Doubt(**self.model_dump())
 
 
+class CompletenessEntry(Part):
+    """How much of the motion the equation explains."""
+
+    explained: Number
+    """Fraction of the motion's variance; null where it is not known."""
+    complete: bool
+    """Whether the data show no sign that the equation lacks something."""
+    residual_over_noise: Number
+    """Ratio of the root mean squares; null where the noise is not known."""
+    rest: str = ""
+    """What the residual is made of, in a clause."""
+
+    @classmethod
+    def of(cls, equation: Completeness) -> CompletenessEntry:
+        """The completeness as an entry."""
+        return cls(
+            explained=known_number(equation.explained),
+            complete=equation.complete,
+            residual_over_noise=known_number(equation.residual_over_noise),
+            rest=equation.rest,
+        )
+
+    def completeness(self) -> Completeness:
+        """The entry as a Completeness."""
+        return Completeness(number(self.explained), self.complete, number(self.residual_over_noise), self.rest)
+
+
 class VerdictEntry(Part):
-    """How far a result can be used, and why it is not good."""
+    """Whether the numbers of a result can be used, and whether its equation is complete."""
 
     word: VerdictWord
+    """Whether the numbers can be used with their errors."""
     reasons: list[DoubtEntry]
-    """Causes first."""
+    """Why the word is not good or the equation not complete, causes first."""
+    accuracy: dict[str, float] = {}
+    """Relative standard error of the values that matter, the main one first."""
+    equation: CompletenessEntry | None = None
+    """Whether the equation is complete; null where there is no fit, and in files from before 2026-11-24."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_two_axes(cls, content: Any) -> Any:
+        """Files from before 2026-11-24 had the word misfit for a motion that the equation does not explain."""
+        if isinstance(content, dict) and content.get("word") == "misfit":
+            return {**content, "word": "doubtful"}
+        return content
 
     @classmethod
     def of(cls, verdict: Verdict) -> VerdictEntry:
         """The verdict as an entry."""
-        return cls(word=verdict.word, reasons=[DoubtEntry.of(doubt) for doubt in verdict.reasons])
+        return cls(
+            word=verdict.word,
+            reasons=[DoubtEntry.of(doubt) for doubt in verdict.reasons],
+            accuracy={name: float(error) for name, error in verdict.accuracy.items()},
+            equation=None if verdict.equation is None else CompletenessEntry.of(verdict.equation),
+        )
 
     def verdict(self) -> Verdict:
         """The entry as a Verdict."""
-        return Verdict(self.word, tuple(entry.doubt() for entry in self.reasons))
+        equation = None if self.equation is None else self.equation.completeness()
+        return Verdict(self.word, tuple(entry.doubt() for entry in self.reasons), equation, self.accuracy)
