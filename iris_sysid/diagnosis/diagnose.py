@@ -20,10 +20,11 @@ import numpy as np
 from fitters.components import marginal
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.fit_cache import FitCache
+from iris_sysid.diagnosis.kept_component import kept_effects
 from iris_sysid.diagnosis.library import EffectLibrary
 from iris_sysid.diagnosis.missing_force import missing_forces
 from iris_sysid.diagnosis.notes import diagnostic_notes, negative_damping_note, weak_notes
-from iris_sysid.diagnosis.open_world import Judgement, OpenWorld
+from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, starts_of
 from iris_sysid.diagnosis.prediction_error import fitted_error
 from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, with_free_geometry
 from iris_sysid.diagnosis.residual_components import clip_residual, components_of
@@ -34,6 +35,7 @@ from iris_sysid.diagnosis.time_budget import STOPPED, TimeBudget
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.types import (
+    ComponentKind,
     Components,
     Diagnosis,
     DiagnosticNote,
@@ -64,6 +66,7 @@ def diagnose(
     effects: Sequence[str | Effect] | None = None,
     holdout: float = 0.3,
     seconds: float | None = None,
+    keep: Sequence[ComponentKind] = (),
     progress: Callable[[str], None] | None = None,
 ) -> Diagnosis:
     """Split a residual into components, name the effects that a model lacks, and measure the error before and after.
@@ -86,6 +89,8 @@ def diagnose(
     seconds
         After which the best answer so far is returned, with a note; no limit by default. So is it when the program is
         interrupted (Ctrl-C) after the fit without effects.
+    keep
+        Kinds of components that are added as they are, their curve as the form, whatever else is found.
     progress
         Called with a line of text at each step.
 
@@ -98,6 +103,8 @@ def diagnose(
     ------
     FitError
         When the base model cannot be fitted to a clip, so that there is no residual to explain.
+    DataError
+        When a component to keep is not there.
 
     Examples
     --------
@@ -123,6 +130,7 @@ def diagnose(
     cache = FitCache(clips, model, library, base, holdout, budget.report)
     search = StepwiseSearch(cache)
     components = components_of(clips, base.fits)
+    kept = kept_effects(components, keep, model)
     world = OpenWorld(cache, components)
     stopped = []
     try:
@@ -141,7 +149,7 @@ def diagnose(
         stopped = [budget.note(why)]
     budget.end()
     answer = answer or _of_open(cache, Judgement(base, world.uncovered([]), {}))
-    return _diagnosis(cache, world, answer, components, stopped)
+    return _diagnosis(cache, world, answer.with_kept(cache, kept), components, stopped)
 
 
 def _is_complete(clips: Sequence[FitRequest], model: ModelWithEffects, base: ModelWithEffects) -> bool:
@@ -191,6 +199,25 @@ class _Answer:
     def final(self) -> ModelWithEffects:
         """The model in the end."""
         return self.path[-1]
+
+    def with_kept(self, cache: FitCache, kept: Sequence[Effect]) -> _Answer:
+        """The answer with components that are kept as effects; unchanged where their fit fails."""
+        if not kept:
+            return self
+        starts = [dict(start) for start in starts_of(self.final, self.final.effects)]
+        each = tuple({**start, **{effect.name: (1.0, ()) for effect in kept}} for start in starts)
+        model = cache.with_effects([*self.final.effects, *kept], each)
+        if not model.usable:
+            return self
+        return replace(
+            self,
+            path=(*self.path, model),
+            finals=model.fits,
+            added=(*self.added, *kept),
+            sizes={name: pooled(model.sizes_of(name)) for name in model.sizes},
+            probabilities={**self.probabilities, **{effect.name: {effect.name: 1.0} for effect in kept}},
+            report=SearchReport(cache, model),
+        )
 
 
 def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffects]) -> _Answer | None:

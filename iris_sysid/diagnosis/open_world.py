@@ -135,7 +135,7 @@ class OpenWorld:
         """The base with the effects that have a formula and improve the prediction, one or two at a time."""
         current = self._cache.base
         own = [effect for effect in proposed.effects if not effect.absorbs]
-        first = [self._cache.with_effects(own, _starts(proposed, own))] if own else []
+        first = [self._cache.with_effects(own, starts_of(proposed, own))] if own else []
         while len(current.effects) < MAX_EFFECTS:
             models = [*first, *self._refits(current)]
             first = []
@@ -286,7 +286,7 @@ class OpenWorld:
         return tuple(_located(part) for part in left if part.share >= LOCATED_SHARE)
 
 
-def _starts(model: ModelWithEffects, effects: Sequence[Effect]) -> tuple[Starts, ...]:
+def starts_of(model: ModelWithEffects, effects: Sequence[Effect]) -> tuple[Starts, ...]:
     """The fitted sizes and shapes of some effects of a model, one a clip."""
     return tuple(
         {
