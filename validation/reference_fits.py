@@ -1,11 +1,13 @@
 """What a physicist finds in each real recording: candidate terms, by hand, scored by predicting what was held out.
 
 ``python -m validation.reference_fits --folder FOLDER`` fits, with NumPy only, the base model with no term, with each
-candidate, with pairs and with the best triples: one free run over the whole clip. Each set is then fitted anew without
-one of eight contiguous blocks, and predicts it; of several drops of one ball, the size comes from the other drops. A
-set counts as good as the best where its mean squared error is above it by no more than the standard error, over the
-blocks, of the difference. Of these, the minimal ones (none of whose parts is as good) support their names and their
-components. No code is shared with the fits and the diagnosis of the program; results in ``--folder`` are kept.
+candidate, with the likeliest pairs and triples: one free run over the samples of the motion. These are cut into nine
+blocks. Each but the first, which fixes the initial state, is left out in turn, and predicted by a fit to the rest; of
+several drops of one ball, cut into five, the size comes from the other drops. So the program's own held-out errors can
+be compared. A set counts as good as the best where its mean squared error is above it by no more than the standard
+error, over the blocks, of the difference. Of these, the minimal ones (none of whose parts is as good) support their
+names and their components. No code is shared with the fits and the diagnosis of the program; rows in ``--folder`` are
+kept, each with what it supports.
 """
 
 from __future__ import annotations
@@ -19,25 +21,31 @@ from pathlib import Path
 
 import numpy as np
 
+from iris_sysid import Trajectory
 from validation import pages
 from validation import reference_starts as starts
 from validation.reference_least_squares import Experiment, Problem
-from validation.reference_motions import MOTIONS, Clip
+from validation.reference_motions import MOTIONS, Clip, Motion
 from validation.reference_terms import TERMS, Array, physical, waves
 from validation.world_recordings import RECORDINGS, Recording, sealed
 
-BLOCKS, GAP = 8, 0.05  # blocks held out in turn, and what is left out beside each, of its length
-PAIRS, TRIPLES, GROWN = 12, 6, 3  # sets that are held out, and pairs from which triples are made
+BLOCKS, FEW_BLOCKS = 8, 4  # blocks of a clip held out in turn, and the same where there are several clips
+PROMISING, LEADING = 24, 3  # pairs that are fitted: the best to first order, and those with one of the best terms
+PAIRS, TRIPLES, GROWN = 12, 6, 2  # sets that are held out, and pairs from which triples are made
 FULL_ROUNDS, BLOCK_ROUNDS = 15, 5
 HOPELESS = 1e12  # the squared error of a fit that failed
 PRICE = 0.15  # by how much each term more must lower the logarithm of the squared error
 LITTLE = 0.05  # of the squared error: a difference that nobody would decide by
+Squares = list[tuple[float, int]]
 LOSSES = ("linear-drag", "quadratic-drag", "cubic-drag", "dry-friction", "weakening-friction")
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """One set of terms: the root mean squares of its residual and of its prediction, the squares of that by block."""
+    """One set of terms: the root mean squares of its residual and of its prediction, the squares of that by block.
+
+    A block's mean square is multiplied by its number of samples over the mean number.
+    """
 
     terms: tuple[str, ...]
     fitted: float
@@ -60,7 +68,7 @@ class Candidate:
 class Row:
     """What was found in one recording: all sets that were held out, the best prediction first.
 
-    ``alike``: eight blocks of one clip were held out, as a diagnosis holds them out; not whole clips, or pieces.
+    ``alike``: blocks were held out as a diagnosis holds them out; not pieces of a driven clip.
     """
 
     name: str
@@ -121,17 +129,34 @@ def components(row: Row) -> set[str]:
 # Fits ---------------------------------------------------------------------------------------------------------------
 
 
+def moving(clip: Trajectory) -> Array:
+    """Flags (n,) of the valid samples of the motion; of several motions, with others between, the longest."""
+    motion = clip.mask("motion")
+    inside = clip.valid & motion
+    number = np.cumsum(~motion)
+    return inside & (number == np.bincount(number[inside]).argmax())
+
+
+def sampled(clip: Trajectory) -> Clip:
+    """Some hundred samples of the motion of a clip."""
+    used = moving(clip)
+    inputs = np.zeros(clip.n) if clip.inputs is None else clip.inputs[:, 0]
+    return starts.thinned(clip.t_s[used], clip.position[used], inputs[used])
+
+
+def base_of(recording: Recording) -> Motion:
+    """The base model, with what is free in the recording's own: the angle at rest of a filmed pendulum."""
+    base = MOTIONS[recording.model.name]
+    if "vertical" not in recording.free:
+        return base
+    terms = tuple(name for name in base.terms if name != "zero-offset")
+    return replace(base, start={**base.start, "vertical": (0.0,)}, terms=terms)
+
+
 def experiment_of(recording: Recording) -> tuple[Experiment, list[Problem]]:
     """The base model fitted to the clips of a recording, and what else was fitted on the way."""
-    clips = [
-        starts.thinned(
-            clip.t_s,
-            np.where(clip.valid[:, None], clip.position, np.nan),
-            np.zeros(clip.n) if clip.inputs is None else clip.inputs[:, 0],
-        )
-        for clip in recording.clips()
-    ]
-    base = MOTIONS[recording.model.name]
+    clips = [sampled(clip) for clip in recording.clips()]
+    base = base_of(recording)
     experiment, fits = starts.base_fit(base, starts.pieces(clips[0]) if base.driven else clips)
     return replace(experiment, scales=starts.looked_for(experiment, fits[0])), fits
 
@@ -178,57 +203,99 @@ def searched(experiment: Experiment, fits: Sequence[Problem]) -> list[Problem]:
 
     names = experiment.base.terms
     singles = fitted([(name,) for name in names], [])
-    pairs = fitted(itertools.combinations(names, 2), singles)
+    pairs = fitted(promising(experiment, with_terms(base, names, base, sigma), singles), singles)
     grown = {tuple(sorted({*pair.terms, name})) for pair in pairs[:GROWN] for name in names if name not in pair.terms}
     triples = fitted(sorted(grown), [*singles, *pairs])
     return [base, *singles, *pairs[:PAIRS], *triples[:TRIPLES]]
 
 
-def block_of(clip: Clip) -> Array:
-    """The number of the contiguous block (n,) of each sample."""
-    return np.minimum(np.arange(clip.t.size) * BLOCKS // clip.t.size, BLOCKS - 1)
+def promising(experiment: Experiment, full: Problem, singles: Sequence[Problem]) -> list[tuple[str, ...]]:
+    """The pairs that are worth a fit: the best to first order about the base model, and those with a leading term.
+
+    Parameters
+    ----------
+    full
+        All terms, none of them with a size yet.
+    """
+    experiment.evaluate_first(full)
+    used = full.weights > 0
+    residual, slopes = full.residual[used], full.slopes[used]
+    slopes = np.nan_to_num(slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300))
+    column = {name: slopes[:, [k]] for k, name in enumerate(full.free)}
+    shared = np.linalg.qr(np.hstack([each for name, each in column.items() if is_shared(name)]))[0]
+    left = residual - shared @ (shared.T @ residual)
+    terms = {}
+    for name in full.terms:
+        own = np.hstack([column[label] for label in TERMS[name].names])
+        terms[name] = own - shared @ (shared.T @ own)
+
+    def remaining(pair):
+        basis = np.linalg.svd(np.hstack([terms[name] for name in pair]), full_matrices=False)
+        kept = basis[0][:, basis[1] > 1e-6 * max(basis[1][0], 1e-300)]
+        price = sum(TERMS[name].price for name in pair)
+        return float(np.log(np.sum((left - kept @ (kept.T @ left)) ** 2)) + PRICE * price)
+
+    every = list(itertools.combinations(full.terms, 2))
+    leading = {name for problem in singles[:LEADING] for name in problem.terms}
+    best = sorted(every, key=remaining)[:PROMISING]
+    return best + [pair for pair in every if leading & set(pair) and pair not in best]
 
 
-def held_out(clip: Clip, block: int) -> tuple[Array, Array]:
-    """Flags (n d,) of the readings of a block, and of those that may be used to predict it."""
-    number = block_of(clip)
-    inside = np.flatnonzero(number == block)
-    beside = int(np.ceil(GAP * inside.size))
-    near = np.zeros(clip.t.size, bool)
-    near[max(inside[0] - beside, 0) : inside[-1] + beside + 1] = True
-    width = clip.values.shape[1]
-    return np.repeat(number == block, width), np.repeat(~near, width)
+def is_shared(name: str) -> bool:
+    """Whether a free value belongs to the base model or to the start of a clip, not to a term."""
+    return "/" not in name or name.startswith("start/")
 
 
-def predicted_blocks(experiment: Experiment, problems: Sequence[Problem]) -> list[list[float]]:
-    """Mean squared errors, by set and block, of the samples of one clip that were held out."""
-    cuts = [held_out(experiment.clips[0], block) for block in range(BLOCKS)]
-    refits = [[anew(problem, problem.weights * outside) for _, outside in cuts] for problem in problems]
+def blocks_of(clip: Clip, count: int) -> list[Array]:
+    """Flags (n d,) of the readings of each block that is left out: all but the first of one more, of equal length."""
+    number = np.concatenate([np.full(part.size, k) for k, part in enumerate(np.array_split(clip.t, count + 1))])
+    return [np.repeat(number == k, clip.values.shape[1]) for k in range(1, count + 1)]
+
+
+def predicted_blocks(experiment: Experiment, problems: Sequence[Problem]) -> list[Squares]:
+    """Mean squared errors and numbers, by set and block, of the samples of one clip that were held out."""
+    blocks = blocks_of(experiment.clips[0], BLOCKS)
+    refits = [[anew(problem, problem.weights * ~block) for block in blocks] for problem in problems]
     experiment.fit([refit for each in refits for refit in each], BLOCK_ROUNDS)
     return [
-        [mean_square(refit, inside, problem.weights) for refit, (inside, _) in zip(each, cuts, strict=True)]
+        [mean_square(refit, block, problem.weights) for refit, block in zip(each, blocks, strict=True)]
         for problem, each in zip(problems, refits, strict=True)
     ]
 
 
-def predicted_drops(experiment: Experiment, problems: Sequence[Problem]) -> list[list[float]]:
+def predicted_drops(experiment: Experiment, problems: Sequence[Problem]) -> list[Squares]:
     """The same for several clips: what they share comes from the others, and only the start from the one held out."""
+    blocks = [blocks_of(clip, FEW_BLOCKS) for clip in experiment.clips]
+    errors = []
+    for number in range(FEW_BLOCKS):
+        left_out = np.concatenate([each[number] for each in blocks])
+        for k, mine in enumerate(owners(experiment)):
+            errors.append(by_others(experiment, problems, k, (~mine & ~left_out, mine & ~left_out, mine & left_out)))
+    return list(map(list, zip(*errors, strict=True)))
+
+
+def predicted_pieces(experiment: Experiment, problems: Sequence[Problem]) -> list[Squares]:
+    """The same for pieces of a driven clip: each is left out as a whole, but for its start."""
+    own = owners(experiment)
+    errors = [by_others(experiment, problems, k, (~mine, mine, mine)) for k, mine in enumerate(own)]
+    return list(map(list, zip(*errors, strict=True)))
+
+
+def owners(experiment: Experiment) -> list[Array]:
+    """Flags (n,) of the readings of each clip."""
     sizes = [clip.values.size for clip in experiment.clips]
-    owner = np.repeat(np.arange(len(sizes)), sizes)
-    errors: list[list[float]] = [[] for _ in problems]
-    for k in range(len(sizes)):
-        begin = set(experiment.starts(k))
-        others = [
-            anew(each, each.weights * (owner != k), [n for n in each.free if n not in begin]) for each in problems
-        ]
-        experiment.fit(others, BLOCK_ROUNDS)
-        starts_only = [
-            anew(each, base.weights * (owner == k), sorted(begin)) for each, base in zip(others, problems, strict=True)
-        ]
-        experiment.fit(starts_only, BLOCK_ROUNDS)
-        for mine, refit, problem in zip(errors, starts_only, problems, strict=True):
-            mine.append(mean_square(refit, owner == k, problem.weights))
-    return errors
+    return [np.repeat(np.arange(len(sizes)) == k, sizes) for k in range(len(sizes))]
+
+
+def by_others(experiment: Experiment, problems: Sequence[Problem], k: int, flags: Sequence[Array]) -> Squares:
+    """The errors of each set in one clip: of ``flags`` (n,), what the others show, what shows the start, what is scored."""
+    seen, own, scored = flags
+    begin = set(experiment.starts(k))
+    others = [anew(each, each.weights * seen, [name for name in each.free if name not in begin]) for each in problems]
+    experiment.fit(others, BLOCK_ROUNDS)
+    here = [anew(each, base.weights * own, sorted(begin)) for each, base in zip(others, problems, strict=True)]
+    experiment.fit(here, BLOCK_ROUNDS)
+    return [mean_square(each, scored, base.weights) for each, base in zip(here, problems, strict=True)]
 
 
 def anew(problem: Problem, weights: Array, free: Sequence[str] | None = None) -> Problem:
@@ -238,34 +305,34 @@ def anew(problem: Problem, weights: Array, free: Sequence[str] | None = None) ->
     return Problem(problem.terms, names, problem.values, weights, prior)
 
 
-def mean_square(refit: Problem, inside: Array, weights: Array) -> float:
-    """The mean squared error of readings that are there; a fit that failed predicts nothing."""
-    if refit.residual is None:
-        return HOPELESS
+def mean_square(refit: Problem, inside: Array, weights: Array) -> tuple[float, int]:
+    """The mean squared error of readings that are there, and how many; a fit that failed predicts nothing."""
     chosen = inside & (weights > 0)
-    return float(min(np.mean(np.clip(refit.residual[chosen], -1e6, 1e6) ** 2), HOPELESS)) if chosen.any() else 0.0
+    if refit.residual is None or not chosen.any():
+        return (HOPELESS if chosen.any() else 0.0), int(chosen.sum())
+    squares = np.clip(refit.residual[chosen], -1e6, 1e6) ** 2
+    return float(min(np.mean(squares), HOPELESS)), int(chosen.sum())
+
+
+def candidate_of(problem: Problem, errors: Squares) -> Candidate:
+    """What is kept of a set that was held out."""
+    squares, counts = np.array(errors).T
+    blocks = squares * counts / counts.mean()
+    values = {name: float(problem.values[name]) for name in problem.free if not name.startswith("start/")}
+    fitted = float(np.sqrt(np.mean(problem.residual[problem.weights > 0] ** 2)))
+    return Candidate(problem.terms, fitted, float(np.sqrt(blocks.mean())), tuple(map(float, blocks)), values)
 
 
 def row_of(recording: Recording) -> Row:
     """All of it for one recording."""
     experiment, fits = experiment_of(recording)
     problems = searched(experiment, fits)
-    predicted = predicted_blocks if len(experiment.clips) == 1 else predicted_drops
-    used = fits[0].weights > 0
-    candidates = [
-        Candidate(
-            each.terms,
-            float(np.sqrt(np.mean(each.residual[used] ** 2))),
-            float(np.sqrt(np.mean(errors))),
-            tuple(errors),
-            {name: float(each.values[name]) for name in each.free if not name.startswith("start/")},
-        )
-        for each, errors in zip(problems, predicted(experiment, problems), strict=True)
-    ]
-    candidates.sort(key=lambda each: each.heldout)
-    return Row(
-        recording.name, recording.model.observed[0].unit, int(used.sum()), len(experiment.clips) == 1, tuple(candidates)
-    )
+    driven = experiment.base.driven
+    single = len(experiment.clips) == 1
+    predicted = predicted_pieces if driven else predicted_blocks if single else predicted_drops
+    candidates = map(candidate_of, problems, predicted(experiment, problems))
+    every = tuple(sorted(candidates, key=lambda each: each.heldout))
+    return Row(recording.name, recording.model.observed[0].unit, int((fits[0].weights > 0).sum()), not driven, every)
 
 
 # Results ------------------------------------------------------------------------------------------------------------
@@ -276,8 +343,15 @@ def kept(recording: Recording, folder: Path) -> Row:
     path = folder / f"{recording.name}.json"
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(asdict(row_of(recording)), indent=1))
+        row = row_of(recording)
+        path.write_text(json.dumps({**asdict(row), **exported(row)}, indent=1))
     return read_row(path)
+
+
+def exported(row: Row) -> dict[str, list[str]]:
+    """What a row says, for other programs; not read again here, as it follows from the candidates."""
+    said = {"chosen": row.chosen.terms, "supported": supported(row), "components": components(row)}
+    return {name: sorted(each) for name, each in said.items()}
 
 
 def read_row(path: Path) -> Row:
@@ -287,7 +361,8 @@ def read_row(path: Path) -> Row:
         Candidate(**{**each, "terms": tuple(each["terms"]), "blocks": tuple(each["blocks"])})
         for each in content["candidates"]
     ]
-    return Row(**{**content, "candidates": tuple(candidates)})
+    known = {name: content[name] for name in ("name", "unit", "samples", "alike")}
+    return Row(**known, candidates=tuple(candidates))
 
 
 def words(sets: Sequence[Candidate]) -> str:

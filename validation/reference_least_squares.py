@@ -126,6 +126,11 @@ class Experiment:
                     problem.trial = problem.step()
                 self.evaluate(chunk)
 
+    def evaluate_first(self, problem: Problem) -> None:
+        """The residual and the slopes of a problem at the values that it begins with."""
+        problem.trial = problem.values
+        self.evaluate([problem])
+
     def chunks(self, problems: Sequence[Problem]) -> Iterator[list[Problem]]:
         """Problems that are integrated together."""
         chunk, columns = [], 0

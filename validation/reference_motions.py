@@ -180,7 +180,7 @@ def shown(base: Motion, clip: Clip, states: Array, readings: Sequence[str], scal
     first = base.degrees if base.reads == "v" else base.states - clip.values.shape[1] if base.order == 1 else 0
     plain = states[:, first : first + clip.values.shape[1]]
     rate = np.gradient(plain, clip.t, axis=0)
-    functions, total = {}, plain
+    functions, total = {}, plain + p.get("vertical", 0.0)
     for name in readings:
         each = TERMS[name]
         values = each.reading(plain, rate, clip.t[:, None, None], scales)

@@ -223,11 +223,12 @@ class _Answer:
 def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffects]) -> _Answer | None:
     """The answer where the library explains the data to the noise: a likelihood can compare its effects.
 
-    None where that is so only with effects whose intervals hold zero: then blocks left out decide.
+    None where that is so only with effects whose intervals hold zero, or with effects that can imitate anything and
+    have no other evidence: then blocks left out decide.
     """
     report, weak = _without_weak(cache, path[-1])
     final = report.final
-    if weak and not _is_complete(cache.clips, final, cache.base):
+    if (weak and not _is_complete(cache.clips, final, cache.base)) or world.rests_on_absorbing(final):
         return None
     rivals = {effect.name: report.indistinguishable(effect) for effect in final.effects}
     findings = world.of_complete(final, rivals)

@@ -114,20 +114,32 @@ class OpenWorld:
             names, share = (effect.name, *rivals.get(effect.name, ())), self._removed(model, effect)
             if effect.absorbs and not self._is_evident(model, effect):
                 findings.append(_absorbing(effect, share))
+            elif self.share_of(model, effect) < SMALLEST_SHARE:
+                findings.append(Finding("located", effect.component, names, share, "a small part of the residual"))
             elif len(names) > 1:
                 findings.append(Finding("group", effect.component, names, share, "the data cannot tell them apart"))
             else:
                 findings.append(Finding("named", effect.component, names, share))
         return tuple(findings)
 
-    def _is_evident(self, model: ModelWithEffects, effect: Effect) -> bool:
-        """Whether an effect is a good part of the residual, and of the kind that the components say."""
+    def rests_on_absorbing(self, model: ModelWithEffects) -> bool:
+        """Whether a good part of what a model explains is due to effects without evidence that imitate anything."""
+        return any(
+            effect.absorbs and not self._is_evident(model, effect) and self.share_of(model, effect) >= EVIDENT_SHARE
+            for effect in model.effects
+        )
+
+    def share_of(self, model: ModelWithEffects, effect: Effect) -> float:
+        """The fraction that an effect has in what all effects of a model remove of the residual."""
         rest = self._cache.without(model, effect)
         explained = max(self._cache.base.squares - model.squares, 1e-300)
-        large = not rest.usable or (rest.squares - model.squares) / explained >= EVIDENT_SHARE
+        return (rest.squares - model.squares) / explained if rest.usable else 1.0
+
+    def _is_evident(self, model: ModelWithEffects, effect: Effect) -> bool:
+        """Whether an effect is a good part of the residual, and of the kind that the components say."""
         parts = () if self._components is None else self._components.parts
         kinds = {kind for part in parts for kind in (part.kind, *part.similar)}
-        return large and (effect.component in kinds or not parts)
+        return self.share_of(model, effect) >= EVIDENT_SHARE and (effect.component in kinds or not parts)
 
     # the search ------------------------------------------------------------------------------------------------------
 
