@@ -212,10 +212,7 @@ def searched(experiment: Experiment, fits: Sequence[Problem]) -> list[Problem]:
 def promising(experiment: Experiment, full: Problem, singles: Sequence[Problem]) -> list[tuple[str, ...]]:
     """The pairs that are worth a fit: the best to first order about the base model, and those with a leading term.
 
-    Parameters
-    ----------
-    full
-        All terms, none of them with a size yet.
+    ``full`` has all terms, none of them with a size yet.
     """
     experiment.evaluate_first(full)
     used = full.weights > 0
@@ -288,7 +285,7 @@ def owners(experiment: Experiment) -> list[Array]:
 
 
 def by_others(experiment: Experiment, problems: Sequence[Problem], k: int, flags: Sequence[Array]) -> Squares:
-    """The errors of each set in one clip: of ``flags`` (n,), what the others show, what shows the start, what is scored."""
+    """The errors of each set in one clip; ``flags`` (n,): what the others show, what shows the start, what counts."""
     seen, own, scored = flags
     begin = set(experiment.starts(k))
     others = [anew(each, each.weights * seen, [name for name in each.free if name not in begin]) for each in problems]

@@ -3,48 +3,46 @@
 ``python -m validation.world_effects --reference FOLDER [--write-docs]`` needs the recordings in ``../shared/data``.
 FOLDER has, or gets, the rows of :mod:`validation.reference_fits`; without it only what was known counts. About half of
 the recordings are sealed, by a hash of the name: they are scored with ``--sealed`` (or ``--write-docs``), and are not
-looked at while the programs are written. Each recording has a process of its own and ``--seconds``; results in
-``--folder`` are not computed again, so that an interrupted run goes on.
+looked at while the programs are written. Each recording has a process of its own and ``--seconds``; answers in
+``--folder`` are not computed again, but judged anew (:mod:`validation.world_answers`).
 """
 
 from __future__ import annotations
 
 import argparse
-import json
-import multiprocessing
-import time
-import warnings
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from multiprocessing.connection import Connection
+from dataclasses import dataclass
 from pathlib import Path
 
-from iris_sysid import EFFECTS, Diagnosis, FitError, diagnose, diagnosis_sentence
+from iris_sysid import EFFECTS
 from validation import pages, reference_fits
 from validation.reference_fits import Row, components, supported
+from validation.world_answers import Answer, answer_of
 from validation.world_recordings import RECORDINGS, SEEN, Recording, sealed
 
 WORDS = ("as known", "group", "located", "incomplete", "wrong", "failed", "no answer")
 WORSE = 1.2  # held-out error over that of the reference, above which something is still missing
+LARGE = 0.2  # share of the residual's variance from which a part that is not the largest counts as well
 PLACES = ("force", "own-force", "reading", "zero")  # on a motion that never turns, force and reading look alike
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What became of one recording: ``verdict`` is one of ``WORDS``, ``added`` the names given, and the sentence.
+    """What became of one recording: one of ``WORDS``, and the answer that it is of.
 
-    ``component`` is the largest part of the residual, empty where it was not split; ``agrees`` says whether the
-    reference has it too, ``ratio`` is the held-out error over the reference's; None where there is nothing to compare.
+    ``agrees`` says whether the reference has one of its large parts too, ``ratio`` is the held-out error over the
+    reference's; None where there is nothing to compare.
     """
 
-    name: str
-    verdict: str
-    added: tuple[str, ...] = ()
-    sentence: str = ""
-    seconds: float = 0.0
-    component: str = ""
+    answer: Answer
+    word: str
     agrees: bool | None = None
     ratio: float | None = None
+
+    @property
+    def name(self) -> str:
+        """The recording's."""
+        return self.answer.name
 
     @property
     def sealed(self) -> bool:
@@ -52,53 +50,50 @@ class Verdict:
         return sealed(self.name)
 
 
-def agreement(recording: Recording, diagnosis: Diagnosis, reference: Row | None) -> bool | None:
-    """Whether the largest component, or one that can take its place, is in the reference; None where one has none."""
-    split = diagnosis.components
+def agreement(recording: Recording, answer: Answer, reference: Row | None) -> bool | None:
+    """Whether a large part, or what can take the largest one's place, is in the reference; None where one has none."""
     found = set() if reference is None else components(reference)
-    if split is None or not split.parts or not found:
+    if not answer.parts or not found:
         return None
-    largest = split.parts[0]
-    kinds = {largest.kind, *largest.similar}
+    largest = answer.parts[0]
+    kinds = {largest.kind, *largest.similar, *(part.kind for part in answer.parts if part.share >= LARGE)}
     if recording.turns:
         return bool(kinds & found)
     return bool(kinds & found) or all(any(kind.startswith(PLACES) for kind in each) for each in (kinds, found))
 
 
-def ratio_of(diagnosis: Diagnosis, reference: Row | None) -> float | None:
+def ratio_of(answer: Answer, reference: Row | None) -> float | None:
     """The held-out error over that of the reference; None where they were not held out alike."""
-    if reference is None or not reference.alike or not diagnosis.after.heldout > 0:
+    if reference is None or not reference.alike or not answer.after > 0:
         return None
-    return diagnosis.after.heldout / reference.chosen.heldout
+    return answer.after / reference.chosen.heldout
 
 
-def is_wrong(recording: Recording, names: Sequence[set[str]], allowed: set[str], added: Sequence[str]) -> bool:
+def is_wrong(recording: Recording, answer: Answer, allowed: set[str]) -> bool:
     """Whether an effect is named that the sensor cannot have, or that neither the rig nor the reference has."""
-    impossible = any(recording.sensor not in EFFECTS[name].sensors for name in added)
-    return impossible or any(not each & allowed for each in names)
+    impossible = any(recording.sensor not in EFFECTS[name].sensors for name in answer.added)
+    return impossible or any(not set(group) & allowed for group in answer.groups)
 
 
-def verdict_of(recording: Recording, diagnosis: Diagnosis, reference: Row | None = None) -> str:
+def word_of(recording: Recording, answer: Answer, reference: Row | None = None) -> str:
     """Compare what the diagnosis says with what was known and with what the reference finds: one of ``WORDS``."""
-    added = [effect.name for effect in diagnosis.added]
-    groups = [{name, *diagnosis.indistinguishable[name]} for name in added]
+    if answer.failed:
+        return "no answer" if answer.failed.startswith("no answer") else "failed"
     found = set() if reference is None else supported(reference)
-    allowed = recording.right | recording.plausible | found
-    if is_wrong(recording, groups, allowed, added):
+    allowed, wanted = recording.right | recording.plausible | found, recording.right | found
+    if is_wrong(recording, answer, allowed):
         return "wrong"
-    agrees = agreement(recording, diagnosis, reference)
-    wanted = recording.right | found
-    if added and (not wanted or any(each & wanted for each in groups)):
-        return named(set(added), allowed, wanted, ratio_of(diagnosis, reference))
+    agrees = agreement(recording, answer, reference)
+    if answer.added and (not wanted or any(set(group) & wanted for group in answer.groups)):
+        return named(set(answer.added), allowed, wanted, ratio_of(answer, reference))
     if agrees is False:
         return "wrong"
-    unexplained = diagnosis.remaining_force is not None and diagnosis.remaining_force.significant
-    if recording.outside and (diagnosis.incomplete or unexplained):
+    if recording.outside and answer.incomplete:
         return "as known"
     if agrees:
         return "located"
     something = recording.right or recording.outside or (reference is not None and reference.chosen.terms)
-    return "incomplete" if something or diagnosis.incomplete or unexplained else "as known"
+    return "incomplete" if something or answer.incomplete else "as known"
 
 
 def named(added: set[str], allowed: set[str], wanted: set[str], ratio: float | None) -> str:
@@ -108,67 +103,19 @@ def named(added: set[str], allowed: set[str], wanted: set[str], ratio: float | N
     return "as known" if added <= allowed and (not wanted or added & wanted) else "group"
 
 
-def judged(recording: Recording, reference: Row | None) -> Verdict:
-    """Diagnose one recording; a fit that fails is a row as well."""
-    began = time.perf_counter()
-    try:
-        clips = [clip.with_(sensor=recording.sensor) for clip in recording.clips()]
-        found = diagnose(clips, recording.model, fixed=recording.fixed, free=recording.free)
-    except FitError as error:
-        return Verdict(recording.name, "failed", (), str(error), time.perf_counter() - began)
-    parts = () if found.components is None else found.components.parts
+def judged(recording: Recording, answer: Answer, reference: Row | None) -> Verdict:
+    """The verdict on an answer."""
     return Verdict(
-        recording.name,
-        verdict_of(recording, found, reference),
-        tuple(effect.name for effect in found.added),
-        diagnosis_sentence(found),
-        time.perf_counter() - began,
-        f"{parts[0].kind} {100 * parts[0].share:.0f} %" if parts else "",
-        agreement(recording, found, reference),
-        ratio_of(found, reference),
+        answer,
+        word_of(recording, answer, reference),
+        agreement(recording, answer, reference),
+        ratio_of(answer, reference),
     )
 
 
 def reference_of(recording: Recording, folder: Path | None) -> Row | None:
     """What the reference finds, from its folder; None without one."""
     return None if folder is None else reference_fits.kept(recording, folder)
-
-
-def _send(name: str, reference: Path | None, pipe: Connection) -> None:
-    warnings.simplefilter("ignore")
-    recording = next(recording for recording in RECORDINGS if recording.name == name)
-    pipe.send(judged(recording, reference_of(recording, reference)))
-
-
-def within(recording: Recording, seconds: float, folder: Path | None, reference: Path | None) -> Verdict:
-    """The verdict from the folder, or from a process that is ended after some seconds."""
-    kept = None if folder is None else folder / f"{recording.name}.json"
-    if kept is not None and kept.exists():
-        content = json.loads(kept.read_text())
-        return Verdict(**{**content, "added": tuple(content["added"])})
-    reference_of(recording, reference)  # computed here, so that it does not take of the seconds
-    verdict = in_process(recording, seconds, reference)
-    if kept is not None:
-        kept.parent.mkdir(parents=True, exist_ok=True)
-        kept.write_text(json.dumps(asdict(verdict), indent=1))
-    return verdict
-
-
-def in_process(recording: Recording, seconds: float, reference: Path | None) -> Verdict:
-    """The verdict from a process of its own."""
-    receiver, sender = multiprocessing.Pipe(duplex=False)
-    process = multiprocessing.get_context("spawn").Process(target=_send, args=(recording.name, reference, sender))
-    process.start()
-    sender.close()
-    verdict = Verdict(recording.name, "no answer", (), f"no answer in {seconds:g} s", seconds)
-    if receiver.poll(seconds):
-        try:
-            verdict = receiver.recv()
-        except EOFError:
-            verdict = Verdict(recording.name, "failed", (), "the program stopped", seconds)
-    process.kill()
-    process.join()
-    return verdict
 
 
 def line(recording: Recording, verdict: Verdict) -> str:
@@ -178,17 +125,23 @@ def line(recording: Recording, verdict: Verdict) -> str:
         f"{recording.name}{' (sealed)' if verdict.sealed else ''}",
         f"{recording.known}. *{recording.source}*",
         f"{recording.sensor}; {recording.model.name}",
-        ", ".join(verdict.added) or "nothing",
-        f"{verdict.component}{agrees}",
+        names_in(verdict.answer),
+        f"{verdict.answer.parts[0] if verdict.answer.parts else ''}{agrees}",
         "" if verdict.ratio is None else f"{verdict.ratio:.2f}",
-        verdict.verdict,
+        verdict.word,
     )
     return f"| {' | '.join(cells)} |"
 
 
+def names_in(answer: Answer) -> str:
+    """The names given, each with how many others there are that cannot be told apart from it."""
+    rivals = {group[0]: len(group) - 1 for group in answer.groups}
+    return ", ".join(f"{name} (or {count} more)" if count else name for name, count in rivals.items()) or "nothing"
+
+
 def summary(verdicts: Sequence[Verdict], label: str) -> str:
     """How many rows came out with which word."""
-    counts = {word: sum(verdict.verdict == word for verdict in verdicts) for word in WORDS}
+    counts = {word: sum(verdict.word == word for verdict in verdicts) for word in WORDS}
     parts = ", ".join(f"{word} {count}" for word, count in counts.items() if count)
     return f"{label}: {counts['as known']} of {len(verdicts)} as known ({parts or 'none'})."
 
@@ -207,6 +160,7 @@ def main() -> None:
     """Print the table as Markdown."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="only recordings whose name contains this")
+    parser.add_argument("--without", default="", help="leave out recordings whose name contains this")
     parser.add_argument("--sealed", action="store_true", help="score the sealed recordings as well")
     parser.add_argument("--sentences", action="store_true", help="print what the program says of each as well")
     parser.add_argument("--shapes", action="store_true", help="only load the recordings and print how large they are")
@@ -215,7 +169,11 @@ def main() -> None:
     parser.add_argument("--reference", type=Path, help="where the rows of reference_fits are kept")
     pages.add_option(parser)
     options = parser.parse_args()
-    chosen = [recording for recording in RECORDINGS if options.only in recording.name]
+    chosen = [
+        recording
+        for recording in RECORDINGS
+        if options.only in recording.name and not (options.without and options.without in recording.name)
+    ]
     if options.shapes:
         for recording in chosen:
             clips = recording.clips()
@@ -228,10 +186,12 @@ def main() -> None:
         print("|---|---|---|---|---|---|---|")
         verdicts = []
         for recording in chosen:
-            verdicts.append(within(recording, options.seconds, options.folder, options.reference))
+            reference = reference_of(recording, options.reference)
+            answer = answer_of(recording.name, options.seconds, options.folder)
+            verdicts.append(judged(recording, answer, reference))
             print(line(recording, verdicts[-1]), flush=True)
             if options.sentences:
-                print(f"{verdicts[-1].seconds:.0f} s: {verdicts[-1].sentence}", flush=True)
+                print(f"{answer.seconds:.0f} s: {answer.failed or answer.sentence}", flush=True)
         print()
         print("\n".join(summaries(verdicts)))
 

@@ -7,11 +7,22 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from iris_sysid import EFFECTS, MODELS, Quantity
+from iris_sysid import EFFECTS, MODELS, Quantity, Segment
 from iris_sysid.types import SIDES
 from validation import reference_fits
-from validation.reference_fits import Candidate, Row, components, held_out, read_row, row_of, supported
-from validation.reference_motions import MOTIONS, Clip, course
+from validation.reference_fits import (
+    Candidate,
+    Row,
+    base_of,
+    blocks_of,
+    components,
+    exported,
+    moving,
+    read_row,
+    row_of,
+    supported,
+)
+from validation.reference_motions import MOTIONS, Clip, course, shown
 from validation.reference_starts import sizes, thinned
 from validation.reference_terms import TERMS, physical
 from validation.world_tables import NOTHING, Recording, series
@@ -85,11 +96,37 @@ def test_where_nothing_predicts_better_no_component_is_supported():
     assert components(row) == set()
 
 
-def test_blocks_are_held_out_with_a_gap():
-    clip = Clip(np.arange(160.0), np.zeros((160, 1)), np.zeros(160))
-    inside, used = held_out(clip, 3)
-    np.testing.assert_array_equal(np.flatnonzero(inside), np.arange(60, 80))
-    np.testing.assert_array_equal(np.flatnonzero(~used), np.arange(59, 81))
+def test_blocks_are_the_parts_after_the_first():
+    clip = Clip(np.arange(90.0), np.zeros((90, 2)), np.zeros(90))
+    blocks = blocks_of(clip, 8)
+    assert len(blocks) == 8
+    np.testing.assert_array_equal(np.flatnonzero(blocks[0]), np.arange(20, 40))
+    np.testing.assert_array_equal(np.sum(blocks, axis=0), np.arange(180) >= 20)
+
+
+def test_samples_are_those_of_the_longest_motion():
+    z = Quantity("z", "m")
+    labels = [("hand", 0, 4), ("motion", 4, 8), ("contact", 8, 10), ("motion", 10, 20)]
+    clip = series(np.arange(20.0), np.arange(20.0), z)
+    valid = np.arange(20) != 12
+    cut = clip.with_(segments=tuple(Segment(*label, "known") for label in labels), valid=valid)
+    np.testing.assert_array_equal(np.flatnonzero(moving(cut)), [10, 11, *range(13, 20)])
+    np.testing.assert_array_equal(moving(clip), np.ones(20, bool))
+
+
+def test_a_free_vertical_belongs_to_the_base_model():
+    filmed = Recording("x", "here", "that", MODELS["pendulum"], list, "camera", free=("vertical",))
+    base = base_of(filmed)
+    assert "vertical" in base.start
+    assert "zero-offset" not in base.terms
+    clip, scales = Clip(np.arange(3.0), np.zeros((3, 1)), np.zeros(3)), sizes(base, [Clip(*three())])
+    seen = shown(base, clip, np.zeros((3, 2, 1)), [], scales, {"vertical": np.array([0.1])})[0]
+    np.testing.assert_allclose(seen, 0.1)
+
+
+def three():
+    t_s = np.arange(20.0)
+    return t_s, np.sin(t_s)[:, None], np.zeros(20)
 
 
 def test_a_single_sample_far_from_its_neighbours_is_left_out():
@@ -110,5 +147,5 @@ def test_a_quadratic_drag_is_found(monkeypatch, tmp_path):
     row = row_of(Recording("x", "here", "that", MODELS["pendulum"], read, "camera", NOTHING))
     assert row.chosen.terms == ("quadratic-drag",)
     assert row.chosen.heldout == pytest.approx(2e-3, rel=0.2)
-    (tmp_path / "x.json").write_text(json.dumps(asdict(row)))
+    (tmp_path / "x.json").write_text(json.dumps({**asdict(row), **exported(row)}))
     assert read_row(tmp_path / "x.json") == row

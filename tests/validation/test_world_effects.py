@@ -1,14 +1,16 @@
 """The table of real recordings: the verdicts, the split into looked at and sealed, and the readers."""
 
+import json
 import zipfile
-from types import SimpleNamespace
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 
 from iris_sysid import EFFECTS, MODELS
 from validation.reference_fits import Candidate, Row
-from validation.world_effects import Verdict, agreement, summaries, verdict_of
+from validation.world_answers import Answer, Part, answer_of
+from validation.world_effects import Verdict, agreement, names_in, summaries, word_of
 from validation.world_recordings import (
     DRAG,
     NOTHING,
@@ -27,19 +29,13 @@ def a_recording(right=NOTHING, plausible=NOTHING, sensor="camera", outside=False
     return Recording("x", "here", "that", MODELS[model], list, sensor, right, plausible, outside)
 
 
-def a_part(kind, *similar):
-    return SimpleNamespace(kind=kind, similar=similar, share=0.8)
+def an_answer(*names, alike=(), incomplete=False, parts=(), heldout=1.0):
+    groups = tuple((name, *alike) for name in names)
+    return Answer("x", groups, parts=parts, after=heldout, incomplete=incomplete)
 
 
-def a_diagnosis(*names, alike=(), incomplete=False, part=None, heldout=1.0):
-    return SimpleNamespace(
-        added=tuple(EFFECTS[name] for name in names),
-        indistinguishable={name: tuple(alike) for name in names},
-        incomplete=incomplete,
-        remaining_force=None,
-        components=None if part is None else SimpleNamespace(parts=(part,)),
-        after=SimpleNamespace(heldout=heldout),
-    )
+def a_part(kind, *similar, share=0.8):
+    return (Part(kind, share, similar),)
 
 
 def a_candidate(*terms, error=1.0):
@@ -51,60 +47,76 @@ def a_reference(*terms, alike=True):
     return Row("x", "rad", 100, alike, (a_candidate(*terms), *rest))
 
 
+BOTH = (*a_part("zero-wander", share=0.6), *a_part("force-of-position", share=0.3))
 RIG = a_recording(QUADRATIC, DRAG)
 UNKNOWN = a_recording(NOTHING, DRAG)
 VERDICTS = [
-    (RIG, a_diagnosis("quadratic-drag"), "as known"),
-    (RIG, a_diagnosis("camera-tilt", alike=["quadratic-drag"]), "group"),
-    (RIG, a_diagnosis(incomplete=True), "incomplete"),
-    (RIG, a_diagnosis("linear-drag", incomplete=True), "incomplete"),
-    (RIG, a_diagnosis(), "incomplete"),
-    (RIG, a_diagnosis("camera-tilt"), "wrong"),
-    (RIG, a_diagnosis("quadratic-drag", "impact"), "wrong"),
-    (UNKNOWN, a_diagnosis(), "as known"),
-    (UNKNOWN, a_diagnosis(incomplete=True), "incomplete"),
-    (UNKNOWN, a_diagnosis("linear-drag"), "as known"),
-    (UNKNOWN, a_diagnosis("impact"), "wrong"),
-    (a_recording(NOTHING, DRAG, "encoder"), a_diagnosis("camera-tilt", alike=["linear-drag"]), "wrong"),
-    (a_recording(outside=True), a_diagnosis(incomplete=True), "as known"),
-    (a_recording(outside=True), a_diagnosis(), "incomplete"),
-    (a_recording(NOTHING, ZERO, outside=True), a_diagnosis("leak"), "wrong"),
+    (RIG, an_answer("quadratic-drag"), "as known"),
+    (RIG, an_answer("camera-tilt", alike=["quadratic-drag"]), "group"),
+    (RIG, an_answer(incomplete=True), "incomplete"),
+    (RIG, an_answer("linear-drag", incomplete=True), "incomplete"),
+    (RIG, an_answer(), "incomplete"),
+    (RIG, an_answer("camera-tilt"), "wrong"),
+    (RIG, an_answer("quadratic-drag", "impact"), "wrong"),
+    (UNKNOWN, an_answer(), "as known"),
+    (UNKNOWN, an_answer(incomplete=True), "incomplete"),
+    (UNKNOWN, an_answer("linear-drag"), "as known"),
+    (UNKNOWN, an_answer("impact"), "wrong"),
+    (a_recording(NOTHING, DRAG, "encoder"), an_answer("camera-tilt", alike=["linear-drag"]), "wrong"),
+    (a_recording(outside=True), an_answer(incomplete=True), "as known"),
+    (a_recording(outside=True), an_answer(), "incomplete"),
+    (a_recording(NOTHING, ZERO, outside=True), an_answer("leak"), "wrong"),
 ]
 AGAINST_THE_REFERENCE = [
-    (UNKNOWN, a_diagnosis("cubic-stiffness"), a_reference("cubic-force"), "as known"),
-    (UNKNOWN, a_diagnosis("cubic-stiffness"), a_reference("zero-wander"), "wrong"),
-    (UNKNOWN, a_diagnosis("cubic-stiffness", heldout=1.3), a_reference("cubic-force"), "incomplete"),
-    (UNKNOWN, a_diagnosis("cubic-stiffness", heldout=1.3), a_reference("cubic-force", alike=False), "as known"),
-    (UNKNOWN, a_diagnosis("linear-drag"), a_reference("cubic-force"), "incomplete"),
-    (UNKNOWN, a_diagnosis(part=a_part("force-of-position")), a_reference("cubic-force"), "located"),
-    (UNKNOWN, a_diagnosis(part=a_part("clock", "force-of-position")), a_reference("cubic-force"), "located"),
-    (UNKNOWN, a_diagnosis(part=a_part("zero-wander")), a_reference("cubic-force"), "wrong"),
-    (UNKNOWN, a_diagnosis(), a_reference("cubic-force"), "incomplete"),
-    (UNKNOWN, a_diagnosis(), a_reference(), "as known"),
+    (UNKNOWN, an_answer("cubic-stiffness"), a_reference("cubic-force"), "as known"),
+    (UNKNOWN, an_answer("cubic-stiffness"), a_reference("zero-wander"), "wrong"),
+    (UNKNOWN, an_answer("cubic-stiffness", heldout=1.3), a_reference("cubic-force"), "incomplete"),
+    (UNKNOWN, an_answer("cubic-stiffness", heldout=1.3), a_reference("cubic-force", alike=False), "as known"),
+    (UNKNOWN, an_answer("linear-drag"), a_reference("cubic-force"), "incomplete"),
+    (UNKNOWN, an_answer(parts=a_part("force-of-position")), a_reference("cubic-force"), "located"),
+    (UNKNOWN, an_answer(parts=a_part("clock", "force-of-position")), a_reference("cubic-force"), "located"),
+    (UNKNOWN, an_answer(parts=a_part("zero-wander")), a_reference("cubic-force"), "wrong"),
+    (UNKNOWN, an_answer(parts=BOTH), a_reference("cubic-force"), "located"),
+    (UNKNOWN, an_answer(), a_reference("cubic-force"), "incomplete"),
+    (UNKNOWN, an_answer(), a_reference(), "as known"),
 ]
 
 
-@pytest.mark.parametrize(("recording", "diagnosis", "verdict"), VERDICTS)
-def test_verdict_compares_the_names_with_what_was_known(recording, diagnosis, verdict):
-    assert verdict_of(recording, diagnosis) == verdict
+@pytest.mark.parametrize(("recording", "answer", "verdict"), VERDICTS)
+def test_verdict_compares_the_names_with_what_was_known(recording, answer, verdict):
+    assert word_of(recording, answer) == verdict
 
 
-@pytest.mark.parametrize(("recording", "diagnosis", "reference", "verdict"), AGAINST_THE_REFERENCE)
-def test_verdict_counts_what_the_reference_finds(recording, diagnosis, reference, verdict):
-    assert verdict_of(recording, diagnosis, reference) == verdict
+@pytest.mark.parametrize(("recording", "answer", "reference", "verdict"), AGAINST_THE_REFERENCE)
+def test_verdict_counts_what_the_reference_finds(recording, answer, reference, verdict):
+    assert word_of(recording, answer, reference) == verdict
 
 
 def test_force_and_reading_agree_on_a_motion_that_never_turns():
     fall, reference = a_recording(model="free-fall"), a_reference("linear-drag")
-    assert agreement(fall, a_diagnosis(part=a_part("reading-of-position")), reference)
-    assert not agreement(UNKNOWN, a_diagnosis(part=a_part("reading-of-position")), reference)
-    assert not agreement(fall, a_diagnosis(part=a_part("clock")), reference)
-    assert agreement(fall, a_diagnosis(), reference) is None
+    assert agreement(fall, an_answer(parts=a_part("reading-of-position")), reference)
+    assert not agreement(UNKNOWN, an_answer(parts=a_part("reading-of-position")), reference)
+    assert not agreement(fall, an_answer(parts=a_part("clock")), reference)
+    assert agreement(fall, an_answer(), reference) is None
+
+
+def test_an_answer_that_failed_is_no_wrong_name():
+    assert word_of(RIG, Answer("x", failed="no answer in 120 s")) == "no answer"
+    assert word_of(RIG, Answer("x", failed="the fit failed")) == "failed"
+
+
+def test_an_answer_is_read_as_it_was_written(tmp_path):
+    answer = Answer(
+        "x", (("linear-drag", "quadratic-drag"),), ("zero-wander",), BOTH, {"linear-drag": "group"}, 2.0, 1.0
+    )
+    (tmp_path / "x.json").write_text(json.dumps(asdict(answer)))
+    assert answer_of("x", 1.0, tmp_path) == answer
+    assert names_in(answer) == "linear-drag (or 1 more)"
 
 
 def test_summaries_keep_apart_what_was_looked_at_before():
     names = ["pendulum-wooden-bob", "pendulum-foucault", "air-track-single"]
-    lines = summaries([Verdict(name, "as known") for name in names])
+    lines = summaries([Verdict(Answer(name), "as known") for name in names])
     assert [line.split(":")[1] for line in lines] == [" 1 of 1 as known (as known 1)."] * 3
 
 
