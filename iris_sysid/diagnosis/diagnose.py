@@ -144,11 +144,11 @@ def diagnose(
         if not stopped and _is_complete(clips, search.reached[-1], base):
             answer = _of_complete(cache, world, search.reached)
         if answer is None:
-            answer = _of_open(cache, world.judged(search.reached[-1]))
+            answer = _of_open(cache, world, world.judged(search.reached[-1]))
     except STOPPED as why:
         stopped = [budget.note(why)]
     budget.end()
-    answer = answer or _of_open(cache, Judgement(base, world.uncovered([]), {}))
+    answer = answer or _of_open(cache, world, Judgement(base, world.uncovered([]), {}))
     return _diagnosis(cache, world, answer.with_kept(cache, kept), components, stopped)
 
 
@@ -247,11 +247,11 @@ def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffe
     )
 
 
-def _of_open(cache: FitCache, judgement: Judgement) -> _Answer:
+def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer:
     """The answer where nothing explains the data to the noise."""
     final = judgement.model
     added = tuple(effect for effect in final.effects if not effect.absorbs)
-    finals = tuple(_with_components(clip, fitted) for clip, fitted in zip(cache.clips, final.fits, strict=True))
+    finals = tuple(_in_open_world(world, final, k, clip) for k, clip in enumerate(cache.clips))
     model = replace(final, fits=finals)
     return _Answer(
         (cache.base, final) if final.effects else (cache.base,),
@@ -265,20 +265,23 @@ def _of_open(cache: FitCache, judgement: Judgement) -> _Answer:
     )
 
 
-def _with_components(clip: FitRequest, fitted: FitResult) -> FitResult:
-    """The fit with errors that allow for the components of its residual: they may have moved a value."""
+def _in_open_world(world: OpenWorld, model: ModelWithEffects, k: int, clip: FitRequest) -> FitResult:
+    """The fit with errors that hold where the residual is not noise.
+
+    They come from the scatter of fits without a block, and are no smaller than beside the components of the residual,
+    which may have moved a value.
+    """
+    fitted = model.fits[k]
+    estimates = world.errors(model).estimates(k, fitted) if world.testable else {}
     residual = clip_residual(clip, fitted)
     beside = None if residual is None else marginal(residual)
-    if beside is None:
-        return fitted
-    shift, covariance = beside
-    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0) + shift**2)
-    wider = {
-        name: replace(fitted.estimates[name], stderr=float(error), ci95=None)
-        for name, error in zip(fitted.free, errors, strict=True)
-        if error > fitted.estimates[name].stderr
-    }
-    return replace(fitted, estimates={**fitted.estimates, **wider})
+    if beside is not None:
+        errors = np.sqrt(np.maximum(np.diag(beside[1]), 0.0) + beside[0] ** 2)
+        for name, error in zip(fitted.free, errors, strict=True):
+            known = estimates.get(name, fitted.estimates[name])
+            if error > known.stderr:
+                estimates[name] = replace(known, stderr=float(error), ci95=None)
+    return replace(fitted, estimates={**fitted.estimates, **estimates})
 
 
 def _diagnosis(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.prediction_error import Indices, block_errors, without_samples
 from iris_sysid.diagnosis.refit import ModelWithEffects, fit_from, free_values
-from iris_sysid.types import Array, FitResult
+from iris_sysid.types import Array, Estimate, FitResult, student_ppf
 
 BLOCKS = 8  # of a clip that are left out in turn
 FEW_BLOCKS = 4  # the same where there are several clips
@@ -30,12 +30,14 @@ SEED = 0
 class BlockErrors:
     """Mean squared errors over blocks (b,), in units of the noise, and (b,) their samples; ``rms`` in observed units.
 
-    Infinite where a fit without a block failed.
+    Infinite where a fit without a block failed. ``values`` holds, one a clip and by name, what each fit without a block
+    gave for a free value.
     """
 
     squares: Array
     counts: Array
     rms: float
+    values: tuple[Mapping[str, Array], ...] = ()
 
     @property
     def mean(self) -> float:
@@ -50,6 +52,33 @@ class BlockErrors:
         """By how much this mean error is smaller than another one, and the block standard error of that."""
         draws = _draws(other, self)
         return other.mean - self.mean, float(np.std(draws))
+
+    def is_steady(self, name: str) -> bool:
+        """Whether a value has the same sign without each of the blocks, in the mean over clips."""
+        each = np.mean([clip[name] for clip in self.values if name in clip], axis=0)
+        return bool(np.all(each > 0) or np.all(each < 0))
+
+    def estimates(self, clip: int, fitted: FitResult) -> dict[str, Estimate]:
+        """The free values of a clip's fit with errors from their scatter without a block (delete-a-block jackknife).
+
+        It holds where the residual is not noise as well. The interval is Student's t.
+
+        Parameters
+        ----------
+        clip
+            Its number.
+        fitted
+            Its fit to all samples.
+        """
+        found = {}
+        for name in fitted.free:
+            each = self.values[clip].get(name, np.zeros(0))
+            if each.size < 2 or not np.all(np.isfinite(each)):
+                continue
+            stderr = float(np.sqrt((each.size - 1) / each.size * np.sum((each - each.mean()) ** 2)))
+            value, half = fitted.estimates[name].value, stderr * student_ppf(0.975, each.size - 1)
+            found[name] = replace(fitted.estimates[name], stderr=stderr, ci95=(value - half, value + half))
+        return found
 
 
 def _draws(worse: BlockErrors, better: BlockErrors) -> Array:
@@ -77,11 +106,11 @@ def wins(errors: Mapping[str, BlockErrors]) -> dict[str, float]:
 
 
 def blocks_of(fitted: FitResult, count: int) -> list[Indices]:
-    """Indices (m,) of the samples of each block that is left out; empty where too few would be left."""
+    """Indices (m,) of the samples of each block that is left out; empty where too few would be left, or in a block."""
     used = np.flatnonzero(fitted.used)
     parts = np.array_split(used, count + 1)[1:]
-    largest = max((part.size for part in parts), default=0)
-    enough = largest > 0 and used.size - largest >= SAMPLES_A_VALUE * len(fitted.free)
+    sizes = [part.size for part in parts]
+    enough = min(sizes, default=0) > 0 and used.size - max(sizes) >= SAMPLES_A_VALUE * len(fitted.free)
     return [np.asarray(part, dtype=np.intp) for part in parts] if enough else []
 
 
@@ -100,23 +129,30 @@ def held_out_errors(
         Those of each clip, from :func:`blocks_of`.
     """
     squares, counts, sums = [], [], []
+    values: list[dict[str, list[float]]] = [{} for _ in clips]
     for left_out in zip(*blocks, strict=True):
         fits = tuple(
-            fit_from(_rough(without_samples(clip, later)), fitted.model, free_values(fitted))
+            _fitted_without(clip, fitted, later)
             for clip, fitted, later in zip(clips, model.fits, left_out, strict=True)
         )
+        for kept, fitted in zip(values, fits, strict=True):
+            for name in fitted.free:
+                kept.setdefault(name, []).append(fitted.estimates[name].value if fitted.usable else float("nan"))
         for weighed, plain in block_errors(clips, replace(model, fits=fits), left_out):
             squares.append(weighed)
             sums.append(plain)
         counts += [later.size for later in left_out]
     every = np.array(counts, dtype=np.float64)
     rms = float(np.sqrt(np.average(np.array(sums), weights=every))) if every.size else float("nan")
-    return BlockErrors(np.array(squares), every, rms)
+    each = tuple({name: np.array(kept) for name, kept in clip.items()} for clip in values)
+    return BlockErrors(np.array(squares), every, rms, each)
 
 
-def _rough(clip: FitRequest) -> FitRequest:
-    """A fit that starts at the minimum of nearly the same samples needs no more."""
-    return clip.with_(options=replace(clip.options, rough=True))
+def _fitted_without(clip: FitRequest, fitted: FitResult, later: Indices) -> FitResult:
+    """The fit without some samples, from the minimum of nearly the same ones; roughly, where that is enough."""
+    known, start = without_samples(clip, later), free_values(fitted)
+    found = fit_from(known.with_(options=replace(clip.options, rough=True)), fitted.model, start)
+    return found if found.usable else fit_from(known, fitted.model, start)
 
 
 def every_block(fits: Sequence[FitResult]) -> list[list[NDArray[np.intp]]]:

@@ -15,10 +15,10 @@ import numpy as np
 
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import BlockErrors, every_block, held_out_errors, wins
-from iris_sysid.diagnosis.refit import ModelWithEffects, Starts, pooled
+from iris_sysid.diagnosis.refit import ModelWithEffects, Starts
 from iris_sysid.diagnosis.residual_components import ranked_effects
 from iris_sysid.diagnosis.screening import Candidate
-from iris_sysid.types import Component, Components, Effect, Finding, normal_isf
+from iris_sysid.types import Component, Components, Effect, Finding
 
 MAX_EFFECTS = 3  # that are kept
 AT_ONCE = 2  # effects that are tried together
@@ -30,7 +30,6 @@ RIVALS = 3  # of an effect that are refitted
 SMALLEST_SHARE = 0.03  # of the residual's variance that an effect must remove
 EVIDENT_SHARE = 0.2  # of what all effects remove, that one must remove which can imitate anything
 LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is told
-Z_975 = normal_isf(0.025)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -135,11 +134,16 @@ class OpenWorld:
         explained = max(self._cache.base.squares - model.squares, 1e-300)
         return (rest.squares - model.squares) / explained if rest.usable else 1.0
 
+    @property
+    def _kinds(self) -> set[str]:
+        """The components of the residual, and those that can take their place."""
+        parts = () if self._components is None else self._components.parts
+        return {kind for part in parts for kind in (part.kind, *part.similar)}
+
     def _is_evident(self, model: ModelWithEffects, effect: Effect) -> bool:
         """Whether an effect is a good part of the residual, and of the kind that the components say."""
-        parts = () if self._components is None else self._components.parts
-        kinds = {kind for part in parts for kind in (part.kind, *part.similar)}
-        return self.share_of(model, effect) >= EVIDENT_SHARE and (effect.component in kinds or not parts)
+        agrees = effect.component in self._kinds or not self._kinds
+        return agrees and self.share_of(model, effect) >= EVIDENT_SHARE
 
     # the search ------------------------------------------------------------------------------------------------------
 
@@ -167,7 +171,9 @@ class OpenWorld:
         ranked = ranked_effects(self._cache.clips, current.fits, effects, odds, AT_ONCE)
         singles = [each for each in ranked if len(each.sizes) == 1]
         few = [each for each in ranked if each.sizes][:TRIED]
-        chosen = [*few, *(each for each in singles[:AT_ONCE] if each not in few)]
+        located = [each for each in singles if self._library[next(iter(each.sizes))].component in self._kinds]
+        chosen = [*few, *(each for each in [*singles[:AT_ONCE], *located[:TRIED]] if each not in few)]
+        chosen = list({each.names: each for each in chosen}.values())
         models = [self._added(current, dict(each.sizes)) for each in chosen]
         return [model for model in models if self._allowed(model)]
 
@@ -180,11 +186,8 @@ class OpenWorld:
         return self._cache.with_added(current, Candidate(tuple(sizes), starts, 0.0, 1.0))
 
     def _allowed(self, model: ModelWithEffects) -> bool:
-        """Whether a refit succeeded, with sizes that are possible, each excluding zero."""
-        if not model.usable or not self._cache.library.allows_fit(model):
-            return False
-        sizes = [pooled(model.sizes_of(effect.parameters[0].name)) for effect in model.effects]
-        return all(abs(size.value) > Z_975 * size.stderr > 0 for size in sizes)
+        """Whether a refit succeeded, with sizes that are possible."""
+        return model.usable and self._cache.library.allows_fit(model)
 
     def _best(self, current: ModelWithEffects, models: Sequence[ModelWithEffects]) -> ModelWithEffects | None:
         """The simplest model within one block standard error of the best of those that predict surely better."""
@@ -196,6 +199,7 @@ class OpenWorld:
             and model.key != current.key
             and self.errors(model).share_below(before) >= SURE
             and self._share(current, model) >= SMALLEST_SHARE
+            and all(self.errors(model).is_steady(effect.parameters[0].name) for effect in model.effects)
         ]
         if not better:
             return None

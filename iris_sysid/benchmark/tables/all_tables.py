@@ -51,5 +51,8 @@ def failure_table(rows: pd.DataFrame) -> Table:
     by = ["study", "dataset", "phenomenon", "method", "status"]
     bad = rows[rows["status"] != OK]
     counts = bad.groupby(by, sort=False).agg(rows=("value", "size"), values=("value", "count")).reset_index()
-    note = "A row may have a value and still a reservation (misfit, at-bound, singular); failed rows have none."
+    note = (
+        "misfit: the equation is incomplete, its values can be used with their errors. at-bound, singular: the values "
+        "are doubtful. Failed rows have no value."
+    )
     return frame_table(counts.rename(columns={"values": "with a value"}), "Failures and reservations", notes=(note,))
