@@ -2,8 +2,9 @@
 
 Needs the recordings in ``../shared/data``. Each row is one command as its user types it first. ``right``: every value
 that is known lies within its tolerance. ``question``: the command ends and names the option that it needs. ``answer``:
-there is a result, and no truth to compare. ``doubt``: there are numbers, and the verdict says why not to trust them.
-``WRONG``: numbers that are not true, with the verdict good. ``stopped``: it ends and names no option.
+there is a result, and no truth to compare. ``doubt``: numbers that are not true, and the verdict says why not to trust
+them, or that their equation is incomplete. ``WRONG``: numbers that are not true, and the verdict finds nothing amiss.
+``stopped``: it ends and names no option.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from typing import Any
 
 import pandas as pd
 
+from iris_sysid.types import SPOKEN
 from validation import pages
 
 WORLD = Path("..") / "shared" / "data" / "world"
@@ -195,9 +197,10 @@ def play(step: Step) -> Said:
 
 
 def first_line(done: subprocess.CompletedProcess[str]) -> str:
-    """The verdict, which comes first on stdout; else what was said on stderr."""
+    """The verdict where there is one (a diagnosis has sentences before it); else what was said first."""
     lines = [*done.stdout.strip().splitlines(), *done.stderr.strip().splitlines()]
-    return lines[0] if lines else ""
+    verdicts = (line for line in lines if line.startswith(tuple(SPOKEN.values())))
+    return next(verdicts, lines[0] if lines else "")
 
 
 def judgement(step: Step, said: Said) -> str:
@@ -209,8 +212,14 @@ def judgement(step: Step, said: Said) -> str:
         return "answer"
     if step.truth and said.document is not None and all(_true(step, said.document, name) for name in step.truth):
         return "right"
-    good = said.document is None or (said.document.get("verdict") or {}).get("word") == "good"
-    return "WRONG" if good else "doubt"
+    return "doubt" if said.document is not None and _doubted(said.document) else "WRONG"
+
+
+def _doubted(document: Mapping[str, Any]) -> bool:
+    """Whether the verdict doubts the numbers, or says that the equation is incomplete."""
+    verdict = document.get("verdict") or {}
+    equation = verdict.get("equation") or {"complete": True}
+    return verdict.get("word") != "good" or not equation["complete"]
 
 
 def _true(step: Step, document: Mapping[str, Any], name: str) -> bool:

@@ -214,7 +214,7 @@ def residual_above_noise(task: Task, rms: Array, noise: Array) -> FitProblem:
         "the residual is far above the noise",
         ratios,
         "The equation lacks an effect, or part of the motion does not belong to it: look at the residual, or diagnose "
-        "it; the estimates are only as good as the equation",
+        "it",
     )
 
 

@@ -89,8 +89,7 @@ class OpenWorld:
         """
         if not self.testable:
             return Judgement(self._cache.base, self.uncovered([]), {})
-        current = self._with_nuisances(self._with_formulas(proposed), proposed)
-        current = self._pruned(current)
+        current = self._with_nuisances(self._pruned(self._with_formulas(proposed)), proposed)
         rivals = {effect.name: self._rivals(current, effect) for effect in current.effects}
         findings = [self._finding(current, effect, tuple(rivals[effect.name])) for effect in current.effects]
         return Judgement(current, (*findings, *self.uncovered(current.effects)), rivals)
