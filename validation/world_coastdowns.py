@@ -17,6 +17,7 @@ from validation.world_tables import DRAG, LOCAL_GRAVITY, QUADRATIC, WORLD2, ZERO
 SPEED = Quantity("v", "m/s")
 KM_H, FOOT_M = 1 / 3.6, 0.3048
 UNEVEN_ROLLING = DRAG | ZERO | {"velocity-weakening-friction", "friction-change", "parameter-drift"}
+FROM_ZERO = {"s_0": 0.0}  # the speed does not tell where a body is
 APOGEE_S, BEFORE_S = 17.40, 0.5  # README: the highest row of the rocket; what is left out after the burn and before it
 
 
@@ -101,6 +102,7 @@ def car(number: int) -> Recording:
         "unknown",
         DRAG,
         UNEVEN_ROLLING,
+        fixed=FROM_ZERO,
     )
 
 
@@ -115,6 +117,7 @@ def drum(body: str, contact: str, pressure: int, column: int) -> Recording:
         "gauge",
         DRAG,
         UNEVEN_ROLLING,
+        fixed=FROM_ZERO,
     )
 
 
