@@ -143,8 +143,10 @@ def diagnose(
         budget.allow(1.0)
         if not stopped and _is_complete(clips, search.reached[-1], base):
             answer = _of_complete(cache, world, search.reached)
-        if answer is None:
-            answer = _of_open(cache, world, world.judged(search.reached[-1]))
+        if answer is None or _residual_ratio(answer.final, base) > COMPLETE:
+            judgement = world.judged(search.reached[-1])
+            if answer is None or world.predicts_better(judgement.model, answer.final):
+                answer = _of_open(cache, world, judgement)
     except STOPPED as why:
         stopped = [budget.note(why)]
     budget.end()

@@ -15,6 +15,7 @@ import numpy as np
 
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import BlockErrors, every_block, held_out_errors, wins
+from iris_sysid.diagnosis.measurement_errors import is_resolved
 from iris_sysid.diagnosis.refit import ModelWithEffects, Starts
 from iris_sysid.diagnosis.residual_components import ranked_effects
 from iris_sysid.diagnosis.screening import Candidate
@@ -78,6 +79,10 @@ class OpenWorld:
             return float("nan"), float("nan")
         errors = self.errors(model)
         return errors.rms, float(np.sqrt(errors.mean))
+
+    def predicts_better(self, model: ModelWithEffects, other: ModelWithEffects) -> bool:
+        """Whether another model than the second predicts the blocks left out better than it."""
+        return self.testable and model.key != other.key and self.errors(model).mean < self.errors(other).mean
 
     def judged(self, proposed: ModelWithEffects) -> Judgement:
         """Keep the effects that predict, and say what each is.
@@ -198,6 +203,7 @@ class OpenWorld:
             and model.key != current.key
             and self.errors(model).share_below(before) >= SURE
             and self._share(current, model) >= SMALLEST_SHARE
+            and self._is_resolved(current, model)
             and all(self.errors(model).is_steady(effect.parameters[0].name) for effect in model.effects)
         ]
         if not better:
@@ -209,6 +215,11 @@ class OpenWorld:
     def _is_near(self, model: ModelWithEffects, best: ModelWithEffects) -> bool:
         gain, stderr = self.errors(best).gain_over(self.errors(model))
         return model is best or gain < stderr
+
+    def _is_resolved(self, before: ModelWithEffects, after: ModelWithEffects) -> bool:
+        """Whether a step changes the prediction of a clip by more than its stated errors."""
+        fits = zip(before.fits, after.fits, self._cache.clips, strict=True)
+        return any(is_resolved(one, other, clip.trajectory) for one, other, clip in fits)
 
     def _share(self, before: ModelWithEffects, after: ModelWithEffects) -> float:
         """The fraction of the residual's sum of squares without effects that a step removes."""
