@@ -152,7 +152,7 @@ def test_document_and_page_say_the_same(dragged, tmp_path):
     assert "With quadratic drag the held-out error falls from" in page
     size = diagnosis.sizes["quadratic_drag"]
     assert with_error(size) in page.partition(">Missing effects<")[2].partition("</table>")[0]
-    pictures = {"residual.png", "state.png", "missing_force.png"}
+    pictures = {"components.png", "residual.png", "state.png"}
     assert {path.name for path in tmp_path.iterdir()} == {"diagnosis.json", "report.html", *pictures}
 
 
