@@ -26,7 +26,7 @@ from validation import pages
 from validation import reference_starts as starts
 from validation.reference_least_squares import Experiment, Problem
 from validation.reference_motions import MOTIONS, Clip, Motion
-from validation.reference_terms import TERMS, Array, physical, waves
+from validation.reference_terms import TERMS, Array, Term, physical, waves
 from validation.world_recordings import RECORDINGS, Recording, sealed
 
 BLOCKS, FEW_BLOCKS = 8, 4  # blocks of a clip held out in turn, and the same where there are several clips
@@ -35,6 +35,7 @@ PAIRS, TRIPLES, GROWN = 12, 6, 2  # sets that are held out, and pairs from which
 FULL_ROUNDS, BLOCK_ROUNDS = 15, 5
 HOPELESS = 1e12  # the squared error of a fit that failed
 PRICE = 0.15  # by how much each term more must lower the logarithm of the squared error
+PIVOT = ("across", "along")
 LITTLE = 0.05  # of the squared error: a difference that nobody would decide by
 Squares = list[tuple[float, int]]
 LOSSES = ("linear-drag", "quadratic-drag", "cubic-drag", "dry-friction", "weakening-friction")
@@ -57,6 +58,13 @@ class Candidate:
     def price(self) -> int:
         """For how many terms it counts."""
         return sum(TERMS[name].price for name in self.terms)
+
+    @property
+    def meant(self) -> list[Term]:
+        """What the terms stand for: a wander of which most is its constant is a zero that is off as well."""
+        sizes = [self.values.get(name, 0.0) for name in TERMS["zero-wander"].names]
+        slow = np.sqrt(sizes[1] ** 2 / 12 + np.sum(np.square(sizes[2:])) / 2)
+        return [TERMS[name] for name in (*self.terms, *(["zero-offset"] if abs(sizes[0]) > slow else []))]
 
     @property
     def scores(self) -> Array:
@@ -118,12 +126,17 @@ def as_good(errors: Array, best: Array) -> bool:
 
 def supported(row: Row) -> set[str]:
     """The library's names of the effects in the minimal sets."""
-    return set().union(*(TERMS[name].effects for each in row.minimal for name in each.terms))
+    return set().union(*(term.effects for each in row.minimal for term in each.meant))
+
+
+def allowed(row: Row) -> set[str]:
+    """The same, and those of the set that predicts best, whose terms need not all be needed."""
+    return supported(row).union(*(term.effects for term in row.best.meant))
 
 
 def components(row: Row) -> set[str]:
     """The kinds of component in which the minimal sets lie; empty where nothing predicts as well as the best."""
-    return set().union(*(TERMS[name].kinds for each in row.minimal for name in each.terms))
+    return set().union(*(term.kinds for each in row.minimal for term in each.meant))
 
 
 # Fits ---------------------------------------------------------------------------------------------------------------
@@ -144,19 +157,20 @@ def sampled(clip: Trajectory) -> Clip:
     return starts.thinned(clip.t_s[used], clip.position[used], inputs[used])
 
 
-def base_of(recording: Recording) -> Motion:
-    """The base model, with what is free in the recording's own: the angle at rest of a filmed pendulum."""
+def base_of(recording: Recording, clip: Trajectory) -> Motion:
+    """The base model, with what is free in the recording's: of a filmed pendulum the angle at rest and the pivot."""
     base = MOTIONS[recording.model.name]
     if "vertical" not in recording.free:
         return base
     terms = tuple(name for name in base.terms if name != "zero-offset")
-    return replace(base, start={**base.start, "vertical": (0.0,)}, terms=terms)
+    pivot = {name: clip.geometry[f"pivot_{name}"].stderr for name in PIVOT if f"pivot_{name}" in clip.geometry}
+    return replace(base, start={**base.start, "vertical": (0.0,)}, terms=terms, measured=pivot)
 
 
 def experiment_of(recording: Recording) -> tuple[Experiment, list[Problem]]:
     """The base model fitted to the clips of a recording, and what else was fitted on the way."""
-    clips = [sampled(clip) for clip in recording.clips()]
-    base = base_of(recording)
+    recorded = recording.clips()
+    clips, base = [sampled(clip) for clip in recorded], base_of(recording, recorded[0])
     experiment, fits = starts.base_fit(base, starts.pieces(clips[0]) if base.driven else clips)
     return replace(experiment, scales=starts.looked_for(experiment, fits[0])), fits
 
@@ -167,14 +181,15 @@ def begins(terms: Sequence[str], known: Sequence[Problem], fits: Sequence[Proble
     return [min(parts, key=lambda problem: problem.cost), *fits[1:]]
 
 
-def with_terms(base: Problem, terms: Sequence[str], begin: Problem, sigma: float) -> Problem:
-    """A set of terms, from the values of another fit."""
+def with_terms(base: Problem, terms: Sequence[str], begin: Problem, sigma: float, imitated: bool = False) -> Problem:
+    """A set of terms, from the values of another fit; ``imitated``: a start imitates a constant and a line in time."""
     labels = [label for name in terms for label in TERMS[name].names]
     values = {name: begin.values.get(name, 0.0) for name in (*base.values, *labels)}
     if "periodic-force/0" in labels and not values["periodic-force/0"]:
         values["periodic-force/0"] = 1e-3  # of a force of zero the frequency has no slope
     prior = dict.fromkeys(set(labels) & set(TERMS["zero-wander"].names[2:]), sigma)
-    return Problem(tuple(terms), (*base.free, *labels), values, base.weights, {**base.prior, **prior})
+    free = [label for label in labels if not (imitated and label in TERMS["zero-wander"].names[:2])]
+    return Problem(tuple(terms), (*base.free, *free), values, base.weights, {**base.prior, **prior})
 
 
 def is_physical(problem: Problem) -> bool:
@@ -192,10 +207,13 @@ def searched(experiment: Experiment, fits: Sequence[Problem]) -> list[Problem]:
     base = fits[0]
     alike = base.weights.size / (2 * waves(experiment.scales))
     sigma = 1 / (experiment.scales.reading * np.sqrt(alike))
+    imitated = experiment.base.order == 2 and experiment.base.reads == "x" and not experiment.base.swings
 
     def fitted(sets, known):
         problems = [
-            with_terms(base, terms, each, sigma) for terms in sets for each in begins(terms, [base, *known], fits)
+            with_terms(base, terms, each, sigma, imitated)
+            for terms in sets
+            for each in begins(terms, [base, *known], fits)
         ]
         experiment.fit(problems, FULL_ROUNDS)
         problems = list({each.terms: each for each in sorted(problems, key=lambda each: -each.cost)}.values())
@@ -203,7 +221,7 @@ def searched(experiment: Experiment, fits: Sequence[Problem]) -> list[Problem]:
 
     names = experiment.base.terms
     singles = fitted([(name,) for name in names], [])
-    pairs = fitted(promising(experiment, with_terms(base, names, base, sigma), singles), singles)
+    pairs = fitted(promising(experiment, with_terms(base, names, base, sigma, imitated), singles), singles)
     grown = {tuple(sorted({*pair.terms, name})) for pair in pairs[:GROWN] for name in names if name not in pair.terms}
     triples = fitted(sorted(grown), [*singles, *pairs])
     return [base, *singles, *pairs[:PAIRS], *triples[:TRIPLES]]
@@ -223,7 +241,7 @@ def promising(experiment: Experiment, full: Problem, singles: Sequence[Problem])
     left = residual - shared @ (shared.T @ residual)
     terms = {}
     for name in full.terms:
-        own = np.hstack([column[label] for label in TERMS[name].names])
+        own = np.hstack([column[label] for label in TERMS[name].names if label in column])
         terms[name] = own - shared @ (shared.T @ own)
 
     def remaining(pair):
@@ -347,7 +365,12 @@ def kept(recording: Recording, folder: Path) -> Row:
 
 def exported(row: Row) -> dict[str, list[str]]:
     """What a row says, for other programs; not read again here, as it follows from the candidates."""
-    said = {"chosen": row.chosen.terms, "supported": supported(row), "components": components(row)}
+    said = {
+        "chosen": row.chosen.terms,
+        "supported": supported(row),
+        "allowed": allowed(row),
+        "components": components(row),
+    }
     return {name: sorted(each) for name, each in said.items()}
 
 

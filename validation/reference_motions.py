@@ -7,7 +7,7 @@ Runge-Kutta method with fixed steps.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,7 +32,8 @@ class Motion:
 
     ``own(x, v, u, p)`` is the force (d, b), an acceleration, but where ``order`` is one the rate of x. ``damped``: a
     force ``-damping v`` belongs to the model. What is read is the speed (``reads`` "v"), or the position. The terms
-    ``first`` are there while starting values are looked for, where the base model alone is too far off.
+    ``first`` are there while starting values are looked for, where the base model alone is too far off. ``measured``
+    has the standard errors of the geometry of a picture, ``across`` and ``along``: where the pivot was taken to be.
     """
 
     own: Callable[[Array, Array, Array, Mapping[str, Array]], Array]
@@ -44,6 +45,7 @@ class Motion:
     reads: str = "x"
     swings: bool = False
     first: tuple[str, ...] = ()
+    measured: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def driven(self) -> bool:
@@ -181,6 +183,8 @@ def shown(base: Motion, clip: Clip, states: Array, readings: Sequence[str], scal
     plain = states[:, first : first + clip.values.shape[1]]
     rate = np.gradient(plain, clip.t, axis=0)
     functions, total = {}, plain + p.get("vertical", 0.0)
+    if "across" in p:
+        total = total - p["across"] * np.cos(plain) - p["along"] * np.sin(plain)
     for name in readings:
         each = TERMS[name]
         values = each.reading(plain, rate, clip.t[:, None, None], scales)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -121,7 +121,18 @@ def base_fit(base: Motion, clips: Sequence[Clip]) -> tuple[Experiment, list[Prob
     begin = {name: value for name, value in candidates[0].items() if name not in labels}
     plain = Problem((), free, begin, within(clips, np.inf))
     experiment.fit([plain], 40)
+    if base.measured:
+        plain = with_geometry(plain, base.measured)
+        experiment.fit([plain], 40)
     return experiment, [plain, *problems[: 1 if labels else 0]]
+
+
+def with_geometry(plain: Problem, measured: Mapping[str, float]) -> Problem:
+    """The problem with what was measured of the picture free as well, within its standard errors."""
+    used = plain.weights > 0
+    rms = float(np.sqrt(np.mean(plain.residual[used] ** 2)))
+    prior = {name: stderr / rms for name, stderr in measured.items()}
+    return Problem((), (*plain.free, *measured), {**plain.values, **dict.fromkeys(measured, 0.0)}, plain.weights, prior)
 
 
 def windows(base: Motion, experiment: Experiment) -> list[float]:

@@ -130,23 +130,26 @@ def weakening(now: Now, c):
 
 SPEED, PLACE, READING = "force-of-velocity", "force-of-position", "reading-of-position"
 WANDER, LATE, DRIFT, TIME = "zero-wander", "reading-of-velocity", "own-force-drift", "force-of-time"
-SLOW = "zero-drift camera-drift"
+SLOW = "zero-wander zero-drift camera-drift"
 ZERO = "zero-offset constant-force"
+UNEVEN = "friction-change"
+STRETCHED = f"{ZERO} gain-change buoyancy time-scale"
+SLOWER = "linear-drag drag-crisis"  # drag that grows with less than the square of the speed
 FRICTION = "coulomb-friction velocity-weakening-friction"
-LENS, TILT = "radial-distortion gain-change", "camera-tilt anisotropic-scale"
+LENS, TILT = "radial-distortion gain-change odd-reading", "camera-tilt anisotropic-scale even-reading"
 LOSS, SMALL, ANY = (0.0, np.inf), (-0.3, 0.3), (-np.inf, np.inf)
 
 FORCES = (
-    ("linear-drag", SPEED, "linear-drag", LOSS, lambda n, c: -c[0] * n.s.force * n.v / n.s.v),
+    ("linear-drag", SPEED, SLOWER, LOSS, lambda n, c: -c[0] * n.s.force * n.v / n.s.v),
     ("quadratic-drag", SPEED, "quadratic-drag", LOSS, lambda n, c: -c[0] * n.s.force * length(n.v) * n.v / n.s.v**2),
     ("cubic-drag", SPEED, "quadratic-drag", LOSS, lambda n, c: -c[0] * n.s.force * (n.v / n.s.v) ** 3),
     ("dry-friction", SPEED, FRICTION, LOSS, dry),
     ("weakening-friction", SPEED, FRICTION, LOSS, weakening),
     ("constant-force", f"{PLACE} {WANDER} {TIME}", ZERO, ANY, lambda n, c: c[0] * n.s.force),
-    ("scale", f"{PLACE} {READING} {TIME}", f"{ZERO} gain-change", (-0.1, 0.1), lambda n, c: c[0] * n.own),
-    ("square-force", PLACE, "", ANY, lambda n, c: c[0] * n.s.force * (n.x / n.s.x) ** 2),
-    ("cubic-force", PLACE, "cubic-stiffness", ANY, lambda n, c: c[0] * n.s.force * (n.x / n.s.x) ** 3),
-    ("place-gain", PLACE, "", ANY, lambda n, c: c[0] * n.own * n.x / n.s.x),
+    ("scale", f"{PLACE} {READING} {TIME}", STRETCHED, (-0.1, 0.1), lambda n, c: c[0] * n.own),
+    ("square-force", PLACE, "slack-tether", ANY, lambda n, c: c[0] * n.s.force * (n.x / n.s.x) ** 2),
+    ("cubic-force", PLACE, "cubic-stiffness clearance", ANY, lambda n, c: c[0] * n.s.force * (n.x / n.s.x) ** 3),
+    ("place-gain", PLACE, UNEVEN, ANY, lambda n, c: c[0] * n.own * n.x / n.s.x),
     ("leak", PLACE, "leak constant-force", LOSS, lambda n, c: -c[0] * n.s.force),
     ("overflow", PLACE, "overflow", LOSS, spill),
     ("force-drift", DRIFT, "parameter-drift", SMALL, lambda n, c: c[0] * n.own * n.s.along(n.t)),
@@ -161,8 +164,8 @@ READINGS = (
     ("zero-line", WANDER, SLOW, ANY, lambda r, rate, t, s: s.reading * s.along(t) + 0 * r),
     ("even-reading", READING, TILT, SMALL, lambda r, rate, t, s: r**2 / s.reading),
     ("odd-reading", READING, LENS, SMALL, lambda r, rate, t, s: r**3 / s.reading**2),
-    ("pivot-aside", READING, f"{TILT} zero-offset", SMALL, lambda r, rate, t, s: np.cos(r) - 1),
-    ("pivot-along", READING, LENS, SMALL, lambda r, rate, t, s: np.sin(r)),
+    ("pivot-aside", READING, f"{TILT} zero-offset wrong-pivot", SMALL, lambda r, rate, t, s: np.cos(r) - 1),
+    ("pivot-along", READING, f"{LENS} wrong-pivot", SMALL, lambda r, rate, t, s: np.sin(r)),
     ("tilt", READING, TILT, SMALL, lambda r, rate, t, s: off(r) * off(r)[:, -1:] / s.reading),
     ("lens", READING, LENS, SMALL, lambda r, rate, t, s: off(r) * far(r) / s.reading**2),
     ("shutter", LATE, "rolling-shutter", SMALL, lambda r, rate, t, s: r * rate / s.rate),

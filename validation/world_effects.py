@@ -80,7 +80,8 @@ def word_of(recording: Recording, answer: Answer, reference: Row | None = None) 
     if answer.failed:
         return "no answer" if answer.failed.startswith("no answer") else "failed"
     found = set() if reference is None else supported(reference)
-    allowed, wanted = recording.right | recording.plausible | found, recording.right | found
+    beside = set() if reference is None else reference_fits.allowed(reference)
+    allowed, wanted = recording.right | recording.plausible | beside, recording.right | found
     if is_wrong(recording, answer, allowed):
         return "wrong"
     agrees = agreement(recording, answer, reference)
@@ -92,8 +93,8 @@ def word_of(recording: Recording, answer: Answer, reference: Row | None = None) 
         return "as known"
     if agrees:
         return "located"
-    something = recording.right or recording.outside or (reference is not None and reference.chosen.terms)
-    return "incomplete" if something or answer.incomplete else "as known"
+    lacks = answer.incomplete if reference is None else reference.chosen.terms
+    return "incomplete" if recording.right or recording.outside or lacks else "as known"
 
 
 def named(added: set[str], allowed: set[str], wanted: set[str], ratio: float | None) -> str:

@@ -59,7 +59,7 @@ def ball(name: str, sheet: str, known: str, right: frozenset[str]) -> Recording:
         partial(drops, sheet),
         "unknown",
         right,
-        DRAG,
+        DRAG | {"drag-crisis"},
         fixed=LOCAL_GRAVITY,
     )
 

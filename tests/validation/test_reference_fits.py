@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from iris_sysid import EFFECTS, MODELS, Quantity, Segment
+from iris_sysid import EFFECTS, MODELS, Estimate, Quantity, Segment
 from iris_sysid.types import SIDES
 from validation import reference_fits
 from validation.reference_fits import (
@@ -86,8 +86,15 @@ def test_the_simplest_set_within_the_standard_error_is_chosen():
         a_candidate([9.0] * 8), a_candidate(even, "linear-drag"), a_candidate(uneven, "linear-drag", "cubic-force")
     )
     assert row.chosen.terms == ("linear-drag",)
-    assert supported(row) == {"linear-drag"}
+    assert supported(row) == {"linear-drag", "drag-crisis"}
     assert components(row) == {"force-of-velocity"}
+
+
+def test_a_wander_of_a_constant_is_a_wrong_zero_as_well():
+    row = a_row(a_candidate([9.0] * 8), a_candidate([1.0] * 8, "zero-wander"))
+    assert "zero-offset" not in supported(row)
+    off = replace(row.best, values={"zero-wander/0": 0.05, "zero-wander/1": 0.02})
+    assert "zero-offset" in supported(a_row(row.nothing, off))
 
 
 def test_where_nothing_predicts_better_no_component_is_supported():
@@ -116,12 +123,15 @@ def test_samples_are_those_of_the_longest_motion():
 
 def test_a_free_vertical_belongs_to_the_base_model():
     filmed = Recording("x", "here", "that", MODELS["pendulum"], list, "camera", free=("vertical",))
-    base = base_of(filmed)
+    recorded = series(np.arange(3.0), np.zeros(3), Quantity("theta", "rad"))
+    measured = {f"pivot_{name}": Estimate(0.0, 0.01, "1", "measured") for name in ("across", "along")}
+    base = base_of(filmed, recorded.with_(geometry=measured))
+    assert base.measured == {"across": 0.01, "along": 0.01}
     assert "vertical" in base.start
     assert "zero-offset" not in base.terms
     clip, scales = Clip(np.arange(3.0), np.zeros((3, 1)), np.zeros(3)), sizes(base, [Clip(*three())])
-    seen = shown(base, clip, np.zeros((3, 2, 1)), [], scales, {"vertical": np.array([0.1])})[0]
-    np.testing.assert_allclose(seen, 0.1)
+    values = {"vertical": np.array([0.1]), "across": np.array([0.02]), "along": np.array([0.0])}
+    np.testing.assert_allclose(shown(base, clip, np.zeros((3, 2, 1)), [], scales, values)[0], 0.08)
 
 
 def three():

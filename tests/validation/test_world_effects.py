@@ -79,6 +79,7 @@ AGAINST_THE_REFERENCE = [
     (UNKNOWN, an_answer(parts=BOTH), a_reference("cubic-force"), "located"),
     (UNKNOWN, an_answer(), a_reference("cubic-force"), "incomplete"),
     (UNKNOWN, an_answer(), a_reference(), "as known"),
+    (UNKNOWN, an_answer(incomplete=True), a_reference(), "as known"),
 ]
 
 
