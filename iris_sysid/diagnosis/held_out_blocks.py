@@ -128,6 +128,7 @@ def held_out_errors(
     blocks
         Those of each clip, from :func:`blocks_of`.
     """
+    clips = [_in_blocks(clip, own) for clip, own in zip(clips, blocks, strict=True)]
     squares, counts, sums = [], [], []
     values: list[dict[str, list[float]]] = [{} for _ in clips]
     for left_out in zip(*blocks, strict=True):
@@ -146,6 +147,12 @@ def held_out_errors(
     rms = float(np.sqrt(np.average(np.array(sums), weights=every))) if every.size else float("nan")
     each = tuple({name: np.array(kept) for name, kept in clip.items()} for clip in values)
     return BlockErrors(np.array(squares), every, rms, each)
+
+
+def _in_blocks(clip: FitRequest, blocks: Sequence[Indices]) -> FitRequest:
+    """The clip without the samples between its blocks, e.g. outliers: every fit would see them."""
+    between = np.setdiff1d(np.arange(blocks[0][0], clip.trajectory.t_s.size), np.concatenate(blocks))
+    return without_samples(clip, between)
 
 
 def _fitted_without(clip: FitRequest, fitted: FitResult, later: Indices) -> FitResult:

@@ -1,0 +1,78 @@
+"""Names where no effect of the library explains the data to the noise: motions with an effect that it does not have."""
+
+import numpy as np
+import pytest
+
+from iris_sysid.diagnosis.diagnose import COMPLETE, diagnose
+from iris_sysid.registry import EFFECTS
+from iris_sysid.types import Array
+from tests.diagnosis.test_hold_out import NOISE, SWING, T_S, VALUES, table
+from validation.independent.motions import integrate
+
+NAMES = ("quadratic-drag", "linear-drag", "coulomb-friction", "cubic-stiffness", "constant-force")
+SOAK_UP = ("impact", "periodic-forcing", "parameter-drift")
+LIBRARY = [EFFECTS[name] for name in (*NAMES, *SOAK_UP)]
+DRAG = 0.3
+
+
+def wandering(theta: Array) -> Array:
+    """The zero wanders at random within about a third of a second: no effect of the library does."""
+    steps = np.random.default_rng(5).standard_normal(T_S.size)
+    smooth = np.convolve(steps, np.exp(-0.5 * (np.arange(-60, 61) / 15) ** 2), "same")
+    return theta + 4e-3 * (smooth / np.std(smooth))[:, None]
+
+
+def motion(force) -> Array:
+    return integrate(SWING, VALUES, T_S, force)[:, :1]
+
+
+@pytest.fixture(scope="module")
+def found():
+    return diagnose(table(wandering(motion(lambda t, x, v, base: -DRAG * np.abs(v) * v))), "pendulum", effects=LIBRARY)
+
+
+def test_world_is_open_for_this_motion(found):
+    assert found.residual_ratio > COMPLETE
+
+
+def test_drag_beside_what_the_library_lacks_is_named_or_in_the_class(found):
+    groups = [finding.effects for finding in found.findings if finding.word in ("named", "group")]
+    assert any("quadratic-drag" in names for names in groups)
+
+
+def test_size_of_the_drag_is_within_its_error(found):
+    size = found.sizes["quadratic_drag"]
+    assert abs(size.value - DRAG) < 3.5 * size.stderr
+
+
+def test_what_can_imitate_anything_is_no_added_effect(found):
+    assert not {effect.name for effect in found.added} & set(SOAK_UP)
+    named = {name for finding in found.findings if finding.word == "named" for name in finding.effects}
+    assert not named & set(SOAK_UP)
+
+
+def test_blocks_left_out_are_predicted_better(found):
+    assert found.after.heldout < 0.6 * found.before.heldout
+
+
+def test_what_is_left_lies_where_it_was_put_and_is_no_part_of_the_equation(found):
+    assert found.remaining.parts[0].side == "reading"
+    assert found.remaining.noise_share < 0.5
+
+
+def test_unknown_force_alone_gets_no_soak_up_name():
+    def push(t, x, v, base):
+        return 0.4 * np.sin(2.0 * t + 1.5 * np.sin(0.9 * t)) * np.exp(-(((t - 3.0) / 2.0) ** 2)) * np.ones(1)
+
+    found = diagnose(table(motion(push)), "pendulum", effects=[EFFECTS[name] for name in SOAK_UP])
+    assert found.residual_ratio > COMPLETE
+    assert found.added == ()
+    assert found.findings[0].word == "located"
+    assert "force-of-time" in (found.components.parts[0].kind, *found.components.parts[0].similar)
+    assert not found.verdict.complete
+
+
+def test_clean_motion_leaves_nothing_to_be_said():
+    found = diagnose(table(motion(None)), "pendulum", effects=LIBRARY)
+    assert (found.added, found.nuisances, found.findings) == ((), (), ())
+    assert found.after.heldout == pytest.approx(NOISE, rel=0.12)
