@@ -65,7 +65,7 @@ def searched(clips: Sequence[ClipResidual]) -> Split:
     )
     by_clip = [bases_of(clip.motion, clip.predicted, clip.rates, scale) for clip in clips]
     layout = Layout.of(by_clip, clips)
-    odds = dict.fromkeys(layout.groups, LOG_ODDS)
+    odds = {kind: LOG_ODDS + float(np.log(_plausibility(kind, scale))) for kind in layout.groups}
     searches = {rho: SetSearch(layout.products(rho, tolerance(clips)), layout.groups, odds) for rho in CORRELATIONS}
     rho = max(searches, key=lambda rho: searches[rho].evidence(()))
     searches[rho].run(MAX_COMPONENTS)

@@ -24,7 +24,7 @@ from iris_sysid.diagnosis.kept_component import kept_effects
 from iris_sysid.diagnosis.library import EffectLibrary
 from iris_sysid.diagnosis.missing_force import missing_forces
 from iris_sysid.diagnosis.notes import diagnostic_notes, negative_damping_note, weak_notes
-from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, starts_of
+from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, starts_of, unexplained
 from iris_sysid.diagnosis.prediction_error import fitted_error
 from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, with_free_geometry
 from iris_sysid.diagnosis.residual_components import clip_residual, components_of
@@ -150,7 +150,7 @@ def diagnose(
     except STOPPED as why:
         stopped = [budget.note(why)]
     budget.end()
-    answer = answer or _of_open(cache, world, Judgement(base, world.uncovered([]), {}))
+    answer = answer or _of_open(cache, world, Judgement(base, (), {}))
     return _diagnosis(cache, world, answer.with_kept(cache, kept), components, stopped)
 
 
@@ -243,7 +243,7 @@ def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffe
         tuple(effect for effect in final.effects if effect.name not in said),
         {name: report.size(name) for name in final.sizes},
         {effect.name: report.probabilities(effect) for effect in added},
-        (*findings, *world.uncovered(final.effects)),
+        findings,
         report,
         weak,
     )
@@ -297,9 +297,10 @@ def _diagnosis(
     base, final, report = cache.base, answer.final, answer.report
     rounds = [tuple(combined(scores) for scores in cache.screening(model).scores) for model in answer.path]
     noise, fitted = _noise(base), fitted_error(final.fits, base.fits)
+    remaining = components_of(cache.clips, final.fits) if final.effects else components
     before, after = world.heldout(base), world.heldout(final)
     above = fitted > ABOVE_NOISE * noise
-    lacking, remaining = missing_forces(cache.clips[0], base.fits[0], final.fits[0], final.effects, above)
+    lacking, remaining_force = missing_forces(cache.clips[0], base.fits[0], final.fits[0], final.effects, above)
     effects = {effect.name: effect for effect in (*cache.library.by_name.values(), *final.effects)}
     return Diagnosis(
         bases=base.fits,
@@ -326,10 +327,10 @@ def _diagnosis(
             *weak_notes(answer.weak),
         ),
         missing_force=lacking,
-        remaining_force=remaining,
+        remaining_force=remaining_force,
         components=components,
-        remaining=components_of(cache.clips, final.fits) if final.effects else components,
-        findings=answer.findings,
+        remaining=remaining,
+        findings=(*answer.findings, *unexplained(components, remaining)),
         nuisances=answer.nuisances,
     )
 

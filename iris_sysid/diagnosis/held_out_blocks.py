@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.prediction_error import Indices, block_errors, without_samples
-from iris_sysid.diagnosis.refit import ModelWithEffects, fit_from, free_values
+from iris_sysid.diagnosis.refit import DETERMINED, ModelWithEffects, fit_from, free_values
 from iris_sysid.types import Array, Estimate, FitResult, student_ppf
 
 BLOCKS = 8  # of a clip that are left out in turn
 FEW_BLOCKS = 4  # the same where there are several clips
 SAMPLES_A_VALUE = 2  # samples per free value that a fit needs after a block is left out
+MIN_FITS = 3  # without a block, whose scatter tells an error
 DRAWS = 2000  # of blocks with replacement
 SEED = 0
 
@@ -73,7 +74,8 @@ class BlockErrors:
         found = {}
         for name in fitted.free:
             each = self.values[clip].get(name, np.zeros(0))
-            if each.size < 2 or not np.all(np.isfinite(each)):
+            each = each[np.isfinite(each)]
+            if each.size < MIN_FITS:
                 continue
             stderr = float(np.sqrt((each.size - 1) / each.size * np.sum((each - each.mean()) ** 2)))
             value, half = fitted.estimates[name].value, stderr * student_ppf(0.975, each.size - 1)
@@ -138,7 +140,9 @@ def held_out_errors(
         )
         for kept, fitted in zip(values, fits, strict=True):
             for name in fitted.free:
-                kept.setdefault(name, []).append(fitted.estimates[name].value if fitted.usable else float("nan"))
+                kept.setdefault(name, []).append(
+                    fitted.estimates[name].value if fitted.status in DETERMINED else float("nan")
+                )
         for weighed, plain in block_errors(clips, replace(model, fits=fits), left_out):
             squares.append(weighed)
             sums.append(plain)

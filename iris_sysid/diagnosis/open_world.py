@@ -93,11 +93,11 @@ class OpenWorld:
             What a search in a closed world ended with.
         """
         if not self.testable:
-            return Judgement(self._cache.base, self.uncovered([]), {})
+            return Judgement(self._cache.base, (), {})
         current = self._with_nuisances(self._pruned(self._with_formulas(proposed)), proposed)
         rivals = {effect.name: self._rivals(current, effect) for effect in current.effects}
-        findings = [self._finding(current, effect, tuple(rivals[effect.name])) for effect in current.effects]
-        return Judgement(current, (*findings, *self.uncovered(current.effects)), rivals)
+        findings = tuple(self._finding(current, effect, tuple(rivals[effect.name])) for effect in current.effects)
+        return Judgement(current, findings, rivals)
 
     def of_complete(self, model: ModelWithEffects, rivals: Mapping[str, Sequence[str]]) -> tuple[Finding, ...]:
         """The findings on a model that explains the data to the noise: a likelihood can tell effects apart there.
@@ -269,7 +269,7 @@ class OpenWorld:
             return float("nan")
         base = self.errors(self._cache.base).mean
         gain = self.errors(rest).mean - self.errors(model).mean
-        return float(gain / base) if np.isfinite(gain) and base > 0 else float("nan")
+        return min(float(gain / base), 1.0) if np.isfinite(gain) and base > 0 else float("nan")
 
     def _rivals(self, model: ModelWithEffects, effect: Effect) -> dict[str, float]:
         """An effect and those that predict the blocks as well in its place, with the share of bootstraps each wins."""
@@ -303,13 +303,19 @@ class OpenWorld:
         same = [name for name in allowed if self._library[name].component == effect.component][:RIVALS]
         return list(dict.fromkeys([*same, *best]))
 
-    def uncovered(self, effects: Sequence[Effect]) -> tuple[Finding, ...]:
-        """The components that no effect of the model belongs to."""
-        if self._components is None:
-            return ()
-        kinds = {effect.component for effect in effects}
-        left = [part for part in self._components.parts if not kinds & {part.kind, *part.similar}]
-        return tuple(_located(part) for part in left if part.share >= LOCATED_SHARE)
+
+def unexplained(base: Components | None, remaining: Components | None) -> tuple[Finding, ...]:
+    """The components that remain with all effects of a model, with their shares in the residual without them.
+
+    Parameters
+    ----------
+    base, remaining
+        The components without the effects, and with them.
+    """
+    if base is None or remaining is None or not base.residual_rms > 0:
+        return ()
+    whole = (remaining.residual_rms / base.residual_rms) ** 2
+    return tuple(_located(part, whole * part.share) for part in remaining.parts if whole * part.share >= LOCATED_SHARE)
 
 
 def starts_of(model: ModelWithEffects, effects: Sequence[Effect]) -> tuple[Starts, ...]:
@@ -329,8 +335,8 @@ def _absorbing(effect: Effect, share: float) -> Finding:
     return Finding("located", effect.component, (effect.name,), share, reason)
 
 
-def _located(part: Component) -> Finding:
+def _located(part: Component, share: float) -> Finding:
     if part.similar:
         reason = f"{', '.join(part.similar)} would explain it as well"
-        return Finding("open" if len(part.similar) > AT_ONCE else "located", part.kind, (), part.share, reason)
-    return Finding("located", part.kind, (), part.share, "no formula of the library fits it")
+        return Finding("open" if len(part.similar) > AT_ONCE else "located", part.kind, (), share, reason)
+    return Finding("located", part.kind, (), share)

@@ -79,7 +79,7 @@ def block_errors(
             errors.append((float("inf"), float("inf")))
             continue
         with np.errstate(over="ignore"):  # a prediction that diverges is infinitely wrong
-            weighed = np.mean((error / unit[later[-len(error) :]]) ** 2)
+            weighed = np.mean((error / unit[later[later.size - len(error) :]]) ** 2)
             errors.append((float(weighed), float(np.mean(error**2))))
     return errors
 
@@ -102,7 +102,7 @@ def prediction_error(
         if error is None:
             return float("nan"), float("nan")
         errors.append(error.ravel())
-        weighed.append((error / unit[later[-len(error) :]]).ravel())
+        weighed.append((error / unit[later[later.size - len(error) :]]).ravel())
     return _rms(np.concatenate(errors)), _rms(np.concatenate(weighed))
 
 

@@ -183,7 +183,9 @@ def _finding_sentence(finding: Finding, diagnosis: Diagnosis) -> str:
         return as_sentence(f"something is missing, and the data do not say where{reason}")
     if finding.word == "located":
         what = f"the {KIND_NAMES[finding.component]}" if finding.component is not None else "a part of the residual"
-        return as_sentence(f"no formula of the library fits {what}{reason}; its curve is on the page")
+        if finding.effects:
+            return as_sentence(f"{what} is located: {_alternatives(finding.effects)} fits, but is not named{reason}")
+        return as_sentence(f"no effect of the library is named for {what}{reason}; its curve is on the page")
     tested = math.isfinite(finding.share)
     if finding.word == "named":
         added = {effect.name: effect for effect in diagnosis.added}
@@ -207,7 +209,7 @@ def _nuisance_sentence(nuisances: Sequence[Effect]) -> str:
     if not nuisances:
         return ""
     names = ", ".join(spoken(effect.name) for effect in nuisances)
-    return f"In the fit without a name, because it can imitate a part of anything: {names}."
+    return f"In the fit as well, without being named: {names}."
 
 
 # --------------------------------------------------------------------------- effects and errors

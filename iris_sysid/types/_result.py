@@ -86,10 +86,11 @@ def _doubts_of_incomplete(equation: Completeness, accuracy: Mapping[str, float])
 
 
 def _relative(estimates: Mapping[str, Estimate], names: Iterable[str]) -> dict[str, float]:
-    """The standard error over the value, for each name that has both."""
+    """The standard error over the value, for each name that has both; of the first whatever it is, else below 1."""
     found = {name: estimates[name] for name in names if name in estimates}
     errors = {name: abs(one.stderr / one.value) if one.value else math.nan for name, one in found.items()}
-    return {name: error for name, error in errors.items() if math.isfinite(error) and error > 0}
+    first = next(iter(errors), "")
+    return {name: error for name, error in errors.items() if 0 < error < (math.inf if name == first else 1.0)}
 
 
 def _accuracy(model: OdeModel, free: Sequence[str], estimates: Mapping[str, Estimate]) -> dict[str, float]:
