@@ -27,7 +27,7 @@ from validation import reference_starts as starts
 from validation.reference_least_squares import Experiment, Problem
 from validation.reference_motions import MOTIONS, Clip, Motion
 from validation.reference_terms import TERMS, Array, Term, physical, waves
-from validation.world_recordings import RECORDINGS, Recording, sealed
+from validation.world_recordings import Recording, chosen, sealed
 
 BLOCKS, FEW_BLOCKS = 8, 4  # blocks of a clip held out in turn, and the same where there are several clips
 PROMISING, LEADING = 24, 3  # pairs that are fitted: the best to first order, and those with one of the best terms
@@ -137,6 +137,11 @@ def allowed(row: Row) -> set[str]:
 def components(row: Row) -> set[str]:
     """The kinds of component in which the minimal sets lie; empty where nothing predicts as well as the best."""
     return set().union(*(term.kinds for each in row.minimal for term in each.meant))
+
+
+def places(row: Row) -> set[str]:
+    """The same, and the kinds of the set that predicts best; empty where nothing predicts as well as that."""
+    return components(row) and components(row).union(*(term.kinds for term in row.best.meant))
 
 
 # Fits ---------------------------------------------------------------------------------------------------------------
@@ -370,6 +375,7 @@ def exported(row: Row) -> dict[str, list[str]]:
         "supported": supported(row),
         "allowed": allowed(row),
         "components": components(row),
+        "places": places(row),
     }
     return {name: sorted(each) for name, each in said.items()}
 
@@ -408,14 +414,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--folder", type=Path, required=True, help="where results are kept")
     parser.add_argument("--only", default="", help="only recordings whose name contains this")
+    parser.add_argument("--without", default="", help="leave out recordings whose name contains this")
     parser.add_argument("--sealed", action="store_true", help="the sealed recordings as well")
     pages.add_option(parser)
     options = parser.parse_args()
     with pages.table("reference-fits", options.write_docs):
         print("| recording | simplest set | components | held out: nothing → it | removed | as good, and minimal |")
         print("|---|---|---|---|---|---|")
-        for recording in RECORDINGS:
-            if options.only in recording.name and (options.sealed or not sealed(recording.name)):
+        for recording in chosen(options.only, options.without):
+            if options.sealed or not sealed(recording.name):
                 print(line(kept(recording, options.folder)), flush=True)
 
 

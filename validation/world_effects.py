@@ -16,9 +16,9 @@ from pathlib import Path
 
 from iris_sysid import EFFECTS
 from validation import pages, reference_fits
-from validation.reference_fits import Row, components, supported
+from validation.reference_fits import Row, places, supported
 from validation.world_answers import Answer, answer_of
-from validation.world_recordings import RECORDINGS, SEEN, Recording, sealed
+from validation.world_recordings import SEEN, Recording, chosen, sealed
 
 WORDS = ("as known", "group", "located", "incomplete", "wrong", "failed", "no answer")
 WORSE = 1.2  # held-out error over that of the reference, above which something is still missing
@@ -52,7 +52,7 @@ class Verdict:
 
 def agreement(recording: Recording, answer: Answer, reference: Row | None) -> bool | None:
     """Whether a large part, or what can take the largest one's place, is in the reference; None where one has none."""
-    found = set() if reference is None else components(reference)
+    found = set() if reference is None else places(reference)
     if not answer.parts or not found:
         return None
     largest = answer.parts[0]
@@ -170,23 +170,19 @@ def main() -> None:
     parser.add_argument("--reference", type=Path, help="where the rows of reference_fits are kept")
     pages.add_option(parser)
     options = parser.parse_args()
-    chosen = [
-        recording
-        for recording in RECORDINGS
-        if options.only in recording.name and not (options.without and options.without in recording.name)
-    ]
+    recordings = chosen(options.only, options.without)
     if options.shapes:
-        for recording in chosen:
+        for recording in recordings:
             clips = recording.clips()
             print(recording.name, [clip.position.shape for clip in clips][:8], len(clips), flush=True)
         return
     if not (options.sealed or options.write_docs):
-        chosen = [recording for recording in chosen if not sealed(recording.name)]
+        recordings = [recording for recording in recordings if not sealed(recording.name)]
     with pages.table("world-effects", options.write_docs):
         print("| recording | known beforehand | sensor; model | added | largest part | held out | verdict |")
         print("|---|---|---|---|---|---|---|")
         verdicts = []
-        for recording in chosen:
+        for recording in recordings:
             reference = reference_of(recording, options.reference)
             answer = answer_of(recording.name, options.seconds, options.folder)
             verdicts.append(judged(recording, answer, reference))

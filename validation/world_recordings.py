@@ -455,6 +455,12 @@ OTHERS = [
 RECORDINGS = sorted([*ARMS, *BALLS, *SWINGS, *FILMS, *OTHERS, *COASTS], key=lambda recording: recording.name)
 
 
+def chosen(only: str = "", without: str = "") -> list[Recording]:
+    """The recordings whose name contains a text, and not another."""
+    named = [recording for recording in RECORDINGS if only in recording.name]
+    return [recording for recording in named if not without or without not in recording.name]
+
+
 def sealed(name: str) -> bool:
     """Whether a recording may not be looked at: the first byte of the SHA-256 of its name is even."""
     return hashlib.sha256(name.encode()).digest()[0] % 2 == 0

@@ -19,6 +19,7 @@ from validation.world_recordings import (
     SEEN,
     ZERO,
     Recording,
+    chosen,
     sealed,
     series,
     sheet_rows,
@@ -128,6 +129,7 @@ def test_a_hash_of_the_name_seals_about_half_of_the_recordings():
     assert not sealed("pendulum-wooden-bob")
     assert 0.35 * len(names) < sum(map(sealed, names)) < 0.65 * len(names)
     assert set(names) >= SEEN
+    assert {each.name for each in chosen("pendulum", "wide")} < {each.name for each in chosen("pendulum")} < set(names)
 
 
 @pytest.mark.parametrize("recording", RECORDINGS, ids=lambda recording: recording.name)
