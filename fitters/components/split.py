@@ -72,7 +72,7 @@ def searched(clips: Sequence[ClipResidual]) -> Split:
     better = max(searches, key=lambda each: searches[each].evidence(searches[rho].top()))
     if better != rho:
         searches[better].run(MAX_COMPONENTS)
-    return Split(layout, searches[better], searches[0.0].products, better, by_clip[0])
+    return Split(layout, searches[better], searches[0.0].products, better, by_clip[0], scale.repeats)
 
 
 def tolerance(clips: Sequence[ClipResidual]) -> float:
@@ -131,6 +131,7 @@ class Split:
     plain: Products
     rho: float
     bases: Sequence[Basis]
+    turns: bool
 
     def courses(self) -> list[Array]:
         """What the best set adds to the motion of each clip (n, d), without what the fitted values imitate."""
@@ -164,6 +165,7 @@ class Split:
             self.layout.clips[0].motion.model.observed[0].unit,
             self.rho,
             tuple((tuple(map(_kind, key)), probability) for key, probability in explanations),
+            self.turns,
         )
 
     def _shares(self, key: Key) -> Shares:

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
+from fitters.effect_sensitivity import Motion, motion_of, relative_size
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import BlockErrors, every_block, held_out_errors, wins
 from iris_sysid.diagnosis.measurement_errors import is_resolved
@@ -30,6 +32,7 @@ EVEN = 0.5  # the same against a rival that can imitate anything
 RIVALS = 3  # of an effect that are refitted
 SMALLEST_SHARE = 0.03  # of the residual's variance that an effect must remove
 EVIDENT_SHARE = 0.2  # of what all effects remove, that one must remove which can imitate anything
+LARGEST = 2.0  # times the motion's own force, or the motion itself, that an effect may be
 LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is told
 
 
@@ -146,7 +149,8 @@ class OpenWorld:
 
     def _is_evident(self, model: ModelWithEffects, effect: Effect) -> bool:
         """Whether an effect is a good part of the residual, and of the kind that the components say."""
-        agrees = effect.component in self._kinds or not self._kinds
+        known = self._components is not None and self._components.turns and self._kinds
+        agrees = effect.component in self._kinds or not known
         return agrees and self.share_of(model, effect) >= EVIDENT_SHARE
 
     # the search ------------------------------------------------------------------------------------------------------
@@ -191,7 +195,17 @@ class OpenWorld:
 
     def _allowed(self, model: ModelWithEffects) -> bool:
         """Whether a refit succeeded, with sizes that are possible."""
-        return model.usable and self._cache.library.allows_fit(model)
+        return model.usable and self._cache.library.allows_fit(model) and not self._cancels(model)
+
+    def _cancels(self, model: ModelWithEffects) -> bool:
+        """Whether an effect is larger than the motion itself: then it only cancels another one, or a fitted value."""
+        clip, fitted = self._cache.clips[0], model.fits[0]
+        return any(relative_size(effect, fitted, self._motion, clip.trajectory) > LARGEST for effect in model.effects)
+
+    @cached_property
+    def _motion(self) -> Motion:
+        """The motion of the first clip without effects."""
+        return motion_of(self._cache.base.fits[0], self._cache.clips[0].trajectory)
 
     def _best(self, current: ModelWithEffects, models: Sequence[ModelWithEffects]) -> ModelWithEffects | None:
         """The simplest model within one block standard error of the best of those that predict surely better."""

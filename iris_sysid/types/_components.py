@@ -94,7 +94,8 @@ class Components:
     ``noise_share`` is the fraction of the residual's variance that no component explains; ``residual_rms``,
     ``noise_rms`` and ``motion_rms`` the root mean squares of the residual, of that rest and of the motion, in ``unit``.
     ``correlation`` is that of the rest over one sample step. ``explanations`` are the sets of components that explain
-    the data about equally well, with the probability of each, likeliest first.
+    the data about equally well, with the probability of each, likeliest first. ``turns``: the motion turns back often
+    enough to tell a force from an error of the reading, and the position from the time.
     """
 
     parts: tuple[Component, ...]
@@ -105,6 +106,7 @@ class Components:
     unit: str
     correlation: float
     explanations: tuple[tuple[tuple[ComponentKind, ...], float], ...] = ()
+    turns: bool = True
 
     @property
     def motion_explained(self) -> float:

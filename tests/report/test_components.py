@@ -71,7 +71,7 @@ def test_sentences_are_the_parts_then_the_findings_then_the_errors(split):
     assert named.startswith("Quadratic drag (0.200")
     assert named.endswith(" 1/rad) is named: it removes 80 % of the residual in samples held out.")
     assert located == (
-        "No formula of the library fits the wander of the zero: it has no simple form; its curve is on the page."
+        "No effect of the library is named for the wander of the zero: it has no simple form; its curve is on the page."
     )
     assert errors.startswith("With quadratic drag the held-out error falls from 0.8")
     assert "; the noise is 0.06" in errors
@@ -94,7 +94,7 @@ def test_sentences_are_the_parts_then_the_findings_then_the_errors(split):
         (OPEN, "Something is missing, and the data do not say where: each part explains it about as well."),
         (
             replace(LOCATED, reason=""),
-            "No formula of the library fits the wander of the zero; its curve is on the page.",
+            "No effect of the library is named for the wander of the zero; its curve is on the page.",
         ),
         (Finding("named", "force-of-velocity", ("quadratic-drag",), NAN), "Quadratic drag is named."),
     ],
@@ -107,7 +107,7 @@ def test_every_word_of_a_finding_has_a_sentence(finding, text, split):
 def test_effects_without_a_finding_and_nuisances_are_said(split):
     told = diagnosis_sentences(replace(split, findings=(), nuisances=(EFFECTS["periodic-forcing"],)))
     assert told[1].startswith("Added as well: quadratic drag (")
-    assert told[2] == "In the fit without a name, because it can imitate a part of anything: periodic forcing."
+    assert told[2] == "In the fit as well, without being named: periodic forcing."
 
 
 def test_clip_that_is_too_short_to_be_split_has_the_sentences_of_its_effects(split):
