@@ -34,7 +34,6 @@ EFFECT = Effect(
         Parameter("gain_level", "{x}", "x_g", default=0.0, role="location"),
     ),
     component="reading-of-position",
-    absorbs=True,
     applies=is_read_in_volts,
     cause="measurement",
     plausibility=0.1,

@@ -252,19 +252,28 @@ def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffe
 def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer:
     """The answer where nothing explains the data to the noise."""
     final = judgement.model
-    added = tuple(effect for effect in final.effects if not effect.absorbs)
     finals = tuple(_in_open_world(world, final, k, clip) for k, clip in enumerate(cache.clips))
     model = replace(final, fits=finals)
+    unsure = {effect.name for effect in final.effects if holds_zero(pooled(model.sizes_of(effect.parameters[0].name)))}
+    added = tuple(effect for effect in final.effects if not effect.absorbs and effect.name not in unsure)
     return _Answer(
         (cache.base, final) if final.effects else (cache.base,),
         finals,
         added,
-        tuple(effect for effect in final.effects if effect.absorbs),
+        tuple(effect for effect in final.effects if effect not in added),
         {name: pooled(model.sizes_of(name)) for name in final.sizes},
         {effect.name: judgement.rivals[effect.name] for effect in added},
-        judgement.findings,
+        tuple(
+            _without_name(finding) if effect.name in unsure else finding
+            for finding, effect in zip(judgement.findings, final.effects, strict=True)
+        ),
         SearchReport(cache, final),
     )
+
+
+def _without_name(finding: Finding) -> Finding:
+    """The finding on an effect whose size is not known to differ from zero."""
+    return replace(finding, word="located", reason="the interval of its size holds zero")
 
 
 def _in_open_world(world: OpenWorld, model: ModelWithEffects, k: int, clip: FitRequest) -> FitResult:

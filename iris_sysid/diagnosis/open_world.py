@@ -38,7 +38,7 @@ LOCATED_SHARE = 0.05  # of the residual's variance from which a component withou
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Judgement:
-    """The model in the end, what is said of each part of the residual, and the rivals of each effect.
+    """The model in the end, what is said of each of its effects, and the rivals of each.
 
     ``rivals`` holds, by effect, the probability of it and of those that predict as well.
     """
