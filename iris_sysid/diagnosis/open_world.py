@@ -32,7 +32,7 @@ EVEN = 0.5  # the same against a rival that can imitate anything
 RIVALS = 3  # of an effect that are refitted
 SMALLEST_SHARE = 0.03  # of the residual's variance that an effect must remove
 EVIDENT_SHARE = 0.2  # of what all effects remove, that one must remove which can imitate anything
-LARGEST = 2.0  # times the motion's own force, or the motion itself, that an effect may be
+LARGEST = 10.0  # times the motion's own force, or the motion itself, that an effect may be: more only cancels
 LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is told
 
 
@@ -84,8 +84,10 @@ class OpenWorld:
         return errors.rms, float(np.sqrt(errors.mean))
 
     def predicts_better(self, model: ModelWithEffects, other: ModelWithEffects) -> bool:
-        """Whether another model than the second predicts the blocks left out better than it."""
-        return self.testable and model.key != other.key and self.errors(model).mean < self.errors(other).mean
+        """Whether a model surely predicts the blocks left out better than another one, with no more effects."""
+        if not self.testable or len(model.effects) > len(other.effects) or model.key == other.key:
+            return False
+        return self.errors(model).share_below(self.errors(other)) >= SURE
 
     def judged(self, proposed: ModelWithEffects) -> Judgement:
         """Keep the effects that predict, and say what each is.
