@@ -32,6 +32,13 @@ from iris_sysid import (
     simulate,
 )
 
+RIG = (
+    "overflow",
+    "leak",
+    "gain-change",
+    "zero-offset",
+    "parameter-drift",
+)  # what pumps, tanks and a level gauge can have
 FULL_SCALE_V = 10.0  # the sensor reads no more
 SETTLED = 50  # samples before the score counts, as its publishers ask
 HOLD = "zero-order"  # the pump's voltage is constant between samples
@@ -185,7 +192,7 @@ def main(raw: Path, folder: Path) -> None:
     """Diagnose two tanks by Torricelli, then fit the model with all parts of the rig, and score both."""
     estimation, validation = (read_trajectory(path) for path in write_tables(raw, folder))
 
-    plain, rimmed = diagnose(estimation, two_tanks), diagnose(estimation, rimmed_tanks)
+    plain, rimmed = (diagnose(estimation, model, effects=RIG, seconds=120) for model in (two_tanks, rimmed_tanks))
     for diagnosis in (plain, rimmed):
         print(f"{diagnosis.base.model.name}: {diagnosis_sentence(diagnosis)}")
         print(f"  the score test ranks first: {diagnosis.rounds[0][0].effect}")
