@@ -132,9 +132,9 @@ def bases_of(motion: Motion, seen: Array, seen_rate: Array, scale: Scale) -> lis
         _force_of_position(motion, scale),
         _force_of_time(motion),
         _own_drift(motion),
-        _pulse(motion),
-        _periodic(motion),
     ]
+    if motion.inverse is not None:  # else each response is an integration, and these have hundreds
+        forces += [_pulse(motion), _periodic(motion)]
     if motion.model.second_order:
         forces = [_force_of_velocity(motion, scale), *forces]
     if motion.inputs is not None:
