@@ -55,7 +55,7 @@ def test_tanks_without_their_file_say_where_it_is(tmp_path):
 def test_tanks_lack_a_gain_that_changes_and_then_predict_the_other_record_better_than_was_published(tmp_path):
     done = started(tmp_path, ON_MEASURED_DATA, recording("cascaded_tanks") / "tanque.csv")
     assert done.returncode == 0, done.stderr
-    assert re.search("the score test ranks first: (gain-change|overflow)", done.stdout)
+    assert "Gain change (" in done.stdout
     errors = {name: float(error) for name, error in re.findall(r"^  (\S.*): ([\d.]+) V, ", done.stdout, re.MULTILINE)}
     assert errors["real-tanks"] < 0.191 < errors["two-tanks"]
 
