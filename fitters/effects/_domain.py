@@ -39,6 +39,11 @@ def falls(model: OdeModel) -> bool:
     return moves(model) and model.states[0].unit == "m" and bool(model.with_role("gravity")) and not slides(model)
 
 
+def rubs(model: OdeModel) -> bool:
+    """Whether the model is of something that may rub on a support: not of a body in flight."""
+    return moves(model) and not falls(model)
+
+
 def hangs(model: OdeModel) -> bool:
     """Whether the model is of one angle that swings under gravity."""
     return swings(model) and bool(model.with_role("gravity"))

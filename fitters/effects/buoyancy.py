@@ -35,6 +35,7 @@ EFFECT = Effect(
     applies=applies,
     plausibility=0.1,
     acceleration=acceleration,
+    largest=0.8,  # beyond, the body hardly sinks
     alike="gravity, the length and a wrong scale, unless they are known; finite-bob; time-scale",
     sensible=sensible,
     scaling={"mass": -1.0, "radius": 3.0, "length": 0.0},

@@ -22,6 +22,7 @@ EFFECT = Effect(
     applies=moves_on_a_line,
     plausibility=0.5,
     acceleration=acceleration,
+    largest=0.5,  # half of gravity or of a spring is no small push
     scaling={"spring": 0.0},
     alike="zero-offset, for small swings; the acceleration itself, on an incline or in free fall",
     example=EffectExample("pendulum", size=0.05),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitters.effects._domain import moves
+from fitters.effects._domain import rubs
 from fitters.effects._friction import turnover_parameter, turnovers
 from iris_sysid.types import Effect, EffectExample, Parameter
 
@@ -27,7 +27,7 @@ EFFECT = Effect(
         turnover_parameter("coulomb_turnover", role="form"),
     ),
     component="force-of-velocity",
-    applies=moves,
+    applies=rubs,
     acceleration=acceleration,
     # Rolling resistance is this law with a coefficient of 0.001 to 0.02; what of it grows with v^2 is quadratic drag.
     alike="constant-force, while the motion keeps its direction; rolling resistance, which is the same law",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitters.effects._domain import moves
+from fitters.effects._domain import rubs
 from fitters.effects._friction import largest_speed, turnover, turnover_parameter
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
@@ -47,7 +47,7 @@ EFFECT = Effect(
         turnover_parameter("weakening_turnover"),
     ),
     component="force-of-velocity",
-    applies=moves,
+    applies=rubs,
     plausibility=0.3,
     acceleration=acceleration,
     alike="coulomb-friction, at speeds below v_s",

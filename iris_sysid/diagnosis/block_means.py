@@ -17,7 +17,7 @@ from fitters.image_effects import view_of
 from iris_sysid.types import Array, FitResult, Trajectory
 
 FEW = 10_000  # samples up to which every one is used, and blocks that a longer record has at least
-FEWEST = 5_000  # the same of the samples by which effects are ranked
+FEWEST = 300  # the same of the samples by which effects are ranked
 BLURRED = 0.01  # largest share of the motion's variance inside blocks: changes means by half of it, a size by no more
 
 

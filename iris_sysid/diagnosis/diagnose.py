@@ -133,25 +133,34 @@ def diagnose(
     kept = kept_effects(components, keep, model)
     world = OpenWorld(cache, components)
     stopped = []
+    answer, judgement = None, Judgement(base, (), {})
     try:
         budget.allow(SEARCH_SHARE)
-        search.run()
+        judgement = world.judged()
     except STOPPED as why:
         stopped.append(budget.note(why))
-    answer = None
     try:
         budget.allow(1.0)
-        if not stopped and _is_complete(clips, search.reached[-1], base):
-            answer = _of_complete(cache, world, search.reached)
-        if answer is None or _residual_ratio(answer.final, base) > COMPLETE:
-            judgement = world.judged(search.reached[-1])
-            if answer is None or world.predicts_better(judgement.model, answer.final):
-                answer = _of_open(cache, world, judgement)
+        start = None if stopped else _complete_start(clips, cache, judgement.model)
+        if start is not None:
+            search.run(start, extend=_residual_ratio(start, base) <= COMPLETE)
+            if _is_complete(clips, search.reached[-1], base):
+                answer = _of_complete(cache, world, search.reached)
+        if answer is not None and _residual_ratio(answer.final, base) > COMPLETE:
+            answer = None if world.predicts_better(judgement.model, answer.final) else answer
     except STOPPED as why:
-        stopped = [budget.note(why)]
+        answer, stopped = None, [budget.note(why)]
     budget.end()
-    answer = answer or _of_open(cache, world, Judgement(base, (), {}))
+    answer = answer or _of_open(cache, world, judgement)
     return _diagnosis(cache, world, answer.with_kept(cache, kept), components, stopped)
+
+
+def _complete_start(
+    clips: Sequence[FitRequest], cache: FitCache, judged: ModelWithEffects
+) -> ModelWithEffects | None:
+    """A model that explains the data to the noise: the judged one, else the best that was tried; None without one."""
+    best = min((model for model in cache.tried if model.usable), key=lambda model: model.squares)
+    return next((model for model in (judged, best) if _is_complete(clips, model, cache.base)), None)
 
 
 def _is_complete(clips: Sequence[FitRequest], model: ModelWithEffects, base: ModelWithEffects) -> bool:
@@ -254,19 +263,20 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
     final = judgement.model
     finals = tuple(_in_open_world(world, final, k, clip) for k, clip in enumerate(cache.clips))
     model = replace(final, fits=finals)
-    unsure = {effect.name for effect in final.effects if holds_zero(pooled(model.sizes_of(effect.parameters[0].name)))}
-    added = tuple(effect for effect in final.effects if not effect.absorbs and effect.name not in unsure)
+    findings = tuple(
+        _without_name(finding) if holds_zero(pooled(model.sizes_of(effect.parameters[0].name))) else finding
+        for finding, effect in zip(judgement.findings, final.effects, strict=True)
+    )
+    words = zip(findings, final.effects, strict=True)
+    added = tuple(effect for finding, effect in words if finding.word in ("named", "group"))
     return _Answer(
         (cache.base, final) if final.effects else (cache.base,),
         finals,
         added,
         tuple(effect for effect in final.effects if effect not in added),
-        {name: pooled(model.sizes_of(name)) for name in final.sizes},
+        {name: pooled(model.sizes_of(name)) for name in model.sizes},
         {effect.name: judgement.rivals[effect.name] for effect in added},
-        tuple(
-            _without_name(finding) if effect.name in unsure else finding
-            for finding, effect in zip(judgement.findings, final.effects, strict=True)
-        ),
+        findings,
         SearchReport(cache, final),
     )
 

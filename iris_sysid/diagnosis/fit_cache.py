@@ -62,6 +62,11 @@ class FitCache:
         failed = {model.effects[0].name: next(fit for fit in model.fits if not fit.usable) for model in alone}
         return list(failed.items())
 
+    @property
+    def tried(self) -> list[ModelWithEffects]:
+        """All models that were fitted to all samples."""
+        return list(self._models.values())
+
     def _tried(self) -> Iterator[ModelWithEffects]:
         """All refits, those to few samples as well."""
         yield from self._models.values()
@@ -135,6 +140,19 @@ class FitCache:
         models = [self.with_added(current, candidate) for candidate in chosen]
         usable = [model for model in models if model.usable and self.library.allows_fit(model)]
         return best_first(usable)
+
+    def best_of(self, current: ModelWithEffects, names: Sequence[str]) -> Sequence[Candidate]:
+        """Of single effects those that explain most, by rough refits to few samples; all of a short clip.
+
+        Parameters
+        ----------
+        current
+            The model that they are added to.
+        names
+            Of the effects.
+        """
+        screening = self.screening(current)
+        return self._best_of(current, [screening.single(name) for name in names])
 
     def _best_of(self, current: ModelWithEffects, candidates: Sequence[Candidate]) -> Sequence[Candidate]:
         """The best of many candidates, and those nearly as good, by rough refits to few samples; all of short clips."""

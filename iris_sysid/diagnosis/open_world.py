@@ -10,15 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from fitters.effect_sensitivity import Motion, motion_of, relative_size
+from iris_sysid.diagnosis.relative_size import relative_size
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import BlockErrors, every_block, held_out_errors, wins
+from iris_sysid.diagnosis.linearised_blocks import linearised_errors
 from iris_sysid.diagnosis.measurement_errors import is_resolved
-from iris_sysid.diagnosis.refit import ModelWithEffects, Starts
+from iris_sysid.diagnosis.refit import ModelWithEffects, Starts, fitted_forms, forms
 from iris_sysid.diagnosis.residual_components import ranked_effects
 from iris_sysid.diagnosis.screening import Candidate
 from iris_sysid.types import Component, Components, Effect, Finding
@@ -31,8 +31,8 @@ WINS = 0.8  # share of block bootstraps in which a named effect must predict bet
 EVEN = 0.5  # the same against a rival that can imitate anything
 RIVALS = 3  # of an effect that are refitted
 SMALLEST_SHARE = 0.03  # of the residual's variance that an effect must remove
+NAMED_SHARE = 0.25  # of the squared error over blocks left out that a named effect removes, others being in the model
 EVIDENT_SHARE = 0.2  # of what all effects remove, that one must remove which can imitate anything
-LARGEST = 10.0  # times the motion's own force, or the motion itself, that an effect may be: more only cancels
 LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is told
 
 
@@ -63,6 +63,7 @@ class OpenWorld:
         self._cache, self._components = cache, components
         self._blocks = every_block(cache.base.fits)
         self._errors: dict[frozenset[str], BlockErrors] = {}
+        self._estimated: dict[frozenset[str], BlockErrors] = {}
 
     @property
     def testable(self) -> bool:
@@ -75,6 +76,12 @@ class OpenWorld:
             self._cache.report(f"predicting blocks left out with {', '.join(model.names_in_order) or 'no effect'}")
             self._errors[model.key] = held_out_errors(self._cache.clips, model, self._blocks)
         return self._errors[model.key]
+
+    def _estimate(self, model: ModelWithEffects) -> BlockErrors:
+        """The same to first order, without a fit."""
+        if model.key not in self._estimated:
+            self._estimated[model.key] = linearised_errors(model, self._blocks)
+        return self._estimated[model.key]
 
     def heldout(self, model: ModelWithEffects) -> tuple[float, float]:
         """The error over blocks left out: root mean square, in the observed unit and in units of the noise; or NaN."""
@@ -89,17 +96,11 @@ class OpenWorld:
             return False
         return self.errors(model).share_below(self.errors(other)) >= SURE
 
-    def judged(self, proposed: ModelWithEffects) -> Judgement:
-        """Keep the effects that predict, and say what each is.
-
-        Parameters
-        ----------
-        proposed
-            What a search in a closed world ended with.
-        """
+    def judged(self) -> Judgement:
+        """Search for the effects that predict, and say what each is."""
         if not self.testable:
             return Judgement(self._cache.base, (), {})
-        current = self._with_nuisances(self._pruned(self._with_formulas(proposed)), proposed)
+        current = self._with_nuisances(self._pruned(self._with_formulas()))
         rivals = {effect.name: self._rivals(current, effect) for effect in current.effects}
         findings = tuple(self._finding(current, effect, tuple(rivals[effect.name])) for effect in current.effects)
         return Judgement(current, findings, rivals)
@@ -122,10 +123,10 @@ class OpenWorld:
             names, share = (effect.name, *rivals.get(effect.name, ())), self._removed(model, effect)
             if effect.absorbs and not self._is_evident(model, effect):
                 findings.append(_absorbing(effect, share))
-            elif self.share_of(model, effect) < SMALLEST_SHARE:
+            elif self.share_of(model, effect) < SMALLEST_SHARE and not share >= NAMED_SHARE:
                 findings.append(Finding("located", effect.component, names, share, "a small part of the residual"))
             elif len(names) > 1:
-                findings.append(Finding("group", effect.component, names, share, "the data cannot tell them apart"))
+                findings.append(Finding("group", effect.component, names, share, "each explains the data as well"))
             else:
                 findings.append(Finding("named", effect.component, names, share))
         return tuple(findings)
@@ -157,15 +158,12 @@ class OpenWorld:
 
     # the search ------------------------------------------------------------------------------------------------------
 
-    def _with_formulas(self, proposed: ModelWithEffects) -> ModelWithEffects:
+    def _with_formulas(self) -> ModelWithEffects:
         """The base with the effects that have a formula and improve the prediction, one or two at a time."""
         current = self._cache.base
-        own = [effect for effect in proposed.effects if not effect.absorbs]
-        first = [self._cache.with_effects(own, starts_of(proposed, own))] if own else []
         while len(current.effects) < MAX_EFFECTS:
-            models = [*first, *self._refits(current)]
-            first = []
-            found = self._best(current, [model for model in models if len(model.effects) <= MAX_EFFECTS])
+            models = [model for model in self._refits(current) if len(model.effects) <= MAX_EFFECTS]
+            found = self._best(current, models)
             if found is None:
                 break
             current = found
@@ -185,6 +183,9 @@ class OpenWorld:
         chosen = [*few, *(each for each in [*singles[:AT_ONCE], *located[:TRIED]] if each not in few)]
         chosen = list({each.names: each for each in chosen}.values())
         models = [self._added(current, dict(each.sizes)) for each in chosen]
+        models += [self._cache.with_free_form(current, effect) for effect in current.effects if _has_form(effect)]
+        if current.far_off:  # what an effect removes to first order tells little along a motion that is far off
+            models += [self._cache.with_added(current, each) for each in self._cache.best_of(current, names)]
         return [model for model in models if self._allowed(model)]
 
     def _added(self, current: ModelWithEffects, sizes: dict[str, float]) -> ModelWithEffects:
@@ -197,39 +198,40 @@ class OpenWorld:
 
     def _allowed(self, model: ModelWithEffects) -> bool:
         """Whether a refit succeeded, with sizes that are possible."""
-        return model.usable and self._cache.library.allows_fit(model) and not self._cancels(model)
+        return model.usable and self._cache.library.allows_fit(model) and self._is_plausible(model)
 
-    def _cancels(self, model: ModelWithEffects) -> bool:
-        """Whether an effect is larger than the motion itself: then it only cancels another one, or a fitted value."""
-        clip, fitted = self._cache.clips[0], model.fits[0]
-        return any(relative_size(effect, fitted, self._motion, clip.trajectory) > LARGEST for effect in model.effects)
-
-    @cached_property
-    def _motion(self) -> Motion:
-        """The motion of the first clip without effects."""
-        return motion_of(self._cache.base.fits[0], self._cache.clips[0].trajectory)
+    def _is_plausible(self, model: ModelWithEffects) -> bool:
+        """Whether no effect is larger than it can be: beyond that it only cancels another one, or a fitted value."""
+        clip, base = self._cache.clips[0], self._cache.base.fits[0].model
+        return all(relative_size(effect, model.fits[0], base, clip.trajectory) <= effect.largest for effect in model.effects)
 
     def _best(self, current: ModelWithEffects, models: Sequence[ModelWithEffects]) -> ModelWithEffects | None:
-        """The simplest model within one block standard error of the best of those that predict surely better."""
-        before = self.errors(current)
+        """The simplest model within one block standard error of the best of those that predict surely better.
+
+        Models are compared to first order; the one that is chosen must hold in fits without each block as well.
+        """
         better = [
             model
             for model in models
             if self._allowed(model)
             and model.key != current.key
-            and self.errors(model).share_below(before) >= SURE
-            and self._share(current, model) >= SMALLEST_SHARE
-            and self._is_resolved(current, model)
-            and all(self.errors(model).is_steady(effect.parameters[0].name) for effect in model.effects)
+            and _removed_share(current, model) >= SMALLEST_SHARE
+            and _is_surely_better(model, self._estimate(model), self._estimate(current))
         ]
-        if not better:
-            return None
-        best = min(better, key=lambda model: self.errors(model).mean)
-        near = [model for model in better if self._is_near(model, best)]
-        return min(near, key=lambda model: (len(model.effects), self.errors(model).mean))
+        while better:
+            found = self._simplest(better)
+            if _is_surely_better(found, self.errors(found), self.errors(current)):
+                return found
+            better.remove(found)
+        return None
+
+    def _simplest(self, models: Sequence[ModelWithEffects]) -> ModelWithEffects:
+        best = min(models, key=lambda model: self._estimate(model).mean)
+        near = [model for model in models if self._is_near(model, best)]
+        return min(near, key=lambda model: (len(model.effects), self._estimate(model).mean))
 
     def _is_near(self, model: ModelWithEffects, best: ModelWithEffects) -> bool:
-        gain, stderr = self.errors(best).gain_over(self.errors(model))
+        gain, stderr = self._estimate(best).gain_over(self._estimate(model))
         return model is best or gain < stderr
 
     def _is_resolved(self, before: ModelWithEffects, after: ModelWithEffects) -> bool:
@@ -237,19 +239,16 @@ class OpenWorld:
         fits = zip(before.fits, after.fits, self._cache.clips, strict=True)
         return any(is_resolved(one, other, clip.trajectory) for one, other, clip in fits)
 
-    def _share(self, before: ModelWithEffects, after: ModelWithEffects) -> float:
-        """The fraction of the residual's sum of squares without effects that a step removes."""
-        return (before.squares - after.squares) / max(self._cache.base.squares, 1e-300)
-
-    def _with_nuisances(self, current: ModelWithEffects, proposed: ModelWithEffects) -> ModelWithEffects:
-        """The model with those of the proposed effects that imitate anything and improve the prediction as well."""
-        for effect in proposed.effects:
-            screening = self._cache.screening(current)
-            if not effect.absorbs or effect.name not in screening.names:
-                continue
-            model = self._cache.with_added(current, screening.single(effect.name))
-            if self._best(current, [model]) is not None:
-                current = model
+    def _with_nuisances(self, current: ModelWithEffects) -> ModelWithEffects:
+        """The model with those of the effects that imitate anything that improve the prediction as well."""
+        for _ in range(AT_ONCE):
+            screening, testable = self._cache.screening(current), self._cache.testable(current)
+            absorbing = [name for name in screening.names if name in testable and self._library[name].absorbs]
+            models = [self._cache.with_added(current, screening.single(name)) for name in absorbing[:RIVALS]]
+            found = self._best(current, models)
+            if found is None:
+                break
+            current = found
         return current
 
     def _pruned(self, current: ModelWithEffects) -> ModelWithEffects:
@@ -258,7 +257,7 @@ class OpenWorld:
             if len(current.effects) < 2:
                 break
             rest = self._cache.without(current, effect)
-            if rest.usable and self.errors(current).share_below(self.errors(rest)) < SURE:
+            if rest.usable and self._estimate(current).share_below(self._estimate(rest)) < SURE:
                 current = rest
         return current
 
@@ -269,23 +268,26 @@ class OpenWorld:
         return self._cache.library.by_name
 
     def _finding(self, model: ModelWithEffects, effect: Effect, names: tuple[str, ...]) -> Finding:
-        share = self._removed(model, effect)
+        share, rest = self._removed(model, effect), self._cache.without(model, effect)
         if effect.absorbs:
             return _absorbing(effect, share)
+        if share < NAMED_SHARE:
+            return Finding("located", effect.component, names, share, "it is a small part of the residual")
+        if rest.usable and not self._is_resolved(rest, model):
+            return Finding("located", effect.component, names, share, "the stated errors of the samples can hide it")
         if len(names) > 1:
             return Finding("group", effect.component, names, share, "blocks that were left out are predicted as well")
         return Finding("named", effect.component, names, share)
 
     def _removed(self, model: ModelWithEffects, effect: Effect) -> float:
-        """The fraction of the error over blocks left out that an effect removes, the others being in the model."""
+        """The fraction of the squared error over blocks left out that an effect removes, the others being in the model."""
         if not self.testable:
             return float("nan")
         rest = self._cache.without(model, effect)
         if not rest.usable:
             return float("nan")
-        base = self.errors(self._cache.base).mean
-        gain = self.errors(rest).mean - self.errors(model).mean
-        return min(float(gain / base), 1.0) if np.isfinite(gain) and base > 0 else float("nan")
+        before, after = self._estimate(rest).mean, self._estimate(model).mean
+        return float(1.0 - after / before) if np.isfinite(after) and 0 < before < np.inf else float("nan")
 
     def _rivals(self, model: ModelWithEffects, effect: Effect) -> dict[str, float]:
         """An effect and those that predict the blocks as well in its place, with the share of bootstraps each wins."""
@@ -295,12 +297,13 @@ class OpenWorld:
         screening = self._cache.screening(rest)
         others = {name: self._cache.with_added(rest, screening.single(name)) for name in self._worth(rest, effect)}
         near = {
-            name: self.errors(rival)
+            name: self._estimate(rival)
             for name, rival in others.items()
             if self._allowed(rival)
-            and self.errors(model).share_below(self.errors(rival)) < (EVEN if self._library[name].absorbs else WINS)
+            and self._estimate(model).share_below(self._estimate(rival))
+            < (EVEN if self._library[name].absorbs else WINS)
         }
-        shares = wins({effect.name: self.errors(model), **near})
+        shares = wins({effect.name: self._estimate(model), **near})
         exact = [name for name in screening.parallel(effect.name) if name not in shares and name not in model.names]
         each = shares[effect.name] / (1 + len(exact))
         return {**shares, effect.name: each, **dict.fromkeys(exact, each)}
@@ -318,6 +321,21 @@ class OpenWorld:
         best = sorted(allowed, key=lambda name: -screening.score(name).gain)[:RIVALS]
         same = [name for name in allowed if self._library[name].component == effect.component][:RIVALS]
         return list(dict.fromkeys([*same, *best]))
+
+
+def _is_surely_better(model: ModelWithEffects, errors: BlockErrors, before: BlockErrors) -> bool:
+    """Whether errors are smaller than those before in most bootstraps, and no size changes its sign without a block."""
+    steady = all(errors.is_steady(effect.parameters[0].name) for effect in model.effects)
+    return steady and errors.share_below(before) >= SURE
+
+
+def _has_form(effect: Effect) -> bool:
+    return bool(forms(effect)) and not fitted_forms(effect)
+
+
+def _removed_share(before: ModelWithEffects, after: ModelWithEffects) -> float:
+    """The fraction of the residual's sum of squares that a step removes."""
+    return (before.squares - after.squares) / max(before.squares, 1e-300)
 
 
 def unexplained(base: Components | None, remaining: Components | None) -> tuple[Finding, ...]:

@@ -8,7 +8,6 @@ significant, and better than its rivals, given all others.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 
 from iris_sysid.diagnosis.evidence import DECISIVE, best_first, cost_above
@@ -40,38 +39,21 @@ class StepwiseSearch:
         self._cache = cache
         self.reached: tuple[ModelWithEffects, ...] = (cache.base,)
 
-    def run(self) -> tuple[ModelWithEffects, ...]:
-        """The models of each step: the base first, the last without any further significant effect."""
-        base = self._cache.base
-        path = self._continued([base])
-        self.reached = tuple(path)
-        for start in self._together(path[-1]):
-            path = self._better(path, start)
-            self.reached = tuple(path)
-        return self.reached
+    def run(self, start: ModelWithEffects, extend: bool) -> tuple[ModelWithEffects, ...]:
+        """The models of each step: the base first, the last without any further significant effect.
 
-    def _better(self, path: list[ModelWithEffects], start: ModelWithEffects) -> list[ModelWithEffects]:
-        """The path, or one from another start where that ends better.
-
-        A start that is worse than the end of the path, without fewer effects, is not worth following.
+        Parameters
+        ----------
+        start
+            A model that explains much of the residual: its effects are compared with their rivals.
+        extend
+            Whether further effects may be added: only where the size of the noise is known.
         """
-        if len(start.effects) >= len(path[-1].effects) and cost_above(start, path[-1]) > 0.0:
-            return path
-        other = self._continued([self._cache.base, start])
-        return path if cost_above(path[-1], other[-1]) <= 0.0 else other
-
-    def _together(self, final: ModelWithEffects) -> Iterator[ModelWithEffects]:
-        """Two and three effects that explain most when they are added at once; the first step may have been wrong."""
-        base, names = self._cache.base, self._cache.testable(self._cache.base)
-        if len(final.effects) < 2:
-            return
-        pairs = self._cache.screening(base).pairs(names)
-        if pairs and final.names != set(pairs[0].names):
-            yield from itertools.islice(self._pairs(base), 1)
-        triples = [three for three in self._cache.screening(base).triples(names) if set(three.names) != final.names]
-        for model in self._cache.refits(base, triples)[:1]:
-            if all(self._is_needed(model, effect) for effect in model.effects) and self._predicts_better(model, base):
-                yield model
+        revised = self._revised(start) if start.effects else start
+        self.reached = (self._cache.base, revised) if revised.effects else (self._cache.base,)
+        if extend:
+            self.reached = tuple(self._continued(list(self.reached)))
+        return self.reached
 
     def _continued(self, path: list[ModelWithEffects]) -> list[ModelWithEffects]:
         """The path, extended by significant effects step by step."""

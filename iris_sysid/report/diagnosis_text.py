@@ -37,6 +37,7 @@ from iris_sysid.types import (
 SMALLEST_SHARE = 0.03  # of a part of the residual that the sentence mentions
 WIDE_RANGE = 0.1  # of shares, above which the range is given
 SLOW: tuple[ComponentKind, ...] = ("zero-wander", "force-of-time", "own-force-drift")
+MAX_ALTERNATIVES = 2  # kinds that can take the place of a part, that its clause names
 SMALLEST_PROBABILITY = 0.05  # of a cause that is mentioned
 CAUSES: Mapping[EffectCause, str] = {
     "physics": "the physics",
@@ -152,10 +153,19 @@ def size_text(size: float, unit: str) -> str:
 def _part_clause(part: Component, components: Components) -> str:
     """What a part depends on, its size, and what it stands for."""
     where = f" at {with_error(part.at)}" if part.at is not None else ""
-    instead = "".join(f" or {with_article(KIND_NAMES[kind])}" for kind in part.similar)
+    instead = _instead(part.similar)
     size = ", ".join(filter(None, [size_text(part.rms, components.unit), _period_text(part)]))
     meaning = f": {MEANINGS[part.kind]}" if MEANINGS[part.kind] and not instead else ""
     return f"{KINDS_IN_WORDS[part.kind]}{where}{instead} ({size}){meaning}"
+
+
+def _instead(kinds: Sequence[ComponentKind]) -> str:
+    """What else it may be; of many kinds, that they look alike on this motion."""
+    names = [with_article(KIND_NAMES[kind]) for kind in kinds]
+    if len(names) <= MAX_ALTERNATIVES:
+        return "".join(f" or {name}" for name in names)
+    few = ", ".join(names[:MAX_ALTERNATIVES])
+    return f", or is {few} or another of {len(names)} kinds that look the same on this motion"
 
 
 def _period_text(part: Component) -> str:
@@ -265,10 +275,11 @@ def _nothing_added_sentence(diagnosis: Diagnosis) -> str:
 def _error_sentence(diagnosis: Diagnosis) -> str:
     which, before, after = _errors(diagnosis)
     noise = _angle(diagnosis, diagnosis.noise_floor)
-    if not diagnosis.added:
+    effects = [*diagnosis.added, *diagnosis.nuisances]
+    if not effects:
         return f"The {which} is {_angle(diagnosis, before)}, the noise {noise}."
     verb = "falls" if after < before else "changes"
-    few = [spoken(effect.name) for effect in diagnosis.added] if len(diagnosis.added) <= MOST_SPOKEN else []
+    few = [spoken(effect.name) for effect in effects] if len(effects) <= MOST_SPOKEN else []
     them = " and ".join(few) or "these effects"
     change = f"from {_angle(diagnosis, before)} to {_angle(diagnosis, after)}"
     return f"With {them} the {which} {verb} {change}; the noise is {noise}."
