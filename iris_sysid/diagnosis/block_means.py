@@ -17,7 +17,7 @@ from fitters.image_effects import view_of
 from iris_sysid.types import Array, FitResult, Trajectory
 
 FEW = 10_000  # samples up to which every one is used, and blocks that a longer record has at least
-FEWEST = 300  # the same of the samples by which effects are ranked
+RANKED, SEARCHED = 300, 1000  # the same of the samples by which effects are ranked, and by which they are searched
 BLURRED = 0.01  # largest share of the motion's variance inside blocks: changes means by half of it, a size by no more
 
 
@@ -78,16 +78,18 @@ def block_means(given: Residuals) -> Residuals:
     return Residuals(short, trajectory, noise, means(given.stated))
 
 
-def one_a_block(fitted: FitResult, trajectory: Trajectory) -> NDArray[np.intp]:
+def one_a_block(fitted: FitResult, trajectory: Trajectory, few: int) -> NDArray[np.intp]:
     """Indices (m,) of the first sample used of each block; of all used where blocks have one sample.
 
     Parameters
     ----------
     fitted, trajectory
         A fit, and what it was fitted to; where that has inputs, between samples they are known by the samples alone.
+    few
+        Number of samples up to which all are used, and of blocks that a longer record has at least.
     """
     used = np.flatnonzero(fitted.used)
-    starts = _starts(fitted, FEWEST) if trajectory.inputs is None else None
+    starts = _starts(fitted, few) if trajectory.inputs is None else None
     return used if starts is None else used[starts]
 
 

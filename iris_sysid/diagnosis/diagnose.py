@@ -131,7 +131,7 @@ def diagnose(
     search = StepwiseSearch(cache)
     components = components_of(clips, base.fits)
     kept = kept_effects(components, keep, model)
-    world = OpenWorld(cache, components)
+    world = OpenWorld(cache.shortened(), components)
     stopped = []
     answer, judgement = None, Judgement(base, (), {})
     try:
@@ -141,18 +141,18 @@ def diagnose(
         stopped.append(budget.note(why))
     try:
         budget.allow(1.0)
-        start = None if stopped else _complete_start(clips, cache, judgement.model)
+        start = None if stopped else _complete_start(clips, cache, _with_all_samples(cache, judgement.model))
         if start is not None:
             search.run(start, extend=_residual_ratio(start, base) <= COMPLETE)
             if _is_complete(clips, search.reached[-1], base):
-                answer = _of_complete(cache, world, search.reached)
+                answer = _of_complete(cache, OpenWorld(cache, components), search.reached)
         if answer is not None and _residual_ratio(answer.final, base) > COMPLETE:
-            answer = None if world.predicts_better(judgement.model, answer.final) else answer
+            answer = None if answer.world.predicts_better(judgement.model, answer.final) else answer
     except STOPPED as why:
         answer, stopped = None, [budget.note(why)]
     budget.end()
     answer = answer or _of_open(cache, world, judgement)
-    return _diagnosis(cache, world, answer.with_kept(cache, kept), components, stopped)
+    return _diagnosis(cache, answer.with_kept(cache, kept), components, stopped)
 
 
 def _complete_start(
@@ -194,8 +194,13 @@ def _base(clips: Sequence[FitRequest], fits: tuple[FitResult, ...]) -> ModelWith
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Answer:
-    """What a search ended with, in the words of :class:`Diagnosis`; ``path`` are the models of each step."""
+    """What a search ended with, in the words of :class:`Diagnosis`; ``path`` are the models of each step.
 
+    ``world`` says how well blocks left out are predicted by ``judged``, the final model as it was fitted there.
+    """
+
+    world: OpenWorld
+    judged: ModelWithEffects
     path: tuple[ModelWithEffects, ...]
     finals: tuple[FitResult, ...]
     added: tuple[Effect, ...]
@@ -211,6 +216,11 @@ class _Answer:
         """The model in the end."""
         return self.path[-1]
 
+    @property
+    def heldout(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """The errors over blocks left out without effects, and with them."""
+        return self.world.heldout(self.world.base), self.world.heldout(self.judged)
+
     def with_kept(self, cache: FitCache, kept: Sequence[Effect]) -> _Answer:
         """The answer with components that are kept as effects; unchanged where their fit fails."""
         if not kept:
@@ -222,6 +232,8 @@ class _Answer:
             return self
         return replace(
             self,
+            world=OpenWorld(cache, None),
+            judged=model,
             path=(*self.path, model),
             finals=model.fits,
             added=(*self.added, *kept),
@@ -246,6 +258,8 @@ def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffe
     said = {name for finding in findings if finding.word in ("named", "group") for name in finding.effects[:1]}
     added = tuple(effect for effect in final.effects if effect.name in said)
     return _Answer(
+        world,
+        final,
         (*path[:-1], final),
         report.finals(),
         added,
@@ -260,8 +274,10 @@ def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffe
 
 def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer:
     """The answer where nothing explains the data to the noise."""
-    final = judgement.model
-    finals = tuple(_in_open_world(world, final, k, clip) for k, clip in enumerate(cache.clips))
+    final = _with_all_samples(cache, judgement.model)
+    if not final.effects:
+        judgement = Judgement(world.base, (), {})
+    finals = tuple(_in_open_world(world, judgement.model, fitted, k, cache.clips[k]) for k, fitted in enumerate(final.fits))
     model = replace(final, fits=finals)
     findings = tuple(
         _without_name(finding) if holds_zero(pooled(model.sizes_of(effect.parameters[0].name))) else finding
@@ -270,6 +286,8 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
     words = zip(findings, final.effects, strict=True)
     added = tuple(effect for finding, effect in words if finding.word in ("named", "group"))
     return _Answer(
+        world,
+        judgement.model,
         (cache.base, final) if final.effects else (cache.base,),
         finals,
         added,
@@ -286,14 +304,23 @@ def _without_name(finding: Finding) -> Finding:
     return replace(finding, word="located", reason="the interval of its size holds zero")
 
 
-def _in_open_world(world: OpenWorld, model: ModelWithEffects, k: int, clip: FitRequest) -> FitResult:
-    """The fit with errors that hold where the residual is not noise.
+def _with_all_samples(cache: FitCache, judged: ModelWithEffects) -> ModelWithEffects:
+    """A model that was perhaps fitted to few samples, fitted to all; the base where that fails."""
+    if not judged.effects or judged.fits[0].used.size == cache.base.fits[0].used.size:
+        return judged if judged.effects else cache.base
+    final = cache.with_effects(judged.effects, starts_of(judged, judged.effects))
+    return final if final.usable else cache.base
+
+
+def _in_open_world(
+    world: OpenWorld, judged: ModelWithEffects, fitted: FitResult, k: int, clip: FitRequest
+) -> FitResult:
+    """The fit of the k-th clip with errors that hold where the residual is not noise.
 
     They come from the scatter of fits without a block, and are no smaller than beside the components of the residual,
     which may have moved a value.
     """
-    fitted = model.fits[k]
-    estimates = world.errors(model).estimates(k, fitted) if world.testable else {}
+    estimates = world.errors(judged).estimates(k, fitted) if world.testable else {}
     residual = clip_residual(clip, fitted)
     beside = None if residual is None else marginal(residual)
     if beside is not None:
@@ -307,7 +334,6 @@ def _in_open_world(world: OpenWorld, model: ModelWithEffects, k: int, clip: FitR
 
 def _diagnosis(
     cache: FitCache,
-    world: OpenWorld,
     answer: _Answer,
     components: Components | None,
     stopped: Sequence[DiagnosticNote],
@@ -317,7 +343,7 @@ def _diagnosis(
     rounds = [tuple(combined(scores) for scores in cache.screening(model).scores) for model in answer.path]
     noise, fitted = _noise(base), fitted_error(final.fits, base.fits)
     remaining = components_of(cache.clips, final.fits) if final.effects else components
-    before, after = world.heldout(base), world.heldout(final)
+    before, after = answer.heldout
     above = fitted > ABOVE_NOISE * noise
     lacking, remaining_force = missing_forces(cache.clips[0], base.fits[0], final.fits[0], final.effects, above)
     effects = {effect.name: effect for effect in (*cache.library.by_name.values(), *final.effects)}

@@ -6,17 +6,27 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from fitters.ode import FitRequest
-from iris_sysid.diagnosis.block_means import at_samples, one_a_block
+from iris_sysid.diagnosis.block_means import RANKED, SEARCHED, at_samples, one_a_block
 from iris_sysid.diagnosis.evidence import DECISIVE, best_first, cost_above
 from iris_sysid.diagnosis.library import EffectLibrary
 from iris_sysid.diagnosis.prediction_error import validation_error
-from iris_sysid.diagnosis.refit import ModelWithEffects, Starts, fitted_forms, forms, refitted, with_free_form
+from iris_sysid.diagnosis.refit import (
+    ModelWithEffects,
+    Starts,
+    fit_from,
+    fitted_forms,
+    forms,
+    free_values,
+    refitted,
+    with_free_form,
+)
 from iris_sysid.diagnosis.screening import Candidate, Screening
-from iris_sysid.types import Effect, FitResult, OdeModel
+from iris_sysid.types import Array, Effect, FitResult, OdeModel
 
 REFITTED = 4  # best candidates that are refitted in each round
 WORTH_REFITTING = 0.7  # fraction of the significant chi-square; a refit can explain more than the first-order test
 SAMPLES_A_PART = 10  # samples of each short part of a clip whose end is left out
+BEYOND_NOISE = 3.0  # residual over noise from which a long record is searched with few of its samples
 NEARLY = 0.2  # a rival's first-order gain may be smaller by this fraction; a refit can be that much better
 
 
@@ -169,18 +179,35 @@ class FitCache:
     def _with_few_samples(self) -> FitCache | None:
         """A cache of rough refits to one sample of each short block of the clips; None where blocks have one sample."""
         if self._few is None:
-            pairs = list(zip(self.clips, self.base.fits, strict=True))
-            which = [one_a_block(fitted, clip.trajectory) for clip, fitted in pairs]
-            if all(each.size == fitted.n for each, fitted in zip(which, self.base.fits, strict=True)):
+            clips, units = self._at_samples(RANKED)
+            if units is None:
                 return None
-            clips = [
-                clip.with_(trajectory=at_samples(clip.trajectory, each), options=replace(clip.options, rough=True))
-                for clip, each in zip(self.clips, which, strict=True)
-            ]
-            units = tuple(unit[each] for unit, each in zip(self.base.units, which, strict=True))
+            rough = [clip.with_(options=replace(clip.options, rough=True)) for clip in clips]
             base = replace(self.base, units=units)
-            self._few = FitCache(clips, self._model, self.library, base, self._holdout, self.report)
+            self._few = FitCache(rough, self._model, self.library, base, self._holdout, self.report)
         return self._few
+
+    def shortened(self) -> FitCache:
+        """A cache of refits to one sample of each short block of long clips; this one where the clips are short."""
+        clips, units = self._at_samples(SEARCHED)
+        if units is None or self.base.squares < BEYOND_NOISE**2 * sum(unit.size for unit in self.base.units):
+            return self
+        fits = [
+            fit_from(clip, fitted.model, free_values(fitted))
+            for clip, fitted in zip(clips, self.base.fits, strict=True)
+        ]
+        base = replace(self.base, fits=tuple(fits), units=units)
+        return FitCache(clips, self._model, self.library, base, self._holdout, self.report) if base.usable else self
+
+    def _at_samples(self, few: int) -> tuple[list[FitRequest], tuple[Array, ...] | None]:
+        """The clips at one sample of each block, and the units of their residuals; None where blocks have one sample."""
+        pairs = list(zip(self.clips, self.base.fits, strict=True))
+        which = [one_a_block(fitted, clip.trajectory, few) for clip, fitted in pairs]
+        if all(each.size == fitted.n for each, fitted in zip(which, self.base.fits, strict=True)):
+            return list(self.clips), None
+        each_clip = zip(self.clips, which, strict=True)
+        clips = [clip.with_(trajectory=at_samples(clip.trajectory, kept)) for clip, kept in each_clip]
+        return clips, tuple(unit[kept] for unit, kept in zip(self.base.units, which, strict=True))
 
     def testable(self, current: ModelWithEffects) -> frozenset[str]:
         """The effects that the parameters of neither this model nor the base can imitate."""

@@ -66,6 +66,11 @@ class OpenWorld:
         self._estimated: dict[frozenset[str], BlockErrors] = {}
 
     @property
+    def base(self) -> ModelWithEffects:
+        """The model without effects."""
+        return self._cache.base
+
+    @property
     def testable(self) -> bool:
         """Whether the clips are long enough to leave out blocks."""
         return bool(self._blocks)
