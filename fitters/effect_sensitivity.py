@@ -10,31 +10,25 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numba.extending import register_jitable
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from fitters.compose_effects import bodies_of, plain_observation, within
+from fitters.compose_effects import bodies_of, forced, plain_observation
 from fitters.image_effects import through, view_of
-from fitters.integrator.codegen import generated, row
+from fitters.integrator.initial_value_problem import initial_value_problem
 from fitters.ode import simulate
+from fitters.ode.simulation import problem_at
 from iris_sysid.io.kernels import kernel
-from iris_sysid.types import Array, Effect, FitResult, OdeModel, Quantity, Trajectory, picklable
+from iris_sysid.types import Array, Effect, FitResult, OdeModel, Trajectory
 
 REFINEMENT = 4  # points in a sample interval at which the force is given; even, for Simpson's rule
-SIMPSON = np.array([1.0, *(4.0, 2.0) * (REFINEMENT // 2)])[:REFINEMENT]  # weights of these points; that of the end is 1
+SIMPSON = np.array([1.0, *(4.0, 2.0) * (REFINEMENT // 2 - 1), 4.0, 1.0])  # weights of these points and of the end
 RESPONSE = 1e-4  # size of a trial change, relative to the range of what is changed
+TOLERANCE = 1e-9  # error of the motion from its time step, relative
 FORCES_AT_ONCE = 4_000_000  # numbers; more take memory, not less time
 WORST_CONDITION = 1e8  # of the transition matrix, which loses digits as initial conditions decay
-
-_FORCED = """
-def rhs(t, state, params, inputs):
-    slopes = base(t, state, params{inputs})
-    return {slopes}
-"""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -63,15 +57,13 @@ class Motion:
 
     def answers(self, forces: Array) -> Array:
         """What is seen (k, n, d) of a unit of each of k small forces (k, m, f) on the highest derivatives."""
-        largest = np.max(np.abs(forces), axis=(1, 2), initial=0.0)
-        acts = (largest > 0) & np.isfinite(forces).all(axis=(1, 2))
+        with np.errstate(all="ignore"):
+            acts = np.any(forces, axis=(1, 2)) & np.isfinite(np.sum(forces, axis=(1, 2)))
         if self.inverse is not None:
-            shown = np.einsum("nds,nst->ndt", self.observed_by_state(self.at_samples), self.transition[self.at_samples])
-            steps_s = np.diff(self.grid[::REFINEMENT]) / REFINEMENT
-            return np.asarray(_responses(steps_s, self.inverse, forces, acts, self.at_samples // REFINEMENT, shown))
+            return np.asarray(_responses(*_responding(self), forces, acts, self.at_samples // REFINEMENT))
         seen = np.zeros((len(forces), self.at_samples.size, len(self.model.observed)))
         for k in np.flatnonzero(acts):
-            seen[k] = self._integrated(forces[k], float(largest[k]))
+            seen[k] = self._integrated(forces[k])
         return seen
 
     def observed_by_state(self, at: NDArray[np.int_]) -> Array:
@@ -85,10 +77,10 @@ class Motion:
             columns.append((sides[0] - sides[1]) / (2 * step.sum()))
         return np.stack(columns, axis=2)
 
-    def _integrated(self, force: Array, largest: float) -> Array:
+    def _integrated(self, force: Array) -> Array:
         """The same by integrating the model with the force, twice."""
         slopes = np.max(np.abs(self.slopes[:, -force.shape[1] :]), initial=0.0)
-        factor = RESPONSE * max(float(slopes), 1e-12) / largest
+        factor = RESPONSE * max(float(slopes), 1e-12) / float(np.max(np.abs(force)))
         pushed = []
         for sign in (1.0, -1.0):
             push = sign * factor * force
@@ -97,33 +89,39 @@ class Motion:
         return np.asarray((pushed[0] - pushed[1])[self.at_samples] / (2 * factor))
 
 
-@kernel()
-def _add_interval(start: int, step_s: float, inverse: Array, force: Array, drawn: Array) -> None:
-    """Add to ``drawn`` (s,) the integral over an interval of inverse (m, s, f) times force (m, f)."""
-    for point in range(REFINEMENT + 1):
-        weight = step_s / 3.0 * (SIMPSON[point] if point < REFINEMENT else 1.0)
-        for state in range(drawn.size):
-            for body in range(force.shape[1]):
-                drawn[state] += weight * inverse[start + point, state, body] * force[start + point, body]
+@functools.lru_cache(maxsize=2)
+def _responding(motion: Motion) -> tuple[Array, Array]:
+    """How a force acts back on the initial state, and what that changes: two arguments of :func:`_responses`."""
+    assert motion.inverse is not None
+    steps_s = np.diff(motion.grid[::REFINEMENT]) / REFINEMENT
+    points = np.arange(steps_s.size)[:, None] * REFINEMENT + np.arange(REFINEMENT + 1)
+    drawing = motion.inverse[points] * (steps_s[:, None] * SIMPSON / 3.0)[:, :, None, None]
+    by_state = motion.observed_by_state(motion.at_samples)
+    return drawing, np.einsum("nds,nst->ndt", by_state, motion.transition[motion.at_samples])
 
 
 @kernel()
-def _responses(
-    steps_s: Array, inverse: Array, forces: Array, acts: Array, ends: NDArray[np.int_], shown: Array
-) -> Array:
-    """What is seen (k, n, d) of forces (k, m, f) on a grid of intervals with REFINEMENT steps of ``steps_s`` (i,).
+def _responses(drawing: Array, shown: Array, forces: Array, acts: Array, ends: NDArray[np.int_]) -> Array:
+    """What is seen (k, n, d) of forces (k, m, f) on a grid of intervals with REFINEMENT steps.
 
-    ``inverse`` (m, s, f) carries a force back to the initial state, where it is added up, by Simpson's rule in each
-    interval; ``shown`` (n, d, s) is what a change of the initial state changes in each sample, of which ``ends`` (n,)
+    ``drawing`` (i, REFINEMENT + 1, s, f) carries a force in an interval back to the initial state, where it is added
+    up; ``shown`` (n, d, s) is what a change of the initial state changes in each sample, of which ``ends`` (n,)
     are the numbers of intervals before it. Forces that do not act (k,) have no response.
     """
-    seen = np.zeros((len(forces), *shown.shape[:2]))
+    seen, drawn = np.zeros((len(forces), *shown.shape[:2])), np.zeros(shown.shape[2])
     for k in np.flatnonzero(acts):
-        drawn, done = np.zeros(inverse.shape[1]), 0
+        drawn[:] = 0.0
+        done = 0
         for n in range(ends.size):
-            while done < ends[n]:
-                _add_interval(done * REFINEMENT, steps_s[done], inverse, forces[k], drawn)
-                done += 1
+            for interval in range(done, ends[n]):
+                for state in range(drawn.size):
+                    total = 0.0
+                    for point in range(REFINEMENT + 1):
+                        for body in range(forces.shape[2]):
+                            force = forces[k, interval * REFINEMENT + point, body]
+                            total += drawing[interval, point, state, body] * force
+                    drawn[state] += total
+            done = max(done, ends[n])
             for quantity in range(shown.shape[1]):
                 for state in range(drawn.size):
                     seen[k, n, quantity] += shown[n, quantity, state] * drawn[state]
@@ -146,15 +144,15 @@ def motion_of(fitted: FitResult, trajectory: Trajectory) -> Motion:
     grid, at_samples = refined(np.array([*before, *used_s]))
     at_samples = at_samples[len(before) :]
     known = _inputs_at(trajectory, grid)
-    states, _ = simulate(model, grid, values, inputs=known)
-    columns = []
-    for k, state in enumerate(model.states):
-        step, name = RESPONSE * max(float(np.ptp(states[:, k])), 1e-9), f"{state.name}_0"
-        sides = [
-            simulate(model, grid, {**values, name: values[name] + sign * step}, inputs=known)[0] for sign in (1, -1)
-        ]
-        columns.append((sides[0] - sides[1]) / (2 * step))
-    transition = np.stack(columns, axis=2)
+    problem, vector = problem_at(model, grid, values, known, "linear")
+    problem = problem.planned(vector, TOLERANCE)
+    states = problem.states(vector[:, None])[:, :, 0]
+    count = states.shape[1]
+    steps = RESPONSE * np.maximum(np.ptp(states, axis=0), 1e-9)
+    columns = np.repeat(vector[:, None], 2 * count, axis=1)
+    columns[-count:] += np.hstack([np.diag(steps), -np.diag(steps)])
+    moved = problem.states(columns)
+    transition = (moved[:, :, :count] - moved[:, :, count:]) / (2 * steps)
     slopes = rates(model, grid, states, values, known)
     return Motion(model, grid, at_samples, values, known, states, slopes, transition, _inverse(model, transition))
 
@@ -186,13 +184,12 @@ def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory, motio
     ndarray
         (n_used, d), in observed units per unit of the size.
     """
-    sizes = _defaults(effect)
-    if effect.acceleration is not None:
-        motion = motion or motion_of(fitted, trajectory)
-        return motion.answer(force_along(effect, sizes, fitted.model, motion.grid, motion.states, motion.slopes))
-    effect = through(effect, fitted.model, view_of(trajectory, fitted.model))
-    t_s, seen = fitted.t_s[fitted.used], fitted.predicted[fitted.used]
-    velocity = CubicSpline(t_s, seen).derivative()(t_s)
+    return np.asarray(sensitivities(effect, [()], fitted, trajectory, motion)[0])
+
+
+def _seen_change(effect: Effect, fitted: FitResult, sizes: Array) -> Array:
+    """The same (n_used, d) of an effect on what is seen, with its other parameters in ``sizes`` (p,)."""
+    t_s, seen, velocity = _seen_motion(fitted)
     step = np.zeros_like(sizes)
     if effect.observe is not None:
         step[0] = 1e-4 * _scale_of(lambda size: effect_change(effect, t_s, seen, velocity, sizes, size), seen)
@@ -203,6 +200,13 @@ def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory, motio
     step[0] = 1e-6
     moved = (effect.warp(t_s, sizes + step) - effect.warp(t_s, sizes - step)) / (2 * step[0])
     return np.asarray(velocity * moved[:, None])
+
+
+@functools.lru_cache(maxsize=4)
+def _seen_motion(fitted: FitResult) -> tuple[Array, Array, Array]:
+    """Times (n,) s of the samples of a fit, what it predicts there and how fast that changes, both (n, d)."""
+    t_s, seen = fitted.t_s[fitted.used], fitted.predicted[fitted.used]
+    return t_s, seen, CubicSpline(t_s, seen).derivative()(t_s)
 
 
 def sensitivities(
@@ -223,15 +227,16 @@ def sensitivities(
     fitted, trajectory, motion
         As for :func:`sensitivity`.
     """
-    variants = [shaped(effect, shape) for shape in shapes]
+    size, *others = (parameter.default or 0.0 for parameter in effect.parameters)
+    sizes = np.array([[size, *(shape or others)] for shape in shapes], dtype=np.float64)
     if effect.acceleration is None:
-        return np.array([sensitivity(variant, fitted, trajectory, motion) for variant in variants])
+        effect = through(effect, fitted.model, view_of(trajectory, fitted.model))
+        return np.array([_seen_change(effect, fitted, each) for each in sizes])
     motion = motion or motion_of(fitted, trajectory)
     where = fitted.model, motion.grid, motion.states, motion.slopes
     count = max(FORCES_AT_ONCE // motion.grid.size, 1)
-    groups = [variants[first : first + count] for first in range(0, len(variants), count)]
-    forces = (np.array([force_along(each, _defaults(each), *where) for each in group]) for group in groups)
-    return np.concatenate([motion.answers(some) for some in forces])
+    groups = (sizes[first : first + count] for first in range(0, len(sizes), count))
+    return np.concatenate([motion.answers(forces_along(effect, group, *where)) for group in groups])
 
 
 def shaped(effect: Effect, shape: Sequence[float]) -> Effect:
@@ -249,10 +254,6 @@ def shaped(effect: Effect, shape: Sequence[float]) -> Effect:
     size, *rest = effect.parameters
     changed = (replace(parameter, default=value) for parameter, value in zip(rest, shape, strict=True))
     return replace(effect, parameters=(size, *changed))
-
-
-def _defaults(effect: Effect) -> Array:
-    return np.array([parameter.default or 0.0 for parameter in effect.parameters])
 
 
 def effect_change(effect: Effect, t_s: Array, motion: Array, velocity: Array, sizes: Array, size: float) -> Array:
@@ -313,12 +314,8 @@ def rates(model: OdeModel, t_s: Array, states: Array, values: Mapping[str, float
     inputs
         (n, m), None when the model has none.
     """
-    params = tuple(values[parameter.name] for parameter in model.parameters)
-    mode = (0.0,) if model.events else ()  # as in the first mode: an effect is judged by what it adds there
-    known = [()] * len(t_s) if inputs is None else [(tuple(row),) for row in inputs.tolist()]
-    rows = zip(t_s.tolist(), states.tolist(), known, strict=True)
-    with np.errstate(all="ignore"):  # one by one: a right-hand side takes numbers
-        return np.array([model.rhs(t, (*state, *mode), params, *more) for t, state, more in rows])
+    params = np.array([values[parameter.name] for parameter in model.parameters])
+    return initial_value_problem(model, t_s, inputs, "linear").slopes(states, params)
 
 
 def force_along(effect: Effect, sizes: Array, model: OdeModel, t_s: Array, states: Array, base: Array) -> Array:
@@ -337,17 +334,28 @@ def force_along(effect: Effect, sizes: Array, model: OdeModel, t_s: Array, state
     states, base
         (n, s) the motion and its derivatives.
     """
+    return np.asarray(forces_along(effect, sizes[None], model, t_s, states, base)[0])
+
+
+def forces_along(effect: Effect, sizes: Array, model: OdeModel, t_s: Array, states: Array, base: Array) -> Array:
+    """:func:`force_along` (k, n, f) of the effect in k shapes; ``sizes`` (k, p) are its parameters in each of them.
+
+    Parameters
+    ----------
+    effect, sizes, model, t_s, states, base
+        As for :func:`force_along`.
+    """
     assert effect.acceleration is not None
     count = model.degrees_of_freedom
     velocity = states[:, count:] if model.second_order else base
     slopes = base[:, count:] if model.second_order else base
-    unit = (1.0, *sizes[1:])
-    force = np.zeros((t_s.size, count))
+    unit = (1.0, *sizes.T[1:, :, None])
+    force = np.zeros((len(sizes), t_s.size, count))
     with np.errstate(all="ignore"):
         for body in bodies_of(model):
             speed = np.sqrt(np.sum(velocity[:, body] ** 2, axis=1))
             for k in body:
-                force[:, k] = effect.acceleration(t_s, states[:, k], velocity[:, k], speed, slopes[:, k], unit)
+                force[:, :, k] = effect.acceleration(t_s, states[:, k], velocity[:, k], speed, slopes[:, k], unit)
     return force
 
 
@@ -371,29 +379,8 @@ def relative_size(effect: Effect, fitted: FitResult, motion: Motion, trajectory:
         own = np.sqrt(np.mean(motion.slopes[:, -force.shape[1] :] ** 2))
         return float(np.sqrt(np.nanmean(force**2)) / own) if own > 0 else 0.0
     through_view = through(effect, motion.model, view_of(trajectory, motion.model))
-    t_s, seen = fitted.t_s[fitted.used], fitted.predicted[fitted.used]
-    if through_view.observe is None or t_s.size < 2:
+    if through_view.observe is None or fitted.n < 2:
         return 0.0
-    velocity = CubicSpline(t_s, seen).derivative()(t_s)
+    t_s, seen, velocity = _seen_motion(fitted)
     change = through_view.observe(t_s, seen, velocity, values) - seen
     return float(np.sqrt(np.nanmean(change**2)) / max(float(np.std(seen)), 1e-300))
-
-
-@picklable
-@functools.lru_cache(maxsize=64)
-def _forced_rhs(rhs: Callable[..., Any], n_states: int, n_forced: int, n_inputs: int) -> Callable[..., Any]:
-    free = n_states - n_forced
-    lines = [f"slopes[{k}]" for k in range(free)]
-    lines += [f"slopes[{free + k}] + inputs[{n_inputs + k}]" for k in range(n_forced)]
-    own = f", {row('inputs', n_inputs)}" if n_inputs else ""
-    source = _FORCED.format(inputs=own, slopes=f"({', '.join(lines)},)")
-    return generated(source, {"base": register_jitable(rhs)})
-
-
-def forced(model: OdeModel) -> OdeModel:
-    """The model with a force on each of its highest derivatives as further inputs."""
-    count = model.degrees_of_freedom
-    pushes = tuple(Quantity(f"force{k}", "1") for k in range(count))
-    rhs = _forced_rhs(model.rhs, len(model.states), count, len(model.inputs))
-    inputs = (*model.inputs, *pushes)
-    return replace(model, name=f"{model.name}, forced", rhs=rhs, inputs=inputs, events=within(model))

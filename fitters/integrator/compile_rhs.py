@@ -12,12 +12,14 @@ import numpy as np
 from numba import njit
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
+from numpy.typing import NDArray
 
 from fitters.integrator.codegen import generated, row
 from fitters.integrator.dormand_prince import integrate
 from fitters.integrator.machine_code import can_raise, compiled_columns
+from fitters.integrator.step_control import controlled_steps
 from iris_sysid.errors import FitError
-from iris_sysid.types import OdeModel
+from iris_sysid.types import Array, OdeModel
 
 # The state and the parameters of one column reach the model as tuples of numbers, as it is written.
 _LOOP = """
@@ -61,10 +63,12 @@ class CompiledRhs:
 
     ``integrate`` is :func:`fitters.integrator.dormand_prince.integrate` or, where numba cannot
     compile the model, the same steps in plain Python; ``columns`` is its first argument; ``note`` says so in words,
-    empty when compiled. For a model with events it integrates through them, and ``columns`` is what that takes first.
+    empty when compiled. ``choose`` is :func:`fitters.integrator.step_control.controlled_steps` alike. For a model with
+    events it integrates through them, and ``columns`` is what that takes first.
     """
 
     integrate: Callable[..., None]
+    choose: Callable[..., int]
     columns: Any
     note: str = ""
 
@@ -100,12 +104,12 @@ def _compile(rhs: Callable[..., Any], n_states: int, n_params: int, n_inputs: in
         if can_raise(columns) and not getattr(rhs, NEVER_RAISES, False):
             guarded = _loop_source(n_states, n_params, n_inputs, loop=_GUARDED)
             columns = compiled_columns(generated(guarded, {**values, "nan": np.nan}), catches=True)
-            return CompiledRhs(_Replaying(plain), columns)
+            return CompiledRhs(_Replaying(plain), _choose_or_stop, columns)
     except Exception as error:  # whatever numba raises: plain Python tells whether the function is at fault
         reason = next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)
         note = f"numba cannot compile the model's rhs ({reason[:120]}): it ran in plain Python, which is slower"
-        return CompiledRhs(integrate.py_func, plain, note)
-    return CompiledRhs(integrate, columns)
+        return CompiledRhs(integrate.py_func, controlled_steps.py_func, plain, note)
+    return CompiledRhs(integrate, controlled_steps, columns)
 
 
 class _Replaying:
@@ -125,11 +129,25 @@ class _Replaying:
         except SystemError:  # one that numba itself sets, e.g. of a missing key, cannot be caught in machine code
             out[:] = np.nan
             self._left = max(self._left, 1)
-        t_s, substeps, initial, params, *rest = given
+        t_s, ends, initial, params, *rest = given
         for c in np.flatnonzero(~np.isfinite(out).all(axis=(0, 1)))[: self._left]:
             one = np.empty((*out.shape[:2], 1))
-            integrate.py_func(self._plain, t_s, substeps, initial[:, c : c + 1], params[:, c : c + 1], *rest, one)
+            integrate.py_func(self._plain, t_s, ends, initial[:, c : c + 1], params[:, c : c + 1], *rest, one)
             self._left -= 1
+
+
+def _choose_or_stop(*arguments: Any) -> int:
+    """Choose steps; none where the function raises: the integration then shows what."""
+    try:
+        return int(controlled_steps(*arguments))
+    except SystemError:  # as above
+        arguments[-1][0] = 0.0
+        return 1
+
+
+def substeps_of(ends: Array, n: int) -> NDArray[np.int64]:
+    """Number of steps (n - 1,) that begin in each interval between n samples; ``ends`` (k + 1,) in samples."""
+    return np.bincount(ends[:-1].astype(np.int64), minlength=n - 1)
 
 
 def _arguments(n_states: int, n_params: int, n_inputs: int) -> dict[str, str]:
@@ -161,11 +179,16 @@ def _with_events(model: OdeModel) -> CompiledRhs:
             "(t, state, params), state ending with the mode, and return numbers and tuples of numbers only"
         ) from error
 
-    def through(columns: Any, t_s: Any, substeps: Any, initial: Any, params: Any, inputs: Any, *rest: Any) -> None:
-        happened = np.empty((0, 2, initial.shape[1]))
+    def through(columns: Any, t_s: Any, ends: Any, initial: Any, params: Any, inputs: Any, *rest: Any) -> None:
+        happened, substeps = np.empty((0, 2, initial.shape[1])), substeps_of(ends, t_s.size)
         integrate_through_events(columns, t_s, substeps, initial, params, inputs, *rest, happened)
 
-    return CompiledRhs(through, (len(model.events), *three))
+    return CompiledRhs(through, _no_choice, (len(model.events), *three))
+
+
+def _no_choice(*arguments: Any) -> int:
+    """Steps are not chosen for a model with events: they end at those."""
+    raise NotImplementedError
 
 
 @functools.lru_cache(maxsize=512)

@@ -95,6 +95,42 @@ for _stage, _row in _ENTRIES.items():
     for _earlier, _weight in _row.items():
         WEIGHTS[_stage, _earlier] = _weight
 
+# Weights of the slopes, that at the end of the step last, in the errors of order 5 and of order 3 (section II.10).
+ERROR_5 = np.array(
+    [
+        0.01312004499419488,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        -1.2251564463762044,
+        -0.4957589496572502,
+        1.6643771824549864,
+        -0.35032884874997366,
+        0.3341791187130175,
+        0.08192320648511571,
+        -0.022355307863886294,
+        0.0,
+    ]
+)
+ERROR_3 = np.array(
+    [
+        -0.18980075407240762,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        4.450312892752409,
+        1.8915178993145003,
+        -5.801203960010585,
+        -0.4226823213237919,
+        -0.1521609496625161,
+        0.20136540080403034,
+        0.02265179219836082,
+        0.0,
+    ]
+)
+
 # The continuous extension of order 7 (section II.6): three more stages after the slope at the end of the step, then
 # rows of weights of all slopes, the coefficients of its polynomial from the fourth on.
 EXTENDED = 16

@@ -2,9 +2,8 @@
 
 The method is the explicit Runge-Kutta method of order 8 of Dormand and Prince in the form of Hairer, Norsett and
 Wanner (1993, Solving Ordinary Differential Equations I, section II.5), with its coefficients.
-At a camera's frame rate one step a frame is then exact to rounding, also after hours, when the phase of a method of
-order 5 has drifted. Steps are not chosen on the way: the result is a smooth function of the parameters, and
-differences between columns carry no noise from step control.
+Steps are not chosen on the way: the result is a smooth function of the parameters, and differences between columns
+carry no noise from step control. They may span many samples, or a part of the time between two.
 
 The integrator takes the right-hand side as a function pointer, so that it is compiled once, and kept on disk.
 """
@@ -14,10 +13,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import boolean, float64, int64, types
-from numpy.typing import NDArray
+from numba import boolean, float64, types
 
-from fitters.integrator.dop853_coefficients import NODES, STAGES, WEIGHTS
+from fitters.integrator.continuous_extension import TERMS, evaluated, polynomial
+from fitters.integrator.dop853_coefficients import EXTENDED, EXTENSION, EXTENSION_NODES, NODES, STAGES, WEIGHTS
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 
@@ -34,14 +33,20 @@ _COLUMNS = types.FunctionType(COLUMNS_SIGNATURE)
 
 
 @kernel(inline="always")
-def _weighted(state: Array, slopes: Array, stage: int, step_s: float, out: Array) -> None:
-    """Fill out = state + step * sum_j WEIGHTS[stage, j] slopes[j], for every state and column."""
+def _moved(state: Array, slopes: Array, weights: Array, count: int, step_s: float, out: Array) -> None:
+    """Fill out = state + step * sum_j weights[j] slopes[j] over the first slopes, for every state and column."""
     for i in range(state.shape[0]):
         for c in range(state.shape[1]):
             total = 0.0
-            for j in range(stage):
-                total += WEIGHTS[stage, j] * slopes[j, i, c]
+            for j in range(count):
+                total += weights[j] * slopes[j, i, c]
             out[i, c] = state[i, c] + step_s * total
+
+
+@kernel(inline="always")
+def _weighted(state: Array, slopes: Array, stage: int, step_s: float, out: Array) -> None:
+    """Fill out with the state at which a stage takes its slope; after the last one, that at the end of the step."""
+    _moved(state, slopes, WEIGHTS[stage], stage, step_s, out)
 
 
 @kernel(inline="always")
@@ -59,11 +64,18 @@ def _inputs_at(fraction: float, before: Array, after: Array, linear: bool, out: 
         out[i] = before[i] + fraction * (after[i] - before[i]) if linear else before[i]
 
 
-@kernel(types.void(_COLUMNS, _VECTOR, int64[::1], _MATRIX, _MATRIX, _MATRIX, boolean, _CUBE))
+@kernel(inline="always")
+def time_at(t_s: Array, position: float) -> float:
+    """The time (s) at a position in samples, e.g. 2.5 in the middle between those of numbers 2 and 3."""
+    k = min(int(position), t_s.size - 2)
+    return t_s[k] + (position - k) * (t_s[k + 1] - t_s[k])
+
+
+@kernel(types.void(_COLUMNS, _VECTOR, _VECTOR, _MATRIX, _MATRIX, _MATRIX, boolean, _CUBE))
 def integrate(
     columns: Columns,
     t_s: Array,
-    substeps: NDArray[np.int64],
+    ends: Array,
     initial: Array,
     params: Array,
     inputs: Array,
@@ -78,8 +90,9 @@ def integrate(
         ``columns(t, states (s, c), params (p, c), inputs (m,), out (s, c))`` writes dstate/dt.
     t_s
         (n,) s, increasing, as uneven as it likes.
-    substeps
-        (n - 1,) number of equal steps within each sample interval.
+    ends
+        (k + 1,) where each of k steps begins and the last one ends, in samples, from 0 to n - 1; with inputs, every
+        sample is among them.
     initial
         (s, c) states at ``t_s[0]``.
     params
@@ -91,59 +104,42 @@ def integrate(
     out
         (n, s, c), written. Not finite from where the solution diverges.
     """
-    slopes = np.zeros((STAGES, initial.shape[0], initial.shape[1]))
-    state = np.zeros((initial.shape[0], initial.shape[1]))
-    trial = np.zeros((initial.shape[0], initial.shape[1]))
+    rows, count = initial.shape
+    slopes = np.zeros((EXTENDED, rows, count))
+    terms = np.zeros((TERMS, rows, count))
+    state, trial, after = np.zeros((rows, count)), np.zeros((rows, count)), np.zeros((rows, count))
     inputs_now = np.zeros(inputs.shape[1])
     _copy(initial, state)
     _copy(state, out[0])
-    for k in range(t_s.size - 1):
-        step_s = (t_s[k + 1] - t_s[k]) / substeps[k]
-        for m in range(substeps[k]):
-            for stage in range(STAGES):
-                _weighted(state, slopes, stage, step_s, trial)
-                if inputs_now.size > 0:
-                    _inputs_at((m + NODES[stage]) / substeps[k], inputs[k], inputs[k + 1], linear, inputs_now)
-                columns(t_s[k] + (m + NODES[stage]) * step_s, trial, params, inputs_now, slopes[stage])
-            _weighted(state, slopes, STAGES, step_s, trial)
-            state, trial = trial, state
-        _copy(state, out[k + 1])
+    sample = 1
+    for m in range(ends.size - 1):
+        start_s, interval = time_at(t_s, ends[m]), int(ends[m])
+        step_s = time_at(t_s, ends[m + 1]) - start_s
+        for stage in range(STAGES):
+            _weighted(state, slopes, stage, step_s, trial)
+            if inputs_now.size > 0:
+                fraction = ends[m] - interval + NODES[stage] * (ends[m + 1] - ends[m])
+                _inputs_at(fraction, inputs[interval], inputs[interval + 1], linear, inputs_now)
+            columns(start_s + NODES[stage] * step_s, trial, params, inputs_now, slopes[stage])
+        _weighted(state, slopes, STAGES, step_s, after)
+        if sample < ends[m + 1]:
+            columns(start_s + step_s, after, params, inputs_now, slopes[STAGES])
+            for extra in range(EXTENSION.shape[0]):
+                stage = STAGES + 1 + extra
+                _moved(state, slopes, EXTENSION[extra], stage, step_s, trial)
+                columns(start_s + EXTENSION_NODES[extra] * step_s, trial, params, inputs_now, slopes[stage])
+            polynomial(state, after, slopes, step_s, terms)
+        while sample < ends[m + 1]:
+            evaluated(state, terms, (t_s[sample] - start_s) / step_s, out[sample])
+            sample += 1
+        if sample == ends[m + 1]:
+            _copy(after, out[sample])
+            sample += 1
+        state, after = after, state
 
 
-@kernel(types.void(_COLUMNS, _VECTOR, int64[::1], int64[::1], _MATRIX, _MATRIX, _MATRIX, boolean, _MATRIX))
-def restarted(
-    columns: Columns,
-    t_s: Array,
-    substeps: NDArray[np.int64],
-    which: NDArray[np.int64],
-    starts: Array,
-    params: Array,
-    inputs: Array,
-    linear: bool,
-    out: Array,
-) -> None:
-    """Fill ``out`` (k, s) with the states at the ends of sample intervals, each begun anew from given states.
-
-    Parameters
-    ----------
-    columns, t_s, inputs, linear
-        As for :func:`integrate`.
-    substeps
-        (k,) number of equal steps in each of these intervals.
-    which
-        (k,) the intervals.
-    starts
-        (n, s) states at the samples.
-    params
-        (p, 1).
-    out
-        (k, s), written.
-    """
-    initial, ends = np.zeros((starts.shape[1], 1)), np.zeros((2, starts.shape[1], 1))
-    for k in range(which.size):
-        at = which[k]
-        for i in range(starts.shape[1]):
-            initial[i, 0] = starts[at, i]
-        integrate(columns, t_s[at : at + 2], substeps[k : k + 1], initial, params, inputs[at : at + 2], linear, ends)
-        for i in range(starts.shape[1]):
-            out[k, i] = ends[1, i, 0]
+@kernel(types.void(_COLUMNS, _VECTOR, _CUBE, _MATRIX, _MATRIX, _CUBE))
+def slopes_along(columns: Columns, t_s: Array, states: Array, params: Array, inputs: Array, out: Array) -> None:
+    """Fill ``out`` (n, s, 1) with dstate/dt at states (n, s, 1), times (n,) and inputs (n, m); ``params`` (p, 1)."""
+    for k in range(t_s.size):
+        columns(t_s[k], states[k], params, inputs[k], out[k])

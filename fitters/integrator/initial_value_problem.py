@@ -8,8 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from fitters.integrator.compile_rhs import CompiledRhs, compiled_rhs
-from fitters.integrator.dormand_prince import ORDER, integrate, restarted
+from fitters.integrator.compile_rhs import CompiledRhs, compiled_rhs, substeps_of
+from fitters.integrator.dormand_prince import ORDER, slopes_along
+from fitters.integrator.step_control import graded
 from iris_sysid.errors import FitError
 from iris_sysid.types import Array, OdeModel
 
@@ -17,13 +18,10 @@ Hold = Literal["linear", "zero-order"]
 
 MOST_STEPS = (64, 20_000)  # for each sample, and in all if that is more; a problem that needs more is stiff
 BATCH_NUMBERS = 4_000_000  # numbers in the states of one batch of columns: 32 MB
-PLANNED = 2000  # samples by which steps are chosen
-FEW, MOST_OF = 8, 0.99  # an eighth of the intervals has all but a hundredth of the error: there are kinks in them
-KINK_TRIALS = 4  # of what each kink may be off, until all together are not off by too much
-KINKED_ORDER = 4  # an error that falls with a lower power of the step is that of an equation with a kink
-LONG = 20_000  # samples from which on steps over several of them are tried
-WIDEST, NARROWEST = 64, 3  # samples in such a step, at most and at least
-JUDGED = 7  # every seventh sample tells its error
+PLANNED = 2000  # samples by which steps of a model with events are chosen
+SIZED = 1e-3  # error of the solution that tells the size of each state
+STEPS_ADDING = 10  # of its steps, over which errors of the final ones add up to the largest of them
+KINK = 0.05  # of what all kinks together may be off, the error of the step at one
 RESPONSE = 1e-4  # change of the prediction that a difference step aims at, relative to the motion
 
 
@@ -37,8 +35,8 @@ class InitialValueProblem:
     """A model at given times.
 
     ``t_s`` (n,) s, the first of which is where the initial states hold; ``inputs`` (n, m);
-    ``substeps`` (n - 1,) steps in each sample interval; where ``step_s`` is above 0, steps are of that length instead,
-    over several samples each. Vectors of values are in the order of :func:`value_names`.
+    ``ends`` (k + 1,) where each of k steps begins and the last one ends, in samples: 2.5 is in the middle between those
+    of numbers 2 and 3. Vectors of values are in the order of :func:`value_names`.
     """
 
     model: OdeModel
@@ -46,8 +44,7 @@ class InitialValueProblem:
     t_s: Array
     inputs: Array
     hold: Hold
-    substeps: NDArray[np.int64]
-    step_s: float = 0.0
+    ends: Array
 
     def states(self, columns: Array) -> Array:
         """States (n, s, c) for c columns of values (p + s, c)."""
@@ -74,14 +71,18 @@ class InitialValueProblem:
         n_params = len(self.model.parameters)
         params, initial = np.ascontiguousarray(columns[:n_params]), np.ascontiguousarray(columns[n_params:])
         out = np.empty((t_s.size, *initial.shape))
-        if self.step_s > 0:
-            from fitters.integrator.continuous_extension import integrate_over_samples  # only long records need it
-
-            integrate_over_samples(self.rhs.columns, t_s, self.step_s, initial, params, out)
-            return out
         linear = self.hold == "linear"
-        self.rhs.integrate(self.rhs.columns, t_s, self.substeps, initial, params, self.inputs, linear, out)
+        self.rhs.integrate(self.rhs.columns, t_s, self.ends, initial, params, self.inputs, linear, out)
         return out
+
+    def slopes(self, states: Array, params: Array) -> Array:
+        """Derivatives by time (n, s) of states (n, s) at the samples; with events, in the first mode."""
+        mode = np.zeros((self.t_s.size, 1 if self.model.events else 0))
+        taken = np.hstack([states, mode])[:, :, None]
+        columns, out = self.rhs.columns[1] if self.model.events else self.rhs.columns, np.zeros(taken.shape)
+        along = slopes_along.py_func if self.rhs.note else slopes_along  # a note: it runs in plain Python
+        along(columns, self.t_s, taken, np.ascontiguousarray(params[:, None]), self.inputs, out)
+        return out[:, : states.shape[1], 0]
 
     def observe(self, states: Array, values: Array) -> Array:
         """Observed quantities (n, d) of states (n, s)."""
@@ -160,131 +161,83 @@ class InitialValueProblem:
 
     def first(self, n: int) -> InitialValueProblem:
         """The problem up to its n-th sample."""
-        return replace(self, t_s=self.t_s[:n], inputs=self.inputs[:n], substeps=self.substeps[: n - 1])
+        ends = np.append(self.ends[self.ends < n - 1], n - 1.0)
+        return replace(self, t_s=self.t_s[:n], inputs=self.inputs[:n], ends=ends)
 
     def every(self, k: int) -> InitialValueProblem:
-        """The problem at every k-th sample, for a model without inputs."""
-        substeps = np.ones((self.t_s.size - 1) // k, dtype=np.int64)
-        return replace(self, t_s=self.t_s[::k].copy(), inputs=self.inputs[::k].copy(), substeps=substeps, step_s=0.0)
+        """The problem at every k-th sample, for a model without inputs, with one step in each sample interval."""
+        t_s = self.t_s[::k].copy()
+        return replace(self, t_s=t_s, inputs=self.inputs[::k].copy(), ends=np.arange(t_s.size, dtype=np.float64))
 
     def halved(self) -> InitialValueProblem:
         """The problem with steps half as long."""
-        return replace(self, substeps=2 * self.substeps, step_s=0.5 * self.step_s)
+        middles = (self.ends[:-1] + self.ends[1:]) / 2
+        return replace(self, ends=np.insert(self.ends, np.arange(1, self.ends.size), middles))
 
-    def is_as_fine_as(self, other: InitialValueProblem) -> bool:
-        """Whether no step is longer than those of another plan for the same samples."""
-        if self.step_s > 0:
-            return other.step_s >= self.step_s
-        return other.step_s > 0 or bool(np.all(other.substeps <= self.substeps))
+    @property
+    def substeps(self) -> NDArray[np.int64]:
+        """Number of steps (n - 1,) that begin in each sample interval."""
+        return substeps_of(self.ends, self.t_s.size)
 
     def with_step(self, longest_step_s: float) -> InitialValueProblem:
         """The problem with the fewest equal steps in each sample interval that are no longer than this."""
         counts = np.ceil(np.diff(self.t_s) / longest_step_s * (1 - 1e-9))
-        return replace(self, substeps=np.clip(counts, 1, MOST_STEPS[1]).astype(np.int64), step_s=0.0)
+        counts = np.clip(counts, 1, MOST_STEPS[1]).astype(np.int64)
+        begin = np.repeat(np.arange(counts.size), counts)
+        inside = np.arange(begin.size) - np.repeat(np.cumsum(counts) - counts, counts)
+        return replace(self, ends=np.append(begin + inside / counts[begin], self.t_s.size - 1.0))
 
     def planned(self, values: Array, tolerance: float, negligible: float = 0.0) -> InitialValueProblem:
-        """The problem with steps short enough for these values, judged by its first PLANNED samples.
+        """The problem with steps short enough for these values; they may span many samples where it has no inputs.
 
-        ``values`` (p + s,), each in its own unit.
+        Parameters
+        ----------
+        values
+            (p + s,), each in its own unit.
+        tolerance
+            Error from the finite time step, relative to the size of each state.
+        negligible
+            Error that is enough at the kinks of the equation, as of a rim over which water runs; not where steps end
+            at the events of the model.
+        """
+        if self.t_s.size < 2 or self.model.events:
+            return self._planned_through_events(values, tolerance)
+        times = self._times(values[:, None])
+        if not np.all(np.diff(times) > 0):
+            return self
+        size = np.zeros(len(self.model.states))
+        count = self._controlled(times, values, SIZED, SIZED, size).size - 1
+        tolerance /= max(count / STEPS_ADDING, 1.0)  # errors of steps add up
+        ends = self._controlled(times, values, tolerance, max(tolerance, KINK * negligible), size)
+        return replace(self, ends=graded(ends))
+
+    def _controlled(self, times: Array, values: Array, tolerance: float, enough: float, size: Array) -> Array:
+        """Ends of the steps; one a sample from where the solution diverges, or would need too many."""
+        ends = np.empty(max(MOST_STEPS[0] * times.size, MOST_STEPS[1]) + 1)
+        limits = np.array([tolerance, enough, (times[-1] - times[0]) / ends.size])
+        params, initial = np.split(values[:, None], [len(self.model.parameters)])
+        known = self.inputs, self.hold == "linear"
+        count = self.rhs.choose(self.rhs.columns, times, initial, params, *known, limits, size, ends)
+        return np.concatenate([ends[:count], np.arange(int(ends[count - 1]) + 1.0, times.size)])
+
+    def _planned_through_events(self, values: Array, tolerance: float) -> InitialValueProblem:
+        """The problem with equal steps in each sample interval, judged by its first PLANNED samples.
 
         The error is the difference between the states with these steps and with half of them, relative to
-        the size of each state; it falls with the power ORDER of the step. Where the equation has a kink, as a rim
-        over which water runs, it falls with a low power whatever the method, and ``negligible`` is enough; not where
-        steps end at the events of the model. A long record gets steps over several samples where these are exact
-        enough over all of it.
+        the size of each state; it falls with the power ORDER of the step.
         """
-        wide = self._over_samples(values, tolerance)
-        if wide is not None:
-            return wide
-        negligible = 0.0 if self.model.events else negligible
         step_s = float(np.median(np.diff(self.t_s))) if self.t_s.size > 1 else 1.0
         shortest_s = float(self.t_s[-1] - self.t_s[0]) / max(MOST_STEPS[0] * self.t_s.size, MOST_STEPS[1])
-        problem = self.with_step(step_s)
-        runaways, smooth = 0, np.inf
+        problem, runaways = self.with_step(step_s), 0
         for _ in range(12):
             error = problem.first(PLANNED).step_error(values)
             runaways += not np.isfinite(error)
-            enough = max(negligible, tolerance) if error > smooth else tolerance
-            if error <= enough or step_s <= shortest_s or runaways == 3:
+            if error <= tolerance or step_s <= shortest_s or runaways == 3:
                 break
-            if self._can_restart and np.isfinite(error) and (smooth == np.inf or error > smooth):
-                refined = problem._refined_at_kinks(values, max(negligible, tolerance), shortest_s)
-                if refined is not None:
-                    return refined
             ratio = (error / tolerance) ** (1 / ORDER) if np.isfinite(error) else 4.0
-            shorter = max(step_s / min(max(1.1 * ratio, 1.2), 4.0), shortest_s)
-            smooth = error * (shorter / step_s) ** KINKED_ORDER
-            step_s, problem = shorter, self.with_step(shorter)
+            step_s = max(step_s / min(max(1.1 * ratio, 1.2), 4.0), shortest_s)
+            problem = self.with_step(step_s)
         return problem
-
-    def _over_samples(self, values: Array, tolerance: float) -> InitialValueProblem | None:
-        """The problem with steps over several samples each; None where its record is short, or steps must be too."""
-        if self.t_s.size < LONG or self.inputs.size or not self._can_restart:
-            return None
-        sample_s, sparse = float(np.median(np.diff(self.t_s))), self.every(JUDGED)
-        step_s = WIDEST * sample_s
-        while step_s >= NARROWEST * sample_s:
-            error = replace(sparse, step_s=step_s).step_error(values)
-            if error <= tolerance:
-                return replace(self, step_s=step_s)
-            ratio = (error / tolerance) ** (1 / (ORDER - 1)) if np.isfinite(error) else 4.0
-            step_s /= min(max(1.1 * ratio, 1.2), 4.0)
-        return None
-
-    @property
-    def _can_restart(self) -> bool:
-        """Whether the equation is compiled, and one from the first sample to the last."""
-        return self.rhs.integrate is integrate
-
-    def _refined_at_kinks(self, values: Array, enough: float, shortest_s: float) -> InitialValueProblem | None:
-        """The problem with more steps in those intervals alone in which the equation has a kink; None if it has none.
-
-        They are told by the difference between the usual steps and a third of them, each interval begun anew from the
-        same states; the next one on each side gets as many steps, because kinks move when values change.
-        """
-        states = np.ascontiguousarray(self.states(values[:, None])[:, :, 0])
-        most = np.maximum(np.ceil(np.diff(self.t_s) / shortest_s), self.substeps).astype(np.int64)
-        every = np.arange(self.t_s.size - 1)
-        error = self._errors_in(every, self.substeps, values, states)
-        if not np.sum(np.sort(error)[-(error.size // FEW) :]) > MOST_OF * np.sum(error) > 0:
-            return None
-        allowed = enough / 2.0 / np.sqrt(max(int(np.sum(error > enough / error.size)), 1))
-        problem = self
-        for _ in range(KINK_TRIALS):
-            substeps = self.substeps.copy()
-            open_at = every[error > allowed]
-            while open_at.size:
-                substeps[open_at] *= 2
-                left = self._errors_in(open_at, substeps[open_at], values, states)
-                open_at = open_at[(left > allowed) & (2 * substeps[open_at] <= most[open_at])]
-            problem = replace(self, substeps=_spread_to_neighbours(substeps))
-            if problem.first(PLANNED).step_error(values) <= enough:
-                break
-            allowed /= 4.0
-        return problem
-
-    def _errors_in(self, which: NDArray[np.int64], substeps: NDArray[np.int64], values: Array, states: Array) -> Array:
-        """Largest error (k,) of a state from the finite time step in each of these intervals, relative to its size."""
-        times, params = self._times(values[:, None]), np.ascontiguousarray(values[: len(self.model.parameters), None])
-        ends = np.empty((2, which.size, states.shape[1]))
-        for k, out in enumerate(ends):
-            more = substeps * (1 + 2 * k)
-            restarted(self.rhs.columns, times, more, which, states, params, self.inputs, self.hold == "linear", out)
-        size = np.max(np.abs(states), axis=0, initial=0.0)
-        with np.errstate(all="ignore"):
-            error = np.max(np.abs(ends[0] - ends[1]) / np.where(size > 0, size, 1.0), axis=1, initial=0.0)
-        return np.asarray(np.where(np.isfinite(error), error, np.inf))
-
-    def prediction_error(self, values: Array, predicted: Array) -> float:
-        """Largest error of a prediction (n, d) from the finite time step, relative to each quantity's size.
-
-        The error is dimensionless; ``values`` (p + s,), each in its own unit.
-        """
-        fine = self.halved().predicted(values)
-        with np.errstate(all="ignore"):
-            size = np.max(np.abs(fine), axis=0, initial=0.0)
-            error = np.max(np.abs(predicted - fine) / np.where(size > 0, size, 1.0), initial=0.0)
-        return float(error) if np.isfinite(error) else np.inf
 
     def step_error(self, values: Array) -> float:
         """Largest error of the states from the finite time step, relative to each state's size.
@@ -297,12 +250,6 @@ class InitialValueProblem:
             size = np.max(np.abs(fine), axis=0, initial=0.0)
             error = np.max(np.abs(coarse - fine) / np.where(size > 0, size, 1.0), initial=0.0)
         return float(error) if np.isfinite(error) else np.inf
-
-
-def _spread_to_neighbours(substeps: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The largest number of steps in each interval and the one on each side."""
-    padded = np.pad(substeps, 1, mode="edge")
-    return np.max([padded[:-2], padded[1:-1], padded[2:]], axis=0)
 
 
 def initial_value_problem(model: OdeModel, t_s: Array, inputs: Array | None, hold: Hold) -> InitialValueProblem:
@@ -321,8 +268,7 @@ def initial_value_problem(model: OdeModel, t_s: Array, inputs: Array | None, hol
     """
     times = np.ascontiguousarray(t_s, dtype=np.float64).copy()
     known = np.zeros((times.size, 0)) if inputs is None else np.ascontiguousarray(inputs, dtype=np.float64).copy()
-    substeps = np.ones(max(times.size - 1, 0), dtype=np.int64)
-    return InitialValueProblem(model, compiled_rhs(model), times, known, hold, substeps)
+    return InitialValueProblem(model, compiled_rhs(model), times, known, hold, np.arange(times.size, dtype=np.float64))
 
 
 def first_steps(values: Array, which: NDArray[np.intp]) -> Array:

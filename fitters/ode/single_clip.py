@@ -324,12 +324,15 @@ def _without_outliers(task: Task, solution: Solution, loss: Loss, most: int | No
 
 
 def _exact(solution: Solution, target: Target) -> bool:
-    """Whether the time steps are short enough for the fitted values: as short as they would be chosen for them."""
-    problem = solution.problem
-    error = problem.prediction_error(solution.values, solution.predicted)
-    if error < 10 * FINE_STEP or problem.model.events:
-        return error < 10 * FINE_STEP
-    return problem.is_as_fine_as(problem.planned(solution.values, FINE_STEP, target.negligible))
+    """Whether the time steps are short enough for the fitted values: those chosen for them predict the same."""
+    problem, values = solution.problem, solution.values
+    events = bool(problem.model.events)
+    anew = problem.halved() if events else problem.planned(values, FINE_STEP, target.negligible)
+    with np.errstate(all="ignore"):
+        finer = anew.predicted(values)
+        size = np.max(np.abs(finer), axis=0, initial=0.0)
+        error = np.max(np.abs(solution.predicted - finer) / np.where(size > 0, size, 1.0), initial=0.0)
+    return bool(error < max(10 * FINE_STEP, 0.0 if events else target.negligible))
 
 
 def _with_priors_weighed(task: Task, target: Target, solution: Solution, loss: Loss) -> tuple[Task, Solution]:

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fitters.compose_effects import with_effect
-from fitters.effect_sensitivity import forced
+from fitters.compose_effects import forced, with_effect
 from fitters.integrator.event_times import event_times
 from fitters.ode import sensitivity, simulate
 from iris_sysid.errors import FitError
