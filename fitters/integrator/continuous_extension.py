@@ -11,12 +11,11 @@ from fitters.integrator.dop853_coefficients import EXTENDED, POLYNOMIAL, STAGES
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
 
-ORDER = 7  # of the extension
-TERMS = 7  # of its polynomial
+TERMS = 7  # of the polynomial
 
 
 @kernel(inline="always")
-def polynomial(before: Array, after: Array, slopes: Array, step_s: float, out: Array) -> None:
+def _polynomial(before: Array, after: Array, slopes: Array, step_s: float, out: Array) -> None:
     """Fill out (7, s, c) with the coefficients of the extension over a step."""
     for i in range(before.shape[0]):
         for c in range(before.shape[1]):
@@ -32,7 +31,7 @@ def polynomial(before: Array, after: Array, slopes: Array, step_s: float, out: A
 
 
 @kernel(inline="always")
-def evaluated(before: Array, terms: Array, x: float, out: Array) -> None:
+def _evaluated(before: Array, terms: Array, x: float, out: Array) -> None:
     """Fill out (s, c) with the state at the fraction x of a step."""
     for i in range(before.shape[0]):
         for c in range(before.shape[1]):

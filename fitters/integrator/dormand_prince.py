@@ -15,7 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from numba import boolean, float64, types
 
-from fitters.integrator.continuous_extension import TERMS, evaluated, polynomial
+from fitters.integrator.continuous_extension import TERMS, _evaluated, _polynomial
 from fitters.integrator.dop853_coefficients import EXTENDED, EXTENSION, EXTENSION_NODES, NODES, STAGES, WEIGHTS
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array
@@ -128,9 +128,9 @@ def integrate(
                 stage = STAGES + 1 + extra
                 _moved(state, slopes, EXTENSION[extra], stage, step_s, trial)
                 columns(start_s + EXTENSION_NODES[extra] * step_s, trial, params, inputs_now, slopes[stage])
-            polynomial(state, after, slopes, step_s, terms)
+            _polynomial(state, after, slopes, step_s, terms)
         while sample < ends[m + 1]:
-            evaluated(state, terms, (t_s[sample] - start_s) / step_s, out[sample])
+            _evaluated(state, terms, (t_s[sample] - start_s) / step_s, out[sample])
             sample += 1
         if sample == ends[m + 1]:
             _copy(after, out[sample])
@@ -140,6 +140,16 @@ def integrate(
 
 @kernel(types.void(_COLUMNS, _VECTOR, _CUBE, _MATRIX, _MATRIX, _CUBE))
 def slopes_along(columns: Columns, t_s: Array, states: Array, params: Array, inputs: Array, out: Array) -> None:
-    """Fill ``out`` (n, s, 1) with dstate/dt at states (n, s, 1), times (n,) and inputs (n, m); ``params`` (p, 1)."""
+    """Fill ``out`` with dstate/dt along a motion of one column.
+
+    Parameters
+    ----------
+    columns, t_s, params, inputs
+        As for :func:`integrate`.
+    states
+        (n, s, 1) at the times.
+    out
+        (n, s, 1), written.
+    """
     for k in range(t_s.size):
         columns(t_s[k], states[k], params, inputs[k], out[k])
