@@ -251,10 +251,11 @@ def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffe
     """
     report, weak = _without_weak(cache, path[-1])
     final = report.final
-    if (weak and not _is_complete(cache.clips, final, cache.base)) or world.rests_on_absorbing(final):
+    sure = _residual_ratio(final, cache.base) <= COMPLETE
+    if (weak and not _is_complete(cache.clips, final, cache.base)) or world.rests_on_absorbing(final, sure):
         return None
     rivals = {effect.name: report.indistinguishable(effect) for effect in final.effects}
-    findings = world.of_complete(final, rivals)
+    findings = world.of_complete(final, rivals, sure)
     said = {name for finding in findings if finding.word in ("named", "group") for name in finding.effects[:1]}
     added = tuple(effect for effect in final.effects if effect.name in said)
     return _Answer(

@@ -60,7 +60,8 @@ class _Linear:
     def errors(self, block: Indices, change: Array) -> Array:
         """The errors (m, d) over a block, in units of the noise, of values moved by ``change`` (k,)."""
         rows = self._rows(block)
-        return np.asarray(self.residual[rows] - self.jacobian[rows] @ change)
+        with np.errstate(all="ignore"):  # a change without limit is infinitely wrong
+            return np.asarray(self.residual[rows] - self.jacobian[rows] @ change)
 
     def plain(self, block: Indices, errors: Array) -> Array:
         """Errors (m, d) in observed units."""
@@ -71,11 +72,18 @@ class _Linear:
 
 
 def _solved(information: Array, slope: Array) -> Array:
-    """The solution (k,) of the normal equations, zero along directions of which the samples say nothing."""
+    """The solution (k,) of the normal equations, zero along directions of which the samples say nothing.
+
+    Infinite where a derivative is not finite.
+    """
     if not slope.size:
         return slope
     scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
+    with np.errstate(all="ignore"):
+        scaled = information / scale / scale[:, None]
+    if not np.all(np.abs(scaled) < 2.0):  # of what is one on the diagonal: derivatives that are not finite
+        return np.full(slope.size, np.inf)
+    values, vectors = np.linalg.eigh(scaled)
     known = values > SINGULAR * values[-1]
     along = vectors[:, known].T @ (slope / scale)
     return np.asarray(vectors[:, known] @ (along / values[known]) / scale)
@@ -104,13 +112,20 @@ def linearised_errors(model: ModelWithEffects, blocks: Sequence[Sequence[Indices
             changes = [clip.without(*each) for clip, *each in zip(linear, left_out, given, strict=True)]
         for clip, block, change in zip(linear, left_out, changes, strict=True):
             errors = clip.errors(block, change)
-            squares.append(float(np.mean(errors**2)))
-            sums.append(float(np.mean(clip.plain(block, errors) ** 2)))
+            squares.append(_mean_square(errors))
+            sums.append(_mean_square(clip.plain(block, errors)))
             counts.append(len(errors))
     every = np.array(counts, dtype=np.float64)
     rms = float(np.sqrt(np.average(np.array(sums), weights=every))) if every.size else float("nan")
     each = tuple({name: np.array(kept) for name, kept in clip.items()} for clip in values)
     return BlockErrors(np.array(squares), every, rms, each)
+
+
+def _mean_square(errors: Array) -> float:
+    """Infinite where an error is not a number."""
+    with np.errstate(all="ignore"):
+        square = float(np.mean(errors**2))
+    return square if np.isfinite(square) else float("inf")
 
 
 def _sizes_of_others(

@@ -32,7 +32,9 @@ EVEN = 0.5  # the same against a rival that can imitate anything
 RIVALS = 3  # of an effect that are refitted
 SMALLEST_SHARE = 0.03  # of the residual's variance that an effect must remove
 NAMED_SHARE = 0.25  # of the squared error over blocks left out that a named effect removes, others being in the model
+ABSORBED_SHARE = 0.5  # the same of what can imitate a piece of anything
 EVIDENT_SHARE = 0.2  # of what all effects remove, that one must remove which can imitate anything
+DOMINANT_SHARE = 0.9  # the same where the components do not say it
 LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is told
 
 
@@ -110,11 +112,12 @@ class OpenWorld:
         findings = tuple(self._finding(current, effect, tuple(rivals[effect.name])) for effect in current.effects)
         return Judgement(current, findings, rivals)
 
-    def of_complete(self, model: ModelWithEffects, rivals: Mapping[str, Sequence[str]]) -> tuple[Finding, ...]:
+    def of_complete(
+        self, model: ModelWithEffects, rivals: Mapping[str, Sequence[str]], sure: bool
+    ) -> tuple[Finding, ...]:
         """The findings on a model that explains the data to the noise: a likelihood can tell effects apart there.
 
-        What can imitate anything is named there too, if it is a good part of the residual, and the part that the
-        components say.
+        What can imitate anything is named there too, if it is a good part of the residual.
 
         Parameters
         ----------
@@ -122,11 +125,13 @@ class OpenWorld:
             The final model.
         rivals
             By effect, those that explain the data as well.
+        sure
+            Whether the size of the noise is known; else what imitates anything must be the part that the components say.
         """
         findings = []
         for effect in model.effects:
             names, share = (effect.name, *rivals.get(effect.name, ())), self._removed(model, effect)
-            if effect.absorbs and not self._is_evident(model, effect):
+            if effect.absorbs and not self._is_evident(model, effect, sure):
                 findings.append(_absorbing(effect, share))
             elif self.share_of(model, effect) < SMALLEST_SHARE and not share >= NAMED_SHARE:
                 findings.append(Finding("located", effect.component, names, share, "a small part of the residual"))
@@ -136,10 +141,12 @@ class OpenWorld:
                 findings.append(Finding("named", effect.component, names, share))
         return tuple(findings)
 
-    def rests_on_absorbing(self, model: ModelWithEffects) -> bool:
+    def rests_on_absorbing(self, model: ModelWithEffects, sure: bool) -> bool:
         """Whether a good part of what a model explains is due to effects without evidence that imitate anything."""
         return any(
-            effect.absorbs and not self._is_evident(model, effect) and self.share_of(model, effect) >= EVIDENT_SHARE
+            effect.absorbs
+            and not self._is_evident(model, effect, sure)
+            and self.share_of(model, effect) >= EVIDENT_SHARE
             for effect in model.effects
         )
 
@@ -155,11 +162,19 @@ class OpenWorld:
         parts = () if self._components is None else self._components.parts
         return {kind for part in parts for kind in (part.kind, *part.similar)}
 
-    def _is_evident(self, model: ModelWithEffects, effect: Effect) -> bool:
-        """Whether an effect is a good part of the residual, and of the kind that the components say."""
+    def _is_evident(self, model: ModelWithEffects, effect: Effect, sure: bool) -> bool:
+        """Whether an effect is a good part of the residual that the components say, or explains nearly all to the noise."""
+        share = self.share_of(model, effect)
+        return (self._agrees(effect) and share >= EVIDENT_SHARE) or (sure and share >= DOMINANT_SHARE)
+
+    @property
+    def _components_turn(self) -> bool:
+        return self._components is not None and self._components.turns
+
+    def _agrees(self, effect: Effect) -> bool:
+        """Whether an effect is of a kind that the components have; on a motion that never turns, they cannot tell."""
         known = self._components is not None and self._components.turns and self._kinds
-        agrees = effect.component in self._kinds or not known
-        return agrees and self.share_of(model, effect) >= EVIDENT_SHARE
+        return effect.component in self._kinds or not known
 
     # the search ------------------------------------------------------------------------------------------------------
 
@@ -274,7 +289,7 @@ class OpenWorld:
 
     def _finding(self, model: ModelWithEffects, effect: Effect, names: tuple[str, ...]) -> Finding:
         share, rest = self._removed(model, effect), self._cache.without(model, effect)
-        if effect.absorbs:
+        if effect.absorbs and not (share >= ABSORBED_SHARE and self._agrees(effect) and self._components_turn):
             return _absorbing(effect, share)
         if share < NAMED_SHARE:
             return Finding("located", effect.component, names, share, "it is a small part of the residual")
@@ -297,7 +312,7 @@ class OpenWorld:
     def _rivals(self, model: ModelWithEffects, effect: Effect) -> dict[str, float]:
         """An effect and those that predict the blocks as well in its place, with the share of bootstraps each wins."""
         rest = self._cache.without(model, effect)
-        if effect.absorbs or not rest.usable:
+        if not rest.usable:
             return {effect.name: 1.0}
         screening = self._cache.screening(rest)
         others = {name: self._cache.with_added(rest, screening.single(name)) for name in self._worth(rest, effect)}
