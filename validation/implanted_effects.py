@@ -314,7 +314,7 @@ ZEROS, DRIFTS = frozenset({"zero-offset", "constant-force"}), frozenset({"camera
 EVERY = frozenset(LAWS)
 IMPLANTS: tuple[Implant, ...] = (
     _force("quadratic-drag", "force-of-velocity", MOVES, quadratic_drag, "quadratic_drag", _no_shape),
-    _force("coulomb-friction", "force-of-velocity", MOVES, dry_friction, "coulomb_friction", _turnover),
+    _force("coulomb-friction", "force-of-velocity", MOVES - {"free-fall"}, dry_friction, "coulomb_friction", _turnover),
     _force("cubic-stiffness", "force-of-position", PULLED_BACK, cubic_stiffness, "cubic_stiffness", _no_shape),
     _force("parameter-drift", "own-force-drift force-of-time", EVERY, growing_force, "parameter_drift", _begun),
     _force("periodic-forcing", "periodic-force", MOVES, sinusoid, "periodic_forcing", _rate),
@@ -326,7 +326,7 @@ IMPLANTS: tuple[Implant, ...] = (
         "zero-offset", ZEROS, frozenset({"zero", "constant", "zero-wander", "reading-of-position"}), "zero_offset",
         EVERY, _small_reading, shifted,
     ),
-    Implant("zero-wander", DRIFTS, frozenset({"zero-wander"}), "", EVERY, _small_reading, wandering),
+    Implant("zero-wander", DRIFTS | {"zero-wander"}, frozenset({"zero-wander"}), "", EVERY, _small_reading, wandering),
 )  # fmt: skip
 
 

@@ -58,13 +58,17 @@ class Basis:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Scale:
-    """What is common to the clips: the largest position and speed, whether the motion repeats, and its centre (f,)."""
+    """What is common to the clips: the largest position and speed, and the centre (f,) of the motion.
+
+    ``repeats``: it passes a place more than once; ``has_speed``: a velocity is a state, not a function of the position.
+    """
 
     position: Array
     speed: Array
     observed: Array
     rate: Array
     repeats: bool
+    has_speed: bool
 
     @classmethod
     def of(cls, motions: Sequence[Motion], seen: Sequence[Array], rates_seen: Sequence[Array]) -> Scale:
@@ -79,6 +83,7 @@ class Scale:
             np.stack(_span(np.concatenate(list(seen)), repeats)),
             _largest(np.concatenate(list(rates_seen))),
             repeats,
+            motions[0].model.second_order,
         )
 
 

@@ -86,15 +86,22 @@ def _plausibility(kind: str, scale: Scale) -> float:
     """How plausible a component is before the data, over the others.
 
     Everything that moves is slowed down. A force that depends on the place, or a reading that does, makes sense about
-    a rest position or a pivot, less so on a fall that passes each place once.
+    a rest position or a pivot, less so on a fall that passes each place once; what has no velocity of its own, a level,
+    has no other force.
     """
+    if kind == "force-of-position" and not scale.has_speed:
+        return OFTEN
     if kind in ("force-of-position", "reading-of-position", "reading-of-velocity") and not scale.repeats:
         return SELDOM
     return OFTEN if kind == "force-of-velocity" else 1.0
 
 
 def _along(clip: ClipResidual, course: Array) -> ClipResidual:
-    """The clip with what was found (n, d) of its residual added to the motion, where states are observed."""
+    """The clip with what was found (n, d) of its residual added to the motion, where states are observed.
+
+    Forces depend on the motion as it was. An error of the reading stays a function of what is predicted: one of what is
+    observed would contain the residual itself.
+    """
     motion, count = clip.motion, clip.motion.model.degrees_of_freedom
     states = motion.states.copy()
     spline = CubicSpline(clip.residual.t_s, course)
@@ -106,7 +113,7 @@ def _along(clip: ClipResidual, course: Array) -> ClipResidual:
             states[:, place] += spline(inside)[:, k]
             if motion.model.second_order:
                 states[:, count + place] += spline.derivative()(inside)[:, k]
-    return replace(clip, motion=replace(motion, states=states), predicted=clip.predicted + course)
+    return replace(clip, motion=replace(motion, states=states))
 
 
 def _thinned(clip: ClipResidual, clips: int) -> ClipResidual:

@@ -8,6 +8,7 @@ imitate a piece of anything (a force of any frequency, a blow at any moment) is 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -152,9 +153,20 @@ class OpenWorld:
 
     def share_of(self, model: ModelWithEffects, effect: Effect) -> float:
         """The fraction that an effect has in what all effects of a model remove of the residual."""
+        return max(self._share_in(each, effect) for each in self._contexts(model, effect))
+
+    def _share_in(self, model: ModelWithEffects, effect: Effect) -> float:
         rest = self._cache.without(model, effect)
         explained = max(self._cache.base.squares - model.squares, 1e-300)
         return (rest.squares - model.squares) / explained if rest.usable else 1.0
+
+    def _contexts(self, model: ModelWithEffects, effect: Effect) -> list[ModelWithEffects]:
+        """The models in which an effect counts: as it is, and of a formula without what can imitate it."""
+        formulas = [other for other in model.effects if not other.absorbs]
+        if effect.absorbs or len(formulas) == len(model.effects):
+            return [model]
+        alone = self._cache.with_effects(formulas, starts_of(model, formulas))
+        return [model, alone] if alone.usable else [model]
 
     @property
     def _kinds(self) -> set[str]:
@@ -248,7 +260,7 @@ class OpenWorld:
     def _simplest(self, models: Sequence[ModelWithEffects]) -> ModelWithEffects:
         best = min(models, key=lambda model: self._estimate(model).mean)
         near = [model for model in models if self._is_near(model, best)]
-        return min(near, key=lambda model: (len(model.effects), self._estimate(model).mean))
+        return min(near, key=lambda model: (len(model.effects), -_plausibility(model), self._estimate(model).mean))
 
     def _is_near(self, model: ModelWithEffects, best: ModelWithEffects) -> bool:
         gain, stderr = self._estimate(best).gain_over(self._estimate(model))
@@ -303,6 +315,9 @@ class OpenWorld:
         """The fraction of the squared error over blocks left out that an effect removes, the others being in the model."""
         if not self.testable:
             return float("nan")
+        return max(self._removed_in(each, effect) for each in self._contexts(model, effect))
+
+    def _removed_in(self, model: ModelWithEffects, effect: Effect) -> float:
         rest = self._cache.without(model, effect)
         if not rest.usable:
             return float("nan")
@@ -347,6 +362,11 @@ def _is_surely_better(model: ModelWithEffects, errors: BlockErrors, before: Bloc
     """Whether errors are smaller than those before in most bootstraps, and no size changes its sign without a block."""
     steady = all(errors.is_steady(effect.parameters[0].name) for effect in model.effects)
     return steady and errors.share_below(before) >= SURE
+
+
+def _plausibility(model: ModelWithEffects) -> float:
+    """The odds of all effects before the data."""
+    return math.prod(effect.plausibility for effect in model.effects)
 
 
 def _has_form(effect: Effect) -> bool:
