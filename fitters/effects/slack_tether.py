@@ -31,7 +31,7 @@ EFFECT = Effect(
     equation=r"-s\,\ddot x_0\quad (\sigma x > 0)",
     source="one-sided stiffness; Shaw and Holmes (1983), J. Sound Vib. 90, 129",
     parameters=(
-        Parameter("slack_tether", "1", "s", lower=0.0, upper=1.5, default=0.0),
+        Parameter("slack_tether", "1", "s", upper=1.5, default=0.0),
         Parameter(
             "slack_side",
             "1",

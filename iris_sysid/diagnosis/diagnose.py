@@ -141,7 +141,7 @@ def diagnose(
         stopped.append(budget.note(why))
     try:
         budget.allow(1.0)
-        start = None if stopped else _complete_start(clips, cache, _with_all_samples(cache, judgement.model))
+        start = None if stopped else _complete_start(cache, world, _with_all_samples(cache, judgement.model))
         if start is not None:
             search.run(start, extend=_residual_ratio(start, base) <= COMPLETE)
             if _is_complete(clips, search.reached[-1], base):
@@ -155,12 +155,11 @@ def diagnose(
     return _diagnosis(cache, answer.with_kept(cache, kept), components, stopped)
 
 
-def _complete_start(
-    clips: Sequence[FitRequest], cache: FitCache, judged: ModelWithEffects
-) -> ModelWithEffects | None:
+def _complete_start(cache: FitCache, world: OpenWorld, judged: ModelWithEffects) -> ModelWithEffects | None:
     """A model that explains the data to the noise: the judged one, else the best that was tried; None without one."""
-    best = min((model for model in cache.tried if model.usable), key=lambda model: model.squares)
-    return next((model for model in (judged, best) if _is_complete(clips, model, cache.base)), None)
+    possible = [judged, *(model for model in cache.tried if world.allows(model))]
+    best = min(possible, key=lambda model: model.squares)
+    return next((model for model in (judged, best) if _is_complete(cache.clips, model, cache.base)), None)
 
 
 def _is_complete(clips: Sequence[FitRequest], model: ModelWithEffects, base: ModelWithEffects) -> bool:
@@ -278,7 +277,9 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
     final = _with_all_samples(cache, judgement.model)
     if not final.effects:
         judgement = Judgement(world.base, (), {})
-    finals = tuple(_in_open_world(world, judgement.model, fitted, k, cache.clips[k]) for k, fitted in enumerate(final.fits))
+    finals = tuple(
+        _in_open_world(world, judgement.model, fitted, k, cache.clips[k]) for k, fitted in enumerate(final.fits)
+    )
     model = replace(final, fits=finals)
     findings = tuple(
         _without_name(finding) if holds_zero(pooled(model.sizes_of(effect.parameters[0].name))) else finding

@@ -200,7 +200,7 @@ class FitCache:
         return FitCache(clips, self._model, self.library, base, self._holdout, self.report) if base.usable else self
 
     def _at_samples(self, few: int) -> tuple[list[FitRequest], tuple[Array, ...] | None]:
-        """The clips at one sample of each block, and the units of their residuals; None where blocks have one sample."""
+        """The clips at one sample of each block, and the units of their residuals; None where each sample is one."""
         pairs = list(zip(self.clips, self.base.fits, strict=True))
         which = [one_a_block(fitted, clip.trajectory, few) for clip, fitted in pairs]
         if all(each.size == fitted.n for each, fitted in zip(which, self.base.fits, strict=True)):

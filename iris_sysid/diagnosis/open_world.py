@@ -14,12 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from iris_sysid.diagnosis.relative_size import relative_size
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.held_out_blocks import BlockErrors, every_block, held_out_errors, wins
 from iris_sysid.diagnosis.linearised_blocks import linearised_errors
 from iris_sysid.diagnosis.measurement_errors import is_resolved
 from iris_sysid.diagnosis.refit import ModelWithEffects, Starts, fitted_forms, forms
+from iris_sysid.diagnosis.relative_size import relative_size
 from iris_sysid.diagnosis.residual_components import ranked_effects
 from iris_sysid.diagnosis.screening import Candidate
 from iris_sysid.types import Component, Components, Effect, Finding
@@ -127,7 +127,7 @@ class OpenWorld:
         rivals
             By effect, those that explain the data as well.
         sure
-            Whether the size of the noise is known; else what imitates anything must be the part that the components say.
+            Whether the size of the noise is known; else what imitates anything must be what the components say.
         """
         findings = []
         for effect in model.effects:
@@ -175,7 +175,7 @@ class OpenWorld:
         return {kind for part in parts for kind in (part.kind, *part.similar)}
 
     def _is_evident(self, model: ModelWithEffects, effect: Effect, sure: bool) -> bool:
-        """Whether an effect is a good part of the residual that the components say, or explains nearly all to the noise."""
+        """Whether an effect is a good part of the residual that the components say, or explains nearly all of it."""
         share = self.share_of(model, effect)
         return (self._agrees(effect) and share >= EVIDENT_SHARE) or (sure and share >= DOMINANT_SHARE)
 
@@ -218,7 +218,7 @@ class OpenWorld:
         models += [self._cache.with_free_form(current, effect) for effect in current.effects if _has_form(effect)]
         if current.far_off:  # what an effect removes to first order tells little along a motion that is far off
             models += [self._cache.with_added(current, each) for each in self._cache.best_of(current, names)]
-        return [model for model in models if self._allowed(model)]
+        return [model for model in models if self.allows(model)]
 
     def _added(self, current: ModelWithEffects, sizes: dict[str, float]) -> ModelWithEffects:
         screening = self._cache.screening(current)
@@ -228,14 +228,16 @@ class OpenWorld:
         )
         return self._cache.with_added(current, Candidate(tuple(sizes), starts, 0.0, 1.0))
 
-    def _allowed(self, model: ModelWithEffects) -> bool:
+    def allows(self, model: ModelWithEffects) -> bool:
         """Whether a refit succeeded, with sizes that are possible."""
         return model.usable and self._cache.library.allows_fit(model) and self._is_plausible(model)
 
     def _is_plausible(self, model: ModelWithEffects) -> bool:
         """Whether no effect is larger than it can be: beyond that it only cancels another one, or a fitted value."""
         clip, base = self._cache.clips[0], self._cache.base.fits[0].model
-        return all(relative_size(effect, model.fits[0], base, clip.trajectory) <= effect.largest for effect in model.effects)
+        return all(
+            relative_size(effect, model.fits[0], base, clip.trajectory) <= effect.largest for effect in model.effects
+        )
 
     def _best(self, current: ModelWithEffects, models: Sequence[ModelWithEffects]) -> ModelWithEffects | None:
         """The simplest model within one block standard error of the best of those that predict surely better.
@@ -245,7 +247,7 @@ class OpenWorld:
         better = [
             model
             for model in models
-            if self._allowed(model)
+            if self.allows(model)
             and model.key != current.key
             and _removed_share(current, model) >= SMALLEST_SHARE
             and _is_surely_better(model, self._estimate(model), self._estimate(current))
@@ -272,16 +274,21 @@ class OpenWorld:
         return any(is_resolved(one, other, clip.trajectory) for one, other, clip in fits)
 
     def _with_nuisances(self, current: ModelWithEffects) -> ModelWithEffects:
-        """The model with those of the effects that imitate anything that improve the prediction as well."""
+        """The model with effects that imitate anything, added or in the place of another, where they predict better."""
         for _ in range(AT_ONCE):
-            screening, testable = self._cache.screening(current), self._cache.testable(current)
-            absorbing = [name for name in screening.names if name in testable and self._library[name].absorbs]
-            models = [self._cache.with_added(current, screening.single(name)) for name in absorbing[:RIVALS]]
+            contexts = [current, *(self._cache.without(current, effect) for effect in current.effects)]
+            models = [model for context in contexts if context.usable for model in self._absorbing(context)]
             found = self._best(current, models)
             if found is None:
                 break
             current = found
         return current
+
+    def _absorbing(self, context: ModelWithEffects) -> list[ModelWithEffects]:
+        """Refits of the best few effects that imitate anything."""
+        screening, testable = self._cache.screening(context), self._cache.testable(context)
+        names = [name for name in screening.names if name in testable and self._library[name].absorbs]
+        return [self._cache.with_added(context, screening.single(name)) for name in names[:RIVALS]]
 
     def _pruned(self, current: ModelWithEffects) -> ModelWithEffects:
         """The model without the effects whose removal does not harm the prediction."""
@@ -312,7 +319,7 @@ class OpenWorld:
         return Finding("named", effect.component, names, share)
 
     def _removed(self, model: ModelWithEffects, effect: Effect) -> float:
-        """The fraction of the squared error over blocks left out that an effect removes, the others being in the model."""
+        """The fraction of the squared error over blocks left out that an effect removes beside the others."""
         if not self.testable:
             return float("nan")
         return max(self._removed_in(each, effect) for each in self._contexts(model, effect))
@@ -334,7 +341,7 @@ class OpenWorld:
         near = {
             name: self._estimate(rival)
             for name, rival in others.items()
-            if self._allowed(rival)
+            if self.allows(rival)
             and self._estimate(model).share_below(self._estimate(rival))
             < (EVEN if self._library[name].absorbs else WINS)
         }

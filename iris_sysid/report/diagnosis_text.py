@@ -275,7 +275,7 @@ def _nothing_added_sentence(diagnosis: Diagnosis) -> str:
 def _error_sentence(diagnosis: Diagnosis) -> str:
     which, before, after = _errors(diagnosis)
     noise = _angle(diagnosis, diagnosis.noise_floor)
-    effects = [*diagnosis.added, *diagnosis.nuisances]
+    effects = [*diagnosis.added, *getattr(diagnosis, "nuisances", ())]
     if not effects:
         return f"The {which} is {_angle(diagnosis, before)}, the noise {noise}."
     verb = "falls" if after < before else "changes"

@@ -253,8 +253,8 @@ class Effect(Portable):
     ``component`` is the part of a residual that it is: it competes with the other effects of that part. ``absorbs``:
     it can imitate a piece of anything (a force of any frequency, a blow at any moment), so that it is named only where
     the equation with it explains the data to the noise. ``largest`` is the largest plausible size, in root mean
-    squares: its force over the model's own or the whole, or its error of a reading over the spread of the motion; beyond it, it only
-    cancels another effect or a fitted value.
+    squares: its force over the model's own or the whole, or its error of a reading over the spread of the motion;
+    beyond it, it only cancels another effect or a fitted value.
     ``recurrence`` says what a second clip of the same set-up has of it: ``always`` the same size, ``anew`` a size of
     its own (a drift, a force of any phase), or ``once`` nothing, because it was an accident.
     ``scaling`` holds the powers of the body's ``mass`` and ``radius``, of a cord's ``length``, and of the stiffness of

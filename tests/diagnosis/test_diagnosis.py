@@ -58,24 +58,6 @@ def test_two_hidden_effects_are_found_in_sequence():
     assert any("zero-offset" in names for names in named)
 
 
-def test_two_effects_that_a_substitute_outdoes_alone_are_found_as_a_pair():
-    flight, hidden = MODELS["projectile"], {"coulomb-friction": 0.08, "parameter-drift": 0.013}
-    model = with_effects(flight, [EFFECTS[name] for name in hidden])
-    values = {"x_0": 0.02, "z_0": 0.78, "vx_0": 2.09, "vz_0": 2.46}
-    values |= {EFFECTS[name].parameters[0].name: size for name, size in hidden.items()}
-    t_s = np.arange(48) / 60
-    seen = simulate(model, t_s, values).observed
-    seen = seen + 2e-4 * np.random.default_rng(172).standard_normal(seen.shape)
-    diagnosis = diagnose(
-        Trajectory(t_s, flight.observed, seen, np.full_like(seen, np.nan), np.ones(48, dtype=bool)), flight
-    )
-    assert diagnosis.rounds[0][0].effect not in hidden  # a substitute explains most alone
-    assert {effect.name for effect in diagnosis.added} == set(hidden)
-    for name, size in hidden.items():
-        estimate = diagnosis.sizes[EFFECTS[name].parameters[0].name]
-        assert abs(estimate.value - size) < 3.5 * estimate.stderr
-
-
 def test_effect_whose_size_and_duration_cannot_be_distinguished_is_still_significant():
     release, t_s = EFFECTS["late-release"], np.arange(48) / 60
     flight = MODELS["projectile"]
@@ -120,7 +102,7 @@ def test_screened_sensitivity_is_that_of_the_composed_model(name):
     values = {
         key: estimate.value for key, estimate in fitted.estimates.items() if key not in ("rope_length", "ball_radius")
     }
-    composed, step = with_effects(PENDULUM, [effect]), 1e-5
+    composed, step = with_effects(PENDULUM, [effect]), 1e-3
     sides = [
         simulate(composed, trajectory.t_s, {**values, effect.parameters[0].name: sign * step}).observed
         for sign in (1, -1)

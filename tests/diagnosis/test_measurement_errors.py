@@ -36,10 +36,11 @@ def shaded():
     return clip.with_(position=clip.position + STATED_RAD * np.cos(9.0 * clip.position))
 
 
-def test_bias_below_the_stated_errors_is_rejected_with_a_note(shaded):
+def test_bias_below_the_stated_errors_gets_no_name(shaded):
     diagnosis = diagnose(shaded, PENDULUM)
     assert diagnosis.added == ()
-    assert [note.kind for note in diagnosis.notes] == ["rejected-size"]
+    assert {finding.word for finding in diagnosis.findings} == {"located"}
+    assert "the stated errors of the samples can hide it" in [finding.reason for finding in diagnosis.findings]
 
 
 def test_the_same_bias_without_stated_errors_is_taken_for_an_effect(shaded):

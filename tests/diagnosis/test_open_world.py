@@ -56,7 +56,8 @@ def test_blocks_left_out_are_predicted_better(found):
 
 
 def test_what_is_left_lies_where_it_was_put_and_is_no_part_of_the_equation(found):
-    assert found.remaining.parts[0].side == "reading"
+    largest = found.remaining.parts[0]
+    assert "zero-wander" in (largest.kind, *largest.similar)
     assert found.remaining.noise_share < 0.5
 
 
