@@ -91,6 +91,8 @@ def _plausibility(kind: str, scale: Scale) -> float:
     """
     if kind == "force-of-position" and not scale.has_speed:
         return OFTEN
+    if kind == "clock" and not scale.repeats:  # only what repeats shows whether it comes late
+        return SELDOM**2
     if kind in ("force-of-position", "reading-of-position", "reading-of-velocity") and not scale.repeats:
         return SELDOM
     return OFTEN if kind == "force-of-velocity" else 1.0

@@ -19,6 +19,7 @@ import numpy as np
 
 from fitters.components import marginal
 from fitters.ode import FitRequest
+from iris_sysid.diagnosis.evidence import best_first
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.kept_component import kept_effects
 from iris_sysid.diagnosis.library import EffectLibrary
@@ -156,10 +157,15 @@ def diagnose(
 
 
 def _complete_start(cache: FitCache, world: OpenWorld, judged: ModelWithEffects) -> ModelWithEffects | None:
-    """A model that explains the data to the noise: the judged one, else the best that was tried; None without one."""
-    possible = [judged, *(model for model in cache.tried if world.allows(model))]
-    best = min(possible, key=lambda model: model.squares)
-    return next((model for model in (judged, best) if _is_complete(cache.clips, model, cache.base)), None)
+    """The likeliest of the models that were tried that explains the data to the noise; None where none does.
+
+    Where the size of the noise is unsure, only the judged one counts.
+    """
+    tried = [model for model in (judged, *cache.tried) if world.allows(model)]
+    near = [model for model in tried if _residual_ratio(model, cache.base) <= COMPLETE]
+    if near:
+        return best_first(near)[0]
+    return judged if _is_complete(cache.clips, judged, cache.base) else None
 
 
 def _is_complete(clips: Sequence[FitRequest], model: ModelWithEffects, base: ModelWithEffects) -> bool:
@@ -277,6 +283,8 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
     final = _with_all_samples(cache, judgement.model)
     if not final.effects:
         judgement = Judgement(world.base, (), {})
+    order = {effect.name: k for k, effect in enumerate(judgement.model.effects)}
+    final = replace(final, effects=tuple(sorted(final.effects, key=lambda effect: order[effect.name])))
     finals = tuple(
         _in_open_world(world, judgement.model, fitted, k, cache.clips[k]) for k, fitted in enumerate(final.fits)
     )
@@ -307,10 +315,17 @@ def _without_name(finding: Finding) -> Finding:
 
 
 def _with_all_samples(cache: FitCache, judged: ModelWithEffects) -> ModelWithEffects:
-    """A model that was perhaps fitted to few samples, fitted to all; the base where that fails."""
+    """A model that was perhaps fitted to few samples, fitted to all; the base where that fails.
+
+    Moments are looked for again: they may lie between samples that were left out.
+    """
     if not judged.effects or judged.fits[0].used.size == cache.base.fits[0].used.size:
         return judged if judged.effects else cache.base
-    final = cache.with_effects(judged.effects, starts_of(judged, judged.effects))
+    lasting = [effect for effect in judged.effects if effect.nearby is None]
+    final = cache.with_effects(lasting, starts_of(judged, lasting)) if lasting else cache.base
+    for effect in judged.effects:
+        if effect.nearby is not None and final.usable:
+            final = cache.with_added(final, cache.screening(final).single(effect.name))
     return final if final.usable else cache.base
 
 

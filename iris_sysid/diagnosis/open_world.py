@@ -35,6 +35,8 @@ SMALLEST_SHARE = 0.03  # of the residual's variance that an effect must remove
 NAMED_SHARE = 0.25  # of the squared error over blocks left out that a named effect removes, others being in the model
 ABSORBED_SHARE = 0.5  # the same of what can imitate a piece of anything
 EVIDENT_SHARE = 0.2  # of what all effects remove, that one must remove which can imitate anything
+ALIKE = 1.2  # ratio of squared errors over blocks up to which the more plausible of two models is taken
+DISAGREES = 0.1  # factor on the odds of an effect of a kind that the components do not have
 DOMINANT_SHARE = 0.9  # the same where the components do not say it
 LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is told
 
@@ -108,7 +110,7 @@ class OpenWorld:
         """Search for the effects that predict, and say what each is."""
         if not self.testable:
             return Judgement(self._cache.base, (), {})
-        current = self._with_nuisances(self._pruned(self._with_formulas()))
+        current = self._with_nuisances(self._in_one(self._pruned(self._with_formulas())))
         rivals = {effect.name: self._rivals(current, effect) for effect in current.effects}
         findings = tuple(self._finding(current, effect, tuple(rivals[effect.name])) for effect in current.effects)
         return Judgement(current, findings, rivals)
@@ -193,7 +195,7 @@ class OpenWorld:
     def _with_formulas(self) -> ModelWithEffects:
         """The base with the effects that have a formula and improve the prediction, one or two at a time."""
         current = self._cache.base
-        while len(current.effects) < MAX_EFFECTS:
+        while len(current.effects) < MAX_EFFECTS and not current.at_noise:
             models = [model for model in self._refits(current) if len(model.effects) <= MAX_EFFECTS]
             found = self._best(current, models)
             if found is None:
@@ -260,9 +262,18 @@ class OpenWorld:
         return None
 
     def _simplest(self, models: Sequence[ModelWithEffects]) -> ModelWithEffects:
+        """Of those near the best, one with the fewest effects; of those about as good, the most plausible."""
         best = min(models, key=lambda model: self._estimate(model).mean)
         near = [model for model in models if self._is_near(model, best)]
-        return min(near, key=lambda model: (len(model.effects), -_plausibility(model), self._estimate(model).mean))
+        fewest = min(len(model.effects) for model in near)
+        simple = [model for model in near if len(model.effects) == fewest]
+        least = min(self._estimate(model).mean for model in simple)
+        alike = [model for model in simple if self._estimate(model).mean <= ALIKE * least]
+        return max(alike, key=lambda model: (self._plausibility(model), -self._estimate(model).mean))
+
+    def _plausibility(self, model: ModelWithEffects) -> float:
+        """The odds of all effects before the data, less where the components do not say that there is such a part."""
+        return math.prod(effect.plausibility * (1.0 if self._agrees(effect) else DISAGREES) for effect in model.effects)
 
     def _is_near(self, model: ModelWithEffects, best: ModelWithEffects) -> bool:
         gain, stderr = self._estimate(best).gain_over(self._estimate(model))
@@ -273,9 +284,20 @@ class OpenWorld:
         fits = zip(before.fits, after.fits, self._cache.clips, strict=True)
         return any(is_resolved(one, other, clip.trajectory) for one, other, clip in fits)
 
+    def _in_one(self, current: ModelWithEffects) -> ModelWithEffects:
+        """One effect that imitates anything in the place of several, where these do not surely predict better."""
+        if len(current.effects) < 2:
+            return current
+        singles = [model for model in self._absorbing(self._cache.base) if self.allows(model)]
+        best = min(singles, key=lambda model: self._estimate(model).mean, default=current)
+        is_better = self._estimate(current).share_below(self._estimate(best)) >= SURE
+        return current if is_better else best
+
     def _with_nuisances(self, current: ModelWithEffects) -> ModelWithEffects:
         """The model with effects that imitate anything, added or in the place of another, where they predict better."""
         for _ in range(AT_ONCE):
+            if current.at_noise:
+                break
             contexts = [current, *(self._cache.without(current, effect) for effect in current.effects)]
             models = [model for context in contexts if context.usable for model in self._absorbing(context)]
             found = self._best(current, models)
@@ -369,11 +391,6 @@ def _is_surely_better(model: ModelWithEffects, errors: BlockErrors, before: Bloc
     """Whether errors are smaller than those before in most bootstraps, and no size changes its sign without a block."""
     steady = all(errors.is_steady(effect.parameters[0].name) for effect in model.effects)
     return steady and errors.share_below(before) >= SURE
-
-
-def _plausibility(model: ModelWithEffects) -> float:
-    """The odds of all effects before the data."""
-    return math.prod(effect.plausibility for effect in model.effects)
 
 
 def _has_form(effect: Effect) -> bool:

@@ -31,7 +31,7 @@ from iris_sysid.types import (
 
 MOST_MOVES = 4  # steps from an effect's shape to a better one nearby
 ACCURATE = 1e-6  # error of a predicted state from its time step, relative: far below the noise of any sensor
-FAR_OFF = 10.0  # residual over noise
+FAR_OFF, AT_NOISE = 10.0, 1.1  # residual over noise
 BODY = ("mass", "radius", "length")  # of which a clip may state a value
 HIGHEST = 0.95  # largest lag-1 correlation that is allowed for
 DETERMINED = ("ok", "misfit")  # statuses of a fit whose free values the data determine
@@ -147,6 +147,11 @@ class ModelWithEffects:
     def far_off(self) -> bool:
         """Whether the residual is so far above the noise that first-order tests along this motion say little."""
         return self.squares > FAR_OFF**2 * sum(fitted.n * len(fitted.rms) for fitted in self.fits)
+
+    @property
+    def at_noise(self) -> bool:
+        """Whether nothing of the residual is left beside the noise, which is known to a few per cent."""
+        return self.squares <= AT_NOISE**2 * sum(fitted.n * len(fitted.rms) for fitted in self.fits)
 
     @property
     def independent(self) -> float:
@@ -266,7 +271,8 @@ def _misfit(clip: FitRequest, fitted: FitResult, unit: Array, values: Mapping[st
     predicted = predicted_by(fitted, trajectory, values or estimate_values(fitted), stop, tolerance=ACCURATE)
     observed = trajectory.position[:stop, observed_columns(fitted, trajectory)]
     inside = trajectory.valid[:stop] & (np.arange(stop) >= used[0])
-    return float(np.nansum(((observed - predicted) / unit[:stop])[inside] ** 2))
+    with np.errstate(over="ignore"):  # a prediction that diverges is infinitely wrong
+        return float(np.nansum(((observed - predicted) / unit[:stop])[inside] ** 2))
 
 
 def free_values(fitted: FitResult) -> dict[str, float]:

@@ -94,7 +94,7 @@ def test_far_from_the_noise_only_the_best_effects_are_refitted_to_all_samples(mo
     found = cache.refits(cache.base, singles)
     assert found[0].names == {"quadratic-drag"}
     assert found[0].fits[0].n > 11_000
-    assert sizes.count(12_000) == fit_cache.REFITTED < len(singles) == sum(size <= 600 for size in sizes)
+    assert sizes.count(12_000) == fit_cache.REFITTED < len(singles) == sum(size < 6_000 for size in sizes)
     assert cache.refitted(cache.base) == {single.names[0] for single in singles}  # none is judged by its score alone
     monkeypatch.setattr(fit_cache, "RANKED", 12_000)
     every = far_off(12_000).refits(cache.base, singles)
