@@ -35,7 +35,7 @@ EFFECT = Effect(
         Parameter("release_time", "s", "t_r", default=0.0, role="location"),
         Parameter("release_width", "s", "w_r", lower=1e-9, default=1.0, constant=True, source="frame interval"),
     ),
-    component="pulse",
+    component="own-force-drift",
     absorbs=True,
     applies=moves,
     plausibility=0.3,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from fitters.effects._domain import moves_on_a_line, swings
 from iris_sysid.types import Array, Effect, EffectExample, OdeModel, Parameter
 
@@ -23,6 +25,11 @@ def acceleration(
 def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
     """Both sides, dimensionless. ``t_s`` (n,), s, and ``observed`` (n, d), in the observed unit, are not used."""
     return [(-1.0,), (1.0,)]
+
+
+def sensible(t_s: Array, params: Sequence[float]) -> bool:
+    """Whether the cord pulls less there, not more: then it is the other side that counts. ``t_s`` (n,) is not used."""
+    return params[0] > 0.0
 
 
 EFFECT = Effect(
@@ -49,5 +56,6 @@ EFFECT = Effect(
     acceleration=acceleration,
     alike="zero-offset and constant-force, for swings of one size",
     trials=trials,
+    sensible=sensible,
     example=EffectExample("pendulum", size=0.05),
 )

@@ -259,7 +259,11 @@ def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffe
     sure = _residual_ratio(final, cache.base) <= COMPLETE
     if (weak and not _is_complete(cache.clips, final, cache.base)) or world.rests_on_absorbing(final, sure):
         return None
-    rivals = {effect.name: report.indistinguishable(effect) for effect in final.effects}
+    shares = {
+        effect.name: _with_formulas(report.probabilities(effect), world.formulas_instead(effect))
+        for effect in final.effects
+    }
+    rivals = {name: [other for other in names if other != name] for name, names in shares.items()}
     findings = world.of_complete(final, rivals, sure)
     said = {name for finding in findings if finding.word in ("named", "group") for name in finding.effects[:1]}
     added = tuple(effect for effect in final.effects if effect.name in said)
@@ -271,11 +275,18 @@ def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffe
         added,
         tuple(effect for effect in final.effects if effect.name not in said),
         {name: report.size(name) for name in final.sizes},
-        {effect.name: report.probabilities(effect) for effect in added},
+        {effect.name: shares[effect.name] for effect in added},
         findings,
         report,
         weak,
     )
+
+
+def _with_formulas(shares: Mapping[str, float], formulas: Sequence[str]) -> dict[str, float]:
+    """The probabilities of rivals, with formulas that a likelihood excludes and the motion cannot: each as one more."""
+    more = [name for name in formulas if name not in shares]
+    whole = len(shares) + len(more)
+    return {name: share * len(shares) / whole for name, share in shares.items()} | dict.fromkeys(more, 1.0 / whole)
 
 
 def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer:
@@ -334,9 +345,10 @@ def _in_open_world(
 ) -> FitResult:
     """The fit of the k-th clip with errors that hold where the residual is not noise.
 
-    They come from the scatter of fits without a block, and are no smaller than beside the components of the residual,
-    which may have moved a value.
+    They come from the scatter of fits without a block; those of the equation's own values are no smaller than beside
+    the components of the residual, which may have moved them.
     """
+    sizes = {parameter.name for effect in judged.effects for parameter in effect.parameters}
     estimates = world.errors(judged).estimates(k, fitted) if world.testable else {}
     residual = clip_residual(clip, fitted)
     beside = None if residual is None else marginal(residual)
@@ -344,7 +356,7 @@ def _in_open_world(
         errors = np.sqrt(np.maximum(np.diag(beside[1]), 0.0) + beside[0] ** 2)
         for name, error in zip(fitted.free, errors, strict=True):
             known = estimates.get(name, fitted.estimates[name])
-            if error > known.stderr:
+            if error > known.stderr and name not in sizes:
                 estimates[name] = replace(known, stderr=float(error), ci95=None)
     return replace(fitted, estimates={**fitted.estimates, **estimates})
 

@@ -37,7 +37,8 @@ ABSORBED_SHARE = 0.5  # the same of what can imitate a piece of anything
 EVIDENT_SHARE = 0.2  # of what all effects remove, that one must remove which can imitate anything
 ALIKE = 1.2  # ratio of squared errors over blocks up to which the more plausible of two models is taken
 DISAGREES = 0.1  # factor on the odds of an effect of a kind that the components do not have
-DOMINANT_SHARE = 0.9  # the same where the components do not say it
+MOSTLY = 0.75  # of the residual's squares that an effect explains, to be named beside one that imitates anything
+DOMINANT_SHARE = 0.85  # the same where the components do not say it
 LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is told
 
 
@@ -173,22 +174,48 @@ class OpenWorld:
     @property
     def _kinds(self) -> set[str]:
         """The components of the residual, and those that can take their place."""
-        parts = () if self._components is None else self._components.parts
-        return {kind for part in parts for kind in (part.kind, *part.similar)}
+        return {kind for part in self._parts for kind in (part.kind, *part.similar)}
+
+    @property
+    def _large_kinds(self) -> set[str]:
+        """The same of the components that are a good part of what is no noise."""
+        whole = sum(part.share for part in self._parts)
+        large = [part for part in self._parts if part.share >= EVIDENT_SHARE * whole]
+        return {kind for part in large for kind in (part.kind, *part.similar)}
+
+    @property
+    def _parts(self) -> tuple[Component, ...]:
+        return () if self._components is None else self._components.parts
 
     def _is_evident(self, model: ModelWithEffects, effect: Effect, sure: bool) -> bool:
         """Whether an effect is a good part of the residual that the components say, or explains nearly all of it."""
         share = self.share_of(model, effect)
-        return (self._agrees(effect) and share >= EVIDENT_SHARE) or (sure and share >= DOMINANT_SHARE)
+        if self._agrees(effect) and share >= EVIDENT_SHARE:
+            return True
+        blind = not self._components_turn and (self._kinds or self._removed(model, effect) >= DOMINANT_SHARE)
+        return bool(sure and blind and share >= DOMINANT_SHARE)
 
     @property
     def _components_turn(self) -> bool:
         return self._components is not None and self._components.turns
 
     def _agrees(self, effect: Effect) -> bool:
-        """Whether an effect is of a kind that the components have; on a motion that never turns, they cannot tell."""
-        known = self._components is not None and self._components.turns and self._kinds
-        return effect.component in self._kinds or not known
+        """Whether an effect is of a kind that the components have; on a motion that never turns, they cannot tell.
+
+        What can imitate anything must be a good part of the residual.
+        """
+        if self._components is None:
+            return True
+        kinds = self._large_kinds if effect.absorbs else self._kinds
+        return bool(kinds) and (effect.component in kinds or not self._components.turns)
+
+    def formulas_instead(self, effect: Effect) -> list[str]:
+        """Effects with a formula, each of which alone explains most of what one explains that imitates anything."""
+        if not effect.absorbs or self._components_turn:
+            return []
+        most = (1.0 - MOSTLY) * self._cache.base.squares
+        tried = [model for model in self._cache.tried if len(model.effects) == 1 and self.allows(model)]
+        return [model.effects[0].name for model in tried if model.squares < most and not model.effects[0].absorbs]
 
     # the search ------------------------------------------------------------------------------------------------------
 
