@@ -74,7 +74,7 @@ def _at_solution(result: FitResult, trajectory: Trajectory | None) -> tuple[Init
 def _pull(result: FitResult, problem: InitialValueProblem) -> Array:
     """Residual over the variance (n, d) at the samples of the problem, zero where a sample is not used."""
     start = int(np.searchsorted(result.t_s, problem.t_s[0]))
-    residual = result.residual[start : start + problem.t_s.size] / np.maximum(result.rms, 1e-300) ** 2
+    residual = result.residual[start : start + problem.t_s.size] / np.maximum(result.rms**2, 1e-300)
     return np.asarray(np.nan_to_num(residual))
 
 
