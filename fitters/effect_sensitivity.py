@@ -357,30 +357,3 @@ def forces_along(effect: Effect, sizes: Array, model: OdeModel, t_s: Array, stat
             for k in body:
                 force[:, :, k] = effect.acceleration(t_s, states[:, k], velocity[:, k], speed, slopes[:, k], unit)
     return force
-
-
-def relative_size(effect: Effect, fitted: FitResult, motion: Motion, trajectory: Trajectory) -> float:
-    """The largest that a fitted effect is, over the motion's own force, or over the motion where it acts on a reading.
-
-    Parameters
-    ----------
-    effect
-        One of those of the fit.
-    fitted
-        With the effect.
-    motion
-        :func:`motion_of` a fit to the same samples, without it.
-    trajectory
-        What both were fitted to.
-    """
-    values = np.array([fitted.estimates[parameter.name].value for parameter in effect.parameters])
-    if effect.acceleration is not None:
-        force = values[0] * force_along(effect, values, motion.model, motion.grid, motion.states, motion.slopes)
-        own = np.sqrt(np.mean(motion.slopes[:, -force.shape[1] :] ** 2))
-        return float(np.sqrt(np.nanmean(force**2)) / own) if own > 0 else 0.0
-    through_view = through(effect, motion.model, view_of(trajectory, motion.model))
-    if through_view.observe is None or fitted.n < 2:
-        return 0.0
-    t_s, seen, velocity = _seen_motion(fitted)
-    change = through_view.observe(t_s, seen, velocity, values) - seen
-    return float(np.sqrt(np.nanmean(change**2)) / max(float(np.std(seen)), 1e-300))

@@ -1,11 +1,10 @@
 """Find the effects that a model lacks: where the residual lies, then names, then the error before and after.
 
 1. Split the residual into components: force, reading, clock, input and noise, each with its share.
-2. Search the library as if it were complete: score tests (an effect's sensitivity, without what the fitted parameters
-imitate, against the residual), refits of the best few, single effects, pairs and triples, until nothing is significant.
-3. Where that explains the data to the noise, its effects are the answer, each with those that explain the data as well.
-Otherwise the world is open: an effect is kept where it improves the prediction of blocks that its fit did not see, and
-what is said of it depends on its rivals there (:mod:`iris_sysid.diagnosis.open_world`).
+2. Search the library by the prediction of blocks that a fit did not see: effects with a formula first, one or two at a
+time, then those that can imitate a piece of anything (:mod:`iris_sysid.diagnosis.open_world`).
+3. Where a set explains the data to the noise, a likelihood compares it with its rivals and may add effects
+(:mod:`iris_sysid.diagnosis.stepwise_search`). Elsewhere the blocks say what is named.
 4. The errors before and after over those blocks, the components that remain, values with errors that allow for them,
 and an upper limit on every effect that was not added.
 """

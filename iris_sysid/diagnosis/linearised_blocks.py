@@ -40,21 +40,24 @@ class _Linear:
         noise = unit[fitted.used]
         weighed = fitted.residual[fitted.used] / noise
         rows = fitted.informed_jacobian(noise)
-        slope = rows.T @ np.concatenate([weighed.ravel(), fitted.prior_residual])
         jacobian = rows[: weighed.size].reshape(*weighed.shape, -1)
-        return cls(fitted, weighed, noise, jacobian, rows.T @ rows, slope)
+        with np.errstate(all="ignore"):
+            slope = rows.T @ np.concatenate([weighed.ravel(), fitted.prior_residual])
+            return cls(fitted, weighed, noise, jacobian, rows.T @ rows, slope)
 
     def without(self, block: Indices, given: Mapping[str, float] | None = None) -> Array:
         """The change (k,) of each free value without a block, some of the values moved to where others say."""
         rows, seen = self._rows(block), self.fitted.free
-        information = self.information - np.einsum("ndk,ndl->kl", self.jacobian[rows], self.jacobian[rows])
+        with np.errstate(all="ignore"):
+            information = self.information - np.einsum("ndk,ndl->kl", self.jacobian[rows], self.jacobian[rows])
         slope = self.slope - np.einsum("ndk,nd->k", self.jacobian[rows], self.residual[rows])
         change, held = np.zeros(len(seen)), np.zeros(len(seen), dtype=np.bool_)
         for name, value in (given or {}).items():
             k = seen.index(name)
             held[k], change[k] = True, value - self.fitted.estimates[name].value
         left = ~held
-        change[left] = _solved(information[np.ix_(left, left)], (slope - information @ change)[left])
+        with np.errstate(all="ignore"):  # of derivatives that are not finite the solution is infinite
+            change[left] = _solved(information[np.ix_(left, left)], (slope - information @ change)[left])
         return change
 
     def errors(self, block: Indices, change: Array) -> Array:

@@ -195,27 +195,6 @@ class Screen:
         pairs = {names: self._pair(rows[names[0]], rows[names[1]]) for names in combinations(rows, 2)}
         return {names: pair for names, pair in pairs.items() if pair is not None}
 
-    def triples(self, names: Collection[str]) -> dict[tuple[str, ...], tuple[float, Array]]:
-        """What each three of these effects explain in their best shapes (as ``Pair.gain``), and their sizes (3,).
-
-        Sizes are in the unit of each effect. Left out are those of which one is parallel to a sum of the others.
-        """
-        known = sorted(self.visible & set(names))
-        rows = np.array([self._best(name) for name in known], dtype=np.intp)
-        which = np.array(list(combinations(range(len(known)), 3)), dtype=np.intp).reshape(-1, 3)
-        cosines = self.directions[rows] @ self.directions[rows].T
-        squares = cosines[which[:, :, None], which[:, None, :]]
-        apart = np.linalg.det(squares) > 1.0 - PARALLEL**2
-        which, components = which[apart], self.components[rows][which[apart]]
-        shares = np.linalg.solve(squares[apart], components[:, :, None])[:, :, 0]
-        gains, sizes = np.sum(shares * components, axis=1), shares / self.lengths[rows][which]
-        found = zip(which.tolist(), gains.tolist(), sizes, strict=True)
-        return {tuple(known[k] for k in three): (gain, size) for three, gain, size in found}
-
-    def shape_of(self, name: str) -> tuple[float, ...]:
-        """The best shape of a visible effect."""
-        return self.shapes[self._best(name)]
-
     def _pair(self, rows: Sequence[int], columns: Sequence[int]) -> Pair | None:
         cosine = self.directions[rows] @ self.directions[columns].T
         first, second = self.components[rows][:, None], self.components[columns][None, :]

@@ -9,15 +9,13 @@ from math import prod
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.refit import ModelWithEffects, Starts
 from iris_sysid.diagnosis.score_test import PARALLEL, Pair, Screen, combined, critical_value, screen
-from iris_sysid.types import Array, Effect, Score, chi2_isf
+from iris_sysid.types import Effect, Score, chi2_isf
 
 SINGLE_LEVEL = 0.04  # probability of adding a single effect to a complete model
-MOST_TRIPLES = 2  # of effects, tried together
 PAIR_LEVEL = 0.01  # probability of adding a pair of effects to a complete model
 
 
 # what three effects explain, and their sizes (3,), by their names
-Triples = Mapping[tuple[str, ...], tuple[float, Array]]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -113,25 +111,6 @@ class Screening:
         tries = prod(self.scores_of(name)[0].tried for name in names) ** len(clips) * pairs
         starts = tuple(dict(zip(names, zip(clip.sizes, clip.shapes, strict=True), strict=True)) for clip in clips)
         return Candidate(names, starts, degrees * gain / (1.0 - gain), chi2_isf(PAIR_LEVEL / tries, 2))
-
-    def triples(self, names: frozenset[str]) -> list[Candidate]:
-        """The three of these effects that together explain most, best first."""
-        by_clip = [clip.triples(names) for clip in self.screens]
-        common = set.intersection(*(set(triples) for triples in by_clip))
-        gains = {three: sum(triples[three][0] for triples in by_clip) for three in common}
-        best = sorted(common, key=lambda three: (-gains[three], three))[:MOST_TRIPLES]
-        return [Candidate(three, self._starts(three, by_clip), gains[three], self._needed(three)) for three in best]
-
-    def _starts(self, names: tuple[str, ...], by_clip: Sequence[Triples]) -> tuple[Starts, ...]:
-        return tuple(
-            {name: (float(size), clip.shape_of(name)) for name, size in zip(names, triples[names][1], strict=True)}
-            for clip, triples in zip(self.screens, by_clip, strict=True)
-        )
-
-    def _needed(self, names: tuple[str, ...]) -> float:
-        """The chi-square above which three effects together are significant."""
-        tries = prod(self.scores_of(name)[0].tried for name in names) ** len(self.screens) * self.library**3
-        return chi2_isf(PAIR_LEVEL / tries, len(names))
 
     def parallel(self, name: str) -> list[str]:
         """Effects whose sensitivity is parallel to that of the named effect in every clip."""

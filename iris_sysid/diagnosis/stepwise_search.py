@@ -1,9 +1,8 @@
-"""Stepwise search for missing effects, with pairs and triples where single steps would be wrong, and revisions.
+"""Stepwise search at the noise, where a likelihood can compare effects: additions, pairs and revisions.
 
 Two effects may mask one another: each is significant only when the other is in the model. And an effect that was added
-early may imitate two that are added later. So pairs are tried where no single effect is significant; where two or more
-are found, the best pair and the best three from the start as well; and after each addition every effect must still be
-significant, and better than its rivals, given all others.
+early may imitate two that are added later. So pairs are tried where no single effect is significant; and after each
+addition every effect must still be significant, and better than its rivals, given all others.
 """
 
 from __future__ import annotations

@@ -110,6 +110,14 @@ def test_moment_of_a_pulse_and_frequency_of_a_force_are_given():
     assert force.at.value == pytest.approx(1.9, abs=0.1)
 
 
+def test_force_far_above_the_noise_is_no_error_of_the_reading():
+    """Its residual is a tenth of the motion; a function of what is observed would contain the residual itself."""
+    found = parts_of(swing(lambda t, x, v, base: 3.0 * np.sin(1.618 * np.sqrt(9.81 / 0.5) * t + 1.0)))
+    assert found.residual_rms > 0.05 * found.motion_rms
+    assert found.parts[0].kind == "periodic-force"
+    assert found.parts[0].share > 0.7
+
+
 def test_values_beside_components_have_errors_that_cover_the_truth():
     clip = residual_of(swing() + wander(T_S))
     found = marginal(clip)
