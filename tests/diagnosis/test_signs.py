@@ -34,10 +34,8 @@ def test_what_only_takes_energy_or_water_away_has_no_size_below_zero():
     assert sorted(ONE_SIDED) == sorted([*frictions, "leak", "overflow"])
 
 
-@pytest.mark.parametrize(
-    "hidden", [{"linear-drag": -0.1}, pytest.param({"coulomb-friction": -0.3}, marks=pytest.mark.slow)]
-)
-def test_throw_that_gains_energy_gets_a_note_and_no_friction(hidden):
+def test_throw_that_gains_energy_gets_a_note_and_no_drag():
+    hidden = {"linear-drag": -0.1}
     diagnosis = diagnose(clip("projectile", THROW, hidden, 0.8, 2e-4), MODELS["projectile"])
     ((name, size),) = hidden.items()
     assert not ONE_SIDED & {effect.name for effect in diagnosis.added}
