@@ -54,7 +54,7 @@ ABOVE_NOISE = 1.1  # residual / noise above which terms are suggested; the noise
 COMPLETE = 1.3  # residual / noise up to which effects explain the data: of correlated noise the estimate is that unsure
 NOISE_UNSURE = 3.0  # residual / noise up to which it may be correlated or quantised noise: then components decide
 NOISE_SHARE = 0.9  # of the residual's variance that components leave, where it is noise
-SEARCH_SHARE = 0.5  # of the time allowed, for the search in a closed world
+SEARCH_SHARE = 0.7  # of the time allowed, for the search by blocks
 
 
 def diagnose(
@@ -138,6 +138,7 @@ def diagnose(
         budget.allow(SEARCH_SHARE)
         judgement = world.judged()
     except STOPPED as why:
+        judgement = world.so_far()
         stopped.append(budget.note(why))
     try:
         budget.allow(1.0)

@@ -70,6 +70,7 @@ class OpenWorld:
         self._blocks = every_block(cache.base.fits)
         self._errors: dict[frozenset[str], BlockErrors] = {}
         self._estimated: dict[frozenset[str], BlockErrors] = {}
+        self._reached = cache.base
 
     @property
     def base(self) -> ModelWithEffects:
@@ -115,6 +116,14 @@ class OpenWorld:
         rivals = {effect.name: self._rivals(current, effect) for effect in current.effects}
         findings = tuple(self._finding(current, effect, tuple(rivals[effect.name])) for effect in current.effects)
         return Judgement(current, findings, rivals)
+
+    def so_far(self) -> Judgement:
+        """What a search that was stopped has reached: in the fit, without a name, as rivals were not tried."""
+        findings = tuple(
+            Finding("located", effect.component, (effect.name,), float("nan"), "the search ended before its rivals")
+            for effect in self._reached.effects
+        )
+        return Judgement(self._reached, findings, {effect.name: {effect.name: 1.0} for effect in self._reached.effects})
 
     def of_complete(
         self, model: ModelWithEffects, rivals: Mapping[str, Sequence[str]], sure: bool
@@ -204,6 +213,8 @@ class OpenWorld:
 
         What can imitate anything must be a good part of the residual.
         """
+        if effect.absorbs and self._cache.base.fits[0].model.inputs:
+            return False  # a motion that something drives has pieces of its own at any moment
         if self._components is None:
             return True
         kinds = self._large_kinds if effect.absorbs else self._kinds
@@ -227,7 +238,7 @@ class OpenWorld:
             found = self._best(current, models)
             if found is None:
                 break
-            current = found
+            self._reached = current = found
         return current
 
     def _refits(self, current: ModelWithEffects) -> list[ModelWithEffects]:
@@ -330,7 +341,7 @@ class OpenWorld:
             found = self._best(current, models)
             if found is None:
                 break
-            current = found
+            self._reached = current = found
         return current
 
     def _absorbing(self, context: ModelWithEffects) -> list[ModelWithEffects]:
