@@ -187,9 +187,9 @@ class OpenWorld:
 
     @property
     def _large_kinds(self) -> set[str]:
-        """The same of the components that are a good part of what is no noise."""
+        """The same of the components that can be a good part of what is no noise, in any order of the components."""
         whole = sum(part.share for part in self._parts)
-        large = [part for part in self._parts if part.share >= EVIDENT_SHARE * whole]
+        large = [part for part in self._parts if part.share_range[1] >= EVIDENT_SHARE * whole]
         return {kind for part in large for kind in (part.kind, *part.similar)}
 
     @property
