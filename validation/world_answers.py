@@ -65,7 +65,6 @@ class Answer:
 
 def said(name: str, found: Diagnosis) -> Answer:
     """The answer from a diagnosis."""
-    lacks = found.remaining_force is not None and found.remaining_force.significant
     return Answer(
         name,
         tuple((effect.name, *found.indistinguishable.get(effect.name, ())) for effect in found.added),
@@ -74,7 +73,7 @@ def said(name: str, found: Diagnosis) -> Answer:
         {finding.effects[0]: finding.word for finding in found.findings if finding.effects},
         found.before.heldout,
         found.after.heldout,
-        bool(found.incomplete or lacks),
+        found.incomplete or not found.verdict.complete,
         any(note.kind == "stopped" for note in found.notes),
         sentence=diagnosis_sentence(found),
     )

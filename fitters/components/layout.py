@@ -10,8 +10,8 @@ from scipy.interpolate import CubicSpline
 
 from fitters.components.bases import Basis
 from fitters.components.likelihood import Columns, Products
+from fitters.components.noisy_residual import NoisyResidual
 from fitters.effect_sensitivity import Motion
-from fitters.latent_force.linear_response import NoisyResidual
 from iris_sysid.types import Array
 
 

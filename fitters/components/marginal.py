@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from fitters.components.layout import ClipResidual
+from fitters.components.noisy_residual import white_noise_series
 from fitters.components.split import searched
-from fitters.latent_force.linear_response import white_noise_series
 from iris_sysid.types import Array
 
 

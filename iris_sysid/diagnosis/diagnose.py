@@ -22,7 +22,6 @@ from iris_sysid.diagnosis.evidence import best_first
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.kept_component import kept_effects
 from iris_sysid.diagnosis.library import EffectLibrary
-from iris_sysid.diagnosis.missing_force import missing_forces
 from iris_sysid.diagnosis.notes import diagnostic_notes, negative_damping_note, weak_notes
 from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, starts_of, unexplained
 from iris_sysid.diagnosis.prediction_error import fitted_error
@@ -374,7 +373,6 @@ def _diagnosis(
     remaining = components_of(cache.clips, final.fits) if final.effects else components
     before, after = answer.heldout
     above = fitted > ABOVE_NOISE * noise
-    lacking, remaining_force = missing_forces(cache.clips[0], base.fits[0], final.fits[0], final.effects, above)
     effects = {effect.name: effect for effect in (*cache.library.by_name.values(), *final.effects)}
     return Diagnosis(
         bases=base.fits,
@@ -400,8 +398,6 @@ def _diagnosis(
             *report.rejected(),
             *weak_notes(answer.weak),
         ),
-        missing_force=lacking,
-        remaining_force=remaining_force,
         components=components,
         remaining=remaining,
         findings=(*answer.findings, *unexplained(components, remaining)),

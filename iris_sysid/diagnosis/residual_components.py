@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fitters.components import ClipResidual, RankedSet, ranked_sets, split
+from fitters.components.noisy_residual import NoisyResidual
 from fitters.effect_sensitivity import motion_of, sensitivities
-from fitters.latent_force.linear_response import NoisyResidual
 from fitters.ode import FitRequest
 from iris_sysid.diagnosis.block_means import Residuals, block_means
 from iris_sysid.diagnosis.measurement_errors import unit_noise

@@ -8,16 +8,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Patch
-from numpy.typing import NDArray
 
 from iris_sysid.report.diagnosis_text import share_text, size_text
 from iris_sysid.report.text import percent
-from iris_sysid.types import KIND_NAMES, Component, ComponentKind, Components, ComponentSide, MissingForce
+from iris_sysid.types import KIND_NAMES, Component, ComponentKind, Components, ComponentSide
 
 Colour = tuple[float, float, float]  # red, green, blue from 0 to 1
 # Okabe and Ito (2008), a colour for each side; further parts of a side are lighter
 COLOURS: dict[ComponentSide, str] = {"force": "#0072B2", "reading": "#D55E00", "clock": "#CC79A7", "input": "#E69F00"}
-NOISE, EFFECTS = (0.73, 0.73, 0.73), "#000000"
+NOISE = (0.73, 0.73, 0.73)
 MOST_CURVES = 2
 WIDTH_IN, HEIGHT_IN, LINE_IN = 9.0, 2.4, 0.22
 BAR_LINES = 1.5  # height of a bar in lines of its legend
@@ -30,9 +29,7 @@ AXES: dict[ComponentSide, str] = {
 LIGHTER = 0.45  # the share of white that each further part of a side gets
 
 
-def component_figure(
-    components: Components, remaining: Components | None = None, force: MissingForce | None = None
-) -> Figure:
+def component_figure(components: Components, remaining: Components | None = None) -> Figure:
     """The shares of a residual as a bar (left), the largest parts over what they depend on (right).
 
     Parameters
@@ -41,8 +38,6 @@ def component_figure(
         Of the residual without effects.
     remaining
         Of the residual with them: a second bar, as long as its variance is of the first.
-    force
-        What the added effects contribute to the missing force is drawn over a force of the same argument.
     """
     drawn = [part for part in components.parts if part.curve is not None][:MOST_CURVES]
     lines = len(components.parts) + 1 + (len(remaining.parts) + 2 if remaining is not None else 0)
@@ -55,7 +50,7 @@ def component_figure(
     left, right = np.array(figure.subfigures(1, 2, width_ratios=(1.0, 1.15)), dtype=object)
     _draw_bars(left, components, remaining, colours)
     for axes, part in zip(right.subplots(len(drawn), 1, squeeze=False)[:, 0], drawn, strict=True):
-        draw_curve(axes, part, colours[part.kind], force)
+        _draw_curve(axes, part, colours[part.kind])
     return figure
 
 
@@ -133,20 +128,8 @@ def _draw_bar(axes: Axes, components: Components, scale: float, colours: dict[Co
     axes.legend(handles=handles, loc="upper left", bbox_to_anchor=place, frameon=False, borderaxespad=0.3)
 
 
-def draw_curve(axes: Axes, part: Component, colour: Colour, force: MissingForce | None = None) -> None:
-    """Draw one part over its own argument with its 95 % band.
-
-    Parameters
-    ----------
-    axes
-        To draw on.
-    part
-        With a curve.
-    colour
-        Of the first quantity; further ones are dashed.
-    force
-        What the added effects contribute is drawn where it is a force of the same quantity.
-    """
+def _draw_curve(axes: Axes, part: Component, colour: Colour) -> None:
+    """One part over its own argument with its 95 % band; quantities after the first are dashed."""
     assert part.curve is not None
     curve = part.curve
     order, (lower, upper) = np.argsort(curve.at), curve.band
@@ -156,9 +139,6 @@ def draw_curve(axes: Axes, part: Component, colour: Colour, force: MissingForce 
         style = "-" if k == 0 else "--"
         name = quantity.name if len(curve.quantities) > 1 else "estimate, 95 % band"
         axes.plot(curve.at[order], curve.values[order, k], style, color=colour, linewidth=1.4, label=name)
-    effects = _by_effects(part, force)
-    if effects is not None:
-        axes.plot(*effects, ".", color=EFFECTS, markersize=3, label="added effects")
     if part.at is not None and curve.argument.unit == part.at.unit:
         axes.axvline(part.at.value, color="#888888", linewidth=0.8, linestyle=":")
     axes.margins(x=0.01)
@@ -166,15 +146,5 @@ def draw_curve(axes: Axes, part: Component, colour: Colour, force: MissingForce 
     along = "time" if curve.argument.unit == "s" else curve.argument.name.replace("_", " ")
     axes.set(xlabel=f"{along} ({curve.argument.unit})", ylabel=f"{AXES[part.side]} ({units})")
     axes.set_title(f"{KIND_NAMES[part.kind]}, {share_text(part)}", loc="left", fontsize=10)
-    if len(curve.quantities) > 1 or effects is not None:
+    if len(curve.quantities) > 1:
         axes.legend(frameon=False, fontsize=9)
-
-
-def _by_effects(part: Component, force: MissingForce | None) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """What the added effects contribute to the first quantity, over its velocity or position; None for other parts."""
-    if force is None or force.by_effects is None or part.curve is None:
-        return None
-    along = {"force-of-velocity": force.velocity, "force-of-position": force.position}.get(part.kind)
-    if along is None or part.curve.quantities[0].unit != force.units[0]:
-        return None
-    return along[:, 0], force.by_effects[:, 0]

@@ -11,7 +11,6 @@ FILES = (
     "components.png",
     "residual.png",
     "state.png",
-    "missing_force.png",
     "plan.json",
     "plan.png",
     "report.html",

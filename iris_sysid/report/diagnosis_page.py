@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from iris_sysid.diagnosis.planning.plan import Plan
 from iris_sysid.io.components_json import components_entry, finding_entry
 from iris_sysid.io.discovery_json import term_entry
-from iris_sysid.io.force_json import force_entry
 from iris_sysid.io.json_documents import checked, entries_of, fit_document, plain_origin, write_document
 from iris_sysid.io.schemas import DiagnosisDocument, VerdictEntry, known_number
 from iris_sysid.report.clip_page import write_page
@@ -23,7 +22,6 @@ from iris_sysid.report.component_table import parts_sections
 from iris_sysid.report.diagnosis_files import check_folder
 from iris_sysid.report.diagnosis_text import changed_parameters, diagnosis_sentence, diagnosis_sentences
 from iris_sysid.report.figures import MOST_POINTS, outline
-from iris_sysid.report.force_figure import force_caption, force_figure
 from iris_sysid.report.page import Page, PageImage, Section, estimates_section, numbers, png_of, words
 from iris_sysid.report.plan_figure import plan_figure
 from iris_sysid.report.plan_text import advice, plan_document, plan_rows
@@ -36,7 +34,7 @@ from iris_sysid.report.text import (
     with_error,
     with_unit,
 )
-from iris_sysid.types import Array, Diagnosis, EffectCause, FitResult, Limit, MissingForce, Score, Trajectory
+from iris_sysid.types import Array, Diagnosis, EffectCause, FitResult, Limit, Score, Trajectory
 
 MARKERS = ".x+1"  # one for each observed quantity, in their order
 WITHOUT, WITH = "without the added effects", "with the added effects"
@@ -118,15 +116,8 @@ def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Dia
         unit=diagnosis.unit,
         proposed=[term_entry(term) for term in diagnosis.proposed],
         notes=[note.text for note in diagnosis.notes],
-        missing_force=force_entry(diagnosis.missing_force),
-        remaining_force=force_entry(_still_missing(diagnosis)),
         further_clips=further,
     )
-
-
-def _still_missing(diagnosis: Diagnosis) -> MissingForce | None:
-    """The force that the added effects leave; None where no effect was added."""
-    return diagnosis.remaining_force if diagnosis.added else None
 
 
 def diagnosis_page(diagnosis: Diagnosis, clips: Sequence[Trajectory], planned: Plan | None = None) -> Page:
@@ -166,7 +157,7 @@ def _component_images(diagnosis: Diagnosis) -> list[PageImage]:
     if components is None or not components.parts:
         return []
     remaining = diagnosis.remaining if diagnosis.added else None
-    figure = component_figure(components, remaining, diagnosis.missing_force)
+    figure = component_figure(components, remaining)
     return [PageImage("components", png_of(figure), component_caption(components, added=remaining is not None))]
 
 
@@ -183,9 +174,6 @@ def _images(diagnosis: Diagnosis) -> list[PageImage]:
         caption = "Residual in the phase plane; its sign and size as colour"
         caption += ", without (left) and with (right) the added effects" if diagnosis.added else ""
         images.append(PageImage("state", png_of(state_figure(diagnosis)), caption))
-    if diagnosis.missing_force is not None and diagnosis.components is None:  # else the parts are drawn
-        caption = force_caption(diagnosis.missing_force)
-        images.append(PageImage("missing_force", png_of(force_figure(diagnosis.missing_force)), caption))
     return images
 
 

@@ -29,9 +29,6 @@ from iris_sysid.types import (
     EffectCause,
     Estimate,
     Finding,
-    ForceForm,
-    ForceKind,
-    MissingForce,
 )
 
 SMALLEST_SHARE = 0.03  # of a part of the residual that the sentence mentions
@@ -47,15 +44,7 @@ CAUSES: Mapping[EffectCause, str] = {
 MOST_NAMED = 5  # indistinguishable effects that are named; further ones are counted
 MOST_SPOKEN = 2  # added effects that the sentence of the error names
 MUCH_WIDER = 1.5  # ratio of the two standard errors (model-averaged over plain) above which both are given
-FORCES_IN_WORDS: Mapping[ForceKind, str] = {
-    "against-velocity": "a force against the velocity",
-    "odd-in-position": "a restoring force",
-    "even-in-position": "a force that is even in the position",
-    "drift": "a force that grows with time",
-    "own-force-drift": "a change of the model's own force with time",
-    "pulse": "a pulse",
-    "sine": "a periodic force",
-}
+TOO_SHORT = "The residual is too short to be split into parts."
 
 
 def diagnosis_sentence(diagnosis: Diagnosis) -> str:
@@ -66,7 +55,7 @@ def diagnosis_sentence(diagnosis: Diagnosis) -> str:
 def diagnosis_sentences(diagnosis: Diagnosis) -> list[str]:
     """The sentences of a diagnosis, the parts of the residual first.
 
-    Where the clip is too short to be split: cause, added effects, the error without and with them, missing force.
+    Where the clip is too short to be split: cause, added effects, the error without and with them, and that it is.
     """
     components = getattr(diagnosis, "components", None)
     if components is None:
@@ -96,16 +85,14 @@ def _unsplit_sentences(diagnosis: Diagnosis) -> list[str]:
             _added_sentence(diagnosis),
             _indistinguishable_sentence(diagnosis),
             _remaining_sentence(diagnosis),
-            _missing_force_sentence(diagnosis.remaining_force if diagnosis.incomplete else None),
         ]
     else:
         sentences = [
             _nothing_added_sentence(diagnosis),
             _error_sentence(diagnosis),
-            _missing_force_sentence(diagnosis.remaining_force),
             _suggested_sentence(diagnosis),
         ]
-    return list(filter(None, sentences))
+    return [*filter(None, sentences), TOO_SHORT]
 
 
 def diagnosis_text(diagnosis: Diagnosis) -> str:
@@ -288,39 +275,6 @@ def _error_sentence(diagnosis: Diagnosis) -> str:
 def _suggested_sentence(diagnosis: Diagnosis) -> str:
     terms = " and ".join(f"{term.term} in {term.equation}" for term in diagnosis.proposed)
     return f"The residual suggests {terms}, a term without a named effect." if terms else ""
-
-
-def _missing_force_sentence(force: MissingForce | None) -> str:
-    """What acts on the body that no effect accounts for, in one sentence; empty where no force is significant."""
-    if force is None or not force.significant:
-        return ""
-    size = f"No effect of the library accounts for the missing force ({_force_size(force)} rms)"
-    if force.form is None:
-        return as_sentence(f"{size}, and it has no simple form")
-    similar = " or ".join(FORCES_IN_WORDS[kind] for kind in force.form.similar)
-    return as_sentence(f"{size}: {_force_form(force.form)}{f'; {similar} explains it as well' if similar else ''}")
-
-
-def _force_size(force: MissingForce) -> str:
-    """Root mean square of the force over time, for each degree of freedom."""
-    sizes = np.sqrt(np.mean(force.force**2, axis=0))
-    return ", ".join(with_unit(f"{size:.2g}", unit) for size, unit in zip(sizes, force.units, strict=True))
-
-
-def _force_form(form: ForceForm) -> str:
-    """A clause that says how a force depends on time, position or velocity."""
-    power = "" if form.shape is None else f"^({' ± '.join(rounded_to_error(form.shape.value, form.shape.stderr))})"
-    value = "" if form.shape is None else with_error(form.shape)
-    clauses: Mapping[ForceKind, str] = {
-        "against-velocity": f"it acts against the velocity{f' and grows like |v|{power}' if power else ''}",
-        "odd-in-position": f"it changes sign with the position{f' and grows like |x|{power}' if power else ''}",
-        "even-in-position": f"it is even in the position{f' and grows like |x|{power}' if power else ''}",
-        "drift": "it grows evenly with time",
-        "own-force-drift": "the model's own force grows or shrinks evenly with time",
-        "pulse": f"it acts at t = {value}",
-        "sine": f"it is periodic with a frequency of {value}",
-    }
-    return clauses[form.kind]
 
 
 def _errors(diagnosis: Diagnosis) -> tuple[str, float, float]:

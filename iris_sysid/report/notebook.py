@@ -55,7 +55,7 @@ def _figures(result: Result) -> list[Figure]:
     """The picture of :func:`plot`; before it, of a diagnosis, the parts of the residual."""
     if isinstance(result, Diagnosis) and result.components is not None and result.components.parts:
         remaining = result.remaining if result.added else None
-        return [component_figure(result.components, remaining, result.missing_force), figure_of(result)]
+        return [component_figure(result.components, remaining), figure_of(result)]
     return [figure_of(result)]
 
 

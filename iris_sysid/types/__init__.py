@@ -55,9 +55,6 @@ from iris_sysid.types._distributions import student_ppf as student_ppf
 from iris_sysid.types._distributions import student_sf as student_sf
 from iris_sysid.types._error_autocorrelation import RADIUS_ERRORS as RADIUS_ERRORS
 from iris_sysid.types._error_autocorrelation import ErrorAutocorrelation as ErrorAutocorrelation
-from iris_sysid.types._missing_force import ForceForm as ForceForm
-from iris_sysid.types._missing_force import ForceKind as ForceKind
-from iris_sysid.types._missing_force import MissingForce as MissingForce
 from iris_sysid.types._model import ANY_SENSOR as ANY_SENSOR
 from iris_sysid.types._model import Effect as Effect
 from iris_sysid.types._model import EffectCause as EffectCause

@@ -10,7 +10,6 @@ from iris_sysid.types._component_words import KINDS_IN_WORDS
 from iris_sysid.types._components import Component, Components, Finding
 from iris_sysid.types._discovery import DiscoveredTerm
 from iris_sysid.types._display import Shown, text_of, values_of
-from iris_sysid.types._missing_force import MissingForce
 from iris_sysid.types._model import Effect, EffectCause
 from iris_sysid.types._numbers import Estimate
 from iris_sysid.types._result import FitResult
@@ -133,9 +132,6 @@ class Diagnosis(Shown):
     limit for every other effect. ``before`` and ``after`` are the errors without and with the effects,
     ``noise_floor`` the noise of the measurement, all in ``unit``. ``proposed`` are terms without a named effect, where
     the residual is above that noise. ``notes`` say what could not be tested, or was rejected, and why.
-    ``missing_force`` is the force that the model lacks in the first clip, ``remaining_force`` the one that it still
-    lacks with the effects (the same where none was added); None where it cannot be estimated, and ``remaining_force``
-    also where the residual is at the noise.
     ``components`` are the parts of the first clip's residual without effects, ``remaining`` those of the residual with
     them; None where the clip is too short to be split. ``findings`` say of each part what can be said: an effect, a
     group of effects, where it lies, or that it is open. ``nuisances`` are effects that are in ``finals`` as well,
@@ -155,8 +151,6 @@ class Diagnosis(Shown):
     unit: str
     proposed: tuple[DiscoveredTerm, ...] = ()
     notes: tuple[DiagnosticNote, ...] = ()
-    missing_force: MissingForce | None = None
-    remaining_force: MissingForce | None = None
     probabilities: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     causes: Mapping[str, Mapping[EffectCause, float]] = field(default_factory=dict)
     components: Components | None = None

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fitters.components import ClipResidual, marginal, split
+from fitters.components.noisy_residual import NoisyResidual
 from fitters.effect_sensitivity import motion_of
-from fitters.latent_force.linear_response import NoisyResidual
 from fitters.ode import fit
 from iris_sysid.registry import MODELS
 from iris_sysid.types import Components, Trajectory

@@ -6,12 +6,12 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from iris_sysid import MODELS, Diagnosis, Discovery, FitResult, Trajectory, diagnose, select_model
+from iris_sysid import MODELS, DataError, Diagnosis, Discovery, FitResult, Trajectory, diagnose, select_model
 from iris_sysid.io.fit_json import selection_document
 from iris_sysid.io.json_documents import document_text, read_document
 from iris_sysid.io.schemas import CandidateEntry, DiagnosisDocument, DiscoveryDocument, FitDocument
 from iris_sysid.report.diagnosis_page import diagnosis_document
-from iris_sysid.types import Errors, Identifiability, Limit, Match, MissingForce, ModelCandidate
+from iris_sysid.types import Errors, Identifiability, Limit, Match, ModelCandidate
 from tests._motions import pendulum_angle
 
 T_S = np.arange(150) / 50
@@ -22,6 +22,8 @@ FROM_BESIDE = {
     DiscoveryDocument: {"n", "noise", "rms"},
     DiagnosisDocument: {"further_clips"},
 }
+# what files had before the residual was split into parts
+FORMER = {"missing_force": {"t_s": [0.0], "force": [[0.1]], "form": None}, "remaining_force": None}
 
 
 def words_of(kind):
@@ -44,7 +46,6 @@ def test_every_key_of_a_file_is_an_attribute(kind, document):
         (Identifiability, FitDocument.model_fields["identifiability"]),
         (Limit, DiagnosisDocument.model_fields["ruled_out"]),
         (Errors, DiagnosisDocument.model_fields["before"]),
-        (MissingForce, DiagnosisDocument.model_fields["missing_force"]),
         (Match, DiscoveryDocument.model_fields["nearest"]),
         (ModelCandidate, CandidateEntry),
     ],
@@ -68,9 +69,23 @@ def clip():
     return Trajectory(T_S, observed, theta[:, None], np.full((T_S.size, 1), np.nan), np.ones(T_S.size, dtype=bool))
 
 
-def test_diagnosis_of_version_1_is_read(clip, tmp_path):
-    written = diagnosis_document(diagnose(clip, "pendulum", effects=["quadratic-drag"]), [clip])
-    old = json.loads(document_text(written))
+@pytest.fixture(scope="module")
+def written(clip):
+    return diagnosis_document(diagnose(clip, "pendulum", effects=["quadratic-drag"]), [clip])
+
+
+def test_diagnosis_with_the_missing_force_of_earlier_files_is_read(written, tmp_path):
+    old = json.loads(document_text(written)) | FORMER
+    path = tmp_path / "diagnosis.json"
+    path.write_text(json.dumps(old))
+    assert read_document(path, DiagnosisDocument) == written
+    path.write_text(json.dumps(old | {"missing": None}))
+    with pytest.raises(DataError, match="missing: Extra inputs are not permitted"):
+        read_document(path, DiagnosisDocument)
+
+
+def test_diagnosis_of_version_1_is_read(written, tmp_path):
+    old = json.loads(document_text(written)) | FORMER
     errors = {name: old.pop(name) for name in ("before", "after", "noise_floor", "unit")}
     for part in (errors["before"], errors["after"]):
         del part["weighed"]

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from iris_sysid import to_html
+from iris_sysid import diagnose, to_html
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import DiagnosisDocument
 from iris_sysid.registry import EFFECTS
@@ -113,6 +113,7 @@ def test_effects_without_a_finding_and_nuisances_are_said(split):
 def test_clip_that_is_too_short_to_be_split_has_the_sentences_of_its_effects(split):
     text = diagnosis_sentence(replace(split, components=None))
     assert text.startswith("The cause is the physics (99 %). Adding quadratic drag (")
+    assert text.endswith(" The residual is too short to be split into parts.")
     assert "over 99 %" not in text
 
 
@@ -133,7 +134,7 @@ def test_force_that_remains_makes_the_equation_incomplete(split):
 
 
 def test_figure_has_two_bars_and_the_curves_of_the_largest_parts(split):
-    figure = component_figure(split.components, split.remaining, split.missing_force)
+    figure = component_figure(split.components, split.remaining)
     titles = [axes.get_title(loc="left") for part in figure.subfigs for axes in part.axes]
     assert titles == [
         "without effects: 0.25° rms",
@@ -190,7 +191,6 @@ def test_page_begins_with_the_parts_their_picture_and_their_table(split):
     assert {len(row) for row in parts.rows} == {len(parts.columns)}
     assert {len(row) for row in remaining.rows} == {len(remaining.columns)}
     assert values.lines[0].startswith("length = ")
-    assert "missing_force" not in [image.name for image in page.images]
 
 
 def test_page_of_noise_has_a_table_and_no_picture(split):
@@ -198,6 +198,16 @@ def test_page_of_noise_has_a_table_and_no_picture(split):
     table, *_ = diagnosis_page(noise, [dragged()]).first
     assert table.title == "Parts of the residual"
     assert {len(row) for row in table.rows} == {len(table.columns)}
+
+
+def test_page_of_a_clip_that_is_too_short_to_be_split_has_no_parts():
+    clip = dragged()
+    short = clip.with_(valid=np.arange(clip.n) < 9)
+    found = diagnose(short, "pendulum", effects=["quadratic-drag"])
+    assert found.components is None
+    page = diagnosis_page(found, [short])
+    assert page.statements[-1] == "The residual is too short to be split into parts."
+    assert [section.title for section in page.first] == ["Values", "Error before and after"]
 
 
 def test_page_and_notebook_escape_what_a_finding_says(split, tmp_path):

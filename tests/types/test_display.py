@@ -29,7 +29,6 @@ MADE = {
     "several clips": lambda: fit_clips([CLIP, dragged(1)], "pendulum", shared=["length"]),
     "choice": lambda: select_model(CLIP, ["pendulum"]),
     "diagnosis": lambda: diagnose(CLIP, "pendulum", effects=["quadratic-drag"]),
-    "missing force": lambda: diagnose(CLIP, "pendulum", effects=["zero-offset"]).missing_force,
     "discovery": lambda: discover(CLIP, resampled=5),
     "simulation": lambda: simulate(fit(CLIP, "pendulum"), T_S),
     "calibration": lambda: scale_from_text("640px=1m"),

@@ -22,9 +22,7 @@ from iris_sysid.io.schemas._diagnosis import Excluded as Excluded
 from iris_sysid.io.schemas._diagnosis import ExplanationEntry as ExplanationEntry
 from iris_sysid.io.schemas._diagnosis import FindingEntry as FindingEntry
 from iris_sysid.io.schemas._diagnosis import FitError as FitError
-from iris_sysid.io.schemas._diagnosis import ForceFormEntry as ForceFormEntry
 from iris_sysid.io.schemas._diagnosis import FurtherClip as FurtherClip
-from iris_sysid.io.schemas._diagnosis import MissingForceEntry as MissingForceEntry
 from iris_sysid.io.schemas._discovery import DiscoveryDocument as DiscoveryDocument
 from iris_sysid.io.schemas._discovery import EquationEntry as EquationEntry
 from iris_sysid.io.schemas._discovery import MatchEntry as MatchEntry

@@ -9,7 +9,9 @@ from pydantic import JsonValue
 from iris_sysid.io.schemas._discovery import TermEntry
 from iris_sysid.io.schemas._fit import FitDocument
 from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part, QuantityEntry, VerdictEntry
-from iris_sysid.types import ComponentKind, ComponentSide, FindingWord, ForceKind
+from iris_sysid.types import ComponentKind, ComponentSide, FindingWord
+
+FORMER = ("missing_force", "remaining_force")  # keys of earlier files; ``components`` took their place
 
 
 class AddedEffect(Part):
@@ -43,42 +45,6 @@ class FurtherClip(Part):
     base: FitDocument
     final: FitDocument
     origin: dict[str, JsonValue]
-
-
-class ForceFormEntry(Part):
-    """The simple form of a missing force."""
-
-    kind: ForceKind
-    size: Number
-    """To first order, in the unit of the force; null where it has a phase or several directions."""
-    shape: EstimateEntry | None
-    """Its power, moment or frequency."""
-    share: float
-    """Fraction of the residual beyond the noise that this form explains."""
-    similar: list[ForceKind]
-    """Kinds that the data cannot tell from it."""
-
-
-class MissingForceEntry(Part):
-    """The acceleration that a model lacks along its motion; rows of tables are times, columns the quantities."""
-
-    t_s: list[float]
-    quantities: list[QuantityEntry]
-    """Degrees of freedom on which it acts."""
-    units: list[str]
-    """Of the force on each of them."""
-    position: list[list[Number]]
-    velocity: list[list[Number]]
-    force: list[list[Number]]
-    """What changes of the fitted parameters can imitate is removed."""
-    stderr: list[list[Number]]
-    by_effects: list[list[Number]] | None
-    """What the added effects contribute; null where none of them is a force."""
-    log_odds: Number
-    """Natural logarithm of the Bayes factor of some force over none."""
-    whole: bool
-    """False where only the beginning of the clip is covered."""
-    form: ForceFormEntry | None
 
 
 class CurveEntry(Part):
@@ -198,16 +164,14 @@ class DiagnosisDocument(Document):
     """Terms without a named effect that the remaining residual suggests; coefficients to first order."""
     notes: list[str] = []
     """What could not be tested, and which effects were rejected, with the reason."""
-    missing_force: MissingForceEntry | None = None
-    """What the model lacks in the first clip, without the effects; null where it cannot be estimated."""
-    remaining_force: MissingForceEntry | None = None
-    """What it still lacks with the effects that were added, where the residual is above the noise."""
     further_clips: list[FurtherClip] = []
     origin: dict[str, JsonValue]
 
     @classmethod
     def upgraded(cls, content: dict[str, Any]) -> dict[str, Any]:
-        """Version 1 had the errors and the noise under one key, and fits of version 1."""
+        """Version 1 had the errors and the noise under one key, and fits of version 1; both may have former keys."""
+        if any(key in content for key in FORMER):
+            content = {key: value for key, value in content.items() if key not in FORMER}
         if content.get("version") != 1:
             return content
         parts = {key: value for key, value in content.items() if key != "error"}

@@ -1,4 +1,4 @@
-"""The linear response of a fitted motion to small forces, and a residual as independent noise would have it."""
+"""A residual with its noise, and as independent noise would have it."""
 
 from __future__ import annotations
 
@@ -7,13 +7,10 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import cumulative_trapezoid
 
-from fitters.effect_sensitivity import Motion
 from iris_sysid.types import Array
 
 UNDETERMINED = 1e-9  # relative strength of a fitted value below which the data do not determine it
-MOST_NUMBERS = 4_000_000  # of the forces that are integrated at once
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -98,37 +95,3 @@ class Whitened:
     def squares(self) -> float:
         """Sum of squares of the residual."""
         return float(self.residual @ self.residual)
-
-    def log_likelihood(self, squares: Array | float) -> Array:
-        """Log likelihood where the sum of squares is ``squares``; the size of the noise is integrated out."""
-        return np.asarray(self.log_scale - 0.5 * self.degrees * np.log(np.maximum(squares, 1e-300) / self.degrees))
-
-
-def responses(motion: Motion, forces: Array, rows: NDArray[np.intp]) -> Array:
-    """What is observed (r, d, q) of q small forces on a motion.
-
-    Parameters
-    ----------
-    motion
-        A fitted motion with the inverse of its transition matrices.
-    forces
-        (m, f, q) on its grid.
-    rows
-        (r,) indices of used samples.
-    """
-    at = motion.at_samples[rows]
-    observed = np.einsum("rdt,rts->rds", motion.observed_by_state(at), motion.transition[at])
-    count = max(MOST_NUMBERS // (forces.shape[0] * len(motion.model.states)), 1)
-    parts = [
-        np.einsum("rds,rsq->rdq", observed, _drawn(motion, forces[:, :, first : first + count], at))
-        for first in range(0, forces.shape[2], count)
-    ]
-    return np.concatenate(parts, axis=2)
-
-
-def _drawn(motion: Motion, forces: Array, at: NDArray[np.int_]) -> Array:
-    """Integral (r, s, q) of the forces, carried back to the initial state."""
-    assert motion.inverse is not None
-    last = int(at[-1]) + 1
-    pulled = np.einsum("msf,mfq->msq", motion.inverse[:last], forces[:last])
-    return np.asarray(cumulative_trapezoid(pulled, x=motion.grid[:last], axis=0, initial=0)[at])
