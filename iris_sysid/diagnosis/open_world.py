@@ -185,11 +185,11 @@ class OpenWorld:
         """The components of the residual, and those that can take their place."""
         return {kind for part in self._parts for kind in (part.kind, *part.similar)}
 
-    @property
-    def _large_kinds(self) -> set[str]:
-        """The same of the components that can be a good part of what is no noise, in any order of the components."""
+    def _large_kinds(self, of_range: bool) -> set[str]:
+        """The same of the components that are a good part of what is no noise, or by their range can be one."""
         whole = sum(part.share for part in self._parts)
-        large = [part for part in self._parts if part.share_range[1] >= EVIDENT_SHARE * whole]
+        shares = [(part, part.share_range[1] if of_range else part.share) for part in self._parts]
+        large = [part for part, share in shares if share >= EVIDENT_SHARE * whole]
         return {kind for part in large for kind in (part.kind, *part.similar)}
 
     @property
@@ -199,7 +199,7 @@ class OpenWorld:
     def _is_evident(self, model: ModelWithEffects, effect: Effect, sure: bool) -> bool:
         """Whether an effect is a good part of the residual that the components say, or explains nearly all of it."""
         share = self.share_of(model, effect)
-        if self._agrees(effect) and share >= EVIDENT_SHARE:
+        if self._agrees(effect, of_range=True) and share >= EVIDENT_SHARE:
             return True
         blind = not self._components_turn and (self._kinds or self._removed(model, effect) >= DOMINANT_SHARE)
         return bool(sure and blind and share >= DOMINANT_SHARE)
@@ -208,16 +208,17 @@ class OpenWorld:
     def _components_turn(self) -> bool:
         return self._components is not None and self._components.turns
 
-    def _agrees(self, effect: Effect) -> bool:
+    def _agrees(self, effect: Effect, *, of_range: bool = False) -> bool:
         """Whether an effect is of a kind that the components have; on a motion that never turns, they cannot tell.
 
-        What can imitate anything must be a good part of the residual.
+        What can imitate anything must be a good part of the residual. Where the model explains the data to the noise,
+        the shares may lie anywhere in their ranges.
         """
         if effect.absorbs and self._cache.base.fits[0].model.inputs:
             return False  # a motion that something drives has pieces of its own at any moment
         if self._components is None:
             return True
-        kinds = self._large_kinds if effect.absorbs else self._kinds
+        kinds = self._large_kinds(of_range) if effect.absorbs else self._kinds
         return bool(kinds) and (effect.component in kinds or not self._components.turns)
 
     def formulas_instead(self, effect: Effect) -> list[str]:

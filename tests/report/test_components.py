@@ -207,7 +207,7 @@ def test_page_of_a_clip_that_is_too_short_to_be_split_has_no_parts():
     assert found.components is None
     page = diagnosis_page(found, [short])
     assert page.statements[-1] == "The residual is too short to be split into parts."
-    assert [section.title for section in page.first] == ["Values", "Error before and after"]
+    assert [section.title for section in page.first] == ["Values", "Error"]
 
 
 def test_page_and_notebook_escape_what_a_finding_says(split, tmp_path):
