@@ -186,11 +186,14 @@ class OpenWorld:
         return {kind for part in self._parts for kind in (part.kind, *part.similar)}
 
     def _large_kinds(self, of_range: bool) -> set[str]:
-        """The same of the components that are a good part of what is no noise, or by their range can be one."""
+        """The same of the components that are a good part of what is no noise, or can be one in another explanation."""
         whole = sum(part.share for part in self._parts)
         shares = [(part, part.share_range[1] if of_range else part.share) for part in self._parts]
         large = [part for part, share in shares if share >= EVIDENT_SHARE * whole]
-        return {kind for part in large for kind in (part.kind, *part.similar)}
+        kinds = {kind for part in large for kind in (part.kind, *part.similar)}
+        if of_range and self._components is not None:
+            kinds |= {kind for each, _ in self._components.explanations for kind in each}
+        return kinds
 
     @property
     def _parts(self) -> tuple[Component, ...]:
@@ -369,7 +372,7 @@ class OpenWorld:
 
     def _finding(self, model: ModelWithEffects, effect: Effect, names: tuple[str, ...]) -> Finding:
         share, rest = self._removed(model, effect), self._cache.without(model, effect)
-        if effect.absorbs and not (share >= ABSORBED_SHARE and self._agrees(effect) and self._components_turn):
+        if effect.absorbs and not self._is_named_absorbing(model, effect, share):
             return _absorbing(effect, share)
         if share < NAMED_SHARE:
             return Finding("located", effect.component, names, share, "it is a small part of the residual")
@@ -378,6 +381,21 @@ class OpenWorld:
         if len(names) > 1:
             return Finding("group", effect.component, names, share, "blocks that were left out are predicted as well")
         return Finding("named", effect.component, names, share)
+
+    def _is_named_absorbing(self, model: ModelWithEffects, effect: Effect, removed: float) -> bool:
+        """Whether what imitates anything is what the components say, or alone nearly all of it if they allow that."""
+        if not self._components_turn:
+            return False
+        if removed >= ABSORBED_SHARE and self._agrees(effect):
+            return True
+        shares = {each.name: self._alone(model, each) for each in model.effects}
+        is_main = shares[effect.name] == max(shares.values()) >= DOMINANT_SHARE
+        return is_main and self._agrees(effect, of_range=True)
+
+    def _alone(self, model: ModelWithEffects, effect: Effect) -> float:
+        """The fraction of the residual that an effect of a model removes without the others."""
+        alone = self._cache.with_effects([effect], starts_of(model, [effect]))
+        return _removed_share(self._cache.base, alone) if alone.usable else 0.0
 
     def _removed(self, model: ModelWithEffects, effect: Effect) -> float:
         """The fraction of the squared error over blocks left out that an effect removes beside the others."""
