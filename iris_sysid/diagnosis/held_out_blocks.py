@@ -55,9 +55,10 @@ class BlockErrors:
         return other.mean - self.mean, float(np.std(draws))
 
     def is_steady(self, name: str) -> bool:
-        """Whether a value has the same sign without each of the blocks, in the mean over clips."""
+        """Whether a value has the same sign in each fit without a block that determines it, in the mean over clips."""
         each = np.mean([clip[name] for clip in self.values if name in clip], axis=0)
-        return bool(np.all(each > 0) or np.all(each < 0))
+        known = each[np.isfinite(each)]
+        return known.size >= min(MIN_FITS, each.size) and bool(np.all(known > 0) or np.all(known < 0))
 
     def estimates(self, clip: int, fitted: FitResult) -> dict[str, Estimate]:
         """The free values of a clip's fit with errors from their scatter without a block (delete-a-block jackknife).

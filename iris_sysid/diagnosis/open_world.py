@@ -190,7 +190,7 @@ class OpenWorld:
         whole = sum(part.share for part in self._parts)
         shares = [(part, part.share_range[1] if of_range else part.share) for part in self._parts]
         large = [part for part, share in shares if share >= EVIDENT_SHARE * whole]
-        kinds = {kind for part in large for kind in (part.kind, *part.similar)}
+        kinds: set[str] = {kind for part in large for kind in (part.kind, *part.similar)}
         if of_range and self._components is not None:
             kinds |= {kind for each, _ in self._components.explanations for kind in each}
         return kinds
