@@ -186,14 +186,11 @@ class OpenWorld:
         return {kind for part in self._parts for kind in (part.kind, *part.similar)}
 
     def _large_kinds(self, of_range: bool) -> set[str]:
-        """The same of the components that are a good part of what is no noise, or can be one in another explanation."""
+        """The same of the components that are a good part of what is no noise, or by their range can be one."""
         whole = sum(part.share for part in self._parts)
         shares = [(part, part.share_range[1] if of_range else part.share) for part in self._parts]
         large = [part for part, share in shares if share >= EVIDENT_SHARE * whole]
-        kinds: set[str] = {kind for part in large for kind in (part.kind, *part.similar)}
-        if of_range and self._components is not None:
-            kinds |= {kind for each, _ in self._components.explanations for kind in each}
-        return kinds
+        return {kind for part in large for kind in (part.kind, *part.similar)}
 
     @property
     def _parts(self) -> tuple[Component, ...]:
