@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from iris_sysid import IrisError, Trajectory, VideoError, open_video, read_trajectory
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import FitDocument
-from validation import measured
+from validation import films
 from validation.implanted_scores import Hidden
 
 Array = NDArray[np.float64]
@@ -257,15 +257,14 @@ def stated_again(words: str, fault: Fault, size: float, shape: tuple[int, int]) 
 
 
 def tracked(name: str, fault: Fault, size: float, seconds: float) -> tuple[Trajectory, list[str]]:
-    """The trajectory of a recording of :mod:`validation.measured` with a fault, and the kinds of doubt of its run.
+    """The trajectory of a recording of :mod:`validation.films` with a fault, and the kinds of doubt of its run.
 
     Raises
     ------
     VideoError
         When the commands give no trajectory, or take longer than ``seconds``.
     """
-    commands = next(each for each in measured.RECORDINGS if each.name == name)
-    word, source, *options = shlex.split(str(commands.first).format(data=measured.DATA))
+    word, source, *options = shlex.split(films.named(name).command)
     with tempfile.TemporaryDirectory() as temporary:
         clip, folder = Path(temporary) / "clip.mp4", Path(temporary) / "run"
         shape = render(Path(source), clip, fault, size)

@@ -18,7 +18,7 @@ import numpy as np
 from iris_sysid import MODELS, PHENOMENA, OdeModel, Parameter, Quantity, Trajectory, read_trajectory
 from iris_sysid.types import Array
 from tests._real_data import alexiev_length_68, schmidt_lipson_linear, wooden_bob
-from validation import measured
+from validation import films
 from validation.world_coastdowns import COASTS
 from validation.world_tables import (
     DATA,
@@ -392,16 +392,15 @@ SWINGS = [
 
 
 def filmed(name: str, source: str, known: str, right: frozenset[str], plausible: frozenset[str]) -> Recording:
-    """A row that starts from a video: the commands are those of :mod:`validation.measured`."""
-    recording = next(each for each in measured.RECORDINGS if each.name == name)
-    words = recording.ask.split()
-    described = PHENOMENA.named(words[words.index("--phenomenon") + 1])
+    """A row that starts from a video, by the command in :mod:`validation.films`."""
+    film = films.named(name)
+    described = PHENOMENA.named(film.phenomenon)
     return Recording(
         f"film-{name}",
         source,
         known,
         MODELS[described.model],
-        only(partial(track, recording)),
+        only(partial(track, film)),
         "camera",
         right,
         plausible,
@@ -409,10 +408,10 @@ def filmed(name: str, source: str, known: str, right: frozenset[str], plausible:
     )
 
 
-def track(recording: measured.Recording) -> Trajectory:
-    """The trajectory that the commands of a recording measure."""
+def track(film: films.Film) -> Trajectory:
+    """The trajectory that the command of a film measures."""
     with tempfile.TemporaryDirectory() as folder:
-        measured.command(str(recording.first).format(data=DATA), Path(folder))
+        films.run(film, Path(folder))
         return read_trajectory(Path(folder) / "trajectory.csv")
 
 
