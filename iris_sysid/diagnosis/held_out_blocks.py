@@ -144,7 +144,8 @@ def held_out_errors(
                 kept.setdefault(name, []).append(
                     fitted.estimates[name].value if fitted.status in DETERMINED else float("nan")
                 )
-        for weighed, plain in block_errors(clips, replace(model, fits=fits), left_out):
+        judged = [_in_fit(fitted, later) for fitted, later in zip(model.fits, left_out, strict=True)]
+        for weighed, plain in block_errors(clips, replace(model, fits=fits), judged):
             squares.append(weighed)
             sums.append(plain)
         counts += [later.size for later in left_out]
@@ -152,6 +153,12 @@ def held_out_errors(
     rms = float(np.sqrt(np.average(np.array(sums), weights=every))) if every.size else float("nan")
     each = tuple({name: np.array(kept) for name, kept in clip.items()} for clip in values)
     return BlockErrors(np.array(squares), every, rms, each)
+
+
+def _in_fit(fitted: FitResult, block: Indices) -> Indices:
+    """The samples of a block without those that the fit to all of them takes for outliers."""
+    kept = block[fitted.used[block]]
+    return kept if kept.size else block
 
 
 def _in_blocks(clip: FitRequest, blocks: Sequence[Indices]) -> FitRequest:
