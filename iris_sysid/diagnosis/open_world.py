@@ -186,11 +186,11 @@ class OpenWorld:
         return {kind for part in self._parts for kind in (part.kind, *part.similar)}
 
     def _large_kinds(self, of_range: bool) -> set[str]:
-        """The same of the components that are a good part of what is no noise, or by their range can be one."""
-        whole = sum(part.share for part in self._parts)
-        shares = [(part, part.share_range[1] if of_range else part.share) for part in self._parts]
-        large = [part for part, share in shares if share >= EVIDENT_SHARE * whole]
-        return {kind for part in large for kind in (part.kind, *part.similar)}
+        """The same of the components that are a good part of what is no noise, and those that by their range can be."""
+        least = EVIDENT_SHARE * sum(part.share for part in self._parts)
+        large = [part for part in self._parts if part.share >= least]
+        possible = [part for part in self._parts if of_range and part.share_range[1] >= least]
+        return {kind for part in large for kind in (part.kind, *part.similar)} | {part.kind for part in possible}
 
     @property
     def _parts(self) -> tuple[Component, ...]:
