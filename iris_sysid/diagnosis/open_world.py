@@ -199,7 +199,7 @@ class OpenWorld:
     def _is_evident(self, model: ModelWithEffects, effect: Effect, sure: bool) -> bool:
         """Whether an effect is a good part of the residual that the components say, or explains nearly all of it."""
         share = self.share_of(model, effect)
-        if self._agrees(effect, of_range=True) and share >= EVIDENT_SHARE:
+        if self._agrees(effect, of_range=True) and (share >= EVIDENT_SHARE or self._dominant(model) is effect):
             return True
         blind = not self._components_turn and (self._kinds or self._removed(model, effect) >= DOMINANT_SHARE)
         return bool(sure and blind and share >= DOMINANT_SHARE)
@@ -324,13 +324,25 @@ class OpenWorld:
         return any(is_resolved(one, other, clip.trajectory) for one, other, clip in fits)
 
     def _in_one(self, current: ModelWithEffects) -> ModelWithEffects:
-        """One effect that imitates anything in the place of several, where these do not surely predict better."""
-        if len(current.effects) < 2:
+        """One effect that imitates anything in the place of several, where these do not surely predict better.
+
+        One of the kind of the largest component also takes their place if they explain hardly more.
+        """
+        if not current.effects:
             return current
         singles = [model for model in self._absorbing(self._cache.base) if self.allows(model)]
         best = min(singles, key=lambda model: self._estimate(model).mean, default=current)
+        if best is not current and self._is_main(best, current):
+            return best
         is_better = self._estimate(current).share_below(self._estimate(best)) >= SURE
-        return current if is_better else best
+        return current if is_better or len(current.effects) < 2 else best
+
+    def _is_main(self, single: ModelWithEffects, several: ModelWithEffects) -> bool:
+        """Whether one effect is of the kind of the largest component, and explains nearly as much as several."""
+        if not self._components_turn or not self._parts or single.effects[0].component != self._parts[0].kind:
+            return False
+        least = (1.0 - SMALLEST_SHARE) * _removed_share(self._cache.base, several)
+        return _removed_share(self._cache.base, single) >= least
 
     def _with_nuisances(self, current: ModelWithEffects) -> ModelWithEffects:
         """The model with effects that imitate anything, added or in the place of another, where they predict better."""
@@ -371,7 +383,8 @@ class OpenWorld:
         share, rest = self._removed(model, effect), self._cache.without(model, effect)
         if effect.absorbs and not self._is_named_absorbing(model, effect, share):
             return _absorbing(effect, share)
-        if share < NAMED_SHARE:
+        is_rest = self._dominant(model) not in (None, effect) and self._share_in(model, effect) < SMALLEST_SHARE
+        if share < NAMED_SHARE or is_rest:
             return Finding("located", effect.component, names, share, "it is a small part of the residual")
         if rest.usable and not self._is_resolved(rest, model):
             return Finding("located", effect.component, names, share, "the stated errors of the samples can hide it")
@@ -383,11 +396,16 @@ class OpenWorld:
         """Whether what imitates anything is what the components say, or alone nearly all of it if they allow that."""
         if not self._components_turn:
             return False
-        if removed >= ABSORBED_SHARE and self._agrees(effect):
-            return True
-        shares = {each.name: self._alone(model, each) for each in model.effects}
-        is_main = shares[effect.name] == max(shares.values()) >= DOMINANT_SHARE
-        return is_main and self._agrees(effect, of_range=True)
+        return (removed >= ABSORBED_SHARE and self._agrees(effect)) or self._dominant(model) is effect
+
+    def _dominant(self, model: ModelWithEffects) -> Effect | None:
+        """What imitates anything and alone explains nearly all, more than any other, if the components allow it."""
+        if not self._components_turn or not model.effects:
+            return None
+        shares = {effect.name: self._alone(model, effect) for effect in model.effects}
+        most = max(model.effects, key=lambda effect: shares[effect.name])
+        is_main = most.absorbs and shares[most.name] >= DOMINANT_SHARE
+        return most if is_main and self._agrees(most, of_range=True) else None
 
     def _alone(self, model: ModelWithEffects, effect: Effect) -> float:
         """The fraction of the residual that an effect of a model removes without the others."""
