@@ -38,6 +38,10 @@ COMMANDS = {
         "plan",
         "Rank what to film next: how likely each change of the set-up tells the possible effects apart.",
     ),
+    "class": (
+        "class_",
+        "Compare the groups of a class: each group's value, what is wrong with those that stand out, the value of all.",
+    ),
     "discover": ("discover", "Find the governing equation itself, with error bars on its terms, and its name."),
     "render": (
         "render",

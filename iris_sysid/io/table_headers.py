@@ -114,7 +114,7 @@ def understood(cells: Cells, stated: Mapping[str, str] | None = None) -> tuple[S
     DataError
         When a column is not there, has no unit that can be told, or is two quantities' at once.
     """
-    titles = _titles(cells)
+    titles = titles_of(cells)
     meanings = _stated(cells, titles, stated) if stated else _guessed(cells, titles)
     _check_names(cells, meanings)
     columns = {
@@ -154,8 +154,8 @@ def _source(titles: Sequence[str], meaning: Meaning) -> str:
 # --------------------------------------------------------------------------- header rows
 
 
-def _titles(cells: Cells) -> list[str]:
-    """One title a column: group and name joined, a row of units put in brackets; its number where there is none."""
+def titles_of(cells: Cells) -> list[str]:
+    """One title a column of ``cells``: group and name joined, units put in brackets; its number without a title."""
     header = [row for row in cells.header if sum(map(bool, row)) > 1 or len(row) == 1]
     units: tuple[str, ...] = ()
     if len(header) > 1 and all(_unit(cell) for cell in header[-1] if cell):

@@ -27,6 +27,7 @@ ORDER = (
     "iris_sysid.report",
     "iris_sysid.pipeline",
     "iris_sysid.benchmark",
+    "iris_sysid.classroom",
     "iris_sysid.cli",
     "iris_sysid.__main__",
 )

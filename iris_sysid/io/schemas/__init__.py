@@ -13,6 +13,7 @@ from iris_sysid.io.schemas._beside import Smoothing as Smoothing
 from iris_sysid.io.schemas._beside import TensorDocument as TensorDocument
 from iris_sysid.io.schemas._beside import TrackQualityEntry as TrackQualityEntry
 from iris_sysid.io.schemas._beside import ViewEntry as ViewEntry
+from iris_sysid.io.schemas._classroom import GroupDocument as GroupDocument
 from iris_sysid.io.schemas._diagnosis import AddedEffect as AddedEffect
 from iris_sysid.io.schemas._diagnosis import ComponentEntry as ComponentEntry
 from iris_sysid.io.schemas._diagnosis import ComponentsEntry as ComponentsEntry
@@ -67,4 +68,5 @@ DOCUMENTS: dict[str, type[Document]] = {
     "tensor": TensorDocument,
     "plan": PlanDocument,
     "detection-limits": LimitsDocument,
+    "group": GroupDocument,
 }

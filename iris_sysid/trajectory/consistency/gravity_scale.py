@@ -169,11 +169,11 @@ def _relative(stderr: float, value: float) -> float:
     return stderr / value if math.isfinite(stderr) else 0.0
 
 
-def circle_radius(position: Array) -> tuple[float, float]:
+def circle_radius(position: Array, bow: float = BOW) -> tuple[float, float]:
     """Radius of the circle through positions (n, 2), and its standard error, in their unit; infinite for a line.
 
     Least squares of the orthogonal distances from an algebraic start (Kasa 1976, IEEE Trans. Instrum. Meas. 25, 8). The
-    error is at least that of an arc whose chord c is bowed by one percent of it, 8 R / c percent.
+    error is at least that of an arc whose chord c is bowed by the share ``bow`` of it, 8 R / c times that.
     """
     from scipy.optimize import least_squares
 
@@ -194,4 +194,4 @@ def circle_radius(position: Array) -> tuple[float, float]:
     radius = abs(float(found.x[2])) * size
     random = math.sqrt(float(np.mean(found.fun**2)) * np.linalg.inv(information)[2, 2]) * size
     chord = min(float(np.max(np.ptp(position, axis=0))), 2 * radius)
-    return radius, math.hypot(random, BOW * 8 * radius**2 / chord)
+    return radius, math.hypot(random, bow * 8 * radius**2 / chord)

@@ -1,0 +1,276 @@
+"""Measure every group of a class once: its clip or table to a fit, a page and a document; a second run keeps them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from fitters.ode.single_clip import fit
+from fitters.positions import fit_positions, in_plane, phenomenon_of
+from iris_sysid.benchmark.batch import Batch
+from iris_sysid.benchmark.parallel import Workers, check_workers, side_by_side
+from iris_sysid.calibration.pixel_scale import uncalibrated
+from iris_sysid.classroom.evidence import diameter_of, evidence_of
+from iris_sysid.classroom.groups import Group
+from iris_sysid.classroom.table_page import write_table_page
+from iris_sysid.errors import DataError, IrisError, OutputError
+from iris_sysid.io.csv_cells import is_own_table
+from iris_sysid.io.csv_read import read_track, read_trajectory
+from iris_sysid.io.csv_write import write_trajectory
+from iris_sysid.io.files import check_writable, origin_of
+from iris_sysid.io.grouped_table import read_group
+from iris_sysid.io.json_documents import checked, entries_of, plain_origin, read_document, write_document, write_fit
+from iris_sysid.io.schemas import DoubtEntry, GroupDocument, VerdictEntry, known_number
+from iris_sysid.pipeline import FILES, accepted_settings, from_source, observe_and_fit, run, save
+from iris_sysid.registry import MODELS
+from iris_sysid.types import Calibration, FitResult, Progress, Track, Trajectory, with_progress
+
+GROUPS = "groups"  # folder of the groups' folders
+DOCUMENT, PAGE = "group.json", "report.html"  # of each group; the document is written last
+TRAJECTORY, FIT = "trajectory.csv", "fit.json"
+FAILED = "failed"
+RESULTS = (*FILES, DOCUMENT)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Measured:
+    """What was measured of one group before it is written: ``world`` is None where there are no positions."""
+
+    trajectory: Trajectory
+    fit: FitResult
+    world: Trajectory | None = None
+    track: Track | None = None
+    calibration: Calibration | None = None
+
+
+def measure_groups(
+    groups: Sequence[Group],
+    folder: str | Path,
+    *,
+    workers: Workers = 0,
+    progress: Progress | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> tuple[list[GroupDocument], int]:
+    """Measure the groups, and write ``groups/<group>/`` with page, trajectory, fit and ``group.json``.
+
+    A group whose file (by sha256), options and package versions are unchanged is not measured again, also after an
+    interrupted run. A group that cannot be measured has the status ``failed`` and a message with the reason.
+
+    Parameters
+    ----------
+    groups
+        No two have the same name.
+    folder
+        Of the results; made when missing. One run at a time.
+    workers
+        Number of parallel processes, 0 for this one, or the address or file of a dask scheduler.
+    progress
+        Called with (groups done, groups in all).
+    tell
+        Called with one line a group that failed.
+
+    Returns
+    -------
+    documents : list of GroupDocument
+        One a group, in the order given.
+    now : int
+        How many were measured now.
+
+    Raises
+    ------
+    DataError
+        When the number of workers is out of range.
+    OutputError
+        When a file cannot be written.
+    """
+    check_workers(workers)
+    root, now = Path(folder), 0
+    batch = Batch(root, _measured_now, _lost, reads=_kept_files, last=lambda group: (_place(group, DOCUMENT),))
+    for group, (measured_now, reason) in with_progress(side_by_side(batch, groups, workers), progress, len(groups)):
+        now += measured_now
+        if reason and tell is not None:
+            tell(f"{group.name}: {reason}")
+    return [read_document(root / _place(group, DOCUMENT), GroupDocument) for group in groups], now
+
+
+def page_of(group: Group) -> str:
+    """The path of a group's own page below the folder of the results, with slashes."""
+    return _place(group, PAGE)
+
+
+def _place(group: Group, name: str) -> str:
+    return f"{GROUPS}/{group.source.folder}/{name}"
+
+
+def _kept_files(group: Group) -> list[str]:
+    return [_place(group, DOCUMENT), _place(group, PAGE)]
+
+
+def _measured_now(root: Path, group: Group) -> tuple[bool, str]:
+    """Whether a group was measured now, and the reason of a failure; empty where there is none."""
+    folder = root / GROUPS / group.source.folder
+    try:
+        origin = _origin(group)
+        earlier = _earlier(folder, origin)
+        if earlier is not None:
+            return False, earlier.message if earlier.status == FAILED else ""
+        _write(group, folder, origin)
+    except OutputError:
+        raise
+    except IrisError as error:
+        return True, _failed(group, folder, str(error))
+    except Exception as error:  # one group must not end the run of all
+        return True, _failed(group, folder, f"unexpected {type(error).__name__}: {error}", retry=True)
+    return True, ""
+
+
+def _origin(group: Group) -> dict[str, Any]:
+    row = {"column": group.source.column, "group": group.source.row} if group.source.column else {}
+    return plain_origin(origin_of(group.source.path, {**group.request.typed, **row}))
+
+
+def _earlier(folder: Path, origin: Mapping[str, Any]) -> GroupDocument | None:
+    """The document of an earlier run with the same file, options and versions."""
+    try:
+        document = read_document(folder / DOCUMENT, GroupDocument)
+    except IrisError:
+        return None
+    complete = document.status == FAILED or (folder / PAGE).is_file()
+    return document if complete and document.origin == origin else None
+
+
+def _write(group: Group, folder: Path, origin: Mapping[str, Any]) -> None:
+    (folder / DOCUMENT).unlink(missing_ok=True)  # a document that is there belongs to the files beside it
+    for name in RESULTS:
+        check_writable(folder / name, overwrite=True)
+    measured = _of_a_table(group, folder) if group.source.is_table else _of_a_clip(group, folder)
+    write_document(_document(group, measured, origin), folder / DOCUMENT, overwrite=True)
+
+
+def _of_a_clip(group: Group, folder: Path) -> Measured:
+    request = group.request
+    result = run(
+        group.source.path,
+        request.phenomenon,
+        calibration=request.calibration,
+        settings=request.settings,
+        free=request.free,
+        options=request.track,
+        clip=request.clip,
+        geometry=request.geometry,
+    )
+    save(result, folder, overwrite=True)
+    world = result.world[0] if request.phenomenon.measures == "position" else None
+    return Measured(result.trajectory, result.fit, world, result.tracks[0], result.calibration)
+
+
+def _of_a_table(group: Group, folder: Path) -> Measured:
+    measured = _fitted_track(group) if _is_track(group) else _fitted_table(group)
+    write_trajectory(measured.trajectory, folder / TRAJECTORY, overwrite=True)
+    write_fit(measured.fit, measured.trajectory, folder / FIT, overwrite=True)
+    write_table_page(group.name, group.source.path.name, measured.trajectory, measured.fit, folder)
+    return measured
+
+
+def _is_track(group: Group) -> bool:
+    """Whether a table holds positions in px, as ``track`` writes them."""
+    if group.source.column or group.request.columns is not None or not is_own_table(group.source.path):
+        return False
+    with group.source.path.open(encoding="utf-8", errors="replace") as file:
+        header = file.readline(10_000).strip().split(",")
+    return {"t_s", "x_px", "y_px"} <= set(header)
+
+
+def _fitted_track(group: Group) -> Measured:
+    request = group.request
+    tracks = from_source(read_track(group.source.path), group.source.path, dict(request.typed))
+    calibration = request.calibration or uncalibrated()
+    world, trajectory, result = observe_and_fit(
+        tracks,
+        calibration,
+        request.phenomenon,
+        request.settings,
+        request.free,
+        marks_px=request.geometry.marks_px,
+        clock_stderr=request.clip.fps_stderr,
+    )
+    return Measured(trajectory, result, world[0], tracks[0], calibration)
+
+
+def _fitted_table(group: Group) -> Measured:
+    request, source = group.request, group.source
+    if source.column:
+        table = read_group(source.path, source.column, source.row, request.columns)
+    else:
+        table = read_trajectory(source.path, request.columns)
+    model = MODELS[request.phenomenon.model]
+    table, _ = model.taken_from(table)
+    if phenomenon_of(model, table) is not None:
+        trajectory, result = fit_positions(table, request.phenomenon, request.settings, request.free)
+        return Measured(trajectory, result, in_plane(table, request.phenomenon))
+    _check_observed(table, group)
+    fixed = {name: value for name, value in request.settings.items() if name in accepted_settings(request.phenomenon)}
+    result = fit(table, model, fixed=fixed, free=request.free)
+    return Measured(table, result)
+
+
+def _check_observed(table: Trajectory, group: Group) -> None:
+    model = MODELS[group.request.phenomenon.model]
+    names = [quantity.name for quantity in table.quantities]
+    missing = [quantity.name for quantity in model.observed if quantity.name not in names]
+    if missing:
+        raise DataError(
+            f"the table holds {', '.join(names)}, but {group.request.phenomenon.name} needs x and z, "
+            f"or {', '.join(missing)}: say which columns they are"
+        )
+
+
+def _document(group: Group, measured: Measured, origin: Mapping[str, Any]) -> GroupDocument:
+    result, track = measured.fit, measured.track
+    diameter = None
+    if track is not None and measured.calibration is not None and group.request.phenomenon.measures == "position":
+        diameter = diameter_of(track, measured.calibration)
+    evidence = evidence_of(group.request.phenomenon, measured.world, measured.trajectory, result, diameter)
+    doubts = () if track is None or track.quality is None else track.quality.doubts
+    return checked(
+        GroupDocument,
+        **_head(group),
+        status=result.status,
+        message=result.message,
+        verdict=VerdictEntry.of(result.verdict),
+        parameters=entries_of(result.estimates, result.status),
+        free=list(result.free),
+        budget={name: {key: known_number(part) for key, part in row.items()} for name, row in result.budget.items()},
+        evidence=entries_of(evidence),
+        track_doubts=[DoubtEntry.of(doubt) for doubt in doubts],
+        origin=origin,
+    )
+
+
+def _head(group: Group) -> dict[str, Any]:
+    model = MODELS[group.request.phenomenon.model]
+    return {
+        "group": group.name,
+        "source": group.source.path.name,
+        "model": model.name,
+        "equation": model.equation,
+    }
+
+
+def _failed(group: Group, folder: Path, reason: str, *, retry: bool = False) -> str:
+    """Write that a group failed, with the reason; ``retry``: the next run tries again. Returns the message."""
+    message = reason.replace(str(group.source.path), group.source.path.name)
+    try:
+        origin = {} if retry else _origin(group)
+    except IrisError:
+        origin = {}
+    document = checked(GroupDocument, **_head(group), status=FAILED, message=message, origin=origin)
+    write_document(document, folder / DOCUMENT, overwrite=True)
+    return message
+
+
+def _lost(root: Path, group: Group) -> tuple[bool, str]:
+    reason = "the process that read it died; is the file damaged, or memory full?"
+    return True, _failed(group, root / GROUPS / group.source.folder, reason, retry=True)

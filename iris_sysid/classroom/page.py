@@ -1,0 +1,155 @@
+"""The page of a class: the value of all, the groups to look at with the cause, one picture, one table."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import jinja2
+
+from iris_sysid.classroom.picture import class_figure, svg_of
+from iris_sysid.classroom.summary import ClassResult, GroupResult, shown_name
+from iris_sysid.io.files import write_atomic
+from iris_sysid.report.text import as_sentence, interval_text, shown_unit, with_error
+from iris_sysid.types import SPOKEN, Estimate, Population
+
+FAR = 100.0  # standard errors, beyond which decimals say nothing
+CAPTION = (
+    "The value of each group with its 95 % interval. Orange squares are groups to look at; an open square is left out "
+    "of the mean, and an arrow stands for a value beyond the edge."
+)
+
+
+def write_page(result: ClassResult, title: str, path: str | Path, *, overwrite: bool = False) -> Path:
+    """Write the page of a class as one HTML file that needs no other.
+
+    Parameters
+    ----------
+    result
+        The class.
+    title
+        Of the page.
+    path
+        File to write.
+    overwrite
+        Replace a file that exists.
+
+    Returns
+    -------
+    Path
+        The path as given.
+
+    Raises
+    ------
+    OutputError
+        When the file exists or cannot be written.
+    """
+    return write_atomic(path, page_text(result, title), overwrite=overwrite)
+
+
+def page_text(result: ClassResult, title: str) -> str:
+    """The page as HTML; every text in it is escaped."""
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("iris_sysid.classroom", "templates"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    others = list(result.others)
+    return environment.get_template("class.html").render(
+        title=title,
+        headline=_typeset(as_sentence(result.sentence)),
+        comparisons=[_typeset(as_sentence(item.text)) for item in result.comparisons],
+        named=[_named(group) for group in result.named],
+        picture=svg_of(class_figure(result)),
+        caption=CAPTION,
+        columns=_columns(result, others),
+        rows=[_row(group, others) for group in result.groups],
+        teacher=None if result.teacher is None else _row(result.teacher, others),
+        means=_means(result),
+        value=shown_name(result.value),
+        model=as_sentence(result.model.summary),
+    )
+
+
+def _named(group: GroupResult) -> dict[str, str]:
+    return {"name": group.name, "cause": _raised(group.cause), "page": _link(group)}
+
+
+def _link(group: GroupResult) -> str:
+    """The address of a group's page beside this one; empty for a group without a page."""
+    return quote(group.page) if group.document.usable else ""
+
+
+def _columns(result: ClassResult, others: Sequence[str]) -> list[dict[str, Any]]:
+    further = [{"title": shown_name(name), "number": True} for name in others]
+    return [
+        {"title": "group", "number": False},
+        {"title": shown_name(result.value), "number": True},
+        {"title": "from the others (standard errors)", "number": True},
+        {"title": "what is wrong", "number": False},
+        {"title": "numbers", "number": False},
+        *further,
+        {"title": "file", "number": False},
+    ]
+
+
+def _row(group: GroupResult, others: Sequence[str]) -> dict[str, Any]:
+    verdict = group.document.verdict
+    word = "" if verdict is None else SPOKEN[verdict.word]
+    distance = _typeset(f"{group.in_errors:+.{0 if abs(group.in_errors) > FAR else 1}f}")
+    cells = [
+        {"text": group.name, "key": group.name, "link": _link(group)},
+        _number(group.value),
+        {"text": distance if math.isfinite(group.in_errors) else "", "key": _key(group.in_errors), "link": ""},
+        {"text": _raised(group.cause), "key": group.cause or "~", "link": ""},
+        {"text": word, "key": word, "link": ""},
+        *(_number(group.document.estimate(name)) for name in others),
+        {"text": group.document.source, "key": group.document.source, "link": ""},
+    ]
+    return {"named": group.named, "cells": cells}
+
+
+def _number(estimate: Estimate | None) -> dict[str, str]:
+    if estimate is None:
+        return {"text": "none", "key": "", "link": ""}
+    return {"text": _typeset(with_error(estimate)), "key": _key(estimate.value), "link": ""}
+
+
+def _typeset(text: str) -> str:
+    """Numbers and units with a true minus and raised powers."""
+    return _raised(text).replace("-", "−")
+
+
+def _raised(text: str) -> str:
+    return text.replace("^2", "²").replace("^3", "³")
+
+
+def _key(value: float) -> str:
+    """A number to sort by; empty for one that is not known, which comes last."""
+    return repr(value) if math.isfinite(value) else ""
+
+
+def _means(result: ClassResult) -> list[Mapping[str, str]]:
+    rows = [(shown_name(result.value), "without outliers", result.pooled)]
+    if any(group.outlying for group in result.groups):
+        rows.append((shown_name(result.value), "with outliers", result.every))
+    rows += [(shown_name(name), "without outliers", population) for name, population in result.others.items()]
+    return [
+        {"name": name, "of": of, **_population(population)} for name, of, population in rows if population is not None
+    ]
+
+
+def _population(population: Population) -> dict[str, str]:
+    unit, factor = shown_unit(population.mean.unit)
+    between = f"{factor * population.between.value:.2g} {unit}".strip() if population.between.value > 0 else "none seen"
+    return {
+        "mean": _typeset(with_error(population.mean)),
+        "interval": _typeset(interval_text(population.mean)),
+        "between": between,
+        "within": f"{factor * population.within:.2g} {unit}".strip(),
+    }

@@ -1,0 +1,185 @@
+"""The groups of a class with the options that hold for all of them, and those of ``groups.csv`` for single ones."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from iris_sysid.classroom.groups import GROUPS_FILE, Group, GroupRequest, Source, sources_in
+from iris_sysid.cli import _parsing
+from iris_sysid.cli.arguments import ClipArguments, ModelArguments, ScaleArguments, SceneArguments, TrackerArguments
+from iris_sysid.errors import DataError
+from iris_sysid.io.files import read_file
+from iris_sysid.io.table_headers import parse_columns
+from iris_sysid.pipeline import accepted_settings
+from iris_sysid.registry import TRACKERS
+from iris_sysid.types import GeometryOptions, Phenomenon
+
+# columns of groups.csv beside the group: an option each; several values of one are divided by ;
+ONE = ("scale", "scale_bar", "calibration", "fps", "start", "stop", "roi", "colour", "columns")
+SEVERAL = ("mark", "set", "free")
+
+
+@dataclass(frozen=True, slots=True)
+class ClassOptions:
+    """The options of ``class`` that say how a group is measured, as typed."""
+
+    phenomenon: Phenomenon
+    scale: ScaleArguments
+    clip: ClipArguments
+    tracking: TrackerArguments
+    scene: SceneArguments
+    model: ModelArguments
+    columns: str | None = None
+
+    def request(self) -> GroupRequest:
+        """The typed request; DataError or CalibrationError for what cannot be read."""
+        described, tracking = self.phenomenon, self.tracking
+        if tracking.tracker is not None:
+            TRACKERS.named(tracking.tracker)
+            described = replace(described, tracker=tracking.tracker)
+        gravity, calibration = _parsing.calibration_of(self.scale.scale, self.scale.scale_bar, self.scale.calibration)
+        marks = self.scene.mark or ()
+        track = _parsing.track_options(described.bodies, tracking.roi, tracking.colour, curve=tracking.transfer)
+        return GroupRequest(
+            phenomenon=described,
+            calibration=calibration,
+            settings=_parsing.settings(self.model.known or (), accepted_settings(described)),
+            free=tuple(self.model.free or ()),
+            track=replace(track, marks=_parsing.body_marks(marks)),
+            clip=self.clip.options(_parsing.fraction(self.scene.time_base)),
+            geometry=GeometryOptions(
+                marks_px=_parsing.marks(marks),
+                plumb_px=_parsing.plumb_line(marks),
+                vertical=_parsing.vertical(self.scene.vertical),
+                scale_from_gravity=gravity,
+            ),
+            columns=None if self.columns is None else parse_columns(self.columns),
+            typed=self._typed(),
+        )
+
+    def _typed(self) -> dict[str, Any]:
+        """The options as typed, for the origin of what is measured."""
+        from iris_sysid.io.files import sha256_of
+
+        groups = (self.scale, self.clip, self.tracking, self.scene, self.model)
+        options = {name: value for group in groups for name, value in asdict(group).items() if value is not None}
+        if self.scale.calibration is not None:
+            options["calibration"] = sha256_of(self.scale.calibration)
+        return {"phenomenon": self.phenomenon.name, "columns": self.columns, **options}
+
+    def changed(self, given: Mapping[str, str], label: str) -> ClassOptions:
+        """These options with those of one group in their place; ``label`` names its line in an error."""
+        one = {name: given[name] for name in ONE if given.get(name)}
+        several = {name: [part.strip() for part in given[name].split(";")] for name in SEVERAL if given.get(name)}
+        fps, start, stop = (
+            _number(one[name], f"{label}, column {name}") if name in one else getattr(self.clip, name)
+            for name in ("fps", "start", "stop")
+        )
+        return replace(
+            self,
+            scale=_scale_of(one) or self.scale,
+            clip=replace(self.clip, fps=fps, start=start, stop=stop),
+            tracking=replace(
+                self.tracking,
+                roi=one.get("roi", self.tracking.roi),
+                colour=one.get("colour", self.tracking.colour),
+            ),
+            scene=replace(self.scene, mark=[*(self.scene.mark or ()), *several.get("mark", ())]),
+            model=replace(
+                self.model,
+                known=[*(self.model.known or ()), *several.get("set", ())],
+                free=[*(self.model.free or ()), *several.get("free", ())],
+            ),
+            columns=one.get("columns", self.columns),
+        )
+
+
+def _scale_of(given: Mapping[str, str]) -> ScaleArguments | None:
+    """The scale of one group; None where it has none of its own."""
+    file = given.get("calibration")
+    own = ScaleArguments(given.get("scale"), given.get("scale_bar"), None if file is None else Path(file))
+    return None if own == ScaleArguments() else own
+
+
+def groups_of(
+    path: Path, options: ClassOptions, column: str | None, teacher: str | None
+) -> tuple[list[Group], Group | None]:
+    """The groups of a class, and the teacher's own.
+
+    Parameters
+    ----------
+    path
+        A folder, or a table of all groups.
+    options
+        That hold for all of them.
+    column
+        Of a table, that names the groups.
+    teacher
+        A group of the class, or a file of its own.
+
+    Raises
+    ------
+    DataError
+        When there is no group, or groups.csv cannot be read.
+    """
+    sources = sources_in(path, column)
+    given = _given(path, sources) if path.is_dir() else {}
+    common = options.request()  # also refuses wrong options where every group has its own
+    groups = [
+        Group(source, _own(options, given[source.group]) if source.group in given else common) for source in sources
+    ]
+    if teacher is None:
+        return groups, None
+    own = next((group for group in groups if group.name == teacher), None)
+    if own is not None:
+        return [group for group in groups if group is not own], own
+    if not Path(teacher).is_file():
+        names = ", ".join(group.name for group in groups[:8])
+        raise DataError(f"--teacher {teacher!r:.80} is neither a group ({names}) nor a file")
+    return groups, Group(Source("teacher", Path(teacher)), common)
+
+
+def _own(options: ClassOptions, line: tuple[Mapping[str, str], str]) -> GroupRequest:
+    given, label = line
+    try:
+        return options.changed(given, label).request()
+    except DataError as error:
+        raise DataError(f"{label}: {error}") from error
+
+
+def _given(folder: Path, sources: Sequence[Source]) -> dict[str, tuple[Mapping[str, str], str]]:
+    """The options of single groups in groups.csv, each with the place to name in an error."""
+    file = folder / GROUPS_FILE
+    if not file.is_file():
+        return {}
+    text = read_file(file).decode("utf-8-sig", "replace")
+    first = text.splitlines()[0] if text.strip() else ""
+    rows = list(csv.DictReader(io.StringIO(text), delimiter=";" if first.count(";") > first.count(",") else ","))
+    titles = [title.strip() for title in (rows[0].keys() if rows else []) if title is not None]
+    unknown = [title for title in titles if title not in ("group", *ONE, *SEVERAL)]
+    if "group" not in titles or unknown:
+        what = f"it has no column {unknown[0]!r:.40}" if unknown else "it needs a column group"
+        raise DataError(f"{file}: {what}; columns are group, {', '.join((*ONE, *SEVERAL))}")
+    names = {source.group for source in sources}
+    found: dict[str, tuple[Mapping[str, str], str]] = {}
+    for number, row in enumerate(rows, start=2):
+        plain = {(key or "").strip(): (value or "").strip() for key, value in row.items() if isinstance(value, str)}
+        name, label = plain.get("group", ""), f"{file} line {number}"
+        if name not in names:
+            raise DataError(f"{label}: there is no group {name!r:.60}; groups are {', '.join(sorted(names)[:12])}")
+        if name in found:
+            raise DataError(f"{label}: the group {name!r:.60} is there twice")
+        found[name] = (plain, label)
+    return found
+
+
+def _number(text: str, label: str) -> float:
+    try:
+        return float(text.replace(",", "."))
+    except ValueError as error:
+        raise DataError(f"{label}: {text!r:.40} is not a number") from error

@@ -1,0 +1,125 @@
+"""The command ``iris-sysid class``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from iris_sysid.cli import _terminal
+from iris_sysid.cli._groups import with_groups
+from iris_sysid.cli.arguments import (
+    ClipArguments,
+    Columns,
+    Force,
+    Json,
+    ModelArguments,
+    Output,
+    PhenomenonName,
+    ScaleArguments,
+    SceneArguments,
+    Scheduler,
+    TrackerArguments,
+    WorkerCount,
+)
+
+if TYPE_CHECKING:
+    from iris_sysid.classroom.summary import ClassResult
+
+PAGE, WORKBOOK = "class.html", "class.xlsx"
+
+
+@with_groups
+def class_(
+    folder: Annotated[
+        Path, typer.Argument(help="Folder with a clip or a table of each group, or one table with a column of groups.")
+    ],
+    phenomenon: PhenomenonName,
+    output: Output,
+    scale: ScaleArguments,
+    clip: ClipArguments,
+    tracking: TrackerArguments,
+    scene: SceneArguments,
+    model: ModelArguments,
+    value: Annotated[str | None, typer.Option(help="The value to compare, e.g. length; default: the first.")] = None,
+    expected: Annotated[
+        list[str] | None, typer.Option("--known", help="What the class should find: length=0.5+-0.001.")
+    ] = None,
+    teacher: Annotated[str | None, typer.Option(help="The teacher's own group, or a file: it is in no mean.")] = None,
+    group_column: Annotated[str | None, typer.Option(help="Column of a table that names the groups.")] = None,
+    columns: Columns = None,
+    workers: WorkerCount = None,
+    scheduler: Scheduler = None,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Compare the groups of a class: each group's value, what is wrong with those that stand out, the value of all.
+
+    Writes class.html and class.xlsx, and a page for each group. A second run measures only groups that are new or have
+    changed. A file groups.csv in the folder gives single groups options of their own.
+
+    \b
+    Example:
+      iris-sysid class clips/ --phenomenon pendulum --scale 640px=1m --known length=0.5+-0.001 -o class/
+    """
+    _terminal.check_sources([folder])
+    from iris_sysid.classroom.measure import measure_groups, page_of
+    from iris_sysid.classroom.page import write_page
+    from iris_sysid.classroom.summary import summary_of
+    from iris_sysid.classroom.workbook import write_workbook
+    from iris_sysid.cli import _class_request, _parsing
+    from iris_sysid.errors import IrisError
+    from iris_sysid.io.files import check_writable
+    from iris_sysid.pipeline import accepted_settings
+    from iris_sysid.registry import PHENOMENA
+
+    for name in (PAGE, WORKBOOK):
+        # a folder that an interrupted run began holds groups but no page: it goes on
+        check_writable(output / name, overwrite=force or (output / "groups").is_dir())
+    described = PHENOMENA.named(phenomenon)
+    options = _class_request.ClassOptions(described, scale, clip, tracking, scene, model, columns)
+    groups, own = _class_request.groups_of(folder, options, group_column, teacher)
+    units = accepted_settings(described)
+    references = _parsing.settings(expected or (), units)
+    with _terminal.progress("measuring groups") as report_progress:
+        documents, now = measure_groups(
+            [*groups, *([own] if own else [])],
+            output,
+            workers=_terminal.workers_of(workers, scheduler),
+            progress=report_progress,
+            tell=lambda text: typer.echo(_terminal.one_line(text), err=True),
+        )
+    measured = documents[: len(groups)]
+    if not any(document.usable for document in measured):
+        raise IrisError(f"no group of {folder} could be measured; the first: {measured[0].message}")
+    result = summary_of(
+        measured,
+        [page_of(group) for group in groups],
+        value=value,
+        known=references,
+        teacher=None if own is None else (documents[-1], page_of(own)),
+    )
+    page = write_page(result, f"{folder.absolute().name}: {described.name}", output / PAGE, overwrite=True)
+    write_workbook(result, output / WORKBOOK, overwrite=True)
+    _show(result, json)
+    typer.echo(f"{len(groups)} groups, {now} measured now; page: {page}", err=True)
+
+
+def _show(result: ClassResult, json: bool) -> None:
+    rows = [_row(result, group.name) for group in result.groups]
+    _terminal.print_rows(rows, json, header=True)
+    for text in [result.sentence, *(item.text for item in result.comparisons)]:
+        typer.echo(_terminal.one_line(text), err=json)
+
+
+def _row(result: ClassResult, name: str) -> dict[str, Any]:
+    from iris_sysid.report.text import with_error
+
+    group = next(item for item in result.groups if item.name == name)
+    return {
+        "group": _terminal.one_line(group.name),
+        result.value: "none" if group.value is None else with_error(group.value),
+        "in the mean": "yes" if group.pooled else "no",
+        "what is wrong": _terminal.one_line(group.cause),
+    }

@@ -1,0 +1,107 @@
+"""One table of many groups: a column names the group of each row, and each group's rows are a trajectory."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from iris_sysid.errors import DataError
+from iris_sysid.io.csv_cells import BLANK
+from iris_sysid.io.csv_read import trajectory_of_sheet
+from iris_sysid.io.files import origin_of
+from iris_sysid.io.table_cells import Cells, read_cells
+from iris_sysid.io.table_headers import titles_of, understood
+from iris_sysid.types import Trajectory
+
+# how tables call the column that names a group
+GROUP_TITLES = (
+    "group", "groups", "group_name", "gruppe", "groupe", "grupo", "gruppo", "team", "id", "run", "trial", "versuch",
+    "lauf", "clip", "pupil", "student", "student_id", "class_member", "series", "serie", "drop",
+)  # fmt: skip
+FEWEST_ROWS = 3  # of a group, on average: fewer are no motion, so that the column does not name groups
+
+
+def groups_of_table(path: str | Path, column: str | None = None) -> tuple[str, tuple[str, ...]]:
+    """The title of the column that names the groups, and the names in the order of their first rows.
+
+    Parameters
+    ----------
+    path
+        A table of any program; ``FILE.xlsx:SHEET`` names a sheet.
+    column
+        Its title; without one it is the column that is called group, team, id or the like.
+
+    Raises
+    ------
+    DataError
+        When there is no such column, or it does not name groups of rows.
+    """
+    cells = read_cells(path)
+    k = _group_column(cells, titles_of(cells), column)
+    return titles_of(cells)[k], _names(cells, k)
+
+
+def read_group(path: str | Path, column: str, name: str, columns: Mapping[str, str] | None = None) -> Trajectory:
+    """The trajectory of one group of a table.
+
+    Parameters
+    ----------
+    path
+        The table.
+    column
+        Title of the column that names the groups.
+    name
+        The group.
+    columns
+        Column of each quantity, as for :func:`iris_sysid.read_trajectory`.
+
+    Raises
+    ------
+    DataError
+        When the column or the group is not there, or its rows are no trajectory.
+    """
+    cells = read_cells(path)
+    k = _group_column(cells, titles_of(cells), column)
+    rows = [row for row, values in enumerate(cells.rows) if values[k] == name]
+    if not rows:
+        raise DataError(f"{cells.label} has no group {name!r:.60} in its column {column!r:.60}")
+    own = replace(
+        cells,
+        rows=tuple(cells.rows[row] for row in rows),
+        lines=tuple(cells.lines[row] for row in rows),
+    )
+    sheet, read_as = understood(own, columns)
+    return trajectory_of_sheet(sheet, None, {**origin_of(cells.file, {}), "read_as": list(read_as)})
+
+
+def group_column_of(cells: Cells) -> str | None:
+    """The title of a column that names several groups of rows, by its title; None where there is none."""
+    titles = titles_of(cells)
+    for k, title in enumerate(titles):
+        if _plain(title) in GROUP_TITLES and 1 < len(_names(cells, k)) <= len(cells.rows) / FEWEST_ROWS:
+            return title
+    return None
+
+
+def _group_column(cells: Cells, titles: Sequence[str], wanted: str | None) -> int:
+    have = ", ".join(f"{title!r:.40}" for title in titles[:20])
+    if wanted is None:
+        title = group_column_of(cells)
+        if title is None:
+            raise DataError(f"{cells.label} has no column that names the groups; its columns are {have}; name it")
+        return list(titles).index(title)
+    same = [k for k, title in enumerate(titles) if title.casefold() == wanted.casefold()]
+    if len(same) != 1:
+        problem = "more than one column" if same else "no column"
+        raise DataError(f"{cells.label} has {problem} {wanted!r:.60}; its columns are {have}")
+    return same[0]
+
+
+def _names(cells: Cells, k: int) -> tuple[str, ...]:
+    """The groups that a column names, each once."""
+    return tuple(dict.fromkeys(row[k] for row in cells.rows if row[k] not in BLANK))
+
+
+def _plain(title: str) -> str:
+    return "_".join(title.strip().casefold().split())
