@@ -8,6 +8,7 @@ from dataclasses import replace
 from fitters.ode.single_clip import fit
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.trajectory.consistency.path_shape import phenomenon_doubt
+from iris_sysid.trajectory.observables import observed
 from iris_sysid.trajectory.segmentation import segment
 from iris_sysid.trajectory.smoothing import smooth
 from iris_sysid.types import Estimate, FitResult, OdeModel, Phenomenon, Trajectory
@@ -87,7 +88,7 @@ def observed_positions(
     names = {parameter.name for parameter in MODELS[phenomenon.model].parameters}
     fixed = {**trajectory.known, **{name: value for name, value in known.items() if name in names}}
     wanted = [name for name in dict.fromkeys((*phenomenon.free, *free)) if name not in fixed]
-    seen = smooth(phenomenon.observe([in_plane(trajectory, phenomenon)], known))
+    seen = smooth(observed(phenomenon, [in_plane(trajectory, phenomenon)], known))
     return seen.with_(known=fixed, free=wanted)
 
 

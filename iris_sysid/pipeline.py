@@ -162,7 +162,7 @@ def observe(
     """
     from iris_sysid.trajectory import systematic_errors
     from iris_sysid.trajectory.image_view import focal_ratio, image_view
-    from iris_sysid.trajectory.observables import measured, segmented
+    from iris_sysid.trajectory.observables import measured, observed, segmented
     from iris_sysid.trajectory.smoothing import smooth
 
     chosen, marks = _phenomenon(phenomenon), marks_px or {}
@@ -180,7 +180,7 @@ def observe(
         ]
         return chosen.observe(again, known(by)).position
 
-    trajectory = smooth(_observed(chosen, world, known(calibration)))
+    trajectory = smooth(observed(chosen, world, known(calibration)))
     seen_px = np.concatenate([body.xy_px[body.valid] for body in tracks] + [[point] for point in marks.values()])
     shared = {
         **systematic_errors.from_calibration(trajectory, positions, calibration, seen_px),
@@ -195,19 +195,6 @@ def observe(
     geometry = {**trajectory.geometry, **(focal_ratio(calibration) if view is not None else {})}
     doubts = tuple(dict.fromkeys(doubt for body in world for doubt in body.doubts))
     return world, trajectory.with_(systematic=shared, view=view, geometry=geometry, doubts=doubts)
-
-
-def _observed(phenomenon: Phenomenon, world: Sequence[Trajectory], known: Mapping[str, Estimate]) -> Trajectory:
-    """What the phenomenon observes; where it cannot, DataError names the one that the path looks like."""
-    from iris_sysid.trajectory.consistency.path_shape import phenomenon_doubt
-
-    try:
-        return phenomenon.observe(world, known)
-    except DataError as error:
-        another = phenomenon_doubt(world[0], phenomenon)
-        if another is None:
-            raise
-        raise DataError(f"{another.text} ({error})") from error
 
 
 def _phenomenon(phenomenon: str | Phenomenon) -> Phenomenon:

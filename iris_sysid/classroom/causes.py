@@ -46,7 +46,7 @@ TILTED, TILT_FLOOR = math.radians(3.0), math.radians(0.3)
 SPREAD_FLOOR = 0.003  # natural logarithm: pupils hang no two pendulums alike
 DEGREES = (35.0, 90.0)  # ratio of amplitudes, 57.3 give or take how far people pull a pendulum out
 SIZE = math.log(1.6)  # of two bodies' diameters
-UNEXPLAINED, TIMES_OTHERS = 0.03, 20.0  # fraction of the motion's variance, and over that of the other groups
+UNEXPLAINED, TIMES_OTHERS = 0.01, 20.0  # fraction of the motion's variance, and over that of the other groups
 ABOVE_NOISE = 1.5  # of a residual over the noise
 RESIDUAL = 5.0  # times that of the other groups
 UNIT_FACTORS = {10: "mm for cm", 100: "cm for m", 1000: "mm for m", 2.54: "cm for inches", 3.2808: "feet for m"}
@@ -152,7 +152,7 @@ def causes_of(group: GroupDocument, every: Sequence[GroupDocument], outlying: bo
         track that is doubtful.
     """
     if not group.usable:
-        return _named(group) or (Cause("failed", "it has no value", group.message),)
+        return _named(group) or (Cause("failed", "no value", group.message),)
     compared = Comparison(group, every, outlying)
     if outlying and (unexplained := _little_explained(compared)):
         return (*_named(group), *unexplained)  # a period that is none shows no clock
@@ -312,7 +312,7 @@ def _little_explained(compared: Comparison) -> tuple[Cause, ...]:
     if not (1 - own > max(UNEXPLAINED, TIMES_OTHERS * (1 - usual)) and _residual(compared.group) > ABOVE_NOISE):
         return ()
     said = f"the equation explains {100 * max(own, 0.0):.0f} % of its motion, {explained_percent(usual)} of the others'"
-    return (Cause("wrong-body", "wrong body, or a track that does not follow it", said),)
+    return (Cause("wrong-body", "wrong body, or a doubtful track", said),)
 
 
 def _another_body(compared: Comparison) -> tuple[Cause, ...]:

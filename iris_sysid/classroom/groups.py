@@ -62,7 +62,7 @@ class Source:
     def folder(self) -> str:
         """A name for the folder of its results that every file system takes, and no other group has."""
         plain = re.sub(r"[^\w.-]+", "-", self.group).strip("-. ")[:LONGEST_NAME]
-        if plain == self.group and plain == plain.lower() and not RESERVED.fullmatch(plain):
+        if plain and plain == self.group == plain.lower() and not RESERVED.fullmatch(plain):
             return plain
         return f"{plain or 'group'}-{hashlib.sha256(self.group.encode('utf-8', 'surrogateescape')).hexdigest()[:6]}"
 

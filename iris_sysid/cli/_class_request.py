@@ -12,7 +12,7 @@ from typing import Any
 from iris_sysid.classroom.groups import GROUPS_FILE, Group, GroupRequest, Source, sources_in
 from iris_sysid.cli import _parsing
 from iris_sysid.cli.arguments import ClipArguments, ModelArguments, ScaleArguments, SceneArguments, TrackerArguments
-from iris_sysid.errors import DataError
+from iris_sysid.errors import DataError, IrisError
 from iris_sysid.io.files import read_file
 from iris_sysid.io.table_headers import parse_columns
 from iris_sysid.pipeline import accepted_settings
@@ -89,14 +89,20 @@ class ClassOptions:
                 roi=one.get("roi", self.tracking.roi),
                 colour=one.get("colour", self.tracking.colour),
             ),
-            scene=replace(self.scene, mark=[*(self.scene.mark or ()), *several.get("mark", ())]),
+            scene=replace(self.scene, mark=_with_own(self.scene.mark, several.get("mark"))),
             model=replace(
                 self.model,
-                known=[*(self.model.known or ()), *several.get("set", ())],
+                known=_with_own(self.model.known, several.get("set")),
                 free=[*(self.model.free or ()), *several.get("free", ())],
             ),
             columns=one.get("columns", self.columns),
         )
+
+
+def _with_own(common: Sequence[str] | None, own: Sequence[str] | None) -> list[str]:
+    """Texts ``name=value`` of all groups, with those of one group in place of the same names."""
+    names = {text.partition("=")[0].strip() for text in own or ()}
+    return [*(text for text in common or () if text.partition("=")[0].strip() not in names), *(own or ())]
 
 
 def _scale_of(given: Mapping[str, str]) -> ScaleArguments | None:
@@ -148,7 +154,7 @@ def _own(options: ClassOptions, line: tuple[Mapping[str, str], str]) -> GroupReq
     given, label = line
     try:
         return options.changed(given, label).request()
-    except DataError as error:
+    except IrisError as error:
         raise DataError(f"{label}: {error}") from error
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from iris_sysid.calibration.pixel_scale import to_world
 from iris_sysid.errors import DataError
+from iris_sysid.trajectory.consistency.path_shape import phenomenon_doubt
 from iris_sysid.trajectory.segmentation import segment
-from iris_sysid.types import RADIUS_ERRORS, Array, Calibration, Phenomenon, Quantity, Track, Trajectory
+from iris_sysid.types import RADIUS_ERRORS, Array, Calibration, Doubt, Estimate, Phenomenon, Quantity, Track, Trajectory
 
 # what a track may measure besides positions -> the quantity, its column, and that of its standard error
 OF_TRACK = {
@@ -82,6 +85,43 @@ def segmented(track: Track, calibration: Calibration, phenomenon: Phenomenon) ->
         world.with_(position=_inverse(radius), sigma=sigma / radius**2), hand=track.hand, kind=phenomenon.motion
     )
     return world.with_(segments=away.segments, valid=away.valid)
+
+
+def observed(phenomenon: Phenomenon, world: Sequence[Trajectory], known: Mapping[str, Estimate]) -> Trajectory:
+    """What a phenomenon observes of the bodies.
+
+    Parameters
+    ----------
+    phenomenon
+        Turns positions into what its model observes.
+    world
+        x and z of each body, segmented, in m or px.
+    known
+        Values of the model and of the scene, by name.
+
+    Raises
+    ------
+    DataError
+        When the motion does not show it; the text names the phenomenon that the path looks like.
+    """
+    try:
+        return phenomenon.observe(world, known)
+    except DataError as error:
+        another = _another(world[0], phenomenon)
+        if another is None:
+            raise
+        raise DataError(f"{another.text} ({error})") from error
+
+
+def _another(body: Trajectory, phenomenon: Phenomenon) -> Doubt | None:
+    """The phenomenon that a path looks like, also when it is segmented as a flight."""
+    found = phenomenon_doubt(body, phenomenon)
+    if found is not None or phenomenon.measures != "position":
+        return found
+    try:
+        return phenomenon_doubt(segment(body.with_(segments=()), kind="flight"), phenomenon)
+    except DataError:
+        return None
 
 
 def _inverse(radius: Array) -> Array:
