@@ -70,7 +70,8 @@ def check_suffix(path: Path | None, suffix: str) -> None:
 def read_tables(tables: Sequence[Path], columns: str | None, model: OdeModel | None = None) -> list[Trajectory]:
     """Read trajectories, and tell on stderr what was made of their columns.
 
-    The only quantity of the unit that ``model`` observes is taken for that quantity, whatever its name.
+    The only quantity of the unit that ``model`` observes is taken for that quantity, whatever its name; positions x and
+    z are taken for the angle or the distance that a phenomenon with that model sees in them.
     """
     from iris_sysid.io.csv_read import read_trajectory
     from iris_sysid.io.table_headers import parse_columns
@@ -83,10 +84,25 @@ def read_tables(tables: Sequence[Path], columns: str | None, model: OdeModel | N
             typer.echo(one_line(f"{table}: {text}"), err=True)
         if model is not None:
             clips[-1], text = model.taken_from(clips[-1])
-            if text:
-                typer.echo(one_line(f"{table}: {text}"), err=True)
+            clips[-1], seen = from_positions(clips[-1], model)
+            if text or seen:
+                typer.echo(one_line(f"{table}: {seen or text}"), err=True)
             _check_observed(clips[-1], model, table)
     return clips
+
+
+def from_positions(clip: Trajectory, model: OdeModel) -> tuple[Trajectory, str]:
+    """What a model observes, by the phenomenon that sees it in x and z, and that this was done.
+
+    The trajectory as it is, and no text, where it already holds what the model observes.
+    """
+    from fitters.positions import observed_positions, phenomenon_of
+
+    phenomenon = phenomenon_of(model, clip)
+    if phenomenon is None:
+        return clip, ""
+    names = ", ".join(quantity.name for quantity in model.observed)
+    return observed_positions(clip, phenomenon, clip.known), f"{names} of the model {model.name} from x and z"
 
 
 def _check_observed(clip: Trajectory, model: OdeModel, table: Path) -> None:
@@ -185,10 +201,15 @@ def starts_text(error: Exception) -> str:
 
 def suggest_options(fit: FitResult) -> None:
     """Print the options that may help a fit that has problems on stderr."""
-    known = [f"--set {name}=VALUE" for problem in fit.problems for name in problem.to_set]
+    known = [_that_states(name, fit) for problem in fit.problems for name in problem.to_set]
     starts = [f"--start-at {name}=VALUE" for problem in fit.problems for name in problem.to_start]
     for options in filter(None, (known, starts)):
         typer.echo(f"options that may help: {' or '.join(dict.fromkeys(options))}", err=True)
+
+
+def _that_states(name: str, fit: FitResult) -> str:
+    """The option that gives a value what it lacks: in px nobody knows it, but the motion may show it."""
+    return f"--free {name}" if "px" in fit.model.units().get(name, "") else f"--set {name}=VALUE"
 
 
 def check_usable(fit: FitResult) -> None:

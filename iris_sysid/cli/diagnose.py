@@ -95,10 +95,10 @@ def diagnose(
     Example:
       iris-sysid diagnose trajectory.csv --model pendulum -o diagnosis/
     """
-    from iris_sysid.benchmark.clip_folders import is_dataset
+    from iris_sysid.benchmark.clip_folders import is_dataset, tables_in
     from iris_sysid.cli import _each, _model_choice, _parsing
     from iris_sysid.io.json_documents import document_text
-    from iris_sysid.registry import EFFECTS
+    from iris_sysid.registry import EFFECTS, MODELS
     from iris_sysid.report.diagnosis_files import check_folder
 
     if each:
@@ -174,12 +174,14 @@ def diagnose(
     if json:
         typer.echo(document_text(diagnosis_document(diagnosis, trajectories)).rstrip("\n"))
     typer.echo(f"report: {page}", err=True)
+    tables = [] if any(map(is_dataset, clips)) else [table for path in clips for table in tables_in(path)]
+    same = [] if columns is None else ["--columns", columns]
     if planned is not None and not json:
-        _advise(planned, [path for path in clips if path.is_file()], output)
-    if diagnosis.incomplete and model != _model_choice.AUTO and equation is None:
-        tables = [table for path in clips for table in ([path] if path.is_file() else sorted(path.glob("*.csv")))]
-        found = output / "discovery.json"
-        _terminal.suggest("discover", *tables, "--residual-of", described.name, "-o", found, json=json)
+        _advise(planned, tables, output, same)
+    if diagnosis.incomplete and tables and MODELS.get(described.name) is described:
+        named, found = ["--residual-of", described.name], output / "discovery.json"
+        given = _terminal.repeated("--set", known)
+        _terminal.suggest("discover", *tables, *named, *same, *given, "-o", found, json=json)
     _terminal.end(diagnosis.verdict, strict)
 
 
@@ -211,14 +213,15 @@ def _planned(diagnosis: "Diagnosis", clips: "list[Trajectory]") -> "Plan | None"
         return None
 
 
-def _advise(planned: "Plan", tables: list[Path], output: Path) -> None:
+def _advise(planned: "Plan", tables: list[Path], output: Path, same: list[str]) -> None:
     """Say on stderr what to film next, and the command that ranks all changes."""
     from iris_sysid.report.plan_text import advice
 
     for line in advice(planned):
         typer.echo(line, err=True)
     if tables:
-        _terminal.suggest("plan", output, *tables, *_terminal.repeated("--name", list(planned.probabilities)))
+        names = _terminal.repeated("--name", list(planned.probabilities))
+        _terminal.suggest("plan", output, *tables, *names, *same)
 
 
 def _measured(

@@ -42,9 +42,12 @@ def discover(
         _terminal.check_outputs(table, [output, plot], overwrite=force)
     _terminal.check_suffix(plot, ".png")
     units = {parameter.name: parameter.unit for model in MODELS.values() for parameter in model.parameters}
+    kept = None if residual_of is None else MODELS.named(residual_of)
     constants = _parsing.settings(known or (), units)
+    read = _terminal.read_tables(tables, columns)
+    read = read if kept is None else [_terminal.from_positions(clip, kept)[0] for clip in read]
     options = {"columns": columns, "quantity": quantity, "set": known, "residual_of": residual_of, "seed": seed}
-    clips = [_parsing.with_options(clip, **options) for clip in _terminal.read_tables(tables, columns)]
+    clips = [_parsing.with_options(clip, **options) for clip in read]
     with _terminal.phases("searching for the equation"):
         discovery = find(clips, quantities=quantity or (), known=constants, residual_of=residual_of, seed=seed)
     document = discovery_json.discovery_document(discovery, discovery_sentence(discovery))
@@ -58,5 +61,14 @@ def discover(
     typer.echo(json_documents.document_text(document).rstrip("\n") if json else discovery_text(discovery))
     if discovery.matched is not None:
         model, fitted = discovery.matched.model, output.parent / "fit.json"
-        _terminal.suggest("fit", *tables, "--model", model, "-o", fitted, json=json)
+        same = [*_terminal.repeated("--set", _of(model, known)), *([] if columns is None else ["--columns", columns])]
+        _terminal.suggest("fit", *tables, "--model", model, *same, "-o", fitted, json=json)
     _terminal.end(discovery.verdict, strict)
+
+
+def _of(model: str, known: list[str] | None) -> list[str]:
+    """The texts ``name=value`` that are about parameters of a model."""
+    from iris_sysid.registry import MODELS
+
+    units = MODELS[model].units()
+    return [text for text in known or () if text.partition("=")[0].strip() in units]

@@ -114,10 +114,11 @@ def fit(
             clips[0], chosen, fixed, free or [], starts, uncertainty or ["robust"], HOLDS[hold], record,
             output, plot, force, json,
         )  # fmt: skip
-    named = ["--model", model] if equation is None else ["--equation", equation, *_terminal.repeated("--bound", bound)]
-    same = [*_terminal.repeated("--set", known), *_terminal.repeated("--free", free)]
-    same += [] if columns is None else ["--columns", columns]
-    _terminal.suggest("diagnose", *tables, *named, *same, "-o", output.parent / "diagnosis", json=json)
+    named = ["--model", model] if equation is None else ["--equation", equation]
+    same = [*_terminal.repeated("--bound", bound), *_terminal.repeated("--set", known)]
+    same += [*_terminal.repeated("--free", free), *_terminal.repeated("--columns", columns and [columns])]
+    diagnosis = ("diagnose", *tables, *named, *same, "-o", output.parent / "diagnosis")
+    _terminal.suggest(*diagnosis, json=json or HOLDS[hold] != "linear")  # a diagnosis takes inputs as lines
     _terminal.end(verdict, strict)
 
 

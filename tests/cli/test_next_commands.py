@@ -1,0 +1,115 @@
+"""Every command that a command prints as the next one works as it is printed, and so do those that it prints."""
+
+import re
+import shlex
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from iris_sysid import render_checkerboard, render_clip
+from tests._drawn import noisy
+from tests._motions import on_arc, pendulum_angle
+from tests.conftest import discs, write_video
+
+NEXT = re.compile(r"^next: iris-sysid (.*)$", re.MULTILINE)
+# what a user puts in the place of the words that a command cannot know
+MEANT = {"NAME": "pendulum", "X1,Y1,X2,Y2=LENGTH": "10,10,110,10=1m"}
+
+
+@pytest.fixture
+def follow(cli):
+    """Run a command and then every one that is printed, each once; gives the lines that were run."""
+
+    def followed(*arguments, clip=None):
+        waiting, ran = [list(map(str, arguments))], []
+        while waiting:
+            line = waiting.pop(0)
+            outcome = cli(*line)
+            assert outcome.status == 0, f"{shlex.join(line)}\n{outcome.err}"
+            ran.append(line)
+            texts = [shlex.split(text) for text in NEXT.findall(outcome.err)]
+            texts = [[str(clip) if word == "CLIP" else MEANT.get(word, word) for word in text] for text in texts]
+            waiting += [text for text in texts if text not in ran]
+        return ran
+
+    return followed
+
+
+def commands(ran):
+    return [line[0] for line in ran]
+
+
+@pytest.fixture
+def positions(tmp_path):
+    """A swing as x and z of another program, whose second half runs by another equation."""
+    t_s = np.arange(0.0, 5.0, 0.02)
+    theta = pendulum_angle(t_s, 0.5, 0.6)
+    theta[t_s > 2.5] = 0.3 * np.cos(5.0 * t_s[t_s > 2.5])
+    place = on_arc(theta, 0.6) + 3e-4 * np.random.default_rng(2).standard_normal((t_s.size, 2))
+    table = tmp_path / "swing of mine.csv"
+    pd.DataFrame({"Zeit": t_s, "quer": place[:, 0], "hoch": place[:, 1]}).to_csv(table, index=False)
+    return table
+
+
+def test_positions_with_columns_of_their_own_lead_to_a_diagnosis_and_beyond(follow, positions, tmp_path):
+    columns = ("--columns", "t=Zeit,x[m]=quer,z[m]=hoch")
+    ran = follow("fit", positions, "--model", "pendulum", *columns, "--set", "gravity=9.81", "-o", tmp_path / "f.json")
+    assert {"fit", "diagnose"} <= set(commands(ran))
+    assert all("--columns" in line for line in ran if line[1] == str(positions))
+
+
+def test_clip_leads_through_run_and_diagnosis_to_the_tables_of_the_run(follow, pendulum_clip, tmp_path):
+    ran = follow("run", pendulum_clip, "--phenomenon", "pendulum", "-o", tmp_path / "run")
+    assert commands(ran)[:2] == ["run", "diagnose"]
+    assert not any("track.csv" in word for line in ran for word in line)
+
+
+def test_frame_and_track_lead_to_run(follow, pendulum_clip, tmp_path):
+    assert "run" in commands(follow("frame", pendulum_clip, "-o", tmp_path / "a" / "frame.png"))
+    assert "run" in commands(follow("track", pendulum_clip, "-o", tmp_path / "b" / "track.csv"))
+
+
+def test_table_in_metres_of_a_track_is_fitted(follow, pendulum_clip, tmp_path):
+    world = ("--scale", "135px=1m", "--world", tmp_path / "world.csv")
+    ran = follow("track", pendulum_clip, *world, "-o", tmp_path / "track.csv")
+    assert commands(ran)[:3] == ["track", "fit", "diagnose"]
+
+
+def test_render_and_smooth_lead_on(follow, angles, tmp_path):
+    rendered = ("--size", "160x90", "--fps", "30", "--seed", "1", "-o", tmp_path / "clip.mp4")
+    assert commands(follow("render", "--phenomenon", "pendulum", *rendered))[:2] == ["render", "run"]
+    assert commands(follow("smooth", angles, "-o", tmp_path / "smoothed.csv"))[:2] == ["smooth", "fit"]
+
+
+def test_discovery_leads_to_a_fit_with_what_was_known(follow, angles, tmp_path):
+    ran = follow("discover", angles, "--set", "gravity=9.81", "-o", tmp_path / "discovery.json")
+    assert commands(ran)[:3] == ["discover", "fit", "diagnose"]
+    assert "gravity=9.81" in ran[1]
+
+
+def test_throw_without_a_scale_is_offered_an_option_that_works(cli, tmp_path):
+    t_s = np.arange(0, 0.9, 1 / 30)
+    images = [discs((10 + 122 * t, 85 - 200 * t + 222 * t * t)) for t in t_s]
+    clip = write_video(tmp_path / "throw.mp4", noisy(images, 3.0))
+    command = ("run", clip, "--phenomenon", "projectile", "--force", "-o", tmp_path / "run")
+    outcome = cli(*command)
+    assert outcome.status == 1
+    (option,) = re.findall(r"^options that may help: (.*)$", outcome.err, re.MULTILINE)
+    again = cli(*command, *option.split())
+    assert again.status == 0, again.err
+
+
+def test_inputs_that_are_held_are_not_diagnosed_as_lines(cli, angles, tmp_path):
+    outcome = cli("fit", angles, "--model", "pendulum", "--hold", "zero", "-o", tmp_path / "fit.json")
+    assert outcome.status == 0
+    assert "next:" not in outcome.err
+
+
+@pytest.mark.slow
+def test_calibration_leads_to_run(follow, tmp_path):
+    board, clip = tmp_path / "board.mp4", tmp_path / "clip.mp4"
+    render_checkerboard("pendulum", board, size=(640, 360), seed=1)
+    render_clip("pendulum", clip, size=(640, 360), fps=30.0, duration_s=3.0, seed=1)
+    output = ("--board", "9x6", "--square", "40mm", "-o", tmp_path / "calibration.json")
+    assert commands(follow("calibrate", board, *output, clip=clip))[:2] == ["calibrate", "run"]
