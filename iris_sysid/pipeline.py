@@ -29,7 +29,7 @@ from iris_sysid.types import (
     TrackOptions,
     Trajectory,
 )
-from iris_sysid.video.reader import open_video
+from iris_sysid.video.reader import Video, open_video
 
 FILES = ("track.csv", "trajectory.csv", "fit.json", "track.png", "fit.png", "report.html")
 AUTO = "auto"  # the tracker that chooses another one, and binds tracks to marks
@@ -275,6 +275,7 @@ def run(
         clock_stderr=clip.fps_stderr,
         image_size=(video.width, video.height),
     )
+    trajectory, result = _with_capture_rate(video, tracks[0], trajectory, result)
     of_calibration = [*calibration.notes]
     if trajectory.view is not None:  # a radius or a brightness has no direction
         of_calibration.append(vertical_note(calibration))
@@ -289,6 +290,19 @@ def run(
         fit=result,
         notes=tuple(filter(None, [*doubts_of(tracks), camera_note(tracks), video.warning, *of_calibration])),
     )
+
+
+def _with_capture_rate(
+    video: Video, body: Track, trajectory: Trajectory, result: FitResult
+) -> tuple[Trajectory, FitResult]:
+    """Both with the doubt that the file itself gives of its times, in place of one about the clock that is guessed."""
+    from iris_sysid.trajectory.consistency.capture_rate import capture_rate_doubt
+
+    stated = capture_rate_doubt(video.facts, body.t_s)
+    if stated is None:
+        return trajectory, result
+    doubts = (stated, *(doubt for doubt in result.doubts if doubt.kind not in ("clock", "scale")))
+    return trajectory.with_(doubts=doubts), replace(result, doubts=doubts)
 
 
 def _check_request(

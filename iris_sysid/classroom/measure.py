@@ -12,7 +12,7 @@ from fitters.positions import fit_positions, in_plane, phenomenon_of
 from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.parallel import Workers, check_workers, side_by_side
 from iris_sysid.calibration.pixel_scale import uncalibrated
-from iris_sysid.classroom.evidence import diameter_of, evidence_of
+from iris_sysid.classroom.evidence import CAPTURE, diameter_of, evidence_of
 from iris_sysid.classroom.groups import Group
 from iris_sysid.classroom.table_page import write_table_page
 from iris_sysid.errors import DataError, IrisError, OutputError
@@ -25,7 +25,9 @@ from iris_sysid.io.json_documents import checked, entries_of, plain_origin, read
 from iris_sysid.io.schemas import DoubtEntry, GroupDocument, VerdictEntry, known_number
 from iris_sysid.pipeline import FILES, accepted_settings, from_source, observe_and_fit, run, save
 from iris_sysid.registry import MODELS
-from iris_sysid.types import Calibration, FitResult, Progress, Track, Trajectory, with_progress
+from iris_sysid.trajectory.consistency.capture_rate import STATED
+from iris_sysid.types import Calibration, Estimate, FitResult, Progress, Track, Trajectory, with_progress
+from iris_sysid.video.reader import Video
 
 GROUPS = "groups"  # folder of the groups' folders
 DOCUMENT, PAGE = "group.json", "report.html"  # of each group; the document is written last
@@ -36,13 +38,17 @@ RESULTS = (*FILES, DOCUMENT)
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Measured:
-    """What was measured of one group before it is written: ``world`` is None where there are no positions."""
+    """What was measured of one group before it is written.
+
+    ``world`` is None where there are no positions, ``recorded_hz`` where the file does not state a rate of its own.
+    """
 
     trajectory: Trajectory
     fit: FitResult
     world: Trajectory | None = None
     track: Track | None = None
     calibration: Calibration | None = None
+    recorded_hz: float | None = None
 
 
 def measure_groups(
@@ -163,7 +169,10 @@ def _of_a_clip(group: Group, folder: Path) -> Measured:
     )
     save(result, folder, overwrite=True)
     world = result.world[0] if request.phenomenon.measures == "position" else None
-    return Measured(result.trajectory, result.fit, world, result.tracks[0], result.calibration)
+    facts = result.video.facts if isinstance(result.video, Video) and request.clip.fps is None else {}
+    rate = facts.get(STATED)
+    recorded_hz = rate if isinstance(rate, float) else None
+    return Measured(result.trajectory, result.fit, world, result.tracks[0], result.calibration, recorded_hz)
 
 
 def _of_a_table(group: Group, folder: Path) -> Measured:
@@ -233,6 +242,8 @@ def _document(group: Group, measured: Measured, origin: Mapping[str, Any]) -> Gr
     if track is not None and measured.calibration is not None and group.request.phenomenon.measures == "position":
         diameter = diameter_of(track, measured.calibration)
     evidence = evidence_of(group.request.phenomenon, measured.world, measured.trajectory, result, diameter)
+    if measured.recorded_hz is not None:
+        evidence[CAPTURE] = Estimate(measured.recorded_hz, 0.0, "1/s", "metadata")
     doubts = () if track is None or track.quality is None else track.quality.doubts
     return checked(
         GroupDocument,

@@ -41,6 +41,8 @@ MOST_DECODED = 16  # at once, 12 MB each of 3840x2160
 # AVI states no times to show its frames at: their order in the file, which with B-frames is not that of showing
 _IN_DECODING_ORDER = {"avi"}
 _NO_TIMESTAMPS = 0x0080  # AVFMT_NOTIMESTAMPS: a bare stream of images, such as .h264
+CAPTURE_RATE = "com.android.capture.fps"  # what Android writes into files of slow motion
+FASTEST_HZ = 1e5
 
 
 class DamageError(Exception):
@@ -348,4 +350,17 @@ def _facts(container: InputContainer, stream: VideoStream, image: av.VideoFrame)
         "luma_range": {1: "limited", 2: "full"}.get(image.color_range, "not stated"),
         "transfer": coding_of(image).transfer or "not stated",
         "pixel_aspect": float(aspect) if aspect else 1.0,
+        **_capture_rate(container, stream),
     }
+
+
+def _capture_rate(container: InputContainer, stream: VideoStream) -> dict[str, object]:
+    """The rate at which a phone says that it recorded, 1/s; nothing where the file does not state one."""
+    for metadata in (container.metadata, stream.metadata):
+        try:
+            rate = float(metadata.get(CAPTURE_RATE, ""))
+        except ValueError:
+            continue
+        if 0 < rate < FASTEST_HZ:
+            return {"capture_rate": rate}
+    return {}

@@ -139,7 +139,8 @@ class Video:
     rate
         The frame rate that the header states, 1/s, on average; None when it does not. No time is computed from it.
     facts
-        ``format``, ``codec``, ``pixel_format``, ``luma_range``, ``transfer``, ``pixel_aspect`` of the file.
+        ``format``, ``codec``, ``pixel_format``, ``luma_range``, ``transfer``, ``pixel_aspect`` of the file, and
+        ``capture_rate``, 1/s, where a phone states the rate at which it recorded.
     decoded
         Frames of the file read in the latest pass, those outside the part that is wanted included.
     """
