@@ -15,7 +15,7 @@
 A fit that ran and failed is not an exception: it is a ``FitResult`` with a status and the remedy.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 
 class IrisError(Exception):
@@ -35,7 +35,19 @@ class CalibrationError(IrisError):
 
 
 class DataError(IrisError, ValueError):
-    """Arrays or tables do not mean what they should."""
+    """Arrays or tables do not mean what they should.
+
+    ``columns`` shows how to name the columns of a table that does not say what they hold, by quantity; ``text`` is the
+    message without it.
+    """
+
+    def __init__(self, text: str = "", *, columns: Mapping[str, str] | None = None) -> None:
+        super().__init__(text)
+        self.text = text
+        self.columns = dict(columns or {})
+
+    def __str__(self) -> str:
+        return f"{self.text}, e.g. columns={self.columns}" if self.columns else self.text
 
 
 class FitError(IrisError):

@@ -169,6 +169,6 @@ def main() -> None:
             unexpected = f"memory is full, or at its limit: {error}"
         if isinstance(error, OSError) and error.filename and error.strerror:
             unexpected = f"{error.strerror}: {error.filename}; --debug shows where"
-        text = f"{error}{_terminal.starts_text(error)}" if isinstance(error, IrisError) else unexpected
+        text = _terminal.error_text(error) if isinstance(error, IrisError) else unexpected
         typer.echo(f"iris-sysid: {_terminal.one_line(text)}", err=True)
         sys.exit(1)

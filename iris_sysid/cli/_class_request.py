@@ -12,12 +12,12 @@ from typing import Any
 from iris_sysid.classroom.groups import GROUPS_FILE, Group, GroupRequest, Source, sources_in
 from iris_sysid.cli import _parsing
 from iris_sysid.cli.arguments import ClipArguments, ModelArguments, ScaleArguments, SceneArguments, TrackerArguments
-from iris_sysid.errors import DataError, IrisError
+from iris_sysid.errors import DataError, IrisError, UnknownNameError
 from iris_sysid.io.files import read_file
 from iris_sysid.io.table_headers import parse_columns
 from iris_sysid.pipeline import accepted_settings
-from iris_sysid.registry import TRACKERS
-from iris_sysid.types import GeometryOptions, Phenomenon
+from iris_sysid.registry import MODELS, TRACKERS
+from iris_sysid.types import Estimate, GeometryOptions, Phenomenon
 
 # columns of groups.csv beside the group: an option each; several values of one are divided by ;
 ONE = ("scale", "scale_bar", "calibration", "fps", "start", "stop", "roi", "colour", "columns")
@@ -110,6 +110,27 @@ def _scale_of(given: Mapping[str, str]) -> ScaleArguments | None:
     file = given.get("calibration")
     own = ScaleArguments(given.get("scale"), given.get("scale_bar"), None if file is None else Path(file))
     return None if own == ScaleArguments() else own
+
+
+def references(phenomenon: Phenomenon, known: Sequence[str], value: str | None) -> dict[str, Estimate]:
+    """What the class should find, by name; UnknownNameError for a name that the phenomenon's model does not have.
+
+    Parameters
+    ----------
+    phenomenon
+        What the groups measured.
+    known
+        Values as typed.
+    value
+        Name of the value to compare, to be checked as well.
+    """
+    model = MODELS[phenomenon.model]
+    units = model.units() | {quantity.name: quantity.unit for quantity in model.derived}
+    stated = _parsing.settings(known, units)
+    for name in (*stated, *([value] if value else [])):
+        if name not in units:
+            raise UnknownNameError(f"{phenomenon.name} has no value {name!r:.60}; it has {', '.join(units)}")
+    return stated
 
 
 def groups_of(

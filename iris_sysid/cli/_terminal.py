@@ -193,10 +193,13 @@ def repeated(option: str, values: Sequence[str] | None) -> list[str]:
     return [text for value in values or () for text in (option, value)]
 
 
-def starts_text(error: Exception) -> str:
-    """The options for the values that lack a start, to add to the text of an error."""
-    names = error.to_start if isinstance(error, FitError) else ()
-    return f" ({' '.join(f'--start-at {name}=VALUE' for name in names)})" if names else ""
+def error_text(error: IrisError) -> str:
+    """The text of an error, with the options that help: for values that lack a start, for columns without a name."""
+    if isinstance(error, DataError) and error.columns:
+        columns = ",".join(f"{name}={title}" for name, title in error.columns.items())
+        return f'{error.text}, e.g. --columns "{columns}"'
+    starts = " ".join(f"--start-at {name}=VALUE" for name in (error.to_start if isinstance(error, FitError) else ()))
+    return f"{error} ({starts})" if starts else str(error)
 
 
 def suggest_options(fit: FitResult) -> None:

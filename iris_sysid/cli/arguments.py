@@ -15,7 +15,7 @@ Video = Annotated[Path, typer.Argument(help="Video, folder of images, GIF, or .z
 TABLE = "Table with t_s and <quantity>_<unit> columns, or of another program (CSV, text, Excel)"
 Table = Annotated[Path, typer.Argument(help=f"{TABLE}.")]
 Columns = Annotated[
-    str | None, typer.Option(help='Columns of a table of another program: "t=Zeit (s),theta[deg]=Winkel".')
+    str | None, typer.Option(help='Columns of a table of another program: "t=Time (s),theta[deg]=Angle".')
 ]
 Output = Annotated[Path, typer.Option("-o", "--output", help="File or folder for the result.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing results.")]

@@ -68,20 +68,18 @@ def class_(
     from iris_sysid.classroom.page import write_page
     from iris_sysid.classroom.summary import summary_of
     from iris_sysid.classroom.workbook import write_workbook
-    from iris_sysid.cli import _class_request, _parsing
+    from iris_sysid.cli import _class_request
     from iris_sysid.errors import IrisError
     from iris_sysid.io.files import check_writable
-    from iris_sysid.pipeline import accepted_settings
     from iris_sysid.registry import PHENOMENA
 
     for name in (PAGE, WORKBOOK):
         # a folder that an interrupted run began holds groups but no page: it goes on
         check_writable(output / name, overwrite=force or (output / "groups").is_dir())
     described = PHENOMENA.named(phenomenon)
+    references = _class_request.references(described, expected or (), value)
     options = _class_request.ClassOptions(described, scale, clip, tracking, scene, model, columns)
     groups, own = _class_request.groups_of(folder, options, group_column, teacher)
-    units = accepted_settings(described)
-    references = _parsing.settings(expected or (), units)
     with _terminal.progress("measuring groups") as report_progress:
         documents, now = measure_groups(
             [*groups, *([own] if own else [])],

@@ -16,10 +16,12 @@ from iris_sysid.io.csv_columns import Column, Key, covariance_columns, parse_col
 from iris_sysid.io.dataframes import OPTIONAL_TRACK_COLUMNS, segment_labels
 from iris_sysid.io.files import origin_of, sha256_of
 from iris_sysid.io.formula_cells import unguarded
+from iris_sysid.io.group_column import names_groups, several_groups
 from iris_sysid.io.json_documents import read_document
+from iris_sysid.io.rounded_times import unrounded
 from iris_sysid.io.schemas import OriginDocument, number
 from iris_sysid.io.table_cells import read_cells
-from iris_sysid.io.table_headers import understood
+from iris_sysid.io.table_headers import titles_of, understood
 from iris_sysid.types import (
     TRACK_SIGMAS,
     Array,
@@ -51,6 +53,7 @@ TRACK_COLUMNS = (
     *TRACK_SIGMAS,
 )
 SORTED = "sort the rows by time, without duplicates"
+UNIT_IN_BRACKETS = re.compile(r"[\[(].*[\])]")  # as no table of this project has it
 SIDE_CAR = ".origin.json"  # after the name of a table: what a CSV cannot store
 SPECIAL_COLUMNS = ("t_s", "valid", "segment")
 
@@ -85,6 +88,12 @@ def _times(sheet: Sheet, rows: Sequence[int] | None = None) -> Array:
         remedy = "several runs below each other? write each to a table of its own" if again else SORTED
         sheet.refuse("t_s", row, f"{problem}; {remedy}")
     return own
+
+
+def _even_times(sheet: Sheet) -> tuple[Array, str]:
+    """Times (n,), increasing, unrounded where they are rounded; and what was done to them."""
+    even, text = unrounded(sheet.numbers("t_s", gaps=False))
+    return (even, text) if text else (_times(sheet), "")
 
 
 def _require(sheet: Sheet, columns: Sequence[str], example: str) -> None:
@@ -215,13 +224,34 @@ def read_trajectory(path: str | Path, columns: Mapping[str, str] | None = None) 
     ('theta', [True, True, False, True])
     """
     if columns is not None or not is_own_table(path):
-        cells = read_cells(path)
-        sheet, read_as = understood(cells, columns)
-        return trajectory_of_sheet(sheet, None, {**origin_of(cells.file, {}), "read_as": list(read_as)})
+        return _of_another_program(path, columns)
     sheet = read_sheet(path)
+    if any(UNIT_IN_BRACKETS.search(header) for header in sheet.columns) and not side_car_of(path).exists():
+        return _of_another_program(path, None)  # t_s, but y [V] beside it
+    for title, cells in sheet.columns.items():
+        _refuse_groups(sheet.label, title, list(cells) if names_groups(title) else [])
     if "x_px" in sheet and ("body" in sheet or "frame" in sheet):
         raise DataError(f"{sheet.label} is a track, in pixels; it needs read_track and to_world, or iris-sysid run")
     return trajectory_of_sheet(sheet, *_read_beside(path))
+
+
+def _of_another_program(path: str | Path, columns: Mapping[str, str] | None) -> Trajectory:
+    cells = read_cells(path)
+    for k, title in enumerate(titles_of(cells)):
+        _refuse_groups(cells.label, title, [row[k] for row in cells.rows])
+    sheet, read_as = understood(cells, columns)
+    return trajectory_of_sheet(sheet, None, {**origin_of(cells.file, {}), "read_as": list(read_as)})
+
+
+def _refuse_groups(label: str, title: str, cells: Sequence[str]) -> None:
+    """DataError where a column names several groups of rows: together they are no trajectory."""
+    names = several_groups(title, cells)
+    if names:
+        some = ", ".join(f"{name:.20}" for name in names[:4]) + (", ..." if len(names) > 4 else "")
+        raise DataError(
+            f"{label} holds the rows of {len(names)} groups ({some}), by its column {title!r:.40}: compare them with "
+            "iris-sysid class, or keep the rows of one"
+        )
 
 
 def trajectory_of_sheet(sheet: Sheet, document: OriginDocument | None, origin: Mapping[str, Any]) -> Trajectory:
@@ -249,7 +279,8 @@ def trajectory_of_sheet(sheet: Sheet, document: OriginDocument | None, origin: M
     if not measured:
         raise DataError(f"{sheet.label} has no quantity beside t_s; add a column such as theta_rad or x_m")
     converted = {column.header: column.unit for column in columns.values() if column.factor != 1}
-    t_s = _times(sheet)
+    t_s, rounded = _even_times(sheet)
+    origin = {**origin, "read_as": [*origin.get("read_as", ()), rounded]} if rounded else origin
     positions = {column.header: _values(sheet, column) for column in measured}
     stated = document.error_autocorrelation if document else None
     return Trajectory(

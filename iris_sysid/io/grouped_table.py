@@ -7,19 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from iris_sysid.errors import DataError
-from iris_sysid.io.csv_cells import BLANK
 from iris_sysid.io.csv_read import trajectory_of_sheet
 from iris_sysid.io.files import origin_of
+from iris_sysid.io.group_column import names_in, several_groups
 from iris_sysid.io.table_cells import Cells, read_cells
 from iris_sysid.io.table_headers import titles_of, understood
 from iris_sysid.types import Trajectory
-
-# how tables call the column that names a group
-GROUP_TITLES = (
-    "group", "groups", "group_name", "gruppe", "groupe", "grupo", "gruppo", "team", "id", "run", "trial", "versuch",
-    "lauf", "clip", "pupil", "student", "student_id", "class_member", "series", "serie", "drop",
-)  # fmt: skip
-FEWEST_ROWS = 3  # of a group, on average: fewer are no motion, so that the column does not name groups
 
 
 def groups_of_table(path: str | Path, column: str | None = None) -> tuple[str, tuple[str, ...]]:
@@ -39,7 +32,7 @@ def groups_of_table(path: str | Path, column: str | None = None) -> tuple[str, t
     """
     cells = read_cells(path)
     k = _group_column(cells, titles_of(cells), column)
-    return titles_of(cells)[k], _names(cells, k)
+    return titles_of(cells)[k], names_in(row[k] for row in cells.rows)
 
 
 def read_group(path: str | Path, column: str, name: str, columns: Mapping[str, str] | None = None) -> Trajectory:
@@ -63,7 +56,7 @@ def read_group(path: str | Path, column: str, name: str, columns: Mapping[str, s
     """
     cells = read_cells(path)
     k = _group_column(cells, titles_of(cells), column)
-    rows = [row for row, values in enumerate(cells.rows) if values[k] == name]
+    rows = [row for row, values in enumerate(cells.rows) if values[k].strip() == name]
     if not rows:
         raise DataError(f"{cells.label} has no group {name!r:.60} in its column {column!r:.60}")
     own = replace(
@@ -75,33 +68,15 @@ def read_group(path: str | Path, column: str, name: str, columns: Mapping[str, s
     return trajectory_of_sheet(sheet, None, {**origin_of(cells.file, {}), "read_as": list(read_as)})
 
 
-def group_column_of(cells: Cells) -> str | None:
-    """The title of a column that names several groups of rows, by its title; None where there is none."""
-    titles = titles_of(cells)
-    for k, title in enumerate(titles):
-        if _plain(title) in GROUP_TITLES and 1 < len(_names(cells, k)) <= len(cells.rows) / FEWEST_ROWS:
-            return title
-    return None
-
-
 def _group_column(cells: Cells, titles: Sequence[str], wanted: str | None) -> int:
     have = ", ".join(f"{title!r:.40}" for title in titles[:20])
     if wanted is None:
-        title = group_column_of(cells)
-        if title is None:
+        found = [k for k, title in enumerate(titles) if several_groups(title, [row[k] for row in cells.rows])]
+        if not found:
             raise DataError(f"{cells.label} has no column that names the groups; its columns are {have}; name it")
-        return list(titles).index(title)
+        return found[0]
     same = [k for k, title in enumerate(titles) if title.casefold() == wanted.casefold()]
     if len(same) != 1:
         problem = "more than one column" if same else "no column"
         raise DataError(f"{cells.label} has {problem} {wanted!r:.60}; its columns are {have}")
     return same[0]
-
-
-def _names(cells: Cells, k: int) -> tuple[str, ...]:
-    """The groups that a column names, each once."""
-    return tuple(dict.fromkeys(row[k] for row in cells.rows if row[k] not in BLANK))
-
-
-def _plain(title: str) -> str:
-    return "_".join(title.strip().casefold().split())

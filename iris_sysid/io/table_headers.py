@@ -19,7 +19,7 @@ from iris_sysid.io.csv_columns import SUFFIXES
 from iris_sysid.io.table_cells import Cells
 from iris_sysid.units import COLUMN_UNITS
 
-EXAMPLE = 'e.g. --columns "t=Zeit (s),theta[deg]=Winkel"'
+EXAMPLE = {"t": "Time (s)", "theta[deg]": "Angle"}  # where the columns of the table are not known
 # how programs and people spell a unit -> its name in a column of this project, and a factor to that
 SPELLED: Mapping[str, tuple[str, float]] = {
     **{name: (name, 1.0) for name in (*COLUMN_UNITS, *SUFFIXES) if name != "1"},
@@ -92,6 +92,11 @@ class Meaning:
         return f"{self.name}_{self.unit}"
 
     @property
+    def unit_name(self) -> str:
+        """Name and unit as the user may state them."""
+        return f"{self.name}[{self.unit_text}]"
+
+    @property
     def unit_text(self) -> str:
         """The unit with its factor, as the user may state it."""
         unit = self.unit.replace("_s", "/s")
@@ -116,7 +121,7 @@ def understood(cells: Cells, stated: Mapping[str, str] | None = None) -> tuple[S
     """
     titles = titles_of(cells)
     meanings = _stated(cells, titles, stated) if stated else _guessed(cells, titles)
-    _check_names(cells, meanings)
+    _check_names(cells, titles, meanings)
     columns = {
         "t_s" if meaning.name == "t" else meaning.header: _column_of(cells, meaning.column) for meaning in meanings
     }
@@ -145,6 +150,10 @@ def _said(titles: Sequence[str], meanings: Sequence[Meaning]) -> tuple[str, ...]
     used = {meaning.column for meaning in meanings}
     left = [repr(title)[:60] for k, title in enumerate(titles) if k not in used and title]
     return (*read, *([f"left out: {', '.join(left[:8])}{', ...' if len(left) > 8 else ''}"] if left else ()))
+
+
+def _source_title(titles: Sequence[str], meaning: Meaning) -> str:
+    return "row" if meaning.column == ROW else f"{titles[meaning.column]:.60}"
 
 
 def _source(titles: Sequence[str], meaning: Meaning) -> str:
@@ -233,14 +242,16 @@ def _guessed(cells: Cells, titles: Sequence[str]) -> list[Meaning]:
     wanted = ", ".join(f"{title!r:.40}" for title in unknown[:4]) or "none besides the time"
     raise DataError(
         f"{cells.label}: no column states a position, an angle or a level with its unit (columns: {wanted}); say what "
-        f'they hold with --columns, e.g. --columns "t={titles[time.column]},{_example(unknown)}"'
+        "they hold",
+        columns={"t": titles[time.column], **_example(unknown)},
     )
 
 
-def _example(unknown: Sequence[str]) -> str:
-    title = unknown[-1] if unknown else "Winkel"
+def _example(titles: Sequence[str]) -> dict[str, str]:
+    """How to name the column of a quantity, by one of these titles."""
+    title = titles[-1] if titles else "NAME"
     name = QUANTITIES.get(_plain(_taken_apart(title)[0]), "x")
-    return f"{name}[{'rad' if name == 'theta' else 'm'}]={title:.60}"
+    return {f"{name}[{'rad' if name == 'theta' else 'm'}]": f"{title:.60}"}
 
 
 def _upwards(meanings: list[Meaning]) -> list[Meaning]:
@@ -259,8 +270,9 @@ def _time(cells: Cells, titles: Sequence[str], numeric: Sequence[int]) -> Meanin
             return Meaning(k, "t", *(unit or ("s", 1.0)))
     have = ", ".join(f"{title!r:.40}" for title in titles[:12])
     raise DataError(
-        f"{cells.label} has no column t_s, nor one that is called a time; its columns are {have}; say which it is, "
-        f"{EXAMPLE}; numbers of frames are t[1/60 s]=frame, rows at equal steps t[0.02 s]=row"
+        f"{cells.label} has no column t_s, nor one that is called a time; its columns are {have}; numbers of "
+        "frames are t[1/60 s]=frame, rows at equal steps t[0.02 s]=row; say which it is",
+        columns={"t": f"{titles[0]:.60}", **_example(titles[1:2])},
     )
 
 
@@ -289,9 +301,9 @@ def parse_columns(text: str) -> dict[str, str]:
         name, equals, title = part.partition("=")
         match = STATED.fullmatch(name.strip())
         if not equals or match is None or not title.strip():
-            raise DataError(f"cannot read {part.strip()!r:.80} in --columns: write name[unit]=header, {EXAMPLE}")
+            raise DataError(f"cannot read {part.strip()!r:.80}: write name[unit]=header", columns=EXAMPLE)
         if match["name"] in (STATED.fullmatch(other)["name"] for other in stated):  # type: ignore[index]  # matched
-            raise DataError(f"--columns states {match['name']!r:.40} twice")
+            raise DataError(f"the columns state {match['name']!r:.40} twice")
         stated[name.strip()] = title.strip().strip('"')
     return stated
 
@@ -301,14 +313,17 @@ def _stated(cells: Cells, titles: Sequence[str], stated: Mapping[str, str]) -> l
     if not any(meaning.name == "t" for meaning in meanings):
         meanings.insert(0, _time(cells, titles, [k for k in range(len(titles)) if _is_numeric(cells, k)]))
     if len(meanings) < 2:
-        raise DataError(f"--columns names the time only; name a quantity as well, {EXAMPLE}")
+        others = [title for k, title in enumerate(titles) if k != meanings[0].column]
+        example = {"t": titles[meanings[0].column] if meanings[0].column != ROW else "row", **_example(others)}
+        raise DataError(f"{cells.label}: the columns name the time only; name a quantity as well", columns=example)
     return meanings
 
 
 def _one_stated(cells: Cells, titles: Sequence[str], name: str, title: str) -> Meaning:
     match = STATED.fullmatch(name.strip())
     if match is None:
-        raise DataError(f"cannot read the column name {name!r:.60}: write name or name[unit], {EXAMPLE}")
+        example = {"t": f"{titles[0]:.60}", **_example(titles[1:2])}
+        raise DataError(f"cannot read the column name {name!r:.60}: write name or name[unit]", columns=example)
     column = ROW if title == "row" and title not in titles else _column(cells, titles, title)
     titled = None if column == ROW else _taken_apart(titles[column])[1]
     unit = _unit(match["unit"]) if match["unit"] is not None else titled
@@ -345,9 +360,10 @@ def _column(cells: Cells, titles: Sequence[str], wanted: str) -> int:
     raise DataError(f"{cells.label} has {problem} {wanted!r:.60}; its columns are {have}; a number counts from 1")
 
 
-def _check_names(cells: Cells, meanings: Sequence[Meaning]) -> None:
+def _check_names(cells: Cells, titles: Sequence[str], meanings: Sequence[Meaning]) -> None:
     seen: dict[str, Meaning] = {}
     for meaning in meanings:
         if meaning.name in seen:
-            raise DataError(f"{cells.label}: two columns hold {meaning.name!r:.40}; name one with --columns, {EXAMPLE}")
+            example = {other.unit_name: _source_title(titles, other) for other in (*seen.values(), meaning)}
+            raise DataError(f"{cells.label}: two columns hold {meaning.name!r:.40}; name one", columns=example)
         seen[meaning.name] = meaning

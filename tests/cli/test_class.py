@@ -57,7 +57,7 @@ def test_rows_as_json(cli, done, folder):
         ("group,scale\ngroup1,1px=1m\ngroup1,2px=1m\n", (), "the group 'group1' is there twice"),
         ("group,fps\ngroup1,fast\n", (), "line 2, column fps: 'fast' is not a number"),
         ("group,scale\ngroup1,big\n", (), "line 2: .*big"),
-        ("", ("--known", "weight=1"), "no group has a value 'weight'"),
+        ("", ("--known", "weight=1"), "pendulum has no value 'weight'; it has length, damping"),
         ("", ("--teacher", "nobody"), "--teacher 'nobody' is neither a group .* nor a file"),
     ],
 )

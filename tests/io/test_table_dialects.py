@@ -112,7 +112,7 @@ def test_path_is_read_from_the_table_of_any_program(tmp_path, dialect):
         (
             "time,theta\n" + rows(T_S, THETA),
             None,
-            r"no column states .* e\.g\. --columns \"t=time,theta\[rad\]=theta\"",
+            r"no column states .* e\.g\. columns=\{'t': 'time', 'theta\[rad\]': 'theta'\}",
         ),
         ("t,x,y\n" + rows(T_S, X_M, Z_M), None, r"no column states a position.*'x', 'y'"),
         ("a (m),b (m)\n" + rows(T_S, THETA), None, "no column t_s, nor one that is called a time"),
@@ -122,7 +122,11 @@ def test_path_is_read_from_the_table_of_any_program(tmp_path, dialect):
         ("time (s),x\n" + rows(T_S, X_M), "x[m]=height", "no column 'height'; its columns are 'time"),
         ("time (s),x\n" + rows(T_S, X_M), "x[m]", "cannot read 'x"),
         ("time (s),x\n" + rows(T_S, X_M), "t[m]=x,x[m]=x", "state it as t"),
-        ("time (s),x\n" + rows(T_S, X_M), "t=time", "names the time only"),
+        (
+            "time (s),x\n" + rows(T_S, X_M),
+            "t=time",
+            r"name the time only.* columns=\{'t': 'time",
+        ),
         ("time (s),x (m)\n" + rows(np.tile(T_S, 2), np.tile(X_M, 2)), None, "several runs below each other"),
         ("nothing\nof\nnumbers\n", None, "holds no rows of numbers"),
         (b"\x89PNG\r\n\x1a\n\x00\x00\x00\rIHDR", None, "is not a table: it holds NUL bytes"),
