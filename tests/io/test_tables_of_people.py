@@ -78,7 +78,6 @@ def test_unit_in_brackets_stands_beside_t_s(tmp_path):
     [
         ("Time,Position", {"t": "Time", "x[m]": "Position"}),
         ("Moment,Angle", {"t": "Moment", "theta[rad]": "Angle"}),
-        ("Time (s),x (m),x [cm]", {"t[s]": "Time (s)", "x[m]": "x [cm]"}),
     ],
 )
 def test_hint_names_the_tables_own_columns_and_the_hint_works(tmp_path, header, columns):
