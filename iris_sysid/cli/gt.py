@@ -9,6 +9,7 @@ from iris_sysid.cli import _terminal
 from iris_sysid.cli.arguments import Force, Fps, KeepPartial, Scheduler, TimeBase, TransferCurve, WorkerCount
 
 if TYPE_CHECKING:
+    from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement, Measurements
     from iris_sysid.io.schemas.groundtruth import ParameterEntry, ParametersDocument
 
 
@@ -40,6 +41,7 @@ def gt(
     """
     if dataset is not None:
         _terminal.check_dataset(dataset)
+    from iris_sysid.benchmark.dataset import BOARD
     from iris_sysid.benchmark.groundtruth import direct
     from iris_sysid.benchmark.groundtruth.effects import lacking_effects
     from iris_sysid.benchmark.groundtruth.measure import Conditions, measure
@@ -78,20 +80,32 @@ def gt(
         )
     document = parameters_document(measurements, by_hand, lacking_effects if diagnose else None)
     write_document(document, output, overwrite=force)
-    _terminal.print_rows(_rows(document), json=False, header=True)
+    _terminal.print_rows(_rows(document, measurements), json=False, header=True)
+    for place, reason in (gap for gap in measurements.gaps if gap[0].endswith(f"/{BOARD}")):
+        typer.echo(_terminal.one_line(f"gap: {place}: {reason}"), err=True)
     clips, gaps = len(measurements.clips), len(measurements.gaps)
     typer.echo(f"{clips} clips, {measurements.now} measured now; {gaps} gaps", err=True)
     _terminal.suggest("benchmark", dataset, "-o", output.with_name("tables"))
 
 
-def _rows(document: "ParametersDocument") -> list[dict[str, str]]:
-    """One row for each parameter of each setting: its value with its standard uncertainty, and how it was measured."""
+def _rows(document: "ParametersDocument", measurements: "Measurements") -> list[dict[str, str]]:
+    """One row for each parameter of each setting: its value with its error, and what speaks against it."""
+    from iris_sysid.benchmark.groundtruth.verdicts import SettingVerdict, verdict_on
     from iris_sysid.io.schemas import number
     from iris_sysid.report.text import with_error
     from iris_sysid.types import Estimate
 
     def value(entry: "ParameterEntry") -> Estimate:
         return Estimate(number(entry.mean), number(entry.standard_uncertainty), entry.unit, entry.measurement_type)
+
+    places: dict[tuple[str, str], list[ClipMeasurement]] = {}
+    for clip in measurements.clips:
+        places.setdefault((clip.clip.class_name.lower(), clip.clip.setting.lower()), []).append(clip)
+    nothing = SettingVerdict("", "", "")
+    verdicts = {place: verdict_on(clips) for place, clips in places.items()}
+
+    def said(class_name: str, setting: str, entry: "ParameterEntry") -> SettingVerdict:
+        return verdicts.get((class_name, setting), nothing) if entry.regenerated is not None else nothing
 
     return [
         {
@@ -100,8 +114,11 @@ def _rows(document: "ParametersDocument") -> list[dict[str, str]]:
             "value": with_error(value(entry)),
             "measured": entry.measurement_type,
             "clips": str(entry.n),
+            "numbers": said(class_name, setting, entry).numbers,
+            "equation": said(class_name, setting, entry).equation,
+            "doubts": _terminal.one_line(said(class_name, setting, entry).doubts),
         }
-        for settings in document.classes.values()
+        for class_name, settings in document.classes.items()
         for setting, parameters in settings.items()
         for name, entry in parameters.items()
     ]

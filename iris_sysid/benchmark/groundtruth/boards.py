@@ -19,7 +19,9 @@ from iris_sysid.types import Progress
 
 NAME = "calibration.json"
 ORIGIN = "calibration.origin.json"
-BESIDE = (".json", ".truth.json")  # files beside a clip that may hold the size of its board
+OTHER_SIZE = 0.01  # share of the side of a square
+TRUTH = ".truth.json"
+BESIDE = (".json", TRUTH)  # files beside a clip that may hold the size of its board
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -64,10 +66,11 @@ def board_of(clip: Path, class_name: str, measured: MeasuredDocument) -> BoardEn
     Raises
     ------
     CalibrationError
-        When neither gives the board.
+        When neither gives the board, or a rendered clip has another one.
     """
     stated = measured.board(class_name)
     if stated is not None:
+        _check_against_truth(clip, stated)
         return stated
     for path in (clip.with_name(clip.stem + suffix) for suffix in BESIDE):
         if path.is_file():
@@ -76,6 +79,19 @@ def board_of(clip: Path, class_name: str, measured: MeasuredDocument) -> BoardEn
         f"{clip.name} shows a board of unknown squares; give them under boards in the file for --measured, "
         "or with --board and --square"
     )
+
+
+def _check_against_truth(clip: Path, stated: BoardEntry) -> None:
+    """CalibrationError where a rendered clip's own truth says that its squares are of another size."""
+    path = clip.with_name(clip.stem + TRUTH)
+    if not path.is_file():
+        return
+    true = _read_board(path)
+    if abs(stated.square_m / true.square_m - 1) > OTHER_SIZE:
+        raise CalibrationError(
+            f"the squares of {clip.name} are stated to be {1e3 * stated.square_m:.4g} mm wide, but were rendered "
+            f"with {1e3 * true.square_m:.4g} mm ({path.name}): state that, or leave --square out"
+        )
 
 
 def _read_board(path: Path) -> BoardEntry:

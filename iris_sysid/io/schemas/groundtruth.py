@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field, JsonValue
 
-from iris_sysid.io.schemas import Document, EstimateEntry, Number, Part, number
+from iris_sysid.io.schemas import Document, EstimateEntry, Number, Part, VerdictEntry, number
 from iris_sysid.types import NORMAL_975, Estimate, FitStatus
 
 ANY = "*"  # every class, or every setting
@@ -113,6 +113,8 @@ class ClipDocument(Document):
     """Of the fit; failed where there is none."""
     message: str
     """What the status means, with the remedy."""
+    verdict: VerdictEntry | None = None
+    """How far the result can be used; null where the clip failed, and in files from before 2026-11-24."""
     parameters: dict[str, EstimateEntry] = Field(default_factory=dict)
     """Fitted parameters, constants, initial states and derived quantities; angles in rad."""
     free: list[str] = Field(default_factory=list)
