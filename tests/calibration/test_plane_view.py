@@ -1,14 +1,19 @@
 """Which view of a board lies in the plane of motion: by evidence, or said to be a guess."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from iris_sysid import render_checkerboard
+from iris_sysid.calibration.board.board import Board
 from iris_sysid.calibration.board.plane_view import plane_view_doubt
 from iris_sysid.calibration.calibration_json import read_calibration, write_calibration
 from iris_sysid.calibration.camera import calibrate_camera
 from iris_sysid.calibration.pixel_scale import scale
+from iris_sysid.calibration.plane import geometry_of
+from iris_sysid.calibration.request import ByBoard, CalibrationRequest, calibrate_plane
 from iris_sysid.types import Doubt
 from tests._board_pictures import BOARD, simulated_views
 
@@ -59,3 +64,18 @@ def test_doubt_is_kept_in_the_file(tmp_path):
     doubt = Doubt("plane-view", "a guess", "say which")
     path = write_calibration(replace(scale(400, 1.0), doubts=(doubt,)), tmp_path / "calibration.json")
     assert read_calibration(path).doubts == (doubt,)
+
+
+@pytest.mark.slow
+def test_small_board_is_seen_in_the_first_frame_and_gives_scale_and_axes(tmp_path):
+    """At 320 x 180 px a square has 10 px: only the slow search finds it, and it is quick there."""
+    render_checkerboard("pendulum", tmp_path / "board.mp4", size=(320, 180), seed=1)
+    truth = json.loads((tmp_path / "board.truth.json").read_text())
+    shown = Board(9, 6, truth["board"]["square_m"])
+    found = calibrate_plane(CalibrationRequest((tmp_path / "board.mp4",), ByBoard(shown))).calibration
+    assert not found.doubts
+    assert "frame 0 (0.000 s), the first that shows the board, lies in its plane" in found.assumed
+    assert abs(found.scale.value - truth["camera"]["pixels_per_metre"]) < 4 * found.scale.stderr
+    assert found.scale.stderr < 1e-3 * found.scale.value
+    _, stretch, shear_rad, _ = geometry_of(found.values, found.centre_px)
+    assert (stretch, shear_rad) == pytest.approx((1.0, 0.0), abs=1e-3)

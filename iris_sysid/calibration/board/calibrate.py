@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -24,6 +25,7 @@ from iris_sysid.video.reader import Video, open_video
 
 Progress = Callable[[int, int], None]
 Luma = NDArray[np.uint8]
+SEARCHED_SLOWLY = 12  # frames before the first in which a quick search finds the board
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -270,18 +272,45 @@ def _view_in(path: Path, board: Board, options: CameraOptions) -> tuple[BoardVie
 
 def _view_in_clip(clip: Video, board: Board, requested: int | None) -> tuple[BoardView, Luma]:
     """The board in the frame of that number, or in the first that shows it."""
+    if requested is None:
+        return _first_view(clip, board)
     last: Frame | None = None
     for frame in clip.frames():
         last = frame
-        if requested is not None and frame.index < requested:
-            continue
+        if frame.index >= requested:
+            return find_board(frame.luma, board, name=_name_of(frame)), frame.luma.copy()
+    raise CalibrationError(f"the clip has no frame {requested}; its last is {last.index if last else 'none'}")
+
+
+def _first_view(clip: Video, board: Board) -> tuple[BoardView, Luma]:
+    """The board in the first frame that shows it: found quickly, then looked for slowly in some frames before that."""
+    before: list[Frame] = []
+    every, last = 1, None
+    for frame in clip.frames():
+        last = frame
         try:
-            name = f"frame {frame.index} ({frame.t_s:.3f} s)"
-            return find_board(frame.luma, board, name=name, thorough=requested is not None), frame.luma.copy()
+            view, luma = find_board(frame.luma, board, name=_name_of(frame), thorough=False), frame.luma.copy()
         except BoardError as error:
-            if requested is not None or error.seen:
+            if error.seen:
                 raise
-    if requested is not None or last is None:
-        raise CalibrationError(f"the clip has no frame {requested}; its last is {last.index if last else 'none'}")
-    find_board(last.luma, board, name=f"frame {last.index}")  # says why
-    raise CalibrationError("no frame of the clip shows the board")
+            if frame.index % every == 0:
+                before.append(replace(frame, luma=frame.luma.copy()))
+            if len(before) > SEARCHED_SLOWLY:
+                before, every = before[::2], 2 * every
+            continue
+        return _slowly(before, board) or (view, luma)
+    if last is None:
+        raise CalibrationError("the clip has no frame to look for a board in")
+    return _slowly(before, board) or (find_board(last.luma, board, name=_name_of(last)), last.luma)  # says why
+
+
+def _slowly(frames: Sequence[Frame], board: Board) -> tuple[BoardView, Luma] | None:
+    """The board in the first of some frames that shows it when every scale is searched; None where none does."""
+    for frame in frames:
+        with suppress(BoardError):
+            return find_board(frame.luma, board, name=_name_of(frame)), frame.luma
+    return None
+
+
+def _name_of(frame: Frame) -> str:
+    return f"frame {frame.index} ({frame.t_s:.3f} s)"

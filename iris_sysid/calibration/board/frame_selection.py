@@ -16,6 +16,7 @@ from iris_sysid.types import Array, Frame, FrameSource, Progress, with_progress
 
 NEARLY_ALIKE = 0.02  # fraction of the image's diagonal
 SEARCHED_SLOWLY = 4  # frames
+SMALL_PX = 480 * 270  # of an image: squares of a few px are seen by the slow search alone, which is quick there
 BLURRED_TIMES = 2.0  # the median blur of the sharper half
 
 
@@ -116,7 +117,8 @@ def _spread(video: FrameSource, examine: int, progress: Progress | None) -> Iter
 def _view_of(frame: Frame, board: Board, rejected: Counter[str]) -> BoardView | None:
     name = f"frame {frame.index} ({frame.t_s:.3f} s)"
     try:
-        return find_board(frame.luma, board, name=name, thorough=False).named(name, frame.t_s)
+        small = frame.luma.size <= SMALL_PX
+        return find_board(frame.luma, board, name=name, thorough=small).named(name, frame.t_s)
     except BoardError as error:
         if error.seen:
             rejected[error.reason] += 1
