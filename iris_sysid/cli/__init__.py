@@ -59,6 +59,17 @@ COMMANDS = {
 }
 
 
+# The commands in the help, by what a user has; one that is in no group comes under the last heading.
+GROUPS = {
+    "One clip": ("run", "calibrate", "frame", "track", "import"),
+    "One table": ("smooth", "fit", "diagnose", "plan", "discover"),
+    "Many clips": ("class", "gt", "benchmark"),
+    "Synthetic clips": ("demo", "render", "tensors"),
+    "What there is": ("list", "schema"),
+}
+OTHERS = "Other commands"
+INTERRUPTED = 130  # exit status after Ctrl-C, as shells have it
+
 HELP = {"help_option_names": ["-h", "--help"]}
 
 
@@ -111,9 +122,13 @@ class _Group(TyperGroup):
         return self.commands[cmd_name] if cmd_name in COMMANDS else None
 
     def format_commands(self, ctx: Context, formatter: HelpFormatter) -> None:
-        """Write one line per command."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, sentence) for name, (_, sentence) in COMMANDS.items()])
+        """Write one line per command, in groups."""
+        grouped = {name for names in GROUPS.values() for name in names}
+        others = tuple(name for name in COMMANDS if name not in grouped)
+        for title, names in {**GROUPS, OTHERS: others}.items():
+            if names:
+                with formatter.section(title):
+                    formatter.write_dl([(name, COMMANDS[name][1]) for name in names])
 
 
 app = typer.Typer(
@@ -161,6 +176,13 @@ def main() -> None:
             again = [*arguments, "--debug"] if debug else arguments
             sys.exit(run_limited("from iris_sysid.cli import main; main()", again))
         app(arguments, prog_name="iris-sysid")
+    except (SystemExit, KeyboardInterrupt) as leaving:
+        if isinstance(leaving, KeyboardInterrupt) or leaving.code == INTERRUPTED:
+            typer.echo(
+                "iris-sysid: interrupted; no file is half-written, and batches go on when started again", err=True
+            )
+            sys.exit(INTERRUPTED)
+        raise
     except Exception as error:
         if debug:
             raise

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from iris_sysid.cli import _completion
+
 if TYPE_CHECKING:
     from iris_sysid.types import ClipOptions
 
@@ -38,10 +40,20 @@ TransferCurve = Annotated[
 ]
 Bodies = Annotated[int | None, typer.Option(help="Number of bodies to track.", min=1, max=64)]
 TrackerName = Annotated[
-    str | None, typer.Option("--tracker", help="Tracker name; see iris-sysid list. Or FILE.py:NAME.")
+    str | None,
+    typer.Option(
+        "--tracker",
+        help="Tracker name; see iris-sysid list. Or FILE.py:NAME.",
+        autocompletion=_completion.trackers,
+    ),
 ]
 PhenomenonName = Annotated[
-    str, typer.Option("--phenomenon", help="Phenomenon in the clip; see iris-sysid list. Or FILE.py:NAME.")
+    str,
+    typer.Option(
+        "--phenomenon",
+        help="Phenomenon in the clip; see iris-sysid list. Or FILE.py:NAME.",
+        autocompletion=_completion.phenomena,
+    ),
 ]
 KeepPartial = Annotated[bool, typer.Option("--keep-partial", help="Use the readable part of a damaged file.")]
 Settings = Annotated[list[str] | None, typer.Option("--set", help="A known value: gravity=9.79+-0.01, length=50cm.")]
@@ -59,10 +71,15 @@ Marks = Annotated[
 BodyMarks = Annotated[
     list[str] | None, typer.Option("--mark", help="A body is at x, y px in a frame: 1=120,88@35. Repeat it.")
 ]
-Vertical = Annotated[str, typer.Option(help="Direction of gravity: assumed, or motion (estimated from the flight).")]
+Vertical = Annotated[
+    str,
+    typer.Option(
+        help="Direction of gravity: assumed, or motion (estimated from the flight).",
+        autocompletion=_completion.values("assumed", "motion"),
+    ),
+]
 TimeBase = Annotated[str, typer.Option(help="Standard error of the frame rate: 0.01% or 50ppm.")]
 Starts = Annotated[list[str] | None, typer.Option("--start-at", help="A starting value, e.g. length=0.5.")]
-ModelName = Annotated[str, typer.Option("--model", help="Governing equation; see iris-sysid list. Or FILE.py:NAME.")]
 
 WorkerCount = Annotated[
     int | None, typer.Option("--workers", help="Number of parallel processes; default 1.", min=1, max=256)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from iris_sysid.cli import _terminal
+from iris_sysid.cli import _completion, _terminal
 from iris_sysid.cli.arguments import (
     TABLE,
     Bounds,
@@ -31,14 +31,27 @@ Clips = Annotated[
 ]
 Model = Annotated[
     str | None,
-    typer.Option("--model", help="Governing equation; see list. Or auto, or FILE.py:NAME. Default: that of run."),
+    typer.Option(
+        "--model",
+        help="Governing equation; see list. Or auto, or FILE.py:NAME. Default: that of run.",
+        autocompletion=_completion.models,
+    ),
 ]
 Effects = Annotated[list[str] | None, typer.Option("--effect", help="Try an effect of your own as well: FILE.py:NAME.")]
 Phenomenon = Annotated[
-    str | None, typer.Option("--phenomenon", help="What is filmed, for its model; see list. Or FILE.py:NAME.")
+    str | None,
+    typer.Option(
+        "--phenomenon",
+        help="What is filmed, for its model; see list. Or FILE.py:NAME.",
+        autocompletion=_completion.phenomena,
+    ),
 ]
 Sensor = Annotated[
-    str | None, typer.Option(help="What measured: camera, encoder, gauge or unknown; only a camera has its effects.")
+    str | None,
+    typer.Option(
+        help="What measured: camera, encoder, gauge or unknown; only a camera has its effects.",
+        autocompletion=_completion.values("camera", "encoder", "gauge", "unknown"),
+    ),
 ]
 
 ClipSettings = Annotated[

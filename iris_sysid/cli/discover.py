@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from iris_sysid.cli import _terminal
+from iris_sysid.cli import _completion, _terminal
 from iris_sysid.cli.arguments import TABLE, Columns, Force, Json, Output, Settings, Strict
 
 Tables = Annotated[list[Path], typer.Argument(help=f"{TABLE}; several clips of one.")]
@@ -17,7 +17,10 @@ def discover(
     columns: Columns = None,
     quantity: Annotated[list[str] | None, typer.Option(help="Use only this quantity, e.g. theta.")] = None,
     known: Settings = None,
-    residual_of: Annotated[str | None, typer.Option(help="Keep this model's terms; find the missing ones.")] = None,
+    residual_of: Annotated[
+        str | None,
+        typer.Option(help="Keep this model's terms; find the missing ones.", autocompletion=_completion.models),
+    ] = None,
     plot: Annotated[Path | None, typer.Option(help="Also draw terms and fit to this PNG file.")] = None,
     seed: Annotated[int, typer.Option(help="Random seed of the resampling.", min=0)] = 0,
     force: Force = False,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from iris_sysid.cli import _terminal
+from iris_sysid.cli import _completion, _terminal
 from iris_sysid.cli.arguments import (
     TABLE,
     Bounds,
@@ -35,7 +35,12 @@ def fit(
     tables: Annotated[list[Path], typer.Argument(help=f"{TABLE}; several clips.")],
     output: Output,
     model: Annotated[
-        str | None, typer.Option("--model", help="Governing equation; see iris-sysid list. Or FILE.py:NAME.")
+        str | None,
+        typer.Option(
+            "--model",
+            help="Governing equation; see iris-sysid list. Or FILE.py:NAME.",
+            autocompletion=_completion.models,
+        ),
     ] = None,
     equation: Equation = None,
     bound: Bounds = None,
@@ -46,7 +51,12 @@ def fit(
     shared: Annotated[list[str] | None, typer.Option(help="Parameter with one value for all clips.")] = None,
     per_clip: Annotated[list[str] | None, typer.Option(help="Parameter fitted per clip; report no mean.")] = None,
     uncertainty: Annotated[list[str] | None, typer.Option(help="robust, profile, bootstrap or all.")] = None,
-    hold: Annotated[str, typer.Option(help="Inputs between samples: zero (held) or linear.")] = "linear",
+    hold: Annotated[
+        str,
+        typer.Option(
+            help="Inputs between samples: zero (held) or linear.", autocompletion=_completion.values("zero", "linear")
+        ),
+    ] = "linear",
     validate: Annotated[
         Path | None, typer.Option(help="Table that is not fitted: simulation error of the fitted model on it.")
     ] = None,

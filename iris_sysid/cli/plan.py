@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from iris_sysid.cli import _terminal
+from iris_sysid.cli import _completion, _terminal
 from iris_sysid.cli.arguments import TABLE, Columns, Force, Json, Settings
 
 if TYPE_CHECKING:
@@ -33,9 +33,19 @@ Change = Annotated[
     ),
 ]
 To = Annotated[
-    str | None, typer.Option("--to", help="Before any clip: the effect to find, and its size: quadratic-drag=0.05.")
+    str | None,
+    typer.Option(
+        "--to",
+        help="Before any clip: the effect to find, and its size: quadratic-drag=0.05.",
+        autocompletion=_completion.effects,
+    ),
 ]
-Filming = Annotated[str | None, typer.Option("--phenomenon", help="What will be filmed, with --to; see list.")]
+Filming = Annotated[
+    str | None,
+    typer.Option(
+        "--phenomenon", help="What will be filmed, with --to; see list.", autocompletion=_completion.phenomena
+    ),
+]
 Distance = Annotated[float, typer.Option(help="Distance of the camera in m, with --to.", min=0.01)]
 Rate = Annotated[float, typer.Option("--fps", help="Frame rate in 1/s, with --to.", min=1.0)]
 NoisePx = Annotated[float, typer.Option("--noise-px", help="Noise of a tracked position in px, with --to.", min=1e-4)]

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from iris_sysid.cli import _terminal
+from iris_sysid.cli import _completion, _terminal
 from iris_sysid.cli.arguments import Force, Scheduler, Settings, WorkerCount
 from iris_sysid.errors import UnknownNameError
 
@@ -17,9 +17,14 @@ BENCHMARK = "iris"  # the data set whose classes are rendered; classes of other 
 
 
 def render(
-    phenomenon: Annotated[str | None, typer.Option(help="Phenomenon to render; see iris-sysid list.")] = None,
+    phenomenon: Annotated[
+        str | None, typer.Option(help="Phenomenon to render; see iris-sysid list.", autocompletion=_completion.scenes)
+    ] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Video file to write.")] = None,
-    effect: Annotated[list[str] | None, typer.Option(help="Add a hidden effect, e.g. quadratic-drag=0.08.")] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(help="Add a hidden effect, e.g. quadratic-drag=0.08.", autocompletion=_completion.effects),
+    ] = None,
     known: Settings = None,
     size: Annotated[
         str | None, typer.Option(help=f"WIDTHxHEIGHT in px; default {SIZE}, data set {DATASET_SIZE}.")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from iris_sysid.cli import _terminal
+from iris_sysid.cli import _completion, _terminal
 from iris_sysid.cli._groups import with_groups
 from iris_sysid.cli.arguments import (
     Bodies,
@@ -35,7 +35,9 @@ def track(
     clip: ClipArguments,
     tracking: TrackerArguments,
     scale: ScaleArguments,
-    phenomenon: Annotated[str | None, typer.Option(help="Use the tracker of this phenomenon.")] = None,
+    phenomenon: Annotated[
+        str | None, typer.Option(help="Use the tracker of this phenomenon.", autocompletion=_completion.phenomena)
+    ] = None,
     bodies: Bodies = None,
     mark: BodyMarks = None,
     mask: Annotated[

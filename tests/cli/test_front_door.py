@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from iris_sysid import cli as command_line
 from iris_sysid.cli._terminal import NOT_GOOD
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import DiagnosisDocument
@@ -41,6 +42,52 @@ def test_completion_knows_the_commands(cli, monkeypatch):
     monkeypatch.setenv("COMP_WORDS", "iris-sysid dia")
     monkeypatch.setenv("COMP_CWORD", "1")
     assert cli().out.split() == ["diagnose"]
+
+
+@pytest.mark.parametrize(
+    ("typed", "completed"),
+    [
+        ("run clip.mp4 --phenomenon pe", ["pendulum"]),
+        ("class clips --phenomenon dro", ["dropping-ball"]),
+        ("fit a.csv --model li", ["linear-oscillator", "linear-pendulum"]),
+        ("diagnose a.csv --model au", ["auto"]),
+        ("track clip.mp4 --tracker di", ["disc"]),
+        ("render --effect quad", ["quadratic-drag="]),
+        ("fit a.csv --hold z", ["zero"]),
+        ("diagnose a.csv --sensor g", ["gauge"]),
+    ],
+)
+def test_completion_knows_the_values_of_options(cli, monkeypatch, typed, completed):
+    monkeypatch.setenv("_IRIS_SYSID_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", f"iris-sysid {typed}")
+    monkeypatch.setenv("COMP_CWORD", str(len(typed.split())))
+    assert cli().out.split() == completed
+
+
+def test_help_lists_every_command_in_one_group(cli):
+    grouped = [name for names in command_line.GROUPS.values() for name in names]
+    assert sorted(grouped) == sorted(command_line.COMMANDS)
+    shown = cli("--help").out
+    assert [title for title in command_line.GROUPS if f"\n{title}:\n" in shown] == list(command_line.GROUPS)
+    assert command_line.OTHERS not in shown
+
+
+def test_command_without_a_group_is_not_lost_from_the_help(cli, monkeypatch):
+    monkeypatch.setattr(command_line, "GROUPS", {"One clip": ("run",)})
+    assert f"\n{command_line.OTHERS}:\n" in cli("--help").out
+    assert "  diagnose  " in cli("--help").out
+
+
+def test_interrupt_is_said_in_one_line(cli, monkeypatch, angles, tmp_path):
+    def interrupted(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("fitters.ode.fit", interrupted)
+    outcome = cli("fit", angles, "--model", "pendulum", "-o", tmp_path / "fit.json")
+    assert outcome.status == command_line.INTERRUPTED
+    assert outcome.err.splitlines()[-1].startswith("iris-sysid: interrupted; no file is half-written")
+    assert "Traceback" not in outcome.err
+    assert not (tmp_path / "fit.json").exists()
 
 
 def test_strict_ends_with_its_own_status_unless_the_verdict_is_good(kinked, angles, tmp_path, cli):
