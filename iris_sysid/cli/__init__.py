@@ -186,7 +186,7 @@ def main() -> None:
     except Exception as error:
         if debug:
             raise
-        unexpected = f"unexpected {type(error).__name__}: {error}; --debug shows where"
+        unexpected = f"unexpected {type(error).__name__}{_terminal.place_of(error)}: {error}; --debug shows where"
         if isinstance(error, MemoryError):
             unexpected = f"memory is full, or at its limit: {error}"
         if isinstance(error, OSError) and error.filename and error.strerror:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import shlex
 import sys
+import sysconfig
+import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -200,6 +202,18 @@ def error_text(error: IrisError) -> str:
         return f'{error.text}, e.g. --columns "{columns}"'
     starts = " ".join(f"--start-at {name}=VALUE" for name in (error.to_start if isinstance(error, FitError) else ()))
     return f"{error} ({starts})" if starts else str(error)
+
+
+def place_of(error: Exception) -> str:
+    """The file of the user's and the line in it where an error came from; empty where no such file took part."""
+    packages = {Path(__file__).parents[1], *(Path(path) for path in sys.path if Path(path).name == "site-packages")}
+    packages |= {Path(__file__).parents[2] / name for name in ("fitters", "trackers")}
+    packages.add(Path(sysconfig.get_paths()["stdlib"]))
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        file = Path(frame.filename)
+        if file.suffix == ".py" and file.is_file() and not any(package in file.parents for package in packages):
+            return f" in {file}, line {frame.lineno}"
+    return ""
 
 
 def suggest_options(fit: FitResult) -> None:
