@@ -16,19 +16,20 @@ from pathlib import Path
 
 from validation.pages import PAGES, ROOT
 
+FITS = ("fitters/components", "fitters/effects", "fitters/integrator", "fitters/models", "fitters/noise", "fitters/ode")
 MEASURED: Mapping[str, tuple[str, ...]] = {
     "audit": ("validation/audit",),
     "benchmark": ("iris_sysid/benchmark",),
     "calibration": ("iris_sysid/calibration",),
-    "diagnosis": ("iris_sysid/diagnosis", "fitters"),
+    "diagnosis": ("iris_sysid/diagnosis", *FITS),
     "discovery": ("fitters/sindy",),
     "fitting": ("fitters/ode", "fitters/integrator", "fitters/noise", "fitters/selection"),
     "ground_truth": ("trackers", "fitters", "iris_sysid/benchmark"),
-    "plans": ("iris_sysid/diagnosis", "fitters"),
+    "plans": ("iris_sysid/diagnosis", *FITS),
     "scaling": ("trackers", "fitters", "iris_sysid/benchmark"),
     "torture": ("iris_sysid/io", "iris_sysid/video", "iris_sysid/cli"),
     "tracking": ("trackers",),
-    "world": ("iris_sysid/diagnosis", "fitters"),
+    "world": ("iris_sysid/diagnosis", *FITS),
 }
 PROGRAMS: Mapping[str, tuple[str, ...]] = {"reference_fits": ("validation/reference_*.py",)}  # share no code with it
 NOTE = "; its code has changed since"
