@@ -19,8 +19,8 @@ def git(folder, *arguments):
 def history(tmp_path, monkeypatch):
     """A project with code of one commit, and a page whose table is of it."""
     git(tmp_path, "init", "-q")
-    (tmp_path / "fitters").mkdir()
-    (tmp_path / "fitters" / "a.py").write_text("A = 1\n", encoding="utf-8")
+    (tmp_path / "fitters" / "ode").mkdir(parents=True)
+    (tmp_path / "fitters" / "ode" / "a.py").write_text("A = 1\n", encoding="utf-8")
     git(tmp_path, "add", ".")
     git(tmp_path, "commit", "-qm", "code")
     (tmp_path / "plans.md").write_text(TABLE.format(commit=git(tmp_path, "rev-parse", "HEAD")[:9], note=""), "utf-8")
@@ -31,7 +31,7 @@ def history(tmp_path, monkeypatch):
 
 
 def changed(folder):
-    (folder / "fitters" / "a.py").write_text("A = 2\n", encoding="utf-8")
+    (folder / "fitters" / "ode" / "a.py").write_text("A = 2\n", encoding="utf-8")
     git(folder, "commit", "-qam", "other code")
 
 
