@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from iris_sysid.calibration.pixel_scale import MARK_SIGMA_PX, scale_from_text, to_world, uncalibrated
+from iris_sysid.calibration.pixel_scale import MARK_SIGMA_PX, scale, scale_from_text, to_world, uncalibrated
 from iris_sysid.calibration.plane import check_image_size
 from iris_sysid.errors import CalibrationError, DataError, UnknownNameError
 from iris_sysid.io.files import check_writable, origin_of
@@ -253,13 +253,69 @@ def run(
     video = open_video(source, fps=clip.fps, start_s=clip.start_s, stop_s=clip.stop_s, keep_partial=clip.keep_partial)
     if calibration is not None:
         check_image_size(calibration.image_size, (video.width, video.height))
-    from iris_sysid.trajectory.vertical_and_scale import gravity_calibration, upright, vertical_note
-
     if options is not None and options.marks and chosen.tracker != AUTO:
         raise DataError(f"marks of bodies are for the tracker {AUTO}, not for {chosen.tracker}; add --tracker {AUTO}")
-    tracks = track(video, chosen.tracker, options or TrackOptions(bodies=chosen.bodies))
-    request = _request_origin(chosen, known, free, clip, geometry)
+    options = options or TrackOptions(bodies=chosen.bodies)
+    tracks = track(video, chosen.tracker, options)
+    request = request_origin(
+        chosen, settings=known, free=free, clip=clip, geometry=geometry, calibration=calibration, options=options
+    )
     tracks = from_source(tracks, source, request, complete=video.complete)
+    return run_tracked(
+        video,
+        tracks,
+        chosen,
+        source=source,
+        calibration=calibration,
+        settings=known,
+        free=free,
+        clip=clip,
+        geometry=geometry,
+    )
+
+
+def run_tracked(
+    video: Video,
+    tracks: Sequence[Track],
+    phenomenon: str | Phenomenon,
+    *,
+    source: str | Path,
+    calibration: Calibration | None = None,
+    settings: Mapping[str, Estimate] | None = None,
+    free: Sequence[str] = (),
+    clip: ClipOptions = WHOLE_CLIP,
+    geometry: GeometryOptions = NO_GEOMETRY,
+) -> Run:
+    """Run the chain from the tracks on: calibrate, segment, observe, smooth, fit.
+
+    Parameters
+    ----------
+    video
+        The clip that the tracks are of.
+    tracks
+        One per body, in px, by a tracker or corrected by hand; their origin becomes that of the results.
+    phenomenon
+        Registered name, ``FILE.py:NAME``, or the phenomenon itself.
+    source
+        The file of the clip.
+    calibration, settings, free, clip, geometry
+        As for :func:`run`.
+
+    Returns
+    -------
+    Run
+        As :func:`run` returns it.
+
+    Raises
+    ------
+    UnknownNameError, CalibrationError, DataError
+        As :func:`run`.
+    """
+    from iris_sysid.trajectory.vertical_and_scale import gravity_calibration, upright, vertical_note
+
+    chosen = _phenomenon(phenomenon)
+    known = dict(settings or {})
+    _check_request(chosen, known, free, geometry)
     if geometry.scale_from_gravity is not None:
         calibration = gravity_calibration(tracks[0], chosen, geometry.scale_from_gravity)
         known["gravity"] = geometry.scale_from_gravity
@@ -324,14 +380,23 @@ def _check_request(
         raise CalibrationError(f"gravity gives the scale of a free flight only, not of {phenomenon.name}")
 
 
-def _request_origin(
+def request_origin(
     phenomenon: Phenomenon,
+    *,
     settings: Mapping[str, Estimate],
     free: Sequence[str],
     clip: ClipOptions,
     geometry: GeometryOptions,
+    calibration: Calibration | None,
+    options: TrackOptions,
 ) -> dict[str, Any]:
-    """The request as the origin of a track holds it."""
+    """The request as the origin of a track holds it; ``iris-sysid review`` reads it back.
+
+    Parameters
+    ----------
+    phenomenon, settings, free, clip, geometry, calibration, options
+        As for :func:`run`.
+    """
     gravity = geometry.scale_from_gravity
     return {
         "phenomenon": phenomenon.name,
@@ -349,6 +414,24 @@ def _request_origin(
         "plumb_px": geometry.plumb_px,
         "vertical": geometry.vertical,
         "clock_stderr": clip.fps_stderr,
+        "scale_from_gravity_stderr": None if gravity is None else gravity.stderr,
+        "scale": None if calibration is None else _scale_origin(calibration),
+        "roi": options.roi,
+        "colour": options.colour,
+        "bodies": options.bodies,
+        "body_marks": [[mark.body, mark.x_px, mark.y_px, mark.frame] for mark in options.marks],
+    }
+
+
+def _scale_origin(calibration: Calibration) -> dict[str, Any]:
+    """The scale of a calibration, and whether it is all that there is to it."""
+    stated = calibration.scale
+    plain = scale(stated.value, 1.0) if stated.unit == "px/m" else uncalibrated()
+    return {
+        "px_per_unit": stated.value,
+        "stderr": stated.stderr,
+        "source": calibration.source,
+        "plain": bool(np.allclose(calibration.values, plain.values, rtol=1e-12, atol=0.0)),
     }
 
 

@@ -23,6 +23,7 @@ from iris_sysid.io.schemas import OriginDocument, number
 from iris_sysid.io.table_cells import read_cells
 from iris_sysid.io.table_headers import titles_of, understood
 from iris_sysid.types import (
+    TRACK_MASKS,
     TRACK_SIGMAS,
     Array,
     Mask,
@@ -49,7 +50,7 @@ TRACK_COLUMNS = (
     "intensity",
     "valid",
     "area_px",
-    "hand",
+    *TRACK_MASKS,
     *TRACK_SIGMAS,
 )
 SORTED = "sort the rows by time, without duplicates"
@@ -158,8 +159,7 @@ def _track_columns(sheet: Sheet) -> dict[str, Any]:
         sheet.whole_numbers("frame") if "frame" in sheet else np.unique(times, return_inverse=True)[1].astype(np.int64)
     )
     columns["valid"] = _valid(sheet, {name: columns[name] for name in ("x_px", "y_px")})
-    if "hand" in sheet:
-        columns["hand"] = sheet.flags("hand")
+    columns |= {name: sheet.flags(name) for name in TRACK_MASKS if name in sheet}
     return columns
 
 
@@ -167,8 +167,9 @@ def _track(sheet: Sheet, columns: Mapping[str, Any], body: str, rows: list[int],
     own = {name: values[rows] for name, values in columns.items()}
     unknown = np.full(len(rows), np.nan)
     optional = {name: own[name] for name in OPTIONAL_TRACK_COLUMNS if name in own and not np.isnan(own[name]).all()}
-    if "hand" in own and not np.isnan(own["hand"]).all():
-        optional["hand"] = own["hand"] == 1
+    for name in TRACK_MASKS:
+        if name in own and not np.isnan(own[name]).all():
+            optional[name] = own[name] == 1
     return Track(
         t_s=_times(sheet, rows),
         xy_px=np.column_stack([own["x_px"], own["y_px"]]),

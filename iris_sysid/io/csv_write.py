@@ -29,7 +29,7 @@ from iris_sysid.io.schemas import (
     ViewEntry,
     known_numbers,
 )
-from iris_sysid.types import ErrorAutocorrelation, Track, Trajectory
+from iris_sysid.types import TRACK_MASKS, ErrorAutocorrelation, Track, Trajectory
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -156,7 +156,7 @@ def _write(frame: pd.DataFrame, path: str | Path, beside: Mapping[str, Any], *, 
     if str(path).endswith(SIDE_CAR):
         raise OutputError(f"cannot write {path}: a name that ends in {SIDE_CAR} is for what belongs to a table")
     side_car = check_writable(side_car_of(path), overwrite=True)  # it belongs to the table, whose presence decides
-    changed = {name: frame[name].astype("Int8") for name in ("valid", "hand") if name in frame}
+    changed = {name: frame[name].astype("Int8") for name in ("valid", *TRACK_MASKS) if name in frame}
     changed |= {name: frame[name].map(guarded) for name in ("body",) if name in frame}
     write_atomic(path, frame.assign(**changed).to_csv(index=False, lineterminator="\n"), overwrite=overwrite)
     document = checked(OriginDocument, table=Path(path).name, table_sha256=sha256_of(path), **beside)

@@ -91,7 +91,6 @@ def _track_frame(tracks: Sequence[Track]) -> pd.DataFrame:
         raise DataError(f"two tracks are of the same body: {', '.join(map(repr, names))}; name each differently")
     if not tracks:
         raise DataError("there is no track to make a table of")
-    hand = _joined(tracks, "hand")
     columns = {
         "frame": np.concatenate([track.frame for track in tracks]),
         "t_s": np.concatenate([track.t_s for track in tracks]),
@@ -100,7 +99,8 @@ def _track_frame(tracks: Sequence[Track]) -> pd.DataFrame:
         **{name: _joined(tracks, name) for name in OPTIONAL_TRACK_COLUMNS[:3]},
         "valid": np.concatenate([track.valid for track in tracks]),
         "area_px": _joined(tracks, "area_px"),
-        "hand": pd.arrays.BooleanArray(hand == 1, np.isnan(hand)),
+        "hand": _joined_mask(tracks, "hand"),
+        **({"edited": _joined_mask(tracks, "edited")} if any(track.edited is not None for track in tracks) else {}),
         **{
             name: _joined(tracks, name)
             for name in TRACK_SIGMAS
@@ -122,6 +122,14 @@ def _joined(tracks: Sequence[Track], name: str) -> Array:
         np.full(track.t_s.size, np.nan) if getattr(track, name) is None else getattr(track, name) for track in tracks
     ]
     return np.concatenate(parts).astype(np.float64)
+
+
+def _joined_mask(tracks: Sequence[Track], name: str) -> pd.arrays.BooleanArray:
+    """An optional column of 1 and 0 of every track (n,), missing where a track does not have it."""
+    import pandas as pd
+
+    known = _joined(tracks, name)
+    return pd.arrays.BooleanArray(known == 1, np.isnan(known))
 
 
 # --------------------------------------------------------------------------- trajectories

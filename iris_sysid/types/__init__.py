@@ -15,6 +15,7 @@ from iris_sysid.types._calibration import Calibration as Calibration
 from iris_sysid.types._calibration import VerticalSource as VerticalSource
 from iris_sysid.types._camera_motion import CameraMotion as CameraMotion
 from iris_sysid.types._camera_motion import mapped as mapped
+from iris_sysid.types._clip import TRACK_MASKS as TRACK_MASKS
 from iris_sysid.types._clip import TRACK_SIGMAS as TRACK_SIGMAS
 from iris_sysid.types._clip import Frame as Frame
 from iris_sysid.types._clip import FrameSource as FrameSource

@@ -91,6 +91,7 @@ class TrackOptions:
 
 
 TRACK_SIGMAS = ("sigma_radius_px", "sigma_angle_rad", "sigma_intensity")
+TRACK_MASKS = ("hand", "edited")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -100,8 +101,9 @@ class Track(Shown, Portable):
     ``t_s`` (n,) s; ``xy_px`` and ``sigma_px`` (n, 2) px, standard error of each coordinate;
     ``valid`` (n,). Optional (n,): ``radius_px`` apparent radius, ``angle_rad`` orientation
     (anticlockwise as seen), ``intensity``, ``area_px`` pixels in the blob, ``hand``
-    (true where something that reaches in from the edge of the image touches the body), and the standard
-    errors ``sigma_radius_px``, ``sigma_angle_rad``, ``sigma_intensity`` of what they are named after.
+    (true where something that reaches in from the edge of the image touches the body), ``edited`` (true where a
+    person placed or removed the position), and the standard errors ``sigma_radius_px``, ``sigma_angle_rad``,
+    ``sigma_intensity`` of what they are named after.
     ``frame`` (n,) is the number of each frame in the file. A gap is NaN and not valid.
     ``error_autocorrelation`` is that of the position errors, None where the tracker does not measure it.
     ``origin`` records the source of the track; nothing is computed from it. ``quality`` says how far the track can be
@@ -132,6 +134,7 @@ class Track(Shown, Portable):
     transfer: Transfer | None = None
     intensity_patterns: Mapping[str, Array] = field(default_factory=dict)
     camera_motion: Array | None = None
+    edited: Mask | None = None
 
     def __post_init__(self) -> None:
         times = increasing_times(self.t_s)
@@ -160,8 +163,9 @@ class Track(Shown, Portable):
         object.__setattr__(self, "intensity_patterns", MappingProxyType(patterns))
         if self.camera_motion is not None:
             object.__setattr__(self, "camera_motion", frozen_array(self.camera_motion, (n, 2, 3), "camera_motion"))
-        if self.hand is not None:
-            object.__setattr__(self, "hand", frozen_mask(self.hand, n, "hand"))
+        for name in TRACK_MASKS:
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, frozen_mask(getattr(self, name), n, name))
         if not np.all(np.isfinite(self.xy_px[valid])):
             raise DataError("a valid sample has a position that is not finite; mark it as a gap")
 
