@@ -147,6 +147,21 @@ class ContainerSource:
             for found in pool.map(self._picked, (bursts[:half], bursts[half:])):
                 yield from found
 
+    def images_from(self, stamp: int) -> Generator[tuple[int, av.VideoFrame]]:
+        """Stamp and image of every frame from the key frame with that stamp on, by one thread: a seek wastes none.
+
+        Frames that refer to what is before the key frame are left out.
+        """
+        with _opened_again(self.path, self.label) as (container, stream):
+            stream.thread_type = "NONE"
+            try:
+                container.seek(stamp, stream=stream)
+                for packet in _packets(container, stream):
+                    yield from _stamped(packet.decode() if packet.size else [])
+                yield from _stamped(stream.codec_context.decode(None))
+            except av.FFmpegError as error:
+                raise DamageError(f"it cannot be decoded from stamp {stamp} on ({error.strerror})") from error
+
     def _picked(self, bursts: Sequence[tuple[int, Sequence[int]]]) -> list[tuple[int, av.VideoFrame]]:
         found: list[tuple[int, av.VideoFrame]] = []
         with _opened(self.path, self.label) as (container, stream):
@@ -310,6 +325,11 @@ def _sound(images: Sequence[av.VideoFrame]) -> Iterator[av.VideoFrame]:
         if image.is_corrupt:
             raise DamageError("the data of a frame is damaged")
         yield image
+
+
+def _stamped(images: Sequence[av.VideoFrame]) -> Iterator[tuple[int, av.VideoFrame]]:
+    """The sound images that have a stamp, with it."""
+    return ((image.pts, image) for image in images if image.pts is not None and not image.is_corrupt)
 
 
 def _wanted(images: Iterator[av.VideoFrame], stamps: Sequence[int]) -> Iterator[tuple[int, av.VideoFrame]]:

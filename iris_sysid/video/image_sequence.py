@@ -86,6 +86,10 @@ class ImageSource:
         """The images of those numbers."""
         return self._decoded([number for _, wanted in bursts for number in wanted])
 
+    def images_from(self, stamp: int) -> Generator[tuple[int, av.VideoFrame]]:
+        """Number and image of every frame from that number on."""
+        yield from self._decoded(range(stamp, len(self.names)))
+
     def _decoded(self, numbers: Sequence[int]) -> Iterator[tuple[int, av.VideoFrame]]:
         with contextmanager(self.reading)() as read:
             for number in numbers:

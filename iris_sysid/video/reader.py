@@ -10,6 +10,7 @@ or a pattern, and the claims of a header are checked against the decoded frames.
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -62,6 +63,7 @@ class _Source(Protocol):
     def seconds(self, stamp: int) -> float | None: ...
     def orientation_for(self, image: av.VideoFrame) -> Orientation: ...
     def pick(self, bursts: Sequence[tuple[int, Sequence[int]]]) -> Iterator[tuple[int, av.VideoFrame]]: ...
+    def images_from(self, stamp: int) -> Generator[tuple[int, av.VideoFrame]]: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,6 +240,40 @@ class Video:
         if self._sampled is None or self._sampled[0] != count:
             self._sampled = (count, self._sample(count))
         return list(self._sampled[1])
+
+    @cached_property
+    def frame_times(self) -> list[float]:
+        """Time, s, of every frame of the file, without decoding one; [] where only decoding tells."""
+        return [self._clock.time(k, self._source.seconds(stamp)) for k, (stamp, _) in enumerate(self._survey)]
+
+    @cached_property
+    def _survey(self) -> list[tuple[int, bool]]:
+        """Stamp, and whether a key frame, of every frame; [] where two frames have the same stamp, or none has one."""
+        survey = self._source.survey()
+        return survey if len({stamp for stamp, _ in survey}) == len(survey) else []
+
+    def frames_from(self, number: int) -> Iterator[Frame]:
+        """The frames of the file from that number on, whatever part is wanted, without the checks of :meth:`frames`.
+
+        Decoding starts at the key frame before it; at the first frame where only decoding tells the times.
+
+        Raises
+        ------
+        VideoError
+            Where the file is damaged.
+        """
+        try:
+            if not self._survey:
+                yield from (self._frame(*timed) for timed in self._timed() if timed[0] >= number)
+                return
+            stamps = [stamp for stamp, _ in self._survey]
+            key = max((k for k, (_, is_key) in enumerate(self._survey[: number + 1]) if is_key), default=0)
+            for stamp, image in self._source.images_from(stamps[key]):
+                k = bisect_left(stamps, stamp, lo=key)
+                if k >= number and k < len(stamps) and stamps[k] == stamp:
+                    yield self._frame(k, self.frame_times[k], image)
+        except DamageError as damage:
+            raise VideoError(f"{self._source.label}: {damage}") from damage
 
     def _sample(self, count: int) -> list[Frame]:
         survey = self._source.survey()

@@ -77,6 +77,10 @@ class TensorSource:
             window, at = self.places[number].tolist()
             yield number, self._image(window, at)
 
+    def images_from(self, stamp: int) -> Generator[tuple[int, av.VideoFrame]]:
+        """Number and image of every frame from that number on."""
+        yield from self.pick([(stamp, range(stamp, len(self.places)))])
+
     def _image(self, window: int, at: int) -> av.VideoFrame:
         levels = _levels(self.tensor[window, at], window, at)
         if levels.shape[0] == 1:
