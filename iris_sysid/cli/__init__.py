@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 # A test checks that the sentences equal the first sentences of the functions' docstrings.
 COMMANDS = {
     "run": ("run", "Run the whole chain on one clip."),
+    "review": ("review", "Correct a track in the browser, frame by frame, and see the fit follow."),
     "calibrate": ("calibrate", "Calibrate camera and plane of motion."),
     "frame": ("frame", "Draw one frame of a clip with a grid of pixel coordinates, for marks, scale bars and regions."),
     "track": ("track", "Follow bodies through a clip."),

@@ -28,10 +28,11 @@ ORDER = (
     "iris_sysid.pipeline",
     "iris_sysid.benchmark",
     "iris_sysid.classroom",
+    "iris_sysid.review",
     "iris_sysid.cli",
     "iris_sysid.__main__",
 )
-MOST_ENTRIES = 16
+MOST_ENTRIES = 17
 PLUGIN_FOLDERS = ("trackers", "fitters/models", "fitters/effects", "iris_sysid/phenomena")
 # the core, and what plugins share: guesses from data alone, generated code, compiled code that is kept
 PLUGINS_MAY_IMPORT = (

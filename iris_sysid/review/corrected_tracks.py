@@ -1,0 +1,226 @@
+"""Tracks with a person's corrections: points placed and removed, bodies split, exchanged and dropped."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from iris_sysid.errors import DataError
+from iris_sysid.review.edits import Confirm, Delete, Drop, Edit, Place, Split, Swap
+from iris_sysid.types import Array, Doubt, Mask, Track, TrackQuality, mapped
+
+# what a track has for every frame, and what stands for a frame without the body
+PER_FRAME: dict[str, Any] = {
+    "xy_px": np.nan,
+    "sigma_px": np.nan,
+    "valid": False,
+    "radius_px": np.nan,
+    "angle_rad": np.nan,
+    "intensity": np.nan,
+    "area_px": np.nan,
+    "hand": False,
+    "edited": False,
+    "sigma_radius_px": np.nan,
+    "sigma_angle_rad": np.nan,
+    "sigma_intensity": np.nan,
+}
+MOST_BODIES = 64
+
+Tracks = tuple[Track, ...]
+Whole = NDArray[np.integer[Any]]  # rows, or numbers of frames
+
+
+def corrected(tracks: Tracks, edit: Edit) -> Tracks:
+    """The tracks after an edit; as they are where it is not about tracks.
+
+    Raises
+    ------
+    DataError
+        When there is no such body or frame.
+    """
+    match edit:
+        case Place():
+            return _placed(tracks, edit)
+        case Delete():
+            return _changed(tracks, edit.body, lambda track: _deleted(track, edit.first, edit.last))
+        case Split():
+            return _split(tracks, edit)
+        case Swap():
+            return _swapped(tracks, edit)
+        case Drop():
+            _index(tracks, edit.body)
+            return tuple(track for track in tracks if track.body != edit.body)
+        case Confirm():
+            return _changed(tracks, edit.body, lambda track: _confirmed(track, edit))
+    return tracks
+
+
+def with_edits_of(new: Sequence[Track], old: Tracks) -> Tracks:
+    """Tracks that a tracker made anew, with the points placed and removed by hand in the old tracks of the same bodies.
+
+    Frames that the new tracks do not have are left out. A body that is in the old tracks alone is kept where a person
+    placed it.
+    """
+    by_hand = {track.body: track for track in old if track.edited is not None and track.edited.any()}
+    names = {track.body for track in new}
+    kept = [_only_edited(track, new[0]) for body, track in by_hand.items() if body not in names] if new else []
+    return (*(_overlaid(track, by_hand[track.body]) if track.body in by_hand else track for track in new), *kept)
+
+
+def empty_track(t_s: Array, frame: Whole, body: str) -> Track:
+    """A body that was found in no frame; times (n,) s and numbers of the frames (n,), dimensionless."""
+    n = len(t_s)
+    nothing = np.full((n, 2), np.nan)
+    return Track(
+        t_s=t_s,
+        xy_px=nothing,
+        sigma_px=nothing,
+        valid=np.zeros(n, dtype=np.bool_),
+        frame=np.asarray(frame, dtype=np.int64),
+        body=body,
+        edited=np.zeros(n, dtype=np.bool_),
+    )
+
+
+def edited_mask(track: Track) -> Mask:
+    """Where a person placed or removed the position of a track; shape (n,)."""
+    return np.zeros(track.t_s.size, dtype=np.bool_) if track.edited is None else track.edited
+
+
+def row_of(track: Track, frame: int) -> int:
+    """The row of a frame of that number; DataError where the track does not have it."""
+    row = int(np.searchsorted(track.frame, frame))
+    if row == track.frame.size or track.frame[row] != frame:
+        first, last = track.frame[0], track.frame[-1]
+        raise DataError(f"frame {frame} is not among the frames that were tracked, {first} to {last}")
+    return row
+
+
+def _index(tracks: Tracks, body: str) -> int:
+    names = [track.body for track in tracks]
+    if body not in names:
+        raise DataError(f"there is no body {body!r}; there are {', '.join(names) or 'none yet'}")
+    return names.index(body)
+
+
+def _changed(tracks: Tracks, body: str, change: Any) -> Tracks:
+    at = _index(tracks, body)
+    return (*tracks[:at], change(tracks[at]), *tracks[at + 1 :])
+
+
+def _placed(tracks: Tracks, edit: Place) -> Tracks:
+    if edit.body not in [track.body for track in tracks]:
+        if not tracks:
+            raise DataError("no frame was tracked yet; track the clip first")
+        _check_room(tracks)
+        tracks = (*tracks, empty_track(tracks[0].t_s, tracks[0].frame, edit.body))
+    return _changed(tracks, edit.body, lambda track: _with_point(track, edit))
+
+
+def _with_point(track: Track, edit: Place) -> Track:
+    row = row_of(track, edit.frame)
+    at = np.array([[edit.x, edit.y]])
+    if track.camera_motion is not None:
+        at = np.linalg.solve(track.camera_motion[row][:, :2], at[0] - track.camera_motion[row][:, 2])[None]
+    return _with_rows(
+        track, np.array([row]), {"xy_px": at, "sigma_px": edit.sigma_px, "valid": True, "edited": True, "hand": False}
+    )
+
+
+def _deleted(track: Track, first: int, last: int) -> Track:
+    rows = np.flatnonzero((track.frame >= first) & (track.frame <= last))
+    if not rows.size:
+        raise DataError(f"frames {first} to {last} are not among those that were tracked")
+    return _with_rows(track, rows, {**PER_FRAME, "hand": None, "edited": True})
+
+
+def _with_rows(track: Track, rows: Whole, values: dict[str, Any]) -> Track:
+    """The track with values in some rows; None leaves a column as it is, and only ``edited`` is added to a track."""
+    changes: dict[str, Any] = {}
+    for name, value in values.items():
+        present = edited_mask(track) if name == "edited" else getattr(track, name)
+        if present is not None and value is not None:
+            changes[name] = np.array(present)
+            changes[name][rows] = value
+    return replace(track, **changes)
+
+
+def _split(tracks: Tracks, edit: Split) -> Tracks:
+    at = _index(tracks, edit.body)
+    if edit.name in [track.body for track in tracks]:
+        raise DataError(f"there is a body {edit.name!r} already; give another name")
+    _check_room(tracks)
+    track, row = tracks[at], row_of(tracks[at], edit.frame)
+    rows = np.arange(track.frame.size)
+    before = _with_rows(track, rows[row:], PER_FRAME)
+    after = replace(_with_rows(track, rows[:row], PER_FRAME), body=edit.name)
+    return (*tracks[:at], before, after, *tracks[at + 1 :])
+
+
+def _swapped(tracks: Tracks, edit: Swap) -> Tracks:
+    first, second = _index(tracks, edit.body), _index(tracks, edit.other)
+    if first == second:
+        raise DataError(f"body {edit.body!r} cannot be exchanged with itself; name two bodies")
+    one, other = tracks[first], tracks[second]
+    if not np.array_equal(one.frame, other.frame):
+        raise DataError(f"bodies {edit.body!r} and {edit.other!r} were not tracked in the same frames")
+    row = row_of(one, edit.frame)
+    changed = list(tracks)
+    changed[first], changed[second] = _with_end_of(one, other, row), _with_end_of(other, one, row)
+    return tuple(changed)
+
+
+def _with_end_of(track: Track, other: Track, row: int) -> Track:
+    """The track up to a row, and another from there on."""
+    changes: dict[str, Any] = {}
+    for name, absent in PER_FRAME.items():
+        own, others = getattr(track, name), getattr(other, name)
+        if own is None and others is None:
+            continue
+        parts = [np.full(len(track.t_s), absent) if part is None else part for part in (own, others)]
+        changes[name] = np.concatenate([parts[0][:row], parts[1][row:]])
+    return replace(track, **changes)
+
+
+def _confirmed(track: Track, edit: Confirm) -> Track:
+    """The track without the doubts that a person has looked into."""
+    if track.quality is None or not edit.doubts:
+        return track
+    left = tuple(doubt for doubt in track.quality.doubts if doubt.kind not in edit.doubts)
+    return replace(track, quality=replace(track.quality, doubts=left))
+
+
+def _overlaid(track: Track, by_hand: Track) -> Track:
+    """The track with the rows that were edited in another track of the same body."""
+    edited = by_hand.frame[edited_mask(by_hand)]
+    frames = edited[np.isin(edited, track.frame)]
+    rows, source = np.searchsorted(track.frame, frames), np.searchsorted(by_hand.frame, frames)
+    values = {name: getattr(by_hand, name)[source] for name in ("xy_px", "sigma_px", "valid")}
+    if not track.n_valid and track.quality is None:
+        track = replace(track, quality=by_hand.quality)
+    return _with_rows(track, rows, {**values, "edited": True})
+
+
+def _only_edited(track: Track, like: Track) -> Track:
+    return _overlaid(empty_track(like.t_s, like.frame, track.body), track)
+
+
+def _check_room(tracks: Tracks) -> None:
+    if len(tracks) >= MOST_BODIES:
+        raise DataError(f"there are {len(tracks)} bodies already, and at most {MOST_BODIES}; drop one first")
+
+
+def in_frame_px(track: Track) -> Array:
+    """Positions (n, 2), px of each frame; where the camera moves these are not those of the track."""
+    if track.camera_motion is None:
+        return track.xy_px
+    return np.array([mapped(*pair) for pair in zip(track.camera_motion, track.xy_px, strict=True)])
+
+
+def doubts_of(track: Track) -> tuple[Doubt, ...]:
+    """What speaks against a track."""
+    return (track.quality or TrackQuality()).doubts

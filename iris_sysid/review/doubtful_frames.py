@@ -1,0 +1,242 @@
+"""The frames in which a track may be wrong, with the reason: what a review asks about, the most doubtful first.
+
+A position is compared with the one that its neighbours foretell, a size and a standard error with those thereabouts,
+a gap with its length, bodies with one another, and the fit with the data. None of these needs the truth, and none says
+that the track is wrong: a person looks and says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from iris_sysid.review.corrected_tracks import doubts_of, edited_mask
+from iris_sysid.types import Array, DoubtKind, FitResult, Mask, Track, Trajectory
+
+LEAST_GAP = 3  # frames: a shorter gap is bridged without harm
+OFF_SCALES, OFF_RADII, OFF_PX = (
+    8.0,
+    0.6,
+    2.0,
+)  # a position off its neighbours' course by more than all three is doubtful
+SIZE_RATIO = 1.4  # times the median radius thereabouts
+SIGMA_RATIO, SIGMA_PX = 6.0, 0.5  # times the median standard error, and px at least
+MEETING_RADII = 2.0  # nearer than this, names may have been exchanged
+RESIDUAL_SCALES = 6.0  # robust standard deviations of the fit's residual
+NEAR = 4  # frames: doubts of one body nearer to one another are one question
+AROUND = 10  # frames to either side of one that its size is compared with
+USUAL_RADIUS = 8.0  # px, where it is not known
+MAD = 1.4826  # median absolute deviation to standard deviation, of a normal
+MOST_QUESTIONS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """Frames ``first`` to ``last`` in which the track of a body is doubtful; ``frame`` is where to look first.
+
+    ``reasons`` are the findings, the gravest first; ``severity`` orders questions, largest first.
+    ``doubts`` are those of the whole track that it asks about.
+    ``answered`` says whether a person has corrected or confirmed it.
+    """
+
+    body: str
+    frame: int
+    first: int
+    last: int
+    reasons: tuple[str, ...]
+    severity: float
+    doubts: tuple[DoubtKind, ...] = ()
+    answered: bool = False
+
+
+def questions_of(
+    tracks: Sequence[Track],
+    fit: FitResult | None = None,
+    trajectory: Trajectory | None = None,
+    confirmed: Sequence[tuple[str, int, int]] = (),
+) -> list[Question]:
+    """The doubtful frames of all tracks, most doubtful first.
+
+    Parameters
+    ----------
+    tracks
+        One per body.
+    fit, trajectory
+        The latest fit of them, where there is one.
+    confirmed
+        Body, first and last frame of what a person found right.
+    """
+    found = [question for track in tracks for question in _merged(_of_track(track, tracks))]
+    if tracks and fit is not None and trajectory is not None and fit.usable:
+        found += _merged(_of_residual(tracks[0], fit, trajectory))
+    found = [question for question in found if question.severity > 0]
+    found.sort(key=lambda question: -question.severity)
+    by_body = {track.body: track for track in tracks}
+    return [_with_answer(question, by_body[question.body], confirmed) for question in found[:MOST_QUESTIONS]]
+
+
+def _of_track(track: Track, tracks: Sequence[Track]) -> Iterable[Question]:
+    yield from _lost(track)
+    yield from _off_course(track)
+    yield from _odd_size(track)
+    yield from _uncertain(track)
+    for other in tracks:
+        if other is not track and track.body < other.body and np.array_equal(track.frame, other.frame):
+            yield from _meeting(track, other)
+    yield from _of_quality(track)
+
+
+def _of_quality(track: Track) -> Iterable[Question]:
+    """One question for each doubt about the whole track, in the middle of the frames with the body."""
+    rows = np.flatnonzero(track.valid)
+    middle = int(track.frame[rows[rows.size // 2]]) if rows.size else int(track.frame[0])
+    first, last = int(track.frame[0]), int(track.frame[-1])
+    for doubt in doubts_of(track):
+        yield Question(track.body, middle, first, last, (doubt.finding,), 3.0, (doubt.kind,))
+
+
+def _lost(track: Track) -> Iterable[Question]:
+    """Runs of frames between others in which the body is neither found nor held."""
+    held = np.zeros(track.valid.size, np.bool_) if track.hand is None else track.hand
+    found = np.flatnonzero(track.valid)
+    if not found.size:
+        return
+    inside = np.zeros(track.valid.size, np.bool_)
+    inside[found[0] : found[-1]] = True
+    for start, stop in _runs(~track.valid & ~held & inside):
+        if stop - start >= LEAST_GAP:
+            reason = f"body {track.body} is lost for {stop - start} frames"
+            yield _question(track, start, stop, start, reason, 2.0 + min(stop - start, 100) / 100)
+
+
+def _off_course(track: Track) -> Iterable[Question]:
+    """Positions far from the cubic through their four neighbours."""
+    off = _off_neighbours(track.xy_px, track.valid)
+    known = np.isfinite(off)
+    if known.sum() < 10:
+        return
+    limit = max(OFF_SCALES * MAD * float(np.median(off[known])), OFF_RADII * _radius(track), OFF_PX)
+    for start, stop in _runs(known & (off > limit)):
+        worst = start + int(np.nanargmax(off[start:stop]))
+        size = float(off[worst])
+        reason = f"body {track.body} is {size:.0f} px off the course of its neighbours"
+        yield _question(track, start, stop, worst, reason, 4.0 + min(size / limit, 20.0) / 10)
+
+
+def _off_neighbours(xy: Array, valid: Mask) -> Array:
+    """Distance (n,), px, of each position (n, 2) from the cubic through the two before and after; NaN at gaps."""
+    position = np.where(valid[:, None], xy, np.nan)
+    off = np.full(len(xy), np.nan)
+    if len(xy) >= 5:
+        foretold = (4 * (position[1:-3] + position[3:-1]) - position[:-4] - position[4:]) / 6
+        off[2:-2] = np.hypot(*(position[2:-2] - foretold).T)
+    return off
+
+
+def _odd_size(track: Track) -> Iterable[Question]:
+    """Frames in which the apparent radius is not that of the frames around."""
+    if track.radius_px is None:
+        return
+    radius = np.where(track.valid & (track.radius_px > 0), track.radius_px, np.nan)
+    usual = _moving_median(radius)
+    with np.errstate(invalid="ignore"):
+        ratio = np.maximum(radius / usual, usual / radius)
+    odd = (ratio > SIZE_RATIO) & (np.abs(radius - usual) > 1.0)
+    for start, stop in _runs(odd):
+        worst = start + int(np.nanargmax(ratio[start:stop]))
+        reason = f"body {track.body} appears {ratio[worst]:.1f} times larger or smaller than around it"
+        yield _question(track, start, stop, worst, reason, 1.5 + min(float(ratio[worst]), 5.0) / 5)
+
+
+def _uncertain(track: Track) -> Iterable[Question]:
+    """Frames in which the tracker itself knows the position badly."""
+    sigma = np.where(track.valid & ~edited_mask(track), track.sigma_px.max(axis=1), np.nan)
+    if not np.isfinite(sigma).any():
+        return
+    usual = float(np.nanmedian(sigma))
+    for start, stop in _runs(sigma > max(SIGMA_RATIO * usual, SIGMA_PX)):
+        worst = start + int(np.nanargmax(sigma[start:stop]))
+        reason = f"body {track.body} is located to {sigma[worst]:.1f} px only"
+        yield _question(track, start, stop, worst, reason, 1.0 + min(float(sigma[worst]) / usual, 50.0) / 50)
+
+
+def _meeting(track: Track, other: Track) -> Iterable[Question]:
+    """Frames in which two bodies are so near that their names may be exchanged."""
+    apart = np.hypot(*(track.xy_px - other.xy_px).T)
+    reach = MEETING_RADII * max(_radius(track), _radius(other))
+    for start, stop in _runs(track.valid & other.valid & (apart < reach)):
+        after = min(stop, track.frame.size - 1)
+        reason = f"bodies {track.body} and {other.body} meet: are their names right afterwards?"
+        yield _question(track, start, stop, after, reason, 2.5)
+
+
+def _of_residual(track: Track, fit: FitResult, trajectory: Trajectory) -> Iterable[Question]:
+    """Frames in which the data are farthest from the fit, if far beyond its usual residual."""
+    size = np.abs(fit.residual)
+    used = fit.used & np.isfinite(size).all(axis=1)
+    if used.sum() < 10:
+        return
+    scale = MAD * np.median(size[used], axis=0)
+    ratio = np.where(used, (size / np.where(scale > 0, scale, np.inf)).max(axis=1), np.nan)
+    for start, stop in _runs(ratio > RESIDUAL_SCALES):
+        worst = start + int(np.nanargmax(ratio[start:stop]))
+        at = [int(np.argmin(np.abs(track.t_s - trajectory.t_s[k]))) for k in (start, stop - 1, worst)]
+        reason = f"the data are {ratio[worst]:.0f} times the usual residual off the fit"
+        yield _question(track, at[0], at[1] + 1, at[2], reason, 1.0 + min(float(ratio[worst]), 100.0) / 50)
+
+
+def _question(track: Track, start: int, stop: int, worst: int, reason: str, severity: float) -> Question:
+    frame = track.frame
+    return Question(track.body, int(frame[worst]), int(frame[start]), int(frame[stop - 1]), (reason,), severity)
+
+
+def _merged(questions: Iterable[Question]) -> list[Question]:
+    """Questions about neighbouring frames of one body as one, with all reasons, the gravest first."""
+    merged: list[Question] = []
+    for question in sorted(questions, key=lambda q: (q.doubts, q.first)):
+        before = merged[-1] if merged else None
+        if before is None or before.doubts or question.doubts or question.first - before.last > NEAR:
+            merged.append(question)
+            continue
+        worse, milder = (question, before) if question.severity > before.severity else (before, question)
+        merged[-1] = replace(
+            worse,
+            first=min(before.first, question.first),
+            last=max(before.last, question.last),
+            reasons=tuple(dict.fromkeys([*worse.reasons, *milder.reasons])),
+        )
+    return merged
+
+
+def _with_answer(question: Question, track: Track, confirmed: Sequence[tuple[str, int, int]]) -> Question:
+    inside = (track.frame >= question.first) & (track.frame <= question.last)
+    corrected = bool(edited_mask(track)[inside].any()) and not question.doubts
+    said = any(
+        body == question.body and first <= question.first and question.last <= last for body, first, last in confirmed
+    )
+    return replace(question, answered=corrected or said)
+
+
+def _runs(flags: Mask) -> list[tuple[int, int]]:
+    """Start and stop of every run of True in flags (n,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _radius(track: Track) -> float:
+    if track.radius_px is None or not track.n_valid:
+        return USUAL_RADIUS
+    usual = np.nanmedian(track.radius_px[track.valid]) if np.isfinite(track.radius_px[track.valid]).any() else np.nan
+    return float(usual) if np.isfinite(usual) else USUAL_RADIUS
+
+
+def _moving_median(values: Array) -> Array:
+    """The median (n,) of the values (n,) up to AROUND places before and after; their unit."""
+    padded = np.concatenate([np.full(AROUND, np.nan), values, np.full(AROUND, np.nan)])
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * AROUND + 1)
+    some = np.isfinite(windows).any(axis=1)
+    medians = np.full(len(values), np.nan)
+    medians[some] = np.nanmedian(windows[some], axis=1)
+    return medians

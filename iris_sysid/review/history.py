@@ -1,0 +1,150 @@
+"""The state of a review after its edits, and the way back and forth through them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+from iris_sysid.calibration.pixel_scale import scale_bar
+from iris_sysid.errors import DataError
+from iris_sysid.registry import PHENOMENA
+from iris_sysid.review.corrected_tracks import Tracks, corrected, with_edits_of
+from iris_sysid.review.edits import (
+    ChoosePhenomenon,
+    Confirm,
+    Edit,
+    Mark,
+    PlumbLine,
+    Point,
+    Region,
+    ScaleBar,
+    Tracked,
+)
+from iris_sysid.review.log import Entry
+from iris_sysid.review.request import ReviewRequest
+from iris_sysid.types import TrackMark
+from iris_sysid.units import LENGTH_EXAMPLE, LENGTHS, parse_measure
+
+TrackReader = Callable[[str], Tracks]  # the tracks in a file of the folder
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ReviewState:
+    """Tracks and request after some edits; ``confirmed`` are body, first and last frame of what was found right."""
+
+    request: ReviewRequest
+    tracks: Tracks = ()
+    confirmed: tuple[tuple[str, int, int], ...] = ()
+
+
+def after(state: ReviewState, edit: Edit, read_tracks: TrackReader) -> ReviewState:
+    """The state after an edit.
+
+    Raises
+    ------
+    IrisError
+        When the edit cannot be made; the text says why.
+    """
+    match edit:
+        case Tracked():
+            return replace(state, tracks=with_edits_of(read_tracks(edit.file), state.tracks))
+        case Confirm():
+            confirmed = (*state.confirmed, (edit.body, edit.first, edit.last))
+            return replace(state, tracks=corrected(state.tracks, edit), confirmed=confirmed)
+        case Region() | ScaleBar() | Point() | PlumbLine() | Mark() | ChoosePhenomenon():
+            return replace(state, request=_with_request(state.request, edit))
+    return replace(state, tracks=corrected(state.tracks, edit))
+
+
+def _with_request(
+    request: ReviewRequest, edit: Region | ScaleBar | Point | PlumbLine | Mark | ChoosePhenomenon
+) -> ReviewRequest:
+    geometry, tracking = request.geometry, request.tracking
+    match edit:
+        case Region():
+            return replace(request, tracking=replace(tracking, roi=edit.roi))
+        case ScaleBar():
+            length = parse_measure(edit.length, LENGTHS, LENGTH_EXAMPLE)
+            bar = scale_bar(
+                edit.ends[:2],
+                edit.ends[2:],
+                length.value,
+                point_stderr_px=edit.sigma_px,
+                length_stderr_m=length.stderr,
+            )
+            return replace(request, calibration=bar, geometry=replace(geometry, scale_from_gravity=None))
+        case Point():
+            marks = {name: at for name, at in geometry.marks_px.items() if name != edit.name}
+            marks |= {} if edit.at is None else {edit.name: edit.at}
+            return replace(request, geometry=replace(geometry, marks_px=marks))
+        case PlumbLine():
+            return replace(request, geometry=replace(geometry, plumb_px=edit.ends))
+        case Mark():
+            mark = TrackMark(edit.body, edit.x, edit.y, edit.frame)
+            others = [old for old in tracking.marks if (old.body, old.frame) != (mark.body, mark.frame)]
+            return replace(request, tracking=replace(tracking, marks=(*others, mark)))
+        case ChoosePhenomenon():
+            return replace(request, phenomenon=PHENOMENA[edit.name])
+
+
+class History:
+    """The edits made, and the state after those that are not undone.
+
+    Attributes
+    ----------
+    state
+        After the edits that count.
+    version
+        Number of changes so far: every edit, undo and redo is one.
+    """
+
+    def __init__(self, start: ReviewState, read_tracks: TrackReader) -> None:
+        self.state = start
+        self.version = 0
+        self._start, self._read = start, read_tracks
+        self._edits: list[Edit] = []
+        self._count = 0  # edits that count; those after are undone
+
+    @property
+    def edits(self) -> list[Edit]:
+        """The edits that count, the first one first."""
+        return self._edits[: self._count]
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is an edit to undo; the first tracks are none, for nothing would be left."""
+        return self._count > 0 and not (self._count == 1 and isinstance(self._edits[0], Tracked))
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether an edit was undone, and none made since."""
+        return self._count < len(self._edits)
+
+    def tried(self, entry: Entry) -> ReviewState:
+        """The state that an entry leads to; nothing changes. IrisError says why it cannot be made."""
+        if entry.what == "edit" and entry.edit is not None:
+            return after(self.state, entry.edit, self._read)
+        if entry.what == "undo":
+            if not self.can_undo:
+                raise DataError("there is nothing to undo")
+            return self._replayed(self._edits[: self._count - 1])
+        if entry.what == "redo":
+            if not self.can_redo:
+                raise DataError("there is nothing to redo")
+            return after(self.state, self._edits[self._count], self._read)
+        return self.state
+
+    def made(self, entry: Entry, state: ReviewState) -> None:
+        """Take over the ``state`` that :meth:`tried` gave for the ``entry``."""
+        if entry.what == "edit" and entry.edit is not None:
+            self._edits = [*self.edits, entry.edit]
+            self._count += 1
+        self._count += {"undo": -1, "redo": 1}.get(entry.what, 0)
+        self.version += entry.what != "save"
+        self.state = state
+
+    def _replayed(self, edits: Iterable[Edit]) -> ReviewState:
+        state = self._start
+        for edit in edits:
+            state = after(state, edit, self._read)
+        return state

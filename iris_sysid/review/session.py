@@ -1,0 +1,364 @@
+"""One clip under review: its state and its log, the fit that follows, the tracker, and the files that are saved."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from threading import RLock, Thread
+from typing import Any
+
+import numpy as np
+
+from iris_sysid import pipeline
+from iris_sysid.errors import DataError, IrisError, TrackingError, VideoError
+from iris_sysid.io.csv_read import read_track
+from iris_sysid.io.csv_write import write_track
+from iris_sysid.io.files import sha256_of
+from iris_sysid.review.corrected_tracks import Tracks, edited_mask, empty_track
+from iris_sysid.review.edits import Edit, Tracked
+from iris_sysid.review.fit_queue import FitOutcome, FitQueue
+from iris_sysid.review.history import History, ReviewState
+from iris_sysid.review.log import LOG_NAME, Entry, LogWriter
+from iris_sysid.types import Run, Track
+from iris_sysid.video.frame_access import FrameAccess
+from iris_sysid.video.reader import Video, open_video
+
+
+class BehindError(IrisError):
+    """A change was asked for by a page that does not show the present version; ``version`` is that."""
+
+    def __init__(self, version: int) -> None:
+        super().__init__("another page has changed this review since; its state is loaded, then do it again")
+        self.version = version
+
+
+class ReplacedError(VideoError):
+    """The clip on disk is not the one that the review was opened with."""
+
+
+@dataclass(slots=True)
+class Tracking:
+    """What the tracker is doing: frames done of those expected, and why it failed; a message to a person."""
+
+    running: bool = False
+    done: int = 0
+    expected: int = 0
+    problem: str = ""
+    stop: bool = False
+
+
+class Session:
+    """A review of one clip; its methods may be called from several threads.
+
+    Attributes
+    ----------
+    clip
+        The file of the clip.
+    folder
+        Where the log is, and where results are saved.
+    frames
+        The images of the clip.
+    fits
+        The fits of the states.
+    tracking
+        What the tracker is doing.
+    saved_version
+        The version that was saved last; None where none was.
+    """
+
+    def __init__(self, clip: Path, folder: Path, start: ReviewState) -> None:
+        self.clip, self.folder = clip, folder
+        self._log: LogWriter
+        self._stamp = clip_stamp(clip)
+        self.frames = FrameAccess(open_video(clip, fps=start.request.clip.fps, keep_partial=True))
+        self.tracking = Tracking()
+        self.saved_version: int | None = None
+        self._lock = RLock()
+        self._read: dict[str, Tracks] = {}
+        self._history = History(start, self.tracks_in)
+        self.fits = FitQueue(self._run_of)
+
+    # ----------------------------------------------------------------------- state
+
+    @property
+    def video(self) -> Video:
+        """The clip whose frames are shown."""
+        return self.frames.video
+
+    @property
+    def version(self) -> int:
+        """Number of changes so far."""
+        return self._history.version
+
+    @property
+    def state(self) -> ReviewState:
+        """Tracks and request after the edits."""
+        return self._history.state
+
+    @property
+    def can_undo(self) -> bool:
+        """Whether there is an edit to undo."""
+        return self._history.can_undo
+
+    @property
+    def can_redo(self) -> bool:
+        """Whether there is an edit to redo."""
+        return self._history.can_redo
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames of the clip."""
+        tracks = self.state.tracks
+        last = int(tracks[0].frame[-1]) + 1 if tracks else 0
+        return len(self.video.frame_times) or max(self.video.n_expected, last)
+
+    def record_in(self, log: LogWriter) -> None:
+        """Write every later change to that ``log``."""
+        self._log = log
+
+    def replay(self, entry: Entry) -> None:
+        """Take over an ``entry`` that the log holds already. DataError when it does not fit to those before."""
+        self._history.made(entry, self._history.tried(entry))
+        if entry.what == "save":
+            self.saved_version = self.version
+
+    def change(self, what: str, version: int, edit: Edit | None = None) -> int:
+        """Make an edit, an undo or a redo, once it is in the log; gives the new version.
+
+        Parameters
+        ----------
+        what
+            ``edit``, ``undo`` or ``redo``.
+        version
+            The version that the person saw.
+        edit
+            The edit, where it is one.
+
+        Raises
+        ------
+        BehindError
+            When there is a later version.
+        ReplacedError
+            When the clip was replaced.
+        IrisError
+            When the edit cannot be made, or the log cannot be written; nothing has changed then.
+        """
+        if isinstance(edit, Tracked):
+            raise DataError("tracks come from the tracker: ask for tracking instead")
+        with self._lock:
+            if version != self.version:
+                raise BehindError(self.version)
+            return self._make(Entry(what, edit))
+
+    def _make(self, entry: Entry) -> int:
+        self.check_clip()
+        state = self._history.tried(entry)
+        self._log.add(entry, self.version + 1)
+        self._history.made(entry, state)
+        self.fits.ask(self.version, state)
+        return self.version
+
+    def check_clip(self) -> None:
+        """ReplacedError when the clip on disk is no longer the one that was opened."""
+        if clip_stamp(self.clip) != self._stamp:
+            raise ReplacedError(f"{self.clip.name} was replaced or changed while it was open; start the review again")
+
+    def jpeg(self, number: int, width: int | None = None) -> bytes:
+        """The frame of that ``number`` as JPEG, at most ``width`` px wide.
+
+        Raises
+        ------
+        VideoError
+            When there is no such frame.
+        ReplacedError
+            When the clip was replaced.
+        """
+        self.check_clip()
+        return self.frames.jpeg(number, width)
+
+    def tracks_in(self, file: str) -> Tracks:
+        """The tracks in a ``file`` of the folder; DataError when it is not there or damaged."""
+        if file not in self._read:
+            self._read[file] = tuple(read_track(self.folder / file))
+        return self._read[file]
+
+    # ----------------------------------------------------------------------- fit
+
+    def _run_of(self, state: ReviewState) -> Run | None:
+        """The run of a state; None where no phenomenon was chosen, or nothing tracked."""
+        request = state.request
+        if request.phenomenon is None or not state.tracks:
+            return None
+        return pipeline.run_tracked(
+            self._whole_video,
+            self.with_origin(state)[: max(1, request.phenomenon.bodies)],
+            request.phenomenon,
+            source=self.clip,
+            calibration=request.calibration,
+            settings=request.settings,
+            free=request.free,
+            clip=request.clip,
+            geometry=request.geometry,
+        )
+
+    @cached_property
+    def _whole_video(self) -> Video:
+        """The clip for fits and figures; that of the page is in use by other threads."""
+        return self._opened()
+
+    def _opened(self) -> Video:
+        clip = self.state.request.clip
+        return open_video(
+            self.clip, fps=clip.fps, start_s=clip.start_s, stop_s=clip.stop_s, keep_partial=clip.keep_partial
+        )
+
+    def with_origin(self, state: ReviewState) -> list[Track]:
+        """The tracks of a ``state``, whose origin says what it was made of and what was done by hand."""
+        options = state.request.recorded()
+        return [
+            replace(track, origin={**track.origin, "options": options, "review": _by_hand(track, state)})
+            for track in state.tracks
+        ]
+
+    # ----------------------------------------------------------------------- tracking
+
+    def track(self) -> None:
+        """Have the tracker follow the bodies anew, in a thread; DataError where it is at work already."""
+        with self._lock:
+            if self.tracking.running:
+                raise DataError("the tracker is at work already; wait for it, or stop it")
+            self.check_clip()
+            self.tracking = Tracking(running=True)
+            Thread(target=self._track, name="tracker", daemon=True).start()
+
+    def stop_tracking(self) -> None:
+        """Have the tracker end at the next frame."""
+        self.tracking.stop = True
+
+    def _track(self) -> None:
+        now = self.tracking
+        try:
+            self._add_tracks(self._followed())
+        except IrisError as error:
+            now.problem = str(error)
+        except Exception as error:  # the page shows what happened; the thread has no other reader
+            now.problem = f"unexpected {type(error).__name__}: {error}"
+        finally:
+            now.running = False
+
+    def _followed(self) -> list[Track]:
+        request, video = self.state.request, self._opened()
+        options = replace(request.track_options, progress=self._progress)
+        try:
+            tracks = pipeline.track(video, request.tracker, options)
+        except TrackingError:
+            if self.tracking.stop or self.state.tracks or not self.video.frame_times:
+                raise
+            self._add_tracks([self._nothing_found()])
+            raise
+        return pipeline.from_source(tracks, self.clip, request.recorded(), complete=video.complete)
+
+    def _nothing_found(self) -> Track:
+        """A track without any position, so that a person can place them."""
+        times = np.array(self.video.frame_times)
+        later = np.concatenate([[True], np.diff(np.maximum.accumulate(times)) > 0])
+        nothing = empty_track(times[later], np.flatnonzero(later), "1")
+        return pipeline.from_source([nothing], self.clip, self.state.request.recorded())[0]
+
+    def _progress(self, done: int, expected: int) -> None:
+        self.tracking.done, self.tracking.expected = done, expected
+        if self.tracking.stop:
+            raise TrackingError("the tracker was stopped; the tracks are as they were")
+
+    def _add_tracks(self, tracks: list[Track]) -> None:
+        """Write tracks to a new file of the folder, and make them an edit."""
+        with self._lock:
+            file = self.new_track_file()
+            write_track(tracks, self.folder / file)
+            self.add_tracks_of(file)
+
+    def add_tracks_of(self, file: str) -> None:
+        """Make the tracks in a ``file`` of the folder an edit."""
+        with self._lock:
+            self._make(Entry("edit", Tracked(file=file)))
+
+    def new_track_file(self) -> str:
+        """The name of the next file of tracks."""
+        numbers = [path.stem.rpartition("-")[2] for path in self.folder.glob("review-track-*.csv")]
+        return f"review-track-{max((int(text) for text in numbers if text.isdecimal()), default=0) + 1}.csv"
+
+    # ----------------------------------------------------------------------- save
+
+    def save(self, version: int) -> list[str]:
+        """Write the files of a run, of the version that the person saw; gives their names.
+
+        Without a fit only the track is written.
+
+        Parameters
+        ----------
+        version
+            The version shown.
+
+        Raises
+        ------
+        BehindError
+            When there is a later version.
+        IrisError
+            When nothing was tracked, or a file cannot be written.
+        """
+        if version != self.version:
+            raise BehindError(self.version)
+        self.check_clip()
+        outcome = self.fits.outcome(version, timeout_s=120.0)
+        with self._lock:
+            if version != self.version:
+                raise BehindError(self.version)
+            names = self._write(outcome)
+            self._log.add(Entry("save"), self.version)
+            self.saved_version = self.version
+            return names
+
+    def _write(self, outcome: FitOutcome | None) -> list[str]:
+        if outcome is not None and outcome.run is not None:
+            pipeline.save(outcome.run, self.folder, overwrite=True)
+            return list(pipeline.FILES)
+        if not self.state.tracks:
+            raise DataError("there is nothing to save: no body was tracked or placed")
+        write_track(self.with_origin(self.state), self.folder / "track.csv", overwrite=True)
+        return ["track.csv"]
+
+    def close(self) -> None:
+        """End the threads."""
+        self.tracking.stop = True
+        self.fits.close()
+        self.frames.close()
+
+
+def clip_stamp(clip: Path) -> tuple[int, ...]:
+    """What tells one file from another of the same name: its number, size and time of change; all of a folder's."""
+    try:
+        files = sorted(clip.iterdir()) if clip.is_dir() else [clip]
+        stats = [file.stat() for file in files]
+    except OSError as error:
+        raise ReplacedError(f"{clip} can no longer be read ({error.strerror}); start the review again") from error
+    return tuple(number for stat in stats for number in (stat.st_ino, stat.st_size, stat.st_mtime_ns))
+
+
+def _by_hand(track: Track, state: ReviewState) -> dict[str, Any]:
+    """What a person did to a track, for its origin."""
+    edited = edited_mask(track)
+    return {
+        "log": LOG_NAME,
+        "placed": int((edited & track.valid).sum()),
+        "removed": int((edited & ~track.valid).sum()),
+        "confirmed": [[first, last] for body, first, last in state.confirmed if body == track.body],
+    }
+
+
+def check_same_clip(clip: Path, origin: Mapping[str, Any]) -> None:
+    """DataError when the ``clip`` is not the one that a track's ``origin`` names by its sha256."""
+    stated = origin.get("sha256")
+    if stated is not None and sha256_of(clip) != stated:
+        raise DataError(f"{clip} is not the clip that was tracked: its sha256 differs; give that one with --clip")
