@@ -17,7 +17,7 @@ from iris_sysid.io.csv_read import read_track
 from iris_sysid.io.csv_write import write_track
 from iris_sysid.io.files import sha256_of
 from iris_sysid.review.corrected_tracks import Tracks, edited_mask, empty_track
-from iris_sysid.review.edits import Edit, Tracked
+from iris_sysid.review.edits import Edit, ScaleBar, Tracked
 from iris_sysid.review.fit_queue import FitOutcome, FitQueue
 from iris_sysid.review.history import History, ReviewState
 from iris_sysid.review.log import LOG_NAME, Entry, LogWriter
@@ -96,6 +96,12 @@ class Session:
     def state(self) -> ReviewState:
         """Tracks and request after the edits."""
         return self._history.state
+
+    @property
+    def scale_ends(self) -> tuple[float, float, float, float] | None:
+        """The ends of the scale bar that a person marked last, px; None where none was."""
+        bars = [edit.ends for edit in self._history.edits if isinstance(edit, ScaleBar)]
+        return bars[-1] if bars else None
 
     @property
     def can_undo(self) -> bool:

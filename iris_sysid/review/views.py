@@ -35,7 +35,7 @@ def state_view(session: Session, known: Sequence[Track] = ()) -> dict[str, Any]:
         "tracks": [
             {"body": track.body} if any(track is old for old in known) else _track(track) for track in state.tracks
         ],
-        "request": _request(state.request),
+        "request": {**_request(state.request), "scale_ends": session.scale_ends},
         "tracking": tracking_view(session),
     }
 
