@@ -249,7 +249,7 @@ def run(
     chosen = _phenomenon(phenomenon)
     known = dict(settings or {})
     calibration = scale_from_text(calibration) if isinstance(calibration, str) else calibration
-    _check_request(chosen, known, free, geometry)
+    check_request(chosen, known, free, geometry)
     video = open_video(source, fps=clip.fps, start_s=clip.start_s, stop_s=clip.stop_s, keep_partial=clip.keep_partial)
     if calibration is not None:
         check_image_size(calibration.image_size, (video.width, video.height))
@@ -315,7 +315,7 @@ def run_tracked(
 
     chosen = _phenomenon(phenomenon)
     known = dict(settings or {})
-    _check_request(chosen, known, free, geometry)
+    check_request(chosen, known, free, geometry)
     if geometry.scale_from_gravity is not None:
         calibration = gravity_calibration(tracks[0], chosen, geometry.scale_from_gravity)
         known["gravity"] = geometry.scale_from_gravity
@@ -361,10 +361,21 @@ def _with_capture_rate(
     return trajectory.with_(doubts=doubts), replace(result, doubts=doubts)
 
 
-def _check_request(
+def check_request(
     phenomenon: Phenomenon, settings: Mapping[str, Estimate], free: Sequence[str], geometry: GeometryOptions
 ) -> None:
-    """Refuse, before any frame is read, what this phenomenon cannot use."""
+    """Refuse, before any frame is read, what this phenomenon cannot use.
+
+    Parameters
+    ----------
+    phenomenon, settings, free, geometry
+        As for :func:`run`.
+
+    Raises
+    ------
+    UnknownNameError, CalibrationError, DataError
+        When it has no use for one of them.
+    """
     names = accepted_settings(phenomenon)
     for name in (*settings, *free):
         if name not in names or (name in free and name in phenomenon.settings):

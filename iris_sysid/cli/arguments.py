@@ -48,7 +48,7 @@ TrackerName = Annotated[
     ),
 ]
 PhenomenonName = Annotated[
-    str,
+    str | None,
     typer.Option(
         "--phenomenon",
         help="Phenomenon in the clip; see iris-sysid list. Or FILE.py:NAME.",

@@ -1,5 +1,8 @@
 """The command ``iris-sysid run``."""
 
+from pathlib import Path
+from typing import NoReturn
+
 import typer
 
 from iris_sysid.cli import _terminal
@@ -22,13 +25,13 @@ from iris_sysid.cli.arguments import (
 @with_groups
 def run(
     video: Video,
-    phenomenon: PhenomenonName,
     output: Output,
     scale: ScaleArguments,
     clip: ClipArguments,
     tracking: TrackerArguments,
     scene: SceneArguments,
     model: ModelArguments,
+    phenomenon: PhenomenonName = None,
     force: Force = False,
     json: Json = False,
     strict: Strict = False,
@@ -47,6 +50,8 @@ def run(
     from iris_sysid.types import GeometryOptions
 
     _terminal.check_outputs(video, [output / name for name in pipeline.FILES], overwrite=force)
+    if phenomenon is None:
+        _ask_for_phenomenon(video, output)
     chosen = PHENOMENA.named(phenomenon)
     if tracking.tracker is not None:
         TRACKERS.named(tracking.tracker)  # refuses an unknown name before the clip is opened
@@ -81,3 +86,21 @@ def run(
     _terminal.check_usable(result.fit)
     _terminal.suggest("diagnose", output, "-o", output / "diagnosis", json=json)
     _terminal.end(result.fit.verdict, strict)
+
+
+def _ask_for_phenomenon(video: Path, output: Path) -> NoReturn:
+    """List on stderr what a clip may show, and how to say it; exit status 2, once the clip can be read."""
+    from iris_sysid.registry import PHENOMENA
+    from iris_sysid.video.reader import open_video
+
+    open_video(video, fps=1.0)
+    typer.echo(
+        f"what moves in {_terminal.one_line(video.name)}? say it with --phenomenon NAME, or on the page:", err=True
+    )
+    summaries = PHENOMENA.summaries()
+    width = max(map(len, summaries))
+    for name, summary in summaries.items():
+        typer.echo(f"  {name:<{width}}  {summary}", err=True)
+    _terminal.suggest("review", video, "-o", output)
+    _terminal.suggest("run", video, "--phenomenon", "NAME", "-o", output)
+    raise typer.Exit(2)

@@ -13,6 +13,7 @@ from iris_sysid.io.archives import member_of
 from iris_sysid.io.csv_read import read_track
 from iris_sysid.io.csv_write import write_track
 from iris_sysid.io.files import check_writable
+from iris_sysid.pipeline import check_request
 from iris_sysid.review.edits import Tracked
 from iris_sysid.review.history import ReviewState
 from iris_sysid.review.log import LOG_NAME, Entry, LogWriter, read_log
@@ -50,6 +51,8 @@ def open_clip(clip: Path, folder: Path, request: ReviewRequest) -> Session:
     if is_result(folder):
         raise DataError(f"{folder} holds results already: open them, iris-sysid review {folder}, or give another -o")
     check_writable(folder / LOG_NAME)
+    if request.phenomenon is not None:
+        check_request(request.phenomenon, request.settings, request.free, request.geometry)
     session = Session(clip, folder, ReviewState(request))
     _begin(session, request)
     return session
@@ -97,7 +100,7 @@ def open_result(folder: Path, clip: Path | None = None, calibration: Calibration
 
 def _open_run(folder: Path, clip: Path | None, calibration: Calibration | None) -> Session:
     tracks = read_track(folder / TRACK)
-    origin = tracks[0].origin
+    origin = {} if tracks[0].origin.get("source") == TRACK else tracks[0].origin  # a table that was typed by hand
     options = origin.get("options")
     request = request_of(options if isinstance(options, Mapping) else {}, calibration)
     found = clip or _found(folder, str(origin.get("source") or ""))
@@ -116,12 +119,20 @@ def _begin(session: Session, request: ReviewRequest) -> None:
     if request.calibration is not None:
         write_calibration(request.calibration, session.folder / CALIBRATION, overwrite=True)
     header = {
-        "clip": os.path.relpath(session.clip, session.folder),
+        "clip": _relative(session.clip, session.folder),
         "size": clip_stamp(session.clip)[1],
         "calibration": None if request.calibration is None else CALIBRATION,
         "request": _plain(request),
     }
     session.record_in(LogWriter(session.folder / LOG_NAME, header))
+
+
+def _relative(clip: Path, folder: Path) -> str:
+    """The way from the folder to the clip; the whole path where there is none, as between drives of Windows."""
+    try:
+        return os.path.relpath(clip, folder)
+    except ValueError:
+        return str(clip.resolve())
 
 
 def _plain(request: ReviewRequest) -> dict[str, Any]:

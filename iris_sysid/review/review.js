@@ -452,6 +452,7 @@ function drawCurves() {
   const edited = editedTimes();
   $("curve-title").textContent = `${curve.name}${curve.unit ? ` in ${curve.unit}` : ""}${curve.fit ? ", with the fit" : ""}`;
   plot(pen, width, height, curve.t, [
+    ...(curve.left_out ? [{ values: curve.left_out, ink: colour("soft"), dots: true, rings: edited }] : []),
     { values: curve.data, ink: colour("data"), dots: true, rings: edited },
     ...(curve.fit ? [{ values: curve.fit, ink: colour("fit") }] : []),
   ]);

@@ -13,6 +13,7 @@ import numpy as np
 
 from iris_sysid import pipeline
 from iris_sysid.errors import DataError, IrisError, TrackingError, VideoError
+from iris_sysid.io.archives import member_of
 from iris_sysid.io.csv_read import read_track
 from iris_sysid.io.csv_write import write_track
 from iris_sysid.io.files import sha256_of
@@ -71,8 +72,9 @@ class Session:
     def __init__(self, clip: Path, folder: Path, start: ReviewState) -> None:
         self.clip, self.folder = clip, folder
         self._log: LogWriter
+        video = open_video(clip, fps=start.request.clip.fps, keep_partial=True)
         self._stamp = clip_stamp(clip)
-        self.frames = FrameAccess(open_video(clip, fps=start.request.clip.fps, keep_partial=True))
+        self.frames = FrameAccess(video)
         self.tracking = Tracking()
         self.saved_version: int | None = None
         self._lock = RLock()
@@ -344,8 +346,9 @@ class Session:
 
 def clip_stamp(clip: Path) -> tuple[int, ...]:
     """What tells one file from another of the same name: its number, size and time of change; all of a folder's."""
+    path, _ = member_of(clip)
     try:
-        files = sorted(clip.iterdir()) if clip.is_dir() else [clip]
+        files = sorted(path.iterdir()) if path.is_dir() else [path]
         stats = [file.stat() for file in files]
     except OSError as error:
         raise ReplacedError(f"{clip} can no longer be read ({error.strerror}); start the review again") from error

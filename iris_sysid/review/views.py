@@ -174,13 +174,14 @@ def _curves(run: Run) -> list[dict[str, Any]]:
     for k, quantity in enumerate(fit.model.observed):
         unit, factor = shown_unit(quantity.unit)
         column = k if len(fit.model.observed) == trajectory.position.shape[1] else trajectory.column(quantity.name)
-        data = np.where(trajectory.valid, trajectory.position[:, column], np.nan)
+        data = trajectory.position[:, column]
         curves.append(
             {
                 "name": quantity.name,
                 "unit": unit,
                 "t": _numbers(trajectory.t_s, 6),
-                "data": _significant(factor * data),
+                "data": _significant(factor * np.where(trajectory.valid, data, np.nan)),
+                "left_out": _significant(factor * np.where(trajectory.valid, np.nan, data)),
                 "fit": _significant(factor * fit.predicted[:, k]),
                 "residual": _significant(factor * fit.residual[:, k]),
             }

@@ -24,5 +24,5 @@ def test_track_that_nobody_edited_has_no_such_column(tmp_path):
 def test_cell_that_is_neither_is_refused(tmp_path):
     path = tmp_path / "track.csv"
     path.write_text("t_s,x_px,y_px,edited\n0,1,1,0\n1,1,1,perhaps\n")
-    with pytest.raises(DataError, match="edited.*neither 1 nor 0"):
+    with pytest.raises(DataError, match=r"edited.*neither 1 nor 0"):
         read_track(path)

@@ -228,10 +228,10 @@ def test_browser_that_dies_loses_nothing(project, tmp_path):
 
 @pytest.mark.slow
 def test_page_that_is_behind_shows_the_newer_state(project, tmp_path):
-    with served(project / "out") as address:
-        with started_browser(tmp_path / "one") as driver, started_browser(tmp_path / "two") as other:
-            first, second = Screen(driver, address), Screen(other, address)
-            first.go_to(60)
-            second.go_to(60)
-            first.click(100, 60)
-            second.until(lambda: "edited" in second.find("stage").get_attribute("aria-label"))
+    one, two = started_browser(tmp_path / "one"), started_browser(tmp_path / "two")
+    with served(project / "out") as address, one as driver, two as other:
+        first, second = Screen(driver, address), Screen(other, address)
+        first.go_to(60)
+        second.go_to(60)
+        first.click(100, 60)
+        second.until(lambda: "edited" in second.find("stage").get_attribute("aria-label"))
