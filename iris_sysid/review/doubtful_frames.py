@@ -21,6 +21,7 @@ OFF_SCALES, OFF_RADII, OFF_PX = (
     0.6,
     2.0,
 )  # a position off its neighbours' course by more than all three is doubtful
+LONGEST_EXCURSION, SAME_SIZE = 60, 0.5  # frames; two leaps cancel each other to this share of their size
 SIZE_RATIO = 1.4  # times the median radius thereabouts
 SIGMA_RATIO, SIGMA_PX = 6.0, 0.5  # times the median standard error, and px at least
 MEETING_RADII = 2.0  # nearer than this, names may have been exchanged
@@ -118,11 +119,49 @@ def _off_course(track: Track) -> Iterable[Question]:
     if known.sum() < 10:
         return
     limit = max(OFF_SCALES * MAD * float(np.median(off[known])), OFF_RADII * _radius(track), OFF_PX)
-    for start, stop in _runs(known & (off > limit)):
+    places = _runs(known & (off > limit))
+    excursions = list(_excursions(track, places))
+    for start, stop in excursions:
+        reason = f"body {track.body} is elsewhere for {stop - start} frames"
+        yield _question(track, start, stop, start, reason, 7.0)
+    for start, stop in places:
+        if any(first <= stop and start <= last for first, last in excursions):
+            continue
         worst = start + int(np.nanargmax(off[start:stop]))
         size = float(off[worst])
         reason = f"body {track.body} is {size:.0f} px off the course of its neighbours"
         yield _question(track, start, stop, worst, reason, 4.0 + min(size / limit, 20.0) / 10)
+
+
+def _excursions(track: Track, places: Sequence[tuple[int, int]]) -> Iterable[tuple[int, int]]:
+    """Start and stop of the frames between a leap and one back, at two successive places off the course."""
+    leaps = _leaps(track.xy_px)
+    before: tuple[int, Array] | None = None
+    for start, stop in places:
+        near = np.arange(max(0, start - 1), min(stop + 1, len(leaps)))
+        sizes = np.hypot(*leaps[near].T)
+        if not np.isfinite(sizes).any():
+            continue
+        at = int(near[int(np.nanargmax(sizes))])
+        leap = leaps[at]
+        if before is not None and at - before[0] <= LONGEST_EXCURSION:
+            sum_of_both = float(np.hypot(*(leap + before[1])))
+            if sum_of_both < SAME_SIZE * max(float(np.hypot(*leap)), float(np.hypot(*before[1]))):
+                yield before[0] + 1, at + 1
+                before = None
+                continue
+        before = (at, leap)
+
+
+def _leaps(xy: Array) -> Array:
+    """What each step (n - 1, 2), px, is beyond the median of the two steps before and after it; positions (n, 2)."""
+    steps = np.diff(xy, axis=0)
+    padded = np.concatenate([np.full((2, 2), np.nan), steps, np.full((2, 2), np.nan)])
+    around = np.stack([padded[k : k + len(steps)] for k in (0, 1, 3, 4)])
+    known = np.isfinite(around).any(axis=0)
+    usual = np.zeros_like(steps)
+    usual[known] = np.nanmedian(around[:, known], axis=0)
+    return np.asarray(steps - usual)
 
 
 def _off_neighbours(xy: Array, valid: Mask) -> Array:
