@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from iris_sysid.review.corrected_tracks import doubts_of, edited_mask
+from iris_sysid.review.corrected_tracks import doubts_of, edited_mask, in_frame_px
 from iris_sysid.types import Array, DoubtKind, FitResult, Mask, Track, Trajectory
 
 LEAST_GAP = 3  # frames: a shorter gap is bridged without harm
+EDGE_RADII = 2.0  # a body whose centre is nearer to the edge, and a step, may leave the image with the next frame
 OFF_SCALES, OFF_RADII, OFF_PX = (
     8.0,
     0.6,
@@ -57,6 +58,7 @@ def questions_of(
     fit: FitResult | None = None,
     trajectory: Trajectory | None = None,
     confirmed: Sequence[tuple[str, int, int]] = (),
+    image_size: tuple[int, int] | None = None,
 ) -> list[Question]:
     """The doubtful frames of all tracks, most doubtful first.
 
@@ -68,8 +70,10 @@ def questions_of(
         The latest fit of them, where there is one.
     confirmed
         Body, first and last frame of what a person found right.
+    image_size
+        Width and height of the images, px: a body that leaves them is not lost.
     """
-    found = [question for track in tracks for question in _merged(_of_track(track, tracks))]
+    found = [question for track in tracks for question in _merged(_of_track(track, tracks, image_size))]
     if tracks and fit is not None and trajectory is not None and fit.usable:
         found += _merged(_of_residual(tracks[0], fit, trajectory))
     found = [question for question in found if question.severity > 0]
@@ -78,8 +82,8 @@ def questions_of(
     return [_with_answer(question, by_body[question.body], confirmed) for question in found[:MOST_QUESTIONS]]
 
 
-def _of_track(track: Track, tracks: Sequence[Track]) -> Iterable[Question]:
-    yield from _lost(track)
+def _of_track(track: Track, tracks: Sequence[Track], image_size: tuple[int, int] | None) -> Iterable[Question]:
+    yield from _lost(track, image_size)
     yield from _off_course(track)
     yield from _odd_size(track)
     yield from _uncertain(track)
@@ -98,8 +102,8 @@ def _of_quality(track: Track) -> Iterable[Question]:
         yield Question(track.body, middle, first, last, (doubt.finding,), 3.0, (doubt.kind,))
 
 
-def _lost(track: Track) -> Iterable[Question]:
-    """Runs of frames between others in which the body is neither found nor held."""
+def _lost(track: Track, image_size: tuple[int, int] | None) -> Iterable[Question]:
+    """Runs of frames between others in which the body is neither found nor held, and has not left the image."""
     held = np.zeros(track.valid.size, np.bool_) if track.hand is None else track.hand
     found = np.flatnonzero(track.valid)
     if not found.size:
@@ -107,9 +111,21 @@ def _lost(track: Track) -> Iterable[Question]:
     inside = np.zeros(track.valid.size, np.bool_)
     inside[found[0] : found[-1]] = True
     for start, stop in _runs(~track.valid & ~held & inside):
-        if stop - start >= LEAST_GAP:
+        if stop - start >= LEAST_GAP and not _out_of_image(track, start, stop, image_size):
             reason = f"body {track.body} is lost for {stop - start} frames"
             yield _question(track, start, stop, start, reason, 2.0 + min(stop - start, 100) / 100)
+
+
+def _out_of_image(track: Track, start: int, stop: int, image_size: tuple[int, int] | None) -> bool:
+    """Whether a body was at the edge of the image both before and after a gap, given how far it goes in a frame."""
+    if image_size is None:
+        return False
+    xy = in_frame_px(track)
+    steps = np.hypot(*np.diff(xy[track.valid], axis=0).T)
+    reach = EDGE_RADII * _radius(track) + (float(np.quantile(steps, 0.9)) if steps.size else 0.0)
+    ends = xy[[start - 1, stop]]
+    inside = np.minimum(ends, np.array(image_size) - 1 - ends).min(axis=1)
+    return bool((inside < reach).all())
 
 
 def _off_course(track: Track) -> Iterable[Question]:
@@ -197,7 +213,7 @@ def _uncertain(track: Track) -> Iterable[Question]:
     usual = float(np.nanmedian(sigma))
     for start, stop in _runs(sigma > max(SIGMA_RATIO * usual, SIGMA_PX)):
         worst = start + int(np.nanargmax(sigma[start:stop]))
-        reason = f"body {track.body} is located to {sigma[worst]:.1f} px only"
+        reason = f"the tracker knows the position of body {track.body} to {sigma[worst]:.2g} px only"
         yield _question(track, start, stop, worst, reason, 1.0 + min(float(sigma[worst]) / usual, 50.0) / 50)
 
 

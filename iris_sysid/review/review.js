@@ -66,7 +66,7 @@ function change(path, more = {}) {
       say("");
     } catch (error) {
       say(error.message);
-      if (error.status === 409) await reload();
+      if (error.status) await reload(); // what was drawn before the answer did not come to be
     }
   });
   return queue;
@@ -100,6 +100,7 @@ async function reload() {
 
 async function askForFit() {
   const version = state.version;
+  if (!tracks.size) return;
   $("fit-status").textContent = "fitting …";
   try {
     const answer = await ask(`/api/fit?version=${version}`);

@@ -66,7 +66,9 @@ def fit_view(session: Session, outcome: FitOutcome) -> dict[str, Any]:
     """The fit of a version beside the fit before it, its curves, and the questions about the tracks."""
     run, state = outcome.run, session.state
     fit, trajectory = (None, None) if run is None else (run.fit, run.trajectory)
-    questions = questions_of(state.tracks, fit, trajectory, state.confirmed)
+    questions = questions_of(
+        state.tracks, fit, trajectory, state.confirmed, (session.video.width, session.video.height)
+    )
     return {
         "version": outcome.version,
         "problem": outcome.problem,

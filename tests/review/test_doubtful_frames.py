@@ -90,6 +90,15 @@ def test_gap_is_asked_about_where_it_begins_and_short_or_held_ones_are_not():
     assert "lost for 8 frames" in question.reasons[0]
 
 
+def test_body_that_leaves_the_image_is_not_lost():
+    valid = np.ones(N, bool)
+    valid[30:45] = False  # about the left turn, at x = 40
+    track = swing(valid=valid, xy_px=np.where(valid[:, None], swing().xy_px, np.nan))
+    assert len(asked(track, image_size=(320, 180))) == 1
+    shifted = swing(valid=valid, xy_px=np.where(valid[:, None], swing().xy_px - (60.0, 0.0), np.nan))
+    assert asked(shifted, image_size=(320, 180)) == []
+
+
 def test_frames_before_the_body_comes_in_are_not_asked_about():
     valid = np.arange(N) > 80
     assert asked(swing(valid=valid)) == []
