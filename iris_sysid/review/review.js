@@ -81,6 +81,9 @@ function take(next) {
   tracks.clear();
   for (const track of next.tracks) tracks.set(track.body, track.frame ? prepared(track) : before.get(track.body));
   state = next;
+  const numbers = tracks.values().next().value?.frame;
+  if (numbers && !clip.times.length) clip.frames = Math.max(clip.frames, numbers.at(-1) + 1);
+  $("frame").max = Math.max(0, clip.frames - 1);
   if (!tracks.has(body) && !$("body").dataset.fresh) body = tracks.keys().next().value ?? "1";
   showState();
   draw();

@@ -275,6 +275,10 @@ RENDER_TABLE = [
 ]
 
 OTHER_TABLE = [
+    ("review no.mp4 -o out --no-browser", "there is no file no.mp4"),
+    ("review text.mp4 -o out --no-browser", "text.mp4 cannot be read as a video"),
+    ("review one_frame.mp4 -o out --phenomenon nosuch --no-browser", "no phenomenon is named 'nosuch'"),
+    ("review one_frame.mp4 -o good.csv --no-browser", "is a file, not a folder"),
     ("gt nothere -o p.json", "nothere is no folder that can be read"),
     ("gt taken -o p.json", "taken has no class of a data set"),
     ("gt taken --measured good.csv -o p.json", "good.csv: Invalid JSON"),
