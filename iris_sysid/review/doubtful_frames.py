@@ -160,6 +160,8 @@ def _excursions(track: Track, places: Sequence[tuple[int, int]]) -> Iterable[tup
             continue
         at = int(near[int(np.nanargmax(sizes))])
         leap = leaps[at]
+        if np.hypot(*np.nansum(leaps[near], axis=0)) < SAME_SIZE * np.nanmax(sizes):
+            continue  # there and back within the place
         if before is not None and at - before[0] <= LONGEST_EXCURSION:
             sum_of_both = float(np.hypot(*(leap + before[1])))
             if sum_of_both < SAME_SIZE * max(float(np.hypot(*leap)), float(np.hypot(*before[1]))):

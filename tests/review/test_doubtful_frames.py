@@ -47,9 +47,9 @@ def test_track_that_is_right_is_not_asked_about():
 
 
 def test_points_beside_the_body_are_asked_about_with_the_distance():
-    rows = [50, 120, 200]
+    rows = [50, 120, 135, 200]
     questions = asked(swing(**moved(swing(), rows, (15.0, 0.0))))
-    assert sorted(question.frame for question in questions) == [60, 130, 210]
+    assert sorted(question.frame for question in questions) == [60, 130, 145, 210]
     assert "15 px off the course" in questions[0].reasons[0]
 
 
