@@ -782,7 +782,11 @@ async function swap() {
 
 async function choosePhenomenon() {
   const name = await askChoice("What moves in the clip?", "It decides how the track is read, and which equation is fitted.", clip.phenomena, state.request.phenomenon);
-  if (name) edit("phenomenon", { name });
+  if (!name) return;
+  const tracker = state.request.tracker;
+  await edit("phenomenon", { name });
+  const anew = state.request.tracker !== tracker || state.request.bodies > tracks.size;
+  if (state.request.phenomenon === name && anew && tracks.size && !state.tracking.running) toggleTracking();
 }
 
 async function toggleTracking() {
@@ -839,7 +843,7 @@ function askChoice(title, text, choices, chosen) {
   const labels = entries.map(([name, about], k) => {
     const label = document.createElement("label");
     const radio = document.createElement("input");
-    Object.assign(radio, { type: "radio", name: "choice", value: name, checked: chosen ? name === chosen : k === 0 });
+    Object.assign(radio, { type: "radio", name: "choice", value: name, checked: chosen ? name === chosen : Array.isArray(choices) && k === 0 });
     const more = document.createElement("small");
     more.textContent = about;
     label.append(radio, ` ${name}`, more);

@@ -97,8 +97,9 @@ class Screen:
         from selenium.webdriver.common.by import By
 
         self.driver, self.size, self.by = driver, size, By
-        driver.get(address)
-        self.until(lambda: self.text("fit-status").startswith("fitted"))
+        if address is not None:
+            driver.get(address)
+            self.until(lambda: self.text("fit-status").startswith("fitted"))
 
     def find(self, name):
         return self.driver.find_element(self.by.ID, name)
@@ -192,6 +193,21 @@ def test_three_points_are_corrected_the_scale_is_set_and_the_value_changes(wrong
     length = read_document(project / "out" / "fit.json", FitDocument).parameters["length"]
     assert now.startswith(f"{length.value:.3f}")
     assert abs(length.value - 0.5) < 0.002
+
+
+@pytest.mark.slow
+def test_page_asks_what_moves_and_fits_what_is_chosen(project, driver, tmp_path):
+    with served(project / "pendulum.mp4", "-o", tmp_path / "new") as address:
+        driver.get(address)
+        screen = Screen(driver, None)
+        screen.until(lambda: screen.find("dialog").get_attribute("open"))
+        screen.until(lambda: screen.text("track") == "Track again")
+        driver.find_element(screen.by.CSS_SELECTOR, "#dialog input[value='pendulum']").click()
+        screen.find("dialog-yes").click()
+        screen.until(
+            lambda: screen.value("length", NOW).startswith("0.5") or screen.value("length", NOW).startswith("0.49")
+        )
+        assert screen.errors() == []
 
 
 @pytest.mark.slow
