@@ -676,7 +676,7 @@ function showParts() {
     const swatch = document.createElement("span");
     swatch.className = "swatch";
     swatch.style.background = ink;
-    item.append(swatch, `${part.name} ${Math.round(100 * part.share)} %`);
+    item.append(swatch, `${part.name} ${part.share < 0.005 ? "under 1" : Math.round(100 * part.share)} %`);
     return item;
   });
   $("parts-list").replaceChildren(...items);
