@@ -62,7 +62,7 @@ COMMANDS = {
 
 # The commands in the help, by what a user has; one that is in no group comes under the last heading.
 GROUPS = {
-    "One clip": ("run", "calibrate", "frame", "track", "import"),
+    "One clip": ("run", "review", "calibrate", "frame", "track", "import"),
     "One table": ("smooth", "fit", "diagnose", "plan", "discover"),
     "Many clips": ("class", "gt", "benchmark"),
     "Synthetic clips": ("demo", "render", "tensors"),

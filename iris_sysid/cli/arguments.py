@@ -47,14 +47,13 @@ TrackerName = Annotated[
         autocompletion=_completion.trackers,
     ),
 ]
-PhenomenonName = Annotated[
-    str | None,
-    typer.Option(
-        "--phenomenon",
-        help="Phenomenon in the clip; see iris-sysid list. Or FILE.py:NAME.",
-        autocompletion=_completion.phenomena,
-    ),
-]
+PHENOMENON = typer.Option(
+    "--phenomenon",
+    help="Phenomenon in the clip; see iris-sysid list. Or FILE.py:NAME.",
+    autocompletion=_completion.phenomena,
+)
+PhenomenonName = Annotated[str, PHENOMENON]
+PhenomenonAsked = Annotated[str | None, PHENOMENON]
 KeepPartial = Annotated[bool, typer.Option("--keep-partial", help="Use the readable part of a damaged file.")]
 Settings = Annotated[list[str] | None, typer.Option("--set", help="A known value: gravity=9.79+-0.01, length=50cm.")]
 Free = Annotated[list[str] | None, typer.Option("--free", help="Estimate this constant too, e.g. gravity.")]

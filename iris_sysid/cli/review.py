@@ -14,6 +14,7 @@ from iris_sysid.cli.arguments import (
     Bodies,
     ClipArguments,
     ModelArguments,
+    PhenomenonAsked,
     ScaleArguments,
     SceneArguments,
     TrackerArguments,
@@ -31,7 +32,7 @@ def review(
     tracking: TrackerArguments,
     scene: SceneArguments,
     model: ModelArguments,
-    phenomenon: Annotated[str | None, typer.Option(help="Phenomenon in the clip; the page asks without it.")] = None,
+    phenomenon: PhenomenonAsked = None,
     bodies: Bodies = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder for log and results; default CLIP-review.")
