@@ -103,7 +103,7 @@ def _open_run(folder: Path, clip: Path | None, calibration: Calibration | None) 
     origin = {} if tracks[0].origin.get("source") == TRACK else tracks[0].origin  # a table that was typed by hand
     options = origin.get("options")
     request = request_of(options if isinstance(options, Mapping) else {}, calibration)
-    found = clip or _found(folder, str(origin.get("source") or ""))
+    found = clip or _found(folder, Path(str(origin.get("source") or "")).name)
     check_same_clip(found, origin)
     session = Session(found, folder, ReviewState(request))
     file = session.new_track_file()

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from iris_sysid.calibration.pixel_scale import scale
-from iris_sysid.errors import DataError
+from iris_sysid.errors import DataError, IrisError
 from iris_sysid.pipeline import AUTO, NO_GEOMETRY, WHOLE_CLIP, request_origin
-from iris_sysid.registry import PHENOMENA
+from iris_sysid.registry import PHENOMENA, TRACKERS
 from iris_sysid.types import (
     Calibration,
     ClipOptions,
@@ -74,14 +74,14 @@ def request_of(options: Mapping[str, Any], calibration: Calibration | None = Non
     DataError
         When they are damaged, or record a camera whose file has to be given again.
     UnknownNameError
-        When the phenomenon is not installed.
+        When the phenomenon or the tracker is not installed.
     """
     try:
         name = options.get("phenomenon")
         phenomenon = PHENOMENA[str(name)] if name else None
         tracker = options.get("tracker")
         if phenomenon is not None and tracker:
-            phenomenon = replace(phenomenon, tracker=str(tracker))
+            phenomenon = replace(phenomenon, tracker=TRACKERS[str(tracker)].name)  # [], which runs no file named there
         return ReviewRequest(
             phenomenon=phenomenon,
             calibration=calibration or _scale_of(options.get("scale")),
@@ -101,7 +101,7 @@ def request_of(options: Mapping[str, Any], calibration: Calibration | None = Non
             tracking=_tracking_of(options),
         )
     except (TypeError, ValueError, KeyError, AttributeError, IndexError) as error:
-        if isinstance(error, DataError):
+        if isinstance(error, IrisError):
             raise
         raise DataError(f"the request recorded in the track's origin file is damaged: {error}") from error
 
