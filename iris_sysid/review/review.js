@@ -699,7 +699,9 @@ function showQuestion() {
   if (!questions.length) return question("No frame looks doubtful.");
   if (!one) return question(open ? `${open} of ${questions.length} doubtful places are open.` : `All doubtful places (${questions.length}) are answered.`);
   const place = one.doubts.length ? "" : one.first === one.last ? `Frame ${one.first}: ` : `Frames ${one.first} to ${one.last}: `;
-  question(`${asked + 1} of ${questions.length}${one.answered ? " (answered)" : ""}. ${place}${one.reason}.`);
+  const reason = place ? one.reason : one.reason.replace(/^./, (letter) => letter.toUpperCase());
+  const remedy = one.doubts.length && !one.answered ? " Show the body in a frame or two (2), then track again (T)." : "";
+  question(`${asked + 1} of ${questions.length}${one.answered ? " (answered)" : ""}. ${place}${reason}.${remedy}`);
 }
 
 function nextQuestion(step, byPerson = true) {
