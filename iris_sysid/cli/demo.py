@@ -54,6 +54,7 @@ def run_demo(folder: Path, *, overwrite: bool = False, progress: Callable[[int, 
     from iris_sysid.pipeline import check_folder, run, save
     from iris_sysid.report import diagnosis_files, diagnosis_page
     from iris_sysid.report.diagnosis_text import diagnosis_text
+    from iris_sysid.report.film import Footage
     from iris_sysid.report.text import residual_text, verdict_lines
 
     report, diagnosis_folder = folder / "report", folder / "diagnosis"
@@ -64,7 +65,13 @@ def run_demo(folder: Path, *, overwrite: bool = False, progress: Callable[[int, 
     diagnosis = diagnose(result.trajectory, result.fit.model, free=result.phenomenon.free)
     pages = [
         save(result, report, overwrite=overwrite),
-        diagnosis_page.write_diagnosis(diagnosis, result.trajectory, diagnosis_folder, overwrite=overwrite),
+        diagnosis_page.write_diagnosis(
+            diagnosis,
+            result.trajectory,
+            diagnosis_folder,
+            footage=Footage(result.video, result.tracks),
+            overwrite=overwrite,
+        ),
     ]
     return "\n".join(
         [

@@ -23,6 +23,7 @@ from iris_sysid.cli.arguments import (
 
 if TYPE_CHECKING:
     from iris_sysid.diagnosis.planning.plan import Plan
+    from iris_sysid.report.film import Footage
     from iris_sysid.types import Diagnosis, OdeModel, Trajectory
 
 Clips = Annotated[
@@ -183,7 +184,8 @@ def diagnose(
     from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
 
     planned = None if stopped else _planned(diagnosis, trajectories)
-    page = write_diagnosis(diagnosis, trajectories, output, planned=planned, overwrite=force)
+    footage = _footage(clips[0], measured[0])
+    page = write_diagnosis(diagnosis, trajectories, output, planned=planned, footage=footage, overwrite=force)
     if json:
         typer.echo(document_text(diagnosis_document(diagnosis, trajectories)).rstrip("\n"))
     typer.echo(f"report: {page}", err=True)
@@ -196,6 +198,14 @@ def diagnose(
         given = _terminal.repeated("--set", known)
         _terminal.suggest("discover", *tables, *named, *same, *given, "-o", found, json=json)
     _terminal.end(diagnosis.verdict, strict)
+
+
+def _footage(path: Path, clip: "Trajectory") -> "Footage | None":
+    """The frames of the first clip for the page, where ``run`` measured it and it still lies near its table."""
+    from iris_sysid.benchmark.clip_folders import is_dataset, tables_in
+    from iris_sysid.report.film import footage_of_table
+
+    return None if is_dataset(path) else footage_of_table(tables_in(path)[0], clip)
 
 
 def _how_to_end(seconds: float | None) -> str:

@@ -11,10 +11,11 @@ from iris_sysid.calibration.plane import local_geometry
 from iris_sysid.calibration.vertical import assumptions, fixed_by_data
 from iris_sysid.errors import CalibrationError
 from iris_sysid.report.page import Section, estimates_section, numbers, words
-from iris_sysid.report.text import shown_unit, with_error
+from iris_sysid.report.text import main_names, shown_unit, with_error
 from iris_sysid.types import Calibration, Estimate, FitResult, Track
 
 RANDOM = "random"
+SMALLEST = 0.0005  # of the variance; a smaller part is "0.0 %"
 SPELLED = {RANDOM: "tracking noise and other random errors"}
 NOTE = (
     "Standard errors in the unit of the total. The parts are independent and add in squares (GUM 5.1.2). Systematic "
@@ -23,29 +24,37 @@ NOTE = (
 
 
 def budget_sections(fit: FitResult) -> list[Section]:
-    """One table: the standard error of each parameter of the ``fit`` by source, and its fraction of the variance."""
+    """One table: the standard error of each parameter of the ``fit`` by source, and its fraction of the variance.
+
+    Out of sight are the parameters that nobody came for, and parts that round to 0.0 % of the variance.
+    """
     rows: list[tuple[str, ...]] = []
+    more: list[tuple[str, ...]] = []
+    main = main_names(fit)
     for name, parts in fit.budget.items():
         if name in fit.estimates and all(map(math.isfinite, parts.values())):
-            rows += _rows(name, fit.estimates[name], parts, fit.estimates)
-    if not rows:
+            shown, small = _rows(name, fit.estimates[name], parts, fit.estimates)
+            rows += shown if name in main else []
+            more += small if name in main else [*shown, *small]
+    if not rows and not more:
         return []
     columns = (*words("parameter", "source", "kind"), *numbers("standard error", "of the variance"))
-    return [Section("Uncertainty budget", columns, rows, lines=[NOTE])]
+    return [Section("Uncertainty budget", columns, rows, lines=[NOTE], more=more)]
 
 
 def _rows(
     name: str, total: Estimate, parts: Mapping[str, float], known: Mapping[str, Estimate]
-) -> list[tuple[str, ...]]:
+) -> tuple[list[tuple[str, ...]], list[tuple[str, ...]]]:
+    """The rows of one parameter, its total first; then those of parts that round to 0.0 %."""
     variance, (unit, factor) = sum(part**2 for part in parts.values()), shown_unit(total.unit)
     rows: list[tuple[str, ...]] = [(name, "total", "", f"{factor * math.sqrt(variance):.2g} {unit}".strip(), "")]
+    small: list[tuple[str, ...]] = []
     for source, part in sorted(parts.items(), key=lambda item: -item[1]):
         if part > 0:
             kind = "random" if source == RANDOM else "systematic"
-            rows.append(
-                ("", _spelled(source, known), kind, f"{factor * part:.2g}", f"{100 * part**2 / variance:.1f} %")
-            )
-    return rows
+            cells = (_spelled(source, known), kind, f"{factor * part:.2g}", f"{100 * part**2 / variance:.1f} %")
+            (rows if part**2 >= SMALLEST * variance else small).append((name, *cells))
+    return rows, small
 
 
 def _spelled(source: str, known: Mapping[str, Estimate]) -> str:

@@ -1,4 +1,4 @@
-"""One page a clip: the track on the video, the trajectory with its fit, then the numbers."""
+"""One page a clip: the number and whether it can be used, the clip with its model, the residual; tables last."""
 
 from __future__ import annotations
 
@@ -7,16 +7,25 @@ from pathlib import Path
 from iris_sysid.io.files import check_writable, write_atomic
 from iris_sysid.report.budget import budget_sections, calibration_section
 from iris_sysid.report.figures import fit_figure, track_figure
+from iris_sysid.report.film import Footage, film_of
 from iris_sysid.report.identifiability import identifiability_sections
-from iris_sysid.report.page import Page, PageImage, Section, estimates_section, html_of, png_of, words
-from iris_sysid.report.text import (
-    as_sentence,
-    fit_headline,
-    residual_text,
-    samples_text,
-    shown_estimates,
+from iris_sysid.report.page import (
+    KeyValue,
+    Page,
+    PageImage,
+    Section,
+    estimates_section,
+    html_of,
+    png_of,
+    symbols_of,
+    words,
 )
+from iris_sysid.report.residual_charts import input_charts, motion_chart, residual_chart
+from iris_sysid.report.text import as_sentence, main_names, residual_text, samples_text, shown_estimates, with_error
+from iris_sysid.trajectory.vertical_and_scale import vertical_note
 from iris_sysid.types import FitResult, Run, Trajectory
+
+MOST_VALUES = 3  # numbers beside the picture
 
 
 def write_report(run: Run, folder: str | Path, *, overwrite: bool = False) -> Path:
@@ -61,7 +70,7 @@ def write_page(page: Page, folder: str | Path, *, overwrite: bool = False) -> Pa
     Path
         The page.
     """
-    files = {f"{image.name}.png": image.png for image in page.every_image} | {"report.html": html_of(page)}
+    files = {f"{image.name}.png": image.png for image in page.images} | {"report.html": html_of(page)}
     for name in files:
         check_writable(Path(folder) / name, overwrite=overwrite)
     for name, content in files.items():
@@ -73,28 +82,76 @@ def clip_page(run: Run) -> Page:
     """The page of one clip."""
     fit, trajectory = run.fit, run.trajectory
     track = track_figure(run.video, run.tracks, trajectory, run.calibration)
-    images = [
-        PageImage("track", png_of(track), "Multiple exposure of the clip with the track, coloured by segment"),
-        PageImage("fit", png_of(fit_figure(trajectory, fit)), "Measured motion and fit, with the residual below"),
-    ]
+    fits = [(fit, "the model", "before")]
+    charts = []
+    for k in range(len(fit.model.observed)):
+        charts.append(residual_chart(fit, k, float(fit.noise[k]), name=f"residual-{k}"))
+        charts.append(motion_chart(trajectory, fits, k))
     return Page(
         title=f"{run.source.name}: {run.phenomenon.name}",
-        headline=fit_headline(fit),
+        headline=headline(fit),
         summary=fit.model.summary,
-        images=images,
+        values=key_values(fit, main_names(fit)),
+        verdict=fit.verdict,
+        warnings=[as_sentence(note) for note in _warnings(run)],
+        film=film_of(Footage(run.video, run.tracks), trajectory, {"before": ("the model", fit)} if fit.usable else {}),
+        charts=[*(charts if fit.usable else charts[1::2]), *input_charts(trajectory, fit)],
         sections=[
-            estimates_section("Parameters", shown_estimates(fit), fit.model.equation),
+            estimates_section(
+                "Parameters",
+                shown_estimates(fit),
+                fit.model.equation,
+                symbols=symbols_of(fit.model),
+                main=main_names(fit),
+            ),
             *budget_sections(fit),
             *identifiability_sections(fit),
             calibration_section(run.calibration, run.tracks),
             *_segment_sections(trajectory),
             *([estimates_section("Intermediate quantities", trajectory.geometry)] if trajectory.geometry else []),
-            Section("Checks", lines=_checks(trajectory, fit)),
+            Section("Checks", lines=_checks(run)),
         ],
         origin=fit.origin,
-        notes=[as_sentence(note) for note in run.notes if not any(doubt.text in note for doubt in fit.doubts)],
-        verdict=fit.verdict,
+        images=[
+            PageImage("track", png_of(track), "Multiple exposure of the clip with the track, coloured by segment"),
+            PageImage("fit", png_of(fit_figure(trajectory, fit)), "Measured motion and fit, with the residual below"),
+        ],
     )
+
+
+def headline(fit: FitResult) -> str:
+    """The result in one sentence: the first number, and what is to be thought of it."""
+    if not fit.usable:
+        return as_sentence(f"no number could be measured: {fit.finding or fit.message}")
+    verdict = fit.verdict
+    name = next(iter(main_names(fit)), "")
+    value = f"the {name.replace('_', ' ')} is {with_error(fit.estimates[name])}" if name else "the motion is fitted"
+    if not verdict.good:
+        return as_sentence(f"{value}, but there is reason to doubt it")
+    if verdict.complete:
+        return as_sentence(f"{value}, and the equation leaves nothing but noise")
+    return as_sentence(f"{value}; the equation lacks something, and the error allows for it")
+
+
+def key_values(fit: FitResult, names: list[str]) -> list[KeyValue]:
+    """The numbers that a person came for, the first one first; none where there is no fit."""
+    symbols = symbols_of(fit.model)
+    found = names[:MOST_VALUES] if fit.usable else []
+    return [KeyValue(name, symbols.get(name, ""), fit.estimates[name]) for name in found]
+
+
+def _warnings(run: Run) -> list[str]:
+    """Notes that say that something is wrong: not what was done, nor what the verdict says already."""
+    done = _remarks(run)
+    told = [note for note in run.notes if note not in done]
+    return [note for note in told if not any(doubt.text in note for doubt in run.fit.doubts)]
+
+
+def _remarks(run: Run) -> list[str]:
+    """Notes on what was done or taken: how the vertical is known, and how the motion of the camera was undone."""
+    treated = {str(body.origin["camera_motion"]) for body in run.tracks if "camera_motion" in body.origin}
+    done = {vertical_note(run.calibration), *(f"the motion of the camera is {how}" for how in treated)}
+    return [note for note in run.notes if note in done]
 
 
 def _segment_sections(trajectory: Trajectory) -> list[Section]:
@@ -102,12 +159,14 @@ def _segment_sections(trajectory: Trajectory) -> list[Section]:
     return [Section("Segments", words("segment", "samples", "reason"), rows)] if rows else []
 
 
-def _checks(trajectory: Trajectory, fit: FitResult) -> list[str]:
+def _checks(run: Run) -> list[str]:
+    trajectory, fit = run.trajectory, run.fit
     checks = [
         f"{int(trajectory.valid.sum())} of {trajectory.n} samples are measured, {fit.n} are used for the fit.",
         as_sentence(residual_text(fit)),
         f"Autocorrelation of the residual at lag 1: {fit.correlation:.2f}; the standard errors allow for it.",
         *map(as_sentence, fit.notes),
+        *map(as_sentence, _remarks(run)),
     ]
     if trajectory.smoothed is not None:
         nis = ", ".join(f"{value:.2f}" for value in trajectory.smoothed.nis)

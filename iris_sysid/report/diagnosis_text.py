@@ -64,7 +64,7 @@ def diagnosis_sentences(diagnosis: Diagnosis) -> list[str]:
     others = [effect for effect in diagnosis.added if effect.name not in named]
     sentences = [
         parts_sentence(components),
-        *(_finding_sentence(finding, diagnosis) for finding in diagnosis.findings),
+        *(finding_sentence(finding, diagnosis) for finding in diagnosis.findings),
         _others_sentence(others, diagnosis),
         _nuisance_sentence(diagnosis.nuisances),
         _error_sentence(diagnosis),
@@ -172,7 +172,7 @@ def with_article(noun: str) -> str:
     return f"{'an' if noun[0] in 'aeiou' else 'a'} {noun}"
 
 
-def _finding_sentence(finding: Finding, diagnosis: Diagnosis) -> str:
+def finding_sentence(finding: Finding, diagnosis: Diagnosis) -> str:
     """One sentence for what is said of one part of the residual."""
     reason = f": {finding.reason}" if finding.reason else ""
     removes = f"removes {percent(finding.share)} of the residual in samples held out"

@@ -26,11 +26,12 @@ COLOURS = {
     "release": "#E69F00",
     "hand": "#D55E00",
     "contact": "#CC79A7",
-    "rest": "#999999",
-    "": "#56B4E9",
+    "rest": "#009E73",
+    "": "#999999",
 }
 FIT_COLOUR = "#000000"
 PHASES = 9
+TALLEST_IN, NARROWEST_IN = 9.0, 3.5  # of the picture of a tall clip
 CURVE_POINTS = 600
 MOST_POINTS = 5000  # of a quantity in a plot
 
@@ -62,9 +63,10 @@ def track_figure(
     Returns
     -------
     Figure
-        As wide as a page, with the clip's aspect ratio.
+        As wide as a page, with the clip's aspect ratio; of a tall clip no taller than a page.
     """
-    figure = Figure(figsize=(9, 9 * video.height / video.width), layout="constrained")
+    width = min(9.0, max(TALLEST_IN * video.width / video.height, NARROWEST_IN))
+    figure = Figure(figsize=(width, min(width * video.height / video.width, TALLEST_IN)), layout="constrained")
     draw_track(figure.add_subplot(), video, tracks, trajectory, calibration)
     return figure
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from iris_sysid.io.files import atomic_path
 from iris_sysid.types import FrameSource, Progress, Track, mapped, with_progress
 
-# BGR of the colour-blind-safe palette of the figures
-BODY_COLOURS = ((178, 114, 0), (0, 94, 213), (115, 158, 0), (167, 121, 204), (0, 159, 230))
+# BGR of the bodies' colours on the pages (Okabe and Ito 2008), without the blue and the vermilion of the models there
+BODY_COLOURS = ((115, 158, 0), (167, 121, 204), (0, 159, 230), (233, 180, 86))
 TAIL_S = 0.5
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 TIME_BASE = Fraction(1, 90_000)  # the clock of MPEG transport streams represents every common frame time closely enough

@@ -1,27 +1,38 @@
-"""The HTML page of every report: a headline, images, then sections of tables and lines."""
+"""The HTML page of every report: the answer first, then the picture and the charts; tables last, folded."""
 
 from __future__ import annotations
 
 import base64
+import hashlib
 import io
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
 from typing import Any
 
 import jinja2
+import matplotlib as mpl
+from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from iris_sysid.io.files import json_text
+from iris_sysid.report.chart import Chart
 from iris_sysid.report.figures import equation_figure
+from iris_sysid.report.film import Film, base64_of
+from iris_sysid.report.glossary import TERMS, terms_in
 from iris_sysid.report.text import as_sentence, equation_lines, interval_text, number_lines, with_error
-from iris_sysid.types import Estimate, Verdict
+from iris_sysid.report.typeset import symbol_html, typeset
+from iris_sysid.types import Estimate, OdeModel, Verdict
 
 DPI = 130
+ASSETS = files("iris_sysid") / "report" / "assets"
 
 
 @dataclass(frozen=True, slots=True)
 class PageImage:
-    """A drawn figure with its description."""
+    """A drawn figure with its description: a PNG file beside the page."""
 
     name: str
     png: bytes
@@ -34,6 +45,11 @@ class Column:
 
     title: str
     number: bool = False
+
+    @property
+    def meaning(self) -> str:
+        """What the head means, where it is a term."""
+        return next(iter(terms_in(self.title).values()), "")
 
 
 def words(*titles: str) -> tuple[Column, ...]:
@@ -48,9 +64,9 @@ def numbers(*titles: str) -> tuple[Column, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """One part of a page: a table, lines of text, an equation.
+    """A folded part of a page: a table, lines of text, an equation, a figure.
 
-    A ``folded`` section shows its title only, until it is opened.
+    ``more`` are rows that are out of sight until they are asked for.
     """
 
     title: str
@@ -58,32 +74,59 @@ class Section:
     rows: Sequence[Sequence[str]] = ()
     lines: Sequence[str] = ()
     equation: str = ""
-    folded: bool = False
+    more: Sequence[Sequence[str]] = ()
+    image: PageImage | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class KeyValue:
+    """A number that a person came for, with its name and LaTeX symbol."""
+
+    name: str
+    symbol: str
+    estimate: Estimate
+
+    @property
+    def text(self) -> str:
+        """Value, standard error and unit."""
+        return with_error(self.estimate)
+
+    @property
+    def interval(self) -> str:
+        """Its 95 % interval; empty where there is none."""
+        return interval_text(self.estimate)
+
+
+@dataclass(frozen=True, slots=True)
+class Bar:
+    """A residual as a bar of its parts: name, percent of the whole and class of the colour of each."""
+
+    title: str
+    parts: Sequence[tuple[str, float, str]]
 
 
 @dataclass(frozen=True, slots=True)
 class Page:
     """The content of a page, before it becomes HTML.
 
-    ``headline`` says the result in a sentence, ``statements`` say more, a line each. ``first`` are images and sections
-    that come before the other ``images`` and ``sections``; the verdict is then below the sentences.
+    ``headline`` says the result in a sentence, ``values`` are the numbers beside it; ``statements``, ``bars`` and
+    ``charts`` say what the residual is made of. ``sections`` are folded, and come last. ``warnings`` are there only
+    where something is wrong. ``images`` become files beside the page.
     """
 
     title: str
     headline: str
     summary: str
-    images: Sequence[PageImage]
-    sections: Sequence[Section]
     origin: Mapping[str, Any]
-    notes: Sequence[str] = field(default=())
+    values: Sequence[KeyValue] = ()
     verdict: Verdict | None = None
-    statements: Sequence[str] = field(default=())
-    first: Sequence[PageImage | Section] = field(default=())
-
-    @property
-    def every_image(self) -> list[PageImage]:
-        """The images in the order of the page."""
-        return [*(item for item in self.first if isinstance(item, PageImage)), *self.images]
+    warnings: Sequence[str] = ()
+    film: Film | None = None
+    statements: Sequence[str] = ()
+    bars: Sequence[Bar] = ()
+    charts: Sequence[Chart] = ()
+    sections: Sequence[Section] = ()
+    images: Sequence[PageImage] = field(default=())
 
 
 def png_of(figure: Figure) -> bytes:
@@ -93,57 +136,89 @@ def png_of(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
+@cache
+def _equation_svg(equation: str) -> str:
+    """An equation as an SVG without a background, as base64; the same bytes for the same equation."""
+    buffer = io.BytesIO()
+    with mpl.rc_context({"svg.hashsalt": "equation"}):
+        equation_figure(equation).savefig(
+            buffer, format="svg", transparent=True, bbox_inches="tight", pad_inches=0.02, metadata={"Date": None}
+        )
+    return base64_of(buffer.getvalue())
+
+
 def html_of(page: Page) -> str:
-    """The page as one HTML file that needs no other; every text in it is escaped."""
+    """The page as one HTML file that needs no other: every text in it is escaped, and only our own script may run."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("iris_sysid", "report"),
         autoescape=True,
         trim_blocks=True,
+        lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    first = [_image(item) if isinstance(item, PageImage) else _section(item) for item in page.first]
-    return environment.get_template("page.html").render(
-        title=page.title,
-        headline=page.headline,
-        summary=as_sentence(page.summary),
-        notes=page.notes,
-        verdict=[] if page.verdict is None else _verdict(page.verdict),
-        statements=page.statements,
-        first=first,
-        images=[_image(image) for image in page.images],
-        sections=[_section(section) for section in page.sections],
-        origin=json_text(dict(page.origin)),
-    )
+    environment.filters |= {"typeset": typeset, "symbol": symbol_html, "sentence": as_sentence, "base64": base64_of}
+    environment.globals["equation_svg"] = _equation_svg
+    style = _asset("uplot/uPlot.min.css") + _asset("page.css")
+    script = f"/*\n{_asset('uplot/LICENSE').strip()}\n*/\n{_asset('uplot/uPlot.iife.min.js')}\n{_asset('page.js')}"
+    template = environment.get_template("page.html")
+    content = {
+        "page": page,
+        "verdict": [] if page.verdict is None else _verdict(page.verdict),
+        "origin": json_text(dict(page.origin)),
+        "data": _data(page),
+        "style": Markup(style),
+        "script": Markup(script),
+        "policy": f"default-src 'none'; img-src data:; style-src {_hash(style)}; script-src {_hash(script)}; "
+        "base-uri 'none'; form-action 'none'",
+    }
+    html = template.render(**content, terms={})
+    text = jinja2.filters.do_striptags(html.partition("<main>")[2].partition("<script")[0])
+    return template.render(**content, terms=terms_in(text) or TERMS)
 
 
-def _image(image: PageImage) -> dict[str, Any]:
-    return {"png": _base64(image.png), "caption": image.caption}
+def _asset(name: str) -> str:
+    return ASSETS.joinpath(*name.split("/")).read_text(encoding="utf-8")
+
+
+def _hash(text: str) -> str:
+    """The source of a Content Security Policy that allows this text and no other."""
+    return f"'sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}'"
+
+
+def _data(page: Page) -> Markup:
+    """Charts and film as JSON that no text in it can end."""
+    content = {"charts": [chart.document() for chart in page.charts], "film": page.film and page.film.document()}
+    text = json.dumps(content, ensure_ascii=True, separators=(",", ":"), allow_nan=False)
+    return Markup(text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026"))
 
 
 def _verdict(verdict: Verdict) -> list[dict[str, Any]]:
-    """The lines of a verdict; each says whether it is a warning."""
-    numbers_of = [{"text": line, "warn": not verdict.good} for line in number_lines(verdict)]
-    return [*numbers_of, *({"text": line, "warn": not verdict.complete} for line in equation_lines(verdict))]
+    """Both axes: the question, the lines of the answer, and the class of the colour."""
+    axes = [{"question": "Can the number be used?", "lines": number_lines(verdict), "class": verdict.word}]
+    if verdict.equation is not None:
+        colour = "good" if verdict.complete else "incomplete"
+        axes.append({"question": "Is the equation complete?", "lines": equation_lines(verdict), "class": colour})
+    return axes
 
 
-def _section(section: Section) -> dict[str, Any]:
-    equation = _base64(png_of(equation_figure(section.equation))) if section.equation else ""
-    return {
-        "title": section.title,
-        "columns": section.columns,
-        "rows": section.rows,
-        "lines": section.lines,
-        "equation": equation,
-        "equation_text": section.equation,
-        "folded": section.folded,
+def symbols_of(model: OdeModel) -> dict[str, str]:
+    """The LaTeX symbol of each parameter, initial value, derived and observed quantity of a model, by name."""
+    states = {
+        name: f"{state.symbol}(0)" if state.symbol else ""
+        for name, state in zip(model.initial_names, model.states, strict=True)
     }
+    quantities = {quantity.name: quantity.symbol for quantity in (*model.derived, *model.observed)}
+    return quantities | states | {parameter.name: parameter.symbol for parameter in model.parameters}
 
 
-def _base64(png: bytes) -> str:
-    return base64.b64encode(png).decode("ascii")
-
-
-def estimates_section(title: str, estimates: Mapping[str, Estimate], equation: str = "") -> Section:
+def estimates_section(
+    title: str,
+    estimates: Mapping[str, Estimate],
+    equation: str = "",
+    *,
+    symbols: Mapping[str, str] | None = None,
+    main: Sequence[str] | None = None,
+) -> Section:
     """A table of estimates by name: value and standard error, 95 % interval, kind and source.
 
     Parameters
@@ -154,16 +229,30 @@ def estimates_section(title: str, estimates: Mapping[str, Estimate], equation: s
         By name, in the order of the rows.
     equation
         LaTeX math of the equation they belong to.
+    symbols
+        LaTeX symbol by name.
+    main
+        Names to show; the others are out of sight until they are asked for. None shows all.
     """
-    rows = [
-        (
+    rows = {
+        name: (
             name,
+            (symbols or {}).get(name, ""),
             with_error(estimate),
             interval_text(estimate),
             estimate.measurement_type,
             estimate.source,
         )
         for name, estimate in estimates.items()
-    ]
-    columns = (*words("quantity"), *numbers("value ± standard error", "95 % interval"), *words("kind", "source"))
-    return Section(title, columns, rows, equation=equation)
+    }
+    columns = (
+        *words("quantity", SYMBOL),
+        *numbers("value ± standard error", "95 % interval"),
+        *words("kind", "source"),
+    )
+    shown = [row for name, row in rows.items() if main is None or name in main]
+    rest = [row for name, row in rows.items() if main is not None and name not in main]
+    return Section(title, columns, shown, equation=equation, more=rest)
+
+
+SYMBOL = "symbol"  # the column whose cells are LaTeX

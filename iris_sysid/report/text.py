@@ -137,6 +137,17 @@ def shown_estimates(fit: FitResult) -> dict[str, Estimate]:
     }
 
 
+def main_names(fit: FitResult) -> list[str]:
+    """The names of the values that a person came for: those whose accuracy the verdict gives, else what was fitted."""
+    accurate = [name for name in fit.verdict.accuracy if name in fit.estimates]
+    found = [
+        name
+        for name, estimate in shown_estimates(fit).items()
+        if estimate.measurement_type in ("fitted", "derived") and name not in fit.model.initial_names
+    ]
+    return accurate or found
+
+
 def fit_headline(fit: FitResult) -> str:
     """The result in one line: fitted and derived values except initial states, or the reason why there are none.
 

@@ -1,0 +1,148 @@
+"""The charts of a diagnosis: the parts of the residual, the residual before and after, and the motion."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
+from matplotlib.figure import Figure
+
+from iris_sysid.report.chart import Band, Chart, Series
+from iris_sysid.report.component_figure import AXES, MOST_CURVES
+from iris_sysid.report.diagnosis_tables import WITH, WITHOUT, fits_of
+from iris_sysid.report.diagnosis_text import share_text, size_text
+from iris_sysid.report.figures import MOST_POINTS
+from iris_sysid.report.page import Bar, PageImage, png_of
+from iris_sysid.report.residual_charts import input_charts, motion_chart, residual_chart
+from iris_sysid.report.text import percent, shown_unit
+from iris_sysid.types import (
+    KIND_NAMES,
+    Array,
+    Component,
+    Components,
+    ComponentSide,
+    Diagnosis,
+    FitResult,
+    Trajectory,
+)
+
+SHADES = ("", " second", " third")  # of the colour of a side, for its further parts
+
+
+def component_bars(diagnosis: Diagnosis) -> list[Bar]:
+    """The parts of the residual as a bar, and of the one that remains as a shorter bar below it."""
+    components, remaining = diagnosis.components, diagnosis.remaining
+    if components is None:
+        return []
+    bars = [_bar("The residual" if not diagnosis.added else "Without the added effects", components, 1.0)]
+    if remaining is not None and diagnosis.added:
+        ratio = remaining.residual_rms / components.residual_rms if components.residual_rms > 0 else 1.0
+        bars.append(_bar("With the added effects, at the same scale", remaining, min(ratio**2, 1.0)))
+    return bars
+
+
+def _bar(title: str, components: Components, scale: float) -> Bar:
+    seen: dict[ComponentSide, int] = {}
+    parts = []
+    for part in components.parts:
+        colour = f"{part.side}{SHADES[min(seen.get(part.side, 0), len(SHADES) - 1)]}"
+        seen[part.side] = seen.get(part.side, 0) + 1
+        parts.append((f"{share_text(part)} {KIND_NAMES[part.kind]}", 100 * scale * max(part.share, 0.0), colour))
+    noise = (f"{percent(components.noise_share)} noise", 100 * scale * max(components.noise_share, 0.0), "rest")
+    return Bar(f"{title}: {size_text(components.residual_rms, components.unit)} rms", [*parts, noise])
+
+
+def component_charts(diagnosis: Diagnosis) -> list[Chart]:
+    """The largest parts of the residual over what they depend on, each with its 95 % band."""
+    parts = diagnosis.components.parts if diagnosis.components is not None else ()
+    drawn = [part for part in parts if part.curve is not None][:MOST_CURVES]
+    return [_component_chart(part, k) for k, part in enumerate(drawn)]
+
+
+def _component_chart(part: Component, number: int) -> Chart:
+    assert part.curve is not None
+    curve = part.curve
+    unit, factor = shown_unit(curve.argument.unit)
+    order, (lower, upper) = np.argsort(curve.at), curve.band
+    at, over_time = factor * curve.at[order], curve.argument.unit == "s"
+    scale = np.array([180 / math.pi if one.unit.startswith("rad") else 1.0 for one in curve.quantities])  # to degrees
+    names = [one.name for one in curve.quantities] if len(curve.quantities) > 1 else ["estimate"]
+    values, lower, upper = (scale * some[order] for some in (curve.values, lower, upper))
+    series = [Series(name, at, values[:, k], part.side, "dashes" if k else "line") for k, name in enumerate(names)]
+    bands = [Band("95 % band", at, lower[:, k], upper[:, k], part.side) for k in range(len(names))]
+    units = ", ".join(dict.fromkeys(quantity.unit.replace("rad", "°") for quantity in curve.quantities))
+    along = "time" if over_time else curve.argument.name.replace("_", " ")
+    return Chart(
+        f"component-{number}",
+        f"{KIND_NAMES[part.kind].capitalize()}, {share_text(part)} of the residual.",
+        f"{along} ({unit})",
+        f"{AXES[part.side]} ({units})",
+        series,
+        bands,
+        words="What the fitted values can imitate is left out.",
+        over_time=over_time,
+    )
+
+
+def residual_charts(diagnosis: Diagnosis, clip: Trajectory) -> list[Chart]:
+    """The residual of each quantity without the effects and with them, then its motion, then the inputs."""
+    named = {"": "before", WITHOUT: "before", WITH: "after"}
+    charts: list[Chart] = []
+    fits = fits_of(diagnosis)[::-1]
+    for k in range(len(diagnosis.base.model.observed)):
+        for number, (fit, which) in enumerate(fits):
+            noise = diagnosis.noise_floor if len(diagnosis.base.model.observed) == 1 else float(fit.noise[k])
+            name, colour = f"residual-{k}-{number}", named[which] if which else ""
+            charts.append(residual_chart(fit, k, noise, name=name, which=which, colour=colour))
+        models = [(fit, f"the model {which}".strip(), named[which]) for fit, which in fits]
+        charts.append(motion_chart(clip, models, k))
+    return [*charts, *input_charts(clip, diagnosis.base)]
+
+
+def state_image(diagnosis: Diagnosis) -> PageImage | None:
+    """The residual in the phase plane; None for a model that has none."""
+    if not diagnosis.base.model.second_order:
+        return None
+    caption = "Residual in the phase plane; its sign and size as colour"
+    caption += ", without (left) and with (right) the added effects" if diagnosis.added else ""
+    return PageImage("state", png_of(state_figure(diagnosis)), caption)
+
+
+def state_figure(diagnosis: Diagnosis) -> Figure:
+    """The residual's sign and size as colour in the phase plane, without and with the effects, on one scale."""
+    fits = fits_of(diagnosis)[::-1]
+    k = _most_varied(diagnosis.base)
+    largest = float(np.nanpercentile(np.abs(diagnosis.base.residual[:, k]), 98))
+    figure = Figure(figsize=(9, 4), layout="constrained")
+    panels = figure.subplots(1, len(fits), sharex=True, sharey=True, squeeze=False)[0]
+    for axes, (fit, which) in zip(panels, fits, strict=True):
+        points = _draw_state(axes, fit, k, largest)
+        axes.set(xlabel=f"{fit.model.observed[k].name} ({diagnosis.unit})")
+        axes.set_title(which, loc="left", fontsize=10)
+    panels[0].set_ylabel(f"speed ({diagnosis.unit}/s)")
+    figure.colorbar(points, ax=panels, label=f"residual ({diagnosis.unit})")
+    return figure
+
+
+def _size_of_dots(fit: FitResult) -> float:
+    """Points, drawn larger where there are few samples."""
+    return float(np.clip(60.0 / np.sqrt(max(fit.n, 1)), 2.0, 6.0))
+
+
+def _speed(fit: FitResult, k: int) -> Array:
+    """Rate of change (n,) of the k-th quantity at the samples used."""
+    return np.asarray(np.gradient(fit.predicted[fit.used, k], fit.t_s[fit.used]))
+
+
+def _most_varied(fit: FitResult) -> int:
+    """The quantity whose speed changes most: a throw's height, not its horizontal position."""
+    return int(np.argmax([np.ptp(_speed(fit, k)) for k in range(fit.predicted.shape[1])]))
+
+
+def _draw_state(axes: Axes, fit: FitResult, k: int, largest: float) -> PathCollection:
+    some = slice(None, None, -(-fit.n // MOST_POINTS))
+    position, colour = fit.predicted[fit.used, k][some], fit.residual[fit.used, k][some]
+    size, speed = _size_of_dots(fit) ** 2, _speed(fit, k)[some]
+    return axes.scatter(position, speed, s=size, c=colour, cmap="RdBu_r", vmin=-largest, vmax=largest)

@@ -1,0 +1,304 @@
+"""Frames of a clip for a page: small JPEGs within a budget, with the bodies and the models where they show them."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from iris_sysid.errors import IrisError
+from iris_sysid.io.csv_read import read_track
+from iris_sysid.io.files import sha256_of
+from iris_sysid.report.figures import multiple_exposure, outline
+from iris_sysid.types import Array, FitResult, FrameSource, Track, Trajectory
+from iris_sysid.video.camera_motion.reference import seen_from_first
+from iris_sysid.video.reader import open_video
+
+FRAMES = 60
+LONGEST_PX = 640  # side of a frame in the page
+MOST_BYTES = 1_400_000  # of all frames of a page, as JPEG
+QUALITY, STILL_QUALITY = 70, 82  # of the frames, and of the picture on top
+SHRINK, TRIES = 0.8, 6  # of the frames' sides, until they keep to the budget
+FEWEST = 5  # samples that show how coordinates lie in the image
+MOST_OFF, LEAST_PX = 0.03, 3.0  # largest rms error of that map, over the extent of the motion; smallest extent, px
+BODIES = 4  # colours of bodies in the page
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Footage:
+    """A clip and the tracks of its bodies."""
+
+    video: FrameSource
+    tracks: Sequence[Track]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Marker:
+    """One body, or where a model has it, in each frame: (m, 2) px of the page's pictures, NaN where it is not known.
+
+    ``colour`` is a class of the page; a ``ring`` is drawn around the body, as models are, else a dot upon it.
+    """
+
+    name: str
+    colour: str
+    xy_px: Array
+    ring: bool
+    body: int
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Film:
+    """What a page shows of a clip.
+
+    ``still`` is a multiple exposure as JPEG, ``frames`` (m of them) are JPEGs at the times ``t_s`` (m,) s, all of the
+    ``size`` in px; ``paths`` hold the track of each body (n, 2) px, ``radius_px`` how large the markers are drawn.
+    """
+
+    size: tuple[int, int]
+    still: bytes
+    t_s: Array
+    frames: Sequence[bytes]
+    paths: Sequence[Array]
+    markers: Sequence[Marker]
+    radius_px: float
+
+    def document(self) -> dict[str, Any]:
+        """The frames and markers for the script of the page."""
+        return {
+            "t": [round(float(t), 4) for t in self.t_s],
+            "frames": [base64_of(frame) for frame in self.frames],
+            "radius": round(self.radius_px, 1),
+            "markers": [
+                {
+                    "name": marker.name,
+                    "colour": marker.colour,
+                    "ring": marker.ring,
+                    "body": marker.body,
+                    "xy": [[round(x, 1), round(y, 1)] if np.isfinite(x + y) else None for x, y in marker.xy_px],
+                }
+                for marker in self.markers
+            ],
+        }
+
+    @property
+    def legend(self) -> list[tuple[str, str, str]]:
+        """Name, class and style of each marker, each name once."""
+        return list(dict.fromkeys((one.name, one.colour, "ring" if one.ring else "dots") for one in self.markers))
+
+    @property
+    def still_base64(self) -> str:
+        """The picture on top, for an address of data."""
+        return base64_of(self.still)
+
+    def path_svg(self) -> Markup:
+        """The track of each body as SVG paths."""
+        drawn = Markup('<path class="halo" d="{0}"/><path class="curve line body-{1}" d="{0}"/>')
+        return Markup("").join(drawn.format(_path(path), k % BODIES + 1) for k, path in enumerate(self.paths))
+
+
+def base64_of(content: bytes) -> str:
+    """Bytes as an address of data has them."""
+    return base64.b64encode(content).decode("ascii")
+
+
+def _path(points: Array) -> str:
+    steps, pen = [], "M"
+    for x, y in points[np.union1d(outline(points[:, 0]), outline(points[:, 1]))].tolist():
+        if np.isfinite(x + y):
+            steps.append(f"{pen}{x:.1f} {y:.1f}")
+        pen = "L" if np.isfinite(x + y) else "M"
+    return "".join(steps)
+
+
+def film_of(footage: Footage, trajectory: Trajectory, models: Mapping[str, tuple[str, FitResult]]) -> Film | None:
+    """Frames of a clip with its bodies, and with models where they have a place in the image.
+
+    Parameters
+    ----------
+    footage
+        The clip and its tracks.
+    trajectory
+        What was made of the tracks.
+    models
+        Fits to the trajectory by the class of their colour, each with its name.
+
+    Returns
+    -------
+    Film or None
+        None where no body was found in a frame that can be read.
+    """
+    video, tracks = footage.video, footage.tracks
+    if not tracks or not any(track.valid.any() for track in tracks):
+        return None
+    images: list[NDArray[np.uint8]] = []
+    rows: list[int] = []
+    scale = min(1.0, LONGEST_PX / max(video.width, video.height))
+    for frame in video.sample(FRAMES):
+        row = int(np.argmin(np.abs(tracks[0].t_s - frame.t_s)))
+        if abs(tracks[0].t_s[row] - frame.t_s) < 1e-6:
+            images.append(
+                cv2.resize(seen_from_first(frame, tracks[0]), None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+            )
+            rows.append(row)
+    if not images:
+        return None
+    still = multiple_exposure(video, tracks[0])[..., ::-1]
+    still = cv2.resize(still, images[0].shape[1::-1], interpolation=cv2.INTER_AREA)
+    in_page = [(track.xy_px + 0.5) * scale for track in tracks]
+    markers = [
+        Marker(_name(k, tracks), f"body-{k % BODIES + 1}", path[rows], ring=False, body=k)
+        for k, path in enumerate(in_page)
+    ]
+    for colour, (name, fit) in models.items():
+        markers += [
+            Marker(name, colour, (place[rows] + 0.5) * scale, ring=True, body=k)
+            for k, track in enumerate(tracks)
+            if (place := model_px(track, trajectory, fit)) is not None
+        ]
+    return Film(
+        (still.shape[1], still.shape[0]),
+        _jpeg(still, STILL_QUALITY),
+        tracks[0].t_s[rows],
+        _within_budget(images),
+        in_page,
+        markers,
+        max(5.0, scale * _radius_px(tracks)),
+    )
+
+
+def _name(k: int, tracks: Sequence[Track]) -> str:
+    return f"body {tracks[k].body}, measured" if len(tracks) > 1 else "measured"
+
+
+def _radius_px(tracks: Sequence[Track]) -> float:
+    radii = np.concatenate([track.radius_px for track in tracks if track.radius_px is not None] or [np.zeros(0)])
+    return float(np.nanmedian(radii)) if np.isfinite(radii).any() else 0.0
+
+
+def _jpeg(image: NDArray[np.uint8], quality: int) -> bytes:
+    return bytes(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes())
+
+
+def _within_budget(images: Sequence[NDArray[np.uint8]]) -> list[bytes]:
+    """The frames as JPEG, smaller ones where all together exceed the budget: the page shows them at one size."""
+    scale = 1.0
+    for _ in range(TRIES):
+        frames = [
+            _jpeg(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), QUALITY)
+            for image in images
+        ]
+        if sum(map(len, frames)) <= MOST_BYTES:
+            break
+        scale *= SHRINK
+    return frames
+
+
+# --------------------------------------------------------------------------- models in the image
+
+
+def model_px(track: Track, trajectory: Trajectory, fit: FitResult) -> Array | None:
+    """Where the image would show a body if it moved as a fit predicts: (n, 2) px, NaN outside the fit.
+
+    Which coordinates place this body, and how, is read from the motion itself: the positions in the image are a
+    linear function of a length or of two, or of the sine and cosine of an angle. The body is then moved from where it
+    is seen by what this function says of the residual.
+
+    Parameters
+    ----------
+    track
+        Of the body, px.
+    trajectory
+        What was made of the tracks, at the same times.
+    fit
+        To that trajectory.
+
+    Returns
+    -------
+    ndarray or None
+        None where no coordinate places the body: a brightness does not.
+    """
+    names = [quantity.name for quantity in fit.model.observed]
+    known = {quantity.name for quantity in trajectory.quantities}
+    if track.valid.size != trajectory.n or fit.t_s.size != trajectory.n or not known >= set(names):
+        return None
+    observed = trajectory.position[:, [trajectory.column(name) for name in names]]
+    used = track.valid & trajectory.valid & fit.used
+    extent = float(np.max(np.ptp(track.xy_px[used], axis=0))) if used.sum() >= FEWEST else 0.0
+    if extent < LEAST_PX:
+        return None
+    angles = [quantity.unit == "rad" for quantity in fit.model.observed]
+    single = [[k] for k in range(len(names))]
+    pairs = [[k, k + 1] for k in range(len(names) - 1) if not angles[k]]
+    maps = [_map_to_px(observed, track.xy_px, used, angles, some) for some in (*single, *pairs)]
+    off, coefficients, some = min(maps, key=lambda one: one[0])
+    if off > MOST_OFF * extent:
+        return None
+    predicted = _basis(fit.predicted, angles, some) @ coefficients
+    moved = track.xy_px + predicted - _basis(observed, angles, some) @ coefficients
+    place = np.where((track.valid & trajectory.valid)[:, None], moved, predicted)
+    inside = np.flatnonzero(fit.used)
+    place[: inside[0]] = place[inside[-1] + 1 :] = np.nan
+    return np.asarray(place)
+
+
+def _map_to_px(
+    observed: Array, xy_px: Array, used: NDArray[np.bool_], angles: Sequence[bool], some: list[int]
+) -> tuple[float, Array, list[int]]:
+    """The rms error, px, of positions as a function of some coordinates, its coefficients, and the coordinates."""
+    basis = _basis(observed[used], angles, some)
+    coefficients = np.linalg.lstsq(basis, xy_px[used], rcond=None)[0]
+    off = basis @ coefficients - xy_px[used]
+    return float(np.sqrt(np.mean(off**2))), np.asarray(coefficients), some
+
+
+def _basis(observed: Array, angles: Sequence[bool], some: Sequence[int]) -> Array:
+    columns: Iterator[Array] = (
+        column
+        for k in some
+        for column in ((np.sin(observed[:, k]), np.cos(observed[:, k])) if angles[k] else (observed[:, k],))
+    )
+    return np.column_stack([np.ones(len(observed)), *columns])
+
+
+# --------------------------------------------------------------------------- the clip of a table
+
+
+def footage_of_table(table: str | Path, trajectory: Trajectory) -> Footage | None:
+    """The clip that ``run`` made a table from, if it still lies near: beside the table, a folder above it, or here.
+
+    Parameters
+    ----------
+    table
+        ``trajectory.csv`` in a folder of ``run``, or that folder.
+    trajectory
+        What was read from it; its origin names the clip and its sha256, which must be the same.
+
+    Returns
+    -------
+    Footage or None
+        None where there is no such clip or no ``track.csv``, or one of them cannot be read.
+    """
+    folder = Path(table) if Path(table).is_dir() else Path(table).parent
+    name, digest = trajectory.origin.get("source"), trajectory.origin.get("sha256")
+    if not isinstance(name, str) or not (folder / "track.csv").is_file():
+        return None
+    options = trajectory.origin.get("options")
+    asked = options if isinstance(options, Mapping) else {}
+    for place in dict.fromkeys((folder, folder.absolute().parent, Path.cwd())):
+        clip = place / Path(name).name
+        try:
+            if not clip.is_file() or sha256_of(clip) != digest:
+                continue
+            timing = {key: asked.get(key) for key in ("fps", "start_s", "stop_s")}
+            video = open_video(clip, **timing, keep_partial=bool(asked.get("keep_partial")))
+            return Footage(video, [replace(body, origin={}) for body in read_track(folder / "track.csv")])
+        except (IrisError, OSError):
+            continue
+    return None
