@@ -13,7 +13,7 @@ from markupsafe import Markup
 from iris_sysid.report.figures import outline
 from iris_sysid.report.text import round_step
 from iris_sysid.report.typeset import typeset
-from iris_sysid.types import Array
+from iris_sysid.types import Array, Mask
 
 WIDTH, HEIGHT = 720, 240  # of the SVG, in its own units
 LEFT, RIGHT, TOP, BOTTOM = 70, 12, 12, 44  # margins for the labels
@@ -60,7 +60,7 @@ class Chart:
     """Curves over one axis.
 
     ``title`` says in a sentence what is drawn, ``words`` what there is to see. A chart ``over_time``, in s, shows the
-    frame of the clip under the pointer.
+    frame of the clip under the pointer. ``reach`` is the part of the axis shown at first; None for all of it.
     """
 
     name: str
@@ -72,6 +72,7 @@ class Chart:
     marks: Sequence[Mark] = ()
     words: str = ""
     over_time: bool = False
+    reach: tuple[float, float] | None = None
 
     @property
     def legend(self) -> list[tuple[str, str, str]]:
@@ -85,6 +86,7 @@ class Chart:
             "id": self.name,
             "labels": [typeset(self.x_label), typeset(self.y_label)],
             "overTime": self.over_time,
+            "reach": self.reach,
             "series": [
                 {"name": one.name, "colour": one.colour, "style": one.style, "x": x, "y": y}
                 for one in self.series
@@ -137,14 +139,14 @@ def _drawn(chart: Chart) -> tuple[Markup, Markup, Markup, Markup]:
     """Grid, bands, curves and marks."""
     tall = [part for band in chart.bands for part in (band.lower, band.upper)]
     frame = _Frame(
-        _range([one.x[np.isfinite(one.y)] for one in chart.series], 0.01),
-        _range([*(one.y for one in chart.series), *tall], MARGIN),
+        chart.reach or _range([one.x[np.isfinite(one.y)] for one in chart.series], 0.01),
+        _range([*(one.y[_inside(one.x, chart)] for one in chart.series), *tall], MARGIN),
     )
     join = Markup("").join
     return (
         _grid(chart, frame),
         join(_band(band, frame) for band in chart.bands),
-        join(_curve(one, frame) for one in chart.series),
+        join(_curve(one, frame, _inside(one.x, chart)) for one in chart.series),
         join(_mark(mark, frame) for mark in chart.marks),
     )
 
@@ -182,9 +184,14 @@ def _band(band: Band, frame: _Frame) -> Markup:
     return Markup('<polygon class="band {}" points="{}"/>').format(band.colour, points)
 
 
-def _curve(one: Series, frame: _Frame) -> Markup:
+def _inside(x: Array, chart: Chart) -> Mask:
+    return np.ones(x.size, np.bool_) if chart.reach is None else (x >= chart.reach[0]) & (x <= chart.reach[1])
+
+
+def _curve(one: Series, frame: _Frame, inside: Mask) -> Markup:
     """Dots are a path of lines without length, whose round ends are seen."""
-    shown = outline(one.y)
+    shown = outline(np.where(inside, one.y, np.nan))
+    shown = shown[inside[shown]]
     x, y = frame.at(one.x[shown], one.y[shown])
     steps, pen = [], "M"
     for a, b in zip(x.tolist(), y.tolist(), strict=True):

@@ -25,6 +25,7 @@ from iris_sysid.report.text import as_sentence, main_names, residual_text, sampl
 from iris_sysid.trajectory.vertical_and_scale import vertical_note
 from iris_sysid.types import FitResult, Run, Trajectory
 
+SYMBOL_LENGTH = 2  # letters of a name that is a symbol, and keeps its case
 MOST_VALUES = 3  # numbers beside the picture
 
 
@@ -125,12 +126,15 @@ def headline(fit: FitResult) -> str:
         return as_sentence(f"no number could be measured: {fit.finding or fit.message}")
     verdict = fit.verdict
     name = next(iter(main_names(fit)), "")
-    value = f"the {name.replace('_', ' ')} is {with_error(fit.estimates[name])}" if name else "the motion is fitted"
+    value = f"{name.replace('_', ' ')} is {with_error(fit.estimates[name])}" if name else "the motion is fitted"
     if not verdict.good:
-        return as_sentence(f"{value}, but there is reason to doubt it")
-    if verdict.complete:
-        return as_sentence(f"{value}, and the equation leaves nothing but noise")
-    return as_sentence(f"{value}; the equation lacks something, and the error allows for it")
+        rest = ", but there is reason to doubt it."
+    elif verdict.complete:
+        rest = ", and the equation is complete as far as the data show."
+    else:
+        rest = "; the equation lacks something, and the error allows for it."
+    word = value.split()[0]
+    return f"{value[:1].upper() if word.isalpha() and len(word) > SYMBOL_LENGTH else value[:1]}{value[1:]}{rest}"
 
 
 def key_values(fit: FitResult, names: list[str]) -> list[KeyValue]:
@@ -163,7 +167,7 @@ def _checks(run: Run) -> list[str]:
     trajectory, fit = run.trajectory, run.fit
     checks = [
         f"{int(trajectory.valid.sum())} of {trajectory.n} samples are measured, {fit.n} are used for the fit.",
-        as_sentence(residual_text(fit)),
+        f"Residual: {residual_text(fit)}.",
         f"Autocorrelation of the residual at lag 1: {fit.correlation:.2f}; the standard errors allow for it.",
         *map(as_sentence, fit.notes),
         *map(as_sentence, _remarks(run)),

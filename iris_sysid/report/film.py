@@ -28,6 +28,7 @@ QUALITY, STILL_QUALITY = 70, 82  # of the frames, and of the picture on top
 SHRINK, TRIES = 0.8, 6  # of the frames' sides, until they keep to the budget
 FEWEST = 5  # samples that show how coordinates lie in the image
 MOST_OFF, LEAST_PX = 0.03, 3.0  # largest rms error of that map, over the extent of the motion; smallest extent, px
+SEEN_PX = 8.0  # radius of the marker of a body whose own is not known, px of the clip
 BODIES = 4  # colours of bodies in the page
 
 
@@ -41,14 +42,16 @@ class Footage:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Marker:
-    """One body, or where a model has it, in each frame: (m, 2) px of the page's pictures, NaN where it is not known.
+    """One body, or where a model has it, in each frame.
 
-    ``colour`` is a class of the page; a ``ring`` is drawn around the body, as models are, else a dot upon it.
+    ``xy_px`` (m, 2) and ``radius_px`` (m,) are in px of the page's pictures, NaN where they are not known. ``colour``
+    is a class of the page; a ``ring`` is drawn around the body, as models are, else a dot upon it.
     """
 
     name: str
     colour: str
     xy_px: Array
+    radius_px: Array
     ring: bool
     body: int
 
@@ -58,7 +61,7 @@ class Film:
     """What a page shows of a clip.
 
     ``still`` is a multiple exposure as JPEG, ``frames`` (m of them) are JPEGs at the times ``t_s`` (m,) s, all of the
-    ``size`` in px; ``paths`` hold the track of each body (n, 2) px, ``radius_px`` how large the markers are drawn.
+    ``size`` in px; ``paths`` hold the track of each body (n, 2) px.
     """
 
     size: tuple[int, int]
@@ -67,21 +70,22 @@ class Film:
     frames: Sequence[bytes]
     paths: Sequence[Array]
     markers: Sequence[Marker]
-    radius_px: float
 
     def document(self) -> dict[str, Any]:
         """The frames and markers for the script of the page."""
         return {
             "t": [round(float(t), 4) for t in self.t_s],
             "frames": [base64_of(frame) for frame in self.frames],
-            "radius": round(self.radius_px, 1),
             "markers": [
                 {
                     "name": marker.name,
                     "colour": marker.colour,
                     "ring": marker.ring,
                     "body": marker.body,
-                    "xy": [[round(x, 1), round(y, 1)] if np.isfinite(x + y) else None for x, y in marker.xy_px],
+                    "xyr": [
+                        [round(x, 1), round(y, 1), round(r, 1)] if np.isfinite(x + y + r) else None
+                        for (x, y), r in zip(marker.xy_px, marker.radius_px, strict=True)
+                    ],
                 }
                 for marker in self.markers
             ],
@@ -153,15 +157,14 @@ def film_of(footage: Footage, trajectory: Trajectory, models: Mapping[str, tuple
     still = cv2.resize(still, images[0].shape[1::-1], interpolation=cv2.INTER_AREA)
     in_page = [(track.xy_px + 0.5) * scale for track in tracks]
     markers = [
-        Marker(_name(k, tracks), f"body-{k % BODIES + 1}", path[rows], ring=False, body=k)
+        Marker(_name(k, tracks), f"body-{k % BODIES + 1}", path[rows], scale * _radius_px(tracks[k])[rows], False, k)
         for k, path in enumerate(in_page)
     ]
     for colour, (name, fit) in models.items():
-        markers += [
-            Marker(name, colour, (place[rows] + 0.5) * scale, ring=True, body=k)
-            for k, track in enumerate(tracks)
-            if (place := model_px(track, trajectory, fit)) is not None
-        ]
+        for k, track in enumerate(tracks):
+            place, radius = model_px(track, trajectory, fit)
+            if place is not None:
+                markers.append(Marker(name, colour, (place[rows] + 0.5) * scale, scale * radius[rows], True, k))
     return Film(
         (still.shape[1], still.shape[0]),
         _jpeg(still, STILL_QUALITY),
@@ -169,7 +172,6 @@ def film_of(footage: Footage, trajectory: Trajectory, models: Mapping[str, tuple
         _within_budget(images),
         in_page,
         markers,
-        max(5.0, scale * _radius_px(tracks)),
     )
 
 
@@ -177,9 +179,11 @@ def _name(k: int, tracks: Sequence[Track]) -> str:
     return f"body {tracks[k].body}, measured" if len(tracks) > 1 else "measured"
 
 
-def _radius_px(tracks: Sequence[Track]) -> float:
-    radii = np.concatenate([track.radius_px for track in tracks if track.radius_px is not None] or [np.zeros(0)])
-    return float(np.nanmedian(radii)) if np.isfinite(radii).any() else 0.0
+def _radius_px(track: Track) -> Array:
+    """The radius (n,) px of a body in each sample, the median where it was not measured, or one that can be seen."""
+    measured = np.full(track.valid.size, np.nan) if track.radius_px is None else track.radius_px
+    usual = float(np.nanmedian(measured)) if np.isfinite(measured).any() else SEEN_PX
+    return np.where(np.isfinite(measured), measured, usual)
 
 
 def _jpeg(image: NDArray[np.uint8], quality: int) -> bytes:
@@ -203,8 +207,8 @@ def _within_budget(images: Sequence[NDArray[np.uint8]]) -> list[bytes]:
 # --------------------------------------------------------------------------- models in the image
 
 
-def model_px(track: Track, trajectory: Trajectory, fit: FitResult) -> Array | None:
-    """Where the image would show a body if it moved as a fit predicts: (n, 2) px, NaN outside the fit.
+def model_px(track: Track, trajectory: Trajectory, fit: FitResult) -> tuple[Array | None, Array]:
+    """Where the image would show a body, and how large, if it moved as a fit predicts: px, NaN outside the fit.
 
     Which coordinates place this body, and how, is read from the motion itself: the positions in the image are a
     linear function of a length or of two, or of the sine and cosine of an angle. The body is then moved from where it
@@ -221,31 +225,37 @@ def model_px(track: Track, trajectory: Trajectory, fit: FitResult) -> Array | No
 
     Returns
     -------
-    ndarray or None
-        None where no coordinate places the body: a brightness does not.
+    xy_px : ndarray or None
+        (n, 2); None where no coordinate places the body: a brightness does not.
+    radius_px : ndarray
+        (n,); as the fit predicts it where that is what it describes, else as measured.
     """
-    names = [quantity.name for quantity in fit.model.observed]
+    names, radius = [quantity.name for quantity in fit.model.observed], _radius_px(track)
     known = {quantity.name for quantity in trajectory.quantities}
     if track.valid.size != trajectory.n or fit.t_s.size != trajectory.n or not known >= set(names):
-        return None
+        return None, radius
+    if not fit.used.any():
+        return None, radius
+    first, last = np.flatnonzero(fit.used)[[0, -1]]
+    inside = (np.arange(trajectory.n) >= first) & (np.arange(trajectory.n) <= last)
+    if names == ["r"]:
+        return np.where(inside[:, None], track.xy_px, np.nan), fit.predicted[:, 0]
     observed = trajectory.position[:, [trajectory.column(name) for name in names]]
     used = track.valid & trajectory.valid & fit.used
     extent = float(np.max(np.ptp(track.xy_px[used], axis=0))) if used.sum() >= FEWEST else 0.0
     if extent < LEAST_PX:
-        return None
+        return None, radius
     angles = [quantity.unit == "rad" for quantity in fit.model.observed]
     single = [[k] for k in range(len(names))]
     pairs = [[k, k + 1] for k in range(len(names) - 1) if not angles[k]]
     maps = [_map_to_px(observed, track.xy_px, used, angles, some) for some in (*single, *pairs)]
     off, coefficients, some = min(maps, key=lambda one: one[0])
     if off > MOST_OFF * extent:
-        return None
+        return None, radius
     predicted = _basis(fit.predicted, angles, some) @ coefficients
     moved = track.xy_px + predicted - _basis(observed, angles, some) @ coefficients
     place = np.where((track.valid & trajectory.valid)[:, None], moved, predicted)
-    inside = np.flatnonzero(fit.used)
-    place[: inside[0]] = place[inside[-1] + 1 :] = np.nan
-    return np.asarray(place)
+    return np.where(inside[:, None], place, np.nan), radius
 
 
 def _map_to_px(

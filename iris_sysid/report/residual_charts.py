@@ -20,6 +20,7 @@ LABEL_COLOURS: dict[SegmentLabel | str, str] = {
     "rest": "unused",
     "": "unused",
 }
+MARGIN = 0.03  # of the time of the fit, shown before and after it
 BODIES = 4  # colours of bodies
 
 
@@ -53,12 +54,27 @@ def motion_chart(trajectory: Trajectory, fits: Sequence[tuple[FitResult, str, st
             label, colour = "measured", body_colour(fits[0][0].model.observed, k)
         if inside.any():
             series.append(Series(label or "not used", trajectory.t_s[inside], measured[inside], colour))
+    fits = [one for one in fits if one[0].usable]
     for fit, name, colour in fits:
         curve_s, curve = fitted_curve(fit)
         finite = np.isfinite(curve[:, k])
         series.append(Series(name, curve_s[finite], factor * curve[finite, k], colour, "line"))
-    title = f"Motion: {named} measured, with {' and '.join(name for _, name, _ in fits)}."
-    return Chart(f"motion-{k}", title, "time (s)", f"{named} ({unit})", series, over_time=True)
+    with_models = f", with {' and '.join(name for _, name, _ in fits)}" if fits else ""
+    return Chart(
+        f"motion-{k}",
+        f"Motion: {named} measured{with_models}.",
+        "time (s)",
+        f"{named} ({unit})",
+        series,
+        over_time=True,
+        reach=_reach(fits[0][0]) if fits else None,
+    )
+
+
+def _reach(fit: FitResult) -> tuple[float, float]:
+    """The time, s, that a fit covers, and a little on both sides."""
+    first, last = fit.t_s[np.flatnonzero(fit.used)[[0, -1]]].tolist()
+    return first - MARGIN * (last - first), last + MARGIN * (last - first)
 
 
 def residual_chart(fit: FitResult, k: int, noise: float, *, name: str, which: str = "", colour: str = "") -> Chart:

@@ -49,6 +49,7 @@ PIXEL_FILES = (
     "iris_sysid/calibration/board/",
     "iris_sysid/calibration/bundle_adjustment.py",
     "iris_sysid/synthetic/",
+    "iris_sysid/report/film.py",
     "iris_sysid/report/overlay.py",
     "iris_sysid/report/candidates_sheet.py",
     "iris_sysid/report/frame_sheet.py",

@@ -170,17 +170,32 @@ def test_parts_of_one_side_have_different_colours():
 # --------------------------------------------------------------------------- page and file
 
 
-def test_page_begins_with_the_parts_their_picture_and_their_table(split):
+def test_page_begins_with_the_answer_and_then_the_parts(split):
     page = diagnosis_page(split, [dragged()])
-    assert page.headline.startswith("81 % (74 to 86 %) of the residual")
-    picture, parts, remaining, values, errors = page.first
-    assert picture.name == "components"
-    assert [section.title for section in (parts, remaining, values, errors)] == [
-        "Parts of the residual",
-        "Parts of the residual with the added effects",
-        "Values with the added effects",
-        "Error before and after",
+    assert page.headline.startswith("Quadratic drag (0.200")
+    assert page.headline not in page.statements
+    assert page.statements[0].startswith("81 % (74 to 86 %) of the residual")
+    assert [value.name for value in page.values][:2] == ["quadratic_drag", "length"]
+    before, after = page.bars
+    assert [(name, percent, colour) for name, percent, colour in before.parts] == [
+        ("81 % (74 to 86 %) force by velocity", pytest.approx(81), "force"),
+        ("8 % wander of the zero", pytest.approx(8), "reading"),
+        ("11 % noise", pytest.approx(11), "rest"),
     ]
+    assert sum(percent for _, percent, _ in after.parts) == pytest.approx(100 * (1.9 / 4.4) ** 2)
+    names = ["component-0", "component-1", "residual-0-0", "residual-0-1", "motion-0"]
+    assert [chart.name for chart in page.charts] == names
+    speed = page.charts[0]
+    assert speed.x_label == "omega (°/s)"
+    assert speed.y_label == "force (°/s^2)"
+    assert speed.series[0].x[-1] == pytest.approx(np.degrees(2.0))
+    assert not speed.over_time
+    assert page.charts[1].over_time
+
+
+def test_page_has_the_parts_as_a_table(split):
+    parts, remaining, *_ = diagnosis_page(split, [dragged()]).sections
+    assert (parts.title, remaining.title) == ("Parts of the residual", "Parts of the residual with the added effects")
     assert [tuple(row[:4]) for row in parts.rows] == [
         ("force by velocity", "81 %", "74 to 86 %", "0.23°"),
         ("wander of the zero", "8 %", "5 to 12 %", "0.069°"),
@@ -190,14 +205,23 @@ def test_page_begins_with_the_parts_their_picture_and_their_table(split):
     assert parts.lines[0].endswith("81 % lies in the forces, 8 % lies in the reading, 11 % is noise.")
     assert {len(row) for row in parts.rows} == {len(parts.columns)}
     assert {len(row) for row in remaining.rows} == {len(remaining.columns)}
-    assert values.lines[0].startswith("length = ")
+
+
+@pytest.mark.parametrize(("word", "first"), [("group", GROUP), ("open", OPEN)])
+def test_headline_is_the_surest_finding(split, word, first):
+    page = diagnosis_page(replace(split, findings=(replace(LOCATED, reason=""), first)), [dragged()])
+    if word == "group":
+        assert page.headline.startswith("Quadratic drag or cubic drag acts")
+    else:
+        assert page.headline.startswith("No effect of the library is named for the wander of the zero")
 
 
 def test_page_of_noise_has_a_table_and_no_picture(split):
-    noise = replace(split, components=components(noise_share=1.0), remaining=None, findings=())
-    table, *_ = diagnosis_page(noise, [dragged()]).first
-    assert table.title == "Parts of the residual"
-    assert {len(row) for row in table.rows} == {len(table.columns)}
+    noise = replace(split, components=components(noise_share=1.0), remaining=None, findings=(), added=())
+    page = diagnosis_page(noise, [dragged()])
+    assert page.headline == NOTHING
+    assert page.sections[0].title == "Parts of the residual"
+    assert "components" not in {image.name for image in page.images}
 
 
 def test_page_of_a_clip_that_is_too_short_to_be_split_has_no_parts():
@@ -207,14 +231,15 @@ def test_page_of_a_clip_that_is_too_short_to_be_split_has_no_parts():
     assert found.components is None
     page = diagnosis_page(found, [short])
     assert page.statements[-1] == "The residual is too short to be split into parts."
-    assert [section.title for section in page.first] == ["Values", "Error"]
+    assert page.bars == []
+    assert page.sections[0].title == "Error"
 
 
 def test_page_and_notebook_escape_what_a_finding_says(split, tmp_path):
     hostile = replace(split, findings=(replace(LOCATED, reason="<script>alert(1)</script>"),))
     html = write_diagnosis(hostile, dragged(), tmp_path).read_text("utf-8")
     assert (tmp_path / "components.png").is_file()
-    assert "<script>" not in html
+    assert "<script>alert" not in html
     assert "&lt;script&gt;alert(1)" in html
     assert "<script>" not in to_html(hostile)
     assert to_html(hostile).count("<img ") == 2

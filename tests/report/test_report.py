@@ -1,8 +1,12 @@
 """The pages: complete, safe to open, in need of nothing else, the same bytes again."""
 
 import base64
+import hashlib
+import json
+import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
 import av
 import cv2
@@ -14,77 +18,152 @@ from iris_sysid.errors import IrisError, OutputError
 from iris_sysid.io.csv_read import read_trajectory
 from iris_sysid.registry import EFFECTS
 from iris_sysid.report import clip_page, figures
+from iris_sysid.report import page as page_module
+from iris_sysid.report.chart import Chart, Mark, Series
 from iris_sysid.report.diagnosis_files import FILES
 from iris_sysid.report.diagnosis_page import write_diagnosis
+from iris_sysid.report.glossary import TERMS
 from iris_sysid.report.overlay import draw_body, write_overlay
-from iris_sysid.report.page import Page, PageImage, Section, estimates_section, html_of, numbers, png_of, words
-from iris_sysid.types import Diagnosis, Estimate, Quantity, Segment, Track, Trajectory
+from iris_sysid.report.page import (
+    Bar,
+    KeyValue,
+    Page,
+    PageImage,
+    Section,
+    estimates_section,
+    html_of,
+    numbers,
+    png_of,
+    words,
+)
+from iris_sysid.report.text import main_names
+from iris_sysid.types import Completeness, Diagnosis, Doubt, Estimate, Quantity, Segment, Track, Trajectory, Verdict
 from tests._drawn import DrawnClip, moving_disc
 from tests.conftest import listing
 
 HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(1)>\"'&{{ 7 * 7 }}"
-LOADING = ("src", "href", "srcset", "action", "background", "poster", "data", "style")
+LOADING = ("src", "href", "xlink:href", "srcset", "action", "background", "poster", "data")
+FOREIGN = {"link", "iframe", "object", "embed", "base", "form", "foreignobject", "animate", "set"}
 
 
 class Tags(HTMLParser):
-    """Every tag with its attributes, and the text outside of styles."""
+    """Every tag with its attributes, the text that is read, and the text of scripts and styles by their types."""
 
     def __init__(self, html: str) -> None:
         super().__init__()
         self.tags: list[tuple[str, dict]] = []
         self.text = ""
-        self.styles = ""
+        self.code: dict[str, str] = {}
+        self.code_type = ""
         self.feed(html)
 
     def handle_starttag(self, tag, attributes):
         self.tags.append((tag, dict(attributes)))
+        self.code_type = dict(attributes).get("type", tag) if tag in ("style", "script") else ""
+
+    def handle_endtag(self, tag):
+        self.code_type = ""
 
     def handle_data(self, data):
-        if self.tags and self.tags[-1][0] == "style":
-            self.styles += data
+        if self.code_type:
+            self.code[self.code_type] = self.code.get(self.code_type, "") + data
         else:
             self.text += f"{data} "
 
 
 def assert_safe_and_alone(html: str) -> Tags:
-    """Nothing is executed, nothing is fetched."""
+    """Nothing but our own script is executed, nothing is fetched, and the policy of the page says so too."""
     page = Tags(html)
-    assert not {tag for tag, _ in page.tags} & {"script", "link", "iframe", "object", "embed", "base", "form", "svg"}
+    assert not {tag for tag, _ in page.tags} & FOREIGN
     for tag, attributes in page.tags:
-        assert not [name for name in attributes if name.startswith("on")], (tag, attributes)
+        assert not [name for name in attributes if name.startswith("on") or name == "style"], (tag, attributes)
         for name in LOADING:
-            assert attributes.get(name, "data:").startswith("data:image/png;base64,") or name not in attributes
-        assert attributes.get("http-equiv") is None
-    assert "url(" not in page.styles
-    assert "@import" not in page.styles
+            assert attributes.get(name, "data:image/").startswith(("data:image/", "#"))
+    (policy,) = [attributes["content"] for _, attributes in page.tags if "http-equiv" in attributes]
+    assert policy.startswith("default-src 'none'; img-src data:;")
+    assert set(page.code) == {"style", "script", "application/json"}
+    for kind in ("style", "script"):
+        digest = base64.b64encode(hashlib.sha256(page.code[kind].encode()).digest()).decode()
+        assert f"{kind}-src 'sha256-{digest}'" in policy
+    assert not re.search(
+        r"url\(|@import|\beval\(|\bfetch\(|XMLHttpRequest|innerHTML", page.code["style"] + own_script()
+    )
+    json.loads(page.code["application/json"])
     return page
 
 
-def pictures_in(html: str) -> list[bytes]:
+def own_script() -> str:
+    return (Path(page_module.__file__).parent / "assets" / "page.js").read_text("utf-8")
+
+
+def pictures_in(html: str, kind: str = "png") -> list[bytes]:
     sources = [attributes["src"] for tag, attributes in Tags(html).tags if tag == "img"]
-    return [base64.b64decode(source.partition(",")[2]) for source in sources]
+    return [base64.b64decode(source.partition(",")[2]) for source in sources if f"image/{kind}" in source]
 
 
 # --------------------------------------------------------------------------- the page itself
 
 
+def hostile_page() -> Page:
+    section = Section(
+        HOSTILE,
+        (*numbers(HOSTILE), *words(HOSTILE, "symbol")),
+        [(HOSTILE, HOSTILE, HOSTILE)],
+        [HOSTILE],
+        more=[(HOSTILE, HOSTILE, HOSTILE)],
+        image=PageImage("a", b"png", HOSTILE),
+    )
+    curve = Series(HOSTILE, np.arange(3.0), np.arange(3.0), "before")
+    chart = Chart("x", HOSTILE, HOSTILE, HOSTILE, [curve], marks=[Mark(1.0, 1.0, HOSTILE, HOSTILE)], words=HOSTILE)
+    return Page(
+        HOSTILE,
+        HOSTILE,
+        HOSTILE,
+        {HOSTILE: HOSTILE},
+        values=[KeyValue(HOSTILE, HOSTILE, Estimate(1.0, 0.1, HOSTILE))],
+        verdict=Verdict("doubtful", (Doubt("scale", HOSTILE, HOSTILE),), Completeness(0.9, False, rest=HOSTILE)),
+        warnings=[HOSTILE],
+        statements=[HOSTILE],
+        bars=[Bar(HOSTILE, [(HOSTILE, 50.0, "force")])],
+        charts=[chart],
+        sections=[section],
+    )
+
+
 def test_page_escapes_every_text():
-    section = Section(HOSTILE, (*numbers(HOSTILE), *words(HOSTILE)), [(HOSTILE, HOSTILE)], [HOSTILE])
-    page = Page(HOSTILE, HOSTILE, HOSTILE, [PageImage("a", b"png", HOSTILE)], [section], {HOSTILE: HOSTILE}, [HOSTILE])
-    html = assert_safe_and_alone(html_of(page))
-    assert html.text.count("<script>alert(1)</script>") >= 10
+    html = assert_safe_and_alone(html_of(hostile_page()))
+    assert html.text.count("<script>alert(1)</script>") >= 20
     assert "{{ 7 * 7 }}" in html.text
     assert "49" not in html.text
 
 
 def test_page_says_what_it_was_given():
-    estimates = {"length": Estimate(1.70342, 0.0042, "m", "fitted", "here")}
-    page = Page("clip", "length = 1.7", "a bob", [], [estimates_section("Parameters", estimates, r"\ddot x = -g")], {})
+    estimates = {"length": Estimate(1.70342, 0.0042, "m", "fitted", "here"), "g": Estimate(-9.8, 0.1, "m/s^2")}
+    section = estimates_section("Parameters", estimates, r"\ddot x = -g", symbols={"length": "L"}, main=["length"])
+    page = Page("clip", "length = 1.7", "a bob", {}, sections=[section])
     html = html_of(page)
     text = " ".join(Tags(html).text.split())
-    assert "Parameters quantity value ± standard error 95 % interval kind source" in text
-    assert "length 1.7034 ± 0.0042 m 1.6952 to 1.7117 fitted here" in text
-    assert len(pictures_in(html)) == 1
+    assert "Parameters quantity symbol value ± standard error 95 % interval kind source" in text
+    assert "length L 1.7034 ± 0.0042 m 1.6952 to 1.7117 fitted here" in text
+    assert "1 more: constants, initial values, small parts" in text
+    assert "g −9.80 ± 0.10 m/s² −9.996 to −9.604" in text
+    assert len(pictures_in(html, "svg+xml")) == 1
+
+
+def test_page_explains_the_terms_that_it_uses_and_no_others():
+    text = Tags(html_of(Page("clip", "The residual is noise.", "a bob", {}))).text
+    assert TERMS["residual"] in text
+    assert TERMS["score test"] not in text
+
+
+def test_page_warns_only_of_what_it_was_given():
+    plain = Page("clip", "length = 1.7", "a bob", {})
+    assert 'class="warning"' not in html_of(plain)
+    assert html_of(replace(plain, warnings=["the file ends early"])).count('class="warning"') == 1
+
+
+def test_licence_of_the_charts_is_in_the_page():
+    assert "Copyright (c) 2022 Leon Sorokin" in html_of(Page("clip", "", "", {}))
 
 
 @pytest.mark.parametrize("name", MODELS)
@@ -99,12 +178,14 @@ def test_equation_of_every_effect_can_be_drawn(name):
 
 def a_page(text="clip"):
     pictures = [PageImage(name, png_of(figures.equation_figure("x = 1")), name) for name in ("one", "two")]
-    return Page(text, text, text, pictures, [], {})
+    section = Section("Fit", equation=r"\ddot x = -g")
+    return Page(text, text, text, {}, images=pictures, sections=[section])
 
 
 def test_page_is_written_with_its_images_the_same_again(tmp_path):
     for name in ("a", "b"):
         assert clip_page.write_page(a_page(), tmp_path / name) == tmp_path / name / "report.html"
+        page_module._equation_svg.cache_clear()
     assert set(listing(tmp_path / "a")) == {"one.png", "two.png", "report.html"}
     assert listing(tmp_path / "a") == listing(tmp_path / "b")
 
@@ -141,7 +222,8 @@ def test_report_of_a_clip_with_a_hostile_name_is_safe(hostile_run, tmp_path):
 def test_report_of_a_clip_is_complete(hostile_run, tmp_path):
     html = write_report(hostile_run, tmp_path).read_text("utf-8")
     assert set(listing(tmp_path)) == {"track.png", "fit.png", "report.html"}
-    assert pictures_in(html)[:2] == [(tmp_path / name).read_bytes() for name in ("track.png", "fit.png")]
+    assert '<svg id="film"' in html
+    assert {"chart-residual-0", "chart-motion-0"} <= {found.get("id") for _, found in Tags(html).tags}
     text = Tags(html).text
     for part in (
         "Parameters",
@@ -165,13 +247,48 @@ def test_report_of_a_clip_is_complete(hostile_run, tmp_path):
     assert "nan" not in text.split()
 
 
+def test_report_has_the_number_large_with_its_symbol_and_both_axes_of_the_verdict(hostile_run, tmp_path):
+    html = write_report(hostile_run, tmp_path).read_text("utf-8")
+    top = html.partition('class="residual"')[0]
+    assert re.search(r'class="value first"><span class="name">length <i>L</i></span>\s*<strong>0\.\d+ ± ', top)
+    assert "Can the number be used?" in top
+    assert "Is the equation complete?" in top
+
+
+def test_report_does_not_warn_of_a_vertical_that_is_assumed(hostile_run, tmp_path):
+    assert any("the vertical is the image's" in note for note in hostile_run.notes)
+    html = write_report(hostile_run, tmp_path).read_text("utf-8")
+    assert 'class="warning"' not in html
+    assert "vertical is the image&#39;s, by assumption" in html
+    wrong = replace(hostile_run, notes=(*hostile_run.notes, "the file ends early"))
+    assert clip_page.clip_page(wrong).warnings == ["The file ends early."]
+
+
+def test_tables_show_what_a_person_came_for_and_keep_the_rest_until_asked(hostile_run):
+    parameters, budget, *_ = clip_page.clip_page(hostile_run).sections
+    assert [row[0] for row in parameters.rows] == main_names(hostile_run.fit)
+    assert {"pivot_across", "gravity", "theta_0"} <= {row[0] for row in parameters.more}
+    assert {row[0] for row in budget.rows} <= set(main_names(hostile_run.fit))
+    assert not [row for row in budget.rows if row[-1] == "0.0 %"]
+
+
+def test_picture_of_a_tall_clip_is_no_taller_than_a_page(hostile_run):
+    tall = DrawnClip([np.zeros((1200, 100, 3), np.uint8)] * 3)
+    figure = figures.track_figure(tall, [], hostile_run.trajectory, hostile_run.calibration)
+    width, height = figure.get_size_inches()
+    assert height == pytest.approx(figures.TALLEST_IN)
+    assert width == pytest.approx(figures.NARROWEST_IN)
+
+
 def test_report_of_a_failed_fit_says_so(hostile_run, tmp_path):
     few = hostile_run.trajectory.valid & (np.cumsum(hostile_run.trajectory.valid) <= 3)
     short = fit(hostile_run.trajectory.with_(valid=few, segments=()), MODELS["pendulum"])
     failed = replace(hostile_run, fit=replace(short, origin=hostile_run.fit.origin))
     text = Tags(write_report(failed, tmp_path).read_text("utf-8")).text
-    assert "too-short" in text
+    assert "No number could be measured: " in text
+    assert "Failed: " in text
     assert "undetermined" in text
+    assert 'class="value' not in (tmp_path / "report.html").read_text("utf-8")
 
 
 def test_track_is_drawn_over_the_clip(hostile_run):

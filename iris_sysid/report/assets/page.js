@@ -1,7 +1,7 @@
 "use strict";
 (() => {
   const {charts, film} = JSON.parse(document.getElementById("data").textContent);
-  const NS = "http://www.w3.org/2000/svg", LENS = 8;  // a lens shows so many radii of the body
+  const NS = "http://www.w3.org/2000/svg", LENS = 2;  // half the width of a lens in radii of the body
   const root = document.documentElement, find = id => document.getElementById(id);
   const element = (name, attributes) => {
     const made = document.createElementNS(NS, name);
@@ -39,23 +39,23 @@
     const markers = find("markers");
     markers.replaceChildren();
     for (const one of film.markers) {
-      const at = one.xy[k];
+      const at = one.xyr[k];
       if (!at) continue;
       if (one.ring) {
-        markers.append(element("circle", {class: "ring halo-ring", cx: at[0], cy: at[1], r: film.radius}));
-        markers.append(element("circle", {class: `ring ${one.colour}`, cx: at[0], cy: at[1], r: film.radius}));
-      } else markers.append(element("circle", {class: `dot ${one.colour}`, cx: at[0], cy: at[1], r: Math.min(3, film.radius / 3)}));
+        const place = {cx: at[0], cy: at[1], r: Math.max(at[2], 4)};
+        markers.append(element("circle", {class: "ring halo-ring", ...place}), element("circle", {class: `ring ${one.colour}`, ...place}));
+      } else markers.append(element("circle", {class: `dot ${one.colour}`, cx: at[0], cy: at[1], r: Math.min(3, Math.max(at[2] / 3, 1.5))}));
     }
   };
   const aim = k => {
     for (const svg of lenses) {
-      const places = film.markers.filter(one => one.body == svg.dataset.body && one.xy[k]).map(one => one.xy[k]);
+      const places = film.markers.filter(one => one.body == svg.dataset.body && one.xyr[k]).map(one => one.xyr[k]);
       svg.style.display = places.length ? "block" : "none";
       if (!places.length) continue;
-      const [xs, ys] = [0, 1].map(axis => places.map(place => place[axis]));
+      const [xs, ys, radii] = [0, 1, 2].map(axis => places.map(place => place[axis]));
       const [x, y] = [xs, ys].map(values => (Math.min(...values) + Math.max(...values)) / 2);
       const apart = Math.max(Math.max(...xs) - Math.min(...xs), Math.max(...ys) - Math.min(...ys));
-      const half = Math.max(LENS / 2 * film.radius / 2, 1.2 * apart + film.radius);
+      const half = Math.max(LENS * Math.max(...radii, 4), apart + 2 * Math.max(...radii));
       svg.setAttribute("viewBox", `${x - half} ${y - half * 0.7} ${2 * half} ${1.4 * half}`);
     }
   };
@@ -154,10 +154,11 @@
         setScale: [(u, key) => { if (key === "x" && chart.overTime) zoomAll(u); }]},
     }, uPlot.join(chart.series.map(one => [one.x, one.y])), home);
     plot.overTime = chart.overTime;
+    if (chart.reach) plot.setScale("x", {min: chart.reach[0], max: chart.reach[1]});
     plot.refit = () => plot.setSize(size());
     return plot;
   };
-  let zooming = false;
+  let zooming = true;  // until all charts are there, none follows another
   const zoomAll = source => {
     if (zooming) return;
     zooming = true;
@@ -166,7 +167,9 @@
   };
   const draw = () => {
     for (const plot of plots.splice(0)) plot.destroy();
+    zooming = true;
     for (const chart of charts) plots.push(build(chart));
+    setTimeout(() => { zooming = false; });
   };
 
   root.classList.add("js");
