@@ -1,10 +1,12 @@
 """The pages in a real browser: nothing is fetched, charts and film work, and axe finds nothing serious.
 
-Skipped where playwright, chromium or, for the last, axe-core is absent: ``AXE_CORE`` is the path of ``axe.min.js``.
+Skipped where selenium, chromium or chromedriver is absent; the test with axe-core, which is not a part of the project,
+also where ``AXE_CORE`` is not the path of its ``axe.min.js``.
 """
 
 import os
 import shutil
+import time
 from pathlib import Path
 
 import pytest
@@ -13,14 +15,20 @@ from iris_sysid import diagnose, run, write_report
 from iris_sysid.report.diagnosis_page import write_diagnosis
 from iris_sysid.report.film import Footage
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
+BROWSER, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 AXE = Path(os.environ.get("AXE_CORE", "axe.min.js"))
-FLAGS = ["--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update"]
-FLAGS += ["--disable-sync"]
+FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+)
+LONG_S = 20.0  # until something that should happen counts as failed
+pytestmark = pytest.mark.skipif(not (BROWSER and DRIVER), reason="chromium or chromedriver is not installed")
 needs_axe = pytest.mark.skipif(not AXE.is_file(), reason="AXE_CORE names no axe.min.js")
-
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 
 
 @pytest.fixture(scope="module")
@@ -35,128 +43,160 @@ def pages(pendulum_clip, tmp_path_factory):
     }
 
 
+def started(profile, **preferences):
+    options = webdriver.ChromeOptions()
+    options.binary_location = BROWSER
+    for flag in (*FLAGS, f"--user-data-dir={profile}"):
+        options.add_argument(flag)
+    options.add_experimental_option("prefs", preferences)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    return webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+
+
 @pytest.fixture(scope="module")
-def browser():
-    with playwright.sync_playwright() as started:
-        running = started.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield running
-        running.close()
+def browser(tmp_path_factory):
+    driver = started(tmp_path_factory.mktemp("profile"))
+    yield driver
+    driver.quit()
 
 
 @pytest.fixture
 def opened(browser, pages):
     """Open a page; afterwards nothing may have been fetched, refused or raised."""
-    contexts, faults = [], []
 
-    def opening(name, width=1200, **options):
-        context = browser.new_context(viewport={"width": width, "height": 800}, **options)
-        contexts.append(context)
-        page = context.new_page()
-        page.on("console", lambda message: faults.append(message.text))
-        page.on("pageerror", lambda error: faults.append(str(error)))
-        page.on("request", lambda asked: asked.url.startswith(("file:", "data:")) or faults.append(asked.url))
-        page.goto(pages[name].as_uri())
-        return page
+    def opening(name, width=1200, scheme="light", media="screen"):
+        size = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": False}
+        features = [{"name": "prefers-color-scheme", "value": scheme}]
+        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": media, "features": features})
+        browser.get(pages[name].as_uri())
+        return browser
 
     yield opening
-    for context in contexts:
-        context.close()
-    assert faults == []
+    fetched = browser.execute_script("return performance.getEntriesByType('resource').map(entry => entry.name)")
+    assert [address for address in fetched if not address.startswith(("data:", "file:"))] == []
+    assert browser.get_log("browser") == []
 
 
-def at(page, chart, share):
-    """Move the pointer over a chart, to a share of its width."""
-    over = page.locator(f"#chart-{chart} .u-over")
-    over.scroll_into_view_if_needed()
-    box = over.bounding_box()
-    page.mouse.move(box["x"] + share * box["width"] - 1, box["y"] + 50)
-    page.mouse.move(box["x"] + share * box["width"], box["y"] + 50)
+def find(page, selector):
+    return page.find_element("css selector", selector)
+
+
+def shown(page, selector):
+    """How many elements of that kind are seen."""
+    return sum(one.is_displayed() for one in page.find_elements("css selector", selector))
+
+
+def until(condition):
+    """Wait until something holds."""
+    end = time.monotonic() + LONG_S
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def moved_over(page, chart, *shares):
+    """The pointer over a chart, at shares of its width."""
+    over = find(page, f"#chart-{chart} .u-over")
+    page.execute_script("arguments[0].scrollIntoView({block: 'center'})", over)
+    pointer = webdriver.ActionChains(page)
+    for share in shares:
+        pointer.move_to_element_with_offset(over, round((share - 0.5) * over.size["width"]), 0)
+    return pointer
+
+
+def frame(page):
+    return find(page, "#frame").get_attribute("href")
 
 
 def test_pointing_at_a_residual_shows_its_frame_and_the_model(opened):
     page = opened("run")
-    whole = page.locator("#frame").get_attribute("href")
-    at(page, "residual-0", 0.5)
-    shown = page.locator("#frame").get_attribute("href")
-    assert shown != whole
-    assert page.locator("#shown").inner_text().startswith("The frame at ")
-    assert page.locator("#markers .ring.before").count() == 1
-    assert page.locator("#markers .dot.body-1").count() == 1
-    assert page.locator("#lenses svg").is_visible()
-    assert page.locator("#chart-residual-0 .read").first.inner_text() != ""
-    at(page, "residual-0", 0.9)
-    assert page.locator("#frame").get_attribute("href") != shown
+    whole = frame(page)
+    moved_over(page, "residual-0", 0.48, 0.5).perform()
+    until(lambda: frame(page) != whole)
+    half = frame(page)
+    assert find(page, "#shown").text.startswith("The frame at ")
+    assert shown(page, "#markers .ring.before") == 1
+    assert shown(page, "#markers .dot.body-1") == 1
+    assert shown(page, "#lenses svg") == 1
+    assert find(page, "#chart-residual-0 .read").text != ""
+    moved_over(page, "residual-0", 0.9).perform()
+    until(lambda: frame(page) != half)
 
 
-def test_diagnosis_shows_the_model_before_and_after(opened, pages):
+def test_diagnosis_shows_the_model_before_and_after(opened):
     page = opened("diagnosis")
-    names = page.locator(".film .legend").inner_text()
-    at(page, "residual-0-0", 0.5)
-    after = "with the added effects" in names
-    assert page.locator("#markers .ring.after").count() == int(after)
-    assert page.locator("#markers .ring.before").count() == 1
+    whole, names = frame(page), find(page, ".film .legend").text
+    moved_over(page, "residual-0-0", 0.48, 0.5).perform()
+    until(lambda: frame(page) != whole)
+    assert shown(page, "#markers .ring.after") == int("with the added effects" in names)
+    assert shown(page, "#markers .ring.before") == 1
 
 
 def test_film_plays_and_can_be_moved_by_key(opened):
     page = opened("run")
-    page.locator("#play").click()
-    assert page.locator("#play").inner_text() == "Pause"
-    page.wait_for_function("document.getElementById('scrub').value > 2")
-    page.locator("#play").click()
-    page.locator("#scrub").focus()
-    page.keyboard.press("Home")
-    page.keyboard.press("ArrowRight")
-    assert page.locator("#scrub").input_value() == "1"
-    assert page.locator("#moment").inner_text() == "0.03 s"
+    find(page, "#play").click()
+    assert find(page, "#play").text == "Pause"
+    until(lambda: int(find(page, "#scrub").get_attribute("value")) > 2)
+    find(page, "#play").click()
+    find(page, "#scrub").send_keys("\ue011", "\ue014")  # home, arrow to the right
+    assert find(page, "#scrub").get_attribute("value") == "1"
+    assert find(page, "#moment").text == find(page, "#scrub").get_attribute("aria-valuetext")
 
 
 def test_dragging_zooms_all_charts_over_time_and_a_double_click_goes_back(opened):
     page = opened("run")
-    labels = "[...document.querySelectorAll('canvas')].map(canvas => canvas.toDataURL())"
-    page.wait_for_timeout(100)
-    before = page.evaluate(labels)
-    box = page.locator("#chart-residual-0 .u-over").bounding_box()
-    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 40)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 40, steps=4)
-    page.mouse.up()
-    page.wait_for_timeout(100)
-    zoomed = page.evaluate(labels)
-    assert all(one != other for one, other in zip(before, zoomed, strict=True))
-    page.locator("#chart-residual-0 .u-over").dblclick()
-    page.wait_for_timeout(100)
-    assert page.evaluate(labels)[0] != zoomed[0]
+
+    def pictures():
+        return page.execute_script("return [...document.querySelectorAll('canvas')].map(one => one.toDataURL())")
+
+    time.sleep(0.2)
+    before = pictures()
+    moved_over(page, "residual-0", 0.3).click_and_hold().perform()
+    moved_over(page, "residual-0", 0.5, 0.6).release().perform()
+    until(lambda: all(one != other for one, other in zip(before, pictures(), strict=True)))
+    zoomed = pictures()
+    moved_over(page, "residual-0", 0.6).double_click().perform()
+    until(lambda: pictures()[0] != zoomed[0])
 
 
-def test_without_scripts_the_charts_are_there_as_svg(opened):
-    page = opened("run", java_script_enabled=False)
-    assert page.locator("svg.still").count() == page.locator("svg.still:visible").count() >= 2
-    assert page.locator(".live:visible").count() == 0
+def test_without_scripts_the_charts_are_there_as_svg(pages, tmp_path):
+    page = started(tmp_path, **{"profile.managed_default_content_settings.javascript": 2})
+    try:
+        page.get(pages["run"].as_uri())
+        assert shown(page, "svg.still") == len(page.find_elements("css selector", "svg.still")) >= 2
+        assert shown(page, ".live") == 0
+    finally:
+        page.quit()
 
 
 def test_in_print_the_charts_are_svg(opened):
-    page = opened("diagnosis")
-    page.emulate_media(media="print")
-    assert page.locator("svg.still:visible").count() == page.locator("svg.still").count()
-    assert page.locator("canvas:visible").count() == 0
+    page = opened("diagnosis", media="print")
+    assert shown(page, "svg.still") == len(page.find_elements("css selector", "svg.still"))
+    assert shown(page, "canvas") == 0
+
+
+def unfold(page):
+    page.execute_script("document.querySelectorAll('details').forEach(one => one.open = true)")
 
 
 @pytest.mark.parametrize("name", ["run", "diagnosis", "table"])
 def test_nothing_is_cut_on_a_phone(name, opened):
     page = opened(name, width=400)
-    page.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
-    assert page.evaluate("document.documentElement.scrollWidth") == 400
+    unfold(page)
+    assert page.execute_script("return document.documentElement.scrollWidth") <= 400
     cut = (
-        "[...document.querySelectorAll('table, td, h1, p')].filter(one => one.scrollWidth > one.clientWidth + 1).length"
+        "return [...document.querySelectorAll('table, td, h1, p')].filter(one => one.scrollWidth > one.clientWidth + 1)"
     )
-    assert page.evaluate(cut) == 0
+    assert page.execute_script(cut) == []
 
 
 @needs_axe
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("name", ["run", "diagnosis", "table"])
 def test_axe_finds_nothing_serious(name, scheme, opened):
-    page = opened(name, color_scheme=scheme)
-    page.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
-    found = page.evaluate(f"{AXE.read_text('utf-8')};axe.run(document)")
+    page = opened(name, scheme=scheme)
+    unfold(page)
+    page.execute_script(AXE.read_text("utf-8"))
+    found = page.execute_async_script("axe.run(document).then(arguments[arguments.length - 1])")
     assert [fault["id"] for fault in found["violations"] if fault["impact"] in ("serious", "critical")] == []
