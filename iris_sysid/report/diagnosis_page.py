@@ -113,7 +113,17 @@ def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Dia
 def diagnosis_page(
     diagnosis: Diagnosis, clips: Sequence[Trajectory], planned: Plan | None = None, footage: Footage | None = None
 ) -> Page:
-    """The page of a diagnosis, with what is ``planned`` next; charts, film and values are those of the first clip."""
+    """The page of a diagnosis; charts, film and values are those of the first clip.
+
+    Parameters
+    ----------
+    diagnosis, clips
+        As for :func:`write_diagnosis`.
+    planned
+        What to film next.
+    footage
+        The first clip with its tracks.
+    """
     model, sentences = diagnosis.base.model, diagnosis_sentences(diagnosis)
     name = clip_name(clips[0]) + (f" and {len(clips) - 1} more" if len(clips) > 1 else "")
     first = headline(diagnosis)
