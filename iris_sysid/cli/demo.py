@@ -54,7 +54,6 @@ def run_demo(folder: Path, *, overwrite: bool = False, progress: Callable[[int, 
     from iris_sysid.pipeline import check_folder, run, save
     from iris_sysid.report import diagnosis_files, diagnosis_page
     from iris_sysid.report.diagnosis_text import diagnosis_text
-    from iris_sysid.report.film import Footage
     from iris_sysid.report.text import residual_text, verdict_lines
 
     report, diagnosis_folder = folder / "report", folder / "diagnosis"
@@ -69,7 +68,7 @@ def run_demo(folder: Path, *, overwrite: bool = False, progress: Callable[[int, 
             diagnosis,
             result.trajectory,
             diagnosis_folder,
-            footage=Footage(result.video, result.tracks),
+            footage=result,
             overwrite=overwrite,
         ),
     ]

@@ -7,7 +7,7 @@ from pathlib import Path
 from iris_sysid.io.files import check_writable, write_atomic
 from iris_sysid.report.budget import budget_sections, calibration_section
 from iris_sysid.report.figures import fit_figure, track_figure
-from iris_sysid.report.film import Footage, film_of
+from iris_sysid.report.film import film_of
 from iris_sysid.report.identifiability import identifiability_sections
 from iris_sysid.report.page import (
     KeyValue,
@@ -95,7 +95,7 @@ def clip_page(run: Run) -> Page:
         values=key_values(fit, main_names(fit)),
         verdict=fit.verdict,
         warnings=[as_sentence(note) for note in _warnings(run)],
-        film=film_of(Footage(run.video, run.tracks), trajectory, {"before": ("the model", fit)} if fit.usable else {}),
+        film=film_of(run, trajectory, {"before": ("the model", fit)} if fit.usable else {}),
         charts=[*(charts if fit.usable else charts[1::2]), *input_charts(trajectory, fit)],
         sections=[
             estimates_section(

@@ -18,7 +18,7 @@ from iris_sysid.report.diagnosis_charts import component_bars, component_charts,
 from iris_sysid.report.diagnosis_files import check_folder
 from iris_sysid.report.diagnosis_tables import WITH, WITHOUT, diagnosis_sections
 from iris_sysid.report.diagnosis_text import diagnosis_sentence, diagnosis_sentences, finding_sentence
-from iris_sysid.report.film import Film, Footage, film_of
+from iris_sysid.report.film import Film, Filmed, film_of
 from iris_sysid.report.page import KeyValue, Page, PageImage, Section, png_of, symbols_of, words
 from iris_sysid.report.plan_figure import plan_figure
 from iris_sysid.report.plan_text import advice, plan_document, plan_rows
@@ -35,7 +35,7 @@ def write_diagnosis(
     folder: str | Path,
     *,
     planned: Plan | None = None,
-    footage: Footage | None = None,
+    footage: Filmed | None = None,
     overwrite: bool = False,
 ) -> Path:
     """Write ``diagnosis.json`` and ``report.html`` with its images into a folder, and ``plan.json`` where there is one.
@@ -51,7 +51,7 @@ def write_diagnosis(
     planned
         What :func:`iris_sysid.plan` says of these clips, for the page.
     footage
-        The first clip with its tracks, so that the page shows it with the model before and after.
+        The :class:`iris_sysid.Run` of the first clip: the page then shows it with the model before and after.
     overwrite
         Replace the files of an earlier diagnosis.
 
@@ -111,7 +111,7 @@ def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Dia
 
 
 def diagnosis_page(
-    diagnosis: Diagnosis, clips: Sequence[Trajectory], planned: Plan | None = None, footage: Footage | None = None
+    diagnosis: Diagnosis, clips: Sequence[Trajectory], planned: Plan | None = None, footage: Filmed | None = None
 ) -> Page:
     """The page of a diagnosis; charts, film and values are those of the first clip.
 
@@ -180,7 +180,7 @@ def _values(diagnosis: Diagnosis) -> list[KeyValue]:
     return [*effects, *(value for value in values if value.name not in seen)][:MOST_VALUES]
 
 
-def _film(diagnosis: Diagnosis, clip: Trajectory, footage: Footage | None) -> Film | None:
+def _film(diagnosis: Diagnosis, clip: Trajectory, footage: Filmed | None) -> Film | None:
     if footage is None:
         return None
     models = {"before": (f"model {WITHOUT}", diagnosis.base)}

@@ -6,7 +6,7 @@ import base64
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
@@ -30,6 +30,18 @@ FEWEST = 5  # samples that show how coordinates lie in the image
 MOST_OFF, LEAST_PX = 0.03, 3.0  # largest rms error of that map, over the extent of the motion; smallest extent, px
 SEEN_PX = 8.0  # radius of the marker of a body whose own is not known, px of the clip
 BODIES = 4  # colours of bodies in the page
+
+
+class Filmed(Protocol):
+    """What has frames and tracks: a :class:`iris_sysid.Run`, or :class:`Footage`."""
+
+    @property
+    def video(self) -> FrameSource:
+        """The clip."""
+
+    @property
+    def tracks(self) -> Sequence[Track]:
+        """One a body, px."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -121,7 +133,7 @@ def _path(points: Array) -> str:
     return "".join(steps)
 
 
-def film_of(footage: Footage, trajectory: Trajectory, models: Mapping[str, tuple[str, FitResult]]) -> Film | None:
+def film_of(footage: Filmed, trajectory: Trajectory, models: Mapping[str, tuple[str, FitResult]]) -> Film | None:
     """Frames of a clip with its bodies, and with models where they have a place in the image.
 
     Parameters

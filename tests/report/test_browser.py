@@ -13,7 +13,6 @@ import pytest
 
 from iris_sysid import diagnose, run, write_report
 from iris_sysid.report.diagnosis_page import write_diagnosis
-from iris_sysid.report.film import Footage
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
 BROWSER, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
@@ -35,10 +34,9 @@ needs_axe = pytest.mark.skipif(not AXE.is_file(), reason="AXE_CORE names no axe.
 def pages(pendulum_clip, tmp_path_factory):
     folder, measured = tmp_path_factory.mktemp("pages"), run(pendulum_clip, "pendulum")
     found = diagnose(measured.trajectory, "pendulum", effects=["quadratic-drag"])
-    footage = Footage(measured.video, measured.tracks)
     return {
         "run": write_report(measured, folder / "run"),
-        "diagnosis": write_diagnosis(found, measured.trajectory, folder / "diagnosis", footage=footage),
+        "diagnosis": write_diagnosis(found, measured.trajectory, folder / "diagnosis", footage=measured),
         "table": write_diagnosis(found, measured.trajectory, folder / "table"),
     }
 

@@ -20,7 +20,7 @@ def measured(pendulum_clip):
 
 
 def of(measured, **models):
-    return film_of(Footage(measured.video, measured.tracks), measured.trajectory, models)
+    return film_of(measured, measured.trajectory, models)
 
 
 def test_film_shows_frames_with_the_body_where_it_was_tracked(measured):
