@@ -8,6 +8,7 @@ import numpy as np
 
 from iris_sysid.report.chart import Band, Chart, Mark, Series
 from iris_sysid.report.figures import fitted_curve, sample_labels
+from iris_sysid.report.film import BODIES
 from iris_sysid.report.residual_words import largest_text, residual_words
 from iris_sysid.report.text import as_sentence, shown_unit
 from iris_sysid.report.typeset import name_with_symbol
@@ -21,7 +22,6 @@ LABEL_COLOURS: dict[SegmentLabel | str, str] = {
     "": "unused",
 }
 MARGIN = 0.03  # of the time of the fit, shown before and after it
-BODIES = 4  # colours of bodies
 
 
 def body_colour(quantities: Sequence[Quantity], k: int) -> str:

@@ -148,29 +148,6 @@ def main_names(fit: FitResult) -> list[str]:
     return accurate or found
 
 
-def fit_headline(fit: FitResult) -> str:
-    """The result in one line: fitted and derived values except initial states, or the reason why there are none.
-
-    A value whose 95 % interval holds zero is named as not distinguishable from zero, without its size.
-    """
-    found = {
-        name: estimate
-        for name, estimate in shown_estimates(fit).items()
-        if name not in fit.model.initial_names and estimate.measurement_type in ("fitted", "derived")
-    }
-    parts = [f"{name} = {with_error(value)}" for name, value in found.items() if not _holds_zero(value)]
-    unsure = [name for name, value in found.items() if _holds_zero(value)]
-    parts += [f"not distinguishable from zero: {', '.join(unsure)}"] if unsure else []
-    if fit.usable:
-        return "; ".join(parts) or as_sentence(fit.message)
-    return f"{fit.status}: {fit.message}"
-
-
-def _holds_zero(estimate: Estimate) -> bool:
-    lower, upper = estimate.interval
-    return lower <= 0.0 <= upper and lower < upper
-
-
 def samples_text(segment: Segment, trajectory: Trajectory) -> str:
     """Say which samples a segment covers, e.g. ``0-2 (0.000-0.200 s)``."""
     last = segment.stop - 1

@@ -12,6 +12,7 @@ from iris_sysid.types import Quantity
 SUPERSCRIPTS = str.maketrans("0123456789-.", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻·")
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 MINUS = re.compile(r"(?<![\w.)°%/\-])-(?=\.?\d)")
+DEGREES = re.compile(r"(?<=\d) °(?![/C])")
 POWER = re.compile(r"(?<=[A-Za-z°])\^(-?\d+(?:\.\d+)?)")
 EXPONENT = re.compile(r"(?<![\w.])(-?\d+(?:\.\d+)?)e([+-]\d+)(?!\w)")
 MOST_ZEROS = 6  # 2e+06 is written out
@@ -20,8 +21,9 @@ SUBSCRIPT = re.compile(r"_(?:\{([^{}]*)\}|(.))")
 
 
 def typeset(text: str) -> str:
-    """The text with a true minus, raised powers and powers of ten: ``-2.1e-05 m/s^2`` is −2.1·10⁻⁵ m/s²."""
+    """The text with a true minus, raised powers, powers of ten and degrees: ``-2.1e-05 m/s^2`` is −2.1·10⁻⁵ m/s²."""
     text = EXPONENT.sub(_written_out, text).replace(" +- ", " ± ")
+    text = DEGREES.sub("°", text)
     return MINUS.sub("−", POWER.sub(lambda power: power[1].translate(SUPERSCRIPTS), text))
 
 

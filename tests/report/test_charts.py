@@ -32,6 +32,7 @@ NAN = float("nan")
         ("0 +- 2.3e-05 1", "0 ± 2.3·10⁻⁵ 1"),
         ("0.02 1/s^2, 3 m^0.5/s", "0.02 1/s², 3 m⁰·⁵/s"),
         ("a2e+02b", "a2e+02b"),
+        ("30.0 ± 0.1 ° at 2 °/s", "30.0 ± 0.1° at 2 °/s"),
     ],
 )
 def test_text_is_set_as_it_is_read(plain, read):

@@ -8,11 +8,12 @@ import pytest
 
 from iris_sysid import MODELS, Estimate, fit
 from iris_sysid.registry import EFFECTS
+from iris_sysid.report.clip_page import headline
 from iris_sysid.report.diagnosis_text import changed_parameters, diagnosis_sentence, diagnosis_text
 from iris_sysid.report.text import (
-    fit_headline,
     fit_table,
     interval_text,
+    main_names,
     rounded_to_error,
     samples_text,
     verdict_lines,
@@ -121,16 +122,28 @@ def failed_fit():
     return fit(angles_trajectory(4), MODELS["pendulum"])
 
 
-def test_headline_of_a_good_fit_names_results_but_no_initial_state(good_fit):
-    text = fit_headline(good_fit)
-    assert text.startswith("length = ")
-    assert "damping = " in text
-    assert "theta_0" not in text
-    assert "gravity" not in text
+def test_headline_of_a_good_fit_is_the_first_number_and_what_to_think_of_it(good_fit):
+    assert headline(good_fit).startswith("Length is 0.")
+    assert headline(good_fit).endswith(" m, and the equation is complete as far as the data show.")
+    lacking = replace(good_fit, status="misfit")
+    assert headline(lacking).endswith(" m; the equation lacks something, and the error allows for it.")
+    doubt = Doubt("clock", "the clock seems 8 times too slow", "give --fps 240")
+    assert headline(replace(good_fit, doubts=(doubt,))).endswith(" m, but there is reason to doubt it.")
+
+
+def test_headline_keeps_the_case_of_a_name_that_is_a_symbol(good_fit):
+    named = replace(good_fit, estimates={"h": good_fit.estimates["length"]}, free=("h",))
+    assert headline(named).startswith("h is 0.")
 
 
 def test_headline_of_a_failed_fit_says_why(failed_fit):
-    assert fit_headline(failed_fit).startswith("too-short: ")
+    assert headline(failed_fit).startswith("No number could be measured: ")
+
+
+def test_main_names_are_the_results_without_initial_states_and_constants(good_fit):
+    names = main_names(good_fit)
+    assert names[0] == "length"
+    assert not {"theta_0", "gravity"} & set(names)
 
 
 def test_table_of_a_good_fit_is_aligned_and_ends_with_the_residual(good_fit):
@@ -262,13 +275,6 @@ def test_angles_are_shown_in_degrees_and_their_intervals_too():
     assert with_error(angle) == "30.00 ± 0.10 °"
     assert interval_text(angle) == "29.804 to 30.196"
     assert with_error(Estimate(0.1, 0.01, "1/rad")) == "0.100 ± 0.010 1/rad"
-
-
-def test_headline_gives_no_size_to_a_value_that_may_be_zero(good_fit):
-    unsure = replace(good_fit.estimates["damping"], value=0.28, stderr=0.25, ci95=None)
-    text = fit_headline(replace(good_fit, estimates={**good_fit.estimates, "damping": unsure}))
-    assert text.startswith("length = ")
-    assert text.endswith("not distinguishable from zero: damping")
 
 
 def test_verdict_says_its_word_first_and_every_reason_with_what_to_do():
