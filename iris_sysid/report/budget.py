@@ -11,7 +11,7 @@ from iris_sysid.calibration.plane import local_geometry
 from iris_sysid.calibration.vertical import assumptions, fixed_by_data
 from iris_sysid.errors import CalibrationError
 from iris_sysid.report.page import Section, estimates_section, numbers, words
-from iris_sysid.report.text import main_names, shown_unit, with_error
+from iris_sysid.report.text import shown_unit, table_names, with_error
 from iris_sysid.types import Calibration, Estimate, FitResult, Track
 
 RANDOM = "random"
@@ -30,7 +30,7 @@ def budget_sections(fit: FitResult) -> list[Section]:
     """
     rows: list[tuple[str, ...]] = []
     more: list[tuple[str, ...]] = []
-    main = main_names(fit)
+    main = table_names(fit)
     for name, parts in fit.budget.items():
         if name in fit.estimates and all(map(math.isfinite, parts.values())):
             shown, small = _rows(name, fit.estimates[name], parts, fit.estimates)

@@ -21,7 +21,15 @@ from iris_sysid.report.page import (
     words,
 )
 from iris_sysid.report.residual_charts import input_charts, motion_chart, residual_chart
-from iris_sysid.report.text import as_sentence, main_names, residual_text, samples_text, shown_estimates, with_error
+from iris_sysid.report.text import (
+    as_sentence,
+    main_names,
+    residual_text,
+    samples_text,
+    shown_estimates,
+    table_names,
+    with_error,
+)
 from iris_sysid.trajectory.vertical_and_scale import vertical_note
 from iris_sysid.types import FitResult, Run, Trajectory
 
@@ -103,7 +111,7 @@ def clip_page(run: Run) -> Page:
                 shown_estimates(fit),
                 fit.model.equation,
                 symbols=symbols_of(fit.model),
-                main=main_names(fit),
+                main=table_names(fit),
             ),
             *budget_sections(fit),
             *identifiability_sections(fit),

@@ -11,14 +11,15 @@ from iris_sysid.report.page import Section, estimates_section, numbers, symbols_
 from iris_sysid.report.text import (
     as_sentence,
     interval_text,
-    main_names,
     probability_text,
     shown_estimates,
+    table_names,
     with_error,
     with_unit,
 )
 from iris_sysid.types import Diagnosis, EffectCause, FitResult, Limit, Score, Trajectory
 
+SMALLEST = 0.0005  # of the residual; a smaller part is "0.0 %"
 WITHOUT, WITH = "without the added effects", "with the added effects"
 
 
@@ -82,7 +83,7 @@ def _fit_sections(diagnosis: Diagnosis) -> list[Section]:
             shown_estimates(fit),
             fit.model.equation,
             symbols=symbols_of(fit.model),
-            main=main_names(fit),
+            main=table_names(fit),
         )
         for fit, which in fits_of(diagnosis)
     ]
@@ -147,25 +148,25 @@ def _suggested_section(diagnosis: Diagnosis) -> list[Section]:
 
 
 def _limits_section(diagnosis: Diagnosis) -> Section:
-    rows = [(limit.effect, _limit_text(limit)) for limit in diagnosis.ruled_out]
-    return Section("Upper limits on other effects", (*words("effect"), *numbers("largest size, at 95 %")), rows)
+    rows = [(limit.effect, _limit_text(limit)) for limit in diagnosis.ruled_out if np.isfinite(limit.upper_95)]
+    more = [(limit.effect, _limit_text(limit)) for limit in diagnosis.ruled_out if not np.isfinite(limit.upper_95)]
+    columns = (*words("effect"), *numbers("largest size, at 95 %"))
+    return Section("Upper limits on other effects", columns, rows, more=more)
 
 
 def _score_section(number: int, scores: tuple[Score, ...]) -> Section:
-    rows = [
-        (
-            score.effect,
-            f"{100 * score.gain:.3g} %",
-            _size_text(score),
-            f"{score.z:.1f}" if np.isfinite(score.z) else "",
-        )
-        for score in scores
-    ]
     columns = (
         *words("effect"),
         *numbers("of the residual explained", "size, to first order", "size / standard error"),
     )
-    return Section(f"Score tests, round {number}", columns, rows)
+    shown = [_score_row(score) for score in scores if score.gain >= SMALLEST]
+    more = [_score_row(score) for score in scores if not score.gain >= SMALLEST]
+    return Section(f"Score tests, round {number}", columns, shown, more=more)
+
+
+def _score_row(score: Score) -> tuple[str, ...]:
+    z = f"{score.z:.1f}" if np.isfinite(score.z) else ""
+    return score.effect, f"{100 * score.gain:.3g} %", _size_text(score), z
 
 
 def _size_text(score: Score) -> str:

@@ -148,6 +148,12 @@ def main_names(fit: FitResult) -> list[str]:
     return accurate or found
 
 
+def table_names(fit: FitResult) -> list[str]:
+    """The names that a table shows at once: the main ones, and a damping that was fitted."""
+    damping = [parameter.name for parameter in fit.model.with_role("damping") if parameter.name in fit.free]
+    return list(dict.fromkeys([*main_names(fit), *damping]))
+
+
 def samples_text(segment: Segment, trajectory: Trajectory) -> str:
     """Say which samples a segment covers, e.g. ``0-2 (0.000-0.200 s)``."""
     last = segment.stop - 1

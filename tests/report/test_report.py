@@ -36,7 +36,7 @@ from iris_sysid.report.page import (
     png_of,
     words,
 )
-from iris_sysid.report.text import main_names
+from iris_sysid.report.text import table_names
 from iris_sysid.types import Completeness, Diagnosis, Doubt, Estimate, Quantity, Segment, Track, Trajectory, Verdict
 from tests._drawn import DrawnClip, moving_disc
 from tests.conftest import listing
@@ -145,7 +145,7 @@ def test_page_says_what_it_was_given():
     text = " ".join(Tags(html).text.split())
     assert "Parameters quantity symbol value ± standard error 95 % interval kind source" in text
     assert "length L 1.7034 ± 0.0042 m 1.6952 to 1.7117 fitted here" in text
-    assert "1 more: constants, initial values, small parts" in text
+    assert "1 more: constants, initial values, small or undetermined parts" in text
     assert "g −9.80 ± 0.10 m/s² −9.996 to −9.604" in text
     assert len(pictures_in(html, "svg+xml")) == 1
 
@@ -266,9 +266,9 @@ def test_report_does_not_warn_of_a_vertical_that_is_assumed(hostile_run, tmp_pat
 
 def test_tables_show_what_a_person_came_for_and_keep_the_rest_until_asked(hostile_run):
     parameters, budget, *_ = clip_page.clip_page(hostile_run).sections
-    assert [row[0] for row in parameters.rows] == main_names(hostile_run.fit)
+    assert [row[0] for row in parameters.rows] == table_names(hostile_run.fit) == ["length", "damping"]
     assert {"pivot_across", "gravity", "theta_0"} <= {row[0] for row in parameters.more}
-    assert {row[0] for row in budget.rows} <= set(main_names(hostile_run.fit))
+    assert {row[0] for row in budget.rows} <= set(table_names(hostile_run.fit))
     assert not [row for row in budget.rows if row[-1] == "0.0 %"]
 
 
