@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from iris_sysid.report.clip_page import write_page
+from iris_sysid.report.clip_page import fit_charts, headline, key_values, write_page
 from iris_sysid.report.figures import fit_figure
-from iris_sysid.report.page import Page, PageImage, Section, estimates_section, png_of
-from iris_sysid.report.text import as_sentence, fit_headline, residual_text, shown_estimates
+from iris_sysid.report.page import Page, PageImage, Section, estimates_section, fit_section, png_of
+from iris_sysid.report.text import as_sentence, main_names, residual_text
 from iris_sysid.types import FitResult, Trajectory
 
 
@@ -40,11 +40,13 @@ def write_table_page(group: str, source: str, trajectory: Trajectory, fit: FitRe
     caption = "Measured motion and fit, with the residual below"
     page = Page(
         title=f"{group}: {source}",
-        headline=fit_headline(fit),
+        headline=headline(fit),
         summary=fit.model.summary,
+        values=key_values(fit, main_names(fit)),
+        charts=fit_charts(trajectory, fit),
         images=[PageImage("fit", png_of(fit_figure(trajectory, fit)), caption)] if fit.usable else [],
         sections=[
-            estimates_section("Parameters", shown_estimates(fit), fit.model.equation),
+            fit_section("Parameters", fit),
             *([estimates_section("Intermediate quantities", trajectory.geometry)] if trajectory.geometry else []),
             Section("Checks", lines=_checks(trajectory, fit)),
         ],
@@ -57,6 +59,6 @@ def write_table_page(group: str, source: str, trajectory: Trajectory, fit: FitRe
 def _checks(trajectory: Trajectory, fit: FitResult) -> list[str]:
     return [
         f"{int(trajectory.valid.sum())} of {trajectory.n} samples are measured, {fit.n} are used for the fit.",
-        as_sentence(residual_text(fit)),
+        f"Residual: {residual_text(fit)}.",
         *map(as_sentence, fit.notes),
     ]

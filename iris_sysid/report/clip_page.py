@@ -6,6 +6,7 @@ from pathlib import Path
 
 from iris_sysid.io.files import check_writable, write_atomic
 from iris_sysid.report.budget import budget_sections, calibration_section
+from iris_sysid.report.chart import Chart
 from iris_sysid.report.figures import fit_figure, track_figure
 from iris_sysid.report.film import film_of
 from iris_sysid.report.identifiability import identifiability_sections
@@ -15,6 +16,7 @@ from iris_sysid.report.page import (
     PageImage,
     Section,
     estimates_section,
+    fit_section,
     html_of,
     png_of,
     symbols_of,
@@ -26,8 +28,6 @@ from iris_sysid.report.text import (
     main_names,
     residual_text,
     samples_text,
-    shown_estimates,
-    table_names,
     with_error,
 )
 from iris_sysid.trajectory.vertical_and_scale import vertical_note
@@ -91,11 +91,6 @@ def clip_page(run: Run) -> Page:
     """The page of one clip."""
     fit, trajectory = run.fit, run.trajectory
     track = track_figure(run.video, run.tracks, trajectory, run.calibration)
-    fits = [(fit, "the model", "before")]
-    charts = []
-    for k in range(len(fit.model.observed)):
-        charts.append(residual_chart(fit, k, float(fit.noise[k]), name=f"residual-{k}"))
-        charts.append(motion_chart(trajectory, fits, k))
     return Page(
         title=f"{run.source.name}: {run.phenomenon.name}",
         headline=headline(fit),
@@ -104,15 +99,9 @@ def clip_page(run: Run) -> Page:
         verdict=fit.verdict,
         warnings=[as_sentence(note) for note in _warnings(run)],
         film=film_of(run, trajectory, {"before": ("the model", fit)} if fit.usable else {}),
-        charts=[*(charts if fit.usable else charts[1::2]), *input_charts(trajectory, fit)],
+        charts=fit_charts(trajectory, fit),
         sections=[
-            estimates_section(
-                "Parameters",
-                shown_estimates(fit),
-                fit.model.equation,
-                symbols=symbols_of(fit.model),
-                main=table_names(fit),
-            ),
+            fit_section("Parameters", fit),
             *budget_sections(fit),
             *identifiability_sections(fit),
             calibration_section(run.calibration, run.tracks),
@@ -126,6 +115,16 @@ def clip_page(run: Run) -> Page:
             PageImage("fit", png_of(fit_figure(trajectory, fit)), "Measured motion and fit, with the residual below"),
         ],
     )
+
+
+def fit_charts(trajectory: Trajectory, fit: FitResult) -> list[Chart]:
+    """The residual of each quantity and its motion with the model, then the inputs; without a fit the motion alone."""
+    charts: list[Chart] = []
+    for k in range(len(fit.model.observed)):
+        if fit.usable:
+            charts.append(residual_chart(fit, k, float(fit.noise[k]), name=f"residual-{k}"))
+        charts.append(motion_chart(trajectory, [(fit, "the model", "before")], k))
+    return [*charts, *input_charts(trajectory, fit)]
 
 
 def headline(fit: FitResult) -> str:

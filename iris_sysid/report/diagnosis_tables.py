@@ -7,13 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from iris_sysid.report.diagnosis_text import changed_parameters, size_text
-from iris_sysid.report.page import Section, estimates_section, numbers, symbols_of, words
+from iris_sysid.report.page import Section, fit_section, numbers, words
 from iris_sysid.report.text import (
     as_sentence,
     interval_text,
     probability_text,
-    shown_estimates,
-    table_names,
     with_error,
     with_unit,
 )
@@ -77,16 +75,7 @@ def fits_of(diagnosis: Diagnosis) -> list[tuple[FitResult, str]]:
 
 def _fit_sections(diagnosis: Diagnosis) -> list[Section]:
     assuming = {WITH: f"Fit {WITH}, assuming no further missing effect", WITHOUT: f"Fit {WITHOUT}", "": "Fit"}
-    return [
-        estimates_section(
-            assuming[which],
-            shown_estimates(fit),
-            fit.model.equation,
-            symbols=symbols_of(fit.model),
-            main=table_names(fit),
-        )
-        for fit, which in fits_of(diagnosis)
-    ]
+    return [fit_section(assuming[which], fit) for fit, which in fits_of(diagnosis)]
 
 
 def _changed_section(diagnosis: Diagnosis) -> list[Section]:

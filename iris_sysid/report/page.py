@@ -22,9 +22,17 @@ from iris_sysid.report.chart import Chart
 from iris_sysid.report.figures import equation_figure
 from iris_sysid.report.film import Film, base64_of
 from iris_sysid.report.glossary import TERMS, terms_in
-from iris_sysid.report.text import as_sentence, equation_lines, interval_text, number_lines, with_error
+from iris_sysid.report.text import (
+    as_sentence,
+    equation_lines,
+    interval_text,
+    number_lines,
+    shown_estimates,
+    table_names,
+    with_error,
+)
 from iris_sysid.report.typeset import symbol_html, typeset
-from iris_sysid.types import Estimate, OdeModel, Verdict
+from iris_sysid.types import Estimate, FitResult, OdeModel, Verdict
 
 DPI = 130
 ASSETS = files("iris_sysid") / "report" / "assets"
@@ -253,6 +261,13 @@ def estimates_section(
     shown = [row for name, row in rows.items() if main is None or name in main]
     rest = [row for name, row in rows.items() if main is not None and name not in main]
     return Section(title, columns, shown, equation=equation, more=rest)
+
+
+def fit_section(title: str, fit: FitResult) -> Section:
+    """The table of a ``fit``: its equation, the values that a person came for, and the others when asked for."""
+    return estimates_section(
+        title, shown_estimates(fit), fit.model.equation, symbols=symbols_of(fit.model), main=table_names(fit)
+    )
 
 
 SYMBOL = "symbol"  # the column whose cells are LaTeX
