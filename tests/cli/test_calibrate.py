@@ -169,12 +169,8 @@ def test_interval_of_gravity_through_a_new_calibration_each_time_covers_the_trut
 def test_budget_table_lists_every_part_with_its_share_and_kind(calibration):
     _, fit = fitted(falling(calibration, np.random.default_rng(1)), calibration, clock_stderr=1e-4)
     (section,) = budget_sections(fit)
-    start = next(k for k, row in enumerate(section.rows) if row[0] == "gravity")
-    rows = []
-    for row in section.rows[start + 1 :]:
-        if row[0]:
-            break
-        rows.append(row)
+    total, *rows = [row for row in section.rows if row[0] == "gravity"]
+    assert total[1] == "total"
     assert {row[1] for row in rows} >= {"calibration: corners", "calibration: offset", "time base"}
     assert [row[2] for row in rows if "tracking noise" in row[1]] == ["random"]
     assert sum(float(row[4].removesuffix(" %")) for row in rows) == pytest.approx(100, abs=0.5)
