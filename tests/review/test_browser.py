@@ -150,8 +150,9 @@ class Screen:
         self.until(lambda: self.text("where").startswith(f"frame {frame} "))
 
     def value(self, name, column):
-        row = self.driver.find_element(self.by.CSS_SELECTOR, f"#values tr[data-name='{name}']")
-        return row.find_elements(self.by.CSS_SELECTOR, "th, td")[column].text
+        """What a cell shows, read in one step: the page draws the table anew after each fit."""
+        script = "return document.querySelectorAll(arguments[0])[arguments[1]]?.innerText.trim() ?? ''"
+        return self.driver.execute_script(script, f"#values tr[data-name='{name}'] :is(th, td)", column)
 
     def errors(self):
         return [entry for entry in self.driver.get_log("browser") if entry["level"] == "SEVERE"]
@@ -166,6 +167,7 @@ def test_three_points_are_corrected_the_scale_is_set_and_the_value_changes(wrong
     with served(project / "out") as address:
         screen = Screen(driver, address)
         opened = screen.value("length", NOW)
+        assert opened
         # it opens at a doubtful frame, and says why
         screen.until(lambda: any(screen.text("where").startswith(f"frame {frame} ") for frame in WRONG))
         assert "off the course of its neighbours" in screen.text("question-text")
