@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from fitters.ode.single_clip import fit
-from iris_sysid.registry import MODELS, PHENOMENA
+from fitters.refined_geometry import fit_in_turns, with_constants
+from iris_sysid.registry import PHENOMENA
 from iris_sysid.trajectory.consistency.path_shape import phenomenon_doubt
 from iris_sysid.trajectory.observables import observed
 from iris_sysid.trajectory.segmentation import segment
 from iris_sysid.trajectory.smoothing import smooth
 from iris_sysid.types import Estimate, FitResult, OdeModel, Phenomenon, Trajectory
 
-PASSES = 4  # of geometry and fit; each reduces the error by about theta_0^2 / 4
 PLANE = {"x", "z"}
 
 
@@ -85,16 +84,13 @@ def observed_positions(
     DataError
         When the positions do not show what the phenomenon observes.
     """
-    names = {parameter.name for parameter in MODELS[phenomenon.model].parameters}
-    fixed = {**trajectory.known, **{name: value for name, value in known.items() if name in names}}
-    wanted = [name for name in dict.fromkeys((*phenomenon.free, *free)) if name not in fixed]
-    seen = smooth(observed(phenomenon, [in_plane(trajectory, phenomenon)], known))
-    return seen.with_(known=fixed, free=wanted)
+    seen = smooth(observed(phenomenon, [in_plane(trajectory, phenomenon)], known)).with_(known=trajectory.known)
+    return with_constants(seen, phenomenon, known, free)
 
 
 def fit_positions(
     trajectory: Trajectory, phenomenon: Phenomenon, known: Mapping[str, Estimate], free: Sequence[str] = ()
-) -> tuple[Trajectory, FitResult]:
+) -> tuple[Trajectory, Trajectory, FitResult]:
     """Observe and fit, repeatedly where the fit determines part of the geometry better than the path does.
 
     Parameters
@@ -108,6 +104,8 @@ def fit_positions(
 
     Returns
     -------
+    plane : Trajectory
+        x and z (n, 2), with segments.
     observed : Trajectory
         The quantity that the model observes.
     fit : FitResult
@@ -118,18 +116,10 @@ def fit_positions(
     DataError
         When the positions do not show what the phenomenon observes.
     """
-    settings = dict(known)
-    for _ in range(PASSES):
-        seen = observed_positions(trajectory, phenomenon, settings, free)
-        result = fit(seen, phenomenon.model)
-        better = phenomenon.refine(result, seen) if phenomenon.refine is not None else {}
-        if all(_settled(settings.get(name), value) for name, value in better.items()):
-            break
-        settings.update(better)
-    another = phenomenon_doubt(in_plane(trajectory, phenomenon), phenomenon)
+    plane = in_plane(trajectory, phenomenon)
+    _, seen, result = fit_in_turns(
+        phenomenon, known, lambda settings: ([plane], observed_positions(plane, phenomenon, settings, free))
+    )
+    another = phenomenon_doubt(plane, phenomenon)
     doubts = (*trajectory.doubts, *([another] if another is not None else []))
-    return seen.with_(doubts=doubts), replace(result, doubts=tuple(dict.fromkeys((*result.doubts, *doubts))))
-
-
-def _settled(before: Estimate | None, now: Estimate) -> bool:
-    return before is not None and abs(now.value - before.value) < 0.1 * now.stderr
+    return plane, seen.with_(doubts=doubts), replace(result, doubts=tuple(dict.fromkeys((*result.doubts, *doubts))))

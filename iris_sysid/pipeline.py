@@ -33,7 +33,6 @@ from iris_sysid.video.reader import Video, open_video
 
 FILES = ("track.csv", "trajectory.csv", "fit.json", "track.png", "fit.png", "report.html")
 AUTO = "auto"  # the tracker that chooses another one, and binds tracks to marks
-PASSES = 4  # of geometry and fit; each reduces the error by about theta_0^2 / 4
 WHOLE_CLIP = ClipOptions()
 NO_GEOMETRY = GeometryOptions()
 
@@ -483,12 +482,10 @@ def observe_and_fit(
     fit : FitResult
         The model fitted to it.
     """
-    from fitters.ode.single_clip import fit
+    from fitters.refined_geometry import fit_in_turns, with_constants
     from iris_sysid.trajectory.consistency.checks import doubts_of_run
 
-    model, known = MODELS.named(phenomenon.model), dict(settings)
-    names = {parameter.name for parameter in model.parameters}
-    for _ in range(PASSES):
+    def observing(known: Mapping[str, Estimate]) -> tuple[list[Trajectory], Trajectory]:
         world, trajectory = observe(
             tracks,
             calibration,
@@ -499,21 +496,12 @@ def observe_and_fit(
             image_size=image_size,
         )
         stated = {**known, **_marks_in_world(marks_px or {}, tracks[0], calibration)}
-        fixed = {name: value for name, value in stated.items() if name in names}
-        wanted = [name for name in dict.fromkeys((*phenomenon.free, *free)) if name not in fixed]
-        trajectory = trajectory.with_(known=fixed, free=wanted)
-        result = fit(trajectory, model)
-        better = phenomenon.refine(result, trajectory) if phenomenon.refine is not None else {}
-        if all(_settled(known.get(name), value) for name, value in better.items()):
-            break
-        known.update(better)
+        return world, with_constants(trajectory, phenomenon, stated, free)
+
+    world, trajectory, result = fit_in_turns(phenomenon, settings, observing)
     seen = doubts_of_run(tracks, world, calibration, phenomenon, result, trajectory)
     doubts = (*seen, *calibration.doubts, *trajectory.doubts)
     return world, trajectory.with_(doubts=doubts), replace(result, doubts=doubts)
-
-
-def _settled(before: Estimate | None, now: Estimate) -> bool:
-    return before is not None and abs(now.value - before.value) < 0.1 * now.stderr
 
 
 def check_folder(folder: str | Path, *, overwrite: bool = False) -> Path:

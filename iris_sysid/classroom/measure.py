@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fitters.ode.single_clip import fit
-from fitters.positions import fit_positions, in_plane, phenomenon_of
+from fitters.positions import fit_positions, phenomenon_of
 from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.parallel import Workers, check_workers, side_by_side
 from iris_sysid.calibration.pixel_scale import uncalibrated
@@ -217,8 +217,8 @@ def _fitted_table(group: Group) -> Measured:
     model = MODELS[request.phenomenon.model]
     table, _ = model.taken_from(table)
     if phenomenon_of(model, table) is not None:
-        trajectory, result = fit_positions(table, request.phenomenon, request.settings, request.free)
-        return Measured(trajectory, result, in_plane(table, request.phenomenon))
+        plane, trajectory, result = fit_positions(table, request.phenomenon, request.settings, request.free)
+        return Measured(trajectory, result, plane)
     _check_observed(table, group)
     fixed = {name: value for name, value in request.settings.items() if name in accepted_settings(request.phenomenon)}
     result = fit(table, model, fixed=fixed, free=request.free)
