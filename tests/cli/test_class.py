@@ -2,14 +2,12 @@
 
 import json
 import re
-import shutil
 import subprocess
 
 import pytest
 
+from tests._browser import BROWSER, FLAGS, browser_is_there
 from tests.classroom._tables import FAULTS, write_class
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 
 @pytest.fixture(scope="module")
@@ -102,13 +100,11 @@ OPENED = """<script>document.querySelector("ul.named a").click()</script>"""
 
 def browsed(page, script, folder):
     """The page as a real browser leaves it after a script."""
-    if CHROMIUM is None:
-        pytest.skip("no chromium here: the page was not opened in a browser")
+    browser_is_there(driven=False)
     acted = page.with_name("acted.html")
     acted.write_text(page.read_text("utf-8").replace("</body>", f"{script}</body>"), "utf-8")
-    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-sync"]
-    flags += ["--disable-component-update", "--virtual-time-budget=5000", f"--user-data-dir={folder}", "--dump-dom"]
-    shown = subprocess.run([CHROMIUM, *flags, acted.as_uri()], capture_output=True, check=True, timeout=120)
+    flags = ["--headless", *FLAGS, "--virtual-time-budget=5000", f"--user-data-dir={folder}", "--dump-dom"]
+    shown = subprocess.run([BROWSER, *flags, acted.as_uri()], capture_output=True, check=True, timeout=120)
     return shown.stdout.decode()
 
 

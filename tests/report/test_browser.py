@@ -1,11 +1,10 @@
 """The pages in a real browser: nothing is fetched, charts and film work, and axe finds nothing serious.
 
-Skipped where selenium, chromium or chromedriver is absent; the test with axe-core, which is not a part of the project,
-also where ``AXE_CORE`` is not the path of its ``axe.min.js``.
+Skipped where there is no browser, but in CI; the test with axe-core, which is not a part of the project, also where
+``AXE_CORE`` is not the path of its ``axe.min.js``.
 """
 
 import os
-import shutil
 import time
 from pathlib import Path
 
@@ -13,21 +12,16 @@ import pytest
 
 from iris_sysid import diagnose, run, write_report
 from iris_sysid.report.diagnosis_page import write_diagnosis
+from tests._browser import browser_is_there, started_browser
 
-webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
-BROWSER, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 AXE = Path(os.environ.get("AXE_CORE", "axe.min.js"))
-FLAGS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-)
 LONG_S = 20.0  # until something that should happen counts as failed
-pytestmark = pytest.mark.skipif(not (BROWSER and DRIVER), reason="chromium or chromedriver is not installed")
 needs_axe = pytest.mark.skipif(not AXE.is_file(), reason="AXE_CORE names no axe.min.js")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _browser_is_there():
+    browser_is_there()
 
 
 @pytest.fixture(scope="module")
@@ -41,21 +35,10 @@ def pages(pendulum_clip, tmp_path_factory):
     }
 
 
-def started(profile, **preferences):
-    options = webdriver.ChromeOptions()
-    options.binary_location = BROWSER
-    for flag in (*FLAGS, f"--user-data-dir={profile}"):
-        options.add_argument(flag)
-    options.add_experimental_option("prefs", preferences)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    return webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
-
-
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory):
-    driver = started(tmp_path_factory.mktemp("profile"))
-    yield driver
-    driver.quit()
+    with started_browser(tmp_path_factory.mktemp("profile")) as driver:
+        yield driver
 
 
 @pytest.fixture
@@ -97,7 +80,9 @@ def moved_over(page, chart, *shares):
     """The pointer over a chart, at shares of its width."""
     over = find(page, f"#chart-{chart} .u-over")
     page.execute_script("arguments[0].scrollIntoView({block: 'center'})", over)
-    pointer = webdriver.ActionChains(page)
+    from selenium.webdriver import ActionChains
+
+    pointer = ActionChains(page)
     for share in shares:
         pointer.move_to_element_with_offset(over, round((share - 0.5) * over.size["width"]), 0)
     return pointer
@@ -159,13 +144,10 @@ def test_dragging_zooms_all_charts_over_time_and_a_double_click_goes_back(opened
 
 
 def test_without_scripts_the_charts_are_there_as_svg(pages, tmp_path):
-    page = started(tmp_path, **{"profile.managed_default_content_settings.javascript": 2})
-    try:
+    with started_browser(tmp_path, **{"profile.managed_default_content_settings.javascript": 2}) as page:
         page.get(pages["run"].as_uri())
         assert shown(page, "svg.still") == len(page.find_elements("css selector", "svg.still")) >= 2
         assert shown(page, ".live") == 0
-    finally:
-        page.quit()
 
 
 def test_in_print_the_charts_are_svg(opened):

@@ -1,8 +1,6 @@
 """What a teacher does, in a real browser: open, correct three points, set the scale, save, see the value change."""
 
-import os
 import re
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -17,50 +15,22 @@ from iris_sysid.io.csv_read import read_track
 from iris_sysid.io.csv_write import write_track
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import FitDocument
+from tests._browser import browser_is_there, started_browser
 
-BROWSER, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
-FLAGS = (
-    "--headless=new",
-    "--no-sandbox",
-    "--disable-gpu",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--window-size=1400,1000",
-)
+WINDOW = "--window-size=1400,1000"
 WRONG = (60, 75, 90)  # frames in which the track is put beside the body
 OFF_PX = 9.0
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _browser_is_there():
-    if BROWSER is None or DRIVER is None:
-        if os.environ.get("CI", "").lower() not in ("", "0", "false"):
-            pytest.fail("chromium or chromedriver is absent although CI is set; install Debian's chromium-driver")
-        pytest.skip("chromium and chromedriver are not on this machine")
+    browser_is_there()
 
 
 @pytest.fixture
 def driver(tmp_path):
-    with started_browser(tmp_path / "profile") as driver:
+    with started_browser(tmp_path / "profile", WINDOW) as driver:
         yield driver
-
-
-@contextmanager
-def started_browser(profile: Path) -> Iterator:
-    from selenium import webdriver
-    from selenium.webdriver.chrome.service import Service
-
-    options = webdriver.ChromeOptions()
-    options.binary_location = BROWSER
-    for flag in (*FLAGS, f"--user-data-dir={profile}"):
-        options.add_argument(flag)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
-    try:
-        yield driver
-    finally:
-        driver.quit()
 
 
 @contextmanager
@@ -233,12 +203,12 @@ def test_everything_goes_by_keys(project, driver):
 @pytest.mark.slow
 def test_browser_that_dies_loses_nothing(project, tmp_path):
     with served(project / "out") as address:
-        with started_browser(tmp_path / "first") as driver:
+        with started_browser(tmp_path / "first", WINDOW) as driver:
             screen = Screen(driver, address)
             screen.go_to(60)
             screen.click(100, 60)
             screen.until(lambda: "edited" in screen.find("stage").get_attribute("aria-label"))
-        with started_browser(tmp_path / "second") as driver:
+        with started_browser(tmp_path / "second", WINDOW) as driver:
             screen = Screen(driver, address)
             screen.go_to(60)
             assert "edited" in screen.find("stage").get_attribute("aria-label")
@@ -246,7 +216,7 @@ def test_browser_that_dies_loses_nothing(project, tmp_path):
 
 @pytest.mark.slow
 def test_page_that_is_behind_shows_the_newer_state(project, tmp_path):
-    one, two = started_browser(tmp_path / "one"), started_browser(tmp_path / "two")
+    one, two = started_browser(tmp_path / "one", WINDOW), started_browser(tmp_path / "two", WINDOW)
     with served(project / "out") as address, one as driver, two as other:
         first, second = Screen(driver, address), Screen(other, address)
         first.go_to(60)
