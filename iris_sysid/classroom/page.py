@@ -14,6 +14,7 @@ from iris_sysid.classroom.picture import class_figure, svg_of
 from iris_sysid.classroom.summary import ClassResult, GroupResult, shown_name
 from iris_sysid.io.files import write_atomic
 from iris_sysid.report.text import as_sentence, interval_text, shown_unit, with_error
+from iris_sysid.report.typeset import typeset
 from iris_sysid.types import SPOKEN, Estimate, Population
 
 FAR = 100.0  # standard errors, beyond which decimals say nothing
@@ -62,8 +63,8 @@ def page_text(result: ClassResult, title: str) -> str:
     others = list(result.others)
     return environment.get_template("class.html").render(
         title=title,
-        headline=_typeset(as_sentence(result.sentence)),
-        comparisons=[_typeset(as_sentence(item.text)) for item in result.comparisons],
+        headline=typeset(as_sentence(result.sentence)),
+        comparisons=[typeset(as_sentence(item.text)) for item in result.comparisons],
         named=[_named(group) for group in result.named],
         picture=svg_of(class_figure(result)),
         caption=CAPTION,
@@ -77,7 +78,7 @@ def page_text(result: ClassResult, title: str) -> str:
 
 
 def _named(group: GroupResult) -> dict[str, str]:
-    return {"name": group.name, "cause": _raised(group.cause), "page": _link(group)}
+    return {"name": group.name, "cause": typeset(group.cause), "page": _link(group)}
 
 
 def _link(group: GroupResult) -> str:
@@ -101,12 +102,12 @@ def _columns(result: ClassResult, others: Sequence[str]) -> list[dict[str, Any]]
 def _row(group: GroupResult, others: Sequence[str]) -> dict[str, Any]:
     verdict = group.document.verdict
     word = "" if verdict is None else SPOKEN[verdict.word]
-    distance = _typeset(f"{group.in_errors:+.{0 if abs(group.in_errors) > FAR else 1}f}")
+    distance = typeset(f"{group.in_errors:+.{0 if abs(group.in_errors) > FAR else 1}f}")
     cells = [
         {"text": group.name, "key": group.name, "link": _link(group)},
         _number(group.value),
         {"text": distance if math.isfinite(group.in_errors) else "", "key": _key(group.in_errors), "link": ""},
-        {"text": _raised(group.cause), "key": group.cause or "~", "link": ""},
+        {"text": typeset(group.cause), "key": group.cause or "~", "link": ""},
         {"text": word, "key": word, "link": ""},
         *(_number(group.document.estimate(name)) for name in others),
         {"text": group.document.source, "key": group.document.source, "link": ""},
@@ -117,16 +118,7 @@ def _row(group: GroupResult, others: Sequence[str]) -> dict[str, Any]:
 def _number(estimate: Estimate | None) -> dict[str, str]:
     if estimate is None:
         return {"text": "none", "key": "", "link": ""}
-    return {"text": _typeset(with_error(estimate)), "key": _key(estimate.value), "link": ""}
-
-
-def _typeset(text: str) -> str:
-    """Numbers and units with a true minus and raised powers."""
-    return _raised(text).replace("-", "−")
-
-
-def _raised(text: str) -> str:
-    return text.replace("^2", "²").replace("^3", "³")
+    return {"text": typeset(with_error(estimate)), "key": _key(estimate.value), "link": ""}
 
 
 def _key(value: float) -> str:
@@ -148,8 +140,8 @@ def _population(population: Population) -> dict[str, str]:
     unit, factor = shown_unit(population.mean.unit)
     between = f"{factor * population.between.value:.2g} {unit}".strip() if population.between.value > 0 else "none seen"
     return {
-        "mean": _typeset(with_error(population.mean)),
-        "interval": _typeset(interval_text(population.mean)),
+        "mean": typeset(with_error(population.mean)),
+        "interval": typeset(interval_text(population.mean)),
         "between": between,
         "within": f"{factor * population.within:.2g} {unit}".strip(),
     }
