@@ -200,6 +200,19 @@ def _phenomenon(phenomenon: str | Phenomenon) -> Phenomenon:
     return PHENOMENA.resolved(phenomenon)
 
 
+def open_clip(source: str | Path, clip: ClipOptions) -> Video:
+    """The part of a clip that a request asks for, as :func:`iris_sysid.open_video` opens it.
+
+    Parameters
+    ----------
+    source
+        Video, image sequence, or archive.
+    clip
+        Part of it to read, and its true frame rate.
+    """
+    return open_video(source, fps=clip.fps, start_s=clip.start_s, stop_s=clip.stop_s, keep_partial=clip.keep_partial)
+
+
 def run(
     source: str | Path,
     phenomenon: str | Phenomenon,
@@ -249,7 +262,7 @@ def run(
     known = dict(settings or {})
     calibration = scale_from_text(calibration) if isinstance(calibration, str) else calibration
     check_request(chosen, known, free, geometry)
-    video = open_video(source, fps=clip.fps, start_s=clip.start_s, stop_s=clip.stop_s, keep_partial=clip.keep_partial)
+    video = open_clip(source, clip)
     if calibration is not None:
         check_image_size(calibration.image_size, (video.width, video.height))
     if options is not None and options.marks and chosen.tracker != AUTO:

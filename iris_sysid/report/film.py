@@ -19,6 +19,7 @@ from iris_sysid.io.files import sha256_of
 from iris_sysid.report.figures import multiple_exposure, outline
 from iris_sysid.types import Array, FitResult, FrameSource, Track, Trajectory
 from iris_sysid.video.camera_motion.reference import seen_from_first
+from iris_sysid.video.frame_access import jpeg_of
 from iris_sysid.video.reader import open_video
 
 FRAMES = 60
@@ -179,7 +180,7 @@ def film_of(footage: Filmed, trajectory: Trajectory, models: Mapping[str, tuple[
                 markers.append(Marker(name, colour, (place[rows] + 0.5) * scale, scale * radius[rows], True, k))
     return Film(
         (still.shape[1], still.shape[0]),
-        _jpeg(still, STILL_QUALITY),
+        jpeg_of(still, STILL_QUALITY),
         tracks[0].t_s[rows],
         _within_budget(images),
         in_page,
@@ -198,16 +199,12 @@ def _radius_px(track: Track) -> Array:
     return np.where(np.isfinite(measured), measured, usual)
 
 
-def _jpeg(image: NDArray[np.uint8], quality: int) -> bytes:
-    return bytes(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes())
-
-
 def _within_budget(images: Sequence[NDArray[np.uint8]]) -> list[bytes]:
     """The frames as JPEG, smaller ones where all together exceed the budget: the page shows them at one size."""
     scale = 1.0
     for _ in range(TRIES):
         frames = [
-            _jpeg(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), QUALITY)
+            jpeg_of(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), QUALITY)
             for image in images
         ]
         if sum(map(len, frames)) <= MOST_BYTES:

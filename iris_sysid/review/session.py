@@ -217,10 +217,7 @@ class Session:
         return self._opened()
 
     def _opened(self) -> Video:
-        clip = self.state.request.clip
-        return open_video(
-            self.clip, fps=clip.fps, start_s=clip.start_s, stop_s=clip.stop_s, keep_partial=clip.keep_partial
-        )
+        return pipeline.open_clip(self.clip, self.state.request.clip)
 
     def with_origin(self, state: ReviewState) -> list[Track]:
         """The tracks of a ``state``, whose origin says what it was made of and what was done by hand."""

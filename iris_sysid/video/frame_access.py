@@ -82,7 +82,7 @@ class FrameAccess:
         if width is not None and width < image.shape[1]:
             height = max(1, round(image.shape[0] * width / image.shape[1]))
             image = np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
-        return _jpeg(image)
+        return jpeg_of(image)
 
     def _kept(self, number: int) -> Frame | None:
         with self._lock:
@@ -149,6 +149,6 @@ class FrameAccess:
             self._keep(frame)
 
 
-def _jpeg(image: NDArray[np.uint8]) -> bytes:
-    """An image (h, w, 3), BGR levels, as JPEG bytes."""
-    return bytes(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes())
+def jpeg_of(image: NDArray[np.uint8], quality: int = QUALITY) -> bytes:
+    """An image (h, w, 3), BGR levels, as JPEG bytes; ``quality`` is that of the format, 1 to 100."""
+    return bytes(cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes())
