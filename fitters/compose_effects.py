@@ -13,6 +13,7 @@ from numba.extending import register_jitable
 
 from fitters.image_effects import through
 from fitters.integrator.codegen import generated, row
+from fitters.integrator.compile_rhs import followed_by
 from iris_sysid.errors import FitError
 from iris_sysid.io.kernels import kernel
 from iris_sysid.registry import EFFECTS, MODELS
@@ -26,10 +27,24 @@ def rhs(t, state, params{inputs}):
     return {slopes}
 """
 
+# The same as a step after the base's machine code, which is compiled once for all the models that share it.
+_STEP = """
+def step(t, states, params, inputs, out):
+    for c in range(states.shape[1]):
+        state, sizes, slopes = {state}, {sizes}, {slopes}
+        changed = {changed}
+        {assigned}
+"""
+
 _FORCED = """
 def rhs(t, state, params, inputs):
     slopes = base(t, state, params{inputs})
     return {slopes}
+"""
+_PUSHED = """
+def step(t, states, params, inputs, out):
+    for c in range(states.shape[1]):
+        {pushed}
 """
 
 
@@ -144,30 +159,45 @@ def _unchanged_rhs(model: OdeModel, effect: Effect) -> Callable[..., tuple[float
     return _compiled(model.rhs, None, _shape(model, effect), lines)
 
 
-def _shape(model: OdeModel, effect: Effect) -> tuple[int, int, bool]:
-    return len(model.parameters), len(effect.parameters), bool(model.inputs)
+def _shape(model: OdeModel, effect: Effect) -> tuple[int, int, int]:
+    return len(model.parameters), len(effect.parameters), len(model.inputs)
 
 
 @picklable
 @functools.lru_cache(maxsize=512)
 def _compiled(
-    base: Callable[..., Any], term: Callable[..., float] | None, shape: tuple[int, int, bool], lines: tuple[str, ...]
+    base: Callable[..., Any], term: Callable[..., float] | None, shape: tuple[int, int, int], lines: tuple[str, ...]
 ) -> Callable[..., tuple[float, ...]]:
     """Make the function from numbers of states and parameters alone; nothing in it comes from a file.
 
     The same model with the same effect is the same function, so that it is compiled once.
     """
-    count, added, takes_inputs = shape
+    count, added, inputs = shape
     source = _SOURCE.format(
-        inputs=", inputs" if takes_inputs else "",
+        inputs=", inputs" if inputs else "",
         model_params=row("params", count),
         effect_params=row("params", added, first=count),
         slopes=f"({', '.join(lines)},)",
     )
     values: dict[str, Any] = {"base": register_jitable(base), "root": np.sqrt}
-    if term is not None:
-        values["term"] = register_jitable(term)
-    return generated(source, values)
+    if term is None:
+        return followed_by(generated(source, values), base, (count, inputs), None)
+    values["term"] = register_jitable(term)
+    return followed_by(generated(source, values), base, (count, inputs), _step(term, added, lines))
+
+
+@functools.lru_cache(maxsize=512)
+def _step(term: Callable[..., float], added: int, lines: tuple[str, ...]) -> Callable[..., None]:
+    """What the term changes in the slopes of all columns."""
+    states = len(lines)
+    source = _STEP.format(
+        state=row("states", states, ", c"),
+        sizes=row("params", added, ", c"),
+        slopes=row("out", states, ", c"),
+        changed=f"({', '.join(lines)},)",
+        assigned="; ".join(f"out[{k}, c] = changed[{k}]" for k in range(states)),
+    )
+    return generated(source, {"term": register_jitable(term), "root": np.sqrt})
 
 
 @picklable
@@ -236,19 +266,28 @@ def _warp(model: OdeModel, effect: Effect) -> Callable[[Array, Array], Array] | 
 
 @picklable
 @functools.lru_cache(maxsize=64)
-def _forced_rhs(rhs: Callable[..., Any], n_states: int, n_forced: int, n_inputs: int) -> Callable[..., Any]:
+def _forced_rhs(
+    rhs: Callable[..., Any], n_states: int, n_forced: int, n_params: int, n_inputs: int
+) -> Callable[..., Any]:
     free = n_states - n_forced
     lines = [f"slopes[{k}]" for k in range(free)]
     lines += [f"slopes[{free + k}] + inputs[{n_inputs + k}]" for k in range(n_forced)]
     own = f", {row('inputs', n_inputs)}" if n_inputs else ""
-    source = _FORCED.format(inputs=own, slopes=f"({', '.join(lines)},)")
-    return generated(source, {"base": register_jitable(rhs)})
+    whole = generated(_FORCED.format(inputs=own, slopes=f"({', '.join(lines)},)"), {"base": register_jitable(rhs)})
+    return followed_by(whole, rhs, (n_params, n_inputs), _push(n_states, n_forced, n_inputs))
+
+
+@functools.lru_cache(maxsize=64)
+def _push(n_states: int, n_forced: int, n_inputs: int) -> Callable[..., None]:
+    free = n_states - n_forced
+    pushed = "; ".join(f"out[{free + k}, c] = out[{free + k}, c] + inputs[{n_inputs + k}]" for k in range(n_forced))
+    return generated(_PUSHED.format(pushed=pushed), {})
 
 
 def forced(model: OdeModel) -> OdeModel:
     """The model with a force on each of its highest derivatives as further inputs."""
     count = model.degrees_of_freedom
     pushes = tuple(Quantity(f"force{k}", "1") for k in range(count))
-    rhs = _forced_rhs(model.rhs, len(model.states), count, len(model.inputs))
+    rhs = _forced_rhs(model.rhs, len(model.states), count, len(model.parameters), len(model.inputs))
     inputs = (*model.inputs, *pushes)
     return replace(model, name=f"{model.name}, forced", rhs=rhs, inputs=inputs, events=within(model))

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import cfunc, njit
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 from numpy.typing import NDArray
 
 from fitters.integrator.codegen import generated, row
-from fitters.integrator.dormand_prince import integrate
+from fitters.integrator.dormand_prince import COLUMNS_SIGNATURE, integrate
 from fitters.integrator.machine_code import can_raise, compiled_columns
 from fitters.integrator.step_control import controlled_steps
 from iris_sysid.errors import FitError
@@ -50,10 +50,18 @@ def columns(t, states, params, inputs, out):
         except:
             out[:, c] = nan
 """
+# Machine code of a right-hand side, then what is added to its slopes, whose parameters come after.
+_CHAIN = """
+def columns(t, states, params, inputs, out):
+    base(t, states, params, inputs, out)
+    step(t, states, params[first:], inputs, out)
+"""
 MOST_REPLAYS = 3
 # Attribute of a right-hand side of which only numba, not its author, thinks that it can raise (an index that is known
 # to be one of the tuple): exceptions need no guard, which makes each step several times slower.
 NEVER_RAISES = "never_raises"
+# Attribute of a right-hand side that is another one and a step after it: see followed_by.
+FOLLOWED = "followed"
 RAISE = dis.opmap["RAISE_VARARGS"]
 
 
@@ -89,6 +97,27 @@ def callable_in_kernels(rhs: Callable[..., Any]) -> Any:
     return rhs if isinstance(rhs, Dispatcher) else _jitted(rhs)
 
 
+def followed_by(
+    rhs: Callable[..., Any], base: Callable[..., Any], takes: tuple[int, int], step: Callable[..., None] | None
+) -> Callable[..., Any]:
+    """Say that a right-hand side is that of a base, then a step, so that each of the two is compiled only once.
+
+    Parameters
+    ----------
+    rhs
+        The whole, as plain Python.
+    base
+        The right-hand side before the step.
+    takes
+        How many of the first parameters and of the first inputs the base takes.
+    step
+        ``(t, states (s, c), params (p, c), inputs (m,), out (s, c))``, changes the derivatives in ``out``; its
+        parameters are those after the base's, its inputs all. None where nothing changes them.
+    """
+    setattr(rhs, FOLLOWED, (base, takes, step))
+    return rhs
+
+
 @functools.lru_cache(maxsize=512)
 def _jitted(rhs: Callable[..., Any]) -> Any:
     return njit(error_model="numpy")(rhs)
@@ -98,6 +127,9 @@ def _jitted(rhs: Callable[..., Any]) -> Any:
 def _compile(rhs: Callable[..., Any], n_states: int, n_params: int, n_inputs: int) -> CompiledRhs:
     source = _loop_source(n_states, n_params, n_inputs)
     plain = _quiet(generated(source, {"rhs": rhs}))
+    chained = _chained(rhs, n_states)
+    if chained is not None:
+        return CompiledRhs(integrate, controlled_steps, chained)
     try:
         values = {"rhs": callable_in_kernels(rhs)}
         columns = compiled_columns(generated(source, values))
@@ -110,6 +142,34 @@ def _compile(rhs: Callable[..., Any], n_states: int, n_params: int, n_inputs: in
         note = f"numba cannot compile the model's rhs ({reason[:120]}): it ran in plain Python, which is slower"
         return CompiledRhs(integrate.py_func, controlled_steps.py_func, plain, note)
     return CompiledRhs(integrate, controlled_steps, columns)
+
+
+def _chained(rhs: Callable[..., Any], n_states: int) -> Any:
+    """Machine code that calls that of the base and of the step; None where they must be compiled as one.
+
+    That is so where one of them can raise, as only the whole catches it.
+    """
+    if not hasattr(rhs, FOLLOWED):
+        return None
+    base, takes, step = getattr(rhs, FOLLOWED)
+    compiled = _compile(base, n_states, *takes)
+    if compiled.note or compiled.integrate is not integrate:
+        return None
+    if step is None:
+        return compiled.columns
+    try:
+        after = _compiled_step(step)
+    except Exception:  # whatever numba raises: compiling the whole says it
+        return None
+    if can_raise(after):
+        return None
+    values = {"base": compiled.columns, "step": after, "first": takes[0]}
+    return cfunc(COLUMNS_SIGNATURE, error_model="numpy")(generated(_CHAIN, values))
+
+
+@functools.lru_cache(maxsize=512)
+def _compiled_step(step: Callable[..., None]) -> Any:
+    return compiled_columns(step)
 
 
 class _Replaying:

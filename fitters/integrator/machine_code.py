@@ -30,7 +30,7 @@ from fitters.integrator.dormand_prince import COLUMNS_SIGNATURE
 from iris_sysid import __version__
 from iris_sysid.io.private_cache import cache_directory, read_private, write_private
 
-FORMAT = "iris-sysid machine code 2"
+FORMAT = "iris-sysid machine code 3"
 MODULES = ("math", "numpy")  # whose functions a version number identifies
 PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis))
 
@@ -79,7 +79,7 @@ def compiled_columns(function: Callable[..., Any], *, catches: bool = False) -> 
     kept = None if name is None else _loaded(name)
     if kept is not None:
         return kept
-    made = cfunc(COLUMNS_SIGNATURE)(function)
+    made = cfunc(COLUMNS_SIGNATURE, error_model="numpy")(function)
     if name is not None and (catches or not _holds_exceptions(made)):
         _keep(name, made)
     return made
