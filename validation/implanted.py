@@ -29,6 +29,7 @@ from validation.implanted_effects import IMPLANTS, LAWS, NotShownError, based, s
 from validation.implanted_scores import LEVELS, Answer, Hidden, Score, said, score
 from validation.world_recordings import RECORDINGS, Recording, sealed
 
+ASKED = 0.6  # of the seconds, that are given to a diagnosis: the rest goes into its start
 MULTIPLES = (3.0, 1.0)  # of the recording's own residual
 HEADER = (
     "| recording | implant | trace (video: residual) / residual as it is | level (as it is) | added as it is "
@@ -40,27 +41,27 @@ HEADER = (
 # Answers ------------------------------------------------------------------------------------------------------------
 
 
-def answered(clip: Trajectory, recording: Recording, answer: Answer) -> Answer:
-    """The answer for a clip; a fit that fails is one as well."""
+def answered(clip: Trajectory, recording: Recording, answer: Answer, seconds: float) -> Answer:
+    """The answer for a clip, the best that there is after some seconds; a fit that fails is one as well."""
     began = time.perf_counter()
     try:
-        found = diagnose(clip, recording.model, fixed=recording.fixed, free=recording.free)
+        found = diagnose(clip, recording.model, fixed=recording.fixed, free=recording.free, seconds=seconds)
     except IrisError as error:
         return replace(answer, failed=str(error))
     return replace(answer, **said(found), seconds=time.perf_counter() - began)
 
 
-def answer_of(clip: Trajectory, answer: Answer) -> Answer:
-    """Implant what the answer is to be about, where it names a table's effect, and diagnose."""
+def answer_of(clip: Trajectory, answer: Answer, seconds: float) -> Answer:
+    """Implant what the answer is to be about, where it names a table's effect, and diagnose within some seconds."""
     recording = named(answer.recording)
     implant = next((each for each in IMPLANTS if each.name == answer.implant), None)
     if implant is None:
-        return answered(clip, recording, answer)
+        return answered(clip, recording, answer, seconds)
     try:
         changed, ratio = sized(implant, based(recording, clip), answer.multiple)
     except NotShownError as error:
         return replace(answer, skipped=str(error))
-    return answered(changed.clip, recording, replace(answer, size=changed.size, ratio=ratio))
+    return answered(changed.clip, recording, replace(answer, size=changed.size, ratio=ratio), seconds)
 
 
 def named(name: str) -> Recording:
@@ -68,15 +69,15 @@ def named(name: str) -> Recording:
     return next(recording for recording in RECORDINGS if recording.name == name)
 
 
-def _send(clip: Trajectory, answer: Answer, pipe: Connection) -> None:
+def _send(clip: Trajectory, answer: Answer, seconds: float, pipe: Connection) -> None:
     warnings.simplefilter("ignore")
-    pipe.send(answer_of(clip, answer))
+    pipe.send(answer_of(clip, answer, seconds))
 
 
 def within(clip: Trajectory, answer: Answer, seconds: float) -> Answer:
     """The answer from a process that is ended after some seconds."""
     receiver, sender = multiprocessing.Pipe(duplex=False)
-    process = multiprocessing.get_context("spawn").Process(target=_send, args=(clip, answer, sender))
+    process = multiprocessing.get_context("spawn").Process(target=_send, args=(clip, answer, ASKED * seconds, sender))
     process.start()
     sender.close()
     result = replace(answer, failed=f"no answer in {seconds:g} s")

@@ -23,7 +23,7 @@ from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.kept_component import kept_effects
 from iris_sysid.diagnosis.library import EffectLibrary
 from iris_sysid.diagnosis.notes import diagnostic_notes, negative_damping_note, weak_notes
-from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, starts_of, unexplained
+from iris_sysid.diagnosis.open_world import Judgement, OpenWorld, starts_of, unexplained, with_others
 from iris_sysid.diagnosis.prediction_error import fitted_error
 from iris_sysid.diagnosis.refit import ModelWithEffects, pooled, with_free_geometry
 from iris_sysid.diagnosis.residual_components import clip_residual, components_of
@@ -259,7 +259,7 @@ def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffe
     if (weak and not _is_complete(cache.clips, final, cache.base)) or world.rests_on_absorbing(final, sure):
         return None
     shares = {
-        effect.name: _with_formulas(report.probabilities(effect), world.formulas_instead(effect))
+        effect.name: with_others(report.probabilities(effect), world.as_good_alone(final, effect, sure))
         for effect in final.effects
     }
     rivals = {name: [other for other in names if other != name] for name, names in shares.items()}
@@ -279,13 +279,6 @@ def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffe
         report,
         weak,
     )
-
-
-def _with_formulas(shares: Mapping[str, float], formulas: Sequence[str]) -> dict[str, float]:
-    """The probabilities of rivals, with formulas that a likelihood excludes and the motion cannot: each as one more."""
-    more = [name for name in formulas if name not in shares]
-    whole = len(shares) + len(more)
-    return {name: share * len(shares) / whole for name, share in shares.items()} | dict.fromkeys(more, 1.0 / whole)
 
 
 def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer:

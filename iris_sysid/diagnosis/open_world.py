@@ -113,7 +113,10 @@ class OpenWorld:
         if not self.testable:
             return Judgement(self._cache.base, (), {})
         current = self._with_nuisances(self._in_one(self._pruned(self._with_formulas())))
-        rivals = {effect.name: self._rivals(current, effect) for effect in current.effects}
+        rivals = {
+            effect.name: with_others(self._rivals(current, effect), self.as_good_alone(current, effect, sure=False))
+            for effect in current.effects
+        }
         findings = tuple(self._finding(current, effect, tuple(rivals[effect.name])) for effect in current.effects)
         return Judgement(current, findings, rivals)
 
@@ -221,13 +224,21 @@ class OpenWorld:
         kinds = self._large_kinds(of_range) if effect.absorbs else self._kinds
         return bool(kinds) and (effect.component in kinds or not self._components.turns)
 
-    def formulas_instead(self, effect: Effect) -> list[str]:
-        """Effects with a formula, each of which alone explains most of what one explains that imitates anything."""
-        if not effect.absorbs or self._components_turn:
-            return []
+    def as_good_alone(self, model: ModelWithEffects, effect: Effect, sure: bool) -> list[str]:
+        """Effects that alone explain about as much as one does alone, where that is most of the residual.
+
+        What can imitate anything must explain more. Where the size of the noise is known, a likelihood tells effects
+        apart, but not what imitates anything from formulas.
+        """
+        itself = (1.0 - self._alone(model, effect)) * self._cache.base.squares
+        alone = [each for each in self._cache.tried if len(each.effects) == 1 and self.allows(each)]
         most = (1.0 - MOSTLY) * self._cache.base.squares
-        tried = [model for model in self._cache.tried if len(model.effects) == 1 and self.allows(model)]
-        return [model.effects[0].name for model in tried if model.squares < most and not model.effects[0].absorbs]
+        formulas = ALIKE * itself if itself < most else 0.0
+        if sure:
+            formulas = (formulas if self._components_turn else most) if effect.absorbs else 0.0
+        limits = {False: formulas, True: itself if itself < most and not sure else 0.0}
+        others = [each for each in alone if each.names != {effect.name}]
+        return [each.effects[0].name for each in others if each.squares < limits[each.effects[0].absorbs]]
 
     # the search ------------------------------------------------------------------------------------------------------
 
@@ -324,34 +335,46 @@ class OpenWorld:
         return any(is_resolved(one, other, clip.trajectory) for one, other, clip in fits)
 
     def _in_one(self, current: ModelWithEffects) -> ModelWithEffects:
-        """One effect that imitates anything in the place of several, where these do not surely predict better.
+        """One effect in the place of several, where these do not surely predict better.
 
-        One of the kind of the largest component also takes their place if they explain hardly more.
+        One of the kind of the largest component also takes their place if they explain hardly more. Of those about as
+        good, one with a formula comes before what imitates anything.
         """
         if not current.effects:
             return current
-        singles = [model for model in self._absorbing(self._cache.base) if self.allows(model)]
+        several = current.effects if len(current.effects) > 1 else ()
+        singles = [self._cache.with_effects([effect], starts_of(current, [effect])) for effect in several]
+        singles = [model for model in (*singles, *self._absorbing(self._cache.base)) if self.allows(model)]
         best = min(singles, key=lambda model: self._estimate(model).mean, default=current)
-        if best is not current and self._is_main(best, current):
-            return best
+        if best is not current:
+            least = ALIKE * self._estimate(best).mean
+            formulas = [model for model in singles if not model.effects[0].absorbs]
+            alike = [model for model in formulas if self._estimate(model).mean <= least]
+            best = min(alike, key=lambda model: self._estimate(model).mean, default=best)
+            if self._is_main(best, current):
+                return best
         is_better = self._estimate(current).share_below(self._estimate(best)) >= SURE
-        return current if is_better or len(current.effects) < 2 else best
+        return current if is_better or not several else best
 
     def _is_main(self, single: ModelWithEffects, several: ModelWithEffects) -> bool:
         """Whether one effect is of the kind of the largest component, and explains nearly as much as several."""
-        if not self._components_turn or not self._parts or single.effects[0].component != self._parts[0].kind:
+        if not self._components_turn or not self._parts:
+            return False
+        largest = self._parts[0]
+        if single.effects[0].component not in (largest.kind, *largest.similar):
             return False
         least = (1.0 - SMALLEST_SHARE) * _removed_share(self._cache.base, several)
         return _removed_share(self._cache.base, single) >= least
 
     def _with_nuisances(self, current: ModelWithEffects) -> ModelWithEffects:
-        """The model with effects that imitate anything, added or in the place of another, where they predict better."""
+        """The model with effects that imitate anything added, or else in the place of another, where they predict better."""
         for _ in range(AT_ONCE):
             if current.at_noise:
                 break
-            contexts = [current, *(self._cache.without(current, effect) for effect in current.effects)]
-            models = [model for context in contexts if context.usable for model in self._absorbing(context)]
-            found = self._best(current, models)
+            rests = (self._cache.without(current, effect) for effect in current.effects)
+            found = self._best(current, self._absorbing(current)) or self._best(
+                current, [model for rest in rests if rest.usable for model in self._absorbing(rest)]
+            )
             if found is None:
                 break
             self._reached = current = found
@@ -426,7 +449,11 @@ class OpenWorld:
         return float(1.0 - after / before) if np.isfinite(after) and 0 < before < np.inf else float("nan")
 
     def _rivals(self, model: ModelWithEffects, effect: Effect) -> dict[str, float]:
-        """An effect and those that predict the blocks as well in its place, with the share of bootstraps each wins."""
+        """An effect and those that predict the blocks as well in its place, with the share of bootstraps each wins.
+
+        They are compared in the model in which the effect counts for most.
+        """
+        model = max(self._contexts(model, effect), key=lambda each: np.nan_to_num(self._removed_in(each, effect)))
         rest = self._cache.without(model, effect)
         if not rest.usable:
             return {effect.name: 1.0}
@@ -457,6 +484,13 @@ class OpenWorld:
         best = sorted(allowed, key=lambda name: -screening.score(name).gain)[:RIVALS]
         same = [name for name in allowed if self._library[name].component == effect.component][:RIVALS]
         return list(dict.fromkeys([*same, *best]))
+
+
+def with_others(shares: Mapping[str, float], others: Sequence[str]) -> dict[str, float]:
+    """The shares of rivals, with each of the others that is not among them as one more; the sum is the same."""
+    more = [name for name in others if name not in shares]
+    whole = len(shares) + len(more)
+    return {name: share * len(shares) / whole for name, share in shares.items()} | dict.fromkeys(more, 1.0 / whole)
 
 
 def _is_surely_better(model: ModelWithEffects, errors: BlockErrors, before: BlockErrors) -> bool:

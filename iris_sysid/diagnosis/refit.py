@@ -29,6 +29,7 @@ from iris_sysid.types import (
     student_sf,
 )
 
+MOST_HALVINGS = 6  # of a size to first order
 MOST_MOVES = 4  # steps from an effect's shape to a better one nearby
 ACCURATE = 1e-6  # error of a predicted state from its time step, relative: far below the noise of any sensor
 FAR_OFF, AT_NOISE = 10.0, 1.1  # residual over noise
@@ -221,7 +222,11 @@ def _refitted(
     clip: FitRequest, fitted: FitResult, start: Starts, unit: Array, model: OdeModel, effects: Sequence[Effect]
 ) -> FitResult:
     """One clip's fit; an effect whose shape is chosen and not fitted gets the best shape near its starting shape."""
-    best = _fit_from(clip, {**estimate_values(fitted), **_values(effects, start)}, fitted.free, model, effects)
+    values = _no_worse(clip, fitted, start, unit, model, effects)
+    best = _fit_from(clip, values, fitted.free, model, effects)
+    if best.usable and _misfit(clip, best, unit) > FAR_OFF**2 * best.n * len(best.rms):
+        grown = _fit_from(clip, values, fitted.free, model, effects, growing=True)
+        best = grown if grown.usable and _misfit(clip, grown, unit) < _misfit(clip, best, unit) else best
     for effect in effects:
         for _ in range(MOST_MOVES):
             values = _in_better_shape(effect, clip, best, unit)
@@ -234,18 +239,55 @@ def _refitted(
     return best
 
 
-def _fit_from(
-    clip: FitRequest, values: Mapping[str, float], free: Sequence[str], model: OdeModel, effects: Sequence[Effect]
-) -> FitResult:
-    """The fit of the model with effects from these starting values; free constants stay free."""
+def _no_worse(
+    clip: FitRequest, fitted: FitResult, start: Starts, unit: Array, model: OdeModel, effects: Sequence[Effect]
+) -> dict[str, float]:
+    """Starting values from which a fit only has to improve: with the new sizes, halved until none adds to the residual.
+
+    A size to first order goes with changes of all other values, without which it can lead the motion out of phase.
+    """
+    values = {**estimate_values(fitted), **_values(effects, start)}
+    sizes = [effect.parameters[0].name for effect in effects if effect.name in start]
+    if not sizes:
+        return values
+    whole = replace(fitted, model=_composed(clip, values, model, effects))
+    without = _misfit(clip, whole, unit, {**values, **dict.fromkeys(sizes, 0.0)})
+    for _ in range(MOST_HALVINGS):
+        if _misfit(clip, whole, unit, values) <= without:
+            break
+        values |= {name: values[name] / 2 for name in sizes}
+    return values
+
+
+def _composed(clip: FitRequest, values: Mapping[str, float], model: OdeModel, effects: Sequence[Effect]) -> OdeModel:
     composed = model
     for effect in effects:
         variant = shaped(effect, [values[parameter.name] for parameter in effect.parameters[1:]])
         composed = with_effect(composed, variant, view_of(clip.trajectory, model))
+    return composed
+
+
+def _fit_from(
+    clip: FitRequest,
+    values: Mapping[str, float],
+    free: Sequence[str],
+    model: OdeModel,
+    effects: Sequence[Effect],
+    *,
+    growing: bool = False,
+) -> FitResult:
+    """The fit of the model with effects from these starting values; free constants stay free.
+
+    ``growing`` fits the first samples first: slower, and it finds a minimum that is farther away.
+    """
+    composed = _composed(clip, values, model, effects)
     free_now = {parameter.name for parameter in composed.parameters if not parameter.constant} | {*free, *clip.free}
     names = {parameter.name for parameter in composed.parameters} | set(composed.initial_names)
     held = {*clip.fixed} - {*clip.free}  # a name in both has a prior
     start = {name: values[name] for name in free_now & names if name in values and name not in held}
+    if growing:
+        options = replace(clip.options, discrepancy=False)
+        return solve(clip.with_(model=composed, start=start, options=options))
     return fit_from(clip, composed, start)
 
 
@@ -262,15 +304,15 @@ def _in_better_shape(effect: Effect, clip: FitRequest, fitted: FitResult, unit: 
 
 
 def _misfit(clip: FitRequest, fitted: FitResult, unit: Array, values: Mapping[str, float] | None = None) -> float:
-    """Sum of squares of the residual over all samples, outliers of the fit included.
+    """Sum of squares of the residual over all samples of a clip in the time of a fit, outliers included.
 
     ``values``, where given, replace the fitted ones.
     """
-    used = np.flatnonzero(fitted.used)
-    stop, trajectory = int(used[-1]) + 1, clip.trajectory
+    used, trajectory = fitted.t_s[fitted.used], clip.trajectory
+    stop = int(np.searchsorted(trajectory.t_s, used[-1], side="right"))
     predicted = predicted_by(fitted, trajectory, values or estimate_values(fitted), stop, tolerance=ACCURATE)
     observed = trajectory.position[:stop, observed_columns(fitted, trajectory)]
-    inside = trajectory.valid[:stop] & (np.arange(stop) >= used[0])
+    inside = trajectory.valid[:stop] & (trajectory.t_s[:stop] >= used[0])
     with np.errstate(over="ignore"):  # a prediction that diverges is infinitely wrong
         return float(np.nansum(((observed - predicted) / unit[:stop])[inside] ** 2))
 
