@@ -111,6 +111,8 @@ class Score:
 def level(hidden: Hidden, answer: Answer, before: Answer | None = None) -> str:
     """How well an answer names an implant; in a video a new reading or clock counts as the place of it.
 
+    A component without an effect is named by its kind: a wander of the zero is all that there is to say of one.
+
     Parameters
     ----------
     hidden
@@ -120,7 +122,8 @@ def level(hidden: Hidden, answer: Answer, before: Answer | None = None) -> str:
     before
         What was said of the recording as it is, for a video.
     """
-    if hidden.right & answer.added:
+    told = {component for word, component, effects in answer.findings if word == "located" and not effects}
+    if hidden.right & (answer.added | told):
         return "named"
     groups = [effects for word, _, effects in answer.findings if word == "group"]
     if any(hidden.right & set(names) for names in [*answer.classes.values(), *groups]):

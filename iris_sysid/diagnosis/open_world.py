@@ -367,7 +367,7 @@ class OpenWorld:
         return _removed_share(self._cache.base, single) >= least
 
     def _with_nuisances(self, current: ModelWithEffects) -> ModelWithEffects:
-        """The model with effects that imitate anything added, or else in the place of another, where they predict better."""
+        """The model with what imitates anything added, or else in the place of another, where that predicts better."""
         for _ in range(AT_ONCE):
             if current.at_noise:
                 break
