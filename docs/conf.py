@@ -5,7 +5,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from iris_sysid import __version__
+from iris_sysid._version import __version__
 
 project = "iris-sysid"
 author = "The iris-sysid founders"

@@ -8,6 +8,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from iris_sysid._version import __version__ as __version__
+
 if TYPE_CHECKING:
     from fitters.compose_effects import with_effects as with_effects
     from fitters.ode.identifiability import identifiability as identifiability
@@ -117,8 +119,6 @@ if TYPE_CHECKING:
     from iris_sysid.types import Verdict as Verdict
     from iris_sysid.types import View as View
     from iris_sysid.video.reader import open_video as open_video
-
-__version__ = "0.1.0"
 
 DISTRIBUTION = "iris-sysid"
 
