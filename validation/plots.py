@@ -35,7 +35,7 @@ class Plot:
 
     ``labels`` name the columns whose texts label a row, ``values`` those of the numbers; several are stacked. Where
     ``counted``, the figure shows how often each text of the column stands there instead. ``target`` is drawn as a line;
-    ``axis`` says what the numbers are.
+    ``axis`` says what the numbers are; beyond ``linear_to``, where that is given, it is logarithmic.
     """
 
     table: str
@@ -44,6 +44,7 @@ class Plot:
     axis: str
     target: float | None = None
     counted: bool = False
+    linear_to: float = 0.0
 
 
 PLOTS: Mapping[str, Plot] = {
@@ -51,7 +52,7 @@ PLOTS: Mapping[str, Plot] = {
     "benchmark": Plot("benchmark-selection", ("data", "method"), ("accuracy (%)",), "right model (%)", target=100.0),
     "calibration": Plot("calibration-fall-4k", ("seed",), ("g m/s²",), "g (m/s²), truth 9.80665", target=9.80665),
     "diagnosis": Plot("blind-independent", ("hidden",), ("in class",), "named, or in the class named (%)"),
-    "faults": Plot("clip-faults", ("clip",), ("off",), "error of the length (%)", target=0.0),
+    "faults": Plot("clip-faults", ("clip",), ("off",), "error of the length (%)", target=0.0, linear_to=0.1),
     "fitting": Plot("coverage", ("model", "rho"), ("covered / %",), "truth in the 95 % interval (%)", target=95.0),
     "ground_truth": Plot(
         "groundtruth",
@@ -63,7 +64,7 @@ PLOTS: Mapping[str, Plot] = {
     "plans": Plot("plans-2", ("predicted power",), ("happened",), "cases in which one name was left (%)"),
     "scaling": Plot("scaling-clips", ("clips measured by",), ("clock, s",), "time for the same clips (s)"),
     "torture": Plot(
-        "torture-clips", ("clip", "harm"), ("refused", "said", "whole", "silent loss"), "damaged clips: what happened"
+        "torture-clips", ("clip", "harm"), ("refused", "whole", "silent loss", "said"), "damaged clips: what happened"
     ),
     "tracking": Plot(
         "real-tracks", ("clip",), ("on the body", "missing", "elsewhere"), "marks of sealed clips of others (%)"
@@ -118,6 +119,8 @@ def figure_of(plot: Plot, rows: pd.DataFrame) -> Figure:
         else:
             axes.axvline(plot.target, color=INK, linewidth=0.8)
             axes.errorbar(values[:, 0], at, xerr=errors[:, 0], fmt="o", color=LINES[0], markersize=4)
+        if plot.linear_to:
+            axes.set_xscale("symlog", linthresh=plot.linear_to)
         axes.set_yticks(at, labels, fontsize=8)
         axes.set_ylim(-0.6, len(labels) - 0.4)
         axes.set_xlabel(plot.axis)
@@ -139,7 +142,11 @@ def counts(column: pd.Series) -> tuple[list[str], np.ndarray, np.ndarray]:
 
 
 def numbers(plot: Plot, rows: pd.DataFrame) -> tuple[list[str], np.ndarray, np.ndarray]:
-    """Labels, values (n, v) and half widths of the 95 % intervals of cells with ±; a cell without a number is 0."""
+    """Labels, values (n, v) and half widths of the 95 % intervals of cells with ±.
+
+    A cell without a number is 0; rows that have none at all are left out.
+    """
+    rows = rows[rows[list(plot.values)].map(lambda cell: bool(NUMBER.search(cell))).any(axis=1)]
     labels = [" ".join(words)[:MAX_LABEL] for words in rows[list(plot.labels)].to_numpy()]
     cells = [[_value_and_error(cell) for cell in row] for row in rows[list(plot.values)].to_numpy()]
     values = np.array(cells, dtype=float).reshape(len(rows), len(plot.values), 2)
