@@ -68,14 +68,15 @@ def test_second_writing_replaces_the_first(folder):
 def test_paragraph_and_table_are_kept_apart(folder):
     pages.write_table(folder / "page.md", "first", "\nFour rows\n| a |\n|---|\n| 1 |\nA note\n", "python -m x")
     text = (folder / "page.md").read_text(encoding="utf-8")
-    assert "Four rows\n\n| a |\n|---|\n| 1 |\n\nA note\n<!-- end -->" in text
+    link = "[first.csv](../../validation/results/first.csv)"
+    assert f"Four rows\n\n| a |\n|---|\n| 1 |\n\n{link}\n\nA note\n<!-- end -->" in text
 
 
 def test_printed_output_goes_to_the_terminal_and_to_the_page(folder, capsys):
     with pages.table("first", True):
         print("| a |")
     assert capsys.readouterr().out == "| a |\n"
-    assert "\n\n| a |\n<!-- end -->" in (folder / "page.md").read_text(encoding="utf-8")
+    assert "\n\n| a |\n\n[first.csv]" in (folder / "page.md").read_text(encoding="utf-8")
 
 
 def test_without_the_option_no_page_is_touched(folder):
