@@ -55,6 +55,7 @@ def budget_figure(fitted: FitResult) -> Figure:
     figure = Figure(figsize=(7.0, 0.6 + 0.35 * len(budget)), layout="constrained")
     axes = figure.add_subplot()
     names = sorted(budget, key=budget.__getitem__)
+    axes.set_xscale("log")
     axes.barh(names, [budget[name] for name in names], color="#0072B2")
     axes.set_xlabel(
         f"part of the standard error of the length (m); all in squares: {fitted.estimates['length'].stderr:.2g} m"

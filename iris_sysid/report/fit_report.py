@@ -85,6 +85,8 @@ def _lines(estimates: dict[str, Estimate]) -> list[str]:
 
 def _value(estimate: Estimate) -> str:
     unit = "" if estimate.unit in ("", "1") else f" {estimate.unit}"
+    if np.isnan(estimate.value):
+        return "not known"
     if not estimate.stderr > 0:
         return f"{estimate.value:.7g}{unit}" + ("" if estimate.stderr == 0 else " (not determined)")
     share = f" ({100 * abs(estimate.stderr / estimate.value):.2f}%)" if estimate.value else ""

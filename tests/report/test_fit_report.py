@@ -42,6 +42,7 @@ def test_report_has_the_headings_of_lmfit_and_every_value_with_its_error(fitted)
     assert float(value) == pytest.approx(fitted.estimates["length"].value, rel=1e-6)
     assert float(stderr) == pytest.approx(fitted.estimates["length"].stderr, rel=1e-2)
     assert "# data points      = 240" in text
+    assert re.search(r"ball_radius: +not known$", text, re.MULTILINE)
     assert re.search(r"gravity: +9\.81 \+/- 0\.05 m/s\^2", text)
 
 
