@@ -94,7 +94,7 @@ def _value(estimate: Estimate) -> str:
 
 
 def _correlations(fitted: FitResult, min_correl: float) -> list[str]:
-    """Pairs of values from the most to the least correlated, and a heading that says from where on they are listed."""
+    """Pairs of values from the most to the least correlated, below a heading with the smallest correlation listed."""
     sizes = np.sqrt(np.diag(fitted.total_covariance))
     with np.errstate(all="ignore"):
         matrix = fitted.total_covariance / np.outer(sizes, sizes)
