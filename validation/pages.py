@@ -34,7 +34,7 @@ ROOT = Path(__file__).parent.parent
 PAGES = ROOT / "docs" / "validation"
 RESULTS = ROOT / "validation" / "results"
 OPTION = "--write-docs"
-MAX_ROWS_SHOWN, MAX_LETTERS_SHOWN = 6, 500  # of a table that stands on its page
+MAX_ROWS_SHOWN, MAX_LETTERS_SHOWN = 4, 300  # of a table that stands on its page
 BLOCK = "<!-- table: {name} -->\n{content}<!-- end -->"
 ANY_BLOCK = re.compile(r"<!-- table: (?P<name>[\w-]+) -->\n.*?<!-- end -->", re.DOTALL)
 
