@@ -24,6 +24,7 @@ mpl.use("agg")
 
 FOLDER = pages.ROOT / "docs" / "method" / "figures"
 SIZE, DURATION_S, HIDDEN = (480, 270), 5.0, {"quadratic-drag": 0.2}
+MIN_SHARE = 1e-5  # of the standard error
 CURVES = ("linear", "bt709", "srgb", "hlg", "pq")
 DPI = 80
 
@@ -50,16 +51,15 @@ def main() -> None:
 
 
 def budget_figure(fitted: FitResult) -> Figure:
-    """The parts of the standard error of the length by source, as shares of its variance."""
-    budget = {source: error for source, error in fitted.budget["length"].items() if error > 0}
+    """The parts of the standard error of the length by source; those that do not count are left out."""
+    stderr = fitted.estimates["length"].stderr
+    budget = {source: error for source, error in fitted.budget["length"].items() if error > MIN_SHARE * stderr}
     figure = Figure(figsize=(7.0, 0.6 + 0.35 * len(budget)), layout="constrained")
     axes = figure.add_subplot()
     names = sorted(budget, key=budget.__getitem__)
     axes.set_xscale("log")
     axes.barh(names, [budget[name] for name in names], color="#0072B2")
-    axes.set_xlabel(
-        f"part of the standard error of the length (m); all in squares: {fitted.estimates['length'].stderr:.2g} m"
-    )
+    axes.set_xlabel(f"part of the standard error of the length (m); all in squares: {stderr:.2g} m")
     return figure
 
 
