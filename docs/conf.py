@@ -5,7 +5,10 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from iris_sysid import __version__
+from sphinx.application import Sphinx
+
+from iris_sysid._version import __version__
+from iris_sysid.report.gallery import write_gallery
 
 project = "iris-sysid"
 author = "The iris-sysid founders"
@@ -23,3 +26,8 @@ napoleon_preprocess_types = False
 html_theme = "furo"
 html_title = "iris-sysid"
 exclude_patterns = ["_build"]
+
+
+def setup(app: Sphinx) -> None:
+    """Write the gallery from the registry before the pages are read."""
+    app.connect("builder-inited", lambda app: write_gallery(Path(app.srcdir) / "gallery"))

@@ -32,7 +32,7 @@ WORST_CONDITION = 1e8  # of the transition matrix, which loses digits as initial
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Motion:
+class EffectMotion:
     """A fitted motion on a grid finer than the samples, and its response to small forces.
 
     ``grid`` (m,) s, of which ``at_samples`` (n,) are the samples used; ``states`` and ``slopes`` (m, s);
@@ -90,7 +90,7 @@ class Motion:
 
 
 @functools.lru_cache(maxsize=2)
-def _responding(motion: Motion) -> tuple[Array, Array]:
+def _responding(motion: EffectMotion) -> tuple[Array, Array]:
     """How a force acts back on the initial state, and what that changes: two arguments of :func:`_responses`."""
     assert motion.inverse is not None
     steps_s = np.diff(motion.grid[::REFINEMENT]) / REFINEMENT
@@ -128,7 +128,7 @@ def _responses(drawing: Array, shown: Array, forces: Array, acts: Array, ends: N
     return seen
 
 
-def motion_of(fitted: FitResult, trajectory: Trajectory) -> Motion:
+def motion_of(fitted: FitResult, trajectory: Trajectory) -> EffectMotion:
     """The motion of a fit, with how it changes with each initial state.
 
     Parameters
@@ -154,7 +154,7 @@ def motion_of(fitted: FitResult, trajectory: Trajectory) -> Motion:
     moved = problem.states(columns)
     transition = (moved[:, :, :count] - moved[:, :, count:]) / (2 * steps)
     slopes = rates(model, grid, states, values, known)
-    return Motion(model, grid, at_samples, values, known, states, slopes, transition, _inverse(model, transition))
+    return EffectMotion(model, grid, at_samples, values, known, states, slopes, transition, _inverse(model, transition))
 
 
 def _inverse(model: OdeModel, transition: Array) -> Array | None:
@@ -165,7 +165,7 @@ def _inverse(model: OdeModel, transition: Array) -> Array | None:
     return np.asarray(np.linalg.inv(transition)[:, :, -count:])
 
 
-def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory, motion: Motion | None = None) -> Array:
+def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory, motion: EffectMotion | None = None) -> Array:
     """How the prediction changes with the effect's size at size zero.
 
     Parameters
@@ -214,7 +214,7 @@ def sensitivities(
     shapes: Sequence[Sequence[float]],
     fitted: FitResult,
     trajectory: Trajectory,
-    motion: Motion | None = None,
+    motion: EffectMotion | None = None,
 ) -> Array:
     """:func:`sensitivity` (k, n_used, d) to an effect in k shapes, in observed units per unit of the size.
 

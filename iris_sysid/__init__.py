@@ -8,6 +8,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from iris_sysid._version import __version__ as __version__
+
 if TYPE_CHECKING:
     from fitters.compose_effects import with_effects as with_effects
     from fitters.ode.identifiability import identifiability as identifiability
@@ -73,6 +75,7 @@ if TYPE_CHECKING:
     from iris_sysid.report.diagnosis_page import write_diagnosis as write_diagnosis
     from iris_sysid.report.diagnosis_text import diagnosis_sentence as diagnosis_sentence
     from iris_sysid.report.diagnosis_text import diagnosis_text as diagnosis_text
+    from iris_sysid.report.fit_report import fit_report as fit_report
     from iris_sysid.report.notebook import to_html as to_html
     from iris_sysid.report.plots import plot as plot
     from iris_sysid.report.text import discovery_sentence as discovery_sentence
@@ -118,8 +121,6 @@ if TYPE_CHECKING:
     from iris_sysid.types import View as View
     from iris_sysid.video.reader import open_video as open_video
 
-__version__ = "0.1.0"
-
 DISTRIBUTION = "iris-sysid"
 
 # where each public name is defined
@@ -161,6 +162,7 @@ _HOME = {
         "iris_sysid.registry": "TRACKERS MODELS EFFECTS PHENOMENA",
         "iris_sysid.report.clip_page": "write_report",
         "iris_sysid.report.diagnosis_page": "write_diagnosis",
+        "iris_sysid.report.fit_report": "fit_report",
         "iris_sysid.report.notebook": "to_html",
         "iris_sysid.report.plots": "plot",
         "iris_sysid.report.diagnosis_text": "diagnosis_sentence diagnosis_text",

@@ -23,6 +23,7 @@ MEASURED: Mapping[str, tuple[str, ...]] = {
     "calibration": ("iris_sysid/calibration",),
     "diagnosis": ("iris_sysid/diagnosis", *FITS),
     "discovery": ("fitters/sindy",),
+    "faults": ("trackers", "fitters/ode"),
     "fitting": ("fitters/ode", "fitters/integrator", "fitters/noise", "fitters/selection"),
     "ground_truth": ("trackers", "fitters", "iris_sysid/benchmark"),
     "plans": ("iris_sysid/diagnosis", *FITS),

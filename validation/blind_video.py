@@ -32,7 +32,7 @@ from iris_sysid.pipeline import run
 from iris_sysid.registry import EFFECTS, MODELS, PHENOMENA
 from iris_sysid.synthetic import SCENES, render_clip
 from iris_sysid.synthetic.effects import FORCING_HZ
-from iris_sysid.synthetic.plan import Plan, plan_clip
+from iris_sysid.synthetic.plan import ClipPlan, plan_clip
 from iris_sysid.types import Effect, FitResult, OdeModel, Score, Trajectory
 from validation import pages
 from validation.blind import FACTORS, Outcome, outcome_of, share_apart, table, wrong_cases
@@ -66,7 +66,7 @@ class Secret:
     factors: tuple[float, ...]
 
 
-def true_trajectory(plan: Plan, model: OdeModel, lever_m: float) -> Trajectory:
+def true_trajectory(plan: ClipPlan, model: OdeModel, lever_m: float) -> Trajectory:
     """The motion of a planned clip, from the release on, with errors of the size that the tracker states.
 
     Parameters

@@ -6,12 +6,15 @@ A page in ``docs/validation`` marks where a table belongs::
     <!-- end -->
 
 ``python -m validation.coverage --write-docs`` puts its output between the two lines, below a line that names the
-command, the commit and the date. So no number is copied by hand, and each table states its origin.
+command, the commit and the date. So no number is copied by hand, and each table states its origin. Each table goes to
+``validation/results`` as CSV; the page shows it where it is short, and else leads to the file.
+``python -m validation.pages`` does the same with tables that stand in a page in full.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import datetime
 import io
 import re
@@ -29,7 +32,9 @@ from iris_sysid.benchmark.tables.table import frame_table, render
 
 ROOT = Path(__file__).parent.parent
 PAGES = ROOT / "docs" / "validation"
+RESULTS = ROOT / "validation" / "results"
 OPTION = "--write-docs"
+MAX_ROWS_SHOWN, MAX_LETTERS_SHOWN = 4, 300  # of a table that stands on its page
 BLOCK = "<!-- table: {name} -->\n{content}<!-- end -->"
 ANY_BLOCK = re.compile(r"<!-- table: (?P<name>[\w-]+) -->\n.*?<!-- end -->", re.DOTALL)
 
@@ -104,11 +109,70 @@ def write_table(page: str | Path, name: str, text: str, command: str) -> None:
     path = Path(page)
     before = path.read_text(encoding="utf-8")
     header = f"*`{command}`, commit {commit()}, {datetime.date.today().isoformat()}*"
-    block = BLOCK.format(name=name, content=f"{header}\n\n{_separated(text)}\n")
     if names_in(path).count(name) != 1:
         raise LookupError(f"{path.name} needs one pair of lines <!-- table: {name} --> and <!-- end -->")
+    block = BLOCK.format(name=name, content=f"{header}\n\n{stored(name, text)}\n")
     after = ANY_BLOCK.sub(lambda match: block if match["name"] == name else match[0], before)
     path.write_text(after, encoding="utf-8")
+    _redraw(path.stem, name)
+
+
+def stored(name: str, text: str, results: Path | None = None) -> str:
+    """Write each Markdown table of a text as CSV, and give what its page shows: the text, with short tables in full.
+
+    Parameters
+    ----------
+    name
+        Of the file; a second table of the text goes to ``NAME-2.csv``.
+    text
+        Paragraphs and tables, as a program prints them.
+    results
+        Folder of the files; that of the project unless given.
+    """
+    folder, parts, number = RESULTS if results is None else results, [], 0
+    folder.mkdir(exist_ok=True)
+    for part in re.split(r"\n{2,}", _separated(text)):
+        if not part.startswith("|"):
+            parts.append(part)
+            continue
+        number += 1
+        file = folder / (f"{name}.csv" if number == 1 else f"{name}-{number}.csv")
+        rows = cells(part)
+        with file.open("w", encoding="utf-8", newline="") as stream:
+            csv.writer(stream, lineterminator="\n").writerows(rows)
+        is_short = len(rows) <= MAX_ROWS_SHOWN + 1 and len(part) <= MAX_LETTERS_SHOWN
+        link = f"[{file.name}](../../validation/results/{file.name})"
+        parts.append(f"{part}\n\n{link}" if is_short else f"{len(rows) - 1} rows: {link}")
+    return "\n\n".join(parts)
+
+
+def cells(table: str) -> list[list[str]]:
+    """The cells of a Markdown table, header first; a bar that is escaped belongs to its cell."""
+    lines = [line for line in table.splitlines() if not re.fullmatch(r"[|\s:-]+", line)]
+    rows = [re.split(r"(?<!\\)\|", line.strip().removeprefix("|").removesuffix("|")) for line in lines]
+    return [[cell.strip().replace("\\|", "|") for cell in row] for row in rows]
+
+
+def store_all(pages: Path = PAGES, results: Path = RESULTS) -> None:
+    """Write as CSV each table that stands in a page without its file, below the line that it has."""
+    for path in sorted(pages.glob("*.md")):
+        before = path.read_text(encoding="utf-8")
+        after = ANY_BLOCK.sub(lambda match: _with_files(match, results), before)
+        path.write_text(after, encoding="utf-8")
+
+
+def _with_files(block: re.Match[str], results: Path) -> str:
+    header, _, text = block[0].partition("\n")[2].removesuffix("<!-- end -->").partition("\n\n")
+    if "/results/" in text:
+        return block[0]
+    return BLOCK.format(name=block["name"], content=f"{header}\n\n{stored(block['name'], text, results)}\n")
+
+
+def _redraw(page: str, name: str) -> None:
+    from validation import plots
+
+    if page in plots.PLOTS and plots.PLOTS[page].table in (name, f"{name}-2"):
+        plots.draw(page)
 
 
 def page_with(name: str, pages: Path = PAGES) -> Path:
@@ -161,3 +225,7 @@ def _separated(text: str) -> str:
             lines.append("")
         lines.append(line)
     return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    store_all()

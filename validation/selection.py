@@ -32,7 +32,7 @@ from iris_sysid.errors import IrisError
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas.groundtruth import ClipDocument
 from iris_sysid.synthetic import SCENES
-from iris_sysid.synthetic.plan import Plan, plan_clip
+from iris_sysid.synthetic.plan import ClipPlan, plan_clip
 from iris_sysid.trajectory.segmentation import segment
 from iris_sysid.types import ModelChoice, Quantity, Trajectory
 from validation import pages
@@ -62,7 +62,7 @@ class Asked:
     choose: Callable[[], ModelChoice]
 
 
-def trial(name: str, setting: str, number: int) -> Plan:
+def trial(name: str, setting: str, number: int) -> ClipPlan:
     """One trial of a setting, with the parameter scatter of the scene."""
     scene = SCENES[name]
     rng = np.random.default_rng([number, zlib.crc32(f"{name}/{setting}".encode())])
@@ -84,7 +84,7 @@ def trial(name: str, setting: str, number: int) -> Plan:
     return plan_clip(name, setting=setting, size=SIZE, duration_s=duration_s, seed=number, overrides=scattered)
 
 
-def tracked(plan: Plan, seed: int) -> list[Trajectory]:
+def tracked(plan: ClipPlan, seed: int) -> list[Trajectory]:
     """Noisy trajectories of the bodies: x and z in m, and the radius in px where it changes."""
     rng, scale = np.random.default_rng([seed, 5]), plan.camera.pixels_per_metre
     bodies = []

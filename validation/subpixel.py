@@ -21,9 +21,9 @@ import trackpy
 
 from iris_sysid import open_video
 from iris_sysid.synthetic import Look
-from iris_sysid.synthetic.camera import View, camera_for
+from iris_sysid.synthetic.camera import CameraView, camera_for
 from iris_sysid.synthetic.clip import film
-from iris_sysid.synthetic.plan import Plan, Timing, plan_clip
+from iris_sysid.synthetic.plan import ClipPlan, Timing, plan_clip
 from iris_sysid.synthetic.scene import Stage, Wall
 from iris_sysid.synthetic.shapes import Layer, Shading
 from iris_sysid.synthetic.shapes import disc as disc_outline
@@ -175,7 +175,7 @@ ROUND = 64  # frames, about one round
 def filmed(setting: Setting, bodies: int, seed: int = 3) -> list[tuple[DrawnClip, Array]]:
     """The squares of some bodies as separate clips, decoded from one file, and their true centres (n, 2) px."""
     width, height = setting.size
-    view = View(-width / 2, width / 2, -height / 2, height / 2, distance_m=float(width))
+    view = CameraView(-width / 2, width / 2, -height / 2, height / 2, distance_m=float(width))
     camera, rng = camera_for(view, setting.size), np.random.default_rng(seed)
     times, layers, paths, corners = np.arange(ROUND) / FPS, [], [], []
     for column in range(width // setting.side):
@@ -190,7 +190,7 @@ def filmed(setting: Setting, bodies: int, seed: int = 3) -> list[tuple[DrawnClip
     stage = Stage(view, Wall(), (), tuple(layers), (), {}, lambda t_s: [])
     timing = Timing(times, np.arange(ROUND), Fraction(FPS))
     truth = plan_clip("pendulum", size=setting.size, duration_s=1.0).truth  # not used: film does not read it
-    plan = Plan(stage, camera, setting.look, timing, np.zeros((ROUND, 2)), 0.0, seed, truth)
+    plan = ClipPlan(stage, camera, setting.look, timing, np.zeros((ROUND, 2)), 0.0, seed, truth)
     chosen = np.random.default_rng(seed).permutation(len(paths))[:bodies]
     clips = _squares(plan, [corners[k] for k in chosen], setting.side)
     return [(clip, paths[k] - corners[k]) for clip, k in zip(clips, chosen, strict=True)]
@@ -206,7 +206,7 @@ def _round(middle: Array, setting: Setting, start: float) -> Callable[[Array], A
     return centre
 
 
-def _squares(plan: Plan, corners: list[Array], side: int) -> list[DrawnClip]:
+def _squares(plan: ClipPlan, corners: list[Array], side: int) -> list[DrawnClip]:
     pictures: list[list[np.ndarray]] = [[] for _ in corners]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "clip.mp4"

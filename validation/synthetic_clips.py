@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from iris_sysid.synthetic import SCENES, Look, render_clip
-from iris_sysid.synthetic.camera import View, camera_for
+from iris_sysid.synthetic.camera import CameraView, camera_for
 from iris_sysid.synthetic.encoder import Encoder
 from iris_sysid.synthetic.picture import Picture, painted
 from iris_sysid.synthetic.plan import plan_clip
@@ -40,7 +40,7 @@ def disc_errors(radius_px: float, travel_px: float, count: int, seed: int) -> np
             return offset + t_s[:, np.newaxis] * speed
 
         layer = Layer(disc(path, radius_px / SCALE), (200.0, 200.0, 200.0))
-        view = View(-half, half, -half, half)
+        view = CameraView(-half, half, -half, half)
         stage = Stage(view, Wall((100.0, 100.0, 100.0)), (), (layer,), (), {}, lambda t: [])
         image = painted(stage, camera_for(view, (side, side)), look, [0.0])[0].luma - 100.0
         centre = (side - 1) / 2 + SCALE * offset * [1, -1]

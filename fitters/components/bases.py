@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from fitters.compose_effects import bodies_of
-from fitters.effect_sensitivity import Motion, rates
+from fitters.effect_sensitivity import EffectMotion, rates
 from iris_sysid.types import Array, Quantity
 
 JUMP = 0.03  # of the largest speed: below it dry friction is rounded off, as its reversal is between two samples
@@ -71,7 +71,7 @@ class Scale:
     has_speed: bool
 
     @classmethod
-    def of(cls, motions: Sequence[Motion], seen: Sequence[Array], rates_seen: Sequence[Array]) -> Scale:
+    def of(cls, motions: Sequence[EffectMotion], seen: Sequence[Array], rates_seen: Sequence[Array]) -> Scale:
         """The scale of some motions, of what is seen (n, d) of each and of its rates (n, d)."""
         count = motions[0].model.degrees_of_freedom
         positions = np.concatenate([motion.states[:, :count] for motion in motions])
@@ -97,25 +97,25 @@ def _span(values: Array, repeats: bool) -> tuple[Array, Array]:
     return middle, _largest(values - middle)
 
 
-def _velocity(motion: Motion) -> Array:
+def _velocity(motion: EffectMotion) -> Array:
     count = motion.model.degrees_of_freedom
     return motion.states[:, count:] if motion.model.second_order else motion.slopes
 
 
-def _turns(motion: Motion) -> int:
+def _turns(motion: EffectMotion) -> int:
     """How often the velocity that turns most seldom changes its sign."""
     velocity = _velocity(motion)
     return int(np.min(np.sum(np.diff(np.sign(velocity), axis=0) != 0, axis=0)))
 
 
-def own_frequency(motion: Motion) -> float:
+def own_frequency(motion: EffectMotion) -> float:
     """How often the motion repeats, Hz."""
     elapsed_s = float(motion.grid[-1] - motion.grid[0])
     velocity = _velocity(motion)
     return float(np.max(np.sum(np.diff(np.sign(velocity), axis=0) != 0, axis=0))) / 2.0 / elapsed_s
 
 
-def bases_of(motion: Motion, seen: Array, seen_rate: Array, scale: Scale) -> list[Basis]:
+def bases_of(motion: EffectMotion, seen: Array, seen_rate: Array, scale: Scale) -> list[Basis]:
     """The components that make sense for a motion.
 
     Parameters
@@ -151,7 +151,7 @@ def bases_of(motion: Motion, seen: Array, seen_rate: Array, scale: Scale) -> lis
 # Functions ----------------------------------------------------------------------------------------------------------
 
 
-def _share(motion: Motion, t_s: Array) -> Array:
+def _share(motion: EffectMotion, t_s: Array) -> Array:
     return np.asarray((t_s - motion.grid[0]) / (motion.grid[-1] - motion.grid[0]))
 
 
@@ -165,7 +165,7 @@ def _waves(share: Array, count: int) -> Array:
     return np.concatenate([_polynomials(2.0 * share - 1.0, (1, 2)), half_cycles], axis=1)
 
 
-def _slow_waves(motion: Motion) -> int:
+def _slow_waves(motion: EffectMotion) -> int:
     """Half cycles in the clip below the motion's own frequency."""
     cycles = own_frequency(motion) * float(motion.grid[-1] - motion.grid[0])
     return int(np.clip(2 * SLOW * cycles, 3, MAX_WAVES)) if _turns(motion) >= MIN_TURNS else WAVES_OF_A_FALL
@@ -194,18 +194,18 @@ def _own(values: Array, functions: Callable[[Array], Array]) -> Array:
     return out
 
 
-def _answers(motion: Motion, forces: Array) -> Array:
+def _answers(motion: EffectMotion, forces: Array) -> Array:
     """What is seen (n, d, k) of forces (m, f, k)."""
     return np.moveaxis(motion.answers(np.ascontiguousarray(np.moveaxis(forces, 2, 0))), 0, 2)
 
 
-def _force_units(motion: Motion) -> tuple[Quantity, ...]:
+def _force_units(motion: EffectMotion) -> tuple[Quantity, ...]:
     count = motion.model.degrees_of_freedom
     rate = "s^2" if motion.model.second_order else "s"
     return tuple(Quantity(state.name, f"{state.unit}/{rate}") for state in motion.model.states[:count])
 
 
-def _argument(motion: Motion, of_velocity: bool) -> Quantity:
+def _argument(motion: EffectMotion, of_velocity: bool) -> Quantity:
     """The position, or the velocity, of the first degree of freedom."""
     first = motion.model.states[0]
     return Quantity(f"{first.name} rate", f"{first.unit}/s") if of_velocity else first
@@ -214,7 +214,7 @@ def _argument(motion: Motion, of_velocity: bool) -> Quantity:
 # Reading and clock --------------------------------------------------------------------------------------------------
 
 
-def wander(motion: Motion, seen: Array) -> Basis:
+def wander(motion: EffectMotion, seen: Array) -> Basis:
     """The zero of the reading moves slowly."""
     count, d = _slow_waves(motion), seen.shape[1]
     t_s = motion.grid[motion.at_samples]
@@ -224,7 +224,7 @@ def wander(motion: Motion, seen: Array) -> Basis:
     return Basis("zero-wander", columns, at=at, quantities=tuple(motion.model.observed), curve=curve)
 
 
-def _reading_of_position(seen: Array, scale: Scale, motion: Motion) -> Basis:
+def _reading_of_position(seen: Array, scale: Scale, motion: EffectMotion) -> Basis:
     """The reading depends on the position: a wrong zero, scale, pivot or plane, a lens, the curve of a gauge."""
     middle, width = scale.observed
     degrees = range(6)
@@ -255,7 +255,7 @@ def _line(middle: Array, width: Array) -> tuple[Array, Array]:
     return along[:, 0], along
 
 
-def _reading_of_velocity(seen: Array, seen_rate: Array, scale: Scale, motion: Motion) -> Basis:
+def _reading_of_velocity(seen: Array, seen_rate: Array, scale: Scale, motion: EffectMotion) -> Basis:
     """The reading depends on the velocity: a shift in time, a long exposure, rows of the picture read one by one."""
     middle, width = scale.observed
 
@@ -276,7 +276,7 @@ def _rate_of(quantity: Quantity) -> Quantity:
     return Quantity(f"{quantity.name} rate", f"{quantity.unit}/s")
 
 
-def _clock(motion: Motion, seen_rate: Array) -> Basis:
+def _clock(motion: EffectMotion, seen_rate: Array) -> Basis:
     """The clock goes wrong by a course of time: lost frames, a drifting rate (Brownian motion)."""
     t_s = motion.grid[motion.at_samples]
     number = np.arange(CLOCK_WAVES) + 0.5
@@ -293,7 +293,7 @@ def _clock(motion: Motion, seen_rate: Array) -> Basis:
 # Forces -------------------------------------------------------------------------------------------------------------
 
 
-def _force_of_velocity(motion: Motion, scale: Scale) -> Basis:
+def _force_of_velocity(motion: EffectMotion, scale: Scale) -> Basis:
     """A force along the velocity of each body, a function of its speed with a jump at zero."""
 
     def functions(velocity: Array) -> Array:
@@ -314,7 +314,7 @@ def _force_of_velocity(motion: Motion, scale: Scale) -> Basis:
     )  # fmt: skip
 
 
-def _force_of_position(motion: Motion, scale: Scale) -> Basis:
+def _force_of_position(motion: EffectMotion, scale: Scale) -> Basis:
     """A force that is a function of the position of each degree of freedom."""
     middle, width = scale.position
 
@@ -329,7 +329,7 @@ def _force_of_position(motion: Motion, scale: Scale) -> Basis:
     )  # fmt: skip
 
 
-def _force_of_time(motion: Motion) -> Basis:
+def _force_of_time(motion: EffectMotion) -> Basis:
     """A force that changes slowly with time."""
     at = np.linspace(motion.grid[0], motion.grid[-1], 4 * GRID)
     count, freedoms = _slow_waves(motion), motion.model.degrees_of_freedom
@@ -337,7 +337,7 @@ def _force_of_time(motion: Motion) -> Basis:
     return Basis("force-of-time", _answers(motion, forces), at=at, quantities=_force_units(motion), curve=curve)
 
 
-def _own_drift(motion: Motion) -> Basis:
+def _own_drift(motion: EffectMotion) -> Basis:
     """The model's own force changes slowly with time, by a factor."""
     at = np.linspace(motion.grid[0], motion.grid[-1], 4 * GRID)
     own = motion.slopes[:, -motion.model.degrees_of_freedom :]
@@ -346,7 +346,7 @@ def _own_drift(motion: Motion) -> Basis:
     return Basis("own-force-drift", columns, at=at, quantities=(Quantity("factor", "1"),), curve=curve[:, None])
 
 
-def _pulse(motion: Motion) -> Basis:
+def _pulse(motion: EffectMotion) -> Basis:
     """A short force at one moment."""
     moments_s = np.linspace(motion.grid[0], motion.grid[-1], MOMENTS + 2)[1:-1]
     width_s = max(2.0 * float(np.median(np.diff(motion.grid[motion.at_samples]))), moments_s[1] - moments_s[0])
@@ -356,7 +356,7 @@ def _pulse(motion: Motion) -> Basis:
     return Basis("pulse", columns, choices=np.repeat(moments_s, count))
 
 
-def _periodic(motion: Motion) -> Basis:
+def _periodic(motion: EffectMotion) -> Basis:
     """A sine of any phase, at a frequency away from the motion's own and its harmonics."""
     elapsed_s = float(motion.grid[-1] - motion.grid[0])
     most = max(min(MAX_CYCLES, motion.at_samples.size / SAMPLES_A_CYCLE), 1.5)
@@ -370,7 +370,7 @@ def _periodic(motion: Motion) -> Basis:
     return Basis("periodic-force", columns, choices=np.repeat(cycles / elapsed_s, 2 * count))
 
 
-def _input(motion: Motion) -> Basis:
+def _input(motion: EffectMotion) -> Basis:
     """A measured input has another gain, comes later, or enters by its square."""
     assert motion.inputs is not None
     count, columns = motion.model.degrees_of_freedom, []
@@ -384,7 +384,7 @@ def _input(motion: Motion) -> Basis:
     return Basis("input", _answers(motion, np.stack(columns, axis=2)), True)
 
 
-def _changed_rates(motion: Motion, k: int, change: Array) -> Array:
+def _changed_rates(motion: EffectMotion, k: int, change: Array) -> Array:
     """By how much the rates (m, s) change with a small change (m,) of an input."""
     assert motion.inputs is not None
     sides = []

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from fitters.components.bases import Basis
 from fitters.components.likelihood import Columns, Products
 from fitters.components.noisy_residual import NoisyResidual
-from fitters.effect_sensitivity import Motion
+from fitters.effect_sensitivity import EffectMotion
 from iris_sysid.types import Array
 
 
@@ -19,7 +19,7 @@ from iris_sysid.types import Array
 class ClipResidual:
     """The residual of one clip's fit: its motion, and the residual with its noise; ``predicted`` (n, d)."""
 
-    motion: Motion
+    motion: EffectMotion
     residual: NoisyResidual
     predicted: Array
 

@@ -36,5 +36,9 @@ EFFECT = Effect(
     sensors=FILMED,
     image=image,
     alike="radial-distortion and cubic-stiffness, for swings; horizontal speed, for throws",
+    typical=(
+        "pixels of digital video that are not square: 12/11 (0.09) and 10/11 (-0.09); a clip stretched from 4:3 to "
+        "16:9: 0.33"
+    ),
     example=EffectExample("projectile", size=0.05),
 )

@@ -39,5 +39,8 @@ EFFECT = Effect(
     alike="gravity, the length and a wrong scale, unless they are known; finite-bob; time-scale",
     sensible=sensible,
     scaling={"mass": -1.0, "radius": 3.0, "length": 0.0},
+    typical=(
+        "from the densities: table-tennis ball in air 0.022, tennis ball 0.005, steel ball 0.0002; glass in water 0.5"
+    ),
     example=EffectExample("free-fall", size=0.05),
 )

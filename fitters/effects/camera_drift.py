@@ -43,5 +43,6 @@ EFFECT = Effect(
     trials=first_time,
     alike="initial velocity, where nothing pulls back",
     recurrence="anew",
+    typical="a tripod that sinks by a pixel in 10 s, at 1 mm a pixel: 0.0001 m/s",
     example=EffectExample("pendulum", size=0.05),
 )

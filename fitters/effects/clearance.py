@@ -64,5 +64,6 @@ EFFECT = Effect(
     trials=trials,
     nearby=nearby,
     sensible=sensible,
+    typical="free play: 1; a stiffer stop on a softer spring: less. Gaps of bearings: 0.01 to 0.5 mm",
     example=EffectExample("linear-oscillator", size=0.05),
 )

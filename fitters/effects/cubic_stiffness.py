@@ -23,5 +23,9 @@ EFFECT = Effect(
     plausibility=0.3,
     acceleration=acceleration,
     alike="radial-distortion and a wrong scale, which also change the period with the amplitude",
+    typical=(
+        "a pendulum taken for linear: -g / 6L, -3.3 1/rad^2/s^2 at 0.5 m; a spring of rate α that is 1 % harder at a "
+        "stretch A: 0.01 α / A^2"
+    ),
     example=EffectExample("pendulum", size=0.05),
 )

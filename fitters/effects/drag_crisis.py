@@ -72,5 +72,6 @@ EFFECT = Effect(
     trials=trials,
     sensible=sensible,
     scaling={"mass": -1.0, "radius": 2.0},
+    typical="a football: 0.025 1/m below some 10 to 15 m/s, a quarter of it above",
     example=EffectExample("projectile", size=0.05),
 )

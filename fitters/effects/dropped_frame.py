@@ -68,5 +68,6 @@ EFFECT = Effect(
     trials=trials,
     nearby=nearby,
     recurrence="once",
+    typical="one frame: 0.033 s at 30 frames a second, 0.0042 s at 240",
     example=EffectExample("pendulum", size=0.05),
 )

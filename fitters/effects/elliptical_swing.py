@@ -53,5 +53,6 @@ EFFECT = Effect(
     trials=own_rates,
     sensible=sensible,
     recurrence="anew",
+    typical="e is the short half axis over the long one: 5 % give 0.0025, 20 % give 0.04",
     example=EffectExample("pendulum", size=0.05),
 )

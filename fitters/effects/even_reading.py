@@ -36,5 +36,6 @@ EFFECT = Effect(
     alike="camera-tilt and wrong-pivot, its physical forms for a camera; gain-change, of a gauge; quadratic forces",
     trials=middle_and_reach,
     sensible=partial(small_part, 2),
+    typical="a camera tilted by 5° at a distance of 1 m: 0.09 1/m",
     example=EffectExample("pendulum", size=0.05),
 )

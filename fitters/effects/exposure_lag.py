@@ -55,5 +55,6 @@ EFFECT = Effect(
     observe=observe,
     alike="rolling-shutter, for bodies at different heights in the picture; the initial state, where nothing is driven",
     trials=trials,
+    typical="times of the beginning of an exposure instead of its middle: half of it, 0.008 s at 1/60 s",
     example=EffectExample("coupled-oscillators", size=0.05),
 )

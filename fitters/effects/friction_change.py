@@ -49,5 +49,6 @@ EFFECT = Effect(
     acceleration=acceleration,
     alike="impact, where the rest of the way is short",
     trials=trials,
+    typical="a coefficient of friction that changes by 0.1 on a level bench: 1 m/s^2",
     example=EffectExample("incline", size=0.05),
 )

@@ -40,5 +40,6 @@ EFFECT = Effect(
     observe=observe,
     alike="a level from which the way out is another",
     trials=trials,
+    typical="linearity in data sheets of gauges: 0.001 to 0.01; a gauge outside its range: 0.1 and more",
     example=EffectExample("torricelli", size=0.05, unit="V"),
 )

@@ -36,5 +36,6 @@ EFFECT = Effect(
     alike="dropped-frame",
     trials=moments,
     recurrence="once",
+    typical="5 g at 1 m/s that stick to a body of 100 g: 0.05 m/s",
     example=EffectExample("pendulum", size=0.05),
 )

@@ -43,5 +43,6 @@ EFFECT = Effect(
     alike="the initial velocity, in part",
     trials=trials,
     recurrence="anew",
+    typical="fingers that still hold the whole weight: 1, for 0.01 to 0.1 s",
     example=EffectExample("pendulum", size=0.05),
 )

@@ -22,5 +22,6 @@ EFFECT = Effect(
     applies=drains,
     acceleration=acceleration,
     alike="the decay rate itself, where the decay is exponential",
+    typical="a vessel that loses 1 % in 100 s: 0.0001 1/s",
     example=EffectExample("torricelli", size=0.05),
 )

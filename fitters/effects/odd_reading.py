@@ -36,5 +36,6 @@ EFFECT = Effect(
     alike="radial-distortion, its physical form for a camera; cubic-stiffness; clearance",
     trials=middle_and_reach,
     sensible=partial(small_part, 3),
+    typical="a sine taken for the angle: -0.17 1/rad^2",
     example=EffectExample("pendulum", size=0.05),
 )

@@ -29,5 +29,6 @@ EFFECT = Effect(
     trials=first_time,
     alike="time-scale errors that grow; frequency that depends on amplitude, in a damped swing",
     recurrence="anew",
+    typical="a steel spring that warms by 10 K in a minute: -0.00004 1/s",
     example=EffectExample("pendulum", size=0.05),
 )

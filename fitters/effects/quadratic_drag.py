@@ -34,5 +34,9 @@ EFFECT = Effect(
     trials=partial(at_usual_speed, 2.0),
     alike="linear drag, when the speed hardly varies",
     scaling={"mass": -1.0, "radius": 2.0, "length": 1.0, "spring": 0.0},
+    typical=(
+        "from ρ C_d A / 2m: table-tennis ball 0.13 1/m, tennis ball 0.02 1/m, steel ball of 20 mm 0.003 1/m; on a "
+        "pendulum times its length"
+    ),
     example=EffectExample("pendulum", size=0.05),
 )

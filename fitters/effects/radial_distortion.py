@@ -32,5 +32,6 @@ EFFECT = Effect(
     sensors=FILMED,
     image=image,
     alike="cubic-stiffness",
+    typical="k1 of OpenCV: phones 0.05 or less, action cameras -0.2 to -0.4",
     example=EffectExample("pendulum", size=0.05),
 )

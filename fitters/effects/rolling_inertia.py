@@ -24,5 +24,6 @@ EFFECT = Effect(
     acceleration=slowed,
     alike="the acceleration itself, unless it is known; time-scale",
     scaling={"mass": 0.0, "radius": 0.0},
+    typical="solid ball 0.4, solid cylinder 0.5, hollow ball 0.67, hoop 1",
     example=EffectExample("incline", size=0.05),
 )

@@ -57,5 +57,6 @@ EFFECT = Effect(
     alike="zero-offset and constant-force, for swings of one size",
     trials=trials,
     sensible=sensible,
+    typical="a cord, which cannot push: 1; a bent strip that pushes back a little: less",
     example=EffectExample("pendulum", size=0.05),
 )

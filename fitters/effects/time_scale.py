@@ -24,5 +24,8 @@ EFFECT = Effect(
     cause="clock",
     warp=warp,
     alike="length, gravity, damping and all rates, unless one of them is known",
+    typical=(
+        "29.97 frames a second read as 30: 0.001; a slow motion of 240 read as 30: -0.875; a quartz: 0.0001 or less"
+    ),
     example=EffectExample("pendulum", size=0.05),
 )

@@ -52,5 +52,8 @@ EFFECT = Effect(
     acceleration=acceleration,
     alike="coulomb-friction, at speeds below v_s",
     trials=trials,
+    typical=(
+        "static less kinetic friction, 0.05 to 0.2 of the weight: 0.5 to 2 m/s^2, below speeds of 1 mm/s to 0.1 m/s"
+    ),
     example=EffectExample("pendulum", size=0.05),
 )

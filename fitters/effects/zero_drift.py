@@ -31,5 +31,6 @@ EFFECT = Effect(
     trials=first_time,
     alike="initial velocity, where nothing pulls back",
     recurrence="anew",
+    typical="gauges: 0.01 % to 0.1 % of full scale for each kelvin, in data sheets",
     example=EffectExample("exponential-decay", size=0.05),
 )

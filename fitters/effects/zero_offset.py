@@ -25,5 +25,6 @@ EFFECT = Effect(
     cause="measurement",
     observe=observe,
     alike="camera-tilt, constant-force",
+    typical="a phone that leans by 1°: 0.017 rad; a ruler read to half a division: 0.5 mm",
     example=EffectExample("pendulum", size=0.05),
 )

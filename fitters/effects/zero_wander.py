@@ -64,5 +64,6 @@ EFFECT = Effect(
     trials=trials,
     sensible=sensible,
     recurrence="anew",
+    typical="a hand that holds the camera: 5 px where its motion is not taken out",
     example=EffectExample("pendulum", size=0.05),
 )

@@ -27,7 +27,7 @@ from numba.core.registry import cpu_target
 from numba.core.types import WrapperAddressProtocol
 
 from fitters.integrator.dormand_prince import COLUMNS_SIGNATURE
-from iris_sysid import __version__
+from iris_sysid._version import __version__
 from iris_sysid.io.private_cache import cache_directory, read_private, write_private
 
 FORMAT = "iris-sysid machine code 3"

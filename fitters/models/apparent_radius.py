@@ -62,5 +62,6 @@ MODEL = OdeModel(
     derived=(Quantity("h0", "m", "h_0"),),
     derive=at_release,
     first_integral=energy,
+    typical="a ball of 20 mm radius before a camera of 1000 px focal length: 20 px m",
     example=ModelExample({"r0_f": 60.0, "h_0": 0.8, "v_0": 0.3}, samples=400, rate_hz=600.0),
 )

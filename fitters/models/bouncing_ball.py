@@ -70,5 +70,6 @@ MODEL = OdeModel(
     guess=guess,
     observe=observe,
     events=(Event("impact", height, bounce),),
+    typical="restitution by the rules of the sport: table-tennis ball 0.89 to 0.92, tennis ball 0.73 to 0.76",
     example=ModelExample({"restitution": 0.8, "floor": 0.03, "z_0": 1.0, "vz_0": -0.2}, samples=400, rate_hz=100.0),
 )  # fmt: skip

@@ -53,5 +53,6 @@ MODEL = OdeModel(
     guess=guess,
     observe=observe,
     first_integral=reach,
+    typical="a ball that loses half of its speed in 5 s: 0.14 1/s",
     example=ModelExample({"damping": 0.4, "s_0": 0.1, "v_0": 1.7}, samples=300, rate_hz=240.0),
 )

@@ -92,6 +92,7 @@ def _energy(states: Array, params: Array) -> Array:
 
 MODEL = replace(
     contact_chain(3),
+    typical="bodies that share their motion within a second: coupling of some 10 1/s^2",
     example=ModelExample(
         {
             "coupling": 3.0,

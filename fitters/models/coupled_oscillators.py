@@ -107,6 +107,7 @@ MODEL = OdeModel(
     guess=guess,
     first_integral=energy,
     dissipative=("damping_1", "damping_2"),
+    typical="0.2 kg on a spring of 10 N/m: 50 1/s^2",
     example=ModelExample(
         {
             "stiffness_1": 7.8,

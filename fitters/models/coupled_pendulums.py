@@ -75,6 +75,7 @@ MODEL = OdeModel(
     guess=guess,
     first_integral=energy,
     dissipative=("damping_1", "damping_2"),
+    typical="two pendulums of 0.5 m that exchange their motion and take it back in 10 s: coupling 2.8 1/s^2",
     example=ModelExample(
         {
             "length_1": 0.5,

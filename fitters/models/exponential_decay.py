@@ -56,5 +56,6 @@ MODEL = OdeModel(
     rhs=rhs,
     guess=guess,
     observe=observe,
+    typical="a capacitor of 100 µF through 10 kΩ: 1 1/s",
     example=ModelExample({"decay_rate": 0.9, "intensity_0": 1.0}, samples=600, rate_hz=200.0),
 )

@@ -56,5 +56,6 @@ MODEL = OdeModel(
     guess=guess,
     observe=observe,
     first_integral=energy,
+    typical="g on the ground: 9.76 to 9.83 m/s^2; on the Moon 1.62 m/s^2",
     example=ModelExample({"gravity": 9.79, "z_0": 1.5, "vz_0": -0.3}, samples=300, rate_hz=500.0),
 )

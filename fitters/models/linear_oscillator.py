@@ -14,5 +14,6 @@ MODEL = replace(
         Quantity("z", "m", "z"),
         Quantity("vz", "m/s", "v_z"),
     ),
+    typical="0.2 kg on a spring of 10 N/m: 50 1/s^2, a period of 0.89 s",
     example=ModelExample({"stiffness": 20.0, "damping": 0.3, "z_0": 0.2, "vz_0": -0.5}, samples=600, rate_hz=60.0),
 )

@@ -103,6 +103,7 @@ MODEL = OdeModel(
     guess=guess,
     observe=observe,
     events=(Event("impact", height, bounce),),
+    typical="restitution: 0.5 to 0.9; friction: 0.1 to 0.5; inertia: 0.4 of a solid ball, 0.67 of a hollow one",
     example=ModelExample(
         {
             "restitution": 0.8, "friction": 0.08, "floor": 0.03, "x_0": 0.1, "z_0": 1.0, "vx_0": 3.0,

@@ -111,6 +111,7 @@ MODEL = OdeModel(
     rhs=rhs,
     guess=guess,
     events=(Event("taut", slackness, jerk), Event("slack", tension, slacken)),
+    typical="restitution: 0 of a cord that gives, up to 0.5 of a stiff one",
     example=ModelExample(
         {
             "length": 0.5, "pivot_x": 0.1, "pivot_z": 0.7, "damping": 0.1, "x_0": 0.52, "z_0": 0.72,

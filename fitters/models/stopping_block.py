@@ -83,5 +83,6 @@ MODEL = OdeModel(
     derived=(Quantity("friction_coefficient", "1", r"\mu"),),
     derive=coefficient,
     events=(Event("stop", speed, stop),),
+    typical="wood on wood: 2 to 5 m/s^2; on ice: 0.1 to 0.5 m/s^2",
     example=ModelExample({"friction": 2.5, "s_0": 0.1, "v_0": 1.7}, samples=300, rate_hz=240.0),
 )

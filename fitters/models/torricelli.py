@@ -58,5 +58,6 @@ MODEL = OdeModel(
     rhs=rhs,
     guess=guess,
     observe=observe,
+    typical="a hole of 5 mm in a cylinder of 100 mm: 0.0066 m^0.5/s",
     example=ModelExample({"outflow": 0.02, "h_0": 0.25}, samples=600, rate_hz=20.0),
 )

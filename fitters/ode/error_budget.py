@@ -29,6 +29,12 @@ class Errors:
     degrees: Array
     systematic: Mapping[str, Array]
 
+    @property
+    def total(self) -> Array:
+        """Covariance (k, k) of the random and all systematic errors: the squared standard errors on its diagonal."""
+        shifts = [np.atleast_2d(shift) for shift in self.systematic.values()]
+        return np.asarray(self.covariance + sum((rows.T @ rows for rows in shifts), np.zeros(self.covariance.shape)))
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Budget:

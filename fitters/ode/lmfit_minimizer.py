@@ -79,10 +79,10 @@ def lmfit_minimizer(fitted: FitResult, trajectory: Trajectory) -> lmfit.Minimize
 
 
 def _state_errors(parameters: lmfit.Parameters, fitted: FitResult) -> None:
-    """Give the parameters the standard errors of the fit, and the correlations of their random part."""
+    """Give the parameters the standard errors of the fit, and the correlations that belong to them."""
     with np.errstate(all="ignore"):
-        sizes = np.sqrt(np.diag(fitted.covariance))
-        correlation = fitted.covariance / np.outer(sizes, sizes)
+        sizes = np.sqrt(np.diag(fitted.total_covariance))
+        correlation = fitted.total_covariance / np.outer(sizes, sizes)
     for k, name in enumerate(fitted.free):
         if np.isfinite(fitted.estimates[name].stderr):
             parameters[name].stderr = float(fitted.estimates[name].stderr)

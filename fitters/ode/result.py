@@ -251,6 +251,7 @@ def conclude(task: Task, target: Target, solution: Solution, notes: list[str], l
         estimates=results.estimates,
         free=task.free,
         covariance=errors.covariance + _from_priors(task, errors),
+        total_covariance=stated.total,
         t_s=task.trajectory.t_s,
         used=_spread(task, target.used, False).astype(np.bool_),
         predicted=_spread(task, target.observed - residual, np.nan),

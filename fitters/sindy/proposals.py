@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitters.effect_sensitivity import Motion, motion_of
+from fitters.effect_sensitivity import EffectMotion, motion_of
 from fitters.sindy.library import unit_of
 from fitters.sindy.refinement import blocks_of
 from fitters.sindy.resampling import STABLE
@@ -111,7 +111,9 @@ def _candidates(model: OdeModel) -> list[_Candidate]:
     return made
 
 
-def _rows(fit: FitResult, motion: Motion, candidates: Sequence[_Candidate], where: tuple[int, int]) -> list[Compressed]:
+def _rows(
+    fit: FitResult, motion: EffectMotion, candidates: Sequence[_Candidate], where: tuple[int, int]
+) -> list[Compressed]:
     """Compressed rows of one clip: a column a candidate, then those of the fitted parameters."""
     count, used = fit.model.degrees_of_freedom, fit.used
     scale = np.maximum(fit.rms, 1e-300)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 CONNECT_S = 20.0  # a scheduler that runs answers within so long
 FILE_TRIES, FILE_WAIT_S = 10, 0.05  # its file is written at once, but not in one step
 AHEAD = 2  # jobs that are sent for each worker: one at work, one that waits for it
-LEAST_AHEAD = 8  # sent also while there are fewer workers, so that those who come find work
+MIN_AHEAD = 8  # sent also while there are fewer workers, so that those who come find work
 LARGE = "distributed.admin.large-graph-warning-threshold"  # jobs carry the tracks that they read
 PACKAGES = ("iris_sysid", "trackers", "fitters")
 SOURCE = "source code"
@@ -131,7 +131,7 @@ def _landing(client: Client, batch: Batch[Job, Outcome], waiting: Iterator[Job])
     landed = as_completed(loop=client.loop)
 
     def send() -> None:
-        room = max(LEAST_AHEAD, AHEAD * len(client.nthreads())) - len(sent)
+        room = max(MIN_AHEAD, AHEAD * len(client.nthreads())) - len(sent)
         for job in islice(waiting, max(room, 0)):
             content = pickle.dumps((batch.work, job, _files(batch.folder, batch.reads(job))))
             future = client.submit(carry_out, environment, content, pure=False)

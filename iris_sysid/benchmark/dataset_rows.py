@@ -42,7 +42,7 @@ Say = Callable[[str], None]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Plan:
+class RowPlan:
     """How to measure and study a data set.
 
     ``name`` of the data set in the tables; ``studies`` of ``ALL_STUDIES`` in addition to the bank's own fit;
@@ -83,7 +83,7 @@ class Unit:
 def dataset_rows(
     dataset: str | Path,
     work: str | Path,
-    plan: Plan,
+    plan: RowPlan,
     *,
     progress: Progress | None = None,
     tell: Say | None = None,
@@ -136,7 +136,7 @@ def dataset_rows(
     return DatasetRows(joined(frames), gaps, clips)
 
 
-def _units(subjects: Sequence[Subject], plan: Plan) -> Iterator[Unit]:
+def _units(subjects: Sequence[Subject], plan: RowPlan) -> Iterator[Unit]:
     """All units of work: the studies in the order of ``PER_CLIP``, each over the clips in order."""
     turns = places([subject.clip for subject in subjects])
     few = [
@@ -165,7 +165,7 @@ def _spread(subjects: Sequence[Subject], turns: Sequence[int], count: int) -> li
     return [subjects[k] for k in sorted(order[:count])]
 
 
-def _unit(subject: Subject, study: str, plan: Plan) -> Unit:
+def _unit(subject: Subject, study: str, plan: RowPlan) -> Unit:
     """The unit; a hash of the measurement (with versions and file hashes), truth and seed is part of its file name."""
     dependencies = {
         "measured": subject.measured.document.model_dump(mode="json"),

@@ -11,7 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from iris_sysid.benchmark.batch import Batch, Job, Outcome, limited, one_thread
 from iris_sysid.errors import DataError
 
-MOST_WORKERS = 256
+MAX_WORKERS = 256
 JOBS_A_PROCESS = 8  # what libraries keep of each job, up to 60 MB, goes with the process; a new one takes 2 s
 
 Workers = int | str  # a number of processes beside this one, or the address or file of a dask scheduler
@@ -21,8 +21,8 @@ def check_workers(workers: Workers) -> None:
     """Raise DataError unless ``workers`` is a valid number of processes, or text that may name a scheduler."""
     if isinstance(workers, str) and workers.strip():
         return
-    if not isinstance(workers, int) or not 0 <= workers <= MOST_WORKERS:
-        raise DataError(f"workers must be a whole number from 0 to {MOST_WORKERS}, not {workers!r}")
+    if not isinstance(workers, int) or not 0 <= workers <= MAX_WORKERS:
+        raise DataError(f"workers must be a whole number from 0 to {MAX_WORKERS}, not {workers!r}")
 
 
 def side_by_side(batch: Batch[Job, Outcome], jobs: Sequence[Job], workers: Workers) -> Iterator[tuple[Job, Outcome]]:

@@ -28,11 +28,11 @@ from iris_sysid.types import Progress, with_progress
 WORKSHOP = ".rendering"  # folder of unfinished clips
 MANIFEST = "manifest.json"
 BOARD = "checkerboard.mp4"
-MOST_TRIALS = 999
+MAX_TRIALS = 999
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
+class RenderJob:
     """One clip to render: ``place`` is its path in the data set; ``setting`` is None for the checkerboard."""
 
     place: str
@@ -138,8 +138,8 @@ def _check(
     size: tuple[int, int], fps: float, trials: int, seed: int, workers: Workers, duration_s: float | None
 ) -> None:
     check_clip(size, fps, 1.0 if duration_s is None else duration_s, seed)
-    if not isinstance(trials, int) or not 1 <= trials <= MOST_TRIALS:
-        raise DataError(f"trials must be a whole number from 1 to {MOST_TRIALS}, not {trials!r}")
+    if not isinstance(trials, int) or not 1 <= trials <= MAX_TRIALS:
+        raise DataError(f"trials must be a whole number from 1 to {MAX_TRIALS}, not {trials!r}")
     check_workers(workers)
 
 
@@ -151,16 +151,16 @@ def _jobs(
     seed: int,
     duration_s: float | None,
     look: Look,
-) -> Iterator[Job]:
+) -> Iterator[RenderJob]:
     for scene in scenes:
         common = (size, fps, duration_s, look)
         place = f"{scene.folder}/{BOARD}"
-        yield Job(place, scene.name, None, _seed_of(seed, place), (), *common)
+        yield RenderJob(place, scene.name, None, _seed_of(seed, place), (), *common)
         for setting in scene.settings:
             for trial in range(1, trials + 1):
                 place = f"{scene.folder}/{setting}/{trial:02d}.mp4"
                 clip_seed = _seed_of(seed, place)
-                yield Job(place, scene.name, setting, clip_seed, _scattered(scene, setting, clip_seed), *common)
+                yield RenderJob(place, scene.name, setting, clip_seed, _scattered(scene, setting, clip_seed), *common)
 
 
 def _seed_of(seed: int, place: str) -> int:
@@ -207,7 +207,7 @@ def _workshop(root: Path) -> Iterator[None]:
         shutil.rmtree(root / WORKSHOP, ignore_errors=True)
 
 
-def _check_all(outcomes: Iterable[tuple[Job, IrisError | None]]) -> None:
+def _check_all(outcomes: Iterable[tuple[RenderJob, IrisError | None]]) -> None:
     """Wait for all jobs, then raise IrisError when some of them failed."""
     errors = [(job.place, error) for job, error in outcomes]
     failed = [f"{place}: {error}" for place, error in errors if error is not None]
@@ -217,7 +217,7 @@ def _check_all(outcomes: Iterable[tuple[Job, IrisError | None]]) -> None:
         )
 
 
-def _attempt(root: Path, job: Job) -> IrisError | None:
+def _attempt(root: Path, job: RenderJob) -> IrisError | None:
     try:
         _render_one(job, root)
     except IrisError as error:
@@ -225,11 +225,11 @@ def _attempt(root: Path, job: Job) -> IrisError | None:
     return None
 
 
-def _lost(root: Path, job: Job) -> IrisError:
+def _lost(root: Path, job: RenderJob) -> IrisError:
     return IrisError("the process that rendered it died; is there enough memory? Fewer workers need less")
 
 
-def _render_one(job: Job, root: Path) -> None:
+def _render_one(job: RenderJob, root: Path) -> None:
     """Render into the folder of unfinished clips, then move the truth and, last, the clip to the data set."""
     target = root / job.place
     unfinished = root / WORKSHOP / job.place

@@ -26,10 +26,10 @@ from iris_sysid.calibration.distortion import CAMERA_PARAMETERS, undistort_px
 from iris_sysid.errors import CalibrationError
 from iris_sysid.types import Array, Estimate, frozen_array
 
-FEWEST_VIEWS = 3
+MIN_VIEWS = 3
 ALIKE_DIAGONALS = 0.005  # outlines this near, of the image's diagonal, are one view
 OUTLIER_DEVIATIONS = 4.5
-MOST_LEFT_OUT = 1 / 3
+MAX_LEFT_OUT = 1 / 3
 FULL_LENS = CAMERA_PARAMETERS[4:]
 # Lenses that are tried; the one of least BIC is taken. p1 and p2 stay: without them the principal point takes up what
 # they do, and its error bars are too short.
@@ -224,12 +224,12 @@ def _near_duplicates(views: Sequence[BoardView], board: Board, image_size: tuple
 
 
 def _check_count(given: int, distinct: int) -> None:
-    if distinct >= FEWEST_VIEWS:
+    if distinct >= MIN_VIEWS:
         return
     few = "there is only 1 view" if distinct == 1 else f"there are only {distinct} different views"
     what = f"all {given} views are alike" if distinct == 1 and given > 1 else few
     raise CalibrationError(
-        f"{what}, at least {FEWEST_VIEWS} are needed: focal length, principal point and distortion are not determined; "
+        f"{what}, at least {MIN_VIEWS} are needed: focal length, principal point and distortion are not determined; "
         f"{TILT_HELP}, or calibrate the plane of motion alone, from one image: --one-image"
     )
 
@@ -274,7 +274,7 @@ def _outliers(
 ) -> dict[str, str]:
     """Why a view does not agree with the rest, by name; the worst is left out first, then the rest is fitted again."""
     reasons: dict[str, str] = {}
-    while len(points) - len(reasons) > max(FEWEST_VIEWS, (1 - MOST_LEFT_OUT) * len(points)):
+    while len(points) - len(reasons) > max(MIN_VIEWS, (1 - MAX_LEFT_OUT) * len(points)):
         names = [name for name in points if name not in reasons]
         fit = fit_camera([points[name] for name in names], image_size, lens, square_pixels)
         rms = np.array([_rms(residual) for residual in fit.residuals])

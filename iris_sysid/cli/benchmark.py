@@ -13,7 +13,7 @@ from iris_sysid.cli.arguments import Force, Fps, Output, Scheduler, TransferCurv
 from iris_sysid.errors import DataError
 
 if TYPE_CHECKING:
-    from iris_sysid.benchmark.dataset_rows import DatasetRows, Plan
+    from iris_sysid.benchmark.dataset_rows import DatasetRows, RowPlan
 
 Dataset = Annotated[Path | None, typer.Argument(help="Folder of <Class>/<setting>/<clip>.mp4.")]
 Latent = Annotated[list[str] | None, typer.Option("--latent", help="Results of a latent pipeline: NAME=CSV.")]
@@ -67,7 +67,7 @@ def benchmark(
     if dataset is not None:
         _terminal.check_dataset(dataset)
     from iris_sysid.benchmark.build import Inputs, build, can_write
-    from iris_sysid.benchmark.dataset_rows import ALL_STUDIES, Plan
+    from iris_sysid.benchmark.dataset_rows import ALL_STUDIES, RowPlan
     from iris_sysid.benchmark.groundtruth.measure import Conditions
     from iris_sysid.cli import _parsing
     from iris_sysid.io.json_documents import read_document
@@ -76,7 +76,7 @@ def benchmark(
     latent_files = named_files(latent or (), "--latent")
     prediction_files = named_files(predictions or (), "--predictions")
     can_write(output, overwrite=force)
-    plan = Plan(
+    plan = RowPlan(
         name=name or (dataset.resolve().name if dataset else ""),
         measured=MeasuredDocument() if measured is None else read_document(measured, MeasuredDocument),
         conditions=Conditions(fps=fps, trials=trials, transfer=_parsing.transfer(transfer)),
@@ -106,7 +106,7 @@ def named_files(arguments: Sequence[str], option: str) -> dict[str, Path]:
     return files
 
 
-def _options(plan: Plan) -> dict[str, object]:
+def _options(plan: RowPlan) -> dict[str, object]:
     """The options that the rows depend on, for the manifest."""
     return {
         "name": plan.name,
@@ -121,7 +121,7 @@ def _options(plan: Plan) -> dict[str, object]:
     }
 
 
-def _rows_of(dataset: Path, work: Path, plan: Plan) -> DatasetRows:
+def _rows_of(dataset: Path, work: Path, plan: RowPlan) -> DatasetRows:
     from iris_sysid.benchmark.dataset_rows import dataset_rows
 
     with _terminal.progress("measuring and studying") as report_progress:

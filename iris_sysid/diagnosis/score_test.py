@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from fitters.effect_sensitivity import Motion, motion_of, sensitivities
+from fitters.effect_sensitivity import EffectMotion, motion_of, sensitivities
 from fitters.noise.autoregression import Autoregression, grid_positions, on_grid
 from fitters.noise.sandwich_covariance import inverse_normal, middle, random_uncertainty
 from iris_sysid.diagnosis.block_means import Residuals, block_means
@@ -251,7 +251,7 @@ def _directions_of(
     effect: Effect,
     residual: _Residual,
     noise: Array,
-    where: tuple[FitResult, Trajectory, Motion | None],
+    where: tuple[FitResult, Trajectory, EffectMotion | None],
     shapes: Sequence[tuple[float, ...]],
 ) -> list[_Direction]:
     """The directions of an effect in those of the shapes that the parameters cannot imitate."""

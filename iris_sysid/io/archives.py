@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
 IN_ARCHIVE = re.compile(r"(.+\.(?:trz|zip)):(.+)", re.IGNORECASE | re.DOTALL)
-MOST_LISTED = 8
+MAX_LISTED = 8
 # what reading a damaged or odd archive raises; ValueError: names that are no UTF-8, positions before its start
 ZIP_TROUBLE = (
     zipfile.BadZipFile,
@@ -47,4 +47,4 @@ def members_named(name: str, members: Iterable[str]) -> list[str]:
 def listed(members: Iterable[str]) -> str:
     """Names of members for a message, the first few."""
     names = sorted(members)
-    return ", ".join(names[:MOST_LISTED]) + (", ..." if len(names) > MOST_LISTED else "")
+    return ", ".join(names[:MAX_LISTED]) + (", ..." if len(names) > MAX_LISTED else "")

@@ -37,7 +37,7 @@ PACKAGES = (
     "av",
 )
 LEFT_S = 3600.0  # a temporary file without its process is left over after so long
-MOST_BYTES = 256_000_000  # of a table or document that is read whole: some millions of rows
+MAX_BYTES = 256_000_000  # of a table or document that is read whole: some millions of rows
 DISK_TROUBLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 
 
@@ -173,20 +173,20 @@ def _reason(error: Exception) -> str:
 
 
 def read_file(path: str | Path) -> bytes:
-    """The bytes of an ordinary file of at most MOST_BYTES.
+    """The bytes of an ordinary file of at most MAX_BYTES.
 
     Raises DataError for what cannot be read, is larger, or is a folder, device or pipe, which may never end.
     """
     try:
         about = Path(path).stat()
-        if stat.S_ISREG(about.st_mode) and about.st_size <= MOST_BYTES:
+        if stat.S_ISREG(about.st_mode) and about.st_size <= MAX_BYTES:
             return Path(path).read_bytes()
     except (OSError, ValueError) as error:  # ValueError: a NUL character in the name
         raise DataError(f"cannot read {path}: {_reason(error)}") from error
     if not stat.S_ISREG(about.st_mode):
         kind = "a folder" if stat.S_ISDIR(about.st_mode) else "a device or pipe, not an ordinary file"
         raise DataError(f"cannot read {path}: it is {kind}")
-    size, most = about.st_size / 1e6, MOST_BYTES / 1e6
+    size, most = about.st_size / 1e6, MAX_BYTES / 1e6
     raise DataError(f"{path} has {size:.0f} MB; at most {most:.0f} MB are read: split it")
 
 

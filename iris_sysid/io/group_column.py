@@ -10,7 +10,7 @@ GROUP_TITLES = (
     "group", "groups", "group_name", "gruppe", "groupe", "grupo", "gruppo", "team", "id", "run", "trial", "versuch",
     "lauf", "clip", "pupil", "student", "student_id", "series", "serie", "drop",
 )  # fmt: skip
-FEWEST_ROWS = 3  # of a group, on average: fewer are no motion, so that the column does not name groups
+MIN_ROWS = 3  # of a group, on average: fewer are no motion, so that the column does not name groups
 
 
 def names_groups(title: str) -> bool:
@@ -28,4 +28,4 @@ def several_groups(title: str, cells: Sequence[str]) -> tuple[str, ...]:
     if not names_groups(title):
         return ()
     names = names_in(cells)
-    return names if 1 < len(names) <= len(cells) / FEWEST_ROWS else ()
+    return names if 1 < len(names) <= len(cells) / MIN_ROWS else ()

@@ -33,7 +33,7 @@ from iris_sysid.units import OSP_LENGTHS, UNITS
 
 CORNER_TO_CENTRE_PX = 0.5  # Tracker's origin is a corner of the first pixel, ours its centre
 MAX_BYTES = 64 * 2**20
-MOST_FRAMES = 10**9
+MAX_FRAMES = 10**9
 # Filters that move pixels: marks made through them do not lie where the video file has the body
 MOVING_FILTERS = ("Resize", "Rotate", "Perspective", "RadialDistortion", "BarrelPincushion")
 
@@ -255,7 +255,7 @@ def _number(parent: Element | None, name: str, label: str, default: float | None
 def _frames(parent: Element | None, name: str, label: str, default: int) -> int:
     """A whole number of frames; the default where it is not stated."""
     value = _number(parent, name, label, default)
-    if abs(value) > MOST_FRAMES:
+    if abs(value) > MAX_FRAMES:
         raise CalibrationError(f"{label}: {name} is {value:g}, more frames than any clip has; the file is damaged")
     return int(value)
 

@@ -20,7 +20,7 @@ VARIABLE = "IRIS_SYSID_CACHE"  # a directory; "off" for none
 OFF = ("off", "0", "")
 NAME = re.compile(r"[0-9a-f]{64}")
 LARGEST = 1 << 26  # bytes of a file
-MOST_FILES = 1000  # more, and those that were not used for longest are removed
+MAX_FILES = 1000  # more, and those that were not used for longest are removed
 OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
@@ -103,12 +103,12 @@ def _opened_directory(*, create: bool) -> Iterator[int | None]:
 def _remove_oldest(directory: int) -> None:
     """Remove a quarter of the files, those not used for longest, when there are too many."""
     names = os.listdir(directory)
-    if len(names) <= MOST_FILES:
+    if len(names) <= MAX_FILES:
         return
     used = []
     for name in names:
         with suppress(OSError):
             used.append((os.stat(name, dir_fd=directory, follow_symlinks=False).st_mtime_ns, name))
-    for _, name in sorted(used)[: MOST_FILES // 4]:
+    for _, name in sorted(used)[: MAX_FILES // 4]:
         with suppress(OSError):
             os.unlink(name, dir_fd=directory)

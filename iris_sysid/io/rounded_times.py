@@ -7,7 +7,7 @@ import numpy as np
 from iris_sysid.types import Array
 
 UNITS_S = (1.0, 0.1, 0.01, 0.001)  # to which people and programs round times
-FEWEST = 20  # rows from which even steps are more than chance
+MIN_ROWS = 20  # rows from which even steps are more than chance
 COARSE = 0.02  # of a step: a finer rounding does no harm
 WITHIN = 0.55  # of the unit: what rounding may do to a time, and a little for steps that a sensor does not keep
 
@@ -27,7 +27,7 @@ def unrounded(t_s: Array) -> tuple[Array, str]:
     text : str
         In a clause.
     """
-    if t_s.size < FEWEST or not np.all(np.isfinite(t_s)) or np.any(np.diff(t_s) < 0):
+    if t_s.size < MIN_ROWS or not np.all(np.isfinite(t_s)) or np.any(np.diff(t_s) < 0):
         return t_s, ""
     unit = next((unit for unit in UNITS_S if np.all(np.abs(t_s / unit - np.round(t_s / unit)) < 1e-6)), None)
     rows = np.arange(t_s.size)

@@ -18,10 +18,10 @@ from pathlib import Path
 from iris_sysid.errors import DataError
 from iris_sysid.io.archives import ZIP_TROUBLE
 from iris_sysid.io.csv_cells import BLANK, UTF_16
-from iris_sysid.io.files import MOST_BYTES, read_file
+from iris_sysid.io.files import MAX_BYTES, read_file
 
 LOOKED_AT = 200  # lines from which the separator is chosen
-MOST_HEADER_ROWS = 8
+MAX_HEADER_ROWS = 8
 SEPARATORS = (";", "\t", ",", " ")  # the first of those that split the lines into numbers best
 COMMENT = re.compile(r"\s*(#|//|%|!)")
 SEPARATOR_LINE = re.compile(r"sep=(.)", re.IGNORECASE)
@@ -170,8 +170,8 @@ def _check_unpacked(data: bytes, file: str) -> None:
             size = sum(member.file_size for member in archive.infolist())
     except ZIP_TROUBLE as error:
         raise DataError(f"{file} cannot be read as an Excel file: {error!s:.200}") from error
-    if size > MOST_BYTES:
-        raise DataError(f"{file} unpacks to {size / 1e6:.0f} MB; a table may have {MOST_BYTES / 1e6:.0f} MB: split it")
+    if size > MAX_BYTES:
+        raise DataError(f"{file} unpacks to {size / 1e6:.0f} MB; a table may have {MAX_BYTES / 1e6:.0f} MB: split it")
 
 
 def _cell(value: object) -> str:
@@ -187,7 +187,7 @@ def _split_header(
     """Take the header rows from the samples; both are brought to one width."""
     label, file = label_and_file
     first = next((k for k, (_, row) in enumerate(rows) if _is_sample(row, decimal_comma)), None)
-    if first is None or first > MOST_HEADER_ROWS:
+    if first is None or first > MAX_HEADER_ROWS:
         raise DataError(f"{label} holds no rows of numbers under its first lines; is it a table?")
     body = rows[first:]
     width = Counter(len(row) for _, row in body).most_common(1)[0][0]

@@ -12,7 +12,7 @@ from iris_sysid.phenomena._geometry import Circle, fit_circle
 from iris_sysid.types import Array, Estimate, Mask, Quantity, Segment, Trajectory
 
 TAUT = 3  # samples on their arcs in a row after which the cords count as taut
-FEWEST = 8  # samples of each body
+MIN_SAMPLES = 8  # samples of each body
 # names in the benchmark's parameters.json; damping and restitution are not in it and keep ours
 PAIR_PARAMETERS = {
     **{f"length_{body}": f"rope_length_{body}" for body in (1, 2)},
@@ -46,8 +46,8 @@ def observe_pair(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) 
     """
     first, second = _two_bodies(world)
     free = _free(first) & _free(second)
-    if free.sum() < FEWEST:
-        raise DataError(f"both bodies move free of a hand in {int(free.sum())} frames only, {FEWEST} are needed")
+    if free.sum() < MIN_SAMPLES:
+        raise DataError(f"both bodies move free of a hand in {int(free.sum())} frames only, {MIN_SAMPLES} are needed")
     circles = _circles((first, second), free, settings)
     angles = [_angle(body, circle) for body, circle in zip((first, second), circles, strict=True)]
     taut = free.copy()

@@ -8,7 +8,7 @@ import numpy as np
 
 from iris_sysid.types import Array, Segment, Trajectory
 
-FEWEST = 5  # samples at rest
+MIN_SAMPLES = 5  # samples at rest
 LATEST = 0.7  # of the motion: rest must end by then
 CLEARLY = 0.8  # times the squared residual of a single parabola: rest is accepted below it
 
@@ -25,10 +25,10 @@ def without_still_start(body: Trajectory) -> Trajectory:
 
 def _split(motion: Segment, body: Trajectory) -> list[Segment]:
     index = motion.start + np.flatnonzero(body.valid[motion.start : motion.stop])
-    if index.size < 4 * FEWEST:
+    if index.size < 4 * MIN_SAMPLES:
         return [motion]
     t_s, values = body.t_s[index], body.position[index, 0]
-    starts = np.arange(FEWEST, int(LATEST * index.size))
+    starts = np.arange(MIN_SAMPLES, int(LATEST * index.size))
     residual = np.array([_constant(values[:k]) + _parabola(t_s[k:], values[k:]) for k in starts])
     best = int(np.argmin(residual))
     if residual[best] > CLEARLY * _parabola(t_s, values):

@@ -19,7 +19,7 @@ from iris_sysid.types import BenchmarkClass, Estimate, FitResult, Phenomenon, Se
 
 Index = NDArray[np.int64]
 
-FEWEST = 5  # samples of the fall
+MIN_SAMPLES = 5  # samples of the fall
 CLEARLY = 3.0  # standard errors by which the radius shrinks from sample to sample
 LONGER = 1.5  # times the fall in the motion: a longer fall in the release before it is the first one
 LONGEST_GAP = 3.5  # times the usual step: a bounce may hide in a longer one
@@ -91,11 +91,11 @@ def _split(motion: Segment, body: Trajectory) -> list[Segment]:
     if motion.label != "motion":
         return [motion]
     index, (first, last) = _fall(motion, body)
-    if index.size <= FEWEST or first == last:
+    if index.size <= MIN_SAMPLES or first == last:
         return [motion]
     bounced = last < index.size - 1  # the exposure of the last sample may include the bounce
     start, stop = int(index[first]), int(index[last - bounced]) + 1
-    if last - bounced - first < FEWEST - 1:
+    if last - bounced - first < MIN_SAMPLES - 1:
         return [motion]
     fall = replace(motion, start=start, stop=stop, reason=f"the radius shrinks from sample to sample; {motion.reason}")
     before = [Segment("release", motion.start, start, "the radius does not shrink yet")] if start > motion.start else []

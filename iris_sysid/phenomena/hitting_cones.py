@@ -27,7 +27,7 @@ from iris_sysid.types import (
     departure,
 )
 
-FEWEST = 6  # samples of the run-up
+MIN_SAMPLES = 6  # samples of the run-up
 
 
 def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Trajectory:
@@ -59,9 +59,9 @@ def observe(world: Sequence[Trajectory], settings: Mapping[str, Estimate]) -> Tr
     struck = departures[1][0] if len(departures) > 1 else body.n
     stop = struck - 1 if struck < body.n else body.n  # the exposure before may include the impact
     used = start + np.flatnonzero(body.valid[start : max(stop, start)])
-    if used.size < FEWEST:
+    if used.size < MIN_SAMPLES:
         raise DataError(
-            f"the ball rolls by itself for {used.size} samples, {FEWEST} are needed; is it seen before it strikes?"
+            f"the ball rolls by itself for {used.size} samples, {MIN_SAMPLES} are needed; is it seen before it strikes?"
         )
     distance, sigma = _along(body, used)
     return body.with_(

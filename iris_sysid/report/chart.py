@@ -46,7 +46,7 @@ class Band:
 
 
 @dataclass(frozen=True, slots=True)
-class Mark:
+class ChartMark:
     """A ring at a point, with a text beside it; ``more`` is a second line, where there is room."""
 
     x: float
@@ -69,7 +69,7 @@ class Chart:
     y_label: str
     series: Sequence[Series]
     bands: Sequence[Band] = ()
-    marks: Sequence[Mark] = ()
+    marks: Sequence[ChartMark] = ()
     words: str = ""
     over_time: bool = False
     reach: tuple[float, float] | None = None
@@ -205,7 +205,7 @@ def _curve(one: Series, frame: _Frame, inside: Mask) -> Markup:
     return Markup('<path class="curve {} {}" d="{}"/>').format(one.style, one.colour, "".join(steps))
 
 
-def _mark(mark: Mark, frame: _Frame) -> Markup:
+def _mark(mark: ChartMark, frame: _Frame) -> Markup:
     (x,), (y,) = frame.at(np.array([mark.x]), np.array([mark.y]))
     left = x < WIDTH / 2
     place = Markup('<circle class="mark" cx="{:.1f}" cy="{:.1f}" r="6"/>').format(x, y)

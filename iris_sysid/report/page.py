@@ -48,7 +48,7 @@ class PageImage:
 
 
 @dataclass(frozen=True, slots=True)
-class Column:
+class PageColumn:
     """The head of a table's column; a column of numbers is aligned on the right."""
 
     title: str
@@ -60,14 +60,14 @@ class Column:
         return next(iter(terms_in(self.title).values()), "")
 
 
-def words(*titles: str) -> tuple[Column, ...]:
+def words(*titles: str) -> tuple[PageColumn, ...]:
     """Columns of text with these heads."""
-    return tuple(Column(title) for title in titles)
+    return tuple(PageColumn(title) for title in titles)
 
 
-def numbers(*titles: str) -> tuple[Column, ...]:
+def numbers(*titles: str) -> tuple[PageColumn, ...]:
     """Columns of numbers with these heads."""
-    return tuple(Column(title, number=True) for title in titles)
+    return tuple(PageColumn(title, number=True) for title in titles)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class Section:
     """
 
     title: str
-    columns: Sequence[Column] = ()
+    columns: Sequence[PageColumn] = ()
     rows: Sequence[Sequence[str]] = ()
     lines: Sequence[str] = ()
     equation: str = ""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from iris_sysid.report.chart import Band, Chart, Mark, Series
+from iris_sysid.report.chart import Band, Chart, ChartMark, Series
 from iris_sysid.report.figures import fitted_curve, sample_labels
 from iris_sysid.report.film import BODIES
 from iris_sysid.report.residual_words import largest_text, residual_words
@@ -103,7 +103,11 @@ def residual_chart(fit: FitResult, k: int, noise: float, *, name: str, which: st
     title = f"Residual of {name_with_symbol(quantity)}{f' {which}' if which else ''}."
     curve = Series("residual", t_s, values, colour or body_colour(fit.model.observed, k))
     words = "" if seen is None else as_sentence(f"{largest_text(seen, quantity.unit)}; {seen.looks}")
-    marks = [] if seen is None else [Mark(seen.t_s, factor * seen.value, largest_text(seen, quantity.unit), seen.looks)]
+    marks = (
+        []
+        if seen is None
+        else [ChartMark(seen.t_s, factor * seen.value, largest_text(seen, quantity.unit), seen.looks)]
+    )
     bands = [_noise_band(t_s, factor * noise)] if np.isfinite(noise) and t_s.size else []
     return Chart(name, title, "time (s)", f"residual ({unit})", [curve], bands, marks, words, over_time=True)
 

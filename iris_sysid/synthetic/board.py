@@ -13,10 +13,10 @@ import pandas as pd
 from scipy.spatial.transform import Rotation, Slerp
 
 from iris_sysid.io.files import json_text, write_atomic
-from iris_sysid.synthetic.camera import Camera, View
+from iris_sysid.synthetic.camera import Camera, CameraView
 from iris_sysid.synthetic.clip import check_paths, film
 from iris_sysid.synthetic.look import Look
-from iris_sysid.synthetic.plan import Plan, Timing, plan_clip
+from iris_sysid.synthetic.plan import ClipPlan, Timing, plan_clip
 from iris_sysid.synthetic.scene import Stage, Wall
 from iris_sysid.synthetic.shapes import Layer, Outline, box
 from iris_sysid.synthetic.truth import truth_paths
@@ -31,7 +31,7 @@ WHITE, BLACK = (212.0, 212.0, 210.0), (22.0, 22.0, 24.0)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Board:
+class DrawnBoard:
     """A moving board: side of its squares (m), times (p,) of its poses, positions (p, 3) m and rotations.
 
     Axes are the plane of motion's: right, down, away from the camera. At first the board lies in that plane.
@@ -55,7 +55,7 @@ class Board:
         return np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
 
 
-def board_for(camera: Camera, seed: int) -> Board:
+def board_for(camera: Camera, seed: int) -> DrawnBoard:
     """A board of round size that fits the camera's field, and poses that cover the field at many angles."""
     width, height = (side / camera.pixels_per_metre for side in camera.size)
     square = _round_size(min(FIELD_SHARE * width / SQUARES[0], 0.6 * height / SQUARES[1]))
@@ -69,7 +69,7 @@ def board_for(camera: Camera, seed: int) -> Board:
     turns = Rotation.from_rotvec(np.concatenate([start, tilts]))
     every = HELD_S + MOVED_S
     times = np.concatenate([[every * k, every * k + HELD_S] for k in range(len(places))])
-    return Board(square, times, np.repeat(places, 2, axis=0), turns[np.repeat(np.arange(len(places)), 2)])
+    return DrawnBoard(square, times, np.repeat(places, 2, axis=0), turns[np.repeat(np.arange(len(places)), 2)])
 
 
 def render_checkerboard(
@@ -113,7 +113,7 @@ def render_checkerboard(
     plan = plan_clip(phenomenon, setting=setting, size=size, fps=fps, duration_s=length, seed=seed, look=look)
     board = board_for(plan.camera, seed)
     corners = _corner_table(board, plan)
-    filmed = Plan(_stage(board, plan), plan.camera, plan.look, plan.timing, plan.shift_px, 0.0, seed, plan.truth)
+    filmed = ClipPlan(_stage(board, plan), plan.camera, plan.look, plan.timing, plan.shift_px, 0.0, seed, plan.truth)
     truth_path, table, _ = truth_paths(clip)
     with film(clip, filmed, progress, overwrite=overwrite):
         write_atomic(table, corners.to_csv(index=False, lineterminator="\n"), overwrite=True)
@@ -121,7 +121,7 @@ def render_checkerboard(
     return board.square_m, corners
 
 
-def _known_to_a_user(clip: str, board: Board, plan: Plan) -> dict[str, Any]:
+def _known_to_a_user(clip: str, board: DrawnBoard, plan: ClipPlan) -> dict[str, Any]:
     described: Mapping[str, Any] = {
         "squares": list(SQUARES),
         "inner_corners": [SQUARES[0] - 1, SQUARES[1] - 1],
@@ -131,7 +131,7 @@ def _known_to_a_user(clip: str, board: Board, plan: Plan) -> dict[str, Any]:
     return {"schema": 1, "clip": clip, "board": described, "camera": plan.truth.camera, "look": asdict(plan.look)}
 
 
-def _corner_table(board: Board, plan: Plan) -> pd.DataFrame:
+def _corner_table(board: DrawnBoard, plan: ClipPlan) -> pd.DataFrame:
     timing: Timing = plan.timing
     seen = plan.camera.project_space(board.at(board.corners(), timing.true_s)) + plan.shift_px[:, np.newaxis]
     frames, count = seen.shape[:2]
@@ -146,7 +146,7 @@ def _corner_table(board: Board, plan: Plan) -> pd.DataFrame:
     )
 
 
-def _stage(board: Board, plan: Plan) -> Stage:
+def _stage(board: DrawnBoard, plan: ClipPlan) -> Stage:
     width, height = ((n + 1.2) * board.square_m for n in SQUARES)
     sheet = [box(0.0, 0.0, width, height)]
     columns, rows = ((np.arange(n) - (n - 1) / 2) * board.square_m for n in SQUARES)
@@ -157,11 +157,11 @@ def _stage(board: Board, plan: Plan) -> Stage:
         # the squares share the layer's weight, so that their sum is the weight of one shape
         Layer(_seen(board, plan.camera, black), BLACK, opacity=float(len(black))),
     )
-    bare: View = plan.stage.view
+    bare: CameraView = plan.stage.view
     return Stage(bare, Wall(plan.stage.wall.colour), (), layers, (), {}, plan.stage.phase)
 
 
-def _seen(board: Board, camera: Camera, tiles: list[Array]) -> Outline:
+def _seen(board: DrawnBoard, camera: Camera, tiles: list[Array]) -> Outline:
     """Outlines of tiles of the board, projected from the camera onto the plane of motion."""
     points = np.concatenate([_divided(tile) for tile in tiles])
 

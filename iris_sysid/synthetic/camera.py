@@ -14,7 +14,7 @@ FOCAL_PER_WIDTH = 26 / 36
 
 
 @dataclass(frozen=True, slots=True)
-class View:
+class CameraView:
     """The part of the plane of motion (m; x right, z up) that must be in the image, and its distance.
 
     ``distance_m`` None means the distance that a phone's main camera needs.
@@ -110,7 +110,7 @@ class Camera:
         }
 
 
-def camera_for(view: View, size: tuple[int, int], **lens: Any) -> Camera:
+def camera_for(view: CameraView, size: tuple[int, int], **lens: Any) -> Camera:
     """A camera of that size (width, height) px that shows the whole view; ``lens`` sets tilt, roll and distortion."""
     scale = min(size[0] / (view.right - view.left), size[1] / (view.top - view.bottom))
     distance = view.distance_m if view.distance_m is not None else FOCAL_PER_WIDTH * size[0] / scale

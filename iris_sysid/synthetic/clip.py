@@ -13,7 +13,7 @@ from iris_sysid.io.files import atomic_path, check_writable
 from iris_sysid.synthetic.encoder import FORMATS, Encoder
 from iris_sysid.synthetic.look import Look
 from iris_sysid.synthetic.picture import Picture
-from iris_sysid.synthetic.plan import NOTHING, Plan, plan_clip
+from iris_sysid.synthetic.plan import NOTHING, ClipPlan, plan_clip
 from iris_sysid.synthetic.sensor import Sensor
 from iris_sysid.synthetic.truth import Truth, truth_paths, write_truth
 from iris_sysid.types import Progress, with_progress
@@ -114,7 +114,7 @@ def check_paths(path: str | Path, *, overwrite: bool) -> Path:
 
 
 @contextmanager
-def film(clip: Path, plan: Plan, progress: Progress | None, *, overwrite: bool) -> Iterator[None]:
+def film(clip: Path, plan: ClipPlan, progress: Progress | None, *, overwrite: bool) -> Iterator[None]:
     """Render a planned clip; within the block its truth is written; the clip appears when the block ends.
 
     So a clip exists only when it and its truth are complete.
@@ -135,7 +135,7 @@ def film(clip: Path, plan: Plan, progress: Progress | None, *, overwrite: bool) 
         yield
 
 
-def _expose(temporary: Path, plan: Plan, progress: Progress | None) -> None:
+def _expose(temporary: Path, plan: ClipPlan, progress: Progress | None) -> None:
     """Draw, read out and encode frame after frame."""
     wall_rng, sensor_rng = (np.random.default_rng([plan.seed, k]) for k in (2, 3))
     painter = Picture(plan.stage, plan.camera, plan.look, wall_rng)

@@ -18,12 +18,12 @@ from iris_sysid.types import Array
 Rate = Callable[[float, Array], Array]  # (t s, state) -> d state / dt
 
 RELATIVE_TOLERANCE, ABSOLUTE_TOLERANCE = 1e-10, 1e-12
-MOST_EVENTS = 20_000
+MAX_EVENTS = 20_000
 RESTING_SPEED = 0.01  # m/s; slower impacts end the bouncing
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Event:
+class SceneEvent:
     """Something that happens when ``crossing(t, state)`` passes zero in ``direction`` (+1 upwards, -1 downwards).
 
     ``then(t, state)`` gives the state right after it and the phase that follows.
@@ -41,7 +41,7 @@ class Phase:
 
     name: str
     rate: Rate
-    events: tuple[Event, ...] = ()
+    events: tuple[SceneEvent, ...] = ()
     max_step_s: float = 0.1
 
 
@@ -51,7 +51,7 @@ def resting(states: int) -> Phase:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Motion:
+class SceneMotion:
     """States over time: held at the first state before it starts, at the last after it stops.
 
     ``starts`` (p + 1,) are the times at which pieces begin, then the end; ``names`` of the phases (p,);
@@ -90,7 +90,7 @@ class Motion:
         return np.clip(np.searchsorted(self.starts, t_s, side="right") - 1, 0, len(self.pieces) - 1)
 
 
-def integrate(phase: Phase, state: Array, start_s: float, stop_s: float) -> Motion:
+def integrate(phase: Phase, state: Array, start_s: float, stop_s: float) -> SceneMotion:
     """Integrate from phase to phase (DOP853, relative tolerance 1e-10), stopping at each event exactly.
 
     Parameters
@@ -115,7 +115,7 @@ def integrate(phase: Phase, state: Array, start_s: float, stop_s: float) -> Moti
     starts, names = [start_s], list[str]()
     pieces, happened = list[Callable[[Array], Array]](), list[tuple[float, str]]()
     now, current = start_s, np.asarray(state, dtype=np.float64)
-    while now < stop_s and len(pieces) < MOST_EVENTS:
+    while now < stop_s and len(pieces) < MAX_EVENTS:
         solution = _until_event(phase, now, current, stop_s)
         pieces.append(solution.sol)
         names.append(phase.name)
@@ -127,8 +127,8 @@ def integrate(phase: Phase, state: Array, start_s: float, stop_s: float) -> Moti
             happened.append((now, event.name))
             current, phase = event.then(now, solution.y[:, -1])
     if now < stop_s:
-        raise DataError(f"more than {MOST_EVENTS} events before {now:.4g} s: the bodies never come to rest")
-    return Motion(np.array(starts), tuple(pieces), tuple(names), tuple(happened))
+        raise DataError(f"more than {MAX_EVENTS} events before {now:.4g} s: the bodies never come to rest")
+    return SceneMotion(np.array(starts), tuple(pieces), tuple(names), tuple(happened))
 
 
 def _until_event(phase: Phase, now: float, state: Array, stop_s: float) -> Any:
@@ -148,7 +148,7 @@ def _until_event(phase: Phase, now: float, state: Array, stop_s: float) -> Any:
     return solution
 
 
-def _terminal(event: Event) -> Callable[[float, Array], float]:
+def _terminal(event: SceneEvent) -> Callable[[float, Array], float]:
     def crossing(t: float, state: Array) -> float:
         return event.crossing(t, state)
 
@@ -168,7 +168,7 @@ def moving(
     state: Array,
     *,
     others: Others | None = None,
-    events: tuple[Event, ...] = (),
+    events: tuple[SceneEvent, ...] = (),
 ) -> Phase:
     """Motion of the first two states (q, q') under dry friction, which sticks where it can hold the body.
 
@@ -198,7 +198,7 @@ def moving(
         halted[1] = 0.0
         return halted, moving(smooth, friction, t, halted, others=others, events=events)
 
-    turn = Event("turn", lambda t, state: state[1], -sign, turned)
+    turn = SceneEvent("turn", lambda t, state: state[1], -sign, turned)
     return Phase("motion", rate, (*events, turn) if friction(t_s, state) > 0 else events)
 
 
@@ -229,5 +229,5 @@ def bouncing(fall: Pull, floor: float, restitution: float, gravity: float, speed
             return np.array([floor, 0.0]), resting(2)
         return np.array([floor, after]), bouncing(fall, floor, restitution, gravity, after)
 
-    event = Event("impact", lambda t, state: state[0] - floor, -1.0, struck)
+    event = SceneEvent("impact", lambda t, state: state[0] - floor, -1.0, struck)
     return Phase("motion", rate, (event,), float(np.clip(0.5 * speed / gravity, 1e-4, 0.05)))

@@ -16,7 +16,7 @@ from iris_sysid.synthetic.scene import Curve, Stage
 from iris_sysid.synthetic.shapes import Layer
 from iris_sysid.types import Array
 
-MOST_SUBEXPOSURES = 64
+MAX_SUBEXPOSURES = 64
 NO_SHIFT: Array = np.zeros(2)
 
 
@@ -73,7 +73,7 @@ class Picture:
         first, middle, last = (ends[k : 3 * thirds : 3] for k in range(3))
         travel = np.max(np.linalg.norm(last - middle, axis=-1) + np.linalg.norm(middle - first, axis=-1))
         steps = 2 if callable(layer.opacity) else 1
-        count = max(steps, min(MOST_SUBEXPOSURES, 1 + math.ceil(float(travel) / layer.blur_step_px)))
+        count = max(steps, min(MAX_SUBEXPOSURES, 1 + math.ceil(float(travel) / layer.blur_step_px)))
         return t_s + exposure * ((np.arange(count) + 0.5) / count - 0.5)
 
     def _polygons(self, layer: Layer, t_s: Array) -> Array:

@@ -17,7 +17,7 @@ from iris_sysid.errors import DataError, UnknownNameError
 from iris_sysid.synthetic.camera import Camera, camera_for
 from iris_sysid.synthetic.effects import check_effects, effect_within
 from iris_sysid.synthetic.look import Look
-from iris_sysid.synthetic.scene import SCENES, Body, Scene, Setup, Stage
+from iris_sysid.synthetic.scene import SCENES, Scene, SceneBody, Setup, Stage
 from iris_sysid.synthetic.sensor import kept_frames, shake
 from iris_sysid.synthetic.truth import Truth
 from iris_sysid.types import Array
@@ -26,7 +26,7 @@ Choice = TypeVar("Choice")
 
 NOTHING: Mapping[str, float] = MappingProxyType({})
 LARGEST, SMALLEST = 7680, 32
-MOST_FRAMES = 1_000_000
+MAX_FRAMES = 1_000_000
 EXPOSURE_NODES = 8  # Gauss-Legendre nodes for the mean position over the exposure
 SHAKE_WIDTH = 1280  # px at which shake and drift are stated
 FORMER_NAMES: Mapping[str, str] = MappingProxyType({"one-static-pendulum": "two-moving-pendulum-one-static"})
@@ -47,7 +47,7 @@ class Timing:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Plan:
+class ClipPlan:
     """A clip before it is drawn: the stage, the camera, the times of its frames, and all that is true of it."""
 
     stage: Stage
@@ -71,7 +71,7 @@ def plan_clip(
     setting: str | None = None,
     overrides: Mapping[str, float] = NOTHING,
     look: Look | None = None,
-) -> Plan:
+) -> ClipPlan:
     """Everything about a clip except its pixels: for tests and studies that need trajectories, not video.
 
     Parameters
@@ -105,7 +105,7 @@ def plan_clip(
         true_camera=camera.description(),
         table=_table(stage, camera, timing, shift, look.exposure_s, readout),
     )
-    return Plan(stage, camera, look, timing, shift, readout, seed, truth)
+    return ClipPlan(stage, camera, look, timing, shift, readout, seed, truth)
 
 
 def scene_named(phenomenon: str) -> Scene:
@@ -198,8 +198,8 @@ def check_clip(size: tuple[int, int], fps: float, duration_s: float, seed: int) 
         raise DataError(f"fps must lie between 0.1 and 1000, not {fps!r}")
     if not (isinstance(duration_s, int | float) and duration_s * fps >= 2):
         raise DataError(f"the clip must last at least two frames, not {duration_s!r} s at {fps:g} frames per second")
-    if duration_s * fps > MOST_FRAMES:
-        raise DataError(f"{duration_s:g} s at {fps:g} frames per second is more than {MOST_FRAMES} frames")
+    if duration_s * fps > MAX_FRAMES:
+        raise DataError(f"{duration_s:g} s at {fps:g} frames per second is more than {MAX_FRAMES} frames")
 
 
 def _camera(stage: Stage, size: tuple[int, int], look: Look, effects: Mapping[str, float]) -> Camera:
@@ -285,7 +285,7 @@ def _inside(xy_px: Array, size: tuple[int, int]) -> NDArray[np.bool_]:
     return np.all((xy_px > -0.5) & (xy_px < np.array(size) - 0.5), axis=1)
 
 
-def _seen(body: Body, camera: Camera, t_s: Array, exposure_s: float, readout_s: float) -> tuple[Array, Array]:
+def _seen(body: SceneBody, camera: Camera, t_s: Array, exposure_s: float, readout_s: float) -> tuple[Array, Array]:
     """Centre (n, 2) px at the middle of the exposure, and its mean over the exposure."""
     nodes, weights = np.polynomial.legendre.leggauss(EXPOSURE_NODES)
 

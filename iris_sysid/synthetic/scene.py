@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from iris_sysid.registry import Registry
-from iris_sysid.synthetic.camera import View
+from iris_sysid.synthetic.camera import CameraView
 from iris_sysid.synthetic.look import Look
 from iris_sysid.synthetic.shapes import Colour, Layer, Path
 from iris_sysid.types import Array, Estimate, Parameter
@@ -31,7 +31,7 @@ class Setup:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Body:
+class SceneBody:
     """One body: where its centre truly is, its radius (m, in the plane of motion), and what else is true of it.
 
     ``observed`` holds further columns of the truth table by name, e.g. ``theta_rad``. ``present`` (n,) tells when
@@ -67,11 +67,11 @@ class Stage:
     added to that of the rest, and the sum is coded by the camera's curve.
     """
 
-    view: View
+    view: CameraView
     wall: Wall
     props: tuple[Layer, ...]
     layers: tuple[Layer, ...]
-    bodies: tuple[Body, ...]
+    bodies: tuple[SceneBody, ...]
     stated: Mapping[str, Estimate]
     phase: Callable[[Array], list[str]]
     happened: tuple[tuple[float, str], ...] = ()

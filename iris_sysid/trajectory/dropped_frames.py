@@ -8,8 +8,8 @@ from iris_sysid.trajectory import local_polynomials as local
 from iris_sysid.types import Array
 
 AROUND = 6  # samples on each side that must lie on one parabola when the frames are given back
-FEWEST_BESIDE = 2  # samples on a side: a single one could be anywhere
-MOST = 3  # frames lost at one moment; in a longer time the body may have done anything
+MIN_BESIDE = 2  # samples on a side: a single one could be anywhere
+MAX_LOST_FRAMES = 3  # frames lost at one moment; in a longer time the body may have done anything
 NEAR = 0.25  # of the lost frames, by which the way ahead may differ from theirs: the speed changes meanwhile
 CLEAR = 6.0  # noises that the parabola must leave without the frames: as for an impact
 BETTER = 10.0  # times less that it must leave with them; on 240 clips without a lost frame it is 2 times at most
@@ -33,7 +33,7 @@ def lost_time(t_s: Array, values: Array, scale: Array) -> Array:
         around = slice(max(step + 1 - AROUND, 0), step + 1 + AROUND)
         near_s, near = t_s[around], scaled[around]
         after = np.arange(t_s.size)[around] > step
-        if min(after.sum(), (~after).sum()) < FEWEST_BESIDE or after.size < AROUND + FEWEST_BESIDE:
+        if min(after.sum(), (~after).sum()) < MIN_BESIDE or after.size < AROUND + MIN_BESIDE:
             continue
         without, given_back = _residual_rms(near_s, near), _residual_rms(near_s + lost_s * after, near)
         if without > CLEAR and without > BETTER * given_back:
@@ -43,7 +43,7 @@ def lost_time(t_s: Array, values: Array, scale: Array) -> Array:
 
 def _ahead(t_s: Array, values: Array) -> list[tuple[int, float]]:
     """Steps that are longer than their neighbours by the distance of whole frames, and the lost time of each in s."""
-    if t_s.size < AROUND + FEWEST_BESIDE:
+    if t_s.size < AROUND + MIN_BESIDE:
         return []
     apart_s = np.diff(t_s)
     frame_s = float(np.median(apart_s))
@@ -53,7 +53,7 @@ def _ahead(t_s: Array, values: Array) -> list[tuple[int, float]]:
     ahead = np.sum((rate[1:-1] - beside) * beside, axis=1) * apart_s[1:-1]
     frames = np.divide(ahead, way, out=np.zeros_like(ahead), where=way > 0)
     lost = np.rint(frames)
-    whole = (lost >= 1) & (lost <= MOST) & (np.abs(frames - lost) < NEAR * lost)
+    whole = (lost >= 1) & (lost <= MAX_LOST_FRAMES) & (np.abs(frames - lost) < NEAR * lost)
     return [(int(k) + 1, float(lost[k]) * frame_s) for k in np.flatnonzero(whole)]
 
 

@@ -20,7 +20,7 @@ from iris_sysid.types import (
     kind_of,
 )
 
-FEWEST = 3  # samples that show where a motion is
+MIN_SAMPLES = 3  # samples that show where a motion is
 STRAIGHT = 0.05  # scatter across a line over its length, above which a way is not along a line of the image
 UNIT_LENGTH = (0.8, 1.25)  # way in the plane for a unit of a coordinate that is a length
 STEP = 1e-3  # of the extent of the motion, for the derivatives of the map to the image
@@ -48,7 +48,7 @@ def image_view(
     if kind is None or track.valid.size != trajectory.n:
         return None
     used = track.valid & trajectory.valid & trajectory.mask("motion")
-    if used.sum() < FEWEST:
+    if used.sum() < MIN_SAMPLES:
         return None
     seen_px = track.xy_px[used]
     plane = to_plane(calibration, seen_px)[0]

@@ -23,7 +23,7 @@ TELLING = 0.1  # of the fastest speed: a swing is slower than that for 3 % of it
 SMALLEST_JUMP = 0.2  # of the fastest speed; what hits or is hit changes its velocity by more
 LASTING = 0.5  # share of a jump that the wider windows must see; a slip of the track fades with their width
 JUMP_WIDTHS = (4, 8)  # samples on each side: 4 is the fewest with a parabola and a residual, 8 sees half the jump
-FEWEST = 5  # samples that a stretch of motion needs: a parabola and two to spare
+MIN_SAMPLES = 5  # samples that a stretch of motion needs: a parabola and two to spare
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +37,7 @@ class Stretch:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Body:
+class BodyMotion:
     """The samples that can be judged: found, and not in a hand.
 
     ``t_s`` are the video's times with those of frames that it lost given back, of which there are ``missing_s`` so far.
@@ -55,17 +55,17 @@ class Body:
         """Times as the video has them. Shape (n,), in s."""
         return self.t_s - self.missing_s
 
-    def part(self, start: int, stop: int) -> Body:
+    def part(self, start: int, stop: int) -> BodyMotion:
         """The samples numbered ``start`` to ``stop - 1`` in the trajectory."""
         return self.only((self.index >= start) & (self.index < stop))
 
-    def only(self, chosen: Mask) -> Body:
+    def only(self, chosen: Mask) -> BodyMotion:
         """The samples that are chosen by a mask over its own. ``chosen`` is (n,)."""
         names = ("t_s", "missing_s", "position", "index")
         return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
 
-def body_of(world: Trajectory, usable: Mask) -> Body:
+def body_of(world: Trajectory, usable: Mask) -> BodyMotion:
     """The usable samples (n,) of a trajectory; their scale is the stated sigma or the scatter, whichever is larger."""
     position = world.position[:, :2]
     index = np.flatnonzero(usable)
@@ -76,7 +76,7 @@ def body_of(world: Trajectory, usable: Mask) -> Body:
     smallest = 1e-9 * (np.ptp(position[index], axis=0).max() if index.size else 1.0) + np.finfo(float).tiny
     scale = np.maximum(np.maximum(scatter, known), smallest)
     missing_s = lost_time(world.t_s[index], position[index], scale)
-    return Body(world.t_s[index] + missing_s, missing_s, position[index], scale, index, world.quantities[0].unit)
+    return BodyMotion(world.t_s[index] + missing_s, missing_s, position[index], scale, index, world.quantities[0].unit)
 
 
 def runs(mask: Mask) -> list[tuple[int, int]]:
@@ -88,10 +88,10 @@ def runs(mask: Mask) -> list[tuple[int, int]]:
 # --------------------------------------------------------------------------- rest
 
 
-def rests(body: Body, part: Stretch) -> list[Stretch]:
+def rests(body: BodyMotion, part: Stretch) -> list[Stretch]:
     """Where the speed is indistinguishable from zero for at least 0.2 s and five samples."""
     inside = body.part(part.start, part.stop)
-    if inside.index.size < FEWEST:
+    if inside.index.size < MIN_SAMPLES:
         return []
     if np.all(np.std(inside.position, axis=0) < STILL * inside.scale):
         return [replace(part, begin=f"it stays within {STILL:g} times the noise of the track")]
@@ -106,13 +106,13 @@ def rests(body: Body, part: Stretch) -> list[Stretch]:
     ]
 
 
-def _speed(inside: Body) -> tuple[int, Array, Array]:
+def _speed(inside: BodyMotion) -> tuple[int, Array, Array]:
     """Width of the windows, speed (n,) and its standard error (n,).
 
     The narrowest windows of at least 0.2 s that can tell a tenth of the fastest speed from rest.
     """
     size = inside.index.size
-    width = min(max(FEWEST, int(np.ceil(BRIEFEST_REST_S / np.median(np.diff(inside.t_s))))), size)
+    width = min(max(MIN_SAMPLES, int(np.ceil(BRIEFEST_REST_S / np.median(np.diff(inside.t_s))))), size)
     while True:
         rate, gain = local.velocity(inside.t_s, inside.position, width)
         speed, error = np.hypot.reduce(rate, axis=1), gain * np.hypot.reduce(inside.scale)
@@ -121,7 +121,7 @@ def _speed(inside: Body) -> tuple[int, Array, Array]:
         width *= 2
 
 
-def _rest(inside: Body, start: int, stop: int, limit: float) -> Stretch:
+def _rest(inside: BodyMotion, start: int, stop: int, limit: float) -> Stretch:
     first, last = _while_in_place(inside, start, stop)
     begin, end = inside.stamp_s[first], inside.stamp_s[last]
     text = f"speed below {limit:.2g} {inside.unit}/s from {begin:.3g} to {end:.3g} s"
@@ -132,7 +132,7 @@ def _fastest(speed: Array) -> float:
     return float(np.percentile(speed, 95))  # a single outlier must not set the scale
 
 
-def _while_in_place(body: Body, start: int, stop: int) -> tuple[int, int]:
+def _while_in_place(body: BodyMotion, start: int, stop: int) -> tuple[int, int]:
     """First and last sample of a rest: as far as neighbours stay within the noise of where it rests."""
     position = np.median(body.position[start:stop], axis=0)
     near = np.all(np.abs(body.position - position) < SLOW * body.scale, axis=1)
@@ -165,7 +165,7 @@ class Impact:
     reason: str
 
 
-def split_at_impacts(body: Body, moving: list[Stretch]) -> tuple[list[Stretch], list[Impact]]:
+def split_at_impacts(body: BodyMotion, moving: list[Stretch]) -> tuple[list[Stretch], list[Impact]]:
     """Cut stretches of the body's motion at every impact; returns the parts, and the impacts in time order."""
     stretches, impacts = [], []
     for part in moving:
@@ -178,12 +178,12 @@ def split_at_impacts(body: Body, moving: list[Stretch]) -> tuple[list[Stretch], 
     return stretches, impacts
 
 
-def _impacts(body: Body, part: Stretch) -> list[Impact]:
+def _impacts(body: BodyMotion, part: Stretch) -> list[Impact]:
     """Every jump of the velocity, in time order."""
     inside = body.part(part.start, part.stop)
-    if inside.index.size < FEWEST:
+    if inside.index.size < MIN_SAMPLES:
         return []
-    rate, _ = local.velocity(inside.t_s, inside.position, FEWEST)
+    rate, _ = local.velocity(inside.t_s, inside.position, MIN_SAMPLES)
     smallest = SMALLEST_JUMP * _fastest(np.hypot.reduce(rate, axis=1))
     sizes: dict[int, float] = {}
     seen = [local.jumps(inside.t_s, inside.position, inside.scale, width) for width in JUMP_WIDTHS]

@@ -13,10 +13,10 @@ import numpy as np
 from iris_sysid.errors import DataError
 from iris_sysid.trajectory import local_polynomials as local
 from iris_sysid.trajectory.rest_and_impacts import (
-    FEWEST,
+    MIN_SAMPLES,
     SIGNIFICANT,
     SLOW,
-    Body,
+    BodyMotion,
     Impact,
     Stretch,
     between,
@@ -104,7 +104,7 @@ def _held(hand: Mask) -> Mask:
     return held & ~alone
 
 
-def _outliers(body: Body, held: Mask) -> Mask:
+def _outliers(body: BodyMotion, held: Mask) -> Mask:
     outliers = np.zeros(body.index.size, dtype=np.bool_)
     for start, stop in runs(~held):
         inside = (body.index >= start) & (body.index < stop)
@@ -127,7 +127,7 @@ def _between_hands(world: Trajectory, held: Mask) -> list[Stretch]:
 # --------------------------------------------------------------------------- motion
 
 
-def _choose(body: Body, stretches: list[Stretch], kind: MotionKind) -> Stretch | None:
+def _choose(body: BodyMotion, stretches: list[Stretch], kind: MotionKind) -> Stretch | None:
     goes_down = kind in ("flight", "slide")
     candidates = [stretch for stretch in stretches if body.part(stretch.start, stretch.stop).index.size]
     if kind == "slide":
@@ -144,32 +144,32 @@ def _choose(body: Body, stretches: list[Stretch], kind: MotionKind) -> Stretch |
     return _without_outlying_ends(body, candidates[first])
 
 
-def _falls(inside: Body) -> bool:
+def _falls(inside: BodyMotion) -> bool:
     """Whether its last coordinate, z, accelerates downwards significantly."""
-    if inside.index.size < FEWEST:
+    if inside.index.size < MIN_SAMPLES:
         return False
     fitted, gain, _ = _parabola(inside)
     return bool(fitted[2, -1] < -SLOW * gain[2] * inside.scale[-1])
 
 
-def _is_parabola(inside: Body) -> bool:
+def _is_parabola(inside: BodyMotion) -> bool:
     """Whether its coordinates follow parabolas in time, to a small part of its extent."""
-    if inside.index.size < FEWEST:
+    if inside.index.size < MIN_SAMPLES:
         return False
     _, _, residual = _parabola(inside)
     return bool(np.sqrt((residual**2).sum(axis=-1).mean()) < PARABOLA * np.linalg.norm(np.ptp(inside.position, axis=0)))
 
 
-def _parabola(inside: Body) -> tuple[Array, Array, Array]:
+def _parabola(inside: BodyMotion) -> tuple[Array, Array, Array]:
     """Coefficients (3, d) of the parabolas through all samples, their errors (3,) per unit noise, residuals (n, d)."""
     every = np.arange(inside.index.size)[None]
     fitted, gain, residual = local.fit_windows(inside.t_s, inside.position, every, inside.t_s[:1], 2)
     return fitted[0], gain[0], residual[0]
 
 
-def _straight(body: Body, stretch: Stretch) -> Stretch:
+def _straight(body: BodyMotion, stretch: Stretch) -> Stretch:
     inside = body.part(stretch.start, stretch.stop)
-    if inside.index.size < FEWEST or inside.position.shape[1] < 2:
+    if inside.index.size < MIN_SAMPLES or inside.position.shape[1] < 2:
         return stretch
     part = straight_part(inside.t_s, inside.position, inside.scale)
     start, stop = int(inside.index[part.start]), int(inside.index[part.stop - 1]) + 1
@@ -178,10 +178,10 @@ def _straight(body: Body, stretch: Stretch) -> Stretch:
     return Stretch(start, stop, begin, end)
 
 
-def _without_outlying_ends(body: Body, stretch: Stretch) -> Stretch:
+def _without_outlying_ends(body: BodyMotion, stretch: Stretch) -> Stretch:
     """Cut the last (and first) few samples from where they leave the course of those before (after) them."""
     inside = body.part(stretch.start, stretch.stop)
-    if inside.index.size < 2 * EDGE + FEWEST:
+    if inside.index.size < 2 * EDGE + MIN_SAMPLES:
         return stretch
     ahead = local.surprises(inside.t_s, inside.position, inside.scale, EDGE)[-EDGE:]
     back = local.surprises(-inside.t_s[::-1], inside.position[::-1], inside.scale, EDGE)[-EDGE:]
@@ -214,7 +214,7 @@ def _labelled(
     resting: list[Stretch],
     impacts: list[Impact],
     motion: Stretch,
-    body: Body,
+    body: BodyMotion,
 ) -> list[Segment]:
     """Segments in time order: hand, rest and motion; before the motion the remainder is release, after it contact."""
     segments = [_hand_segment(world, start, stop) for start, stop in runs(held)]
@@ -236,14 +236,14 @@ def _hand_segment(world: Trajectory, start: int, stop: int) -> Segment:
     return Segment("hand", start, stop, f"something that reaches in from the edge of the image touches it {until}")
 
 
-def _left_out(world: Trajectory, body: Body) -> Mask:
+def _left_out(world: Trajectory, body: BodyMotion) -> Mask:
     """Valid samples (n,) that are not among those of the body."""
     left_out = world.valid.copy()
     left_out[body.index] = False
     return left_out
 
 
-def _motion_reason(world: Trajectory, motion: Stretch, body: Body) -> str:
+def _motion_reason(world: Trajectory, motion: Stretch, body: BodyMotion) -> str:
     inside = body.part(motion.start, motion.stop)
     gone = np.flatnonzero(_left_out(world, body)[motion.start : motion.stop]) + motion.start
     lost = 1 + np.flatnonzero(np.diff(inside.missing_s))

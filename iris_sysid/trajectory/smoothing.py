@@ -21,7 +21,14 @@ from filterpy.kalman import KalmanFilter
 from scipy.optimize import minimize_scalar
 
 from iris_sysid.errors import DataError
-from iris_sysid.trajectory.white_jerk_model import ORDER, Start, diffuse_start, innovations, process_noise, transition
+from iris_sysid.trajectory.white_jerk_model import (
+    ORDER,
+    SmootherStart,
+    diffuse_start,
+    innovations,
+    process_noise,
+    transition,
+)
 from iris_sysid.types import Array, Mask, Smoothed, Trajectory, chi2_ppf
 
 GRID_DECADES = 1.0  # step of the search for the process noise; its likelihood is smooth over several decades
@@ -189,7 +196,7 @@ def _innovations(t: Array, z: Array, variance: Array, psd: float) -> tuple[Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Noise:
+class _ProcessNoise:
     """The noise chosen for one quantity: variances are ``scale * column.variance``, the psd ``ratio * scale``."""
 
     column: _Column
@@ -198,14 +205,14 @@ class _Noise:
     nis: float
 
 
-def _choose(column: _Column, psd: float | None) -> _Noise:
+def _choose(column: _Column, psd: float | None) -> _ProcessNoise:
     """The process noise, and the measurement noise where it is not known, of maximum likelihood."""
     scale_of = _scale_of(column, psd)
     ratio = _best_ratio(column, scale_of) if psd is None or (psd > 0 and not column.known) else psd
     innovation, variance = column.innovations(ratio)
     scale = scale_of(ratio, innovation, variance)
     nis = float(np.mean(innovation**2 / variance) / scale) if innovation.size else np.nan
-    return _Noise(column, ratio, scale, nis)
+    return _ProcessNoise(column, ratio, scale, nis)
 
 
 def _scale_of(column: _Column, psd: float | None) -> Callable[[float, Array, Array], float]:
@@ -253,7 +260,7 @@ def _best_ratio(column: _Column, scale_of: Callable[[float, Array, Array], float
 # --------------------------------------------------------------------------- smoothing
 
 
-def _smoothed(trajectory: Trajectory, pieces: list[slice], fitted: list[_Noise]) -> Smoothed:
+def _smoothed(trajectory: Trajectory, pieces: list[slice], fitted: list[_ProcessNoise]) -> Smoothed:
     n, d = trajectory.position.shape
     position, velocity = np.full((n, d), np.nan), np.full((n, d), np.nan)
     covariance = np.full((n, 2 * d, 2 * d), np.nan)
@@ -275,7 +282,7 @@ def _smoothed(trajectory: Trajectory, pieces: list[slice], fitted: list[_Noise])
 
 
 def _keep_measured(
-    trajectory: Trajectory, piece: slice, fitted: list[_Noise], position: Array, covariance: Array
+    trajectory: Trajectory, piece: slice, fitted: list[_ProcessNoise], position: Array, covariance: Array
 ) -> None:
     """Too few samples for a velocity: the measurements are all that is known."""
     for k in np.flatnonzero(trajectory.valid[piece]) + piece.start:
@@ -284,7 +291,7 @@ def _keep_measured(
             covariance[k, column, column] = noise.scale * noise.column.variance[k]
 
 
-def _smooth_piece(trajectory: Trajectory, piece: slice, fitted: list[_Noise]) -> tuple[Array, Array]:
+def _smooth_piece(trajectory: Trajectory, piece: slice, fitted: list[_ProcessNoise]) -> tuple[Array, Array]:
     """States (m, d, 3) and covariance of positions and velocities (m, 2d, 2d) of one piece."""
     valid = trajectory.valid[piece]
     third = int(np.flatnonzero(valid)[ORDER - 1])
@@ -313,10 +320,10 @@ class _Scaled:
     psd: float
     unit: float
     tau: float
-    start: Start
+    start: SmootherStart
 
     @classmethod
-    def of(cls, trajectory: Trajectory, piece: slice, column: int, noise: _Noise) -> _Scaled:
+    def of(cls, trajectory: Trajectory, piece: slice, column: int, noise: _ProcessNoise) -> _Scaled:
         unit, tau = noise.column.unit, noise.column.time_unit_s(noise.ratio)
         valid: Mask = trajectory.valid[piece]
         t = (trajectory.t_s[piece] - trajectory.t_s[piece][0]) / tau

@@ -15,7 +15,7 @@ from iris_sysid.errors import CalibrationError
 from iris_sysid.trajectory.segmentation import segment
 from iris_sysid.types import Array, Calibration, Estimate, MotionKind, Phenomenon, Track
 
-FEWEST = 5
+MIN_SAMPLES = 5
 LEVEL_STDERR_DEG = 1.0  # standard uncertainty of a camera or a board that is levelled by eye
 LARGEST_STDERR = 0.1  # rad: beyond it the image's own vertical is the better guess
 
@@ -50,7 +50,7 @@ def with_motion_vertical(calibration: Calibration, body: Track, kind: MotionKind
         )
     world = segment(to_world(body, calibration), hand=body.hand, kind=kind)
     used = world.valid & world.mask("motion")
-    if used.sum() < FEWEST:
+    if used.sum() < MIN_SAMPLES:
         raise CalibrationError(f"the motion cannot give the vertical: only {used.sum()} frames of flight were found")
     t_s, xy_px = world.t_s[used] - world.t_s[used].mean(), body.xy_px[used]
     stderr = _direction_stderr(t_s, world.position[used])

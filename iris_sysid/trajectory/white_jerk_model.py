@@ -47,7 +47,7 @@ def _stacked(rows: list[list[Array]]) -> Array:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Start:
+class SmootherStart:
     """The state after the first three measurements without prior knowledge (an exactly diffuse start).
 
     ``state`` (3,) and ``covariance`` (3, 3) hold at the third measurement. Given the state there, an earlier
@@ -82,7 +82,7 @@ class Start:
         return matrix @ state + gain @ self.z[:2], spread + matrix @ covariance @ matrix.T
 
 
-def diffuse_start(t: Array, z: Array, variance: Array, psd: float) -> Start:
+def diffuse_start(t: Array, z: Array, variance: Array, psd: float) -> SmootherStart:
     """Solve for the state at the third measurement: three equations, three unknowns, and their covariance.
 
     Times are in s, variances in the squared unit of the measurements.
@@ -101,7 +101,7 @@ def diffuse_start(t: Array, z: Array, variance: Array, psd: float) -> Start:
     before = t[2] - t[:3]
     inverse = np.linalg.inv(np.array([transition(-dt)[0] for dt in before]))
     noise = _values_covariance(before, psd) + np.diag(variance[:3])
-    return Start(t[:3], z[:3], variance[:3], psd, inverse @ z[:3], inverse @ noise @ inverse.T)
+    return SmootherStart(t[:3], z[:3], variance[:3], psd, inverse @ z[:3], inverse @ noise @ inverse.T)
 
 
 def _shared_noise(first: float, second: float, psd: float) -> Array:

@@ -123,7 +123,8 @@ class OdeModel(Portable):
     ``first_integral(states (n, s), params (p,)) -> (n,)`` is conserved when the parameters named in
     ``dissipative`` are zero. ``warp(t_s, params (p,))``, where given, returns the times of the motion
     that the samples at ``t_s`` show. With ``events``, ``state`` ends with the mode; see :class:`Event`.
-    ``example``, which every registered model has, is a motion for the contract tests.
+    ``typical``, which every registered model has, says which values one meets, in words. ``example``, which every
+    registered model has, is a motion for the contract tests.
     """
 
     name: str
@@ -143,6 +144,7 @@ class OdeModel(Portable):
     dissipative: tuple[str, ...] = ()
     warp: Callable[[Array, Array], Array] | None = None
     events: tuple[Event, ...] = ()
+    typical: str = ""
     example: ModelExample | None = None
 
     @property
@@ -244,7 +246,7 @@ class Effect(Portable):
     sensor), or the ``clock``.
     ``plausibility`` are its odds, before the data, against plain drag (1): where the data cannot tell effects apart,
     the more plausible one is named first.
-    ``alike`` names effects and parameters that do nearly the same, in words.
+    ``alike`` names effects and parameters that do nearly the same, in words; ``typical`` the sizes that one meets.
     ``trials(t_s (n,), observed (n, d))``, where given, returns the values of the parameters after the first to
     try, e.g. times at which something may have happened: at size zero nothing tells one from another.
     ``nearby(t_s (n,), shape)``, where given, returns others around such values, which are then chosen, not fitted.
@@ -273,6 +275,7 @@ class Effect(Portable):
     warp: Callable[[Array, Array], Array] | None = None
     sensors: frozenset[Sensor] = ANY_SENSOR
     alike: str = ""
+    typical: str = ""
     trials: Callable[[Array, Array], Sequence[tuple[float, ...]]] | None = None
     nearby: Callable[[Array, tuple[float, ...]], Sequence[tuple[float, ...]]] | None = None
     example: EffectExample | None = None

@@ -151,8 +151,9 @@ class FitResult(Shown, Portable):
     """A model fitted to a trajectory.
 
     ``estimates`` by name: fitted parameters, constants, initial states and derived quantities.
-    ``free`` names the fitted ones, in the order of ``covariance`` (p, p), which allows for
-    autocorrelated residuals. ``predicted`` and ``residual`` (n, d) at every sample of the
+    ``free`` names the fitted ones, in the order of ``covariance`` (p, p), which is that of autocorrelated noise and of
+    priors, and of ``total_covariance`` (p, p), which is that of all sources of ``budget``: its diagonal is the squared
+    ``stderr``; (0, 0) where there are no estimates. ``predicted`` and ``residual`` (n, d) at every sample of the
     trajectory, residual = observed - predicted, NaN outside ``used`` (n,). ``noise`` (d,) is the
     standard deviation of the measurement estimated independently of the model, ``rms`` (d,) that of
     the residual. ``jacobian`` (n_used * d, p) is d predicted / d free, time-major. Each of j priors is one more
@@ -193,6 +194,7 @@ class FitResult(Shown, Portable):
     problems: tuple[FitProblem, ...] = ()
     notes: tuple[str, ...] = ()
     doubts: tuple[Doubt, ...] = ()
+    total_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def reason(self) -> FitReason | None:

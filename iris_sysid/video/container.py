@@ -37,7 +37,7 @@ _OPTIONS = {
     "max_pixels": str(MAX_PIXELS),
 }
 DECODED_AHEAD = 4  # images beside one a processor: what is done with one must not keep the decoder waiting
-MOST_DECODED = 16  # at once, 12 MB each of 3840x2160
+MAX_DECODED = 16  # at once, 12 MB each of 3840x2160
 # AVI states no times to show its frames at: their order in the file, which with B-frames is not that of showing
 _IN_DECODING_ORDER = {"avi"}
 _NO_TIMESTAMPS = 0x0080  # AVFMT_NOTIMESTAMPS: a bare stream of images, such as .h264
@@ -93,7 +93,7 @@ class ContainerSource:
         tally = Tally()
         with _opened_again(self.path, self.label) as (container, stream):
             stream.thread_type = "AUTO"
-            stream.codec_context.thread_count = min((os.cpu_count() or 1) + DECODED_AHEAD, MOST_DECODED)
+            stream.codec_context.thread_count = min((os.cpu_count() or 1) + DECODED_AHEAD, MAX_DECODED)
             stamps = iter(self._decoding_stamps() if self.reordered else ())
             for image in _decoded(container, stream, tally):
                 stamp = next(stamps, None) if self.reordered else image.pts

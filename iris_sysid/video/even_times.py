@@ -15,7 +15,7 @@ import numpy as np
 
 COARSE = Fraction(1, 1000)  # of the frame interval: rounding to less is far below the error of any position
 SHORTEST = 4  # units of a frame interval: stamps agree with a shorter one by chance
-FEWEST = 12  # frames: fewer may agree with a rate by chance
+MIN_FRAMES = 12  # frames: fewer may agree with a rate by chance
 ROUNDING = 1.0  # units: the largest difference of two roundings, either to the nearest or downwards
 
 
@@ -51,7 +51,7 @@ def even_times(stamps: Sequence[int], rates: Iterable[Fraction | None], time_bas
     time_base
         Unit of the stamps, s.
     """
-    if len(stamps) < FEWEST:
+    if len(stamps) < MIN_FRAMES:
         return None
     since = np.asarray(stamps, dtype=np.float64) - stamps[0]
     for rate in dict.fromkeys(rates):

@@ -20,7 +20,7 @@ from iris_sysid.types import Frame
 from iris_sysid.video.reader import Video
 
 HELD_BYTES = 160_000_000  # of decoded frames: 51 of 1920x1080, 12 of 3840x2160
-FEWEST_HELD = 4
+MIN_HELD = 4
 BYTES_PER_PX = 1.5  # of 4:2:0 video
 NEAR = 24  # frames: decoded through rather than entered at a key frame again
 AHEAD = 6  # frames prepared after a step forward
@@ -40,7 +40,7 @@ class FrameAccess:
 
     def __init__(self, video: Video, held_bytes: int = HELD_BYTES) -> None:
         self.video = video
-        self.most_held = max(FEWEST_HELD, int(held_bytes / (video.width * video.height * BYTES_PER_PX)))
+        self.most_held = max(MIN_HELD, int(held_bytes / (video.width * video.height * BYTES_PER_PX)))
         self._held: OrderedDict[int, Frame] = OrderedDict()
         self._lock = Lock()  # of the frames held
         self._decoding = Lock()  # of the decoder

@@ -34,7 +34,7 @@ SAMPLING_PIXELS = 250_000_000
 # Pixels of a sample that are held in memory, beyond 9 frames: 13 frames of 3840x2160, 53 of 1920x1080
 HELD_PIXELS, HELD_FRAMES = 110_000_000, 9
 # A background needs this many different moments, or a third of those asked for
-FEWEST_KEY_FRAMES = 8
+MIN_KEY_FRAMES = 8
 JUMP_S, JUMP = 60.0, 1000.0  # s, and intervals of frames: a longer step in time is damage, or two recordings in one
 LONG_STEP = 1.75  # times the shortest step between frames: one may be missing
 GOLDEN = (math.sqrt(5) - 1) / 2
@@ -282,7 +282,7 @@ class Video:
             return _thinned(self.frames(), count)
         keys = [k for k, (_, is_key) in enumerate(survey) if is_key and wanted[0] <= k <= wanted[-1]]
         affordable = SAMPLING_PIXELS // (self.width * self.height)
-        if wanted[-1] < affordable or len(keys) < max(FEWEST_KEY_FRAMES, count // 3):
+        if wanted[-1] < affordable or len(keys) < max(MIN_KEY_FRAMES, count // 3):
             chosen = {wanted[(2 * k + 1) * len(wanted) // (2 * count)] for k in range(count)}
             return [self._frame(*time) for time in self._wanted(max(chosen)) if time[0] in chosen]
         return self._sample_near_keys(survey, _near_keys(keys, wanted, count, affordable))

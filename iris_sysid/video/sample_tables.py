@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 BOX_HEADER = 8  # bytes of a box's length and kind
-MOST_BOXES = 1000  # that are looked at in one box
+MAX_BOXES = 1000  # that are looked at in one box
 LARGEST_TABLE = 2**26  # bytes; an hour at 1,000 frames/s has 14 MB of sizes
 TABLES = (b"stsz", b"stts", b"stsc", b"stco", b"co64")
 PICTURES = b"vide"  # the kind of a track, in its box hdlr
@@ -60,7 +60,7 @@ def _counts(file: BinaryIO, track: tuple[int, int]) -> dict[str, float]:
     tables = {
         kind: _numbers(file, start + BOX_HEADER, min(start + length, end))
         for first, end in _inside(file, *track, b"mdia", b"minf", b"stbl")
-        for kind, start, length in islice(boxes(file, first, end), MOST_BOXES)
+        for kind, start, length in islice(boxes(file, first, end), MAX_BOXES)
         if kind in TABLES
     }
     counts: dict[str, float] = {}
@@ -101,7 +101,7 @@ def _inside(file: BinaryIO, start: int, end: int, *kinds: bytes) -> list[tuple[i
         places = [
             (at + BOX_HEADER, min(at + length, last))
             for first, last in places
-            for name, at, length in islice(boxes(file, first, last), MOST_BOXES)
+            for name, at, length in islice(boxes(file, first, last), MAX_BOXES)
             if name == kind
         ]
     return places

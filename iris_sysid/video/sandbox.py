@@ -15,14 +15,14 @@ from contextlib import suppress
 
 from iris_sysid.errors import IrisError
 
-MOST_BYTES = 4 * 2**30  # a 4K clip takes 1 GB
-MOST_CPU_S = 4 * 3600  # the longest clip of the published data set, 9000 frames at 4K, takes 2 h
+MAX_BYTES = 4 * 2**30  # a 4K clip takes 1 GB
+MAX_CPU_S = 4 * 3600  # the longest clip of the published data set, 9000 frames at 4K, takes 2 h
 
 _M_ARENA_MAX = -8  # of glibc's malloc.h
 _LIMITED = "from iris_sysid.video.sandbox import limit_process; limit_process(); "
 
 
-def limit_process(most_bytes: int = MOST_BYTES, most_cpu_s: float = MOST_CPU_S) -> None:
+def limit_process(most_bytes: int = MAX_BYTES, most_cpu_s: float = MAX_CPU_S) -> None:
     """Limit this process from now on: beyond, memory is refused (MemoryError), and processor time ends the process.
 
     No file of the memory is written where it crashes; threads :func:`share_pools`. Without effect where the system
@@ -86,6 +86,6 @@ def run_limited(code: str, arguments: Sequence[str]) -> int:
 def why_ended(number: int) -> str:
     """Why the system ended a process, from the number of the signal."""
     if number == getattr(signal, "SIGXCPU", None):
-        return f"stopped after {MOST_CPU_S / 3600:g} h of processor time: is the file what it says?"
+        return f"stopped after {MAX_CPU_S / 3600:g} h of processor time: is the file what it says?"
     name = signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
     return f"the process that reads the file crashed or was ended ({name}): is the file damaged, or memory full?"

@@ -11,7 +11,7 @@ import pytest
 from iris_sysid import open_video
 from iris_sysid.benchmark import dataset_rows as module
 from iris_sysid.benchmark.dataset import list_clips
-from iris_sysid.benchmark.dataset_rows import Plan, dataset_rows
+from iris_sysid.benchmark.dataset_rows import RowPlan, dataset_rows
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement, measure
 from iris_sysid.benchmark.sources.rows import flat_rows
 from iris_sysid.benchmark.studies.degraded_clips import CHANGES, Change, as_in, changed
@@ -43,7 +43,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def built(folder, tmp_path_factory):
     work = tmp_path_factory.mktemp("work")
-    return work, dataset_rows(folder, work, Plan("tiny", studies=STUDIES))
+    return work, dataset_rows(folder, work, RowPlan("tiny", studies=STUDIES))
 
 
 @pytest.fixture(scope="module")
@@ -112,18 +112,18 @@ def test_a_second_run_does_only_what_is_missing_and_gives_the_same_rows(folder, 
         return working(folder, unit)
 
     monkeypatch.setattr(module, "work_on", noted)
-    again = dataset_rows(folder, work, Plan("tiny", studies=STUDIES))
+    again = dataset_rows(folder, work, RowPlan("tiny", studies=STUDIES))
     assert done == []
     assert again.rows.equals(first.rows)
     piece = next((work / "Pendulum/pendulum_45").glob("02.losses.*.csv"))
     piece.write_text("half a li")
-    assert dataset_rows(folder, work, Plan("tiny", studies=STUDIES)).rows.equals(first.rows)
+    assert dataset_rows(folder, work, RowPlan("tiny", studies=STUDIES)).rows.equals(first.rows)
     assert done == [piece.name]
 
 
 def test_an_unknown_study_is_refused(folder, tmp_path):
     with pytest.raises(DataError, match="there is no study 'magic'; there are ode\\+effects"):
-        dataset_rows(folder, tmp_path, Plan("tiny", studies=("magic",)))
+        dataset_rows(folder, tmp_path, RowPlan("tiny", studies=("magic",)))
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 from iris_sysid.benchmark.batch import Batch
 from iris_sysid.benchmark.parallel import JOBS_A_PROCESS, check_workers, side_by_side
 from iris_sysid.errors import DataError
-from iris_sysid.video.sandbox import MOST_BYTES
+from iris_sysid.video.sandbox import MAX_BYTES
 from tests.benchmark._jobs import crowded, minus_one, most_memory, noted_square, squared
 
 BATCH = Batch(Path(), squared, minus_one)
@@ -51,7 +51,7 @@ def test_job_without_enough_memory_is_lost_and_its_process_goes_on(tmp_path):
 
 def test_other_processes_have_limits_and_this_one_has_not(tmp_path):
     batch = Batch(tmp_path, most_memory, minus_one)
-    assert list(side_by_side(batch, [1], 1)) == [(1, MOST_BYTES)]
+    assert list(side_by_side(batch, [1], 1)) == [(1, MAX_BYTES)]
     assert list(side_by_side(batch, [1], 0)) == [(1, resource.RLIM_INFINITY)]
 
 

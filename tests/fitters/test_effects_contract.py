@@ -54,6 +54,7 @@ def test_effect_acts_by_exactly_one_map_and_states_its_unit_and_source(effect):
     assert all(parameter.unit for parameter in effect.parameters)
     assert effect.source
     assert effect.equation
+    assert effect.typical
 
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=names)

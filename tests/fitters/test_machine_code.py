@@ -166,7 +166,7 @@ def test_names_that_are_no_digest_are_refused(cache, name):
 
 
 def test_oldest_files_go_when_there_are_too_many(cache, monkeypatch):
-    monkeypatch.setattr("iris_sysid.io.private_cache.MOST_FILES", 8)
+    monkeypatch.setattr("iris_sysid.io.private_cache.MAX_FILES", 8)
     for k in range(9):
         assert write_private(f"{k:064x}", b"x")
         os.utime(cache / f"{k:064x}", (k, k))

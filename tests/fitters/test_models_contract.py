@@ -35,7 +35,7 @@ def test_name_is_kebab_case(model):
 
 @every_model
 def test_equation_source_summary_and_symbols_are_stated(model):
-    assert all([model.summary, model.equation, model.source])
+    assert all([model.summary, model.equation, model.source, model.typical])
     assert all(parameter.symbol for parameter in model.parameters)
 
 

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from iris_sysid.errors import DataError, OutputError
 from iris_sysid.io.csv_cells import read_sheet
 from iris_sysid.io.files import (
-    MOST_BYTES,
+    MAX_BYTES,
     atomic_path,
     check_writable,
     json_text,
@@ -272,7 +272,7 @@ def test_what_is_no_ordinary_file_is_refused_and_never_waited_for(tmp_path, make
 def test_file_too_large_to_be_read_whole_is_refused(tmp_path):
     path = tmp_path / "a.csv"
     with path.open("wb") as file:
-        file.truncate(MOST_BYTES + 1)
+        file.truncate(MAX_BYTES + 1)
     with pytest.raises(DataError, match=r"a\.csv has 256 MB; at most 256 MB are read: split it"):
         read_file(path)
 

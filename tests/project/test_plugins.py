@@ -84,6 +84,7 @@ MODEL = OdeModel(
     observed=(Quantity("s", "m", "s"),),
     rhs=rhs,
     guess=guess,
+    typical="a ball bearing: 0.01 to 0.1 1/s",
     example=ModelExample({"drag": 0.8, "s_0": 0.1, "v_0": 1.5}, samples=300, rate_hz=100.0),
 )
 '''
@@ -110,6 +111,7 @@ EFFECT = Effect(
     parameters=(Parameter("dropped_in", "s/{x}^2", "c", default=0.0),),
     applies=applies,
     acceleration=acceleration,
+    typical="0.05 s/m^2",
     example=EffectExample("pendulum", size=0.05),
 )
 '''

@@ -15,7 +15,11 @@ from iris_sysid.synthetic.scene import SCENES
 from tests._project import ROOT
 
 README = ROOT / "README.md"
-PAGES = [README, ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [
+    README,
+    *(ROOT / f"{name}.md" for name in ("CHANGELOG", "CONTRIBUTING", "SECURITY")),
+    *sorted((ROOT / "docs").rglob("*.md")),
+]
 TEXTS = {page: page.read_text("utf-8") for page in PAGES}
 COMMANDS = typer.main.get_command(app).commands
 FENCE = re.compile(r"^```([\w{}-]*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -117,7 +121,7 @@ def test_links_lead_to_files(page):
 @pytest.mark.parametrize("page", PAGES, ids=of_page)
 def test_figures_are_images(page):
     for target in re.findall(r"!\[[^\]]*\]\(([^)\s]+)\)", TEXTS[page]):
-        assert (page.parent / target).read_bytes().startswith((b"\x89PNG", b"GIF8", b"<svg", b"\xff\xd8"))
+        assert (page.parent / target).read_bytes().startswith((b"\x89PNG", b"GIF8", b"<?xml", b"\xff\xd8"))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=of_page)

@@ -93,7 +93,7 @@ def test_registry_foreign_package_of_the_same_name_is_refused(monkeypatch):
 
 def test_registry_package_shared_with_another_distribution_is_refused(tmp_path, monkeypatch):
     for name, files in (
-        ("iris_sysid-0.1.0", "trackers/disc.py"),
+        ("iris_sysid-0.2.0", "trackers/disc.py"),
         ("trackers-2.0", "trackers/utils.py"),
         ("other-1", "x.py"),
     ):

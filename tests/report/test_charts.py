@@ -8,7 +8,7 @@ import pytest
 
 from iris_sysid import MODELS, fit
 from iris_sysid.registry import EFFECTS
-from iris_sysid.report.chart import Band, Chart, Mark, Series
+from iris_sysid.report.chart import Band, Chart, ChartMark, Series
 from iris_sysid.report.residual_charts import motion_chart, residual_chart
 from iris_sysid.report.residual_words import residual_words
 from iris_sysid.report.typeset import name_with_symbol, symbol_html, typeset
@@ -75,7 +75,7 @@ def a_chart(**changes):
     curve = Series("curve", x, x**2, "after", "line")
     dots = Series("dots", x, np.where(x == 5, NAN, -x), "before")
     band = Band("noise", x[[0, -1]], np.full(2, -2.0), np.full(2, 2.0), "noise")
-    chart = Chart("c", "A chart.", "time (s)", "z (m)", [curve, dots], [band], [Mark(10.0, 100.0, "largest")])
+    chart = Chart("c", "A chart.", "time (s)", "z (m)", [curve, dots], [band], [ChartMark(10.0, 100.0, "largest")])
     return replace(chart, **changes)
 
 

@@ -19,7 +19,7 @@ from iris_sysid.io.csv_read import read_trajectory
 from iris_sysid.registry import EFFECTS
 from iris_sysid.report import clip_page, figures
 from iris_sysid.report import page as page_module
-from iris_sysid.report.chart import Chart, Mark, Series
+from iris_sysid.report.chart import Chart, ChartMark, Series
 from iris_sysid.report.diagnosis_files import FILES
 from iris_sysid.report.diagnosis_page import write_diagnosis
 from iris_sysid.report.glossary import TERMS
@@ -114,7 +114,7 @@ def hostile_page() -> Page:
         image=PageImage("a", b"png", HOSTILE),
     )
     curve = Series(HOSTILE, np.arange(3.0), np.arange(3.0), "before")
-    chart = Chart("x", HOSTILE, HOSTILE, HOSTILE, [curve], marks=[Mark(1.0, 1.0, HOSTILE, HOSTILE)], words=HOSTILE)
+    chart = Chart("x", HOSTILE, HOSTILE, HOSTILE, [curve], marks=[ChartMark(1.0, 1.0, HOSTILE, HOSTILE)], words=HOSTILE)
     return Page(
         HOSTILE,
         HOSTILE,

@@ -8,11 +8,11 @@ import pytest
 from iris_sysid.errors import DataError
 from iris_sysid.synthetic import Look
 from iris_sysid.synthetic.backdrop import ycbcr
-from iris_sysid.synthetic.camera import Camera, View, camera_for
+from iris_sysid.synthetic.camera import Camera, CameraView, camera_for
 from iris_sysid.synthetic.coverage import Canvas, blend, coverage
 from iris_sysid.synthetic.picture import painted
 from iris_sysid.synthetic.plan import plan_clip, scene_named, stage_of
-from iris_sysid.synthetic.scene import Body, Stage, Wall
+from iris_sysid.synthetic.scene import SceneBody, Stage, Wall
 from iris_sysid.synthetic.sensor import Sensor, kept_frames, shake
 from iris_sysid.synthetic.shapes import Layer, circle, disc, polyline, rounded, still
 
@@ -23,7 +23,7 @@ SCALE = 100.0  # px/m in the images of single discs
 def stage_with(*layers, view=None):
     """A stage that shows only these layers, x and z in units of 1/100 m from the centre of the image."""
     half = (SIZE[0] / SCALE / 2, SIZE[1] / SCALE / 2)
-    view = view or View(-half[0], half[0], -half[1], half[1])
+    view = view or CameraView(-half[0], half[0], -half[1], half[1])
     return Stage(view, Wall((100.0, 100.0, 100.0)), (), layers, (), {}, lambda t: ["motion"] * len(t))
 
 
@@ -159,14 +159,14 @@ def test_ycbcr_of_grey_has_no_colour():
 
 
 def test_camera_is_a_similarity_without_tilt_and_lens():
-    camera = camera_for(View(-1, 1, -0.5, 0.5), (200, 100))
+    camera = camera_for(CameraView(-1, 1, -0.5, 0.5), (200, 100))
     assert camera.pixels_per_metre == 100
     np.testing.assert_allclose(camera.project(np.array([[0.0, 0.0], [0.5, 0.25]])), [[99.5, 49.5], [149.5, 24.5]])
 
 
 def test_camera_shows_the_whole_view_at_any_shape_of_image():
     for size in ((200, 100), (100, 200), (160, 160)):
-        camera = camera_for(View(-1, 1, -0.5, 0.5), size)
+        camera = camera_for(CameraView(-1, 1, -0.5, 0.5), size)
         corners = camera.project(np.array([[-1.0, -0.5], [1.0, 0.5]]))
         assert np.all(corners > -0.51)
         assert np.all(corners < np.array(size) - 0.49)
@@ -332,6 +332,6 @@ def test_rounded_polygon_passes_through_its_points():
 
 
 def test_body_radius_may_change_with_time():
-    body = Body("1", still(0, 0), lambda t_s: 1 + t_s)
+    body = SceneBody("1", still(0, 0), lambda t_s: 1 + t_s)
     assert body.radius(np.array([0.0, 1.0])).tolist() == [1.0, 2.0]
-    assert Body("1", still(0, 0), 0.5).radius(np.zeros(3)).tolist() == [0.5, 0.5, 0.5]
+    assert SceneBody("1", still(0, 0), 0.5).radius(np.zeros(3)).tolist() == [0.5, 0.5, 0.5]

@@ -10,7 +10,7 @@ from iris_sysid.errors import DataError, UnknownNameError
 from iris_sysid.synthetic import SCENES, Look
 from iris_sysid.synthetic.backdrop import ycbcr
 from iris_sysid.synthetic.effects import CAMERA, FORCES
-from iris_sysid.synthetic.motion import Event, Phase, integrate, moving, resting
+from iris_sysid.synthetic.motion import Phase, SceneEvent, integrate, moving, resting
 from iris_sysid.synthetic.picture import Picture, painted
 from iris_sysid.synthetic.plan import plan_clip, scene_named, stage_of
 from iris_sysid.synthetic.scenes.led import UNLIT
@@ -461,7 +461,7 @@ def test_motion_is_held_before_its_start_and_after_its_stop():
 
 
 def test_motion_switches_phase_at_an_event_exactly():
-    halt = Event("wall", lambda t, y: y[0] - 0.5, 1.0, lambda t, y: (y, resting(1)))
+    halt = SceneEvent("wall", lambda t, y: y[0] - 0.5, 1.0, lambda t, y: (y, resting(1)))
     motion = integrate(Phase("motion", lambda t, y: np.array([y[0]]), (halt,)), np.array([0.1]), 0.0, 5.0)
     assert motion.happened == ((pytest.approx(math.log(5), abs=1e-9), "wall"),)
     assert motion(np.array([4.0]))[0, 0] == pytest.approx(0.5, abs=1e-9)
@@ -473,10 +473,10 @@ def test_motion_that_blows_up_is_a_stated_error():
 
 
 def test_endless_events_are_a_stated_error(monkeypatch):
-    monkeypatch.setattr("iris_sysid.synthetic.motion.MOST_EVENTS", 5)
+    monkeypatch.setattr("iris_sysid.synthetic.motion.MAX_EVENTS", 5)
 
     def phase():
-        tick = Event("tick", lambda t, y: y[0] - 0.1, 1.0, lambda t, y: (np.zeros(1), phase()))
+        tick = SceneEvent("tick", lambda t, y: y[0] - 0.1, 1.0, lambda t, y: (np.zeros(1), phase()))
         return Phase("motion", lambda t, y: np.ones(1), (tick,))
 
     with pytest.raises(DataError, match="more than 5 events before"):

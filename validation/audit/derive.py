@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from iris_sysid.benchmark.sources.conversions import READINGS, Reading, Values
+from iris_sysid.benchmark.sources.conversions import READINGS, LatentReading, Values
 from iris_sysid.benchmark.sources.folder import ERRORS, RUNS, PublishedFolder, estimates, n_failed, reading_of, select
 from iris_sysid.benchmark.sources.published import PublishedValue, sibling, truth_of, values_at
 from iris_sysid.benchmark.sources.selection import score_published
@@ -92,7 +92,7 @@ def from_run(run: str, *, as_stated: bool, statistic: Statistic = mean_absolute_
     return recipe
 
 
-def _readings(value: PublishedValue) -> list[Reading]:
+def _readings(value: PublishedValue) -> list[LatentReading]:
     names = (value.parameter, f"{value.parameter}_1")
     readings = [reading for reading in READINGS.get(value.phenomenon, ()) if reading.parameter in names]
     if not readings:
@@ -111,7 +111,7 @@ def _truth(value: PublishedValue, runs: pd.DataFrame) -> float:
 
 def _run_derivation(
     runs: pd.DataFrame,
-    reading: Reading,
+    reading: LatentReading,
     statistic: Statistic,
     truth: float,
     run: str,

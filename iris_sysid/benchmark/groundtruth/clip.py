@@ -34,7 +34,7 @@ KNOWN = (GRAVITY, RADIUS, "h0")  # values that fits may use; all others are esti
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Job:
+class ClipJob:
     """One clip to measure, its known values, and the folder of its files.
 
     ``calibrated``: whether its class has a calibration.json in the folder.
@@ -71,7 +71,7 @@ class Job:
         }
 
 
-def measure_clip(job: Job) -> tuple[bool, str]:
+def measure_clip(job: ClipJob) -> tuple[bool, str]:
     """Measure one clip and write its files, unless they are up to date.
 
     Parameters
@@ -108,7 +108,7 @@ def measure_clip(job: Job) -> tuple[bool, str]:
         return True, _failed(job, {}, f"unexpected {type(error).__name__}: {error}")  # no origin: the next run retries
 
 
-def _origin(job: Job) -> dict[str, Any]:
+def _origin(job: ClipJob) -> dict[str, Any]:
     known = {
         name: {"value": estimate.value, "stderr": estimate.stderr, "unit": estimate.unit}
         for name, estimate in job.known.items()
@@ -118,7 +118,7 @@ def _origin(job: Job) -> dict[str, Any]:
     return plain_origin(origin_of(job.clip.path, {**job.options(), **inputs}))
 
 
-def _earlier(job: Job, origin: Mapping[str, Any]) -> ClipDocument | None:
+def _earlier(job: ClipJob, origin: Mapping[str, Any]) -> ClipDocument | None:
     """The document of an earlier run with the same input, when all its files exist; else None."""
     try:
         document = read_document(job.path(".json"), ClipDocument)
@@ -130,7 +130,7 @@ def _earlier(job: Job, origin: Mapping[str, Any]) -> ClipDocument | None:
     return document if complete and document.origin == origin else None
 
 
-def _measured(job: Job, origin: Mapping[str, Any]) -> str:
+def _measured(job: ClipJob, origin: Mapping[str, Any]) -> str:
     phenomenon = PHENOMENA[job.clip.phenomenon]
     tracks = _tracks(job, origin)
     calibration = _calibration(job)
@@ -146,7 +146,7 @@ def _measured(job: Job, origin: Mapping[str, Any]) -> str:
     return ""
 
 
-def _tracks(job: Job, origin: Mapping[str, Any]) -> list[Track]:
+def _tracks(job: ClipJob, origin: Mapping[str, Any]) -> list[Track]:
     """The tracks of the clip: from an earlier run on the same file with the same options, else made now."""
     expected = {**origin, "options": plain_origin(origin_of(None, job.options()))["options"]}
     path = job.path(".track.csv")
@@ -163,7 +163,7 @@ def _tracks(job: Job, origin: Mapping[str, Any]) -> list[Track]:
     return read_track(path)  # as stored, so that a new and a kept track give the same fit
 
 
-def _calibration(job: Job) -> Calibration:
+def _calibration(job: ClipJob) -> Calibration:
     if job.calibration is None:
         return uncalibrated()
     calibration = read_calibration(job.calibration)
@@ -210,7 +210,7 @@ def _projected(radius: Estimate, calibration: Calibration) -> Estimate:
 
 
 def _document(
-    job: Job, origin: Mapping[str, Any], tracks: Sequence[Track], trajectory: Trajectory, fit: FitResult
+    job: ClipJob, origin: Mapping[str, Any], tracks: Sequence[Track], trajectory: Trajectory, fit: FitResult
 ) -> ClipDocument:
     return checked(
         ClipDocument,
@@ -230,7 +230,7 @@ def _document(
     )
 
 
-def _head(job: Job, tracks: Sequence[Track]) -> dict[str, Any]:
+def _head(job: ClipJob, tracks: Sequence[Track]) -> dict[str, Any]:
     model = MODELS[PHENOMENA[job.clip.phenomenon].model]
     return {
         "class_name": job.clip.class_name,
@@ -244,7 +244,7 @@ def _head(job: Job, tracks: Sequence[Track]) -> dict[str, Any]:
     }
 
 
-def _failed(job: Job, origin: Mapping[str, Any], reason: str, tracks: Sequence[Track] = ()) -> str:
+def _failed(job: ClipJob, origin: Mapping[str, Any], reason: str, tracks: Sequence[Track] = ()) -> str:
     """Write a document of a failed clip with the reason; returns the message."""
     message = reason.replace(str(job.clip.path), job.clip.path.name)  # the same on every machine
     document = checked(ClipDocument, **_head(job, tracks), status="failed", message=message, origin=origin)
@@ -252,6 +252,6 @@ def _failed(job: Job, origin: Mapping[str, Any], reason: str, tracks: Sequence[T
     return message
 
 
-def record_failure(job: Job, reason: str) -> str:
+def record_failure(job: ClipJob, reason: str) -> str:
     """Write that a clip failed, without an origin, so that the next run tries again; returns the message."""
     return _failed(job, {}, f"unexpected end: {reason}")

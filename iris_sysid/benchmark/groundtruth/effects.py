@@ -11,7 +11,7 @@ from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.report.diagnosis_text import diagnosis_text
 from iris_sysid.types import Estimate, Trajectory
 
-MOST_CLIPS = 3  # of a setting; the diagnosis refits each of them for every effect it tries
+MAX_CLIPS = 3  # of a setting; the diagnosis refits each of them for every effect it tries
 
 
 def lacking_effects(clips: Sequence[ClipMeasurement]) -> list[str]:
@@ -27,7 +27,7 @@ def lacking_effects(clips: Sequence[ClipMeasurement]) -> list[str]:
     list of str
         The text of the diagnosis with its notes, or the reason why there is none.
     """
-    usable = [clip for clip in clips if clip.document.usable][:MOST_CLIPS]
+    usable = [clip for clip in clips if clip.document.usable][:MAX_CLIPS]
     trajectories: list[Trajectory] = [trajectory for clip in usable if (trajectory := clip.trajectory()) is not None]
     if not trajectories:
         return ["not diagnosed: no clip was fitted"]

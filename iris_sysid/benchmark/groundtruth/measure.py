@@ -16,7 +16,7 @@ from iris_sysid.benchmark.groundtruth.boards import (
     files_of_board,
     scale_class,
 )
-from iris_sysid.benchmark.groundtruth.clip import KNOWN, SUFFIXES, Job, measure_clip, record_failure
+from iris_sysid.benchmark.groundtruth.clip import KNOWN, SUFFIXES, ClipJob, measure_clip, record_failure
 from iris_sysid.benchmark.parallel import Workers, check_workers, side_by_side
 from iris_sysid.calibration.calibration_json import read_calibration
 from iris_sysid.calibration.pixel_scale import uncalibrated
@@ -170,7 +170,7 @@ def _chosen(clips: Sequence[Clip], trials: int | None) -> list[Clip]:
     return [clip for clip, turn in zip(clips, places(clips), strict=True) if trials is None or turn < trials]
 
 
-def _in_turn(jobs: Sequence[Job]) -> list[Job]:
+def _in_turn(jobs: Sequence[ClipJob]) -> list[ClipJob]:
     """The first clip of every setting, then the second of every setting: a run that ends early has some of each."""
     turns = places([job.clip for job in jobs])
     return [job for _, job in sorted(zip(turns, jobs, strict=True), key=lambda pair: pair[0])]
@@ -216,9 +216,9 @@ def _no_scale(reason: str, listing: Listing) -> str:
     return f"lengths stay in px: {reason.replace(str(listing.folder), listing.folder.name)}"
 
 
-def _job(clip: Clip, root: Path, measured: MeasuredDocument, conditions: Conditions, calibrated: bool) -> Job:
+def _job(clip: Clip, root: Path, measured: MeasuredDocument, conditions: Conditions, calibrated: bool) -> ClipJob:
     known = {name: value for name, value in measured.of(clip.class_name, clip.setting).items() if name in KNOWN}
-    return Job(
+    return ClipJob(
         clip,
         root,
         calibrated,
@@ -230,7 +230,7 @@ def _job(clip: Clip, root: Path, measured: MeasuredDocument, conditions: Conditi
     )
 
 
-def _measured(folder: Path, job: Job) -> tuple[bool, str]:
+def _measured(folder: Path, job: ClipJob) -> tuple[bool, str]:
     """Measure a clip with its files in a folder, which on a cluster is another one than the job was made for."""
     return measure_clip(replace(job, folder=folder))
 
@@ -240,7 +240,7 @@ def files_of(clip: Clip) -> list[str]:
     return [f"{clip.class_name}/{NAME}", *(f"{clip.place}{suffix}" for suffix in SUFFIXES)]
 
 
-def _lost(folder: Path, job: Job) -> tuple[bool, str]:
+def _lost(folder: Path, job: ClipJob) -> tuple[bool, str]:
     """The outcome of a clip whose process died."""
     return True, record_failure(job, f"the process that read it died; {IS_IT}")
 
@@ -250,7 +250,7 @@ def _lost_board(folder: Path, job: BoardJob) -> str:
     return f"the process that read {job.path.name} died; {IS_IT}"
 
 
-def _read(job: Job, gaps: dict[str, str]) -> ClipMeasurement:
+def _read(job: ClipJob, gaps: dict[str, str]) -> ClipMeasurement:
     document = read_document(job.path(".json"), ClipDocument)
     if document.status == "failed":
         gaps[job.clip.place] = f"failed: {document.message}"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from iris_sysid.benchmark.groundtruth.measure import ClipMeasurement
 from iris_sysid.types import SPOKEN, Verdict
 
-MOST_REASONS = 2
+MAX_REASONS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,4 +55,4 @@ def _doubts(verdicts: Sequence[Verdict]) -> str:
         for doubt in verdict.number_reasons:
             findings.setdefault(doubt.kind, doubt.finding)
         count.update({doubt.kind for doubt in verdict.number_reasons})
-    return "; ".join(findings[kind] for kind, _ in count.most_common(MOST_REASONS))
+    return "; ".join(findings[kind] for kind, _ in count.most_common(MAX_REASONS))

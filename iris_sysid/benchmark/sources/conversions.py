@@ -51,7 +51,7 @@ def gravity_over_alpha(alpha: ArrayLike, beta: ArrayLike) -> Values:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class LatentReading:
     """One conversion of (alpha, beta) to a parameter.
 
     ``published`` marks the reading that the publication's own tables use for this parameter, ``floor_zero`` that
@@ -66,35 +66,35 @@ class Reading:
     floor_zero: bool = True
 
 
-def _length(parameter: str) -> tuple[Reading, Reading]:
+def _length(parameter: str) -> tuple[LatentReading, LatentReading]:
     return (
-        Reading(parameter, "m", "g/alpha", gravity_over_alpha),
-        Reading(parameter, "m", "alpha as length", alpha_itself, published=False),
+        LatentReading(parameter, "m", "g/alpha", gravity_over_alpha),
+        LatentReading(parameter, "m", "alpha as length", alpha_itself, published=False),
     )
 
 
-_GRAVITY = (Reading("gravity", "m/s^2", "alpha", alpha_itself),)
+_GRAVITY = (LatentReading("gravity", "m/s^2", "alpha", alpha_itself),)
 _PAIR = (*_length("length_1"), *_length("length_2"))  # one alpha serves both
 
-READINGS: Mapping[str, tuple[Reading, ...]] = {
+READINGS: Mapping[str, tuple[LatentReading, ...]] = {
     "Dropping_ball": _GRAVITY,
     "Falling_ball": _GRAVITY,
     "Pendulum": _length("length"),
     "Rotation": (
-        Reading("stiffness", "1/s^2", "alpha", alpha_itself),
-        Reading("damping", "1/s", "beta", beta_itself),
+        LatentReading("stiffness", "1/s^2", "alpha", alpha_itself),
+        LatentReading("damping", "1/s", "beta", beta_itself),
     ),
     "Two_Moving_Pendulums": _PAIR,
     "Two_Moving_Pendulum_One_Static": _PAIR,
     # the published statistics of kappa are those of this column
-    "Hitting_cones": (Reading("coupling", "1/s^2", "alpha", alpha_itself),),
+    "Hitting_cones": (LatentReading("coupling", "1/s^2", "alpha", alpha_itself),),
     "dropped_ball": _GRAVITY,
     "free_fall": _GRAVITY,
     "led": (
-        Reading("decay_rate", "1/s", "beta", beta_itself),
-        Reading("decay_rate", "1/s", "alpha", alpha_itself, published=False),
+        LatentReading("decay_rate", "1/s", "beta", beta_itself),
+        LatentReading("decay_rate", "1/s", "alpha", alpha_itself, published=False),
     ),
-    "pendulum": (*_length("length"), Reading("damping", "1/s", "-beta", negated_beta, floor_zero=False)),
-    "sliding_block": (Reading("friction", "1", "beta", beta_itself),),
-    "torricelli": (Reading("outflow", "m^0.5/s", "alpha", alpha_itself),),
+    "pendulum": (*_length("length"), LatentReading("damping", "1/s", "-beta", negated_beta, floor_zero=False)),
+    "sliding_block": (LatentReading("friction", "1", "beta", beta_itself),),
+    "torricelli": (LatentReading("outflow", "m^0.5/s", "alpha", alpha_itself),),
 }

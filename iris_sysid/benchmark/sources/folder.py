@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from iris_sysid.benchmark.sources.conversions import READINGS, Reading, Values
+from iris_sysid.benchmark.sources.conversions import READINGS, LatentReading, Values
 from iris_sysid.benchmark.sources.latent import read_latent_runs
 from iris_sysid.benchmark.sources.reading import read_columns
 from iris_sysid.benchmark.sources.rows import FAILED
@@ -117,7 +117,7 @@ def select(runs: pd.DataFrame, phenomenon: str, setting: str = "") -> pd.DataFra
     return chosen
 
 
-def reading_of(phenomenon: str, parameter: str, conversion: str = "") -> Reading:
+def reading_of(phenomenon: str, parameter: str, conversion: str = "") -> LatentReading:
     """The reading of a parameter: the published one, or the one of that conversion; DataError when there is none.
 
     Parameters
@@ -136,7 +136,7 @@ def reading_of(phenomenon: str, parameter: str, conversion: str = "") -> Reading
     raise DataError(f"{phenomenon} has no {parameter} that alpha and beta give ({conversion or 'as published'})")
 
 
-def estimates(runs: pd.DataFrame, reading: Reading, *, zeros: bool) -> Values:
+def estimates(runs: pd.DataFrame, reading: LatentReading, *, zeros: bool) -> Values:
     """Estimates of a parameter from runs, in the reading's unit.
 
     Parameters

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import pandas as pd
 
-from iris_sysid.benchmark.sources.conversions import READINGS, Reading
+from iris_sysid.benchmark.sources.conversions import READINGS, LatentReading
 from iris_sysid.benchmark.sources.published import truth_of, truths
 from iris_sysid.benchmark.sources.reading import parse_number, read_lines
 from iris_sysid.benchmark.sources.rows import FAILED, OK, flat_rows
@@ -169,7 +169,7 @@ def unread_rows(runs: pd.DataFrame, method: str, *, source: str = "", seed: int 
     return flat_rows(records)
 
 
-def _record(run: dict[Any, Any], reading: Reading, dataset: Dataset) -> dict[str, Any]:
+def _record(run: dict[Any, Any], reading: LatentReading, dataset: Dataset) -> dict[str, Any]:
     truth = truth_of(dataset, run["phenomenon"], run["setting"], reading.parameter)
     value = float(reading.convert(run["alpha"], run["beta"]))
     status = "undefined" if run["status"] == OK and math.isnan(value) else run["status"]

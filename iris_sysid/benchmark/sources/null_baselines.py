@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from iris_sysid.benchmark.sources.conversions import GRAVITY, READINGS, Reading, beta_itself
+from iris_sysid.benchmark.sources.conversions import GRAVITY, READINGS, LatentReading, beta_itself
 from iris_sysid.benchmark.sources.rows import GROUP, OK, flat_rows
 
 SOURCE = "null baseline"
@@ -24,12 +24,12 @@ STARTS = (
 
 # parameters that no released result takes from alpha and beta, with the conversion that the publication states
 # (tab:calibration), so that the initial value can be compared with an estimate
-UNREAD: Mapping[str, tuple[Reading, ...]] = {
-    "Pendulum": (Reading("damping", "1/s", "beta", beta_itself),),
-    "Sliding_cone": (Reading("friction", "1", "beta", beta_itself),),
+UNREAD: Mapping[str, tuple[LatentReading, ...]] = {
+    "Pendulum": (LatentReading("damping", "1/s", "beta", beta_itself),),
+    "Sliding_cone": (LatentReading("friction", "1", "beta", beta_itself),),
     **dict.fromkeys(
         ("Two_Moving_Pendulums", "Two_Moving_Pendulum_One_Static"),
-        tuple(Reading(f"damping_{body}", "1/s", "beta", beta_itself) for body in (1, 2)),
+        tuple(LatentReading(f"damping_{body}", "1/s", "beta", beta_itself) for body in (1, 2)),
     ),
 }
 

@@ -58,7 +58,7 @@ class PublishedValue:
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
+class PublishedTruth:
     """The published ground truth of one parameter in one setting.
 
     ``uncertainty`` is the half-width that the publication states, NaN where it states none. ``measurement_type``
@@ -119,11 +119,11 @@ def sibling(value: PublishedValue, column: str, place: str | None = None) -> Pub
 
 
 def truths() -> pd.DataFrame:
-    """The published ground truth as a table, one row per parameter and setting; see :class:`Truth` for the columns."""
+    """The published ground truth as a table, a row for each parameter and setting; columns: :class:`PublishedTruth`."""
     return pd.DataFrame([asdict(truth) for truth in _all_truths().values()])
 
 
-def truth_of(dataset: str, phenomenon: str, setting: str, parameter: str) -> Truth | None:
+def truth_of(dataset: str, phenomenon: str, setting: str, parameter: str) -> PublishedTruth | None:
     """The published ground truth of one parameter in one setting, or None where the publication gives none.
 
     Parameters
@@ -144,10 +144,12 @@ def truth_of(dataset: str, phenomenon: str, setting: str, parameter: str) -> Tru
 
 
 @cache
-def _all_truths() -> dict[tuple[str, str, str, str], Truth]:
-    frame = _package_table("truth.csv", Truth)
+def _all_truths() -> dict[tuple[str, str, str, str], PublishedTruth]:
+    frame = _package_table("truth.csv", PublishedTruth)
     rows = (
-        Truth(**{**_texts(row), "value": float(row["value"]), "uncertainty": float(row["uncertainty"] or math.nan)})
+        PublishedTruth(
+            **{**_texts(row), "value": float(row["value"]), "uncertainty": float(row["uncertainty"] or math.nan)}
+        )
         for row in frame.to_dict("records")
     )
     return {(row.dataset, row.phenomenon, row.setting, row.parameter): row for row in rows}

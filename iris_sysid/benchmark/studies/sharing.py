@@ -13,7 +13,7 @@ from iris_sysid.benchmark.studies.subjects import Subject
 from iris_sysid.types import Estimate
 
 PER_CLIP_METHOD, MEAN, SHARED = "clip by clip", "mean over clips", "one shared value"
-FEWEST = 2  # clips
+MIN_CLIPS = 2  # clips
 
 
 def sharing_rows(subjects: Sequence[Subject]) -> Iterator[dict[str, Any]]:
@@ -32,7 +32,7 @@ def sharing_rows(subjects: Sequence[Subject]) -> Iterator[dict[str, Any]]:
             settings.setdefault((subject.clip.class_name, subject.clip.setting), []).append(subject)
     for clips in settings.values():
         common = _common(clips)
-        if len(clips) >= FEWEST and common:
+        if len(clips) >= MIN_CLIPS and common:
             yield from _of_setting(clips, common)
 
 

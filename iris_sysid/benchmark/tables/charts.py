@@ -21,7 +21,7 @@ MARKERS = "osD^vP*X"
 NULL_COLOUR = "#999999"
 LINE_HEIGHT = 0.24  # inches a line of the error chart
 SMALLEST = 1e-3  # %, where the error axis ends: smaller errors are drawn there
-MOST_CONFUSIONS = 6  # matrices in one chart
+MAX_CONFUSIONS = 6  # matrices in one chart
 
 
 def charts_of(rows: pd.DataFrame) -> dict[str, tuple[Figure, str]]:
@@ -82,7 +82,7 @@ def _named(method: str, dataset: str) -> str:
 
 def confusion_chart(rows: pd.DataFrame) -> Figure:
     """Confusion matrices side by side, darker for a larger share of the true class; from flat ``rows``."""
-    groups = list(rows[rows["study"] == SELECTION].groupby(["dataset", "method"], sort=False))[:MOST_CONFUSIONS]
+    groups = list(rows[rows["study"] == SELECTION].groupby(["dataset", "method"], sort=False))[:MAX_CONFUSIONS]
     across = min(2, len(groups))
     down = -(-len(groups) // across)
     figure = Figure(figsize=(6.5 * across, 5.0 * down), layout="constrained")

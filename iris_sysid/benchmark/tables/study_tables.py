@@ -16,7 +16,7 @@ Statistic = Callable[[pd.DataFrame], float]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Layout:
+class TableLayout:
     """The layout of a cross table: ``down`` are the columns that name a line, ``across`` the one in the header.
 
     ``centre`` computes the number of a cell; ``spread`` the number after ±, if any. ``best`` marks the
@@ -71,8 +71,8 @@ def _or_nan(values: pd.Series, of: Callable[[np.ndarray], float]) -> float:
 _PLACE = ("dataset", "phenomenon", "setting")
 _N = "In brackets: the number of clips with a value, and of failed ones where there are any."
 
-LAYOUTS: Mapping[str, Layout] = {
-    IDENTIFIABILITY: Layout(
+LAYOUTS: Mapping[str, TableLayout] = {
+    IDENTIFIABILITY: TableLayout(
         "Identifiability: medians over the clips of a setting",
         (*_PLACE, "method"),
         "parameter",
@@ -84,7 +84,7 @@ LAYOUTS: Mapping[str, Layout] = {
             _N,
         ),
     ),
-    EXTRAPOLATION: Layout(
+    EXTRAPOLATION: TableLayout(
         "Extrapolation: error k frames beyond the 100 that were fitted",
         (*_PLACE, "method", "unit"),
         "parameter",
@@ -92,14 +92,14 @@ LAYOUTS: Mapping[str, Layout] = {
         sd_value,
         notes=("Mean ± standard deviation of the absolute error of the observable over the clips.", _N),
     ),
-    ROBUSTNESS: Layout(
+    ROBUSTNESS: TableLayout(
         "Robustness: median relative error (%) after a change to the clip",
         ("dataset", "phenomenon", "parameter", "method"),
         "condition",
         relative_error,
         notes=("Each clip was changed from its pixels on, and measured and fitted again.", _N),
     ),
-    SHARING: Layout(
+    SHARING: TableLayout(
         "Several clips fitted at once against clip by clip: MAE",
         (*_PLACE, "parameter", "unit"),
         "method",
@@ -108,7 +108,7 @@ LAYOUTS: Mapping[str, Layout] = {
         best=True,
         notes=("The shared value is one number for a setting: its n is 1 whatever the number of clips.", _N),
     ),
-    COUPLING: Layout(
+    COUPLING: TableLayout(
         "Coupling held at 0 against fitted: root mean square error",
         (*_PLACE, "parameter", "unit"),
         "method",
@@ -116,7 +116,7 @@ LAYOUTS: Mapping[str, Layout] = {
         best=True,
         notes=("Held out is the last 30 % of each clip, predicted from the rest.", _N),
     ),
-    LOSSES: Layout(
+    LOSSES: TableLayout(
         "One-step against K-step losses and integrators: median relative error (%)",
         ("dataset", "phenomenon", "parameter", "method"),
         "setting",
@@ -135,7 +135,7 @@ def study_table(rows: pd.DataFrame, study: str) -> Table:
     return crossed(rows[rows["study"] == study], LAYOUTS[study])
 
 
-def crossed(rows: pd.DataFrame, layout: Layout) -> Table:
+def crossed(rows: pd.DataFrame, layout: TableLayout) -> Table:
     """Make a cross table of flat rows; a combination without a row is a dash.
 
     Parameters

@@ -27,14 +27,14 @@ SMALLEST_SEEN = 12  # inner corners, 4x3: fewer are detected in any cluttered im
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Found:
+class FoundCorners:
     """Corners as first found: numbers on the board (n,) and positions (n, 2) px, in no particular orientation."""
 
     ids: NDArray[np.int64]
     corners_px: Array
 
 
-def locate(grey: Grey, board: Board, thorough: bool) -> Found | None:
+def locate(grey: Grey, board: Board, thorough: bool) -> FoundCorners | None:
     """Find the board's corners in a grey image (h, w), or None.
 
     Parameters
@@ -67,13 +67,13 @@ def locate(grey: Grey, board: Board, thorough: bool) -> Found | None:
     return _grown(grey, board) if thorough else None
 
 
-def _grown(grey: Grey, board: Board) -> Found | None:
+def _grown(grey: Grey, board: Board) -> FoundCorners | None:
     """The largest visible grid, if it has as many corners as the board."""
     part = part_of_board(grey)
     if part is None or sorted(part.shape[:2]) != sorted((board.rows, board.columns)):
         return None
     grid = part if part.shape[0] == board.rows else part.swapaxes(0, 1)
-    return Found(np.arange(board.rows * board.columns), grid.reshape(-1, 2))
+    return FoundCorners(np.arange(board.rows * board.columns), grid.reshape(-1, 2))
 
 
 def _scales(grey: Grey, thorough: bool) -> Iterator[tuple[float, Grey]]:
@@ -104,21 +104,21 @@ def _by_sectors(grey: Grey, board: Board) -> Array | None:
     return np.asarray(corners, float).reshape(-1, 2) if success else None
 
 
-def _at_full_size(corners: Array, small: Grey, scale: float, board: Board) -> Found:
+def _at_full_size(corners: Array, small: Grey, scale: float, board: Board) -> FoundCorners:
     half_px = int(np.clip(0.25 * shortest_side(corners, board), 2, 11))
     corners = refine_by_window(small, corners, half_px)
-    return Found(np.arange(len(corners)), (corners + 0.5) * scale - 0.5)
+    return FoundCorners(np.arange(len(corners)), (corners + 0.5) * scale - 0.5)
 
 
 # --------------------------------------------------------------------------- markers
 
 
-def locate_markers(grey: Grey, board: Board) -> Found | None:
+def locate_markers(grey: Grey, board: Board) -> FoundCorners | None:
     """Find the corners between the markers of a ChArUco ``board`` in a ``grey`` image; None when fewer than six."""
     for legacy in (False, True):  # boards printed by OpenCV before 4.6 may begin with a marker
         corners, ids, _ = _markers(grey, board, legacy)
         if len(ids) >= 6:
-            return Found(ids, corners)
+            return FoundCorners(ids, corners)
     return None
 
 

@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 
 from iris_sysid.calibration.board.board import Board, BoardError, BoardView, shortest_side
 from iris_sysid.calibration.board.corner_refinement import LARGEST_REACH_PX, Saddles, refine_by_model, refine_by_window
-from iris_sysid.calibration.board.corner_search import SMALLEST_IMAGE_PX, Found, check_ends, locate, why_not_found
+from iris_sysid.calibration.board.corner_search import (
+    SMALLEST_IMAGE_PX,
+    FoundCorners,
+    check_ends,
+    locate,
+    why_not_found,
+)
 from iris_sysid.calibration.board.grid_topology import oriented_grid
 from iris_sysid.calibration.homography import apply_homography, fit_homography, homography_slopes
 from iris_sysid.errors import CalibrationError
@@ -27,7 +33,7 @@ Image = str | Path | NDArray[np.uint8]
 BLUR_LIMIT_SQUARES = 0.2
 SMALLEST_SQUARE_PX = 6.0
 PNG = b"\x89PNG\r\n\x1a\n"
-FEWEST_KEPT = 0.8  # smallest fraction of the detected corners to keep
+MIN_KEPT = 0.8  # smallest fraction of the detected corners to keep
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -174,7 +180,7 @@ def _chunks_are_within(data: bytes) -> bool:
     return at <= len(data)
 
 
-def _refined(grey: NDArray[np.uint8], rough: Found, board: Board, name: str, window_px: int | None) -> BoardView:
+def _refined(grey: NDArray[np.uint8], rough: FoundCorners, board: Board, name: str, window_px: int | None) -> BoardView:
     ids, rough_px, oriented = rough.ids, rough.corners_px, True
     if board.marker_m is None:
         grid = rough_px.reshape(board.rows, board.columns, 2)
@@ -224,7 +230,7 @@ def _checked(saddles: Saddles, square_px: float) -> NDArray[np.bool_]:
             f"the image is blurred: edges of the board are {2 * np.median(blurs):.1f} px wide, at most "
             f"{2 * limit_px:.1f} px can be used with squares of {square_px:.0f} px; hold the board still and focus"
         )
-    if kept.mean() < FEWEST_KEPT:
+    if kept.mean() < MIN_KEPT:
         raise CalibrationError(
             f"{int((~kept).sum())} of {kept.size} corners cannot be located: part of the board is covered, in glare or "
             "blurred; show all of it, evenly lit"

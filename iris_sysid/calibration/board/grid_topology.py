@@ -16,7 +16,7 @@ IMAGE_SIDES = ("left edge", "right edge", "top edge", "bottom edge")
 # Of an inner corner's contrast. A corner where the board ends has three light quarters: below zero.
 CONTRAST_OF_CORNER = 0.3
 FAINTEST_STEP = 3.0  # grey levels
-MOST = 0.6
+MAJORITY = 0.6  # of the squares of a side
 INNER = np.linspace(-0.2, 0.2, 5)  # the sampled part of a square, in squares from its centre
 QUARTERS = np.array([[1, 1], [-1, -1], [1, -1], [-1, 1]]) * 0.27  # squares from a corner
 
@@ -45,7 +45,7 @@ def goes_on(grey: Grey, grid_px: Array) -> dict[str, bool]:
     """
     real = _real_corners(grey, grid_px)
     rings = (real[1:-1, 0], real[1:-1, -1], real[0, 1:-1], real[-1, 1:-1])
-    return {side: bool(ring.mean() > MOST) for side, ring in zip(SIDES, rings, strict=True)}
+    return {side: bool(ring.mean() > MAJORITY) for side, ring in zip(SIDES, rings, strict=True)}
 
 
 def _real_corners(grey: Grey, grid_px: Array) -> Mask:
@@ -86,9 +86,9 @@ def whole_grid(grey: Grey, grid_px: Array) -> Array:
     """
     for _ in range(60):
         real = _real_corners(grey, grid_px)
-        false = [line.mean() < MOST for line in (real[1:-1, 1], real[1:-1, -2], real[1, 1:-1], real[-2, 1:-1])]
+        false = [line.mean() < MAJORITY for line in (real[1:-1, 1], real[1:-1, -2], real[1, 1:-1], real[-2, 1:-1])]
         first_column, last_column, first_row, last_row = false
-        more = [ring.mean() > MOST for ring in (real[1:-1, 0], real[1:-1, -1], real[0, 1:-1], real[-1, 1:-1])]
+        more = [ring.mean() > MAJORITY for ring in (real[1:-1, 0], real[1:-1, -1], real[0, 1:-1], real[-1, 1:-1])]
         if any(false) and min(grid_px.shape[:2]) > 3:
             rows, columns = grid_px.shape[:2]
             grid_px = grid_px[int(first_row) : rows - int(last_row), int(first_column) : columns - int(last_column)]

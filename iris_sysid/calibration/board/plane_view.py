@@ -15,7 +15,7 @@ from iris_sysid.types import Array, Doubt
 ALIKE = 0.02  # relative difference of scales that the choice of the view may make without a word
 STILL = 0.005  # of the image's diagonal: how far a hand that holds the board at one place lets its corners move
 LONGER = 2.0  # times the usual: how long the board is held in the plane of motion, against all other places
-FEWEST = 3  # frames
+MIN_FRAMES = 3  # frames
 
 
 def plane_view_doubt(
@@ -63,4 +63,4 @@ def _held_longest(view: BoardView, views: Sequence[BoardView], board: Board, see
     outlines = [other.outline_px(board) for other in views]
     elsewhere = [frames_at(outline) for outline in outlines if np.abs(outline - own).max() > limit_px]
     held = frames_at(own)
-    return held >= FEWEST and (not elsewhere or held >= LONGER * float(np.median(elsewhere)))
+    return held >= MIN_FRAMES and (not elsewhere or held >= LONGER * float(np.median(elsewhere)))

@@ -22,7 +22,7 @@ from iris_sysid.io.schemas._diagnosis import DiagnosisDocument as DiagnosisDocum
 from iris_sysid.io.schemas._diagnosis import Excluded as Excluded
 from iris_sysid.io.schemas._diagnosis import ExplanationEntry as ExplanationEntry
 from iris_sysid.io.schemas._diagnosis import FindingEntry as FindingEntry
-from iris_sysid.io.schemas._diagnosis import FitError as FitError
+from iris_sysid.io.schemas._diagnosis import FitErrorEntry as FitErrorEntry
 from iris_sysid.io.schemas._diagnosis import FurtherClip as FurtherClip
 from iris_sysid.io.schemas._discovery import DiscoveryDocument as DiscoveryDocument
 from iris_sysid.io.schemas._discovery import EquationEntry as EquationEntry

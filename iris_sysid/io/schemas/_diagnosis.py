@@ -30,7 +30,7 @@ class Excluded(Part):
     unit: str
 
 
-class FitError(Part):
+class FitErrorEntry(Part):
     """Root mean square of the residual over the samples fitted, and over later ones that were held out."""
 
     fitted: Number
@@ -153,9 +153,9 @@ class DiagnosisDocument(Document):
     causes: dict[str, dict[str, float]] = {}
     """For each effect added, the probability that its cause is the physics, the measurement, or the clock."""
     ruled_out: list[Excluded]
-    before: FitError
+    before: FitErrorEntry
     """Error without the added effects."""
-    after: FitError
+    after: FitErrorEntry
     noise_floor: Number
     """Noise of the measurement."""
     unit: str

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from iris_sysid.errors import DataError
-from iris_sysid.synthetic.camera import View
+from iris_sysid.synthetic.camera import CameraView
 from iris_sysid.synthetic.effects import extra_acceleration
-from iris_sysid.synthetic.motion import Event, Motion, Phase, integrate
+from iris_sysid.synthetic.motion import Phase, SceneEvent, SceneMotion, integrate
 from iris_sysid.synthetic.props import clamp, tape
-from iris_sysid.synthetic.scene import Body, Setup, Stage, Wall, stated
+from iris_sysid.synthetic.scene import SceneBody, Setup, Stage, Wall, stated
 from iris_sysid.synthetic.scenes._hanging import ball, constant, cord, hanging, holding_hand
 from iris_sysid.synthetic.shapes import Colour, Layer, Path
 from iris_sysid.types import Array, Parameter
@@ -49,7 +49,7 @@ EFFECTS = ("linear-drag", "quadratic-drag", "constant-force", "cubic-stiffness",
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Pair:
+class PendulumPair:
     """The mechanics of the two balls; index 0 is the left one. Masses go with the cube of the radius."""
 
     length: Array
@@ -63,7 +63,7 @@ class Pair:
     release_s: float
 
     @classmethod
-    def of(cls, setup: Setup) -> Pair:
+    def of(cls, setup: Setup) -> PendulumPair:
         """The pair that a setup describes."""
         both = {name: np.array([setup[f"{name}_1"], setup[f"{name}_2"]]) for name in ("length", "damping")}
         radius = np.array([setup["ball_radius_1"], setup["ball_radius_2"]])
@@ -130,11 +130,11 @@ class Pair:
     def apart(self, speed: float = 1.0) -> Phase:
         """The balls move freely until they touch; ``speed`` (m/s) at which they last parted bounds the step."""
         step = float(np.clip(0.3 * speed / self.gravity * 2, 2e-4, 0.02))
-        return Phase("motion", self._free, (Event("impact", self._gap, -1.0, self._struck),), step)
+        return Phase("motion", self._free, (SceneEvent("impact", self._gap, -1.0, self._struck),), step)
 
     def together(self) -> Phase:
         """The balls lie against each other until they are pulled apart."""
-        return Phase("contact", self._joined, (Event("parting", self._force, -1.0, self._parted),), 0.02)
+        return Phase("contact", self._joined, (SceneEvent("parting", self._force, -1.0, self._parted),), 0.02)
 
     def never_touching(self) -> Phase:
         """The balls pass through each other: the benchmark's continuous coupling alone."""
@@ -169,7 +169,7 @@ class Pair:
 
 def pair_stage(setup: Setup) -> Stage:
     """Hang up the two balls, hold those that are displaced, and let go."""
-    pair = Pair.of(setup)
+    pair = PendulumPair.of(setup)
     start = np.array([setup["theta_1_0"], setup["theta_2_0"], 0.0, 0.0])
     gap = pair.gap(start)
     if setup["contact"] and gap < 0:
@@ -179,7 +179,7 @@ def pair_stage(setup: Setup) -> Stage:
     pivots = [(float(x), 0.0) for x in pair.pivot_x]
     paths = [hanging(motion.state(k), constant(float(pair.length[k])), pivots[k]) for k in range(2)]
     side = float((pair.length + pair.radius).max()) + 0.07
-    view = View(-side, side, 0.01 - side, 0.06 if max(abs(start[:2])) < 1.7 else side)
+    view = CameraView(-side, side, 0.01 - side, 0.06 if max(abs(start[:2])) < 1.7 else side)
     return Stage(
         view=view,
         wall=Wall((112.0, 112.0, 112.0), glossy=True),
@@ -192,19 +192,19 @@ def pair_stage(setup: Setup) -> Stage:
     )
 
 
-def _body(k: int, path: Path, pair: Pair, motion: Motion) -> Body:
+def _body(k: int, path: Path, pair: PendulumPair, motion: SceneMotion) -> SceneBody:
     observed = {"theta_rad": motion.state(k), "omega_rad_s": motion.state(k + 2)}
-    return Body(str(k + 1), path, float(pair.radius[k]), observed)
+    return SceneBody(str(k + 1), path, float(pair.radius[k]), observed)
 
 
-def _props(setup: Setup, view: View) -> tuple[Layer, ...]:
+def _props(setup: Setup, view: CameraView) -> tuple[Layer, ...]:
     marks = tape([(-0.47, -0.09), (0.51, -0.12), (-0.36, -0.33), (-0.20, -0.47), (0.36, -0.32), (0.26, -0.46)])
     stand = clamp(0.0, 0.0, view.top + 0.05) if setup.look.clamp else []
     return (*(marks if setup.look.marks else []), *stand)
 
 
 def _layers(
-    setup: Setup, pair: Pair, paths: list[Path], pivots: list[tuple[float, float]], start: Array
+    setup: Setup, pair: PendulumPair, paths: list[Path], pivots: list[tuple[float, float]], start: Array
 ) -> list[Layer]:
     behind, middle, before = list[Layer](), list[Layer](), list[Layer]()
     for k, colour in enumerate((DARK, LIGHT)):

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from iris_sysid.synthetic.camera import View
+from iris_sysid.synthetic.camera import CameraView
 from iris_sysid.synthetic.effects import FORCES, extra_acceleration
-from iris_sysid.synthetic.motion import Motion, bouncing, integrate
+from iris_sysid.synthetic.motion import SceneMotion, bouncing, integrate
 from iris_sysid.synthetic.props import BEIGE, floor, hand, tape
-from iris_sysid.synthetic.scene import Body, Curve, Scene, Setup, Stage, Wall, stated
+from iris_sysid.synthetic.scene import Curve, Scene, SceneBody, Setup, Stage, Wall, stated
 from iris_sysid.synthetic.scenes._hanging import ball, constant, seams
 from iris_sysid.synthetic.shapes import Colour, Layer, Path
 from iris_sysid.types import Array, Parameter
@@ -41,20 +41,20 @@ def stage(setup: Setup) -> Stage:
         return np.stack([np.full(t_s.size, ASIDE_M), z(t_s)], axis=-1)
 
     tall = max(height, 1.5) + 2 * radius  # one camera position for all heights of the benchmark
-    view = View(-0.6 * tall, 0.6 * tall, -0.12, tall + 0.1, distance_m=setup["distance"])
+    view = CameraView(-0.6 * tall, 0.6 * tall, -0.12, tall + 0.1, distance_m=setup["distance"])
     return Stage(
         view=view,
         wall=Wall(BEIGE),
         props=_props(setup, view),
         layers=_layers(setup, centre),
-        bodies=(Body("1", centre, radius, {"height_m": z, "velocity_m_s": motion.state(1)}),),
+        bodies=(SceneBody("1", centre, radius, {"height_m": z, "velocity_m_s": motion.state(1)}),),
         stated=stated(setup, PARAMETERS),
         phase=motion.phase,
         happened=motion.happened,
     )
 
 
-def _motion(setup: Setup) -> Motion:
+def _motion(setup: Setup) -> SceneMotion:
     effects, gravity, release = setup.effects, setup["gravity"], setup["release_time"]
     added, drift = extra_acceleration(effects), effects.get("parameter-drift", 0.0)
 
@@ -69,7 +69,7 @@ def _motion(setup: Setup) -> Motion:
     return integrate(phase, np.array([start, effects.get("release-velocity", 0.0)]), release, stop)
 
 
-def _props(setup: Setup, view: View) -> tuple[Layer, ...]:
+def _props(setup: Setup, view: CameraView) -> tuple[Layer, ...]:
     marks = [(0.32, 0.5 * k) for k in range(1, 4)] if setup.look.marks else []
     return (*floor(0.0, 3 * view.left, 3 * view.right, -1.0), *tape(marks, 0.05, 0.012))
 

@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from iris_sysid.errors import DataError
-from iris_sysid.synthetic.camera import FOCAL_PER_WIDTH, View
+from iris_sysid.synthetic.camera import FOCAL_PER_WIDTH, CameraView
 from iris_sysid.synthetic.effects import FORCES, extra_acceleration
-from iris_sysid.synthetic.motion import Motion, bouncing, integrate
+from iris_sysid.synthetic.motion import SceneMotion, bouncing, integrate
 from iris_sysid.synthetic.props import hand, tape
-from iris_sysid.synthetic.scene import Body, Curve, Scene, Setup, Stage, Wall, stated
+from iris_sysid.synthetic.scene import Curve, Scene, SceneBody, Setup, Stage, Wall, stated
 from iris_sysid.synthetic.shapes import Colour, Layer, Path, Shading, disc, soft
 from iris_sysid.types import Array, Parameter
 
@@ -49,7 +49,7 @@ def stage(setup: Setup) -> Stage:
         return radius * shrunk(t_s)
 
     half = start / FOCAL_PER_WIDTH / 2
-    view = View(-half, half, -half * 9 / 16, half * 9 / 16, distance_m=start)
+    view = CameraView(-half, half, -half * 9 / 16, half * 9 / 16, distance_m=start)
     observed = {"h_m": lambda t_s: setup["floor_distance"] - height(t_s), "speed_m_s": lambda t_s: -motion(t_s)[:, 1]}
     marks = tape([(-0.28, 0.14), (0.3, 0.15), (-0.3, -0.16), (0.27, -0.15)], 0.02, 0.02) if setup.look.marks else []
     return Stage(
@@ -57,14 +57,14 @@ def stage(setup: Setup) -> Stage:
         wall=Wall(WOOD),
         props=tuple(marks),
         layers=_layers(setup, centre, apparent, shrunk),
-        bodies=(Body("1", centre, apparent, observed),),
+        bodies=(SceneBody("1", centre, apparent, observed),),
         stated=stated(setup, PARAMETERS),
         phase=motion.phase,
         happened=motion.happened,
     )
 
 
-def _motion(setup: Setup) -> Motion:
+def _motion(setup: Setup) -> SceneMotion:
     """Height of the ball's centre above the floor, and its rate."""
     effects, gravity, release = setup.effects, setup["gravity"], setup["release_time"]
     added, drift = extra_acceleration(effects), effects.get("parameter-drift", 0.0)

@@ -13,10 +13,10 @@ import numpy as np
 from scipy.interpolate import interp1d
 
 from iris_sysid.errors import DataError
-from iris_sysid.synthetic.camera import View
+from iris_sysid.synthetic.camera import CameraView
 from iris_sysid.synthetic.motion import Phase, integrate
 from iris_sysid.synthetic.props import BEIGE, floor, hand
-from iris_sysid.synthetic.scene import Body, Curve, Scene, Setup, Stage, Wall, stated
+from iris_sysid.synthetic.scene import Curve, Scene, SceneBody, Setup, Stage, Wall, stated
 from iris_sysid.synthetic.scenes._collisions import STEP_S, Material, pile_of, run
 from iris_sysid.synthetic.scenes._cup import cup
 from iris_sysid.synthetic.scenes._hanging import ball
@@ -50,7 +50,7 @@ def stage(setup: Setup) -> Stage:
     start = _start(setup)
     paths, angles, happened = _collided(setup, start) if setup["contact"] else _coupled(setup, start)
     release, radius, cup_radius = setup["release_time"], setup["ball_radius"], setup["cup_radius"]
-    view = View(-setup["ball_distance"] - 0.35, 1.2, -0.12, 1.7, distance_m=setup["distance"])
+    view = CameraView(-setup["ball_distance"] - 0.35, 1.2, -0.12, 1.7, distance_m=setup["distance"])
     layers = ball(paths[0], radius, BALL, setup)
     for path, angle in zip(paths[1:], angles[1:], strict=True):
         layers += cup(path, angle, 1.95 * cup_radius, shaded=setup.look.shading)
@@ -63,7 +63,7 @@ def stage(setup: Setup) -> Stage:
         props=tuple(floor(0.0, 3 * view.left, 3 * view.right, -1.0)),
         layers=(*behind, *layers, *before),
         bodies=tuple(
-            Body(str(k + 1), path, radius if k == 0 else cup_radius, _observed(path, angles[k], start[k]))
+            SceneBody(str(k + 1), path, radius if k == 0 else cup_radius, _observed(path, angles[k], start[k]))
             for k, path in enumerate(paths)
         ),
         stated=stated(setup, PARAMETERS),

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from iris_sysid.synthetic.camera import View
+from iris_sysid.synthetic.camera import CameraView
 from iris_sysid.synthetic.effects import FORCES
-from iris_sysid.synthetic.motion import Motion, Phase, integrate
-from iris_sysid.synthetic.scene import Body, Scene, Setup, Stage, Wall, stated
+from iris_sysid.synthetic.motion import Phase, SceneMotion, integrate
+from iris_sysid.synthetic.scene import Scene, SceneBody, Setup, Stage, Wall, stated
 from iris_sysid.synthetic.shapes import Colour, Layer, disc, soft, static, still
 from iris_sysid.types import Array, Parameter
 
@@ -34,7 +34,7 @@ def stage(setup: Setup) -> Stage:
     radius, position = setup["lamp_radius"], still(*PLACE)
     motion = _motion(setup)
     light = motion.state(0)
-    view = View(-0.064, 0.064, -0.036, 0.036)
+    view = CameraView(-0.064, 0.064, -0.036, 0.036)
     lamp = disc(position, radius)
     halo = Layer(soft(disc(position, 2.0 * radius), position, 0.75, steps=40), LIT, opacity=GLOW)
     return Stage(
@@ -42,7 +42,7 @@ def stage(setup: Setup) -> Stage:
         wall=Wall((38.0, 38.0, 40.0)),
         props=(*_board(setup), Layer(lamp, UNLIT)),
         layers=(*([halo] if setup.look.shading else []), Layer(lamp, LIT)),
-        bodies=(Body("1", position, radius, {"intensity_1": light}),),
+        bodies=(SceneBody("1", position, radius, {"intensity_1": light}),),
         stated=stated(setup, PARAMETERS),
         phase=motion.phase,
         happened=motion.happened,
@@ -50,7 +50,7 @@ def stage(setup: Setup) -> Stage:
     )
 
 
-def _motion(setup: Setup) -> Motion:
+def _motion(setup: Setup) -> SceneMotion:
     effects, release = setup.effects, setup["release_time"]
     drift, constant = effects.get("parameter-drift", 0.0), effects.get("constant-force", 0.0)
     offset = effects.get("zero-offset", 0.0)

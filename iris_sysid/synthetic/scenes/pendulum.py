@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from iris_sysid.synthetic.camera import View
+from iris_sysid.synthetic.camera import CameraView
 from iris_sysid.synthetic.effects import FORCES, dry_friction, effect_within, extra_acceleration
-from iris_sysid.synthetic.motion import Event, Motion, Phase, integrate, moving
+from iris_sysid.synthetic.motion import Phase, SceneEvent, SceneMotion, integrate, moving
 from iris_sysid.synthetic.props import clamp, tape
-from iris_sysid.synthetic.scene import Body, Scene, Setup, Stage, Wall, exactly, stated
+from iris_sysid.synthetic.scene import Scene, SceneBody, Setup, Stage, Wall, exactly, stated
 from iris_sysid.synthetic.scenes._hanging import ball, cord, hanging, holding_hand, seams
 from iris_sysid.synthetic.shapes import Colour, Layer, Path
 from iris_sysid.types import Array, Parameter
@@ -40,13 +40,13 @@ def stage(setup: Setup) -> Stage:
     motion = _motion(setup, reach, dynamic)
     centre = hanging(motion.state(0), motion.state(2), PIVOT)
     side = reach + radius + 0.06
-    view = View(-side, side, 0.01 - side, 0.057 if abs(setup["theta_0"]) < 1.7 else side)
+    view = CameraView(-side, side, 0.01 - side, 0.057 if abs(setup["theta_0"]) < 1.7 else side)
     return Stage(
         view=view,
         wall=Wall(glossy=True),
         props=_props(setup, view),
         layers=_layers(setup, motion, centre, reach),
-        bodies=(Body("1", centre, radius, {"theta_rad": motion.state(0), "omega_rad_s": motion.state(1)}),),
+        bodies=(SceneBody("1", centre, radius, {"theta_rad": motion.state(0), "omega_rad_s": motion.state(1)}),),
         stated=stated(setup, PARAMETERS),
         phase=motion.phase,
         happened=motion.happened,
@@ -54,7 +54,7 @@ def stage(setup: Setup) -> Stage:
     )
 
 
-def _motion(setup: Setup, reach: float, dynamic: float) -> Motion:
+def _motion(setup: Setup, reach: float, dynamic: float) -> SceneMotion:
     """States theta, omega, distance from the pivot and its rate (which change only while the cord is slack)."""
     effects, gravity, release = setup.effects, setup["gravity"], setup["release_time"]
     added, drift = extra_acceleration(effects), effects.get("parameter-drift", 0.0)
@@ -71,7 +71,7 @@ def _motion(setup: Setup, reach: float, dynamic: float) -> Motion:
 
     slack = effect_within(effects, "slack-tether", 0.0, 0.9 * reach)
     start = np.array([setup["theta_0"], effects.get("release-velocity", 0.0), reach - slack, 0.0])
-    first = Phase("motion", _falling(gravity, offset), (Event("taut", lambda t, y: y[2] - reach, 1.0, straight),))
+    first = Phase("motion", _falling(gravity, offset), (SceneEvent("taut", lambda t, y: y[2] - reach, 1.0, straight),))
     if not slack:
         first = moving(taut, hold, release, start, others=_no_change)
     return integrate(first, start, release, max(setup.duration_s, release) + 1.0)
@@ -94,13 +94,13 @@ def _falling(gravity: float, offset: float) -> Callable[[float, Array], Array]:
     return rate
 
 
-def _props(setup: Setup, view: View) -> tuple[Layer, ...]:
+def _props(setup: Setup, view: CameraView) -> tuple[Layer, ...]:
     marks = tape([(-0.36, -0.40), (-0.20, -0.53), (0.36, -0.40), (0.22, -0.52)]) if setup.look.marks else []
     stand = clamp(0.0, 0.0, view.top + 0.05) if setup.look.clamp else []
     return (*marks, *stand)
 
 
-def _layers(setup: Setup, motion: Motion, centre: Path, reach: float) -> tuple[Layer, ...]:
+def _layers(setup: Setup, motion: SceneMotion, centre: Path, reach: float) -> tuple[Layer, ...]:
     radius = setup["ball_radius"]
     behind, before = holding_hand(centre, PIVOT, radius, setup)
     gaps = (-CORD_GAP_M / 2, CORD_GAP_M / 2) if setup.look.cord else ()

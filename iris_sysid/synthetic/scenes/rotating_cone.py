@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from iris_sysid.synthetic.camera import View
+from iris_sysid.synthetic.camera import CameraView
 from iris_sysid.synthetic.effects import FORCES, dry_friction, extra_acceleration
-from iris_sysid.synthetic.motion import Motion, integrate, moving
+from iris_sysid.synthetic.motion import SceneMotion, integrate, moving
 from iris_sysid.synthetic.props import BLACK, METAL, hand
-from iris_sysid.synthetic.scene import Body, Scene, Setup, Stage, Wall, stated
+from iris_sysid.synthetic.scene import Scene, SceneBody, Setup, Stage, Wall, stated
 from iris_sysid.synthetic.scenes._cup import DARK_RED, RED
 from iris_sysid.synthetic.scenes._hanging import ball, hanging
 from iris_sysid.synthetic.shapes import Colour, Layer, box, disc, rigid, static, still
@@ -50,18 +50,18 @@ def stage(setup: Setup) -> Stage:
         x, z = centre(np.array([-1.0]))[0]
         behind, before = hand((x, z), radius, math.atan2(-z, -x), setup["release_time"])
     return Stage(
-        view=View(-reach, reach, -reach, reach),
+        view=CameraView(-reach, reach, -reach, reach),
         wall=Wall(TABLE),
         props=_props(setup, reach),
         layers=(*behind, *layers, *before),
-        bodies=(Body("1", centre, radius, {"phi_rad": phi, "omega_rad_s": motion.state(1)}),),
+        bodies=(SceneBody("1", centre, radius, {"phi_rad": phi, "omega_rad_s": motion.state(1)}),),
         stated=stated(setup, PARAMETERS),
         phase=motion.phase,
         happened=motion.happened,
     )
 
 
-def _motion(setup: Setup) -> Motion:
+def _motion(setup: Setup) -> SceneMotion:
     effects, release = setup.effects, setup["release_time"]
     added, hold = extra_acceleration(effects), dry_friction(effects)
     drift, offset = effects.get("parameter-drift", 0.0), effects.get("zero-offset", 0.0)

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from iris_sysid.synthetic.camera import View
+from iris_sysid.synthetic.camera import CameraView
 from iris_sysid.synthetic.effects import FORCES, dry_friction, extra_acceleration
-from iris_sysid.synthetic.motion import Event, Motion, Phase, integrate, moving, resting
+from iris_sysid.synthetic.motion import Phase, SceneEvent, SceneMotion, integrate, moving, resting
 from iris_sysid.synthetic.props import BEIGE, BLACK, METAL, floor, hand
-from iris_sysid.synthetic.scene import Body, Scene, Setup, Stage, Wall, stated
+from iris_sysid.synthetic.scene import Scene, SceneBody, Setup, Stage, Wall, stated
 from iris_sysid.synthetic.scenes._cup import cup, standing_height
 from iris_sysid.synthetic.shapes import Colour, Layer, box, static
 from iris_sysid.types import Array, Parameter
@@ -55,7 +55,7 @@ def stage(setup: Setup) -> Stage:
         return angle + motion(t_s)[:, 2] * (math.pi / 2 - angle + 0.08)
 
     far = max(length, 0.84)  # one camera position for all of the benchmark's boards
-    view = View(-0.62, 0.72 * far + 0.32, -0.1, far + 0.2)
+    view = CameraView(-0.62, 0.72 * far + 0.32, -0.1, far + 0.2)
     observed = {"s_m": motion.state(0), "speed_m_s": motion.state(1), "angle_rad": turned}
     behind, before = list[Layer](), list[Layer]()
     if setup.look.hand:
@@ -67,14 +67,14 @@ def stage(setup: Setup) -> Stage:
         wall=Wall(BEIGE),
         props=_props(setup, view, run, rise),
         layers=(*behind, *cup_layers, *before),
-        bodies=(Body("1", centre, 0.43 * height, observed),),
+        bodies=(SceneBody("1", centre, 0.43 * height, observed),),
         stated=stated(setup, PARAMETERS),
         phase=motion.phase,
         happened=motion.happened,
     )
 
 
-def _motion(setup: Setup) -> Motion:
+def _motion(setup: Setup) -> SceneMotion:
     """States s down the board, s', how far it has toppled (0 to 1), its rate, and how far it slid on the floor."""
     effects, angle, gravity = setup.effects, setup["angle"], setup["gravity"]
     added, rub, release = extra_acceleration(effects), dry_friction(effects), setup["release_time"]
@@ -91,7 +91,7 @@ def _motion(setup: Setup) -> Motion:
     def on_floor(t: float, state: Array) -> tuple[Array, Phase]:
         return state, _toppling(t, float(state[1]))
 
-    end = Event("end of the board", lambda t, state: state[0] - way, 1.0, on_floor)
+    end = SceneEvent("end of the board", lambda t, state: state[0] - way, 1.0, on_floor)
     start = np.array([0.0, effects.get("release-velocity", 0.0), 0.0, 0.0, 0.0])
     first = moving(pull, hold, release, start, others=lambda t, state: np.zeros(3), events=(end,))
     return integrate(first, start, release, max(setup.duration_s, release) + 1.0)
@@ -115,10 +115,10 @@ def _toppling(start_s: float, speed: float) -> Phase:
         del t
         return state, resting(5)
 
-    return Phase("contact", rate, (Event("rest", lambda t, state: t - start_s - stop, 1.0, over),), 0.02)
+    return Phase("contact", rate, (SceneEvent("rest", lambda t, state: t - start_s - stop, 1.0, over),), 0.02)
 
 
-def _props(setup: Setup, view: View, run: float, rise: float) -> tuple[Layer, ...]:
+def _props(setup: Setup, view: CameraView, run: float, rise: float) -> tuple[Layer, ...]:
     half = BOARD_THICKNESS_M / 2
     angle, length = setup["angle"], setup["board_length"]
     middle = (run / 2 + half * math.sin(angle), rise / 2 - half * math.cos(angle))

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from iris_sysid.synthetic.camera import View
+from iris_sysid.synthetic.camera import CameraView
 from iris_sysid.synthetic.effects import FORCES
-from iris_sysid.synthetic.motion import Event, Motion, Phase, integrate, resting
+from iris_sysid.synthetic.motion import Phase, SceneEvent, SceneMotion, integrate, resting
 from iris_sysid.synthetic.props import BEIGE, BLACK
-from iris_sysid.synthetic.scene import Body, Curve, Scene, Setup, Stage, Wall, stated
+from iris_sysid.synthetic.scene import Curve, Scene, SceneBody, Setup, Stage, Wall, stated
 from iris_sysid.synthetic.shapes import Colour, Layer, Outline, box, static
 from iris_sysid.types import Array, Parameter
 
@@ -38,21 +38,21 @@ def stage(setup: Setup) -> Stage:
         return np.stack([np.zeros(t_s.size), level(t_s)], axis=-1)
 
     top = full + 0.06
-    view = View(-0.75 * top - width / 2, 0.95 * top + width / 2, -RIM_M - 0.03, top)
+    view = CameraView(-0.75 * top - width / 2, 0.95 * top + width / 2, -RIM_M - 0.03, top)
     jet = Layer(_jet(setup, level), LIQUID, stop_s=motion.starts[-1], start_s=setup["release_time"])
     return Stage(
         view=view,
         wall=Wall(BEIGE),
         props=_props(setup, top),
         layers=(Layer(_liquid(level, width), LIQUID), jet),
-        bodies=(Body("1", surface, width / 2, {"h_m": level}),),
+        bodies=(SceneBody("1", surface, width / 2, {"h_m": level}),),
         stated=stated(setup, PARAMETERS),
         phase=motion.phase,
         happened=motion.happened,
     )
 
 
-def _motion(setup: Setup) -> Motion:
+def _motion(setup: Setup) -> SceneMotion:
     effects, release, full = setup.effects, setup["release_time"], setup["h_0"]
     drift, leak = effects.get("parameter-drift", 0.0), effects.get("leak", 0.0)
     overflow, offset = effects.get("overflow", 0.0), effects.get("zero-offset", 0.0)
@@ -63,7 +63,7 @@ def _motion(setup: Setup) -> Motion:
         return np.array([base - leak * head - overflow * max(float(state[0]) - OVERFLOW_AT * full, 0.0)])
 
     lowest = max(offset, 0.0) + 1e-6  # the square root has no derivative at 0
-    empty = Event("empty", lambda t, state: float(state[0]) - lowest, -1.0, lambda t, state: (state, resting(1)))
+    empty = SceneEvent("empty", lambda t, state: float(state[0]) - lowest, -1.0, lambda t, state: (state, resting(1)))
     stop = max(setup.duration_s, release) + 1.0
     return integrate(Phase("motion", rate, (empty,)), np.array([full]), release, stop)
 

@@ -23,7 +23,7 @@ LARGEST_M, SMALLEST_M = 0.5, 1e-3  # diameter of a body that people drop, throw 
 SIZE_OFF = 2.0  # ratio of a stated radius to the tracked one: a tracker sees an edge, a shadow, part of a body
 RATES_HZ = (24, 25, 30, 50, 60, 90, 100, 120, 200, 240, 300, 400, 480, 500, 600, 960, 1000)
 NEAR_RATE = 0.08  # natural logarithm
-FEWEST = 5
+MIN_SAMPLES = 5
 ROUGH = 0.15  # relative standard error of a radius that tells no frame rate
 CLEARLY = 3.0  # standard errors by which a fall must differ from none
 
@@ -136,7 +136,7 @@ def _metres(
 def _of_a_flight(body: Trajectory, gravity: float) -> GravityMetre | None:
     """From the parabola of the height over time."""
     used = body.valid & body.mask("motion")
-    if used.sum() < FEWEST:
+    if used.sum() < MIN_SAMPLES:
         return None
     t_s, height = body.t_s[used] - body.t_s[used][0], body.position[used, body.column("z")]
     coefficients, covariance = np.polyfit(t_s, height, 2, cov=True)
@@ -154,7 +154,7 @@ def _of_a_swing(body: Trajectory, fit: FitResult, gravity: float, name: str) -> 
     if not fit.usable or length is None or fitted is None or not length.value > 0:
         return None
     used = body.valid & body.mask("motion")
-    if used.sum() < FEWEST:
+    if used.sum() < MIN_SAMPLES:
         return None
     radius, stderr = circle_radius(body.position[used, :2])
     if not stderr < radius:

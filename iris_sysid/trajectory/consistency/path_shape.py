@@ -23,7 +23,7 @@ SIDEWAYS = 0.3  # range of x over that of z: a ball that bounces upright is no p
 PARABOLA = 0.02  # rms residual over the motion's standard deviation
 STRAIGHT = 0.02  # scatter across a line over the scatter along it
 UPRIGHT = 0.15  # range of x over that of z of a fall
-FEWEST = 8
+MIN_SAMPLES = 8
 
 
 def shape_of(body: Trajectory) -> PathShape:
@@ -38,11 +38,11 @@ def shape_of(body: Trajectory) -> PathShape:
         x and z (n, 2), segmented, in m or px.
     """
     free = body.valid & ~(body.mask("hand") if body.segments else np.zeros(body.n, dtype=np.bool_))
-    across, up = np.ptp(body.position[free, :2], axis=0) if free.sum() >= FEWEST else (0.0, 0.0)
+    across, up = np.ptp(body.position[free, :2], axis=0) if free.sum() >= MIN_SAMPLES else (0.0, 0.0)
     if across > SIDEWAYS * up and reversals(body.position[free, 0]) >= TURNS:
         return "swings"
     used = body.valid & body.mask("motion")
-    if used.sum() < FEWEST:
+    if used.sum() < MIN_SAMPLES:
         return "unknown"
     return _single_run(body.t_s[used], body.position[used, :2])
 

@@ -12,11 +12,11 @@ from iris_sysid.types import Array, Mask, mapped
 
 Form = Literal["similarity", "affine"]
 
-FEWEST_POINTS = 8
+MIN_POINTS = 8
 CUTOFF = 4.685  # of Tukey's weights, in standard deviations: 95 % efficient for normal errors
 MAD_TO_SD = 1.4826
 ROUNDS = 6
-LEAST_SD = 0.01  # px: points closer than this are equally good
+MIN_SD = 0.01  # px: points closer than this are equally good
 CLUSTERS = 6  # tiles a side: errors of points in one tile are taken to be alike
 
 
@@ -57,7 +57,7 @@ def numbers_to_map(form: Form) -> Array:
 
 def first_guess(points: Array, places: Array, tolerance_px: float) -> Array | None:
     """The similarity (2, 3) px by which most points (n, 2) reach their places (n, 2), by random sampling."""
-    if len(points) < FEWEST_POINTS:
+    if len(points) < MIN_POINTS:
         return None
     motion, _ = cv2.estimateAffinePartial2D(points, places, ransacReprojThreshold=tolerance_px, maxIters=500)
     return None if motion is None else np.asarray(motion, dtype=np.float64)
@@ -84,14 +84,14 @@ def fitted(
     """
     seen = np.isfinite(places).all(axis=1) & np.isfinite(points).all(axis=1)
     given = np.where(seen, 1.0, 0.0) if prior is None else np.where(seen, prior, 0.0)
-    if np.count_nonzero(given) < FEWEST_POINTS:
+    if np.count_nonzero(given) < MIN_POINTS:
         return None
     design, rows = basis(points[seen], form), given[seen]
     motion, spread, weight = start, np.inf, rows
     for _ in range(ROUNDS):
         residual = places[seen] - mapped(motion, points[seen])
         weight, spread = _tukey(residual, rows)
-        if np.count_nonzero(weight) < FEWEST_POINTS:
+        if np.count_nonzero(weight) < MIN_POINTS:
             return None
         numbers = _solved(design, places[seen], weight)
         motion = (numbers_to_map(form) @ numbers).reshape(2, 3)
@@ -107,7 +107,7 @@ def _tukey(residual: Array, given: Array) -> tuple[Array, float]:
     distance = np.hypot(*residual.T)
     counted = given > 0
     # the median of a distance in the plane is 1.1774 standard deviations
-    spread = max(LEAST_SD, float(np.median(distance[counted])) / 1.1774)
+    spread = max(MIN_SD, float(np.median(distance[counted])) / 1.1774)
     return given * np.maximum(1 - (distance / (CUTOFF * spread)) ** 2, 0.0) ** 2, spread
 
 

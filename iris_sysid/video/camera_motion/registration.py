@@ -18,9 +18,9 @@ import numpy as np
 from iris_sysid.types import Array, CameraMotion, Frame, Mask, Progress, mapped, with_progress
 from iris_sysid.video.camera_motion.affine import (
     CUTOFF,
-    FEWEST_POINTS,
-    LEAST_SD,
     MAD_TO_SD,
+    MIN_POINTS,
+    MIN_SD,
     Fit,
     first_guess,
     fitted,
@@ -29,11 +29,11 @@ from iris_sysid.video.camera_motion.texture import Bytes, Texture, corners, foun
 
 WIDEST = 960  # px: a larger image is followed at reduced size
 POINTS = 300  # of a key frame
-FEWEST_CORNERS = 2 * FEWEST_POINTS
+MIN_CORNERS = 2 * MIN_POINTS
 LEFT = 0.6  # of a key frame's points: with fewer in view, the frame becomes a key frame
 CATCH_PX = 2.0  # of the reduced image: tolerance of the first fit
 PASSES = 3  # of fitting points and frames in turns
-FEWEST_FRAMES = 5  # in which a point must be seen to be given its own place
+MIN_FRAMES = 5  # in which a point must be seen to be given its own place
 # of the scatter of the points that all of them have in common at least: an encoder moves the whole image by quarters of
 # a pixel, and interpolation shifts all points alike; on drawn walls (validation/independent/shaken_scene.py) 0.2
 # without loss, 0.35 at 0.1 bits a pixel, 0.5 at 0.03. Where the camera drifts slowly these quarters last for some
@@ -80,7 +80,7 @@ class Registration:
         height, width = image.shape
         registration = cls(texture, np.array([(width - 1) / 2, (height - 1) / 2]))
         registration._add_key_frame(image, np.eye(2, 3))
-        return registration if len(registration.reference[0]) >= FEWEST_CORNERS else None
+        return registration if len(registration.reference[0]) >= MIN_CORNERS else None
 
     def add(self, frame: Frame) -> None:
         """Follow the points into the next frame."""
@@ -144,17 +144,17 @@ class Registration:
     def _settle_points(self, key: int, fits: list[Fit | None]) -> Array:
         """Move the points of a key frame to where the frames have them on average; their weights (n,)."""
         frames = [k for k, fit in enumerate(fits) if fit is not None and self.used[k] == key]
-        if len(frames) < FEWEST_FRAMES:
+        if len(frames) < MIN_FRAMES:
             return np.ones(len(self.reference[key]))
         away = np.array([mapped(_inverse(self.motions[k]), self.places[k]) - self.reference[key] for k in frames])
-        counted = np.isfinite(away).all(axis=2).sum(axis=0) >= FEWEST_FRAMES
+        counted = np.isfinite(away).all(axis=2).sum(axis=0) >= MIN_FRAMES
         middle, spread = np.zeros_like(self.reference[key]), np.full(len(counted), np.inf)
         middle[counted] = np.nanmedian(away[:, counted], axis=0)
         distance = np.hypot(*np.moveaxis(away[:, counted] - middle[counted], 2, 0))
-        spread[counted] = np.maximum(np.nanmedian(distance, axis=0) / 1.1774, LEAST_SD)
+        spread[counted] = np.maximum(np.nanmedian(distance, axis=0) / 1.1774, MIN_SD)
         typical = float(np.median(spread[counted])) if counted.any() else np.inf
         steady = spread < CUTOFF * typical
-        if np.count_nonzero(steady) < FEWEST_POINTS:
+        if np.count_nonzero(steady) < MIN_POINTS:
             return np.ones(len(self.reference[key]))
         near = steady & (np.hypot(*middle.T) < CATCH_PX)
         self.reference[key][near] += middle[near]

@@ -8,12 +8,12 @@ import numpy as np
 
 from iris_sysid.types import CameraMotion, FrameSource, Progress, mapped
 from iris_sysid.video.camera_motion.registration import registered
-from iris_sysid.video.camera_motion.steady_video import MOST_SAMPLES, Canvas, SteadyVideo
+from iris_sysid.video.camera_motion.steady_video import MAX_SAMPLES, SteadyCanvas, SteadyVideo
 from iris_sysid.video.camera_motion.survey import CameraState, survey
 
 SAMPLES = 40  # frames: as many as the trackers sample, so that they are decoded once
-FEWEST_SAMPLES = 3
-MOST_LOST = 0.5  # of the frames: with more, the motion is not known
+MIN_SAMPLES = 3
+MAX_LOST = 0.5  # of the frames: with more, the motion is not known
 CLEAR = 3.0  # standard errors: a camera that moves less stands still
 
 
@@ -53,19 +53,19 @@ def steadied(video: FrameSource, progress: Progress | None = None) -> tuple[Fram
 def examined(video: FrameSource, progress: Progress | None = None) -> CameraReport:
     """Whether the camera of a clip moves, and the steady clip where it does; ``progress`` as for :func:`steadied`."""
     samples = video.sample(SAMPLES)
-    if len(samples) < FEWEST_SAMPLES:
+    if len(samples) < MIN_SAMPLES:
         return CameraReport(CameraState.UNKNOWN)
     state = survey(samples).state
     if state is not CameraState.MOVING:
         return CameraReport(state)
     registration = registered(video.frames(), video.n_expected, progress)
-    if registration is None or registration.lost_share > MOST_LOST:
+    if registration is None or registration.lost_share > MAX_LOST:
         return CameraReport(CameraState.MOVING)
     motion = registration.motion()
     if not _clear(motion):
         return CameraReport(CameraState.STILL)
-    few = [samples[k] for k in np.unique(np.linspace(0, len(samples) - 1, MOST_SAMPLES).astype(int))]
-    return CameraReport(state, SteadyVideo(video, motion, Canvas.of(motion, video.width, video.height), few))
+    few = [samples[k] for k in np.unique(np.linspace(0, len(samples) - 1, MAX_SAMPLES).astype(int))]
+    return CameraReport(state, SteadyVideo(video, motion, SteadyCanvas.of(motion, video.width, video.height), few))
 
 
 def _clear(motion: CameraMotion) -> bool:

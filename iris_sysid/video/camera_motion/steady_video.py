@@ -18,9 +18,9 @@ Plane = Callable[[Frame], Bytes]
 
 WIDEST = 2.0  # times the frame, at most: what a long pan shows beyond is left out
 SEEN_IN = 0.25  # of the sampled frames: what fewer of them show is outside in all frames
-FEWEST_SEEN = 3  # of them
+MIN_SEEN = 3  # of them
 FILLS = 4  # variants of what is put outside, each with the noise of another frame
-MOST_SAMPLES = 15  # frames from which that is made
+MAX_SAMPLES = 15  # frames from which that is made
 LIKE_MEDIAN = 12  # grey levels: what differs by more from the median of the frames is a body that passes
 OUTSIDE = 128  # grey level of what no frame shows
 BAND = 64  # rows of the median that are worked out at once
@@ -28,7 +28,7 @@ NOT_SEEN = np.int16(32767)
 
 
 @dataclass(frozen=True, slots=True)
-class Canvas:
+class SteadyCanvas:
     """The image in which the clip is shown: ``left`` and ``top`` px of its corner in the reference, its size, px."""
 
     left: int
@@ -37,7 +37,7 @@ class Canvas:
     height: int
 
     @classmethod
-    def of(cls, motion: CameraMotion, width: int, height: int) -> Canvas:
+    def of(cls, motion: CameraMotion, width: int, height: int) -> SteadyCanvas:
         """The smallest that holds all frames of that size, not more than twice as wide and high as one of them."""
         corners = np.array([[0.0, 0.0], [width, 0.0], [0.0, height], [width, height]])
         back = np.array([cv2.invertAffineTransform(one) for one in motion.to_frame])
@@ -76,7 +76,7 @@ class OnCanvas(ABC):
 
     video: FrameSource
     motion: CameraMotion
-    canvas: Canvas
+    canvas: SteadyCanvas
 
     @property
     def width(self) -> int:
@@ -108,7 +108,7 @@ class OnCanvas(ABC):
 
 @dataclass(eq=False)
 class SteadyVideo(OnCanvas):
-    """A clip with the motion of its camera taken out: a FrameSource in px of :class:`Canvas`.
+    """A clip with the motion of its camera taken out: a FrameSource in px of :class:`SteadyCanvas`.
 
     Frames are resampled (bicubic). Where a frame does not reach, the background that other frames show there is put,
     with their noise; where few frames reach, all show the same. So nothing moves there.
@@ -193,7 +193,7 @@ def _fill_of(warped: Sequence[tuple[Bytes, Mask]]) -> _Fill:
     images, seen = [image for image, _ in warped], [mask for _, mask in warped]
     median = _median(images, seen)
     count = np.sum(seen, axis=0, dtype=np.int64)
-    outside = np.asarray(count < max(FEWEST_SEEN, SEEN_IN * len(images)), dtype=np.uint8)
+    outside = np.asarray(count < max(MIN_SEEN, SEEN_IN * len(images)), dtype=np.uint8)
     variants = []
     for k in np.linspace(0, len(images) - 1, FILLS).astype(int):
         near = cv2.absdiff(images[k], median) < LIKE_MEDIAN

@@ -14,24 +14,24 @@ from enum import Enum
 import numpy as np
 
 from iris_sysid.types import Array, Frame, Mask, mapped
-from iris_sysid.video.camera_motion.affine import FEWEST_POINTS, first_guess, moved_together
+from iris_sysid.video.camera_motion.affine import MIN_POINTS, first_guess, moved_together
 from iris_sysid.video.camera_motion.texture import Bytes, Texture, corners, found_again, inside, shift_of, texture_of
 
 WIDEST = 480  # px: a larger image is surveyed at reduced size
 POINTS, STRONGEST = 120, 40  # of the image; of those the ones that are tried first
-MOST_FRAMES = 12
+MAX_FRAMES = 12
 SPARSE = 8  # px between the pixels that tell a black frame
-LEAST_PX = 0.3  # of the reduced image: a smaller displacement is compression, or a lamp that flickers
-LEAST_FRAMES = 3  # in which the image must be displaced
+MIN_PX = 0.3  # of the reduced image: a smaller displacement is compression, or a lamp that flickers
+MIN_FRAMES = 3  # in which the image must be displaced
 AGREE_PX = 0.7  # of the reduced image: points that move with the image do so to this tolerance
 CLEAR = 3.0  # times the scatter of the points that agree: a smaller displacement may be chance
-AGREEING, LEAST_AGREEING = 0.5, 0.3  # of the points that were found again; of all
+AGREEING, MIN_AGREEING = 0.5, 0.3  # of the points that were found again; of all
 STAYING, NEARLY_PX = 0.35, 1.0  # of the displacement of the image, and px: a point that moves less stays
 STAYS_PX = 0.3  # of the reduced image: a point that is found so near in most frames stays
 STAYS_IN = 0.75  # of the frames
-MOST_STAYING = 0.2  # of the points: with more of them, spread over the image, the camera stands
-LEAST_EXTENT = 0.6  # of a side of the image, that the points span which move together
-TILES, FEWEST_TILES, FEWEST_TILES_STAYING = 4, 5, 4  # a side; of them with points that move together; that stay
+MAX_STAYING = 0.2  # of the points: with more of them, spread over the image, the camera stands
+MIN_EXTENT = 0.6  # of a side of the image, that the points span which move together
+TILES, MIN_TILES, MIN_TILES_STAYING = 4, 5, 4  # a side; of them with points that move together; that stay
 
 
 class CameraState(Enum):
@@ -53,7 +53,7 @@ class Consensus:
     @property
     def is_displaced(self) -> bool:
         """Whether the image is displaced beyond what compression and noise do to points."""
-        return self.size > max(LEAST_PX, CLEAR * self.scatter)
+        return self.size > max(MIN_PX, CLEAR * self.scatter)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -73,9 +73,9 @@ class Survey:
         """Whether the camera moves."""
         fits = {k: fit for k, fit in enumerate(self.consensus) if fit is not None}
         displaced = [k for k, fit in fits.items() if fit.is_displaced]
-        if len(displaced) >= LEAST_FRAMES and not self._some_stay(displaced):
+        if len(displaced) >= MIN_FRAMES and not self._some_stay(displaced):
             return CameraState.MOVING
-        if len(fits) >= max(LEAST_FRAMES, len(self.consensus) // 2) or self._still_points():
+        if len(fits) >= max(MIN_FRAMES, len(self.consensus) // 2) or self._still_points():
             return CameraState.STILL
         return CameraState.UNKNOWN
 
@@ -85,11 +85,11 @@ class Survey:
         expected = np.array([np.hypot(*fit.displacement.T) for fit in fits])
         typical = np.array([[fit.size] for fit in fits])
         own = np.hypot(*np.moveaxis(self.displacement[list(displaced)], 2, 0))
-        known = np.isfinite(own) & (expected > np.maximum(LEAST_PX, 0.5 * typical))
+        known = np.isfinite(own) & (expected > np.maximum(MIN_PX, 0.5 * typical))
         stays = known & (np.nan_to_num(own, nan=np.inf) < np.minimum(STAYING * expected, NEARLY_PX))
         often = known.sum(axis=0) >= max(1, len(displaced) // 2)
         staying = often & (stays.sum(axis=0) > STAYS_IN * known.sum(axis=0))
-        many = np.count_nonzero(staying) >= MOST_STAYING * np.count_nonzero(often)
+        many = np.count_nonzero(staying) >= MAX_STAYING * np.count_nonzero(often)
         return bool(many and self._spread(staying))
 
     def _still_points(self) -> bool:
@@ -100,7 +100,7 @@ class Survey:
 
     def _spread(self, chosen: Mask) -> bool:
         tiles = tiles_of(self.points[chosen], self.size)
-        return bool(np.count_nonzero(chosen) >= FEWEST_POINTS and len(tiles) >= FEWEST_TILES_STAYING)
+        return bool(np.count_nonzero(chosen) >= MIN_POINTS and len(tiles) >= MIN_TILES_STAYING)
 
 
 def tiles_of(points: Array, size: tuple[int, int]) -> set[tuple[int, int]]:
@@ -113,13 +113,13 @@ def _all_over(points: Array, size: tuple[int, int]) -> bool:
     """Whether points (n, 2) px lie all over an image of that size, or all along one of its sides."""
     low, high = np.percentile(points, (5, 95), axis=0)
     extent = (high - low) / np.array(size)
-    long = extent.max() >= LEAST_EXTENT and extent.prod() >= LEAST_EXTENT**2 / 2
-    return bool(long and len(tiles_of(points, size)) >= FEWEST_TILES)
+    long = extent.max() >= MIN_EXTENT and extent.prod() >= MIN_EXTENT**2 / 2
+    return bool(long and len(tiles_of(points, size)) >= MIN_TILES)
 
 
 def survey(frames: Sequence[Frame]) -> Survey:
     """Follow points of the middle one of some frames of a clip through the others."""
-    few = [frames[k] for k in np.unique(np.linspace(0, len(frames) - 1, MOST_FRAMES + 1).astype(int))]
+    few = [frames[k] for k in np.unique(np.linspace(0, len(frames) - 1, MAX_FRAMES + 1).astype(int))]
     middle = _middle_one(few)
     texture = texture_of(few[middle].luma, WIDEST)
     image = texture.image(few[middle].luma)
@@ -154,7 +154,7 @@ def _followed(
         own, fit = _agreed(image, now, points, points)
         if fit is None and expected is not points:
             _, fit = _agreed(image, now, points, expected)
-        if fit is None and np.hypot(*(shift := shift_of(image, now))) > LEAST_PX:
+        if fit is None and np.hypot(*(shift := shift_of(image, now))) > MIN_PX:
             _, fit = _agreed(image, now, points, points + shift)
         if fit is not None and fit.is_displaced:
             expected = points + fit.displacement
@@ -179,7 +179,7 @@ def _consensus(points: Array, own: Array, size: tuple[int, int]) -> Consensus | 
         if motion is None:
             continue
         agree = seen[moved_together((points + own)[seen], points[seen], motion, AGREE_PX)]
-        enough = len(agree) > max(AGREEING * len(seen), LEAST_AGREEING * count, FEWEST_POINTS)
+        enough = len(agree) > max(AGREEING * len(seen), MIN_AGREEING * count, MIN_POINTS)
         if enough and _all_over(points[agree], size):
             displacement = mapped(motion, points) - points
             moved, scatter = (np.median(np.hypot(*part[agree].T)) for part in (displacement, own - displacement))

@@ -14,12 +14,12 @@ Bytes = NDArray[np.uint8]
 
 WIDE = 31  # px: shades that vary over more are light, not texture
 GAIN_TO = 100.0  # grey levels that the strongest texture is brought to
-MOST_GAIN = 8.0  # of texture: beyond it, it is noise
+MAX_GAIN = 8.0  # of texture: beyond it, it is noise
 STRONGEST = 99.5  # percentile of the texture
 PATCH = 21  # px, side of the patch that is found again
 LEVELS = 3  # halvings of the image: a patch is found that moved by up to about 80 px
 ENOUGH = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 1e-3)
-LEAST_QUALITY = 1e-3  # of the strongest corner
+MIN_QUALITY = 1e-3  # of the strongest corner
 TILES = 4  # a side, each with its own corners
 TILED = range(TILES**2)
 LOOK_AT = 10  # times as many candidates as are wanted, for points that lie apart
@@ -42,7 +42,7 @@ def texture_of(luma: Bytes, widest: int) -> Texture:
     """The texture of a clip with frames like this luma (h, w), grey levels, searched at most ``widest`` px wide."""
     step = -(-luma.shape[1] // widest)
     strongest = float(np.percentile(np.abs(_without_shades(luma, step)), STRONGEST))
-    return Texture(step, min(MOST_GAIN, GAIN_TO / max(strongest, 1.0)))
+    return Texture(step, min(MAX_GAIN, GAIN_TO / max(strongest, 1.0)))
 
 
 def _without_shades(luma: Bytes, step: int) -> NDArray[np.float32]:
@@ -71,7 +71,7 @@ def corners(image: Bytes, count: int) -> Array:
     """
     height, width = image.shape
     strength = cv2.cornerMinEigenVal(image, 7)
-    peaks = (strength == cv2.dilate(strength, np.ones((5, 5), np.uint8))) & (strength > LEAST_QUALITY * strength.max())
+    peaks = (strength == cv2.dilate(strength, np.ones((5, 5), np.uint8))) & (strength > MIN_QUALITY * strength.max())
     peaks[:BORDER] = peaks[height - BORDER :] = False
     peaks[:, :BORDER] = peaks[:, width - BORDER :] = False
     rows, columns = np.nonzero(peaks)
