@@ -1,7 +1,7 @@
-// The page of a review: clip, track, trajectory and residual under one cursor; every edit goes to the server at once.
+// A review: clip, track, trajectory and residual under one cursor; every edit goes to the server at once. The state below
+// is that of one review: page.js opens it in a page, widget.js in a notebook, where each view loads a module of its own.
 
-const token = document.querySelector('meta[name="token"]').content;
-const $ = (id) => document.getElementById(id);
+const $ = (id) => root.getElementById(id);
 const TAIL_S = 0.5; // of the path drawn before and after the frame
 const CLICK_PX = 4; // of the screen: a pointer that moves less clicks
 const GRAB_PX = { mouse: 12, pen: 14, touch: 24 };
@@ -10,6 +10,10 @@ const TOOLS = ["point", "mark", "scale", "pivot", "launch", "plumb", "region"];
 const TWO_POINTS = new Set(["scale", "plumb", "region"]);
 const COLOURS = ["#56b4e9", "#e69f00", "#2bc48a", "#f27ab8", "#f0e442", "#ff8a5c", "#b3a2ff", "#8ce0e0"];
 
+let root; // a document, or the shadow root of a widget
+let host; // the element that carries the colours
+let server; // (path, content) => { status, body } with a Blob
+let closed = false;
 let clip = null;
 let state = null;
 let fit = null;
@@ -32,37 +36,18 @@ const pointers = new Map();
 // ------------------------------------------------------------------------------------------------ server
 
 async function ask(path, content) {
-  const options = { headers: { "x-review-token": token } };
-  if (content !== undefined) {
-    options.method = "POST";
-    options.headers["content-type"] = "application/json";
-    options.body = JSON.stringify(content);
-  }
-  let answer;
-  try {
-    answer = await fetch(path, options);
-  } catch {
-    throw new Error("The server has ended. Every edit is in the log: start the review again.");
-  }
-  if (!answer.ok) {
-    const { error } = await answer.json().catch(() => ({ error: answer.statusText }));
-    const failure = new Error(error);
-    failure.status = answer.status;
-    throw failure;
-  }
+  const { status, body } = await server(path, content);
+  if (body.type.startsWith("image/") && status < 400) return body;
+  const answer = JSON.parse(await body.text());
+  if (status >= 400) throw Object.assign(new Error(answer.error), { status });
   return answer;
-}
-
-async function get(path) {
-  return (await ask(path)).json();
 }
 
 // Changes are sent one after the other, each with the version that the one before led to.
 function change(path, more = {}) {
   queue = queue.then(async () => {
     try {
-      const answer = await ask(path, { version: state.version, ...more });
-      take(await answer.json());
+      take(await ask(path, { version: state.version, ...more }));
       say("");
     } catch (error) {
       say(error.message);
@@ -98,7 +83,7 @@ function prepared(track) {
 }
 
 async function reload() {
-  take(await get("/api/state"));
+  take(await ask("/api/state"));
 }
 
 async function askForFit() {
@@ -106,8 +91,7 @@ async function askForFit() {
   if (!tracks.size) return;
   $("fit-status").textContent = "fitting …";
   try {
-    const answer = await ask(`/api/fit?version=${version}`);
-    const next = await answer.json();
+    const next = await ask(`/api/fit?version=${version}`);
     if (next.pending) {
       setTimeout(() => version === state.version && askForFit(), 100);
     } else if (next.version === state.version) {
@@ -122,7 +106,7 @@ async function askForFit() {
 
 async function watch() {
   try {
-    const now = await get("/api/progress");
+    const now = await ask("/api/progress");
     showTracking(now.tracking);
     if (state && now.version !== state.version) {
       await queue;
@@ -131,7 +115,7 @@ async function watch() {
   } catch (error) {
     say(error.message);
   }
-  setTimeout(watch, state?.tracking.running ? 400 : 2000);
+  if (!closed) setTimeout(watch, state?.tracking.running ? 400 : 2000);
 }
 
 // ------------------------------------------------------------------------------------------------ frames
@@ -166,8 +150,7 @@ async function imageOf(number) {
   const width = wanted();
   const key = `${number}/${width}`;
   if (!images.has(key)) {
-    const answer = await ask(`/frame/${number}.jpg?width=${width}`);
-    images.set(key, await createImageBitmap(await answer.blob()));
+    images.set(key, await createImageBitmap(await ask(`/frame/${number}.jpg?width=${width}`)));
     for (const old of [...images.keys()].slice(0, -KEPT_IMAGES)) {
       if (images.get(old) !== shown.image) images.get(old).close();
       images.delete(old);
@@ -235,7 +218,7 @@ function sized(canvas) {
 }
 
 function colour(name) {
-  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  return getComputedStyle(host).getPropertyValue(`--${name}`).trim();
 }
 
 function colourOf(name) {
@@ -449,9 +432,9 @@ function curves() {
 
 function drawCurves() {
   const curve = curves();
+  $("residual").hidden = $("residual-title").hidden = !curve?.residual; // first: what is hidden has no size
   const [pen, width, height] = sized($("trajectory"));
   const [under, underWidth, underHeight] = sized($("residual"));
-  $("residual").hidden = $("residual-title").hidden = !curve?.residual;
   if (!curve) return;
   const edited = editedTimes();
   $("curve-title").textContent = `${curve.name}${curve.unit ? ` in ${curve.unit}` : ""}${curve.fit ? ", with the fit" : ""}`;
@@ -793,7 +776,7 @@ async function choosePhenomenon() {
 
 async function toggleTracking() {
   try {
-    showTracking(await (await ask(state.tracking.running ? "/api/stop" : "/api/track", { version: state.version })).json());
+    showTracking(await ask(state.tracking.running ? "/api/stop" : "/api/track", { version: state.version }));
     say("");
   } catch (error) {
     say(error.message);
@@ -804,7 +787,7 @@ async function save() {
   await queue;
   say("Saving …", true);
   try {
-    const answer = await (await ask("/api/save", { version: state.version })).json();
+    const answer = await ask("/api/save", { version: state.version });
     state.saved = state.version;
     showState();
     say(`Saved in ${answer.folder}: ${answer.saved.join(", ")}.`, true);
@@ -995,7 +978,7 @@ function centreBody() {
 function chooseTool(name) {
   tool = name;
   begun = null;
-  for (const button of document.querySelectorAll("[data-tool]")) button.setAttribute("aria-pressed", String(button.dataset.tool === name));
+  for (const button of root.querySelectorAll("[data-tool]")) button.setAttribute("aria-pressed", String(button.dataset.tool === name));
   draw();
 }
 
@@ -1047,7 +1030,7 @@ const KEYS = {
 };
 
 function keyDown(event) {
-  if (document.querySelector("dialog[open]") || !state) return;
+  if (root.querySelector("dialog[open]") || !state) return;
   const inField = event.target.matches("select, input[type='text']");
   if (event.ctrlKey || event.metaKey) {
     const key = event.key.toLowerCase();
@@ -1103,14 +1086,34 @@ function listen() {
     phenomenon: choosePhenomenon,
   };
   for (const [id, action] of Object.entries(buttons)) $(id).addEventListener("click", () => action());
-  for (const button of document.querySelectorAll("[data-tool]")) button.addEventListener("click", () => chooseTool(button.dataset.tool));
-  document.addEventListener("keydown", keyDown);
-  new ResizeObserver(() => (draw(), clip && showParts())).observe(document.querySelector("main"));
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => (draw(), showParts()));
+  for (const button of root.querySelectorAll("[data-tool]")) button.addEventListener("click", () => chooseTool(button.dataset.tool));
+  root.addEventListener("keydown", keyDown);
+  new ResizeObserver(() => (draw(), clip && showParts())).observe(root.querySelector("main"));
+  darkPreferred.addEventListener("change", showTheme);
+}
+
+const darkPreferred = matchMedia("(prefers-color-scheme: dark)");
+function showTheme() {
+  host.classList.toggle("dark", host.dataset.dark ? host.dataset.dark === "true" : darkPreferred.matches);
+  draw();
+  if (clip) showParts();
+}
+
+// Open the review in a document or a shadow root; gives the function that ends it. Its colours are set on `element`, dark
+// ones as its data-dark says, or else as the reader prefers.
+export function open(into, element, asked) {
+  [root, host, server] = [into, element, asked];
+  showTheme();
+  start().catch((error) => say(error.message));
+  return () => {
+    closed = true;
+    playing = false;
+    darkPreferred.removeEventListener("change", showTheme);
+  };
 }
 
 async function start() {
-  clip = await get("/api/clip");
+  clip = await ask("/api/clip");
   $("frame").max = Math.max(0, clip.frames - 1);
   chooseTool("point");
   listen();
@@ -1121,5 +1124,3 @@ async function start() {
   watch();
   if (!state.request.phenomenon) choosePhenomenon();
 }
-
-start().catch((error) => say(error.message));

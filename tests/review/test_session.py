@@ -252,21 +252,17 @@ def test_clip_that_was_moved_is_asked_for(project):
     open_result(project / "out", project.parent / "moved.mp4").close()
 
 
-def test_frames_are_those_of_the_reader(page):
+def test_frames_are_those_of_the_reader(page, session):
     import cv2
 
     from iris_sysid.video.reader import open_video
 
-    session_frames = {frame.index: frame.luma for frame in open_video(page_clip(page)).frames()}
+    session_frames = {frame.index: frame.luma for frame in open_video(session.clip).frames()}
     for number in (7, 3, 100, 101, 0, 119):
         content = page.get(f"/frame/{number}.jpg").content
         shown = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE)
         apart = {k: np.abs(luma.astype(float) - shown).mean() for k, luma in session_frames.items()}
         assert min(apart, key=apart.get) == number
-
-
-def page_clip(page):
-    return page.client.app.routes[0].endpoint.__self__.session.clip
 
 
 def test_narrow_frame_is_smaller(page):
