@@ -6,8 +6,8 @@ const TAIL_S = 0.5; // of the path drawn before and after the frame
 const CLICK_PX = 4; // of the screen: a pointer that moves less clicks
 const GRAB_PX = { mouse: 12, pen: 14, touch: 24 };
 const KEPT_IMAGES = 16;
-const TOOLS = ["point", "mark", "scale", "pivot", "launch", "plumb", "region"];
-const TWO_POINTS = new Set(["scale", "plumb", "region"]);
+const TOOLS = ["point", "mark", "scale", "pivot", "launch", "plumb", "region", "board", "ignore"];
+const POINTS_OF = { scale: 2, plumb: 2, region: 2, board: 4 }; // of tools that take more than one
 const COLOURS = ["#56b4e9", "#e69f00", "#2bc48a", "#f27ab8", "#f0e442", "#ff8a5c", "#b3a2ff", "#8ce0e0"];
 
 let root; // a document, or the shadow root of a widget
@@ -23,7 +23,7 @@ let view = { zoom: 1, x: 0, y: 0, whole: true }; // px of the screen for one px 
 let tool = "point";
 let body = "1";
 let cross = null; // clip px
-let begun = null; // first of two points
+let begun = []; // the first of several points
 let dragging = null;
 let asked = -1; // which question is shown
 let moved = false; // whether the person has chosen a frame
@@ -340,24 +340,31 @@ function drawBody(pen, track, row, ink) {
 }
 
 function drawScene(pen) {
-  const { marks, plumb, roi, scale_ends: ends, body_marks: bodies } = state?.request ?? { marks: {}, body_marks: [] };
-  const line = (x1, y1, x2, y2, ink) =>
-    outlined(pen, ink, () => {
-      pen.beginPath();
-      pen.moveTo(...toScreen(x1, y1));
-      pen.lineTo(...toScreen(x2, y2));
-      pen.stroke();
-    });
-  if (plumb) line(...plumb, "#9be7ff");
-  if (ends) line(...ends, "#ffe07a");
+  if (!state) return;
+  const { marks, plumb, roi, scale_points: scale, body_marks: bodies, ignored } = state.request;
+  if (plumb) line(pen, pairs(plumb), "#9be7ff");
+  if (scale) line(pen, pairs(scale), "#ffe07a", scale.length > 4);
   if (roi) box(pen, roi[0] - 0.5, roi[1] - 0.5, roi[0] + roi[2] - 0.5, roi[1] + roi[3] - 0.5);
   for (const [name, at] of Object.entries(marks)) sign(pen, ...at, name);
   for (const [name, x, y, number] of bodies) if (number === shown.number) sign(pen, x, y, `body ${name}`);
-  if (begun) {
-    sign(pen, ...begun, "");
-    if (cross && tool === "region") box(pen, ...begun, ...cross);
-    else if (cross) line(...begun, ...cross, "#fff");
-  }
+  for (const [x, y, number] of ignored) if (number === shown.number) sign(pen, x, y, "no body");
+  if (!begun.length) return;
+  for (const at of begun) sign(pen, ...at, "");
+  if (cross && tool === "region") box(pen, ...begun[0], ...cross);
+  else line(pen, cross ? [...begun, cross] : begun, "#fff");
+}
+
+function pairs(numbers) {
+  return numbers.flatMap((x, k) => (k % 2 ? [] : [[x, numbers[k + 1]]]));
+}
+
+function line(pen, points, ink, around = false) {
+  outlined(pen, ink, () => {
+    pen.beginPath();
+    for (const at of points) pen.lineTo(...toScreen(...at));
+    if (around) pen.closePath();
+    pen.stroke();
+  });
 }
 
 function box(pen, x1, y1, x2, y2) {
@@ -580,7 +587,8 @@ function showState() {
   const scene = [
     request.phenomenon ? `Phenomenon: ${request.phenomenon}.` : "No phenomenon is chosen: nothing is fitted.",
     request.scale ? `Scale: ${request.scale}.` : "No scale: positions are in px.",
-    request.body_marks.length ? `${request.body_marks.length} marks for the tracker.` : "",
+    request.body_marks.length ? `${counted(request.body_marks.length, "mark")} for the tracker.` : "",
+    request.ignored.length ? `${counted(request.ignored.length, "mark")} on what is no body.` : "",
     ...[...tracks.values()].flatMap((track) => track.doubts.map((doubt) => `Body ${track.body}: ${doubt}.`)),
   ];
   $("scene").textContent = scene.filter(Boolean).join(" ");
@@ -588,6 +596,10 @@ function showState() {
   $("swap").disabled = tracks.size < 2;
   showTracking(state.tracking);
   showWhere();
+}
+
+function counted(count, name) {
+  return `${count} ${name}${count === 1 ? "" : "s"}`;
 }
 
 function showTracking(now) {
@@ -713,12 +725,12 @@ function confirmQuestion() {
 function click(at, pointer) {
   const [x, y] = at;
   const exact = { zoom: view.zoom, pointer };
-  if (TWO_POINTS.has(tool)) {
-    if (!begun) begun = at;
-    else {
-      const first = begun;
-      begun = null;
-      twoPoints(first, at, exact);
+  if (POINTS_OF[tool]) {
+    begun.push(at);
+    if (begun.length === POINTS_OF[tool]) {
+      const points = begun;
+      begun = [];
+      severalPoints(points, exact);
     }
     return draw();
   }
@@ -728,10 +740,19 @@ function click(at, pointer) {
   } else if (tool === "mark") {
     edit("mark", { body, frame: shown.number, x, y, ...exact });
     say(`Marked as body ${body}. Track again follows it (T).`, true);
+  } else if (tool === "ignore") {
+    edit("ignore", { frame: shown.number, x, y, ...exact });
+    say("Marked as no body, and taken out of the tracks. Track again follows the bodies without it (T).", true);
   } else edit("point", { name: tool, at });
 }
 
-async function twoPoints(first, second, exact) {
+async function severalPoints(points, exact) {
+  const [first, second] = points;
+  if (tool === "board") {
+    const about = "The first side, then the one after it: 0.2m x 0.125m; or squares between the corners: 8x5 of 25mm";
+    const size = await askText("Size of the rectangle", about, "");
+    return size ? edit("board", { corners: points.flat(), size, ...exact }) : null;
+  }
   if (tool === "plumb") return edit("plumb", { ends: [...first, ...second] });
   if (tool === "region") {
     const [left, top] = [0, 1].map((k) => Math.max(0, Math.floor(Math.min(first[k], second[k]))));
@@ -892,7 +913,7 @@ function pointerDown(event) {
   }
   const grabbed = tool === "point" && event.button === 0 ? bodyAt(...at, GRAB_PX[event.pointerType] ?? 12) : null;
   dragging = { from: at, start: { ...view }, ...(grabbed ?? {}), far: false };
-  if (tool === "region" && event.button === 0) begun = toClip(...at);
+  if (tool === "region" && event.button === 0) begun = [toClip(...at)];
 }
 
 function pointerMove(event) {
@@ -930,7 +951,7 @@ function pointerUp(event) {
   const at = placeOf(event);
   if (tool === "region") {
     if (done.far) click(toClip(...at), event.pointerType);
-    else begun = null;
+    else begun = [];
   } else if (done.at) {
     body = done.track.body;
     // what is seen until the server has answered
@@ -977,7 +998,7 @@ function centreBody() {
 
 function chooseTool(name) {
   tool = name;
-  begun = null;
+  begun = [];
   for (const button of root.querySelectorAll("[data-tool]")) button.setAttribute("aria-pressed", String(button.dataset.tool === name));
   draw();
 }
@@ -1026,7 +1047,7 @@ const KEYS = {
   t: () => toggleTracking(),
   " ": () => play(),
   "?": () => $("keys").showModal(),
-  Escape: () => ((begun = null), (playing = false), draw()),
+  Escape: () => ((begun = []), (playing = false), draw()),
 };
 
 function keyDown(event) {

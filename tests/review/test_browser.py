@@ -115,6 +115,29 @@ def test_everything_goes_by_keys(project, driver):
 
 
 @pytest.mark.slow
+def test_board_is_marked_by_its_corners_and_what_is_no_body_by_a_click(project, driver):
+    (track,) = read_track(project / "out" / "track.csv")
+    with served(project / "out") as address:
+        screen = Screen(driver, address)
+        opened = screen.value("length", NOW)
+        screen.keys("8")
+        for corner in ((60, 40), (260, 40), (260, 140), (60, 140)):
+            screen.click(*corner)
+        screen.until(lambda: screen.find("dialog").get_attribute("open"))
+        screen.keys("1m x 0.5m", "\ue007")
+        screen.until(lambda: "four corners of a rectangle of 1 m by 0.5 m" in screen.text("scene"))
+        screen.until(lambda: screen.value("length", NOW) != opened)
+        screen.go_to(90)
+        screen.keys("9")
+        screen.click(*track.xy_px[90])
+        screen.until(lambda: "not there" in screen.find("stage").get_attribute("aria-label"))
+        assert "1 mark on what is no body" in screen.text("scene")
+        screen.keys("u", "u")
+        screen.until(lambda: screen.value("length", NOW) == opened)
+        assert screen.errors() == []
+
+
+@pytest.mark.slow
 def test_browser_that_dies_loses_nothing(project, tmp_path):
     with served(project / "out") as address:
         with started_browser(tmp_path / "first", WINDOW) as driver:
