@@ -187,7 +187,12 @@ def show_verdict(verdict: Verdict, json: bool) -> None:
 def suggest(*arguments: object, json: bool = False) -> None:
     """Print the next command to type on stderr; nothing beside JSON, which a program reads."""
     if not json:
-        typer.echo(f"next: iris-sysid {shlex.join(map(str, arguments))}", err=True)
+        typer.echo(f"next: {command(*arguments)}", err=True)
+
+
+def command(*arguments: object) -> str:
+    """A command of this program as it is typed."""
+    return f"iris-sysid {shlex.join(map(str, arguments))}"
 
 
 def repeated(option: str, values: Sequence[str] | None) -> list[str]:
