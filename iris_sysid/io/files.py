@@ -30,7 +30,6 @@ PACKAGES = (
     "scipy",
     "numba",
     "lmfit",
-    "filterpy",
     "pandas",
     "pysindy",
     "opencv-contrib-python-headless",
