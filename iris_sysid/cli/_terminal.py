@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import os
 import shlex
+import subprocess
 import sys
 import sysconfig
 import traceback
@@ -191,8 +193,9 @@ def suggest(*arguments: object, json: bool = False) -> None:
 
 
 def command(*arguments: object) -> str:
-    """A command of this program as it is typed."""
-    return f"iris-sysid {shlex.join(map(str, arguments))}"
+    """A command of this program as it is typed, by the rules of the system's own shell."""
+    texts = list(map(str, arguments))
+    return f"iris-sysid {subprocess.list2cmdline(texts) if os.name == 'nt' else shlex.join(texts)}"
 
 
 def repeated(option: str, values: Sequence[str] | None) -> list[str]:
