@@ -31,6 +31,7 @@ PACKAGES = (
     "scipy",
     "numba",
     "lmfit",
+    "filterpy",
     "pandas",
     "pysindy",
     "opencv-contrib-python-headless",

@@ -13,10 +13,11 @@ Where an impact or a release breaks the motion the filter stops and starts again
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from filterpy.kalman import KalmanFilter
 from scipy.optimize import minimize_scalar
 
 from iris_sysid.errors import DataError
@@ -25,7 +26,8 @@ from iris_sysid.trajectory.white_jerk_model import (
     SmootherStart,
     diffuse_start,
     innovations,
-    smoothed_states,
+    process_noise,
+    transition,
 )
 from iris_sysid.types import Array, Mask, Smoothed, Trajectory, chi2_ppf
 
@@ -293,14 +295,16 @@ def _smooth_piece(trajectory: Trajectory, piece: slice, fitted: list[_ProcessNoi
     """States (m, d, 3) and covariance of positions and velocities (m, 2d, 2d) of one piece."""
     valid = trajectory.valid[piece]
     third = int(np.flatnonzero(valid)[ORDER - 1])
+    scaled = [_Scaled.of(trajectory, piece, column, noise) for column, noise in enumerate(fitted)]
+    state, covariance = _filterpy(scaled, valid, third)
     states = np.empty((valid.size, len(fitted), ORDER))
     spread = np.zeros((valid.size, 2 * len(fitted), 2 * len(fitted)))
-    for column, noise in enumerate(fitted):
-        part = _Scaled.of(trajectory, piece, column, noise)
-        x, p = part.smoothed(valid, third)
+    for column, part in enumerate(scaled):
+        block = slice(ORDER * column, ORDER * (column + 1))
+        x, p = part.with_start(state[:, block], covariance[:, block, block], third)
         units = part.unit / part.tau ** np.arange(ORDER)
         states[:, column] = x * units
-        p = (p + p.transpose(0, 2, 1)) / 2 * np.outer(units, units) * noise.scale
+        p = (p + p.transpose(0, 2, 1)) / 2 * np.outer(units, units) * fitted[column].scale
         rows = np.array([column, len(fitted) + column])
         spread[:, rows[:, None], rows] = p[:, :2, :2]
     return states, spread
@@ -328,18 +332,50 @@ class _Scaled:
         psd = noise.ratio * tau**5 / unit**2
         return cls(t, z, variance, psd, unit, tau, diffuse_start(t[valid], z[valid], variance[valid], psd))
 
-    def smoothed(self, valid: Mask, third: int) -> tuple[Array, Array]:
-        """States (m, 3) and covariances (m, 3, 3); those before the third measurement are put in front."""
-        later = slice(third, None)
-        state, covariance = smoothed_states(
-            self.t[later],
-            self.z[later],
-            self.variance[later],
-            valid[later],
-            self.psd,
-            self.start.state,
-            self.start.covariance,
-        )
+    def with_start(self, state: Array, covariance: Array, third: int) -> tuple[Array, Array]:
+        """Put the samples before the third measurement in front of the smoothed ones."""
         before = [self.start.earlier(t, state[0], covariance[0]) for t in self.t[:third]]
         states = np.array([x for x, _ in before] + list(state))
         return states, np.array([p for _, p in before] + list(covariance))
+
+
+def _filterpy(scaled: list[_Scaled], valid: Mask, third: int) -> tuple[Array, Array]:
+    """Filter and smooth from the third measurement on: states (m, 3d), covariance (m, 3d, 3d).
+
+    All quantities share one filter, whose blocks do not couple. ``rts_smoother`` of the class takes the transition
+    *into* each step; a gap is a measurement None.
+    """
+    size = ORDER * len(scaled)
+    kalman = KalmanFilter(dim_x=size, dim_z=len(scaled))
+    kalman.H = np.zeros((len(scaled), size))
+    kalman.H[np.arange(len(scaled)), ORDER * np.arange(len(scaled))] = 1.0
+    kalman.x = np.concatenate([part.start.state for part in scaled])
+    kalman.P = _block_diagonal([part.start.covariance[None] for part in scaled])[0]
+    steps = [np.diff(part.t[third:], prepend=part.t[third]) for part in scaled]
+    transitions = _block_diagonal([transition(dt) for dt in steps])
+    noises = _block_diagonal([process_noise(dt, part.psd) for dt, part in zip(steps, scaled, strict=True)])
+    variances = _block_diagonal([part.variance[third:, None, None] for part in scaled])
+    measured = list(_measurements(scaled, valid, third))
+    first_x, first_p = kalman.x.copy(), kalman.P.copy()
+    later = slice(1, None)
+    means, covariances, _, _ = kalman.batch_filter(
+        measured[later], Fs=transitions[later], Qs=noises[later], Rs=variances[later]
+    )
+    means, covariances = np.concatenate([[first_x], means]), np.concatenate([[first_p], covariances])
+    state, covariance, _, _ = kalman.rts_smoother(means, covariances, Fs=transitions, Qs=noises)
+    return state, covariance
+
+
+def _measurements(scaled: list[_Scaled], valid: Mask, third: int) -> Iterator[Array | None]:
+    values = np.stack([part.z[third:] for part in scaled], axis=1)
+    return (value if seen else None for value, seen in zip(values, valid[third:], strict=True))
+
+
+def _block_diagonal(blocks: list[Array]) -> Array:
+    """Stack matrices (m, k, k) into (m, k d, k d), one block per quantity."""
+    size = blocks[0].shape[1]
+    whole = np.zeros((blocks[0].shape[0], size * len(blocks), size * len(blocks)))
+    for k, block in enumerate(blocks):
+        part = slice(size * k, size * (k + 1))
+        whole[:, part, part] = block
+    return whole

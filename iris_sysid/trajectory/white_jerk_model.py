@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from iris_sysid.io.kernels import kernel
-from iris_sysid.types import Array, Mask
+from iris_sysid.types import Array
 
 ORDER = 3  # numbers in the state: as many samples fix it when nothing is known beforehand
 _BACKWARDS = np.array([1.0, -1.0, 1.0])  # value, rate, second derivative of the same motion when time runs backwards
@@ -164,65 +164,3 @@ def innovations(
         p00, p01, p02 = p00 * variance[k + 3] / s, p01 * variance[k + 3] / s, p02 * variance[k + 3] / s
         innovation[k], innovation_variance[k] = y, s
     return innovation, innovation_variance
-
-
-@kernel(error_model="python")
-def smoothed_states(
-    t: Array, z: Array, variance: Array, valid: Mask, psd: float, state: Array, covariance: Array
-) -> tuple[Array, Array]:  # pragma: no cover - compiled
-    """State at every time given all data: the Kalman filter forwards, the Rauch-Tung-Striebel smoother backwards.
-
-    ``x_k|n = x_k|k + C (x_k+1|n - F x_k|k)``, ``P_k|n = P_k|k + C (P_k+1|n - P_k+1|k) C'``, ``C = P_k|k F' P_k+1|k^-1``
-    (Rauch, Tung and Striebel 1965, AIAA Journal 3, 1445). Times are in s, variances in the squared unit of the
-    measurements.
-
-    Parameters
-    ----------
-    t
-        (n,) times, the first that of the third measurement.
-    z, variance, valid
-        (n,) measurements, the variance of each, and where there is one.
-    psd
-        Power spectral density of the jerk.
-    state, covariance
-        (3,) and (3, 3) at the first time, from :func:`diffuse_start`.
-
-    Returns
-    -------
-    states : (n, 3)
-    covariances : (n, 3, 3)
-    """
-    count = t.size
-    states, covariances = np.empty((count, 3)), np.empty((count, 3, 3))
-    ahead = np.empty((count, 3, 3))  # P_k|k-1
-    states[0], covariances[0], ahead[0] = state, covariance, covariance
-    move = np.eye(3)
-    for k in range(1, count):
-        dt = t[k] - t[k - 1]
-        move[0, 1] = move[1, 2] = dt
-        move[0, 2] = dt * dt / 2
-        x, p = move @ states[k - 1], move @ covariances[k - 1] @ move.T
-        p[0, 0] += psd * dt**5 / 20
-        p[0, 1] += psd * dt**4 / 8
-        p[0, 2] += psd * dt**3 / 6
-        p[1, 1] += psd * dt**3 / 3
-        p[1, 2] += psd * dt**2 / 2
-        p[2, 2] += psd * dt
-        p[1, 0], p[2, 0], p[2, 1] = p[0, 1], p[0, 2], p[1, 2]
-        ahead[k] = p
-        if valid[k]:
-            s = p[0, 0] + variance[k]
-            gain = p[:, 0] / s
-            x = x + gain * (z[k] - x[0])
-            keep = np.eye(3)
-            keep[:, 0] -= gain
-            p = keep @ p @ keep.T + variance[k] * np.outer(gain, gain)  # of Joseph: symmetric and positive
-        states[k], covariances[k] = x, p
-    for k in range(count - 2, -1, -1):
-        dt = t[k + 1] - t[k]
-        move[0, 1] = move[1, 2] = dt
-        move[0, 2] = dt * dt / 2
-        back = np.linalg.solve(ahead[k + 1], move @ covariances[k]).T
-        states[k] += back @ (states[k + 1] - move @ states[k])
-        covariances[k] += back @ (covariances[k + 1] - ahead[k + 1]) @ back.T
-    return states, covariances
