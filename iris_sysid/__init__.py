@@ -79,6 +79,7 @@ if TYPE_CHECKING:
     from iris_sysid.report.notebook import to_html as to_html
     from iris_sysid.report.plots import plot as plot
     from iris_sysid.report.text import discovery_sentence as discovery_sentence
+    from iris_sysid.review.notebook import review_widget as review_widget
     from iris_sysid.synthetic.board import render_checkerboard as render_checkerboard
     from iris_sysid.synthetic.clip import render_clip as render_clip
     from iris_sysid.synthetic.scene import SCENES as SCENES
@@ -167,6 +168,7 @@ _HOME = {
         "iris_sysid.report.plots": "plot",
         "iris_sysid.report.diagnosis_text": "diagnosis_sentence diagnosis_text",
         "iris_sysid.report.text": "discovery_sentence",
+        "iris_sysid.review.notebook": "review_widget",
         "iris_sysid.synthetic.board": "render_checkerboard",
         "iris_sysid.synthetic.clip": "render_clip",
         "iris_sysid.synthetic.scene": "SCENES",

@@ -126,6 +126,7 @@ def observe(
     marks_px: Mapping[str, tuple[float, float]] | None = None,
     clock_stderr: float = 0.0,
     image_size: tuple[int, int] | None = None,
+    world: Sequence[Trajectory] = (),
 ) -> tuple[list[Trajectory], Trajectory]:
     """Turn tracks into the trajectory that the phenomenon's model observes, segmented and smoothed.
 
@@ -145,6 +146,8 @@ def observe(
         Relative standard error of the frame rate.
     image_size
         Width and height of the video, px; that of the calibration where it is not given.
+    world
+        x and z of each body with their segments, from an earlier call with the same tracks and calibration.
 
     Returns
     -------
@@ -167,7 +170,7 @@ def observe(
     chosen, marks = _phenomenon(phenomenon), marks_px or {}
     if len(tracks) < chosen.bodies:
         raise DataError(f"{chosen.name} needs {chosen.bodies} bodies, but {len(tracks)} were tracked; see --bodies")
-    world = [segmented(body, calibration, chosen) for body in tracks]
+    world = list(world) or [segmented(body, calibration, chosen) for body in tracks]
 
     def known(by: Calibration) -> dict[str, Estimate]:
         return {**(settings or {}), **_marks_in_world(marks, tracks[0], by)}
@@ -498,7 +501,10 @@ def observe_and_fit(
     from fitters.refined_geometry import fit_in_turns, with_constants
     from iris_sysid.trajectory.consistency.checks import doubts_of_run
 
+    world: list[Trajectory] = []
+
     def observing(known: Mapping[str, Estimate]) -> tuple[list[Trajectory], Trajectory]:
+        nonlocal world
         world, trajectory = observe(
             tracks,
             calibration,
@@ -507,6 +513,7 @@ def observe_and_fit(
             marks_px=marks_px,
             clock_stderr=clock_stderr,
             image_size=image_size,
+            world=world,
         )
         stated = {**known, **_marks_in_world(marks_px or {}, tracks[0], calibration)}
         return world, with_constants(trajectory, phenomenon, stated, free)

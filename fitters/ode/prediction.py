@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,21 +11,26 @@ from fitters.integrator.initial_value_problem import Hold, difference_steps, val
 from fitters.ode.model_discrepancy import SOURCE
 from fitters.ode.simulation import problem_at
 from iris_sysid.errors import DataError, FitError
-from iris_sysid.types import NORMAL_975, Array, Diagnosis, Discovery, FitResult, OdeModel, Run, frozen_array
+from iris_sysid.types import NORMAL_975, Array, Diagnosis, Discovery, FitResult, OdeModel, Run, Shown, frozen_array
 
 TOLERANCE = 1e-9
 SAME_TIME = 1e-6  # of a sample's interval: times this near are one, or their difference quotient is rounding error
 
 
-class Prediction(NamedTuple):
-    """Observed quantities (n, d) at times ``t_s`` (n,) s, and the standard error (n, d) of each."""
+@dataclass(frozen=True, eq=False, slots=True)
+class Prediction(Shown):
+    """Observed quantities (n, d) at times ``t_s`` (n,) s, and the standard error (n, d) of each.
+
+    ``fitted`` is the fit that is continued.
+    """
 
     t_s: Array
     observed: Array
     stderr: Array
+    fitted: FitResult
 
     def __repr__(self) -> str:
-        return f"Prediction at {self.t_s.size} times"
+        return f"Prediction of {self.fitted.model.name} at {self.t_s.size} times"
 
     @property
     def lower(self) -> Array:
@@ -102,7 +107,7 @@ def predict(
         known = _inputs_on(grid, fitted.model, times, inputs, hold)
         found, error = _solved(fitted, grid, known, hold)
         observed[after], stderr[after] = found[where], error[where]
-    return Prediction(times, observed, stderr)
+    return Prediction(times, observed, stderr, fitted)
 
 
 def _fit_of(result: FitResult | Discovery | Diagnosis | Run) -> FitResult:

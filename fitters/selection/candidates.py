@@ -24,6 +24,7 @@ from iris_sysid.types import Array, Estimate, FitResult, Mask, ModelCandidate, O
 
 ENOUGH = 400  # samples for a first fit: of more than twice that every second is taken, and so on
 ADEQUATE_NOISE, ADEQUATE_MOTION = 3.0, 0.02  # residual below 3 times the noise, or 2 % of the motion
+WITH_DRAG_MOTION = 0.2  # residual of the motion above which no drag would make an equation the right one
 FAR = 1e6  # in units of the noise: a prediction that has diverged
 NEAR = 10.0  # times the best held-out error: what predicts worse is not fitted to all samples
 SHOWN = 4  # samples on either side of an event: a position, a velocity, and two that agree with them
@@ -104,11 +105,29 @@ def _finished(begun: _Begun) -> ModelCandidate:
     n = observable.quantities.size + observable.rest.size
     count = len(full.free) + observable.count
     bic = n * float(np.log(max(residual, 1e-6) ** 2)) + count * float(np.log(n)) + _pulls(full, begun.request.fixed)
-    adequate = residual <= max(ADEQUATE_NOISE, ADEQUATE_MOTION * trial.motion)
+    limit = max(ADEQUATE_NOISE, ADEQUATE_MOTION * trial.motion)
+    adequate = residual <= limit or (
+        residual <= WITH_DRAG_MOTION * trial.motion and _residual_with_drag(begun, full) <= limit
+    )
     idle = _idle(begun.request.model, full, trial.t_s)
     return ModelCandidate(
         begun.name, observable.name, begun.heldout, residual, bic, adequate, full, "", count, idle, _expected(begun)
     )
+
+
+def _residual_with_drag(begun: _Begun, full: FitResult) -> float:
+    """The residual with a drag of the air beside, which any motion has, in units of the noise; inf where none applies.
+
+    An equation that describes the motion but for its drag is the right one, and incomplete.
+    """
+    drag, observable = EFFECTS["quadratic-drag"], begun.trial.observable
+    if not drag.applies(begun.request.model):
+        return np.inf
+    start = {name: full.estimates[name].value for name in full.free}
+    near = replace(begun.request.options, local=True)
+    dragged = with_effect(begun.request.model, drag)
+    fitted = solve(begun.request.with_(model=dragged, start=start, options=near))
+    return _rms(observable, fitted.predicted, np.ones_like(begun.trial.known)) if fitted.usable else np.inf
 
 
 def _expected(begun: _Begun) -> float:

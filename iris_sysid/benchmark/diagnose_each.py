@@ -78,7 +78,7 @@ class DiagnoseEach:
         try:
             request = self.prepare(table.path)
             if not _is_done(folder / table.name, request.clip):
-                _diagnose(request, folder / table.name)
+                _diagnose(request, table.path, folder / table.name)
         except OutputError:
             raise
         except IrisError as error:
@@ -184,10 +184,11 @@ def _lost(folder: Path, table: NamedTable) -> str:
     return "the process that diagnosed it died; is there enough memory?"
 
 
-def _diagnose(request: DiagnosisRequest, folder: Path) -> None:
+def _diagnose(request: DiagnosisRequest, table: Path, folder: Path) -> None:
     from iris_sysid.diagnosis.diagnose import diagnose
     from iris_sysid.registry import EFFECTS
     from iris_sysid.report.diagnosis_page import write_diagnosis
+    from iris_sysid.report.film import footage_of_table
 
     (folder / DOCUMENT).unlink(missing_ok=True)  # a document that is there belongs to the page beside it
     diagnosis = diagnose(
@@ -199,7 +200,7 @@ def _diagnose(request: DiagnosisRequest, folder: Path) -> None:
         holdout=request.holdout,
         **request.limits,
     )
-    write_diagnosis(diagnosis, request.clip, folder, overwrite=True)
+    write_diagnosis(diagnosis, request.clip, folder, footage=footage_of_table(table, request.clip), overwrite=True)
 
 
 def _chosen(clip: Trajectory) -> OdeModel:

@@ -12,6 +12,7 @@ from typing import Any
 from iris_sysid.benchmark.dataset import SUFFIXES as CLIPS
 from iris_sysid.errors import DataError
 from iris_sysid.io.grouped_table import groups_of_table
+from iris_sysid.io.windows_paths import RESERVED
 from iris_sysid.types import Calibration, ClipOptions, Estimate, GeometryOptions, Phenomenon, TrackOptions
 
 TABLES = (".csv", ".txt", ".tsv", ".dat", ".xlsx", ".xls")
@@ -20,8 +21,6 @@ TRUTH = ".truth.csv"  # beside a clip that iris-sysid render made
 RUN_TABLE = "trajectory.csv"  # in a folder that iris-sysid run wrote
 MOST_GROUPS = 1000
 LONGEST_NAME = 60
-# names that Windows keeps for devices
-RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from urllib.parse import quote
 
@@ -17,6 +18,7 @@ from iris_sysid.report.text import as_sentence, interval_text, shown_unit, with_
 from iris_sysid.report.typeset import typeset
 from iris_sysid.types import SPOKEN, Estimate, Population
 
+NO_REVIEWS: Mapping[str, str] = MappingProxyType({})
 FAR = 100.0  # standard errors, beyond which decimals say nothing
 CAPTION = (
     "The value of each group with its 95 % interval. Orange squares are groups to look at; an open square is left out "
@@ -24,7 +26,14 @@ CAPTION = (
 )
 
 
-def write_page(result: ClassResult, title: str, path: str | Path, *, overwrite: bool = False) -> Path:
+def write_page(
+    result: ClassResult,
+    title: str,
+    path: str | Path,
+    *,
+    reviews: Mapping[str, str] = NO_REVIEWS,
+    overwrite: bool = False,
+) -> Path:
     """Write the page of a class as one HTML file that needs no other.
 
     Parameters
@@ -35,6 +44,8 @@ def write_page(result: ClassResult, title: str, path: str | Path, *, overwrite: 
         Of the page.
     path
         File to write.
+    reviews
+        By name of a group, the command that opens its track in the browser to be corrected.
     overwrite
         Replace a file that exists.
 
@@ -48,10 +59,10 @@ def write_page(result: ClassResult, title: str, path: str | Path, *, overwrite: 
     OutputError
         When the file exists or cannot be written.
     """
-    return write_atomic(path, page_text(result, title), overwrite=overwrite)
+    return write_atomic(path, page_text(result, title, reviews), overwrite=overwrite)
 
 
-def page_text(result: ClassResult, title: str) -> str:
+def page_text(result: ClassResult, title: str, reviews: Mapping[str, str] = NO_REVIEWS) -> str:
     """The page as HTML; every text in it is escaped."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("iris_sysid.classroom", "templates"),
@@ -65,7 +76,7 @@ def page_text(result: ClassResult, title: str) -> str:
         title=title,
         headline=typeset(as_sentence(result.sentence)),
         comparisons=[typeset(as_sentence(item.text)) for item in result.comparisons],
-        named=[_named(group) for group in result.named],
+        named=[_named(group, reviews.get(group.name, "")) for group in result.named],
         picture=svg_of(class_figure(result)),
         caption=CAPTION,
         columns=_columns(result, others),
@@ -77,8 +88,8 @@ def page_text(result: ClassResult, title: str) -> str:
     )
 
 
-def _named(group: GroupResult) -> dict[str, str]:
-    return {"name": group.name, "cause": typeset(group.cause), "page": _link(group)}
+def _named(group: GroupResult, review: str) -> dict[str, str]:
+    return {"name": group.name, "cause": typeset(group.cause), "page": _link(group), "review": review}
 
 
 def _link(group: GroupResult) -> str:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import os
 import shlex
+import subprocess
 import sys
 import sysconfig
 import traceback
@@ -187,7 +189,13 @@ def show_verdict(verdict: Verdict, json: bool) -> None:
 def suggest(*arguments: object, json: bool = False) -> None:
     """Print the next command to type on stderr; nothing beside JSON, which a program reads."""
     if not json:
-        typer.echo(f"next: iris-sysid {shlex.join(map(str, arguments))}", err=True)
+        typer.echo(f"next: {command(*arguments)}", err=True)
+
+
+def command(*arguments: object) -> str:
+    """A command of this program as it is typed, by the rules of the system's own shell."""
+    texts = list(map(str, arguments))
+    return f"iris-sysid {subprocess.list2cmdline(texts) if os.name == 'nt' else shlex.join(texts)}"
 
 
 def repeated(option: str, values: Sequence[str] | None) -> list[str]:

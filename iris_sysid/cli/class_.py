@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -98,10 +99,24 @@ def class_(
         known=references,
         teacher=None if own is None else (documents[-1], page_of(own)),
     )
-    page = write_page(result, f"{folder.absolute().name}: {described.name}", output / PAGE, overwrite=True)
+    reviews = {
+        group.name: _terminal.command("review", output / Path(page_of(group)).parent, "--clip", group.source.path)
+        for group in groups
+        if not group.source.is_table
+    }
+    title = f"{folder.absolute().name}: {described.name}"
+    page = write_page(result, title, output / PAGE, reviews=reviews, overwrite=True)
     write_workbook(result, output / WORKBOOK, overwrite=True)
     _show(result, json)
     typer.echo(f"{len(groups)} groups, {now} measured now; page: {page}", err=True)
+    _suggest_review([group.name for group in result.named if group.document.usable], reviews, json)
+
+
+def _suggest_review(named: Sequence[str], reviews: Mapping[str, str], json: bool) -> None:
+    """Print how the track of the first group to look at is corrected; the page says it of each."""
+    first = next((reviews[name] for name in named if name in reviews), None)
+    if first is not None and not json:
+        typer.echo(f"next: {first}", err=True)
 
 
 def _show(result: ClassResult, json: bool) -> None:

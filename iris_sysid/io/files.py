@@ -15,13 +15,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import Any
 
 import numpy as np
 
 from iris_sysid.errors import DataError, OutputError
 from iris_sysid.io.archives import member_of
+from iris_sysid.io.windows_paths import length_trouble, name_trouble
 
 # What the numbers depend on: ours, and the packages that compute.
 PACKAGES = (
@@ -38,6 +39,7 @@ PACKAGES = (
 )
 LEFT_S = 3600.0  # a temporary file without its process is left over after so long
 MAX_BYTES = 256_000_000  # of a table or document that is read whole: some millions of rows
+WINDOWS = os.name == "nt"
 DISK_TROUBLE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EIO)
 
 
@@ -50,6 +52,9 @@ def check_writable(path: str | Path, *, overwrite: bool = False) -> Path:
     Returns the path that will be written, symbolic links followed. Nothing is created or changed.
     """
     try:
+        trouble = name_trouble(PureWindowsPath(path)) if WINDOWS else ""
+        if trouble:
+            raise OutputError(f"cannot write {path}: {trouble}; give another path")
         target = Path(os.path.realpath(path))
         parent = next(folder for folder in target.parents if folder.exists())
         _check_target(path, target, overwrite=overwrite)
@@ -115,7 +120,8 @@ def atomic_path(path: str | Path, *, overwrite: bool = False) -> Iterator[Path]:
         remove_leftovers(target.parent)
         os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as error:
-        raise OutputError(f"cannot write {path}: {_reason(error)}; choose another folder") from error
+        long = length_trouble(PureWindowsPath(temporary)) if WINDOWS else ""
+        raise OutputError(f"cannot write {path}: {_reason(error)}{long}; choose another folder") from error
     try:
         yield temporary
         _publish(temporary, target, path, overwrite=overwrite)
@@ -146,6 +152,8 @@ def remove_leftovers(folder: Path) -> None:
 
 
 def _is_running(process: int) -> bool:
+    if WINDOWS:  # there signal 0 is Ctrl-C; a file that is in use cannot be removed
+        return False
     try:
         os.kill(process, 0)
     except ProcessLookupError:
@@ -162,7 +170,12 @@ def _publish(temporary: Path, target: Path, path: str | Path, *, overwrite: bool
     except FileNotFoundError as error:
         raise OutputError(f"nothing was written to {path}") from error
     _check_target(path, target, overwrite=overwrite)  # again: it may have come into being meanwhile
-    temporary.replace(target)
+    try:
+        temporary.replace(target)
+    except PermissionError as error:  # Windows replaces no file that is open
+        raise OutputError(
+            f"cannot replace {path}: another program has it open; close it there, and try again"
+        ) from error
 
 
 def _reason(error: Exception) -> str:

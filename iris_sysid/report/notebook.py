@@ -9,10 +9,14 @@ from collections.abc import Mapping, Sequence
 from html import escape
 from typing import Any
 
+import numpy as np
 from matplotlib.figure import Figure
 
+from fitters.ode.prediction import Prediction
+from iris_sysid.diagnosis.planning.plan import Plan
 from iris_sysid.report.component_figure import component_figure
 from iris_sysid.report.diagnosis_text import diagnosis_sentences
+from iris_sysid.report.plan_text import advice, plan_rows
 from iris_sysid.report.plots import Result, figure_of
 from iris_sysid.report.text import (
     discovery_sentence,
@@ -24,6 +28,7 @@ from iris_sysid.report.text import (
 from iris_sysid.types import Diagnosis, Discovery, Estimate, FitResult, Run, Track, Trajectory, Verdict
 
 DPI = 72
+MOST_ROWS = 12  # of a prediction; the picture shows them all
 VALUE_COLUMNS = ("", "value ± standard error", "95 % interval")
 
 
@@ -33,7 +38,8 @@ def to_html(result: Result) -> str:
     Parameters
     ----------
     result
-        A trajectory, its smoothed state, a track, a fit, a diagnosis, a discovery, or the run of a clip.
+        A trajectory, its smoothed state, a track, a fit, a prediction, a diagnosis, a plan, a discovery, or the run
+        of a clip.
 
     Returns
     -------
@@ -111,6 +117,12 @@ def _(result: Run) -> list[str]:
     return [f"{result.source.name}: {result.phenomenon.name}", *_lines(result.fit), *result.notes]
 
 
+@_lines.register
+def _(result: Plan) -> list[str]:
+    names = ", ".join(f"{name} ({100 * share:.0f} %)" for name, share in result.probabilities.items())
+    return ["What to film next", *([f"In question: {names}"] if len(result.probabilities) > 1 else []), *advice(result)]
+
+
 # --------------------------------------------------------------------------- rows
 
 
@@ -148,3 +160,25 @@ def _(result: Discovery) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
 @_rows.register
 def _(result: Run) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
     return _rows(result.fit)
+
+
+@_rows.register
+def _(result: Prediction) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    quantities = result.fitted.model.observed
+    head = ["time (s)", *(quantity.name for quantity in quantities)]
+    rows = [
+        [f"{t_s:g}", *(_predicted(result, k, j) for j in range(len(quantities)))]
+        for k, t_s in enumerate(result.t_s[:MOST_ROWS])
+    ]
+    return head, rows
+
+
+def _predicted(result: Prediction, k: int, j: int) -> str:
+    value, stderr = float(result.observed[k, j]), float(result.stderr[k, j])
+    return with_error(Estimate(value, stderr, result.fitted.model.observed[j].unit)) if np.isfinite(value) else "-"
+
+
+@_rows.register
+def _(result: Plan) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
+    rows = plan_rows(result)
+    return tuple(rows[0]), [tuple(row.values()) for row in rows]

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from itertools import cycle
+
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
 
 from iris_sysid.diagnosis.planning.detection_limit import DetectionLimits
 from iris_sysid.diagnosis.planning.plan import Plan
@@ -20,8 +23,22 @@ def plan_figure(planned: Plan) -> Figure:
     planned
         With two names in question, or more.
     """
-    noise, quantity = float(planned.fitted.rms[0]), planned.fitted.model.observed[0]
     figure = Figure(figsize=(9, 3.6), layout="constrained")
+    draw_differences(figure, planned)
+    return figure
+
+
+def draw_differences(figure: Figure | SubFigure, planned: Plan) -> list[Axes]:
+    """The two panels of :func:`plan_figure` in a figure.
+
+    Parameters
+    ----------
+    figure
+        To draw in.
+    planned
+        With two names in question, or more.
+    """
+    noise, quantity = float(planned.fitted.rms[0]), planned.fitted.model.observed[0]
     left, right = figure.subplots(1, 2)
     first = next(iter(planned.probabilities))
     panels = ((left, planned.repeat, "today's set-up"), (right, planned.best, planned.best.text))
@@ -33,7 +50,35 @@ def plan_figure(planned: Plan) -> Figure:
         axes.set_xlabel("time (s)")
     left.set_ylabel(f"difference of {quantity.name} after a refit ({quantity.unit})")
     right.legend(fontsize=8)
-    return figure
+    return [left, right]
+
+
+def draw_remaining_errors(figure: Figure | SubFigure, planned: Plan, most: int = 12) -> list[Axes]:
+    """The standard errors after each proposal as a share of today's, best first: a row each, a mark for each value.
+
+    Parameters
+    ----------
+    figure
+        To draw in.
+    planned
+        Any; of its proposals the first ``most`` are drawn.
+    most
+        Number of rows.
+    """
+    axes = figure.subplots()
+    shown = planned.proposals[:most]
+    names = [name for name, today in planned.stderr.items() if today > 0 and any(name in one.stderr for one in shown)]
+    for colour, name in zip(cycle(COLOURS), names, strict=False):
+        rows = [k for k, proposal in enumerate(shown) if name in proposal.stderr]
+        shares = [shown[k].stderr[name] / planned.stderr[name] for k in rows]
+        axes.plot(shares, rows, "o", color=colour, label=f"error of {name}")
+    axes.axvline(1.0, color="0.6", linewidth=0.8)
+    axes.set_yticks(range(len(shown)), [proposal.change.name for proposal in shown])
+    axes.yaxis.set_inverted(True)
+    axes.set_xlim(left=0.0)
+    axes.set_xlabel("standard error, as a share of today's")
+    axes.legend(fontsize=8)
+    return [axes]
 
 
 def limits_figure(limits: DetectionLimits, wanted: float | None) -> Figure:

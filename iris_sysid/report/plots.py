@@ -10,6 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, SubFigure
 from numpy.typing import NDArray
 
+from fitters.ode.prediction import Prediction
+from iris_sysid.diagnosis.planning.plan import Plan
 from iris_sysid.errors import DataError, VideoError
 from iris_sysid.report.discovery_figure import draw_terms
 from iris_sysid.report.figures import (
@@ -22,6 +24,7 @@ from iris_sysid.report.figures import (
     outline,
     sample_labels,
 )
+from iris_sysid.report.plan_figure import draw_differences, draw_remaining_errors
 from iris_sysid.types import (
     NORMAL_975,
     Array,
@@ -37,8 +40,9 @@ from iris_sysid.types import (
 
 WIDTH_IN = 8.0
 TALL_IN, LOW_IN = 2.6, 1.2  # rows of data, rows of residuals
+FEWEST_OF_A_LINE = 30  # times of a prediction: fewer are shown as points too
 WITHOUT_COLOUR = "#D55E00"  # Okabe and Ito (2008), as on the page of a diagnosis
-Result = Trajectory | Track | Smoothed | FitResult | Diagnosis | Discovery | Run
+Result = Trajectory | Track | Smoothed | FitResult | Diagnosis | Discovery | Run | Prediction | Plan
 
 
 def plot(result: Result, figure: Figure | SubFigure | None = None) -> NDArray[np.object_]:
@@ -47,7 +51,8 @@ def plot(result: Result, figure: Figure | SubFigure | None = None) -> NDArray[np
     Parameters
     ----------
     result
-        A trajectory, its smoothed state, a track, a fit, a diagnosis, a discovery, or the run of a clip.
+        A trajectory, its smoothed state, a track, a fit, a prediction, a diagnosis, a plan, a discovery, or the run
+        of a clip.
     figure
         Figure or subfigure to draw in; without one, pyplot makes one, which a notebook shows.
 
@@ -141,6 +146,16 @@ def _(result: Discovery) -> list[float]:
 def _(result: Run) -> list[float]:
     picture = (WIDTH_IN - 1.0) * result.video.height / result.video.width
     return [min(picture, 2 * TALL_IN), *_heights(result.fit)]
+
+
+@_heights.register
+def _(result: Prediction) -> list[float]:
+    return [TALL_IN] * len(result.fitted.model.observed)
+
+
+@_heights.register
+def _(result: Plan) -> list[float]:
+    return [1.3 * TALL_IN]
 
 
 # --------------------------------------------------------------------------- drawings
@@ -240,6 +255,24 @@ def _(result: Run, figure: Figure | SubFigure, heights: list[float]) -> list[Axe
     except VideoError as error:  # the file is gone: the rest is still to be seen
         picture.set_title(str(error)[:100], fontsize=8)
     return [picture, *_draw(result.fit, bottom, heights[1:])]
+
+
+@_draw.register
+def _(result: Prediction, figure: Figure | SubFigure, heights: list[float]) -> list[Axes]:
+    rows, along = _rows(figure, heights), np.argsort(result.t_s)
+    marker = "o" if along.size < FEWEST_OF_A_LINE else None
+    for k, row in enumerate(rows):
+        t_s, ends = result.t_s[along], (result.lower[along, k], result.upper[along, k])
+        row.fill_between(t_s, *ends, color=WITHOUT_COLOUR, alpha=0.3, linewidth=0, label="95 % of the equation")
+        row.plot(t_s, result.observed[along, k], color=WITHOUT_COLOUR, marker=marker, linewidth=1.0, label="predicted")
+        _draw_fits(row, k, (result.fitted, FIT_COLOUR, "fit"))
+    rows[-1].set_xlabel("time (s)")
+    return rows
+
+
+@_draw.register
+def _(result: Plan, figure: Figure | SubFigure, heights: list[float]) -> list[Axes]:
+    return (draw_differences if result.repeat.differences else draw_remaining_errors)(figure, result)
 
 
 def _draw_fits(axes: Axes, k: int, *fits: tuple[FitResult, str, str]) -> None:

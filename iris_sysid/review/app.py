@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
-from functools import cache
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import cache, partial
 from importlib.resources import files
 from typing import Any
 
@@ -12,10 +12,10 @@ import jinja2
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
-from starlette.middleware import Middleware
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
+from starlette.types import ASGIApp
 
 from iris_sysid.errors import DataError, IrisError
 from iris_sysid.review.edits import parse_edit
@@ -23,14 +23,14 @@ from iris_sysid.review.guard import Guard
 from iris_sysid.review.session import BehindError, ReplacedError, Session
 from iris_sysid.review.views import clip_view, fit_view, state_view, tracking_view
 
-ASSETS = {"review.js": "text/javascript", "review.css": "text/css"}
+ASSETS = {"page.js": "text/javascript", "review.js": "text/javascript", "review.css": "text/css"}
 MOST_BYTES = 100_000  # of a request; an edit has some hundreds
 PATIENCE_S = 20.0  # that a request for a fit waits
 LONGEST_SIDE_PX = 16384
 
 
-def review_app(session: Session, token: str, hosts: Iterable[str]) -> Starlette:
-    """The application for one session.
+def review_app(session: Session, token: str, hosts: Iterable[str]) -> ASGIApp:
+    """The application for one session, as a page of a server on this machine asks for it.
 
     Parameters
     ----------
@@ -41,10 +41,27 @@ def review_app(session: Session, token: str, hosts: Iterable[str]) -> Starlette:
     hosts
         ``address:port`` under which the server may be reached.
     """
-    pages = _Pages(session, token)
-    routes = [
-        Route("/", pages.page),
-        Route("/static/{name}", pages.asset),
+    pages = _Pages(session)
+    page = [Route("/", partial(_page, session.clip.name, token)), Route("/static/{name}", _static)]
+    return Guard(_application([*page, *_routes(pages)]), token=token, hosts=hosts)
+
+
+def session_app(session: Session) -> ASGIApp:
+    """The application for one ``session`` without page and guard, for callers in this process."""
+    return _application(_routes(_Pages(session)))
+
+
+def _application(routes: Sequence[Route]) -> Starlette:
+    failures: Mapping[Any, Callable[[Request, Exception], Response]] = {
+        IrisError: _failed,
+        HTTPException: _refused,
+        Exception: _unexpected,
+    }
+    return Starlette(routes=routes, exception_handlers=failures)
+
+
+def _routes(pages: _Pages) -> list[Route]:
+    return [
         Route("/frame/{number:int}.jpg", pages.frame),
         Route("/api/clip", pages.clip),
         Route("/api/state", pages.state),
@@ -57,29 +74,24 @@ def review_app(session: Session, token: str, hosts: Iterable[str]) -> Starlette:
         Route("/api/stop", pages.stop, methods=["POST"]),
         Route("/api/save", pages.save, methods=["POST"]),
     ]
-    failures: Mapping[Any, Callable[[Request, Exception], Response]] = {
-        IrisError: _failed,
-        HTTPException: _refused,
-        Exception: _unexpected,
-    }
-    guard = Middleware(Guard, token=token, hosts=hosts)
-    return Starlette(routes=routes, middleware=[guard], exception_handlers=failures)
+
+
+def _page(name: str, token: str, request: Request) -> Response:
+    return HTMLResponse(_templates().get_template("page.html").render(name=name, token=token))
+
+
+def _static(request: Request) -> Response:
+    name = request.path_params["name"]
+    if name not in ASSETS:
+        raise HTTPException(404, "there is no such file")
+    return Response(asset(name), media_type=ASSETS[name])
 
 
 class _Pages:
     """The answers, one method a route; those that compute run in a pool of threads."""
 
-    def __init__(self, session: Session, token: str) -> None:
-        self.session, self.token = session, token
-
-    def page(self, request: Request) -> Response:
-        return HTMLResponse(_template().render(name=self.session.clip.name, token=self.token))
-
-    def asset(self, request: Request) -> Response:
-        name = request.path_params["name"]
-        if name not in ASSETS:
-            raise HTTPException(404, "there is no such file")
-        return Response(_asset(name), media_type=ASSETS[name])
+    def __init__(self, session: Session) -> None:
+        self.session = session
 
     def frame(self, request: Request) -> Response:
         width = _whole(request, "width", LONGEST_SIDE_PX)
@@ -187,13 +199,17 @@ def _unexpected(request: Request, error: Exception) -> Response:
 
 
 @cache
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("iris_sysid", "review"), autoescape=True, undefined=jinja2.StrictUndefined
-    )
-    return environment.get_template("page.html")
+def _templates() -> jinja2.Environment:
+    loader = jinja2.PackageLoader("iris_sysid", "review")
+    return jinja2.Environment(loader=loader, autoescape=True, undefined=jinja2.StrictUndefined)
+
+
+def markup(name: str) -> str:
+    """The elements of a review of the clip of that ``name``, as HTML."""
+    return _templates().get_template("review.html").render(name=name)
 
 
 @cache
-def _asset(name: str) -> bytes:
+def asset(name: str) -> bytes:
+    """A file of the page: its module, its style."""
     return files("iris_sysid.review").joinpath(name).read_bytes()

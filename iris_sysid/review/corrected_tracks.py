@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from iris_sysid.errors import DataError
 from iris_sysid.review.edits import Confirm, Delete, Drop, Edit, Place, Split, Swap
-from iris_sysid.types import Array, Doubt, Mask, Track, TrackQuality, mapped
+from iris_sysid.types import Array, Doubt, Mask, Track, TrackMark, TrackQuality, mapped
 
 # what a track has for every frame, and what stands for a frame without the body
 PER_FRAME: dict[str, Any] = {
@@ -29,6 +29,8 @@ PER_FRAME: dict[str, Any] = {
     "sigma_intensity": np.nan,
 }
 MOST_BODIES = 64
+IGNORED_PX = 6.0  # a click on what is no body means what is so near at least
+LEAP_STEPS = 5.0  # median steps of a track, and IGNORED_PX: further is another thing
 
 Tracks = tuple[Track, ...]
 Whole = NDArray[np.integer[Any]]  # rows, or numbers of frames
@@ -69,6 +71,40 @@ def with_edits_of(new: Sequence[Track], old: Tracks) -> Tracks:
     names = {track.body for track in new}
     kept = [_only_edited(track, new[0]) for body, track in by_hand.items() if body not in names] if new else []
     return (*(_overlaid(track, by_hand[track.body]) if track.body in by_hand else track for track in new), *kept)
+
+
+def without_ignored(tracks: Tracks, marks: Sequence[TrackMark]) -> Tracks:
+    """The tracks without what is at some marks, as far as it is followed without a gap or a leap before and after.
+
+    Points that a person placed stay. Nothing changes where no track is at a mark.
+    """
+    for mark in marks:
+        tracks = tuple(_without_ignored(track, mark) for track in tracks)
+    return tracks
+
+
+def passes(track: Track, mark: TrackMark) -> bool:
+    """Whether a ``track`` is at a mark, within the radius of its body there."""
+    row = int(np.searchsorted(track.frame, mark.frame))
+    if row == track.frame.size or track.frame[row] != mark.frame or not track.valid[row]:
+        return False
+    radius = np.nan if track.radius_px is None else track.radius_px[row]
+    reach = max(IGNORED_PX, float(radius) if np.isfinite(radius) else 0.0)
+    return bool(np.hypot(*(in_frame_px(track)[row] - (mark.x_px, mark.y_px))) <= reach)
+
+
+def _without_ignored(track: Track, mark: TrackMark) -> Track:
+    if not passes(track, mark):
+        return track
+    row = int(np.searchsorted(track.frame, mark.frame))
+    steps = np.hypot(*np.diff(track.xy_px, axis=0).T)
+    usual = float(np.nanmedian(steps)) if np.isfinite(steps).any() else 0.0
+    ends = np.flatnonzero(~(steps <= LEAP_STEPS * usual + IGNORED_PX))  # a gap is NaN, and ends it too
+    first = ends[ends < row].max(initial=-1) + 1
+    last = ends[ends >= row].min(initial=track.frame.size - 1)
+    rows = np.arange(first, last + 1)
+    rows = rows[~(edited_mask(track) & track.valid)[rows]]
+    return _with_rows(track, rows, {**PER_FRAME, "edited": False})
 
 
 def empty_track(t_s: Array, frame: Whole, body: str) -> Track:

@@ -111,6 +111,26 @@ class ScaleBar(_Click):
     length: Annotated[str, Field(min_length=1, max_length=60)]
 
 
+class BoardCorners(_Click):
+    """Four corners in px around a rectangle of known size, its first side first.
+
+    ``size`` is as typed: two sides, ``0.2m x 0.125m``, or squares of a board, ``8x5 of 25mm``.
+    """
+
+    kind: Literal["board"] = "board"
+    corners: tuple[Coordinate, Coordinate, Coordinate, Coordinate, Coordinate, Coordinate, Coordinate, Coordinate]
+    size: Annotated[str, Field(min_length=1, max_length=80)]
+
+
+class Ignore(_Click):
+    """What is at x, y px in that frame is no body: a hand, say."""
+
+    kind: Literal["ignore"] = "ignore"
+    frame: FrameNumber
+    x: Coordinate
+    y: Coordinate
+
+
 class Point(Part):
     """A marked point of the scene in px; null takes it away."""
 
@@ -159,6 +179,8 @@ Edit = Annotated[
     | Confirm
     | Region
     | ScaleBar
+    | BoardCorners
+    | Ignore
     | Point
     | PlumbLine
     | Mark

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from iris_sysid.calibration.pixel_scale import scale_bar
+from iris_sysid.calibration.rectangle import plane_from_rectangle
 from iris_sysid.errors import DataError
 from iris_sysid.registry import PHENOMENA
-from iris_sysid.review.corrected_tracks import Tracks, corrected, with_edits_of
+from iris_sysid.review.corrected_tracks import Tracks, corrected, with_edits_of, without_ignored
 from iris_sysid.review.edits import (
+    BoardCorners,
     ChoosePhenomenon,
     Confirm,
     Edit,
+    Ignore,
     Mark,
     PlumbLine,
     Point,
@@ -22,9 +28,12 @@ from iris_sysid.review.edits import (
 )
 from iris_sysid.review.log import Entry
 from iris_sysid.review.request import ReviewRequest
-from iris_sysid.types import TrackMark
-from iris_sysid.units import LENGTH_EXAMPLE, LENGTHS, parse_measure
+from iris_sysid.types import Calibration, TrackMark
+from iris_sysid.units import LENGTH_EXAMPLE, LENGTHS, Measure, parse_measure
 
+SQUARES = re.compile(r"(?P<n>[1-9]\d{0,2}) ?[x×] ?(?P<m>[1-9]\d{0,2}) +of +(?P<side>.+)")
+SIDES = re.compile(r"(?<=[a-z\)]) *[x×] *")  # after a unit, or the bracket of an error
+SIZE_EXAMPLE = "0.2m x 0.125m, or 8x5 of 25mm for squares of a board"
 TrackReader = Callable[[str], Tracks]  # the tracks in a file of the folder
 
 
@@ -47,18 +56,23 @@ def after(state: ReviewState, edit: Edit, read_tracks: TrackReader) -> ReviewSta
     """
     match edit:
         case Tracked():
-            return replace(state, tracks=with_edits_of(read_tracks(edit.file), state.tracks))
+            tracks = with_edits_of(read_tracks(edit.file), state.tracks)
+            return replace(state, tracks=without_ignored(tracks, state.request.ignored))
+        case Ignore():
+            request = _with_request(state.request, edit)
+            return replace(state, request=request, tracks=without_ignored(state.tracks, request.ignored[-1:]))
         case Confirm():
             confirmed = (*state.confirmed, (edit.body, edit.first, edit.last))
             return replace(state, tracks=corrected(state.tracks, edit), confirmed=confirmed)
-        case Region() | ScaleBar() | Point() | PlumbLine() | Mark() | ChoosePhenomenon():
+        case Region() | ScaleBar() | BoardCorners() | Point() | PlumbLine() | Mark() | ChoosePhenomenon():
             return replace(state, request=_with_request(state.request, edit))
     return replace(state, tracks=corrected(state.tracks, edit))
 
 
-def _with_request(
-    request: ReviewRequest, edit: Region | ScaleBar | Point | PlumbLine | Mark | ChoosePhenomenon
-) -> ReviewRequest:
+RequestEdit = Region | ScaleBar | BoardCorners | Ignore | Point | PlumbLine | Mark | ChoosePhenomenon
+
+
+def _with_request(request: ReviewRequest, edit: RequestEdit) -> ReviewRequest:
     geometry, tracking = request.geometry, request.tracking
     match edit:
         case Region():
@@ -73,6 +87,12 @@ def _with_request(
                 length_stderr_m=length.stderr,
             )
             return replace(request, calibration=bar, geometry=replace(geometry, scale_from_gravity=None))
+        case BoardCorners():
+            plane = _plane(edit)
+            return replace(request, calibration=plane, geometry=replace(geometry, scale_from_gravity=None))
+        case Ignore():
+            mark = TrackMark("", edit.x, edit.y, edit.frame)
+            return replace(request, ignored=(*request.ignored, mark))
         case Point():
             marks = {name: at for name, at in geometry.marks_px.items() if name != edit.name}
             marks |= {} if edit.at is None else {edit.name: edit.at}
@@ -85,6 +105,27 @@ def _with_request(
             return replace(request, tracking=replace(tracking, marks=(*others, mark)))
         case ChoosePhenomenon():
             return replace(request, phenomenon=PHENOMENA[edit.name])
+
+
+def _plane(edit: BoardCorners) -> Calibration:
+    """The plane of motion by the four corners and the size as typed."""
+    squares = SQUARES.fullmatch(edit.size.strip())
+    if squares is None:
+        texts = SIDES.split(edit.size.strip())
+        if len(texts) != 2:
+            raise DataError(f"the size must be like {SIZE_EXAMPLE}, not {edit.size!r}")
+        width, height = (parse_measure(text, LENGTHS, LENGTH_EXAMPLE) for text in texts)
+    else:
+        side = parse_measure(squares["side"], LENGTHS, LENGTH_EXAMPLE)
+        width, height = (Measure(int(squares[n]) * side.value, int(squares[n]) * side.stderr, "m") for n in ("n", "m"))
+    return plane_from_rectangle(
+        np.reshape(edit.corners, (4, 2)),
+        width.value,
+        height.value,
+        corner_stderr_px=edit.sigma_px,
+        width_stderr_m=width.stderr,
+        height_stderr_m=height.stderr,
+    )
 
 
 class History:

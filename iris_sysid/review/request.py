@@ -23,7 +23,10 @@ from iris_sysid.types import (
 
 @dataclass(frozen=True, eq=False, slots=True)
 class ReviewRequest:
-    """The options of a run; ``phenomenon`` is None until it is chosen, and nothing is fitted before."""
+    """The options of a run; ``phenomenon`` is None until it is chosen, and nothing is fitted before.
+
+    ``ignored`` are marks on what is no body, such as a hand.
+    """
 
     phenomenon: Phenomenon | None = None
     calibration: Calibration | None = None
@@ -32,6 +35,7 @@ class ReviewRequest:
     clip: ClipOptions = WHOLE_CLIP
     geometry: GeometryOptions = NO_GEOMETRY
     tracking: TrackOptions = field(default_factory=TrackOptions)
+    ignored: tuple[TrackMark, ...] = ()
 
     @property
     def tracker(self) -> str:
@@ -46,9 +50,10 @@ class ReviewRequest:
 
     def recorded(self) -> dict[str, Any]:
         """The request as a track's origin holds it."""
+        ignored = {"ignored": [[mark.x_px, mark.y_px, mark.frame] for mark in self.ignored]} if self.ignored else {}
         if self.phenomenon is None:
-            return {"tracker": self.tracker, "fps": self.clip.fps}
-        return request_origin(
+            return {"tracker": self.tracker, "fps": self.clip.fps, **ignored}
+        recorded = request_origin(
             self.phenomenon,
             settings=self.settings,
             free=self.free,
@@ -57,6 +62,7 @@ class ReviewRequest:
             calibration=self.calibration,
             options=self.track_options,
         )
+        return {**recorded, **ignored}
 
 
 def request_of(options: Mapping[str, Any], calibration: Calibration | None = None) -> ReviewRequest:
@@ -99,6 +105,7 @@ def request_of(options: Mapping[str, Any], calibration: Calibration | None = Non
             ),
             geometry=_geometry_of(options),
             tracking=_tracking_of(options),
+            ignored=tuple(TrackMark("", float(x), float(y), int(n)) for x, y, n in options.get("ignored") or ()),
         )
     except (TypeError, ValueError, KeyError, AttributeError, IndexError) as error:
         if isinstance(error, IrisError):

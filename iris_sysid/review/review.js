@@ -1,15 +1,19 @@
-// The page of a review: clip, track, trajectory and residual under one cursor; every edit goes to the server at once.
+// A review: clip, track, trajectory and residual under one cursor; every edit goes to the server at once. The state below
+// is that of one review: page.js opens it in a page, widget.js in a notebook, where each view loads a module of its own.
 
-const token = document.querySelector('meta[name="token"]').content;
-const $ = (id) => document.getElementById(id);
+const $ = (id) => root.getElementById(id);
 const TAIL_S = 0.5; // of the path drawn before and after the frame
 const CLICK_PX = 4; // of the screen: a pointer that moves less clicks
 const GRAB_PX = { mouse: 12, pen: 14, touch: 24 };
 const KEPT_IMAGES = 16;
-const TOOLS = ["point", "mark", "scale", "pivot", "launch", "plumb", "region"];
-const TWO_POINTS = new Set(["scale", "plumb", "region"]);
+const TOOLS = ["point", "mark", "scale", "pivot", "launch", "plumb", "region", "board", "ignore"];
+const POINTS_OF = { scale: 2, plumb: 2, region: 2, board: 4 }; // of tools that take more than one
 const COLOURS = ["#56b4e9", "#e69f00", "#2bc48a", "#f27ab8", "#f0e442", "#ff8a5c", "#b3a2ff", "#8ce0e0"];
 
+let root; // a document, or the shadow root of a widget
+let host; // the element that carries the colours
+let server; // (path, content) => { status, body } with a Blob
+let closed = false;
 let clip = null;
 let state = null;
 let fit = null;
@@ -19,7 +23,7 @@ let view = { zoom: 1, x: 0, y: 0, whole: true }; // px of the screen for one px 
 let tool = "point";
 let body = "1";
 let cross = null; // clip px
-let begun = null; // first of two points
+let begun = []; // the first of several points
 let dragging = null;
 let asked = -1; // which question is shown
 let moved = false; // whether the person has chosen a frame
@@ -32,37 +36,18 @@ const pointers = new Map();
 // ------------------------------------------------------------------------------------------------ server
 
 async function ask(path, content) {
-  const options = { headers: { "x-review-token": token } };
-  if (content !== undefined) {
-    options.method = "POST";
-    options.headers["content-type"] = "application/json";
-    options.body = JSON.stringify(content);
-  }
-  let answer;
-  try {
-    answer = await fetch(path, options);
-  } catch {
-    throw new Error("The server has ended. Every edit is in the log: start the review again.");
-  }
-  if (!answer.ok) {
-    const { error } = await answer.json().catch(() => ({ error: answer.statusText }));
-    const failure = new Error(error);
-    failure.status = answer.status;
-    throw failure;
-  }
+  const { status, body } = await server(path, content);
+  if (body.type.startsWith("image/") && status < 400) return body;
+  const answer = JSON.parse(await body.text());
+  if (status >= 400) throw Object.assign(new Error(answer.error), { status });
   return answer;
-}
-
-async function get(path) {
-  return (await ask(path)).json();
 }
 
 // Changes are sent one after the other, each with the version that the one before led to.
 function change(path, more = {}) {
   queue = queue.then(async () => {
     try {
-      const answer = await ask(path, { version: state.version, ...more });
-      take(await answer.json());
+      take(await ask(path, { version: state.version, ...more }));
       say("");
     } catch (error) {
       say(error.message);
@@ -98,7 +83,7 @@ function prepared(track) {
 }
 
 async function reload() {
-  take(await get("/api/state"));
+  take(await ask("/api/state"));
 }
 
 async function askForFit() {
@@ -106,8 +91,7 @@ async function askForFit() {
   if (!tracks.size) return;
   $("fit-status").textContent = "fitting …";
   try {
-    const answer = await ask(`/api/fit?version=${version}`);
-    const next = await answer.json();
+    const next = await ask(`/api/fit?version=${version}`);
     if (next.pending) {
       setTimeout(() => version === state.version && askForFit(), 100);
     } else if (next.version === state.version) {
@@ -122,7 +106,7 @@ async function askForFit() {
 
 async function watch() {
   try {
-    const now = await get("/api/progress");
+    const now = await ask("/api/progress");
     showTracking(now.tracking);
     if (state && now.version !== state.version) {
       await queue;
@@ -131,7 +115,7 @@ async function watch() {
   } catch (error) {
     say(error.message);
   }
-  setTimeout(watch, state?.tracking.running ? 400 : 2000);
+  if (!closed) setTimeout(watch, state?.tracking.running ? 400 : 2000);
 }
 
 // ------------------------------------------------------------------------------------------------ frames
@@ -166,8 +150,7 @@ async function imageOf(number) {
   const width = wanted();
   const key = `${number}/${width}`;
   if (!images.has(key)) {
-    const answer = await ask(`/frame/${number}.jpg?width=${width}`);
-    images.set(key, await createImageBitmap(await answer.blob()));
+    images.set(key, await createImageBitmap(await ask(`/frame/${number}.jpg?width=${width}`)));
     for (const old of [...images.keys()].slice(0, -KEPT_IMAGES)) {
       if (images.get(old) !== shown.image) images.get(old).close();
       images.delete(old);
@@ -235,7 +218,7 @@ function sized(canvas) {
 }
 
 function colour(name) {
-  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  return getComputedStyle(host).getPropertyValue(`--${name}`).trim();
 }
 
 function colourOf(name) {
@@ -357,24 +340,31 @@ function drawBody(pen, track, row, ink) {
 }
 
 function drawScene(pen) {
-  const { marks, plumb, roi, scale_ends: ends, body_marks: bodies } = state?.request ?? { marks: {}, body_marks: [] };
-  const line = (x1, y1, x2, y2, ink) =>
-    outlined(pen, ink, () => {
-      pen.beginPath();
-      pen.moveTo(...toScreen(x1, y1));
-      pen.lineTo(...toScreen(x2, y2));
-      pen.stroke();
-    });
-  if (plumb) line(...plumb, "#9be7ff");
-  if (ends) line(...ends, "#ffe07a");
+  if (!state) return;
+  const { marks, plumb, roi, scale_points: scale, body_marks: bodies, ignored } = state.request;
+  if (plumb) line(pen, pairs(plumb), "#9be7ff");
+  if (scale) line(pen, pairs(scale), "#ffe07a", scale.length > 4);
   if (roi) box(pen, roi[0] - 0.5, roi[1] - 0.5, roi[0] + roi[2] - 0.5, roi[1] + roi[3] - 0.5);
   for (const [name, at] of Object.entries(marks)) sign(pen, ...at, name);
   for (const [name, x, y, number] of bodies) if (number === shown.number) sign(pen, x, y, `body ${name}`);
-  if (begun) {
-    sign(pen, ...begun, "");
-    if (cross && tool === "region") box(pen, ...begun, ...cross);
-    else if (cross) line(...begun, ...cross, "#fff");
-  }
+  for (const [x, y, number] of ignored) if (number === shown.number) sign(pen, x, y, "no body");
+  if (!begun.length) return;
+  for (const at of begun) sign(pen, ...at, "");
+  if (cross && tool === "region") box(pen, ...begun[0], ...cross);
+  else line(pen, cross ? [...begun, cross] : begun, "#fff");
+}
+
+function pairs(numbers) {
+  return numbers.flatMap((x, k) => (k % 2 ? [] : [[x, numbers[k + 1]]]));
+}
+
+function line(pen, points, ink, around = false) {
+  outlined(pen, ink, () => {
+    pen.beginPath();
+    for (const at of points) pen.lineTo(...toScreen(...at));
+    if (around) pen.closePath();
+    pen.stroke();
+  });
 }
 
 function box(pen, x1, y1, x2, y2) {
@@ -449,9 +439,9 @@ function curves() {
 
 function drawCurves() {
   const curve = curves();
+  $("residual").hidden = $("residual-title").hidden = !curve?.residual; // first: what is hidden has no size
   const [pen, width, height] = sized($("trajectory"));
   const [under, underWidth, underHeight] = sized($("residual"));
-  $("residual").hidden = $("residual-title").hidden = !curve?.residual;
   if (!curve) return;
   const edited = editedTimes();
   $("curve-title").textContent = `${curve.name}${curve.unit ? ` in ${curve.unit}` : ""}${curve.fit ? ", with the fit" : ""}`;
@@ -597,7 +587,8 @@ function showState() {
   const scene = [
     request.phenomenon ? `Phenomenon: ${request.phenomenon}.` : "No phenomenon is chosen: nothing is fitted.",
     request.scale ? `Scale: ${request.scale}.` : "No scale: positions are in px.",
-    request.body_marks.length ? `${request.body_marks.length} marks for the tracker.` : "",
+    request.body_marks.length ? `${counted(request.body_marks.length, "mark")} for the tracker.` : "",
+    request.ignored.length ? `${counted(request.ignored.length, "mark")} on what is no body.` : "",
     ...[...tracks.values()].flatMap((track) => track.doubts.map((doubt) => `Body ${track.body}: ${doubt}.`)),
   ];
   $("scene").textContent = scene.filter(Boolean).join(" ");
@@ -605,6 +596,10 @@ function showState() {
   $("swap").disabled = tracks.size < 2;
   showTracking(state.tracking);
   showWhere();
+}
+
+function counted(count, name) {
+  return `${count} ${name}${count === 1 ? "" : "s"}`;
 }
 
 function showTracking(now) {
@@ -730,12 +725,12 @@ function confirmQuestion() {
 function click(at, pointer) {
   const [x, y] = at;
   const exact = { zoom: view.zoom, pointer };
-  if (TWO_POINTS.has(tool)) {
-    if (!begun) begun = at;
-    else {
-      const first = begun;
-      begun = null;
-      twoPoints(first, at, exact);
+  if (POINTS_OF[tool]) {
+    begun.push(at);
+    if (begun.length === POINTS_OF[tool]) {
+      const points = begun;
+      begun = [];
+      severalPoints(points, exact);
     }
     return draw();
   }
@@ -745,10 +740,19 @@ function click(at, pointer) {
   } else if (tool === "mark") {
     edit("mark", { body, frame: shown.number, x, y, ...exact });
     say(`Marked as body ${body}. Track again follows it (T).`, true);
+  } else if (tool === "ignore") {
+    edit("ignore", { frame: shown.number, x, y, ...exact });
+    say("Marked as no body, and taken out of the tracks. Track again follows the bodies without it (T).", true);
   } else edit("point", { name: tool, at });
 }
 
-async function twoPoints(first, second, exact) {
+async function severalPoints(points, exact) {
+  const [first, second] = points;
+  if (tool === "board") {
+    const about = "The first side, then the one after it: 0.2m x 0.125m; or squares between the corners: 8x5 of 25mm";
+    const size = await askText("Size of the rectangle", about, "");
+    return size ? edit("board", { corners: points.flat(), size, ...exact }) : null;
+  }
   if (tool === "plumb") return edit("plumb", { ends: [...first, ...second] });
   if (tool === "region") {
     const [left, top] = [0, 1].map((k) => Math.max(0, Math.floor(Math.min(first[k], second[k]))));
@@ -793,7 +797,7 @@ async function choosePhenomenon() {
 
 async function toggleTracking() {
   try {
-    showTracking(await (await ask(state.tracking.running ? "/api/stop" : "/api/track", { version: state.version })).json());
+    showTracking(await ask(state.tracking.running ? "/api/stop" : "/api/track", { version: state.version }));
     say("");
   } catch (error) {
     say(error.message);
@@ -804,7 +808,7 @@ async function save() {
   await queue;
   say("Saving …", true);
   try {
-    const answer = await (await ask("/api/save", { version: state.version })).json();
+    const answer = await ask("/api/save", { version: state.version });
     state.saved = state.version;
     showState();
     say(`Saved in ${answer.folder}: ${answer.saved.join(", ")}.`, true);
@@ -909,7 +913,7 @@ function pointerDown(event) {
   }
   const grabbed = tool === "point" && event.button === 0 ? bodyAt(...at, GRAB_PX[event.pointerType] ?? 12) : null;
   dragging = { from: at, start: { ...view }, ...(grabbed ?? {}), far: false };
-  if (tool === "region" && event.button === 0) begun = toClip(...at);
+  if (tool === "region" && event.button === 0) begun = [toClip(...at)];
 }
 
 function pointerMove(event) {
@@ -947,7 +951,7 @@ function pointerUp(event) {
   const at = placeOf(event);
   if (tool === "region") {
     if (done.far) click(toClip(...at), event.pointerType);
-    else begun = null;
+    else begun = [];
   } else if (done.at) {
     body = done.track.body;
     // what is seen until the server has answered
@@ -994,8 +998,8 @@ function centreBody() {
 
 function chooseTool(name) {
   tool = name;
-  begun = null;
-  for (const button of document.querySelectorAll("[data-tool]")) button.setAttribute("aria-pressed", String(button.dataset.tool === name));
+  begun = [];
+  for (const button of root.querySelectorAll("[data-tool]")) button.setAttribute("aria-pressed", String(button.dataset.tool === name));
   draw();
 }
 
@@ -1043,11 +1047,11 @@ const KEYS = {
   t: () => toggleTracking(),
   " ": () => play(),
   "?": () => $("keys").showModal(),
-  Escape: () => ((begun = null), (playing = false), draw()),
+  Escape: () => ((begun = []), (playing = false), draw()),
 };
 
 function keyDown(event) {
-  if (document.querySelector("dialog[open]") || !state) return;
+  if (root.querySelector("dialog[open]") || !state) return;
   const inField = event.target.matches("select, input[type='text']");
   if (event.ctrlKey || event.metaKey) {
     const key = event.key.toLowerCase();
@@ -1103,14 +1107,34 @@ function listen() {
     phenomenon: choosePhenomenon,
   };
   for (const [id, action] of Object.entries(buttons)) $(id).addEventListener("click", () => action());
-  for (const button of document.querySelectorAll("[data-tool]")) button.addEventListener("click", () => chooseTool(button.dataset.tool));
-  document.addEventListener("keydown", keyDown);
-  new ResizeObserver(() => (draw(), clip && showParts())).observe(document.querySelector("main"));
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => (draw(), showParts()));
+  for (const button of root.querySelectorAll("[data-tool]")) button.addEventListener("click", () => chooseTool(button.dataset.tool));
+  root.addEventListener("keydown", keyDown);
+  new ResizeObserver(() => (draw(), clip && showParts())).observe(root.querySelector("main"));
+  darkPreferred.addEventListener("change", showTheme);
+}
+
+const darkPreferred = matchMedia("(prefers-color-scheme: dark)");
+function showTheme() {
+  host.classList.toggle("dark", host.dataset.dark ? host.dataset.dark === "true" : darkPreferred.matches);
+  draw();
+  if (clip) showParts();
+}
+
+// Open the review in a document or a shadow root; gives the function that ends it. Its colours are set on `element`, dark
+// ones as its data-dark says, or else as the reader prefers.
+export function open(into, element, asked) {
+  [root, host, server] = [into, element, asked];
+  showTheme();
+  start().catch((error) => say(error.message));
+  return () => {
+    closed = true;
+    playing = false;
+    darkPreferred.removeEventListener("change", showTheme);
+  };
 }
 
 async function start() {
-  clip = await get("/api/clip");
+  clip = await ask("/api/clip");
   $("frame").max = Math.max(0, clip.frames - 1);
   chooseTool("point");
   listen();
@@ -1121,5 +1145,3 @@ async function start() {
   watch();
   if (!state.request.phenomenon) choosePhenomenon();
 }
-
-start().catch((error) => say(error.message));

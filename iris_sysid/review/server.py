@@ -13,6 +13,8 @@ from iris_sysid.review.app import review_app
 from iris_sysid.review.session import Session
 
 ADDRESS = "127.0.0.1"
+# on Windows SO_REUSEADDR lets any process take over a port that is in use
+ALONE: int = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
 LEAVE_AFTER_S = 2  # that requests under way are waited for at the end
 
 
@@ -58,7 +60,7 @@ def serve(session: Session, port: int, ready: Callable[[str], None]) -> None:
 def listen(port: int) -> socket.socket:
     """A socket that listens on the loopback interface alone, on that ``port``; OutputError when it is taken."""
     listening = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    listening.setsockopt(socket.SOL_SOCKET, ALONE, 1)
     try:
         listening.bind((ADDRESS, port))
         listening.listen(64)

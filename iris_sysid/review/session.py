@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count
 from pathlib import Path
 from threading import RLock, Thread
 from typing import Any
@@ -17,12 +19,13 @@ from iris_sysid.io.archives import member_of
 from iris_sysid.io.csv_read import read_track
 from iris_sysid.io.csv_write import write_track
 from iris_sysid.io.files import sha256_of
-from iris_sysid.review.corrected_tracks import Tracks, edited_mask, empty_track
-from iris_sysid.review.edits import Edit, ScaleBar, Tracked
+from iris_sysid.review.corrected_tracks import Tracks, edited_mask, empty_track, passes
+from iris_sysid.review.edits import BoardCorners, Edit, ScaleBar, Tracked
 from iris_sysid.review.fit_queue import FitOutcome, FitQueue
 from iris_sysid.review.history import History, ReviewState
 from iris_sysid.review.log import LOG_NAME, Entry, LogWriter
-from iris_sysid.types import Run, Track
+from iris_sysid.review.request import ReviewRequest
+from iris_sysid.types import Run, Track, TrackMark, TrackOptions
 from iris_sysid.video.frame_access import FrameAccess
 from iris_sysid.video.reader import Video, open_video
 
@@ -100,10 +103,12 @@ class Session:
         return self._history.state
 
     @property
-    def scale_ends(self) -> tuple[float, float, float, float] | None:
-        """The ends of the scale bar that a person marked last, px; None where none was."""
-        bars = [edit.ends for edit in self._history.edits if isinstance(edit, ScaleBar)]
-        return bars[-1] if bars else None
+    def scale_points(self) -> tuple[float, ...] | None:
+        """The ends of the scale bar or the corners of the board that a person marked last, px; None without one."""
+        marked = [edit for edit in self._history.edits if isinstance(edit, ScaleBar | BoardCorners)]
+        if not marked:
+            return None
+        return marked[-1].ends if isinstance(marked[-1], ScaleBar) else marked[-1].corners
 
     @property
     def can_undo(self) -> bool:
@@ -257,7 +262,7 @@ class Session:
         request, video = self.state.request, self._opened()
         options = replace(request.track_options, progress=self._progress)
         try:
-            tracks = pipeline.track(video, request.tracker, options)
+            tracks = followed(video, request, options)
         except TrackingError:
             if self.tracking.stop or self.state.tracks or not self.video.frame_times:
                 raise
@@ -339,6 +344,40 @@ class Session:
         self.tracking.stop = True
         self.fits.close()
         self.frames.close()
+
+
+def followed(video: Video, request: ReviewRequest, options: TrackOptions) -> list[Track]:
+    """The tracks of a request: what is to be ignored is followed like a body, and then left out.
+
+    Raises
+    ------
+    TrackingError
+        When the bodies cannot be followed, or nothing but what is to be ignored is found.
+    """
+    hands = _with_names(request.ignored)
+    if not hands:
+        return pipeline.track(video, request.tracker, options)
+    marks = (*options.marks, *hands) if options.marks else ()
+    more = replace(options, bodies=options.bodies + len({hand.body for hand in hands}), marks=marks)
+    try:
+        tracks = pipeline.track(video, request.tracker, more)
+    except TrackingError:
+        tracks = pipeline.track(video, request.tracker, options)  # the tracker does not find so many things
+    left = [track for track in tracks if not any(passes(track, hand) for hand in hands)]
+    if not left:
+        raise TrackingError("nothing was found but what is to be ignored; show the body in a frame or two")
+    names = [track.body for track in left] if options.marks else map(str, count(1))
+    return [replace(track, body=name) for track, name in zip(left[: options.bodies], names, strict=False)]
+
+
+def _with_names(ignored: Sequence[TrackMark]) -> list[TrackMark]:
+    """The marks of one thing in several frames under one name; those in one frame are different things."""
+    seen: Counter[int] = Counter()
+    named = []
+    for mark in ignored:
+        seen[mark.frame] += 1
+        named.append(replace(mark, body=f"ignored {seen[mark.frame]}"))
+    return named
 
 
 def clip_stamp(clip: Path) -> tuple[int, ...]:

@@ -35,7 +35,7 @@ def state_view(session: Session, known: Sequence[Track] = ()) -> dict[str, Any]:
         "tracks": [
             {"body": track.body} if any(track is old for old in known) else _track(track) for track in state.tracks
         ],
-        "request": {**_request(state.request), "scale_ends": session.scale_ends},
+        "request": {**_request(state.request), "scale_points": session.scale_points},
         "tracking": tracking_view(session),
     }
 
@@ -137,6 +137,7 @@ def _request(request: ReviewRequest) -> dict[str, Any]:
         "marks": {name: list(at) for name, at in geometry.marks_px.items()},
         "plumb": geometry.plumb_px,
         "roi": request.tracking.roi,
+        "ignored": [[mark.x_px, mark.y_px, mark.frame] for mark in request.ignored],
         "body_marks": [[mark.body, mark.x_px, mark.y_px, mark.frame] for mark in request.tracking.marks],
     }
 

@@ -47,6 +47,7 @@ from iris_sysid.types._discovery import DiscoveredEquation as DiscoveredEquation
 from iris_sysid.types._discovery import DiscoveredTerm as DiscoveredTerm
 from iris_sysid.types._discovery import Discovery as Discovery
 from iris_sysid.types._discovery import Match as Match
+from iris_sysid.types._display import Shown as Shown
 from iris_sysid.types._distributions import chi2_isf as chi2_isf
 from iris_sysid.types._distributions import chi2_ppf as chi2_ppf
 from iris_sysid.types._distributions import chi2_sf as chi2_sf

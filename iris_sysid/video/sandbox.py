@@ -57,7 +57,7 @@ def share_pools() -> None:
     With one each, as glibc has it, those of the decoders keep 30 MB more with every clip, and a 4K clip takes 100 to
     175 MB more.
     """
-    with suppress(OSError, AttributeError):  # another C library
+    with suppress(OSError, AttributeError, TypeError):  # another C library
         ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 2)
 
 

@@ -76,6 +76,14 @@ def test_page_names_the_groups_to_look_at_with_a_link_to_their_pages():
     assert "Agrees with what is known" in text
 
 
+def test_page_says_how_the_track_of_a_group_to_look_at_is_corrected():
+    commands = {"g6": "iris-sysid review 'class/groups/<g6>' --clip clips/g6.mp4", "g1": "iris-sysid review one"}
+    text = page_text(odd_class(), "class", commands)
+    assert "no cause found<br>" in text
+    assert "<code>iris-sysid review &#39;class/groups/&lt;g6&gt;&#39; --clip clips/g6.mp4</code>" in text
+    assert "iris-sysid review one" not in text  # nothing is wrong with it
+
+
 def test_table_of_the_page_is_whole_without_its_script():
     rows = re.findall(r"<tr[^>]*><td class=\"text\" data-key", page_text(odd_class(), "class"))
     assert len(rows) == len(ODD)

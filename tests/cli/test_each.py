@@ -74,7 +74,7 @@ def test_interrupted_run_is_completed_with_the_same_bytes(done, named, tmp_path,
     shutil.copytree(folder, tmp_path / "half")
     shutil.rmtree(tmp_path / "half" / "again")
     with monkeypatch.context() as patch:
-        patch.setattr(module, "_diagnose", lambda request, folder: (_ for _ in ()).throw(KeyboardInterrupt))
+        patch.setattr(module, "_diagnose", lambda request, table, folder: (_ for _ in ()).throw(KeyboardInterrupt))
         with pytest.raises(KeyboardInterrupt):
             diagnose_each(named, prepared, tmp_path / "half")
     assert rows_of(tmp_path / "half")["again"]["message"] == "not diagnosed: the run was interrupted"
@@ -86,7 +86,7 @@ def test_changed_table_is_diagnosed_again(done, named, tmp_path, monkeypatch):
     shutil.copytree(done[0], tmp_path / "out")
     (tmp_path / "swing.csv").write_bytes(named[2].path.read_bytes() + b"\n")
     again = []
-    monkeypatch.setattr(module, "_diagnose", lambda request, folder: again.append(folder.name))
+    monkeypatch.setattr(module, "_diagnose", lambda request, table, folder: again.append(folder.name))
     diagnose_each([named[0], NamedTable("swing", tmp_path / "swing.csv")], prepared, tmp_path / "out")
     assert again == ["swing"]
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fitters.compose_effects import with_effects
 from fitters.ode import simulate
 from fitters.selection.observables import circle_of, observables_of, raw_of
 from fitters.selection.select import _chosen, select_model
@@ -33,6 +34,20 @@ def test_position_of_a_bob_is_taken_for_the_angle_of_a_pendulum_about_a_pivot_th
     assert choice.chosen.fit.estimates["length"].value == pytest.approx(0.5, rel=0.01)
     linear = next(candidate for candidate in choice.ranking if candidate.model == "linear-pendulum")
     assert linear.heldout > 5 * choice.chosen.heldout
+
+
+@pytest.mark.parametrize("length", [0.15, 0.2])
+def test_short_pendulum_with_much_drag_is_a_pendulum_and_incomplete(length):
+    """A light bob on a short cord: the drag leaves more than 2 % of the motion, ten times the noise."""
+    t_s = np.arange(240) / 30
+    values = {"length": length, "damping": 0.03, "theta_0": 0.5, "omega_0": 0.0, "quadratic_drag": 0.3}
+    theta = simulate(with_effects("pendulum", ["quadratic-drag"]), t_s, values).observed[:, 0]
+    arc = {"x": length * np.sin(theta), "z": -length * np.cos(theta)}
+    bank = {name: MODELS[name] for name in ("pendulum", "angular-oscillator", "linear-oscillator", "free-fall")}
+    choice = select_model(track(t_s, arc, ["m", "m"]), bank)
+    assert choice.nearest.residual > 5
+    assert choice.chosen.model == "pendulum"
+    assert not choice.verdict.complete
 
 
 def test_fall_and_slide_are_distinguished_by_their_direction():

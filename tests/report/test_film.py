@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from iris_sysid import MODELS, fit, read_trajectory, run, save
+from iris_sysid.benchmark.diagnose_each import DiagnoseEach, DiagnosisRequest, NamedTable
 from iris_sysid.report import film as film_module
 from iris_sysid.report.film import Footage, film_of, footage_of_table, model_px
 from iris_sysid.types import Quantity, Track, Trajectory
@@ -144,6 +145,13 @@ def test_clip_beside_the_folder_of_run_is_found(saved, asked):
     footage = footage_of_table(saved / asked, trajectory)
     assert (footage.video.width, footage.video.height) == (160, 90)
     assert footage.tracks[0].n_valid >= int(trajectory.valid.sum())
+
+
+def test_page_of_each_clip_of_a_batch_shows_its_film(saved):
+    table = NamedTable("swing", saved / "out" / "trajectory.csv")
+    prepare = DiagnoseEach(lambda path: DiagnosisRequest(read_trajectory(path), MODELS["pendulum"]))
+    assert prepare(saved / "all", table) == ""
+    assert "/9j/" in (saved / "all" / "swing" / "report.html").read_text("utf-8")  # a JPEG in base64
 
 
 def test_another_clip_of_the_same_name_is_not_taken(saved, still_clip):

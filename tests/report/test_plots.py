@@ -20,12 +20,16 @@ from iris_sysid import (
     diagnose,
     discover,
     fit,
+    plan,
     plot,
+    predict,
     smooth,
     to_html,
 )
+from iris_sysid.diagnosis.planning.rivals import Question
 from iris_sysid.report.figures import MOST_POINTS, outline
 from tests._motions import pendulum_angle
+from tests.diagnosis.test_planning import QUESTION, swing
 from tests.types.test_pickling import T_S, dragged
 
 N = T_S.size
@@ -39,6 +43,9 @@ FIT = fit(CLIP, "pendulum")
 FAILED = fit(CLIP.with_(segments=(), valid=T_S < 0.05), "pendulum")
 DIAGNOSIS = diagnose(CLIP, "pendulum", effects=["quadratic-drag"])
 DISCOVERY = discover(CLIP, resampled=5)
+PREDICTION = predict(FIT, [T_S[-1] + 1.0, T_S[-1] + 0.5, T_S[0] - 1.0])
+REPEATED = plan(Question(MODELS["pendulum"], ()), CLIP, changes=[])
+UNDECIDED = plan(QUESTION, swing(0.15), changes=[])
 RESULTS = {
     "trajectory": (CLIP, ["theta (rad)"]),
     "smoothed": (smooth(CLIP).smoothed, ["position", "velocity"]),
@@ -50,6 +57,9 @@ RESULTS = {
         diagnose(CLIP.with_(position=pendulum_angle(T_S, 0.5)[:, None]), "pendulum", effects=["leak"]),
         ["theta (rad)", "residual"],
     ),
+    "prediction": (PREDICTION, ["theta (rad)"]),
+    "plan of one name": (REPEATED, [""]),
+    "plan of two names": (UNDECIDED, ["difference of theta after a refit (rad)", ""]),
     "discovery": (DISCOVERY, ["", "", "theta (rad)", "residual (rad)"]),
 }
 
@@ -91,6 +101,27 @@ def test_diagnosis_is_drawn_with_smaller_residuals_after():
     _, before, after = plot(DIAGNOSIS, Figure())
     spread = [np.nanstd(axes.lines[-1].get_ydata()) for axes in (before, after)]
     assert spread[1] < 0.2 * spread[0]
+
+
+def test_prediction_is_drawn_in_the_order_of_time_beside_the_data():
+    (axes,) = plot(PREDICTION, Figure())
+    line = next(line for line in axes.lines if line.get_label() == "predicted")
+    assert line.get_xdata().tolist() == sorted(PREDICTION.t_s)
+    assert {text.get_text() for text in axes.get_legend().get_texts()} == {
+        "measured",
+        "fit",
+        "predicted",
+        "95 % of the equation",
+    }
+    html = to_html(PREDICTION)
+    assert re.search(rf"<td>{T_S[-1] + 1.0:g}</td><td>[^<]* ± [^<]* °</td>", html)
+    assert f"<td>{T_S[0] - 1.0:g}</td><td>-</td>" in html  # before the fitted motion nothing is predicted
+
+
+def test_plan_shows_what_is_in_question_and_what_to_do():
+    assert "In question: quadratic-drag" in to_html(UNDECIDED)
+    assert "Next:" in to_html(REPEATED)
+    assert "<th>what to do</th>" in to_html(REPEATED)
 
 
 def test_inputs_and_several_quantities_have_rows_of_their_own():

@@ -1,13 +1,16 @@
 """What the tests of the review share: a clip with its run, copied for each test, and a page's way to the server."""
 
 import shutil
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
 from iris_sysid import pipeline
+from iris_sysid.io.csv_read import read_track
+from iris_sysid.io.csv_write import write_track
 from iris_sysid.review.app import review_app
 from iris_sysid.review.opening import open_result
 from iris_sysid.review.session import Session
@@ -15,6 +18,8 @@ from iris_sysid.synthetic import render_clip
 
 TOKEN = "token-of-the-test"
 HOST = "127.0.0.1:8080"
+WRONG = (60, 75, 90)  # frames in which the track is put beside the body
+OFF_PX = 9.0
 
 
 @dataclass
@@ -66,6 +71,18 @@ def swing(made) -> Path:
 def project(swing, tmp_path) -> Path:
     """A copy of the folder that a test may change."""
     return Path(shutil.copytree(swing, tmp_path / "project"))
+
+
+@pytest.fixture
+def wrong_project(project) -> tuple[Path, np.ndarray]:
+    """A run whose track is beside the body in three frames, and where the body is there, px."""
+    path = project / "out" / "track.csv"
+    (track,) = read_track(path)
+    xy = track.xy_px.copy()
+    right = xy[list(WRONG)].copy()
+    xy[list(WRONG)] += (OFF_PX, 0.0)
+    write_track([replace(track, xy_px=xy)], path, overwrite=True)
+    return project, right
 
 
 @pytest.fixture

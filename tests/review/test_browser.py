@@ -5,21 +5,18 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from iris_sysid.io.csv_read import read_track
-from iris_sysid.io.csv_write import write_track
 from iris_sysid.io.json_documents import read_document
 from iris_sysid.io.schemas import FitDocument
 from tests._browser import browser_is_there, started_browser
+from tests.review._screen import NOW, OPENED, Screen
+from tests.review.conftest import OFF_PX, WRONG
 
 WINDOW = "--window-size=1400,1000"
-WRONG = (60, 75, 90)  # frames in which the track is put beside the body
-OFF_PX = 9.0
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -46,89 +43,6 @@ def served(*arguments: object) -> Iterator[str]:
     finally:
         process.terminate()
         process.communicate(timeout=30)
-
-
-@pytest.fixture
-def wrong_project(project) -> tuple[Path, np.ndarray]:
-    """A run whose track is beside the body in three frames, and where the body is there, px."""
-    path = project / "out" / "track.csv"
-    (track,) = read_track(path)
-    xy = track.xy_px.copy()
-    right = xy[list(WRONG)].copy()
-    xy[list(WRONG)] += (OFF_PX, 0.0)
-    write_track([replace(track, xy_px=xy)], path, overwrite=True)
-    return project, right
-
-
-class Screen:
-    """The page as a person uses it: what is to be read, clicks at px of the clip, keys."""
-
-    def __init__(self, driver, address, size=(320, 180)):
-        from selenium.webdriver.common.by import By
-
-        self.driver, self.size, self.by = driver, size, By
-        if address is not None:
-            driver.get(address)
-            self.until(lambda: self.text("fit-status").startswith("fitted"))
-
-    def find(self, name):
-        return self.driver.find_element(self.by.ID, name)
-
-    def text(self, name):
-        return self.find(name).text
-
-    def until(self, done, timeout_s=30):
-        from selenium.common.exceptions import StaleElementReferenceException, WebDriverException
-        from selenium.webdriver.support.ui import WebDriverWait
-
-        ignored = (StaleElementReferenceException, WebDriverException)
-        WebDriverWait(self.driver, timeout_s, 0.05, ignored_exceptions=ignored).until(
-            lambda _: done(), f"{self.text('message')} {self.text('question-text')} {self.text('where')}"
-        )
-
-    def keys(self, *keys):
-        from selenium.webdriver.common.action_chains import ActionChains
-
-        ActionChains(self.driver).send_keys(*keys).perform()
-
-    def at(self, x, y):
-        """The offset of a point of the clip from the middle of the stage, px of the screen."""
-        stage = self.find("stage").rect
-        zoom = min(stage["width"] / self.size[0], stage["height"] / self.size[1])
-        return round((x + 0.5 - self.size[0] / 2) * zoom), round((y + 0.5 - self.size[1] / 2) * zoom)
-
-    def click(self, x, y):
-        from selenium.webdriver.common.action_chains import ActionChains
-
-        ActionChains(self.driver).move_to_element_with_offset(self.find("stage"), *self.at(x, y)).click().perform()
-
-    def drag(self, start, end):
-        from selenium.webdriver.common.action_chains import ActionChains
-
-        chain = ActionChains(self.driver).move_to_element_with_offset(self.find("stage"), *self.at(*start))
-        chain = chain.click_and_hold().move_by_offset(6, 0)
-        chain.move_to_element_with_offset(self.find("stage"), *self.at(*end)).release().perform()
-
-    def go_to(self, frame):
-        from selenium.webdriver.common.action_chains import ActionChains
-        from selenium.webdriver.common.keys import Keys
-
-        self.keys(Keys.HOME)
-        self.until(lambda: self.text("where").startswith("frame 0 "))
-        tens, ones = [Keys.ARROW_RIGHT] * (frame // 10), [Keys.ARROW_RIGHT] * (frame % 10)
-        ActionChains(self.driver).key_down(Keys.SHIFT).send_keys(*tens).key_up(Keys.SHIFT).send_keys(*ones).perform()
-        self.until(lambda: self.text("where").startswith(f"frame {frame} "))
-
-    def value(self, name, column):
-        """What a cell shows, read in one step: the page draws the table anew after each fit."""
-        script = "return document.querySelectorAll(arguments[0])[arguments[1]]?.innerText.trim() ?? ''"
-        return self.driver.execute_script(script, f"#values tr[data-name='{name}'] :is(th, td)", column)
-
-    def errors(self):
-        return [entry for entry in self.driver.get_log("browser") if entry["level"] == "SEVERE"]
-
-
-NOW, OPENED = 3, 1
 
 
 @pytest.mark.slow
@@ -197,6 +111,29 @@ def test_everything_goes_by_keys(project, driver):
         screen.until(lambda: "not there" in screen.find("stage").get_attribute("aria-label"))
         screen.keys("?")
         screen.until(lambda: screen.find("keys").get_attribute("open"))
+        assert screen.errors() == []
+
+
+@pytest.mark.slow
+def test_board_is_marked_by_its_corners_and_what_is_no_body_by_a_click(project, driver):
+    (track,) = read_track(project / "out" / "track.csv")
+    with served(project / "out") as address:
+        screen = Screen(driver, address)
+        opened = screen.value("length", NOW)
+        screen.keys("8")
+        for corner in ((60, 40), (260, 40), (260, 140), (60, 140)):
+            screen.click(*corner)
+        screen.until(lambda: screen.find("dialog").get_attribute("open"))
+        screen.keys("1m x 0.5m", "\ue007")
+        screen.until(lambda: "four corners of a rectangle of 1 m by 0.5 m" in screen.text("scene"))
+        screen.until(lambda: screen.value("length", NOW) != opened)
+        screen.go_to(90)
+        screen.keys("9")
+        screen.click(*track.xy_px[90])
+        screen.until(lambda: "not there" in screen.find("stage").get_attribute("aria-label"))
+        assert "1 mark on what is no body" in screen.text("scene")
+        screen.keys("u", "u")
+        screen.until(lambda: screen.value("length", NOW) == opened)
         assert screen.errors() == []
 
 

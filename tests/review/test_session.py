@@ -129,6 +129,60 @@ def test_marks_plumb_line_and_region_are_in_the_request(page, session):
     assert session.state.request.geometry.marks_px == {"pivot": (160.0, 10.0)}
 
 
+BOARD = [60.0, 40.0, 260.0, 40.0, 260.0, 140.0, 60.0, 140.0]
+
+
+@pytest.mark.parametrize("size", ["1m x 0.5m", "100cm×50.0+-0.2cm", "10x5 of 100mm", "1.00(1)m x 0.5m"])
+def test_corners_of_a_board_set_the_calibration(page, session, size):
+    state = page.edit("board", corners=BOARD, size=size, zoom=3.0)
+    assert state["request"]["scale_points"] == BOARD
+    calibration = session.state.request.calibration
+    assert calibration.scale.value == pytest.approx(200.0)
+    assert 0 < calibration.scale.stderr < 2.5
+    fit = page.fit()
+    length = next(value for value in fit["values"] if value["name"] == "length")
+    assert length["now"] != length["opened"]
+    page.step("undo")
+    assert session.state.request.calibration is not calibration
+
+
+@pytest.mark.parametrize("size", ["1m", "big", "1m x", "0x5 of 25mm", "1kg x 2kg", "1m x 2m x 3m", "8x5 of 0mm"])
+def test_size_of_a_board_that_cannot_be_is_refused(page, size):
+    answer = page.post("/api/edit", edit={"kind": "board", "corners": BOARD, "size": size})
+    assert answer.status_code == 400
+    assert answer.json()["error"]
+
+
+def test_board_survives_tracking_anew_and_opening_again(page, session, opened):
+    page.edit("board", corners=BOARD, size="1m x 0.5m")
+    session.track()
+    wait_for_tracker(session)
+    again = opened(session.folder)
+    assert again.state.request.calibration.scale.value == pytest.approx(200.0)
+    assert again.scale_points == tuple(BOARD)
+
+
+def test_what_is_no_body_is_taken_out_of_the_track_as_far_as_it_is_followed(page, session):
+    track = session.state.tracks[0]
+    xy = track.xy_px
+    page.edit("delete", body="1", first=70, last=72)  # a gap, where another thing begins
+    page.edit("place", body="1", frame=100, x=xy[100, 0], y=xy[100, 1])
+    page.edit("ignore", frame=90, x=xy[90, 0] + 2.0, y=xy[90, 1])
+    (left,) = session.state.tracks
+    assert left.valid[:70].sum() == track.valid[:70].sum()
+    assert np.flatnonzero(left.valid[73:]).tolist() == [100 - 73]  # what was placed by hand stays
+    assert page.state()["request"]["ignored"] == [[xy[90, 0] + 2.0, xy[90, 1], 90]]
+    page.step("undo")
+    assert session.state.tracks[0].valid[75:].all()
+    assert page.state()["request"]["ignored"] == []
+
+
+def test_click_beside_every_track_takes_nothing_out(page, session):
+    before = session.state.tracks[0]
+    page.edit("ignore", frame=90, x=5.0, y=5.0)
+    assert session.state.tracks[0] is before
+
+
 # --------------------------------------------------------------------------- the log
 
 
@@ -252,21 +306,17 @@ def test_clip_that_was_moved_is_asked_for(project):
     open_result(project / "out", project.parent / "moved.mp4").close()
 
 
-def test_frames_are_those_of_the_reader(page):
+def test_frames_are_those_of_the_reader(page, session):
     import cv2
 
     from iris_sysid.video.reader import open_video
 
-    session_frames = {frame.index: frame.luma for frame in open_video(page_clip(page)).frames()}
+    session_frames = {frame.index: frame.luma for frame in open_video(session.clip).frames()}
     for number in (7, 3, 100, 101, 0, 119):
         content = page.get(f"/frame/{number}.jpg").content
         shown = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE)
         apart = {k: np.abs(luma.astype(float) - shown).mean() for k, luma in session_frames.items()}
         assert min(apart, key=apart.get) == number
-
-
-def page_clip(page):
-    return page.client.app.routes[0].endpoint.__self__.session.clip
 
 
 def test_narrow_frame_is_smaller(page):

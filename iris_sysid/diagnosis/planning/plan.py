@@ -14,7 +14,7 @@ from iris_sysid.diagnosis.planning.precision import Need, needs
 from iris_sysid.diagnosis.planning.predicted_clip import Design, PredictedClip, imitating
 from iris_sysid.diagnosis.planning.rivals import Question, Rival, as_clips, probabilities_of, rivals_of
 from iris_sysid.errors import UnknownNameError
-from iris_sysid.types import Array, Diagnosis, FitResult, Trajectory
+from iris_sysid.types import Array, Diagnosis, FitResult, Shown, Trajectory
 
 REFINED = 4  # best proposals whose power is found by refits
 JOINED = 4  # best proposals of which pairs are tried
@@ -48,7 +48,7 @@ class Proposal:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Plan:
+class Plan(Shown):
     """What to measure next: ``proposals``, best first by power over cost, or by precision where nothing is in question.
 
     ``probabilities`` are those of the names in question today, ``stderr`` today's random standard errors by name;

@@ -1,0 +1,158 @@
+"""How far at most five clicks of a review bring the tracks of real clips, with a person simulated by marks made by eye.
+
+``python -m validation.review_clicks`` prints a row a clip: the usable marks (body free and in view) on the body without
+a click and after the clicks, and the clicks made. The person goes to a marked frame that is wrong, first to one that
+the review asks about, shows the body there ("This is the body") and tracks again. What does not help is undone and
+counts all the same; then the thing that was followed is said to be no body. Frames in which something was clicked are
+left out of the score. ``--split sealed`` is for clips that nobody has looked at.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from iris_sysid.errors import IrisError
+from iris_sysid.review.doubtful_frames import questions_of
+from iris_sysid.review.request import ReviewRequest
+from iris_sysid.review.session import followed
+from iris_sysid.types import Track, TrackMark, TrackOptions
+from iris_sysid.video.reader import open_video
+from validation.real_marks import ENOUGH, LEAST_PX, OF_WIDTH, MarkedClip, at_frames, marked_clips
+
+CLICKS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What a person sees after tracking: the marked table with ``x``, ``y`` of the track, ``wrong`` and ``asked``."""
+
+    request: ReviewRequest
+    tracks: tuple[Track, ...]
+    table: pd.DataFrame
+
+    @property
+    def n_wrong(self) -> int:
+        """Marks at which a track is wrong."""
+        return int(self.table["wrong"].sum())
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """Share of the usable marks on the body before and after the clicks; of the frames not clicked."""
+
+    usable: int
+    before: float
+    after: float
+    clicks: int
+
+
+def reviewed(clip: MarkedClip) -> Outcome:
+    """Track a clip, and correct it with at most ``CLICKS`` clicks."""
+    marks = clip.marks()
+    shown = first = _tracked(clip, marks, ReviewRequest(tracking=TrackOptions(bodies=clip.bodies)))
+    clicked: set[int] = set()
+    clicks, turn = 0, 0
+    while shown.n_wrong and clicks < CLICKS:
+        row = _looked_at(shown.table, clicked)
+        if row is None:
+            break
+        request, cost, frames = _clicked(shown, row, marks, show=turn % 2 == 0)
+        if clicks + cost > CLICKS:
+            break
+        clicks += cost
+        clicked |= frames
+        new = _tracked(clip, marks, request)
+        better = new.n_wrong < shown.n_wrong
+        shown, turn = (new, 0) if better else (shown, turn + 1)
+    rest = ~shown.table["frame"].isin(clicked)
+    before, after = (_share(table[rest.to_numpy()]) for table in (first.table, shown.table))
+    return Outcome(int((shown.table["state"] == "free").sum()), before, after, clicks)
+
+
+def _tracked(clip: MarkedClip, marks: pd.DataFrame, request: ReviewRequest) -> Shown:
+    video = open_video(clip.path)
+    try:
+        tracks = tuple(followed(video, request, request.track_options))
+    except IrisError:
+        tracks = ()
+    questions = [one for one in questions_of(tracks, image_size=(video.width, video.height)) if not one.doubts]
+    parts = []
+    left = list(tracks)
+    for name, rows in marks.groupby("body"):
+        compared = [_compared(track, rows, video.width) for track in left] or [_compared(None, rows, video.width)]
+        best = min(range(len(compared)), key=lambda k: compared[k]["wrong"].sum())
+        table = compared[best]
+        body = left.pop(best).body if left else ""
+        held = [(one.first, one.last) for one in questions if one.body == body]
+        table["asked"] = [any(low <= frame <= high for low, high in held) for frame in table["frame"]]
+        parts.append(table.assign(body=str(name)))
+    return Shown(request, tracks, pd.concat(parts, ignore_index=True))
+
+
+def _compared(track: Track | None, rows: pd.DataFrame, width: int) -> pd.DataFrame:
+    xy = np.full((len(rows), 2), np.nan) if track is None else at_frames(track, rows["frame"].to_numpy())[0]
+    off = np.hypot(*(xy - rows[["x_px", "y_px"]].to_numpy()).T)
+    met = off <= np.maximum(rows["radius_px"].to_numpy(), LEAST_PX * width / OF_WIDTH)
+    free, out = (rows["state"].to_numpy() == state for state in ("free", "out"))
+    return rows.assign(x=xy[:, 0], y=xy[:, 1], met=met, wrong=(free & ~met) | (out & np.isfinite(xy[:, 0])))
+
+
+def _looked_at(table: pd.DataFrame, clicked: set[int]) -> pd.Series | None:
+    """The wrong mark that a person looks at next: one that is asked about, else the middle one of the others."""
+    wrong = table[table["wrong"] & (table["state"] == "free") & ~table["frame"].isin(clicked)]
+    if wrong.empty:
+        wrong = table[table["wrong"] & np.isfinite(table["x"]) & ~table["frame"].isin(clicked)]
+    if wrong.empty:
+        return None
+    asked = wrong[wrong["asked"]]
+    rows = wrong if asked.empty else asked
+    return rows.iloc[len(rows) // 2]
+
+
+def _clicked(shown: Shown, row: pd.Series, marks: pd.DataFrame, show: bool) -> tuple[ReviewRequest, int, set[int]]:
+    """The request after a click, how many clicks it took, and the frames clicked."""
+    request = shown.request
+    if (not show or row["state"] != "free") and np.isfinite(row["x"]):
+        ignored = (*request.ignored, TrackMark("", float(row["x"]), float(row["y"]), int(row["frame"])))
+        return replace(request, ignored=ignored), 1, {int(row["frame"])}
+    new = [TrackMark(str(row["body"]), float(row["x_px"]), float(row["y_px"]), int(row["frame"]))]
+    named = {mark.body for mark in (*request.tracking.marks, *new)}
+    free = marks[marks["state"] == "free"].astype({"body": str})
+    for body, rows in free.groupby("body"):
+        if body not in named:  # the tracker wants every body marked, or none
+            nearest = rows.iloc[int(np.argmin(np.abs(rows["frame"].to_numpy() - row["frame"])))]
+            new.append(TrackMark(str(body), float(nearest["x_px"]), float(nearest["y_px"]), int(nearest["frame"])))
+    tracking = replace(request.tracking, marks=(*request.tracking.marks, *new))
+    return replace(request, tracking=tracking), len(new), {mark.frame for mark in new}
+
+
+def _share(table: pd.DataFrame) -> float:
+    free = table[table["state"] == "free"]
+    return float(free["met"].mean()) if len(free) else 1.0
+
+
+def lines(split: str, only: str) -> Iterator[str]:
+    """A row a clip, then the sums."""
+    rows = []
+    for clip in marked_clips(split, only):
+        if clip.expect != "follow":
+            continue
+        one = reviewed(clip)
+        rows.append(one)
+        yield f"{clip.name:<24} {one.usable:>3} usable {one.before:>6.0%} {one.after:>6.0%} {one.clicks} clicks"
+    before, after = (sum(getattr(row, when) >= ENOUGH for row in rows) for when in ("before", "after"))
+    yield f"of {len(rows)} clips {before} met {ENOUGH:.0%} of the usable marks without a click, {after} with"
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--split", default="open", choices=("open", "sealed"))
+    parser.add_argument("--only", default="", help="clips whose name contains this")
+    arguments = parser.parse_args()
+    for line in lines(arguments.split, arguments.only):
+        print(line, flush=True)
