@@ -224,7 +224,7 @@ def _refitted(
     """One clip's fit; an effect whose shape is chosen and not fitted gets the best shape near its starting shape."""
     values = _no_worse(clip, fitted, start, unit, model, effects)
     best = _fit_from(clip, values, fitted.free, model, effects)
-    if best.usable and _misfit(clip, best, unit) > FAR_OFF**2 * best.n * len(best.rms):
+    if len(effects) == 1 and best.usable and _misfit(clip, best, unit) > FAR_OFF**2 * best.n * len(best.rms):
         grown = _fit_from(clip, values, fitted.free, model, effects, growing=True)
         best = grown if grown.usable and _misfit(clip, grown, unit) < _misfit(clip, best, unit) else best
     for effect in effects:
