@@ -384,7 +384,7 @@ def test_bodies_that_are_lost_together_may_have_changed_their_names():
         )
         for shift in (0.0, 30.0)
     ]
-    assert lost_together(tracks) == 7 / 40
+    assert lost_together(tracks) == 1.0
     assert lost_together(tracks[:1]) == 0.0
     seen = [replace(body, valid=np.ones(40, np.bool_), xy_px=place) for body in tracks[:1]] + tracks[1:]
     assert lost_together(seen) == 0.0

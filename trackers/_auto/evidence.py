@@ -28,6 +28,7 @@ NEIGHBOURS = 6  # steps before and after
 # px, median change of the radius: what lies behind a small body changes its outline by half a pixel (a ball of 3.5 px
 # before a room)
 UNSTEADY_PX = 0.75
+LONG_GAP = 5  # frames without any body, over which paths no longer tell which is which
 TOGETHER = 1.5  # radii: nearer than this two tracks are of one body
 PART = 3.0  # times the tracked area: of so large a thing the track is a part
 ON_TRACK = 0.3  # share of the sightings of a kind that lie on the track: fewer, and another thing is followed
@@ -346,11 +347,11 @@ def two_on_one(track: Track, others: Sequence[Track]) -> float:
 
 
 def lost_together(tracks: Sequence[Track]) -> float:
-    """Longest gap that several tracks share, as at a cut, over the frames: names may change there; 0 for one track."""
+    """Longest gap that several tracks share, as at a cut, over ``LONG_GAP``, at most 1: names may change there."""
     if len(tracks) < 2:
         return 0.0
     rows = np.flatnonzero(np.any([track.valid | held_rows(track) for track in tracks], axis=0))
-    return float(np.diff(rows).max() - 1) / len(tracks[0].valid) if rows.size > 1 else 0.0
+    return min(1.0, float(np.diff(rows).max() - 1) / LONG_GAP) if rows.size > 1 else 0.0
 
 
 def missed_marks(track: Track, marks: Sequence[TrackMark]) -> list[TrackMark]:

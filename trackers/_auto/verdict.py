@@ -87,7 +87,7 @@ WORDS: Mapping[str, Said] = {
     ),
     "lost together": (
         "ambiguous",
-        "all bodies are lost together for {share:.0%} of the clip: names may change there",
+        "all bodies are lost together for some frames: names may change there",
         "mark each body before and after: --mark 1=x,y@frame --mark 2=x,y@frame",
     ),
     "guessed": LOOKS,
@@ -131,6 +131,8 @@ def judged(
         Which of :data:`OF_WAYS` the way of following the body brings with it.
     """
     against = evidence_against(track, scene, others) | {name: float(name in way) for name in OF_WAYS}
+    if marks or "guessed" in way:
+        against["lost together"] = 0.0  # marks and looks tell which is which
     if marks:
         against |= dict.fromkeys(("rival", "disc not followed", *OF_WAYS), 0.0)
     missed = missed_marks(track, marks)
