@@ -44,7 +44,7 @@ SCENES = ("pendulum", "sliding-cone", "dropping-ball", "falling-ball")
 RATIOS, SEED = (1.0, 1.3, 2.0), 7100  # of the radii of drawn discs; seeds that no other table uses
 MADE_UP = 0.2  # weight of a drawn or rendered recording beside a real one: there are many, all alike
 RIDGES = (0.0003, 0.001, 0.003, 0.01, 0.03, 0.1)  # on the weights, over the number of recordings
-DOUBTFUL, SURE = 0.8, 0.9  # chosen on recordings left out: a wrong track that is called good costs three doubts
+DOUBTFUL, SURE = 0.9, 0.9  # on recordings left out a wrong track that is called good counts as three needless doubts
 BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0)
 
 

@@ -190,7 +190,7 @@ def test_probability_falls_with_every_evidence_and_never_rises():
         values = [probability_of({**NONE, name: share}) for share in (0.0, 0.2, 1.0)]
         assert values == sorted(values, reverse=True)
         assert (values[0] > values[2]) == (name in {*WEIGHTS, MISSED})
-    assert probability_of(NONE) >= SURE > DOUBTFUL > probability_of(dict.fromkeys(WORDS, 1.0))
+    assert probability_of(NONE) >= SURE >= DOUBTFUL > probability_of(dict.fromkeys(WORDS, 1.0))
 
 
 def test_doubts_name_the_evidence_that_speaks_most_against_a_track_and_the_option_that_helps():

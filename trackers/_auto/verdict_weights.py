@@ -5,7 +5,7 @@ Fitted to 307 tracks of 66 recordings (42 real ones with 220 tracks),
 """
 
 INTERCEPT = 3.927  # log odds of a track against which nothing speaks
-DOUBTFUL = 0.8  # a smaller probability is said with the reasons
+DOUBTFUL = 0.9  # a smaller probability is said with the reasons
 SURE = 0.9  # with this probability no other way is tried
 WEIGHTS = {  # what each evidence takes from the log odds
     "two on one": 8.500,
