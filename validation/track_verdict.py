@@ -29,7 +29,7 @@ from iris_sysid.synthetic import render_clip
 from iris_sysid.types import Array, FrameSource, TrackCandidate, TrackOptions
 from iris_sysid.video.reader import open_video
 from tests._phone_clips import CLIPS
-from trackers._auto.verdict import MISSED, WORDS
+from trackers._auto.verdict import OFF, WORDS
 from validation import pages, receding
 from validation.real_marks import ENOUGH, TOLERATED, compared, marked_clips
 
@@ -38,13 +38,13 @@ WEIGHTS = pages.ROOT / "trackers" / "_auto" / "verdict_weights.py"
 # too rare in the table to be fitted: what makes a track that nothing else speaks against just doubtful is two bodies in
 # one place in 30 % of the frames, and a gap of all bodies as long as names may change in
 FIXED = {"two on one": 8.5, "lost together": 3.0}
-NAMES = tuple(name for name in WORDS if name not in (MISSED, *FIXED))
+NAMES = tuple(name for name in WORDS if name not in (*OFF, *FIXED))
 DRAWN, RENDERED = "drawn ", "rendered "  # begin the names of recordings that are no real ones
 SCENES = ("pendulum", "sliding-cone", "dropping-ball", "falling-ball")
 RATIOS, SEED = (1.0, 1.3, 2.0), 7100  # of the radii of drawn discs; seeds that no other table uses
 MADE_UP = 0.2  # weight of a drawn or rendered recording beside a real one: there are many, all alike
 RIDGES = (0.0003, 0.001, 0.003, 0.01, 0.03, 0.1)  # on the weights, over the number of recordings
-DOUBTFUL, SURE = 0.9, 0.9  # on recordings left out a wrong track that is called good counts as three needless doubts
+DOUBTFUL, SURE = 0.85, 0.9  # on recordings left out a wrong track that is called good counts as three needless doubts
 BINS = (0.0, 0.2, 0.4, 0.6, 0.8, 0.9, 1.0)
 
 
@@ -135,7 +135,7 @@ def fitted(rows: pd.DataFrame, ridge: float) -> tuple[float, Array]:
     Weights are not negative: ``sum_r c_r (mean_r (-log likelihood) + ridge |w|^2 / 2)`` over recordings is least, with
     ``c_r`` 1 for a real one and ``MADE_UP`` for one that was drawn or rendered.
     """
-    x, y, shown = rows[list(NAMES)].to_numpy(), rows["share"].to_numpy(), 1 - rows[MISSED].to_numpy()
+    x, y, shown = rows[list(NAMES)].to_numpy(), rows["share"].to_numpy(), on_body(rows)
     made_up = rows["recording"].str.startswith((DRAWN, RENDERED)).to_numpy()
     each = np.where(made_up, MADE_UP, 1.0) / rows.groupby("recording")["share"].transform("size").to_numpy()
     penalty = ridge * each.sum()
@@ -153,6 +153,11 @@ def fitted(rows: pd.DataFrame, ridge: float) -> tuple[float, Array]:
     return float(result.x[0]), np.where(result.x[1:] < 1e-3, 0.0, result.x[1:])
 
 
+def on_body(rows: pd.DataFrame) -> Array:
+    """Share of the samples (n,) in which nothing shows that the track is off the body."""
+    return np.asarray((1 - rows[list(OFF)]).prod(axis=1))
+
+
 def left_out(rows: pd.DataFrame, ridge: float) -> Array:
     """The probability of each row from weights fitted to all other recordings."""
     said = np.empty(len(rows))
@@ -160,7 +165,7 @@ def left_out(rows: pd.DataFrame, ridge: float) -> Array:
         here = (rows["recording"] == name).to_numpy()
         intercept, weights = fitted(rows[~here], ridge)
         same = expit(intercept - rows.loc[here, list(NAMES)].to_numpy() @ weights)
-        said[here] = (1 - rows.loc[here, MISSED]) * same
+        said[here] = on_body(rows[here]) * same
     return said
 
 

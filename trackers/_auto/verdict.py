@@ -1,8 +1,8 @@
 """How far a track can be trusted: the probability that it is on its body, and the words for what speaks against it.
 
-The probability that a track is on its body at a moment that shows the body is ``(1 - m) / (1 + exp(-(b - sum_k w_k
-e_k)))``: ``m`` is the share of the samples that show the body and that the track misses, ``e_k`` the other evidence of
-:mod:`trackers._auto.evidence`. It is a logistic regression (D. R. Cox, J. R. Stat. Soc. B 20 (1958) 215) with weights
+The probability that a track is on its body at a moment that shows the body is ``(1 - m) (1 - c) / (1 + exp(-(b - sum_k
+w_k e_k)))``: ``m`` is the share of the samples that show the body in which the track misses it, ``c`` that in which the
+track shows other colours, ``e_k`` the other evidence of :mod:`trackers._auto.evidence`. It is a logistic regression (D. R. Cox, J. R. Stat. Soc. B 20 (1958) 215) with weights
 ``w_k >= 0``: evidence against a track never speaks for it. ``b`` and ``w_k`` are fitted to marked clips by
 ``python -m validation.track_verdict``, which writes :mod:`trackers._auto.verdict_weights`.
 """
@@ -23,7 +23,7 @@ Said = tuple[DoubtKind, str, str]  # kind, finding and remedy of a doubt
 PROBABILITY = "probability"  # its name among the evidence
 # known by its looks only; the same where nothing is followed before the background; other things go farther
 OF_WAYS = ("guessed", "alone", "beside")
-MISSED = "missed"  # the evidence that is a share of the body itself
+OFF = ("missed", "other colours")  # shares of the samples in which the track is not on the body
 HELD_SHARE = 0.5  # of the frames with the body: more often in a hand is no free motion, however well it is followed
 MOST_REASONS = 3
 LEAST_PART = 0.25  # of all that speaks against a track: weaker evidence is not said
@@ -103,13 +103,13 @@ WORDS: Mapping[str, Said] = {
 def probability_of(against: Mapping[str, float]) -> float:
     """The probability that a track is on its body, by the evidence against it."""
     taken = sum(weight * against[name] for name, weight in WEIGHTS.items())
-    return float((1 - against[MISSED]) / (1 + np.exp(taken - INTERCEPT)))
+    return float(np.prod([1 - against[name] for name in OFF]) / (1 + np.exp(taken - INTERCEPT)))
 
 
 def _parts(against: Mapping[str, float]) -> dict[str, float]:
     """What each evidence takes from the logarithm of the odds, or of the probability."""
     parts = {name: weight * against[name] for name, weight in WEIGHTS.items()}
-    return parts | {MISSED: -float(np.log(max(1 - against[MISSED], 1e-9)))}
+    return parts | {name: -float(np.log(max(1 - against[name], 1e-9))) for name in OFF}
 
 
 def judged(
