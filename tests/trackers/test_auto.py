@@ -12,7 +12,7 @@ from tests import _phone_clips as phone
 from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
 from trackers._auto.appearance import Peaks
 from trackers._auto.best_path import best_path
-from trackers._auto.candidates import radius_at
+from trackers._auto.candidates import Way, radius_at
 from trackers._auto.choose import Choice
 from trackers._auto.evidence import (
     Patches,
@@ -103,20 +103,33 @@ def test_mark_outside_of_the_clip_is_refused(marks, message):
         AUTO.track(moving_disc(swing(20, (64, 48), (35, 20)), 9), TrackOptions(marks=marks))
 
 
-def test_mark_takes_the_path_of_a_small_body_beside_a_larger_one_that_goes_farther():
+def large_and_small():
+    """A large disc and a small one that goes less far: clip, and their places (40, 2) px."""
     large, small = swing(40, (80, 34), (60, 4), period=37.3), swing(40, (80, 84), (40, 2), period=33.1)
     plain = np.full((96, 160), 70.0)
     images = [
         paint(paint(plain, disc(plain.shape, *at, 12.0), 150.0), disc(plain.shape, *other, 4.0), 150.0)
         for at, other in zip(large, small, strict=True)
     ]
-    clip = DrawnClip(noisy(images, 2.0))
+    return DrawnClip(noisy(images, 2.0)), large, small
+
+
+def test_mark_takes_the_path_of_a_small_body_beside_a_larger_one_that_goes_farther():
+    clip, large, small = large_and_small()
     options = TrackOptions(marks=(TrackMark("1", *map(float, small[7]), 7),))
     choice = Choice.of(clip, options)
     assert np.nanmax(np.hypot(*(choice.first()[0].xy_px - large).T)) < 0.5
     (track,) = choice.at_marks()
     assert np.nanmax(np.hypot(*(track.xy_px - small).T)) < 0.5
     assert track.valid.mean() > 0.95
+
+
+def test_next_best_is_what_moves_beside_all_that_was_tried():
+    clip, large, small = large_and_small()
+    choice = Choice.of(clip, TrackOptions())
+    assert np.nanmax(np.hypot(*(choice.attempt(Way("first", choice.first)).tracks[0].xy_px - large).T)) < 0.5
+    (track,) = choice.next_best()
+    assert np.nanmax(np.hypot(*(track.xy_px - small).T)) < 0.5
 
 
 def test_fewer_marked_bodies_than_asked_for_are_refused():

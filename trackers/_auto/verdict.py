@@ -2,9 +2,10 @@
 
 The probability that a track is on its body at a moment that shows the body is ``(1 - m) (1 - c) / (1 + exp(-(b - sum_k
 w_k e_k)))``: ``m`` is the share of the samples that show the body in which the track misses it, ``c`` that in which the
-track shows other colours, ``e_k`` the other evidence of :mod:`trackers._auto.evidence`. It is a logistic regression (D. R. Cox, J. R. Stat. Soc. B 20 (1958) 215) with weights
-``w_k >= 0``: evidence against a track never speaks for it. ``b`` and ``w_k`` are fitted to marked clips by
-``python -m validation.track_verdict``, which writes :mod:`trackers._auto.verdict_weights`.
+track shows other colours, ``e_k`` the other evidence of :mod:`trackers._auto.evidence`. It is a logistic regression
+(D. R. Cox, J. R. Stat. Soc. B 20 (1958) 215) with weights ``w_k >= 0``: evidence against a track never speaks for it.
+``b`` and ``w_k`` are fitted to marked clips by ``python -m validation.track_verdict``, which writes
+:mod:`trackers._auto.verdict_weights`.
 """
 
 from __future__ import annotations
