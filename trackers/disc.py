@@ -17,7 +17,8 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import RADIUS_ERRORS, FrameSource, Track, Tracker, TrackOptions, part_of_progress, with_progress
-from trackers._auto.evidence import with_quality
+from trackers._auto.scene import Scene
+from trackers._auto.verdict import judged
 from trackers._background.median import Background
 from trackers._detection.detect_frames import DetectionSetup, detection_setup, observe
 from trackers._detection.detection import FrameDetections
@@ -108,7 +109,9 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         _track_of(body, (fits[body], fitter.appearances[body]), all_detections, held[body], options)
         for body in range(len(fits))
     ]
-    return [with_quality(track, fitter.view, setup.stack.frames) for track in tracks]
+    scene = Scene(fitter.view, setup.stack.frames)
+    others = [[other for other in tracks if other is not track] for track in tracks]
+    return [replace(track, quality=judged(track, scene, rest)) for track, rest in zip(tracks, others, strict=True)]
 
 
 def _first_half(options: TrackOptions) -> TrackOptions:

@@ -7,19 +7,29 @@ import pytest
 
 from iris_sysid.errors import DataError
 from iris_sysid.registry import TRACKERS
-from iris_sysid.types import Track, TrackCandidate, TrackMark, TrackOptions
+from iris_sysid.types import Track, TrackMark, TrackOptions
 from tests import _phone_clips as phone
 from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
-from trackers._auto.appearance import Peaks, search_image
+from trackers._auto.appearance import Peaks
 from trackers._auto.best_path import best_path
-from trackers._auto.candidates import Way, radius_at, ways_by_looks
+from trackers._auto.candidates import Way, radius_at
 from trackers._auto.choose import Choice
-from trackers._auto.evidence import Patches, judged, leaps, measured, missed_marks, unsteadiness
-from trackers._auto.fill_gaps import is_scenery
-from trackers._auto.receding_disc import not_followed, receding_disc
-from trackers._auto.sampled_once import SampledOnce
-from trackers._auto.scene_doubts import doubts_of_one_body, lost_together, off_motion
-from trackers._auto.survey import foregrounds_of, kinds_of, looks_like_shadow
+from trackers._auto.evidence import (
+    Patches,
+    disc_not_followed,
+    evidence_against,
+    kinks,
+    leaps,
+    lost_together,
+    missed_marks,
+    two_on_one,
+    unsteadiness,
+)
+from trackers._auto.known_looks import is_scenery
+from trackers._auto.scene import Scene
+from trackers._auto.survey import looks_like_shadow
+from trackers._auto.verdict import OFF, PROBABILITY, WORDS, judged, probability_of
+from trackers._auto.verdict_weights import DOUBTFUL, SURE, WEIGHTS
 from trackers._frames.working_image import view_of
 
 AUTO = TRACKERS["auto"]
@@ -93,20 +103,33 @@ def test_mark_outside_of_the_clip_is_refused(marks, message):
         AUTO.track(moving_disc(swing(20, (64, 48), (35, 20)), 9), TrackOptions(marks=marks))
 
 
-def test_mark_takes_the_path_of_a_small_body_beside_a_larger_one_that_goes_farther():
+def large_and_small():
+    """A large disc and a small one that goes less far: clip, and their places (40, 2) px."""
     large, small = swing(40, (80, 34), (60, 4), period=37.3), swing(40, (80, 84), (40, 2), period=33.1)
     plain = np.full((96, 160), 70.0)
     images = [
         paint(paint(plain, disc(plain.shape, *at, 12.0), 150.0), disc(plain.shape, *other, 4.0), 150.0)
         for at, other in zip(large, small, strict=True)
     ]
-    clip = DrawnClip(noisy(images, 2.0))
+    return DrawnClip(noisy(images, 2.0)), large, small
+
+
+def test_mark_takes_the_path_of_a_small_body_beside_a_larger_one_that_goes_farther():
+    clip, large, small = large_and_small()
     options = TrackOptions(marks=(TrackMark("1", *map(float, small[7]), 7),))
-    choice = Choice(SampledOnce(clip), view_of(clip, options), options)
+    choice = Choice.of(clip, options)
     assert np.nanmax(np.hypot(*(choice.first()[0].xy_px - large).T)) < 0.5
     (track,) = choice.at_marks()
     assert np.nanmax(np.hypot(*(track.xy_px - small).T)) < 0.5
     assert track.valid.mean() > 0.95
+
+
+def test_next_best_is_what_moves_beside_all_that_was_tried():
+    clip, large, small = large_and_small()
+    choice = Choice.of(clip, TrackOptions())
+    assert np.nanmax(np.hypot(*(choice.attempt(Way("first", choice.first)).tracks[0].xy_px - large).T)) < 0.5
+    (track,) = choice.next_best()
+    assert np.nanmax(np.hypot(*(track.xy_px - small).T)) < 0.5
 
 
 def test_fewer_marked_bodies_than_asked_for_are_refused():
@@ -119,10 +142,12 @@ def test_all_candidates_are_handed_to_who_wants_them_explained():
     clip = phone.somebody_walks_behind(60)
     candidates = []
     (track,) = followed(clip, explain=candidates.extend)
-    assert [candidate.name for candidate in candidates][:2] == ["median-background", "appearance-1"]
+    names = [candidate.name for candidate in candidates]
+    assert {"median-background", "median-background-2", "appearance-1"} <= set(names)
     (chosen,) = [candidate for candidate in candidates if candidate.chosen]
     assert chosen.name == track.origin["chosen"]
-    assert candidates[0].doubtful
+    sure = {candidate.name: candidate.tracks[0].quality.evidence[PROBABILITY] for candidate in candidates}
+    assert sure[chosen.name] == max(sure.values()) > sure["median-background"]
 
 
 @pytest.mark.slow
@@ -165,37 +190,65 @@ def a_track(xy_px, **more):
     return clip, replace(track, **more)
 
 
+def scene_of(clip):
+    return Scene(view_of(clip, TrackOptions()), clip.sample(40))
+
+
+SWING = swing(40, (80, 48), (45, 20), period=37.3)
+NONE = dict.fromkeys(WORDS, 0.0)
+
+
+def test_probability_falls_with_every_evidence_and_never_rises():
+    for name in WORDS:
+        values = [probability_of({**NONE, name: share}) for share in (0.0, 0.2, 1.0)]
+        assert values == sorted(values, reverse=True)
+        assert (values[0] > values[2]) == (name in {*WEIGHTS, *OFF})
+    assert probability_of(NONE) >= SURE >= DOUBTFUL > probability_of(dict.fromkeys(WORDS, 1.0))
+
+
+def test_doubts_name_the_evidence_that_speaks_most_against_a_track_and_the_option_that_helps():
+    clip, track = a_track(SWING)
+    off = replace(track, xy_px=swing(40, (80, 82), (60, 2), period=51.7))
+    quality = judged(off, scene_of(clip))
+    assert quality.evidence[PROBABILITY] < DOUBTFUL
+    assert quality.doubts
+    assert len(quality.doubts) <= 3
+    assert all("--mark 1=" in doubt.remedy for doubt in quality.doubts)
+    assert not judged(track, scene_of(clip)).doubts
+
+
+def test_every_evidence_has_a_sentence_and_an_option_that_helps():
+    known = {"share": 0.5, "count": 3, "radii": 1.0, "body": "1", "frame": 7, "x": 5.0, "y": 6.0}
+    for _, finding, remedy in WORDS.values():
+        assert "{" not in finding.format(**known)
+        assert "--" in remedy.format(**known)
+
+
+def test_track_that_misses_a_mark_is_not_on_its_body():
+    clip, track = a_track(SWING)
+    x, y = track.xy_px[10]
+    on, off = (judged(track, scene_of(clip), marks=[TrackMark("1", x + far, y, 10)]) for far in (0, 20))
+    assert not on.doubts
+    assert off.evidence[PROBABILITY] == 0.0
+    assert off.doubts[0].kind == "off-marks"
+
+
 def test_track_that_shows_the_wall_half_of_the_time_is_that_of_another_body():
-    path = swing(40, (80, 48), (45, 20), period=37.3)
-    clip, track = a_track(path)
+    clip, track = a_track(SWING)
     xy_px = track.xy_px.copy()
     xy_px[::2] += (0, 30)
-    options = TrackOptions()
-    lost = measured(replace(track, xy_px=xy_px), view_of(clip, options), clip.sample(40))
-    kept = measured(track, view_of(clip, options), clip.sample(40))
-    assert kept["same body"] == 1.0
-    assert lost["same body"] < 0.7
-    assert {doubt.kind for doubt in judged(track, lost).doubts} == {"another-body"}
+    assert evidence_against(track, scene_of(clip))["other colours"] == 0.0
+    assert evidence_against(replace(track, xy_px=xy_px), scene_of(clip))["other colours"] > 0.3
 
 
-def test_two_tracks_of_one_body_are_doubtful_and_two_bodies_side_by_side_are_not():
-    _, track = a_track(swing(40, (80, 48), (45, 20), period=37.3))
+def test_two_tracks_of_one_body_are_told_and_two_bodies_side_by_side_are_not():
+    _, track = a_track(SWING)
     same = replace(track, xy_px=track.xy_px + 5, body="2")
     beside = replace(track, xy_px=track.xy_px + np.array([20, 0]), body="2")
-    assert {doubt.kind for doubt in doubts_of_one_body(track, [same])} == {"another-body"}
-    assert doubts_of_one_body(track, [beside]) == []
     partly = np.where(np.arange(40)[:, None] < 16, same.xy_px, beside.xy_px)
-    assert {doubt.kind for doubt in doubts_of_one_body(track, [replace(beside, xy_px=partly)])} == {"another-body"}
-
-
-def test_track_by_looks_is_doubtful_where_the_background_tracker_follows_nothing():
-    clip = phone.with_shadow(30).clip
-    choice = Choice(SampledOnce(clip), view_of(clip, TrackOptions()), TrackOptions())
-    choice.candidates.append(TrackCandidate("median-background", (), "nothing moves"))
-    (way, *_) = ways_by_looks(choice.video, choice.view, choice.frames, choice.kinds, choice.options)
-    assert "ambiguous" in doubts(choice.attempt(way).tracks)
-    choice.candidates.clear()
-    assert not doubts(choice.attempt(way).tracks)
+    assert two_on_one(track, [same]) == 1.0
+    assert two_on_one(track, [beside]) == 0.0
+    assert two_on_one(track, [replace(beside, xy_px=partly)]) == pytest.approx(0.4, abs=0.05)
 
 
 def dropped_by_a_fist(held=10, falling=14, n=60, shape=(120, 160)):
@@ -216,20 +269,16 @@ def test_ball_that_falls_away_from_the_camera_is_followed_and_not_the_fist():
     assert track.origin["chosen"] == "disc"
     assert track.valid.mean() > 0.95
     np.testing.assert_allclose(track.radius_px[track.valid], radius[track.valid], atol=0.5)
-    assert not track.quality.doubtful
 
 
-def test_track_that_leaves_out_a_disc_that_changes_its_size_is_doubtful():
+def test_share_of_a_disc_that_changes_its_size_which_a_track_leaves_out():
     clip, _ = dropped_by_a_fist()
-    view = view_of(clip, TrackOptions())
-    discs = receding_disc(clip.sample(40), view)
     place = np.full((60, 2), (80.0, 60.0))
     track = Track(np.arange(60) / 60, place, np.full((60, 2), 0.1), np.ones(60, np.bool_), np.arange(60))
-    assert not_followed(track, discs) == []
-    (doubt,) = not_followed(replace(track, valid=np.arange(60) < 20), discs)
-    assert "a disc that changes its size, at (80, 60) px in frame" in doubt.finding
-    swinging = moving_disc(swing(40, (80, 48), (45, 20), period=37.3), 9, (96, 160))
-    assert receding_disc(swinging.sample(40), view_of(swinging, TrackOptions())) == {}
+    assert disc_not_followed(track, scene_of(clip)) == 0.0
+    assert disc_not_followed(replace(track, valid=np.arange(60) < 20), scene_of(clip)) > 0.4
+    swinging = moving_disc(SWING, 9, (96, 160))
+    assert scene_of(swinging).receding == {}
 
 
 def test_things_of_two_colours_in_turn_are_not_one_body_of_the_colour_between_them():
@@ -241,8 +290,8 @@ def test_things_of_two_colours_in_turn_are_not_one_body_of_the_colour_between_th
     assert np.all(shaded.likeness() > 0.5)
 
 
-@pytest.mark.parametrize(("arm", "kinds"), [(True, {"held"}), (False, set())])
-def test_body_at_the_end_of_an_arm_is_held_though_only_its_looks_are_followed(arm, kinds):
+@pytest.mark.parametrize(("arm", "share"), [(True, 1.0), (False, 0.0)])
+def test_body_at_the_end_of_an_arm_hangs_together_with_the_edge(arm, share):
     places = swing(40, (80, 40), (45, 12), period=37.3)
     images = []
     for x, y in places:
@@ -252,9 +301,7 @@ def test_body_at_the_end_of_an_arm_is_held_though_only_its_looks_are_followed(ar
         images.append(paint(image, disc((96, 160), x, y, 9), 200.0))
     clip = DrawnClip(noisy(images, 2.0))
     (track,) = TRACKERS["median-background"].track(moving_disc(places, 9, (96, 160)), TrackOptions())
-    choice = Choice(SampledOnce(clip), view_of(clip, TrackOptions()), TrackOptions())
-    candidate = choice.attempt(Way("looks", lambda: [track], guessed=True))
-    assert doubts(candidate.tracks) & {"held"} == kinds
+    assert evidence_against(track, scene_of(clip))["at the edge"] == pytest.approx(share, abs=0.3)
 
 
 def test_place_that_looks_like_the_body_while_it_is_elsewhere_is_scenery():
@@ -267,24 +314,19 @@ def test_place_that_looks_like_the_body_while_it_is_elsewhere_is_scenery():
 
 
 def test_leap_is_a_step_unlike_those_about_it_and_a_fast_start_is_none():
-    _, track = a_track(swing(40, (80, 48), (45, 20), period=37.3))
+    _, track = a_track(SWING)
     xy_px = track.xy_px.copy()
     xy_px[20:] += (60, 0)
     assert leaps(replace(track, xy_px=xy_px)).tolist() == [20]
     assert leaps(track).size == 0
-
-
-def test_track_that_leaps_in_spite_of_marks_is_told_of_the_template_instead():
-    _, track = a_track(swing(40, (80, 48), (45, 20), period=37.3))
-    evidence = {"coverage": 1.0, "leaps": 9.0, "unsteadiness": 0.0, "held": 0.0, "travel": 9.0}
-    on_track = TrackMark("1", *map(float, track.xy_px[10]), 10)
-    (first,), (again,) = (judged(track, evidence, marks).doubts for marks in ((), (on_track,)))
-    assert "--mark 1=x,y@frame" in first.remedy
-    assert "--tracker template --roi" in again.remedy
+    assert kinks(track) == 0.0
+    xy_px = track.xy_px.copy()
+    xy_px[20] += (12, 0)
+    assert kinks(replace(track, xy_px=xy_px)) == pytest.approx(1 / 38)  # its neighbours are half as far off theirs
 
 
 def test_mark_is_missed_where_the_track_is_farther_off_than_the_radius():
-    _, track = a_track(swing(40, (80, 48), (45, 20), period=37.3))
+    _, track = a_track(SWING)
     x, y = track.xy_px[10]
     near, far, other = TrackMark("1", x + 5, y, 10), TrackMark("1", x + 20, y, 10), TrackMark("2", x + 20, y, 10)
     assert missed_marks(track, [near, far, other]) == [far]
@@ -312,35 +354,32 @@ def test_radius_of_what_is_marked_is_where_its_colour_ends(radius):
 
 def test_things_that_move_are_sorted_by_colour_and_size_and_the_ball_is_the_likeliest_body():
     clip = phone.with_shadow(30)
-    view = view_of(clip.clip, TrackOptions())
     frames = clip.clip.sample(20)
-    images = [search_image(view, frame) for frame in frames]
-    first, second = kinds_of(images, *foregrounds_of(images))[:2]
+    first, second = Scene(view_of(clip.clip, TrackOptions()), frames).kinds[:2]
     places = np.array([(thing.x, thing.y) for thing in first.seen])
     truth = np.array([clip.truth[0, frames[thing.sample].index] for thing in first.seen])
     assert np.median(np.hypot(*(places - truth).T)) < 3
     assert np.mean([thing.shadow_like for thing in second.seen]) > 0.8
 
 
-def test_track_of_scenery_is_doubtful_and_that_of_a_body_at_rest_is_not():
+def test_scenery_is_where_nothing_moves_in_several_places_and_a_body_at_rest_is_none():
     path = np.vstack([swing(20, (80, 40), (45, 20), period=37.3), np.tile((100.0, 30.0), (40, 1))])
     clip, track = a_track(path)
-    view, frames = view_of(clip, TrackOptions()), clip.sample(40)
-    foregrounds = foregrounds_of([search_image(view, frame) for frame in frames])[1]
-    assert off_motion(track, view, frames, foregrounds) == []
-    off = replace(track, xy_px=swing(60, (80, 82), (60, 2), period=51.7))
-    still = replace(track, xy_px=np.tile((30.0, 80.0), (60, 1)))
-    for elsewhere in (off, still):
-        assert {doubt.kind for doubt in off_motion(elsewhere, view, frames, foregrounds)} == {"another-body"}
+    against = evidence_against(track, scene_of(clip))
+    assert against["scenery"] == 0.0
+    off = evidence_against(replace(track, xy_px=swing(60, (80, 82), (60, 2), period=51.7)), scene_of(clip))
+    assert off["scenery"] > 0.3
+    still = evidence_against(replace(track, xy_px=np.tile((30.0, 80.0), (60, 1))), scene_of(clip))
+    assert (still["scenery"], still["nothing moves"]) == (0.0, 1.0)
 
 
-@pytest.mark.parametrize(("radius", "kinds"), [(3.5, set()), (12.0, {"unsteady-size"})])
-def test_size_that_changes_by_half_a_pixel_is_no_evidence(radius, kinds):
-    _, track = a_track(swing(40, (80, 48), (45, 20), period=37.3))
+@pytest.mark.parametrize(("radius", "least"), [(3.5, 0.0), (12.0, 0.05)])
+def test_size_that_changes_by_half_a_pixel_is_no_evidence(radius, least):
+    _, track = a_track(SWING)
     breathing = np.where(np.arange(40) % 2, 1.0, 1.15) * radius
-    changed = replace(track, radius_px=breathing)
-    evidence = {"coverage": 1.0, "leaps": 0.0, "unsteadiness": unsteadiness(changed), "held": 0.0, "travel": 9.0}
-    assert {doubt.kind for doubt in judged(changed, evidence).doubts} == kinds
+    found = unsteadiness(replace(track, radius_px=breathing))
+    assert found == pytest.approx(max(0.0, np.log(1.15) - 0.75 / np.median(breathing)))
+    assert found >= least
 
 
 def test_bodies_that_are_lost_together_may_have_changed_their_names():
@@ -357,12 +396,10 @@ def test_bodies_that_are_lost_together_may_have_changed_their_names():
         )
         for shift in (0.0, 30.0)
     ]
-    (doubt,) = lost_together(tracks)
-    assert doubt.kind == "ambiguous"
-    assert "7 frames after frame 14" in doubt.finding
-    assert lost_together(tracks[:1]) == []
-    short = [replace(body, valid=np.ones(40, np.bool_), xy_px=place) for body in tracks[:1]] + tracks[1:]
-    assert lost_together(short) == []
+    assert lost_together(tracks) == 1.0
+    assert lost_together(tracks[:1]) == 0.0
+    seen = [replace(body, valid=np.ones(40, np.bool_), xy_px=place) for body in tracks[:1]] + tracks[1:]
+    assert lost_together(seen) == 0.0
 
 
 def test_marks_on_the_wall_that_come_to_look_like_the_body_are_not_the_body_missed():
@@ -377,13 +414,11 @@ def test_marks_on_the_wall_that_come_to_look_like_the_body_are_not_the_body_miss
         images.append(image if k < 6 else paint(image, disc(plain.shape, *path[k - 6], 9.0), 170.0))
     clip = DrawnClip(noisy(images, 2.0))
     (track,) = TRACKERS["median-background"].track(clip, TrackOptions())
-    choice = Choice(SampledOnce(clip), view_of(clip, TrackOptions()), TrackOptions())
-    (quality,) = choice.against_the_scene([track], [judged(track, measured(track, choice.view, choice.frames))])
-    assert "missed" not in {doubt.kind for doubt in quality.doubts}
+    assert evidence_against(track, scene_of(clip))["missed"] == 0.0
 
 
-@pytest.mark.parametrize(("lost", "kinds"), [(slice(0, 0), set()), (slice(26, 32), {"missed"})])
-def test_body_in_view_for_a_third_of_the_clip_that_is_lost_for_a_part_of_that_is_missed(lost, kinds):
+@pytest.mark.parametrize(("lost", "share"), [(slice(0, 0), 0.0), (slice(26, 32), 6 / 24)])
+def test_body_in_view_for_a_third_of_the_clip_that_is_lost_for_a_part_of_that_is_missed(lost, share):
     path = [(20 + 3 * k, 60) for k in range(24)]
     plain = np.full((120, 160), 70.0)
     images = [plain] * 20 + [paint(plain, disc(plain.shape, *at, 9.0), 170.0) for at in path] + [plain] * 30
@@ -392,6 +427,4 @@ def test_body_in_view_for_a_third_of_the_clip_that_is_lost_for_a_part_of_that_is
     valid = track.valid.copy()
     valid[lost] = False
     gappy = replace(track, valid=valid)
-    choice = Choice(SampledOnce(clip), view_of(clip, TrackOptions()), TrackOptions())
-    (quality,) = choice.against_the_scene([gappy], [judged(gappy, measured(gappy, choice.view, choice.frames))])
-    assert {doubt.kind for doubt in quality.doubts} == kinds
+    assert evidence_against(gappy, scene_of(clip))["missed"] == pytest.approx(share, abs=0.1)

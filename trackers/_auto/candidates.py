@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from iris_sysid.errors import DataError
-from iris_sysid.types import Array, Frame, FrameSource, Track, TrackMark, TrackOptions
+from iris_sysid.types import Array, FrameSource, Track, TrackMark, TrackOptions
 from trackers._auto.appearance import learn, search_image
 from trackers._auto.follow_appearance import Body, follow_appearance
+from trackers._auto.scene import Scene
 from trackers._auto.survey import WEIGHTS, Kind
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
@@ -26,26 +27,23 @@ CLICKED = 2.0  # px of the search image: pixels round a click that are surely of
 class Way:
     """One way to follow the bodies of a clip: its name, and the function that does it.
 
-    ``guessed`` says that the bodies are things that move and look like bodies, and nothing else says so.
+    ``against`` are the names of evidence that it brings with it, of :data:`trackers._auto.verdict.OF_WAYS`.
     """
 
     name: str
     follow: Callable[[], list[Track]]
-    guessed: bool = False
+    against: tuple[str, ...] = ()
 
 
-def ways_by_looks(
-    video: FrameSource, view: View, frames: Sequence[Frame], kinds: Sequence[Kind], options: TrackOptions
-) -> list[Way]:
+def ways_by_looks(video: FrameSource, scene: Scene, options: TrackOptions) -> list[Way]:
     """Following the likeliest things that move by their looks: as many of each kind as are seen at once."""
-    images = [search_image(view, frame) for frame in frames]
-    bodies = [body for kind in kinds for body in [_body_like(kind, images)] * _count(kind)]
+    bodies = [body for kind in scene.kinds for body in [_body_like(kind, scene.images)] * _count(kind)]
     ways = []
     for start in range(max(1, len(bodies) - options.bodies + 1)):
         chosen = bodies[start : start + options.bodies]
         if len(chosen) == options.bodies:
             named = [replace(body, name=str(k)) for k, body in enumerate(chosen, start=1)]
-            ways.append(Way(f"appearance-{start + 1}", _by_looks(video, view, named, options), guessed=True))
+            ways.append(Way(f"appearance-{start + 1}", _by_looks(video, scene.view, named, options), ("guessed",)))
     return ways
 
 

@@ -1,14 +1,16 @@
-"""Evidence for and against a track that needs no truth, from sampled frames and from the track itself."""
+"""Evidence against a track that needs no truth, each a share from 0 (none) to 1, from sampled frames and the track."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from iris_sysid.types import Array, Doubt, Frame, Track, TrackMark, TrackQuality
-from trackers._auto.survey import WEIGHTS, colour_distance, looks_like_shadow
+from iris_sysid.types import Array, Frame, Mask, Track, TrackMark
+from trackers._auto.known_looks import known_looks
+from trackers._auto.scene import Place, Scene
+from trackers._auto.survey import WEIGHTS, Kind, any_near, blob_at, colour_distance, looks_like_shadow
 from trackers._frames.arrays import Bytes, Flags
 from trackers._frames.working_image import View
 
@@ -21,22 +23,60 @@ LIKE_THE_BODY = 0.45  # of the way from the surroundings' colour to the body's: 
 ANOTHER = 30.0
 TELLING = 6.0  # grey levels: less contrast tells nothing
 FEWEST_PATCHES = 4
-MOST_HELD = 0.9  # share of the frames with the body: more is no free motion
-LEAST_TRAVEL = 0.25  # radii
-FAINT = 6.0  # grey levels of luma: less, and no telling colour, is as well a chance pattern
-LEAST_SAME = 0.85  # share of the samples that show the same body
-MOST_SHADOW = 0.5  # share of the samples that look like a shadow
 LEAP_RADII, LEAP_SPEEDS = 4.0, 5.0  # a step longer than both is a leap: radii, and times the usual step thereabouts
 NEIGHBOURS = 6  # steps before and after
-FEWEST_LEAPS, LEAP_SHARE = 3, 0.02
-UNSTEADY = 0.12  # median change of the logarithm of the radius from frame to frame
 # px, median change of the radius: what lies behind a small body changes its outline by half a pixel (a ball of 3.5 px
 # before a room)
 UNSTEADY_PX = 0.75
-LEAST_COVERAGE = 0.85  # share of the frames in which the body is found or held: below it, it is searched for
-# what helps where marks do not: a body that covers much of its own way is seen in no frame as a whole before it
-BY_TEMPLATE = "if it does not turn: --tracker template --roi x,y,width,height, its box in the first frame of the clip"
+LONG_GAP = 5  # frames without any body, over which paths no longer tell which is which
+TOGETHER = 1.5  # radii: nearer than this two tracks are of one body
+PART = 3.0  # times the tracked area: of so large a thing the track is a part
+ON_TRACK = 0.3  # share of the sightings of a kind that lie on the track: fewer, and another thing is followed
+LEAST_SIGHTINGS = 0.3  # share of the samples, for a kind that might be the body
+MOST_REST = 0.5  # share of the samples: a body at rest for longer is to be followed there too
 MARK_RADII, MARK_PX = 1.0, 4.0  # how far a track may pass from a mark: radii, and px at least
+
+
+def evidence_against(track: Track, scene: Scene, others: Sequence[Track] = ()) -> dict[str, float]:
+    """What speaks against a track, by name, each from 0 to 1; ``coverage`` beside it, which is no evidence.
+
+    Parameters
+    ----------
+    track
+        One body, with its radii.
+    scene
+        What the sampled frames of its clip show.
+    others
+        The tracks of the other bodies.
+    """
+    patches, places = patches_of(track, scene.view, scene.frames), scene.places(track)
+    likeness = patches.likeness()
+    telling = likeness[np.isfinite(likeness)]
+    shown = len(patches.sample) >= FEWEST_PATCHES
+    still, scenery = _where_nothing_moves(track, scene, places)
+    ragged, part, edge = _blobs_at(track, scene, places)
+    return {
+        "coverage": float(np.mean(track.valid | held_rows(track))),
+        "other colours": float(np.mean(telling <= LIKE_THE_BODY)) if telling.size >= FEWEST_PATCHES else 0.0,
+        "shadow": patches.shadow_share() if shown else 0.0,
+        "faint": TELLING / (TELLING + patches.contrast()) if shown else 0.0,
+        "leaps": leaps(track).size / max(track.n_valid, 1),
+        "kinks": kinks(track),
+        "changing size": unsteadiness(track),
+        "hardly moves": 1 / (1 + travel(track)),
+        "gaps": gap_share(track),
+        "held": held_share(track),
+        "at the edge": edge,
+        "ragged": ragged,
+        "part": part,
+        "nothing moves": still,
+        "scenery": scenery,
+        "missed": missed(track, scene, others),
+        "rival": rival(scene, track, others)[0],
+        "disc not followed": 0.0 if others else disc_not_followed(track, scene),
+        "two on one": two_on_one(track, others),
+        "lost together": lost_together([track, *others]),
+    }
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -58,6 +98,8 @@ class Patches:
 
         0 also where it is far from both. Luma counts a third: light changes it along the path.
         """
+        if not len(self.sample):
+            return np.zeros(0)
         expected = (self.body - self.around) * WEIGHTS
         found = (self.inside - self.around) * WEIGHTS
         size = np.linalg.norm(expected, axis=1)
@@ -78,7 +120,7 @@ class Patches:
 def patches_of(track: Track, view: View, frames: Sequence[Frame]) -> Patches:
     """The patches of a track in sampled frames."""
     row_of = {int(number): k for k, number in enumerate(track.frame)}
-    held = np.zeros(track.valid.size, np.bool_) if track.hand is None else track.hand
+    held = held_rows(track)
     found: list[tuple[int, Array, Array]] = []
     for sample, frame in enumerate(frames):
         row = row_of.get(frame.index)
@@ -92,17 +134,6 @@ def patches_of(track: Track, view: View, frames: Sequence[Frame]) -> Patches:
         np.array([inside for _, inside, _ in found]).reshape(-1, 3),
         np.array([around for _, _, around in found]).reshape(-1, 3),
     )
-
-
-def _radius(track: Track, row: int) -> float:
-    radius = track.radius_px[row] if track.radius_px is not None else np.nan
-    return float(radius) if np.isfinite(radius) else usual_radius(track)
-
-
-def usual_radius(track: Track) -> float:
-    """Median apparent radius, px; 8 where it is not known."""
-    radius = np.nanmedian(track.radius_px[track.valid]) if track.radius_px is not None and track.n_valid else np.nan
-    return float(radius) if np.isfinite(radius) else 8.0
 
 
 def _patch(view: View, frame: Frame, place: Array, radius: float) -> tuple[Array, Array] | None:
@@ -124,6 +155,22 @@ def _patch(view: View, frame: Frame, place: Array, radius: float) -> tuple[Array
     return np.median(image[heart], axis=0), np.median(image[ring], axis=0)
 
 
+def held_rows(track: Track) -> Mask:
+    """Where (n,) a hand, or what else reaches in from the edge, touches the body."""
+    return np.zeros(track.valid.size, np.bool_) if track.hand is None else track.hand
+
+
+def _radius(track: Track, row: int) -> float:
+    radius = track.radius_px[row] if track.radius_px is not None else np.nan
+    return float(radius) if np.isfinite(radius) else usual_radius(track)
+
+
+def usual_radius(track: Track) -> float:
+    """Median apparent radius, px; 8 where it is not known."""
+    radius = np.nanmedian(track.radius_px[track.valid]) if track.radius_px is not None and track.n_valid else np.nan
+    return float(radius) if np.isfinite(radius) else 8.0
+
+
 def leaps(track: Track) -> Array:
     """Rows (k,) that a track reaches by a leap: a step far longer than the body, and than its steps thereabouts."""
     rows = np.flatnonzero(track.valid)
@@ -140,14 +187,22 @@ def leaps(track: Track) -> Array:
     return np.array(found, dtype=np.int64)
 
 
+def kinks(track: Track) -> float:
+    """Share of the frames in which the body is more than its radius off a straight way from the last to the next."""
+    three = track.valid[:-2] & track.valid[1:-1] & track.valid[2:]
+    bend = np.linalg.norm(np.diff(track.xy_px, n=2, axis=0), axis=1)[three] / 2
+    return float(np.mean(bend > usual_radius(track))) if bend.size else 0.0
+
+
 def unsteadiness(track: Track) -> float:
-    """Median change of the logarithm of the apparent radius between frames in which the body is free; 0 if unknown."""
+    """Median change of the radius between frames in which the body is free, over it; that of small bodies left out."""
     if track.radius_px is None:
         return 0.0
-    held = np.zeros(track.valid.size, np.bool_) if track.hand is None else track.hand
-    radius = np.where(track.valid & ~held & (track.radius_px > 0), track.radius_px, np.nan)
+    radius = np.where(track.valid & ~held_rows(track) & (track.radius_px > 0), track.radius_px, np.nan)
     change = np.abs(np.diff(np.log(radius)))
-    return float(np.nanmedian(change)) if np.isfinite(change).any() else 0.0
+    if not np.isfinite(change).any():
+        return 0.0
+    return float(np.clip(np.nanmedian(change) - UNSTEADY_PX / usual_radius(track), 0.0, 1.0))
 
 
 def travel(track: Track) -> float:
@@ -160,102 +215,162 @@ def travel(track: Track) -> float:
     return extent / _radius(track, int(np.flatnonzero(track.valid)[0]))
 
 
+def gap_share(track: Track) -> float:
+    """Share of the frames from the first to the last with the body in which it is neither found nor held."""
+    found = track.valid | held_rows(track)
+    rows = np.flatnonzero(found)
+    return float(1 - found[rows[0] : rows[-1] + 1].mean()) if rows.size else 1.0
+
+
 def held_share(track: Track) -> float:
     """Share of the frames with the body in which a hand, or what else reaches in from the edge, touches it."""
-    return float(np.mean(track.hand[track.valid])) if track.hand is not None and track.n_valid else 0.0
+    return float(np.mean(held_rows(track)[track.valid])) if track.n_valid else 0.0
 
 
-def coverage(track: Track) -> float:
-    """Share of the frames in which the body is found or held."""
-    held = np.zeros(track.valid.size, np.bool_) if track.hand is None else track.hand
-    return float(np.mean(track.valid | held))
+def _blobs_at(track: Track, scene: Scene, places: Mapping[int, Place]) -> tuple[float, float, float]:
+    """How ragged what moves at the track is, and in which shares of samples it is far larger, or joined to the edge."""
+    found = [blob_at(scene.foregrounds[k], at) for k, at in places.items()]
+    blobs = [blob for blob in found if blob is not None]
+    if len(blobs) < FEWEST_PATCHES:
+        return 0.0, 0.0, 0.0
+    area = np.pi * (usual_radius(track) / scene.view.step) ** 2
+    round_ = float(np.median([min(1.0, np.pi * blob.inscribed**2 / blob.area) for blob in blobs]))
+    part = float(np.mean([blob.area > PART * area for blob in blobs]))
+    return 1 - round_, part, float(np.mean([blob.held or blob.at_edge for blob in blobs]))
+
+
+def _where_nothing_moves(track: Track, scene: Scene, places: Mapping[int, Place]) -> tuple[float, float]:
+    """Shares of the samples with the body in which nothing moves there, and in which it is off its usual place too.
+
+    A body becomes background in one place only, where it is in most samples.
+    """
+    reach = usual_radius(track) / scene.view.step
+    still = [at for k, at in places.items() if not any_near(scene.foregrounds[k], at, reach)]
+    off = np.hypot(*(np.array(still) - np.median(still, axis=0)).T) if still else np.zeros(0)
+    count = max(len(places), 1)
+    return len(still) / count, float(np.count_nonzero(off > 2 * reach)) / count
+
+
+def missed(track: Track, scene: Scene, others: Sequence[Track]) -> float:
+    """Share of the samples that show the body in which it is plainly to be seen and the track has lost it."""
+    seen = samples_missed(track, scene, others)
+    return len(seen) / (len(scene.places(track)) + len(seen)) if seen else 0.0
+
+
+def samples_missed(track: Track, scene: Scene, others: Sequence[Track]) -> list[int]:
+    """The samples in which the body is plainly to be seen and the track has lost it."""
+    held, rows, places = held_rows(track), scene.rows(track), scene.places(track)
+    lost = [k for k, row in rows.items() if not track.valid[row] and not held[row]]
+    if len(places) < FEWEST_PATCHES or not lost or track.radius_px is None:
+        return []
+    reach = usual_radius(track)
+    found = _plainly_seen(scene, places, reach, lost, others)
+    return _without_rest(found, (min(places), max(places)), reach, MOST_REST * len(rows))
+
+
+def _plainly_seen(
+    scene: Scene, places: Mapping[int, Place], reach: float, lost: Sequence[int], others: Sequence[Track]
+) -> dict[int, Place]:
+    """Where, px of the frame, what is at some places of the samples is to be seen in others, by their number."""
+    known = known_looks(scene.images, places, reach / scene.view.step)
+    moving: dict[int, Place] = {}
+    still: dict[int, Place] = {}
+    for k in lost:
+        for at in known.plainly_in(scene.images[k]).xy:
+            place = scene.view.in_frame(*at)
+            if not any(passes(other, scene.frames[k].index, place, reach) for other in others):
+                moves = blob_at(scene.foregrounds[k], (at[0], at[1])) is not None
+                (moving if moves else still).setdefault(k, place)
+    # a body at rest is background in one place; what looks like it where nothing moves in several is scenery
+    at_rest = still if still and _spread(list(still.values())) < 2 * reach else {}
+    return {**at_rest, **moving}
+
+
+def _without_rest(found: Mapping[int, Place], shown: tuple[int, int], reach: float, most: float) -> list[int]:
+    """The samples in which a lost body was found, without those of a rest before its motion, or after it.
+
+    At rest a body is background, and may be left out; unless that is so in more than ``most`` samples.
+    """
+    seen = sorted(found)
+    for resting in ([k for k in seen if k < shown[0]], [k for k in seen if k > shown[1]]):
+        if resting and len(resting) < most and _spread([found[k] for k in resting]) < reach:
+            seen = [k for k in seen if k not in resting]
+    return seen
+
+
+def _spread(places: Sequence[Place]) -> float:
+    """Largest distance, px, of places from their median."""
+    off = np.array(places) - np.median(places, axis=0)
+    return float(np.hypot(*off.T).max())
+
+
+def rival(scene: Scene, track: Track, others: Sequence[Track]) -> tuple[float, Kind | None]:
+    """How much more than the track another thing looks like a body that moves (0 not at all, 1), and that thing."""
+    share = {id(kind): _share_on(scene, kind, [track]) for kind in scene.kinds}
+    own = max((kind.salience for kind in scene.kinds if share[id(kind)] > ON_TRACK), default=0.0)
+    rivals = [
+        kind
+        for kind in scene.kinds
+        if _share_on(scene, kind, [track, *others]) < ON_TRACK
+        and len(kind.samples) >= LEAST_SIGHTINGS * len(scene.frames)
+    ]
+    best = max(rivals, key=lambda kind: kind.salience, default=None)
+    if best is None or best.salience <= own:
+        return 0.0, None
+    return (best.salience - own) / (best.salience + own), best
+
+
+def _share_on(scene: Scene, kind: Kind, tracks: Sequence[Track]) -> float:
+    """Share of the sightings of a kind that lie on one of the tracks."""
+    on = 0
+    for thing in kind.seen:
+        place = scene.view.in_frame(thing.x, thing.y)
+        reach = max(thing.radius, 3.0) * scene.view.step
+        on += any(passes(track, scene.frames[thing.sample].index, place, reach) for track in tracks)
+    return on / len(kind.seen)
+
+
+def disc_not_followed(track: Track, scene: Scene) -> float:
+    """Share of the samples that show a disc which changes its size, and in which the track does not pass it."""
+    passed = [passes(track, number, (disc.x, disc.y), disc.radius) for number, disc in scene.receding.items()]
+    return passed.count(False) / len(scene.frames)
+
+
+def two_on_one(track: Track, others: Sequence[Track]) -> float:
+    """Largest share of common frames in which another track is nearer than two bodies can be."""
+    shares = [0.0]
+    for other in others:
+        both = track.valid & other.valid
+        apart = np.hypot(*(track.xy_px - other.xy_px)[both].T)
+        shares.append(float(np.mean(apart < TOGETHER * usual_radius(track))) if both.any() else 0.0)
+    return max(shares)
+
+
+def lost_together(tracks: Sequence[Track]) -> float:
+    """Longest gap that several tracks share, as at a cut, over ``LONG_GAP``, at most 1: names may change there."""
+    if len(tracks) < 2:
+        return 0.0
+    rows = np.flatnonzero(np.any([track.valid | held_rows(track) for track in tracks], axis=0))
+    return min(1.0, float(np.diff(rows).max() - 1) / LONG_GAP) if rows.size > 1 else 0.0
 
 
 def missed_marks(track: Track, marks: Sequence[TrackMark]) -> list[TrackMark]:
     """The marks of this body that its track does not pass."""
     row_of = {int(number): k for k, number in enumerate(track.frame)}
-    missed = []
+    missing = []
     for mark in marks:
         row = row_of.get(mark.frame)
         if mark.body != track.body or row is None:
             continue
         apart = float(np.hypot(*(track.xy_px[row] - (mark.x_px, mark.y_px)))) if track.valid[row] else np.inf
         if apart > max(MARK_PX, MARK_RADII * _radius(track, row)):
-            missed.append(mark)
-    return missed
+            missing.append(mark)
+    return missing
 
 
-def passes(track: Track, number: int, place: tuple[float, float], reach: float) -> bool:
+def passes(track: Track, number: int, place: Place, reach: float) -> bool:
     """Whether a track is within ``reach`` px of a place (x, y), px, in the frame of that number."""
     k = int(np.searchsorted(track.frame, number))
     if k >= track.frame.size or track.frame[k] != number or not track.valid[k]:
         return False
     return bool(np.hypot(*(track.xy_px[k] - place)) < reach)
-
-
-def measured(track: Track, view: View, frames: Sequence[Frame]) -> dict[str, float]:
-    """What speaks for and against a track, by name."""
-    patches = patches_of(track, view, frames)
-    evidence = {
-        "coverage": coverage(track),
-        "leaps": float(leaps(track).size),
-        "unsteadiness": unsteadiness(track),
-        "patches": float(len(patches.sample)),
-        "travel": travel(track),
-        "held": held_share(track),
-    }
-    if len(patches.sample) < FEWEST_PATCHES:
-        return evidence
-    likeness = patches.likeness()
-    telling = np.isfinite(likeness)
-    evidence["contrast"] = patches.contrast()
-    evidence["shadow"] = patches.shadow_share()
-    evidence["luma contrast"] = float(np.median(np.abs(patches.inside - patches.around)[:, 0]))
-    if telling.sum() >= FEWEST_PATCHES:
-        evidence["same body"] = float(np.mean(likeness[telling] > LIKE_THE_BODY))
-    return evidence
-
-
-def judged(track: Track, evidence: dict[str, float], marks: Sequence[TrackMark] = ()) -> TrackQuality:
-    """The quality of a track by its own evidence."""
-    doubts: list[Doubt] = []
-    help_by_marks = (
-        BY_TEMPLATE
-        if marks
-        else f"check the overlay, and mark the body where it is lost: --mark {track.body}=x,y@frame"
-    )
-    if evidence.get("same body", 1.0) < LEAST_SAME:
-        share = 1 - evidence["same body"]
-        doubts.append(
-            Doubt("another-body", f"the track shows something else in {share:.0%} of the sampled frames", help_by_marks)
-        )
-    if evidence["leaps"] >= max(FEWEST_LEAPS, LEAP_SHARE * track.n_valid):
-        doubts.append(Doubt("jumps", f"the track leaps {evidence['leaps']:.0f} times", help_by_marks))
-    if evidence["unsteadiness"] > max(UNSTEADY, UNSTEADY_PX / usual_radius(track)):
-        change = evidence["unsteadiness"]
-        doubts.append(
-            Doubt("unsteady-size", f"the tracked thing changes its size by {change:.0%} a frame", help_by_marks)
-        )
-    if evidence["held"] > MOST_HELD:
-        doubts.append(held_doubt(track, evidence["held"]))
-    if evidence["travel"] < LEAST_TRAVEL:
-        doubts.append(Doubt("ambiguous", "the tracked thing hardly moves", help_by_marks))
-    if "same body" not in evidence and evidence.get("luma contrast", 99.0) < FAINT:
-        doubts.append(Doubt("faint", "the tracked thing hardly differs from its surroundings", help_by_marks))
-    missed = missed_marks(track, marks)
-    if missed:
-        doubts.append(
-            Doubt("off-marks", f"the track misses the mark in frame {missed[0].frame}", "add marks nearby, or --roi")
-        )
-    return TrackQuality(tuple(doubts), evidence)
-
-
-def held_doubt(track: Track, share: float) -> Doubt:
-    """Doubt of a track whose body is held in that share of its frames."""
-    finding = f"a hand, or what else reaches in from the edge, touches it in {share:.0%} of its frames"
-    return Doubt("held", finding, f"mark the free body: --mark {track.body}=x,y@frame, or cut it off: --start")
-
-
-def with_quality(track: Track, view: View, frames: Sequence[Frame]) -> Track:
-    """The track with how far it can be trusted, by its own evidence in sampled frames."""
-    return replace(track, quality=judged(track, measured(track, view, frames)))

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-import numpy as np
-
-from iris_sysid.types import Doubt, Frame, Track
-from trackers._auto.evidence import passes
+from iris_sysid.types import Frame
 from trackers._disc.circle_detection import LONGEST_GAP, Search, best_chain, circles
 from trackers._disc.model import Disc
 from trackers._frames.working_image import View
@@ -16,7 +13,6 @@ from trackers._frames.working_image import View
 # times; in 27 real clips no circle that 6 samples show changes more than 1.18 times where one body is followed
 FEWEST_SAMPLES = 6
 LEAST_RATIO = 1.2  # largest radius over smallest, the one extreme of each left out: a single circle may be another's
-PASSED = 0.5  # share of the samples that show the disc: a track that passes it in fewer does not follow it
 
 
 def receding_disc(frames: Sequence[Frame], view: View) -> dict[int, Disc]:
@@ -50,13 +46,3 @@ def receding_disc(frames: Sequence[Frame], view: View) -> dict[int, Disc]:
         x, y, radius = (float(value) for value in circle)
         discs[frames[number // (LONGEST_GAP - 2)].index] = search.enlarged(Disc(x, y, radius))
     return discs
-
-
-def not_followed(track: Track, discs: Mapping[int, Disc]) -> list[Doubt]:
-    """Doubt of a track that seldom passes the disc that changes its size, by the number of the frame."""
-    passed = [passes(track, number, (disc.x, disc.y), disc.radius) for number, disc in discs.items()]
-    if not passed or np.mean(passed) >= PASSED:
-        return []
-    number = next(number for number, on in zip(discs, passed, strict=True) if not on)
-    thing = f"a disc that changes its size, at ({discs[number].x:.0f}, {discs[number].y:.0f}) px in frame {number},"
-    return [Doubt("ambiguous", f"{thing} is not followed", "if that is the body: --tracker disc")]

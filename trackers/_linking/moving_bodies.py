@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from trackers._multi_body.given_masks import track_with_masks
 from trackers._multi_body.track_together import track_together
 
 FEW = 2  # bodies: more than these are followed all at once
+MOSTLY_APART = 0.3  # share of its frames in which another path may be near a body
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -52,22 +52,32 @@ class MovingBodies:
             for number, tracklet in enumerate(self.tracklets, start=1)
         ]
 
-    def through_marks(self, video: FrameSource, options: TrackOptions) -> MovingBodies:
-        """The bodies whose paths pass a mark, from the same look at the clip, whatever goes farther.
+    def among(self, video: FrameSource, options: TrackOptions, meant: Callable[[Tracklet], bool]) -> MovingBodies:
+        """The bodies whose paths are ``meant``, from the same look at the clip, whatever goes farther.
 
         Raises
         ------
         TrackingError
-            When fewer paths pass one than bodies are asked for, or all bodies were followed at once.
+            When fewer such paths are found than bodies are asked for, or all bodies were followed at once.
         """
         if self.setup is None:
             raise TrackingError("all bodies were followed at once: there are no other paths")
         diagonal = float(np.hypot(video.width, video.height))
-        tracklets = link_bodies(self.all_detections, options.bodies, diagonal, partial(_is_marked, options.marks))
+        tracklets = link_bodies(self.all_detections, options.bodies, diagonal, meant)
         return replace(self, tracklets=all_measured(video, self.setup, tracklets))
 
 
-def _is_marked(marks: Sequence[TrackMark], tracklet: Tracklet) -> bool:
+def is_apart(tracks: Sequence[Track], tracklet: Tracklet) -> bool:
+    """Whether a path is hardly ever within two radii of one of the tracks."""
+    at = [dict(zip(track.frame.tolist(), track.xy_px, strict=True)) for track in tracks]
+    near = [
+        any(np.hypot(*(places[seen.frame] - (seen.x, seen.y))) < 2 * seen.radius for places in at)
+        for seen in tracklet.detections
+    ]
+    return float(np.mean(near)) < MOSTLY_APART
+
+
+def is_marked(marks: Sequence[TrackMark], tracklet: Tracklet) -> bool:
     """Whether a path passes a mark within the radius of the body."""
     shown = {detection.frame: detection for detection in tracklet.detections}
     return any(

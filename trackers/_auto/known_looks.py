@@ -1,0 +1,66 @@
+"""A body known from its places in the samples: where else it is plainly to be seen, and what is scenery."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackers._auto.appearance import Appearance, Peaks, learn, score_at
+from trackers._auto.scene import Place
+from trackers._frames.arrays import Bytes, Image
+
+SCENERY = 0.5  # share of the samples with the body elsewhere: a place that looks like it there too is scenery
+PLAIN = 0.75  # of the usual score of the body: as plain as that is no chance likeness
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class KnownLooks:
+    """What a tracked body looks like, the score from which on a place is plainly it, and where it is in the samples.
+
+    ``maps`` are the scores (h, w) of the search images, ``places`` where the body is in them, by the sample's number.
+    """
+
+    looks: Appearance
+    plain: float
+    maps: Mapping[int, Image]
+    places: Mapping[int, Place]
+
+    def plainly_in(self, image: Bytes) -> Peaks:
+        """The places of a search image (h, w, 3) that are plainly the body and no scenery, the best first."""
+        peaks = self.looks.peaks(image, self.plain)
+        at = [(float(x), float(y)) for x, y in peaks.xy]
+        kept = [not is_scenery(self.maps, self.places, place, self.looks.radius, self.plain) for place in at]
+        return peaks.where(np.array(kept, np.bool_))
+
+
+def known_looks(images: Sequence[Bytes], places: Mapping[int, Place], radius: float) -> KnownLooks:
+    """The looks of a body of that radius, from its places (x, y) in some of the sampled search images, all in px."""
+    shown = {k: images[k] for k in places}
+    looks = learn(list(shown.values()), list(places.values()), max(1.5, radius))
+    maps = {k: looks.score_map(image) for k, image in shown.items()}
+    plain = PLAIN * float(np.median([score_at(maps[k], place) for k, place in places.items()]))
+    return KnownLooks(looks, plain, maps, places)
+
+
+def is_scenery(
+    maps: Mapping[int, Image], places: Mapping[int, Place], place: Place, reach: float, plain: float
+) -> bool:
+    """Whether a place looks like the body also in most of the samples in which the body is elsewhere.
+
+    Parameters
+    ----------
+    maps
+        Scores (h, w) of samples that show the body, by their number.
+    places
+        Where it is in them, px of the search image.
+    place
+        The place in question, likewise.
+    reach
+        Radius of the body, px.
+    plain
+        Score from which on a place looks like the body.
+    """
+    away = [k for k, body in places.items() if np.hypot(body[0] - place[0], body[1] - place[1]) > 3 * reach]
+    return bool(away) and bool(np.mean([score_at(maps[k], place) > plain for k in away]) > SCENERY)
