@@ -21,7 +21,7 @@ from fitters.integrator.initial_value_problem import initial_value_problem
 from fitters.ode import simulate
 from fitters.ode.simulation import problem_at
 from iris_sysid.io.kernels import kernel
-from iris_sysid.types import Array, Effect, FitResult, OdeModel, Trajectory
+from iris_sysid.types import Array, Effect, FitResult, Hold, OdeModel, Trajectory
 
 REFINEMENT = 4  # points in a sample interval at which the force is given; even, for Simpson's rule
 SIMPSON = np.array([1.0, *(4.0, 2.0) * (REFINEMENT // 2 - 1), 4.0, 1.0])  # weights of these points and of the end
@@ -38,7 +38,7 @@ class EffectMotion:
     ``grid`` (m,) s, of which ``at_samples`` (n,) are the samples used; ``states`` and ``slopes`` (m, s);
     ``values`` of the parameters by name; ``inputs`` (m, i) or None; ``transition`` (m, s, s) d state / d initial
     state, and ``inverse`` (m, s, f) the columns of its inverse for the highest derivatives, None where it is
-    too near singular to be used.
+    too near singular to be used. ``hold`` says how the inputs vary between the points of the grid.
     """
 
     model: OdeModel
@@ -50,6 +50,7 @@ class EffectMotion:
     slopes: Array
     transition: Array
     inverse: Array | None
+    hold: Hold = "linear"
 
     def answer(self, force: Array) -> Array:
         """What is seen (n, d) of a unit of a small force (m, f) on the highest derivatives."""
@@ -82,10 +83,11 @@ class EffectMotion:
         slopes = np.max(np.abs(self.slopes[:, -force.shape[1] :]), initial=0.0)
         factor = RESPONSE * max(float(slopes), 1e-12) / float(np.max(np.abs(force)))
         pushed = []
+        middles = np.vstack([(force[:-1] + force[1:]) / 2, force[-1:]]) if self.hold == "zero-order" else force
         for sign in (1.0, -1.0):
-            push = sign * factor * force
+            push = sign * factor * middles
             inputs = push if self.inputs is None else np.hstack([self.inputs, push])
-            pushed.append(simulate(forced(self.model), self.grid, self.values, inputs=inputs)[1])
+            pushed.append(simulate(forced(self.model), self.grid, self.values, inputs=inputs, hold=self.hold)[1])
         return np.asarray((pushed[0] - pushed[1])[self.at_samples] / (2 * factor))
 
 
@@ -139,12 +141,9 @@ def motion_of(fitted: FitResult, trajectory: Trajectory) -> EffectMotion:
         What it was fitted to, for its inputs.
     """
     model, values = fitted.model, {name: estimate.value for name, estimate in fitted.estimates.items()}
-    used_s = fitted.t_s[fitted.used]
-    before = [fitted.t0_s] if fitted.t0_s < used_s[0] else []  # the first samples may be outliers
-    grid, at_samples = refined(np.array([*before, *used_s]))
-    at_samples = at_samples[len(before) :]
-    known = _inputs_at(trajectory, grid)
-    problem, vector = problem_at(model, grid, values, known, "linear")
+    grid, at_samples = _grid(fitted, trajectory)
+    known = trajectory.inputs_at(grid)
+    problem, vector = problem_at(model, grid, values, known, trajectory.hold)
     problem = problem.planned(vector, TOLERANCE)
     states = problem.states(vector[:, None])[:, :, 0]
     count = states.shape[1]
@@ -154,7 +153,20 @@ def motion_of(fitted: FitResult, trajectory: Trajectory) -> EffectMotion:
     moved = problem.states(columns)
     transition = (moved[:, :, :count] - moved[:, :, count:]) / (2 * steps)
     slopes = rates(model, grid, states, values, known)
-    return EffectMotion(model, grid, at_samples, values, known, states, slopes, transition, _inverse(model, transition))
+    inverse = _inverse(model, transition)
+    return EffectMotion(model, grid, at_samples, values, known, states, slopes, transition, inverse, trajectory.hold)
+
+
+def _grid(fitted: FitResult, trajectory: Trajectory) -> tuple[Array, NDArray[np.int_]]:
+    """Times (m,) s with REFINEMENT points in each interval, and where the samples used (n,) are among them.
+
+    With inputs, samples that are not used count as well: the input changes at each of them.
+    """
+    used_s = fitted.t_s[fitted.used]
+    driven = trajectory.t_s if trajectory.input_quantities else used_s
+    inside = driven[(driven > fitted.t0_s) & (driven <= used_s[-1])]  # the first samples may be outliers
+    grid, at_samples = refined(np.array([fitted.t0_s, *inside]))
+    return grid, at_samples[np.searchsorted(grid[at_samples], used_s)]
 
 
 def _inverse(model: OdeModel, transition: Array) -> Array | None:
@@ -290,12 +302,6 @@ def refined(t_s: Array) -> tuple[Array, NDArray[np.int_]]:
     inner = np.arange(REFINEMENT) / REFINEMENT
     grid = np.append((t_s[:-1, None] + inner * np.diff(t_s)[:, None]).ravel(), t_s[-1])
     return np.asarray(grid), np.arange(t_s.size) * REFINEMENT
-
-
-def _inputs_at(trajectory: Trajectory, grid: Array) -> Array | None:
-    if trajectory.inputs is None or not trajectory.input_quantities:
-        return None
-    return np.column_stack([np.interp(grid, trajectory.t_s, column) for column in trajectory.inputs.T])
 
 
 def rates(model: OdeModel, t_s: Array, states: Array, values: Mapping[str, float], inputs: Array | None) -> Array:

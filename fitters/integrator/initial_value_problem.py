@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,7 @@ from fitters.integrator.compile_rhs import CompiledRhs, compiled_rhs, substeps_o
 from fitters.integrator.dormand_prince import ORDER, slopes_along
 from fitters.integrator.step_control import graded
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, OdeModel
-
-Hold = Literal["linear", "zero-order"]
+from iris_sysid.types import Array, Hold, OdeModel
 
 MOST_STEPS = (64, 20_000)  # for each sample, and in all if that is more; a problem that needs more is stiff
 BATCH_NUMBERS = 4_000_000  # numbers in the states of one batch of columns: 32 MB

@@ -45,7 +45,7 @@ def _of_force(effect: Effect, sizes: Array, fitted: FitResult, model: OdeModel, 
     values = {name: estimate.value for name, estimate in fitted.estimates.items()}
     used = np.flatnonzero(fitted.used)
     inputs = None if trajectory.inputs is None or not trajectory.input_quantities else trajectory.inputs[used]
-    states = simulate(fitted.model, fitted.t_s[used], values, inputs=inputs)[0]
+    states = simulate(fitted.model, fitted.t_s[used], values, inputs=inputs, hold=trajectory.hold)[0]
     some = np.unique(np.linspace(0, used.size - 1, SAMPLES).astype(np.intp))
     t_s, states = fitted.t_s[used][some], states[some]
     base = rates(model, t_s, states, values, None if inputs is None else inputs[some])
