@@ -2,7 +2,8 @@
 
 An effect that acts on the motion is a small force e(t) along the motion without it. The response of the linearised
 motion is P(t) times the integral of P(t)^-1 e(t), where P(t) = d state(t) / d state(0): a few integrations for P serve
-all effects. An effect that acts on the observation needs no integration.
+all effects. Where a motion forgets its beginning, P becomes singular: then it begins anew, in blocks, and the response
+at the end of one is the initial state of the next. An effect that acts on the observation needs no integration.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from scipy.interpolate import CubicSpline
 
 from fitters.compose_effects import bodies_of, forced, plain_observation
 from fitters.image_effects import through, view_of
-from fitters.integrator.initial_value_problem import initial_value_problem
+from fitters.integrator.initial_value_problem import InitialValueProblem, initial_value_problem
 from fitters.ode import simulate
 from fitters.ode.simulation import problem_at
 from iris_sysid.io.kernels import kernel
@@ -28,7 +29,22 @@ SIMPSON = np.array([1.0, *(4.0, 2.0) * (REFINEMENT // 2 - 1), 4.0, 1.0])  # weig
 RESPONSE = 1e-4  # size of a trial change, relative to the range of what is changed
 TOLERANCE = 1e-9  # error of the motion from its time step, relative
 FORCES_AT_ONCE = 4_000_000  # numbers; more take memory, not less time
-WORST_CONDITION = 1e8  # of the transition matrix, which loses digits as initial conditions decay
+WORST_CONDITION = 1e5  # of the transition matrix of a block: so many digits are lost to its inverse
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Transitions:
+    """How a small change of the state acts on, in blocks of sample intervals that each begin anew.
+
+    ``at_points`` (m, s, s): d state / d state at the beginning of the block, at each point of the grid; where one block
+    ends and the next begins, of the former. ``inverse`` (i, REFINEMENT + 1, s, f): the columns of its inverse for the
+    highest derivatives, at the points of each interval. ``carried`` (i, s, s): at the first interval of each block
+    after the first, d state / d state at the beginning of the block before; zero elsewhere.
+    """
+
+    at_points: Array
+    inverse: Array
+    carried: Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,9 +52,8 @@ class EffectMotion:
     """A fitted motion on a grid finer than the samples, and its response to small forces.
 
     ``grid`` (m,) s, of which ``at_samples`` (n,) are the samples used; ``states`` and ``slopes`` (m, s);
-    ``values`` of the parameters by name; ``inputs`` (m, i) or None; ``transition`` (m, s, s) d state / d initial
-    state, and ``inverse`` (m, s, f) the columns of its inverse for the highest derivatives, None where it is
-    too near singular to be used. ``hold`` says how the inputs vary between the points of the grid.
+    ``values`` of the parameters by name; ``inputs`` (m, i) or None; ``response`` to forces, None where the motion
+    forgets its state within a sample interval. ``hold`` says how the inputs vary between the points of the grid.
     """
 
     model: OdeModel
@@ -48,8 +63,7 @@ class EffectMotion:
     inputs: Array | None
     states: Array
     slopes: Array
-    transition: Array
-    inverse: Array | None
+    response: Transitions | None
     hold: Hold = "linear"
 
     def answer(self, force: Array) -> Array:
@@ -60,8 +74,9 @@ class EffectMotion:
         """What is seen (k, n, d) of a unit of each of k small forces (k, m, f) on the highest derivatives."""
         with np.errstate(all="ignore"):
             acts = np.any(forces, axis=(1, 2)) & np.isfinite(np.sum(forces, axis=(1, 2)))
-        if self.inverse is not None:
-            return np.asarray(_responses(*_responding(self), forces, acts, self.at_samples // REFINEMENT))
+        if self.response is not None:
+            ends = self.at_samples // REFINEMENT
+            return np.asarray(_responses(*_responding(self), forces, acts, ends, self.response.carried))
         seen = np.zeros((len(forces), self.at_samples.size, len(self.model.observed)))
         for k in np.flatnonzero(acts):
             seen[k] = self._integrated(forces[k])
@@ -94,21 +109,23 @@ class EffectMotion:
 @functools.lru_cache(maxsize=2)
 def _responding(motion: EffectMotion) -> tuple[Array, Array]:
     """How a force acts back on the initial state, and what that changes: two arguments of :func:`_responses`."""
-    assert motion.inverse is not None
+    assert motion.response is not None
     steps_s = np.diff(motion.grid[::REFINEMENT]) / REFINEMENT
-    points = np.arange(steps_s.size)[:, None] * REFINEMENT + np.arange(REFINEMENT + 1)
-    drawing = motion.inverse[points] * (steps_s[:, None] * SIMPSON / 3.0)[:, :, None, None]
+    drawing = motion.response.inverse * (steps_s[:, None] * SIMPSON / 3.0)[:, :, None, None]
     by_state = motion.observed_by_state(motion.at_samples)
-    return drawing, np.einsum("nds,nst->ndt", by_state, motion.transition[motion.at_samples])
+    return drawing, np.einsum("nds,nst->ndt", by_state, motion.response.at_points[motion.at_samples])
 
 
 @kernel()
-def _responses(drawing: Array, shown: Array, forces: Array, acts: Array, ends: NDArray[np.int_]) -> Array:
+def _responses(
+    drawing: Array, shown: Array, forces: Array, acts: Array, ends: NDArray[np.int_], carried: Array
+) -> Array:
     """What is seen (k, n, d) of forces (k, m, f) on a grid of intervals with REFINEMENT steps.
 
-    ``drawing`` (i, REFINEMENT + 1, s, f) carries a force in an interval back to the initial state, where it is added
-    up; ``shown`` (n, d, s) is what a change of the initial state changes in each sample, of which ``ends`` (n,)
-    are the numbers of intervals before it. Forces that do not act (k,) have no response.
+    ``drawing`` (i, REFINEMENT + 1, s, f) carries a force in an interval back to the state at the beginning of its
+    block, where it is added up; ``carried`` (i, s, s) brings that sum to the beginning of the next block, at its first
+    interval, and is zero elsewhere. ``shown`` (n, d, s) is what a change of that state changes in each sample, of which
+    ``ends`` (n,) are the numbers of intervals before it. Forces that do not act (k,) have no response.
     """
     seen, drawn = np.zeros((len(forces), *shown.shape[:2])), np.zeros(shown.shape[2])
     for k in np.flatnonzero(acts):
@@ -116,6 +133,8 @@ def _responses(drawing: Array, shown: Array, forces: Array, acts: Array, ends: N
         done = 0
         for n in range(ends.size):
             for interval in range(done, ends[n]):
+                if carried[interval].any():
+                    drawn = carried[interval] @ drawn
                 for state in range(drawn.size):
                     total = 0.0
                     for point in range(REFINEMENT + 1):
@@ -146,15 +165,9 @@ def motion_of(fitted: FitResult, trajectory: Trajectory) -> EffectMotion:
     problem, vector = problem_at(model, grid, values, known, trajectory.hold)
     problem = problem.planned(vector, TOLERANCE)
     states = problem.states(vector[:, None])[:, :, 0]
-    count = states.shape[1]
-    steps = RESPONSE * np.maximum(np.ptp(states, axis=0), 1e-9)
-    columns = np.repeat(vector[:, None], 2 * count, axis=1)
-    columns[-count:] += np.hstack([np.diag(steps), -np.diag(steps)])
-    moved = problem.states(columns)
-    transition = (moved[:, :, :count] - moved[:, :, count:]) / (2 * steps)
     slopes = rates(model, grid, states, values, known)
-    inverse = _inverse(model, transition)
-    return EffectMotion(model, grid, at_samples, values, known, states, slopes, transition, inverse, trajectory.hold)
+    response = _transitions(problem, vector, states)
+    return EffectMotion(model, grid, at_samples, values, known, states, slopes, response, trajectory.hold)
 
 
 def _grid(fitted: FitResult, trajectory: Trajectory) -> tuple[Array, NDArray[np.int_]]:
@@ -169,12 +182,48 @@ def _grid(fitted: FitResult, trajectory: Trajectory) -> tuple[Array, NDArray[np.
     return grid, at_samples[np.searchsorted(grid[at_samples], used_s)]
 
 
-def _inverse(model: OdeModel, transition: Array) -> Array | None:
-    """Columns (m, s, f) of the inverse that forces act through; None where a matrix is too near singular."""
-    count = model.degrees_of_freedom
-    if not np.all(np.isfinite(transition)) or np.max(np.linalg.cond(transition)) > WORST_CONDITION:
-        return None
-    return np.asarray(np.linalg.inv(transition)[:, :, -count:])
+def _transitions(problem: InitialValueProblem, vector: Array, states: Array) -> Transitions | None:
+    """How a change of state acts on, in blocks as long as it can be inverted; None where that is no interval.
+
+    A motion with events is one block: it cannot begin anew, in another mode.
+    """
+    count, intervals = states.shape[1], (len(states) - 1) // REFINEMENT
+    forced = problem.model.degrees_of_freedom
+    at_points, inverse = np.empty((len(states), count, count)), np.empty((intervals, REFINEMENT + 1, count, forced))
+    carried, begin, longest = np.zeros((intervals, count, count)), 0, intervals
+    at_points[0] = np.eye(count)
+    while begin < intervals:
+        first, stop = begin * REFINEMENT, min(begin + longest, intervals) * REFINEMENT
+        block = _block_transition(problem.part(first, stop), vector, states[first], np.ptp(states, axis=0))
+        longest = _invertible(block)
+        if longest == 0 or (problem.model.events and longest < intervals):
+            return None
+        block = block[: longest * REFINEMENT + 1]
+        if begin > 0:
+            carried[begin] = at_points[first]
+        at_points[first + 1 : first + len(block)] = block[1:]
+        points = np.arange(longest)[:, None] * REFINEMENT + np.arange(REFINEMENT + 1)
+        inverse[begin : begin + longest] = np.linalg.inv(block)[:, :, -forced:][points]
+        begin += longest
+    return Transitions(at_points, inverse, carried)
+
+
+def _block_transition(problem: InitialValueProblem, vector: Array, begin: Array, size: Array) -> Array:
+    """Derivatives (k, s, s) of the states at each time by those at the first, by central differences."""
+    count = begin.size
+    steps = RESPONSE * np.maximum(size, 1e-9)
+    columns = np.repeat(vector[:, None], 2 * count, axis=1)
+    columns[-count:] = begin[:, None] + np.hstack([np.diag(steps), -np.diag(steps)])
+    moved = problem.states(columns)
+    with np.errstate(all="ignore"):
+        return np.asarray((moved[:, :, :count] - moved[:, :, count:]) / (2 * steps))
+
+
+def _invertible(transition: Array) -> int:
+    """Number of sample intervals from the first on over which transitions (k, s, s) can be inverted."""
+    finite = np.isfinite(transition).all(axis=(1, 2))
+    usable = np.linalg.cond(np.where(finite[:, None, None], transition, 0.0)) <= WORST_CONDITION
+    return int(np.argmin(np.append(usable, False)) - 1) // REFINEMENT
 
 
 def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory, motion: EffectMotion | None = None) -> Array:

@@ -158,8 +158,14 @@ class InitialValueProblem:
 
     def first(self, n: int) -> InitialValueProblem:
         """The problem up to its n-th sample."""
-        ends = np.append(self.ends[self.ends < n - 1], n - 1.0)
-        return replace(self, t_s=self.t_s[:n], inputs=self.inputs[:n], ends=ends)
+        return self.part(0, n - 1)
+
+    def part(self, start: int, stop: int) -> InitialValueProblem:
+        """The problem from one sample to another, both included, with the same steps."""
+        inside = self.ends[(self.ends > start) & (self.ends < stop)]
+        ends = np.concatenate([[start], inside, [stop]])[: stop - start + inside.size + 1] - start
+        span = slice(start, stop + 1)
+        return replace(self, t_s=self.t_s[span], inputs=self.inputs[span], ends=ends)
 
     def every(self, k: int) -> InitialValueProblem:
         """The problem at every k-th sample, for a model without inputs, with one step in each sample interval."""

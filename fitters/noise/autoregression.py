@@ -297,7 +297,7 @@ def whiten(columns: Array, partial: Array) -> tuple[Array, Array]:
     error = np.column_stack([np.convolve(column, taps)[: len(filled)] for column in filled.T])
     for order in range(partial.size):
         at = np.flatnonzero(known == order + 1)
-        error[at] = filled[at] - sum(rows[order][k] * filled[at - 1 - k] for k in range(order))
+        error[at] = filled[at] - np.einsum("k,akc->ac", rows[order], filled[at[:, None] - np.arange(1, order + 1)])
     order_at = np.minimum(known[present] - 1, partial.size)
     variances = 1.0 / shares[order_at]
     return np.asarray(error[present] / np.sqrt(variances)[:, None]), np.asarray(variances)

@@ -39,7 +39,7 @@ SPELLED: Mapping[str, tuple[str, float]] = {
     "km": ("m", 1000.0),
     **dict.fromkeys(("pixel", "pixels", "pix", "pxl"), ("px", 1.0)),
     **dict.fromkeys(("volt", "volts"), ("V", 1.0)),
-    **dict.fromkeys(("N m", "N*m", "N·m"), ("Nm", 1.0)),
+    **dict.fromkeys(("Nm", "N m", "N*m", "N·m"), ("N_m", 1.0)),
     **dict.fromkeys(("°/s", "degrees/s", "grad/s"), ("deg_s", 1.0)),
 }
 TIMES = (
