@@ -186,13 +186,15 @@ def _most_likely(residual: Array, basis: Array, start: Array) -> Array:
         return minus_restricted(residual, basis, EDGE * np.tanh(unbounded))[0]
 
     unbounded = cast("Vector", np.arctanh(start / EDGE * (1 - 1e-6)))
+    minimum = None
     try:
         minimum = minimize(quick, unbounded, method="L-BFGS-B", jac=True, tol=TOLERANCE)
         holds = minimum.success and abs(minimum.fun - exact(minimum.x)) < DIGITS_LOST
     except (LinAlgError, ValueError):  # singular to rounding, or too large to be squared
         holds = False
-    if not holds:
-        minimum = minimize(exact, unbounded, method="L-BFGS-B", jac="3-point", tol=TOLERANCE)
+    if not holds:  # what was found is near: rounding ended the search, not the slope
+        near = minimum.x if minimum is not None and np.isfinite(exact(minimum.x)) else unbounded
+        minimum = minimize(exact, near, method="L-BFGS-B", jac="3-point", tol=TOLERANCE)
     return np.asarray(EDGE * np.tanh(minimum.x), dtype=np.float64)
 
 
