@@ -49,6 +49,11 @@ def hangs(model: OdeModel) -> bool:
     return swings(model) and bool(model.with_role("gravity"))
 
 
+def hangs_freely(model: OdeModel) -> bool:
+    """Whether the model is of something that may hang on a cord: one angle under gravity, and nothing turns it."""
+    return hangs(model) and not model.inputs
+
+
 def drains(model: OdeModel) -> bool:
     """Whether the model is of first order in quantities of one kind: levels, or a brightness, that go down."""
     return not model.second_order and len({state.unit for state in model.states}) == 1

@@ -186,14 +186,14 @@ def _most_likely(residual: Array, basis: Array, start: Array) -> Array:
         return minus_restricted(residual, basis, EDGE * np.tanh(unbounded))[0]
 
     unbounded = cast("Vector", np.arctanh(start / EDGE * (1 - 1e-6)))
-    minimum = None
+    near = unbounded
     try:
         minimum = minimize(quick, unbounded, method="L-BFGS-B", jac=True, tol=TOLERANCE)
         holds = minimum.success and abs(minimum.fun - exact(minimum.x)) < DIGITS_LOST
+        near = minimum.x  # where rounding ended the search: not far from the end
     except (LinAlgError, ValueError):  # singular to rounding, or too large to be squared
         holds = False
-    if not holds:  # what was found is near: rounding ended the search, not the slope
-        near = minimum.x if minimum is not None and np.isfinite(exact(minimum.x)) else unbounded
+    if not holds:
         minimum = minimize(exact, near, method="L-BFGS-B", jac="3-point", tol=TOLERANCE)
     return np.asarray(EDGE * np.tanh(minimum.x), dtype=np.float64)
 

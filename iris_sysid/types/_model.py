@@ -91,12 +91,18 @@ class ModelExample:
     """A motion that a model describes well: what the tests and the guide simulate.
 
     ``values`` holds parameters and initial states by name; constants may be left out. The motion is sampled
-    ``samples`` times, ``rate_hz`` times a second, from 0 s on.
+    ``samples`` times, ``rate_hz`` times a second, from 0 s on. ``inputs(t_s (n,))``, where the model has some, gives
+    them at these times, (n, m), on a line in between.
     """
 
     values: Mapping[str, float]
     samples: int
     rate_hz: float
+    inputs: Callable[[Array], Array] | None = None
+
+    def driven(self, t_s: Array) -> Array | None:
+        """The inputs (n, m) at times ``t_s`` (n,) s; None where the model has none."""
+        return None if self.inputs is None else self.inputs(t_s)
 
     @property
     def t_s(self) -> Array:

@@ -20,6 +20,7 @@ COMMANDS = [line for line in PAGE.splitlines() if line.startswith("iris-sysid ")
 PYTHON = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 MODEL = "w' = -k*w + b*u"
 STEP_S, NOISE = 0.1, 1e-2
+MATLAB = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
 
 
 def motor(seed, n=240):
@@ -120,7 +121,10 @@ def test_structures_and_a_sampling_rate_of_a_mat_file_are_read(folder):
     [
         (b"\x93NUMPY\x01\x00", "cannot be read as a .npy file"),
         (b"\x89HDF\r\n\x1a\n" + bytes(200), "version 7.3, which is not read"),
-        (b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + b"\x0e\x00\x00\x00\xff\xff\x00\x00", "cannot be read as a"),
+        (
+            b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + b"\x0e\x00\x00\x00\xff\xff\x00\x00",
+            "cannot be read as a",
+        ),
     ],
 )
 def test_damaged_files_are_refused(folder, content, message):
@@ -131,15 +135,14 @@ def test_damaged_files_are_refused(folder, content, message):
 
 def test_objects_are_never_unpickled(folder):
     np.save("objects.npy", np.array([{"a": 1}], dtype=object), allow_pickle=True)
-    with pytest.raises(DataError, match="cannot be read as a .npy file: Object arrays cannot be loaded"):
+    with pytest.raises(DataError, match=r"cannot be read as a \.npy file: Object arrays cannot be loaded"):
         read_trajectory("objects.npy", {"t[1 s]": "row"})
 
 
 def test_a_mat_file_that_unpacks_to_too_much_is_refused(folder, monkeypatch):
     monkeypatch.setattr("iris_sysid.io.array_files.MOST_BYTES", 10_000)
     packed = zlib.compress(bytes(20_000))
-    header = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
-    (folder / "bomb.mat").write_bytes(header + (15).to_bytes(4, "little") + len(packed).to_bytes(4, "little") + packed)
+    (folder / "bomb.mat").write_bytes(MATLAB + (15).to_bytes(4, "little") + len(packed).to_bytes(4, "little") + packed)
     with pytest.raises(DataError, match="unpacks to more than"):
         read_trajectory("bomb.mat", {"t[1 s]": "row"})
 
