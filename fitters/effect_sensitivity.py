@@ -166,7 +166,7 @@ def motion_of(fitted: FitResult, trajectory: Trajectory) -> EffectMotion:
     problem = problem.planned(vector, TOLERANCE)
     states = problem.states(vector[:, None])[:, :, 0]
     slopes = rates(model, grid, states, values, known)
-    response = _transitions(problem, vector, states)
+    response = _transitions(problem.driven(vector[: len(model.parameters)]), vector, states)
     return EffectMotion(model, grid, at_samples, values, known, states, slopes, response, trajectory.hold)
 
 
@@ -290,6 +290,9 @@ def sensitivities(
     """
     size, *others = (parameter.default or 0.0 for parameter in effect.parameters)
     sizes = np.array([[size, *(shape or others)] for shape in shapes], dtype=np.float64)
+    if effect.drive is not None:
+        motion = motion or motion_of(fitted, trajectory)
+        return motion.answers(np.array([force_of_drive(effect, each, motion) for each in sizes]))
     if effect.acceleration is None:
         effect = through(effect, fitted.model, view_of(trajectory, fitted.model))
         return np.array([_seen_change(effect, fitted, each) for each in sizes])
@@ -298,6 +301,30 @@ def sensitivities(
     count = max(FORCES_AT_ONCE // motion.grid.size, 1)
     groups = (sizes[first : first + count] for first in range(0, len(sizes), count))
     return np.concatenate([motion.answers(forces_along(effect, group, *where)) for group in groups])
+
+
+def force_of_drive(effect: Effect, sizes: Array, motion: Motion) -> Array:
+    """What a unit of an effect on the inputs adds to the highest derivatives (m, f) along a motion.
+
+    Parameters
+    ----------
+    effect
+        One that acts on the inputs.
+    sizes
+        Its parameters at size zero.
+    motion
+        Of the model without it.
+    """
+    assert effect.drive is not None
+    assert motion.inputs is not None
+    step = np.zeros_like(sizes)
+    per_unit = effect.drive(motion.grid, motion.inputs, sizes + np.eye(sizes.size)[0] * 1e-6) - motion.inputs
+    step[0] = RESPONSE * float(np.ptp(motion.inputs)) / max(float(np.max(np.abs(per_unit))) * 1e6, 1e-12)
+    where = motion.model, motion.grid, motion.states, motion.values
+    above, below = (
+        rates(*where, effect.drive(motion.grid, motion.inputs, sizes + sign * step)) for sign in (1.0, -1.0)
+    )
+    return np.asarray((above - below)[:, -motion.model.degrees_of_freedom :] / (2 * step[0]))
 
 
 def shaped(effect: Effect, shape: Sequence[float]) -> Effect:

@@ -45,8 +45,8 @@ class InitialValueProblem:
 
     def states(self, columns: Array) -> Array:
         """States (n, s, c) for c columns of values (p + s, c)."""
-        if self.model.warp is None:
-            return self._integrated(self.t_s, columns)
+        if self.model.warp is None and self.model.drive is None:
+            return self._integrated(self.t_s, columns, self.inputs)
         parts = [self._warped(columns[:, c : c + 1]) for c in range(columns.shape[1])]
         return np.concatenate(parts, axis=2)
 
@@ -62,14 +62,24 @@ class InitialValueProblem:
         times = self._times(column)
         if not np.all(np.diff(times) > 0):
             return np.full((self.t_s.size, len(self.model.states), 1), np.nan)
-        return self._integrated(times, column)
+        return self._integrated(times, column, self.acting(column[: len(self.model.parameters), 0]))
 
-    def _integrated(self, t_s: Array, columns: Array) -> Array:
+    def acting(self, params: Array) -> Array:
+        """The inputs (n, m) that really act at the samples; ``params`` (p,), each in its own unit."""
+        if self.model.drive is None:
+            return self.inputs
+        return np.ascontiguousarray(self.model.drive(self.t_s, self.inputs, params), dtype=np.float64)
+
+    def driven(self, params: Array) -> InitialValueProblem:
+        """The problem with the inputs that act for these ``params`` (p,), each in its own unit, as known ones."""
+        return replace(self, model=replace(self.model, drive=None), inputs=self.acting(params))
+
+    def _integrated(self, t_s: Array, columns: Array, inputs: Array) -> Array:
         n_params = len(self.model.parameters)
         params, initial = np.ascontiguousarray(columns[:n_params]), np.ascontiguousarray(columns[n_params:])
         out = np.empty((t_s.size, *initial.shape))
         linear = self.hold == "linear"
-        self.rhs.integrate(self.rhs.columns, t_s, self.ends, initial, params, self.inputs, linear, out)
+        self.rhs.integrate(self.rhs.columns, t_s, self.ends, initial, params, inputs, linear, out)
         return out
 
     def slopes(self, states: Array, params: Array) -> Array:
@@ -78,7 +88,7 @@ class InitialValueProblem:
         taken = np.hstack([states, mode])[:, :, None]
         columns, out = self.rhs.columns[1] if self.model.events else self.rhs.columns, np.zeros(taken.shape)
         along = slopes_along.py_func if self.rhs.note else slopes_along  # a note: it runs in plain Python
-        along(columns, self.t_s, taken, np.ascontiguousarray(params[:, None]), self.inputs, out)
+        along(columns, self.t_s, taken, np.ascontiguousarray(params[:, None]), self.acting(params), out)
         return out[:, : states.shape[1], 0]
 
     def observe(self, states: Array, values: Array) -> Array:
@@ -219,7 +229,7 @@ class InitialValueProblem:
         ends = np.empty(max(MOST_STEPS[0] * times.size, MOST_STEPS[1]) + 1)
         limits = np.array([tolerance, enough, (times[-1] - times[0]) / ends.size])
         params, initial = np.split(values[:, None], [len(self.model.parameters)])
-        known = self.inputs, self.hold == "linear"
+        known = self.acting(params[:, 0]), self.hold == "linear"
         count = self.rhs.choose(self.rhs.columns, times, initial, params, *known, limits, size, ends)
         return np.concatenate([ends[:count], np.arange(int(ends[count - 1]) + 1.0, times.size)])
 

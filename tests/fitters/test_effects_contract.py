@@ -56,7 +56,7 @@ def motion(model, **more):
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=names)
 def test_effect_acts_by_exactly_one_map_and_states_its_unit_and_source(effect):
-    maps = [effect.acceleration, effect.observe, effect.image, effect.warp]
+    maps = [effect.acceleration, effect.observe, effect.image, effect.warp, effect.drive]
     assert sum(mapping is not None for mapping in maps) == 1
     assert effect.parameters[0].default == 0.0
     assert all(parameter.unit for parameter in effect.parameters)
