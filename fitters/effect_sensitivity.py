@@ -221,7 +221,7 @@ def _block_transition(problem: InitialValueProblem, vector: Array, begin: Array,
 
 def _invertible(transition: Array) -> int:
     """Number of sample intervals from the first on over which transitions (k, s, s) can be inverted."""
-    finite = np.isfinite(transition).all(axis=(1, 2))
+    finite = np.asarray(np.isfinite(transition).all(axis=(1, 2)))
     condition = np.asarray(np.linalg.cond(np.where(finite[:, None, None], transition, 0.0)))
     return int(np.argmin(np.append(condition <= WORST_CONDITION, False)) - 1) // REFINEMENT
 
