@@ -303,7 +303,7 @@ def sensitivities(
     return np.concatenate([motion.answers(forces_along(effect, group, *where)) for group in groups])
 
 
-def force_of_drive(effect: Effect, sizes: Array, motion: Motion) -> Array:
+def force_of_drive(effect: Effect, sizes: Array, motion: EffectMotion) -> Array:
     """What a unit of an effect on the inputs adds to the highest derivatives (m, f) along a motion.
 
     Parameters

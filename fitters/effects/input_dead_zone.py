@@ -34,5 +34,6 @@ EFFECT = Effect(
     drive=drive,
     alike="coulomb-friction, where the motion follows the sign of the input",
     trials=each,
+    typical="a valve that overlaps: 1 to 5 % of its range",
     example=EffectExample("driven-oscillator", size=0.2),
 )

@@ -34,5 +34,6 @@ EFFECT = Effect(
     drive=drive,
     alike="exposure-lag, of the only reading; an actuator of the first order",
     trials=each,
+    typical="a command over a bus: 0.001 to 0.02 s; hot water in a pipe: seconds",
     example=EffectExample("driven-oscillator", size=0.05),
 )

@@ -44,5 +44,6 @@ EFFECT = Effect(
     drive=drive,
     alike="quadratic-drag, where the speed follows the input",
     trials=trials,
+    typical="an amplifier at its supply: 10 V or 24 V, cut whole",
     example=EffectExample("driven-oscillator", size=0.5),
 )

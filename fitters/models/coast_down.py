@@ -39,5 +39,6 @@ MODEL = OdeModel(
     observed=(Quantity("v", "m/s", "v"),),
     rhs=rhs,
     guess=guess,
+    typical="a car: 0.1 m/s^2 and 0.0004 1/m; a bicycle: 0.05 m/s^2 and 0.003 1/m",
     example=ModelExample({"rolling": 0.1, "air": 2e-3, "v_0": 20.0}, samples=600, rate_hz=10.0),
 )

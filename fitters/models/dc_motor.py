@@ -53,6 +53,7 @@ MODEL = OdeModel(
     rhs=rhs,
     guess=guess,
     inputs=(Quantity("u", "V", "u"),),
+    typical="a motor of 100 W: 1 V/A, 1 mV s/A, 0.05 V s, 0.0001 kg m^2",
     example=ModelExample(
         {
             "resistance": 1.5,

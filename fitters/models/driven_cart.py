@@ -38,5 +38,6 @@ MODEL = OdeModel(
     rhs=rhs,
     guess=guess,
     inputs=(Quantity("u", "N", "u"),),
+    typical="a linear drive: 95 kg, 200 N s/m, a voltage times 35 N/V",
     example=ModelExample({"mass": 2.0, "damping": 1.5, "q_0": 0.1, "v_0": 0.2}, 400, 50.0, inputs=multisine),
 )

@@ -40,6 +40,7 @@ MODEL = OdeModel(
     rhs=rhs,
     guess=guess,
     inputs=(Quantity("u", "N", "u"),),
+    typical="a trolley of 0.5 kg on a spring of 20 N/m swings in 1 s",
     example=ModelExample(
         {"mass": 0.5, "damping": 0.4, "stiffness": 20.0, "z_0": 0.1, "vz_0": -0.3},
         samples=400,

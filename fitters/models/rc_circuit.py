@@ -23,5 +23,6 @@ MODEL = OdeModel(
     observed=(Quantity("y", "V", "y"),),
     rhs=rhs,
     inputs=(Quantity("u", "V", "u"),),
+    typical="10 kOhm and 10 uF: 0.1 s",
     example=ModelExample({"time_constant": 0.4, "y_0": 0.2}, samples=400, rate_hz=50.0, inputs=multisine),
 )

@@ -39,5 +39,6 @@ MODEL = OdeModel(
     observed=(Quantity("omega", "rad/s", r"\omega"),),
     rhs=rhs,
     guess=guess,
+    typical="a bicycle's wheel in the air: 0.1 rad/s^2; a spinner with ball bearings: 1 rad/s^2",
     example=ModelExample({"friction": 0.3, "damping": 0.05, "omega_0": 20.0}, samples=600, rate_hz=30.0),
 )

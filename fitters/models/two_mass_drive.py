@@ -55,6 +55,7 @@ MODEL = OdeModel(
     rhs=rhs,
     guess=guess,
     inputs=(Quantity("u", "N m", "u"),),
+    typical="a laboratory drive of 0.05 and 0.1 kg m^2 on 4 N m per rad resonates at 1.7 Hz",
     example=ModelExample(
         {
             "motor_inertia": 0.05,
