@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from iris_sysid.errors import DataError
-from iris_sysid.io.files import MOST_BYTES
+from iris_sysid.io.files import MAX_BYTES
 from iris_sysid.types import Array
 
 NUMPY, MATLAB, HDF5 = b"\x93NUMPY", b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n\x1a\n"
@@ -77,14 +77,14 @@ def _matlab_arrays(data: bytes, label: str) -> dict[str, Array]:
 def _check_unpacked(data: bytes, label: str) -> None:
     """DataError where a .mat file unpacks to more than a table may have."""
     order = "little" if data[126:128] == b"IM" else "big"
-    at, left = HEADER, MOST_BYTES
+    at, left = HEADER, MAX_BYTES
     while at + TAG <= len(data):
         kind, size = (int.from_bytes(data[at + k : at + k + 4], order) for k in (0, 4))  # type: ignore[arg-type]
         at += TAG
         unpacked = _unpacked_size(data[at : at + size], left) if kind == COMPRESSED else size
         left -= unpacked
         if left < 0:
-            raise DataError(f"{label} unpacks to more than {MOST_BYTES / 1e6:.0f} MB: split it")
+            raise DataError(f"{label} unpacks to more than {MAX_BYTES / 1e6:.0f} MB: split it")
         at += size
 
 

@@ -140,7 +140,7 @@ def test_objects_are_never_unpickled(folder):
 
 
 def test_a_mat_file_that_unpacks_to_too_much_is_refused(folder, monkeypatch):
-    monkeypatch.setattr("iris_sysid.io.array_files.MOST_BYTES", 10_000)
+    monkeypatch.setattr("iris_sysid.io.array_files.MAX_BYTES", 10_000)
     packed = zlib.compress(bytes(20_000))
     (folder / "bomb.mat").write_bytes(MATLAB + (15).to_bytes(4, "little") + len(packed).to_bytes(4, "little") + packed)
     with pytest.raises(DataError, match="unpacks to more than"):
