@@ -10,8 +10,8 @@ from fitters.ode.fit_problem import known_inputs
 from iris_sysid.errors import DataError, FitError
 from iris_sysid.types import NORMAL_995, Array, FitResult, LinearModel, Mask, Trajectory, Validation
 
-MOST_LAGS = 25  # samples over which residuals are correlated, as control engineers plot them
-LEAST_SAMPLES = 20  # of either part of a record that is split
+MAX_LAGS = 25  # samples over which residuals are correlated, as control engineers plot them
+MIN_SAMPLES = 20  # of either part of a record that is split
 
 
 def validate_fit(fitted: FitResult, record: Trajectory, estimation: Trajectory | None = None) -> Validation:
@@ -72,10 +72,10 @@ def split_record(record: Trajectory, share: float) -> tuple[Trajectory, Trajecto
     """
     valid = np.flatnonzero(record.valid)
     count = round(share * valid.size)
-    if not 0.0 < share < 1.0 or min(count, valid.size - count) < LEAST_SAMPLES:
+    if not 0.0 < share < 1.0 or min(count, valid.size - count) < MIN_SAMPLES:
         raise DataError(
             f"a share of {share:g} of {valid.size} valid samples leaves {count} to validate with and "
-            f"{valid.size - count} to fit; both need {LEAST_SAMPLES}: give another share, or a second table"
+            f"{valid.size - count} to fit; both need {MIN_SAMPLES}: give another share, or a second table"
         )
     late = np.arange(record.n) >= valid[-count]
     return record.with_(valid=record.valid & ~late), record.with_(valid=record.valid & late)
@@ -96,7 +96,7 @@ def fit_percent(observed: Array, simulated: Array, used: Mask) -> Array:
     return np.asarray(100.0 * (1.0 - error / np.where(spread > 0, spread, np.nan)))
 
 
-def correlations(residual: Array, inputs: Array, lags: int = MOST_LAGS) -> tuple[Array, Array]:
+def correlations(residual: Array, inputs: Array, lags: int = MAX_LAGS) -> tuple[Array, Array]:
     """Autocorrelation (d, l + 1) of a residual at lags 0 to l, and its correlation (d, m, 2 l + 1) with inputs.
 
     At a lag above zero the input comes first.

@@ -37,7 +37,7 @@ from validation.world_tables import WORLD, WORLD2, columns
 NAMED = ("coulomb-friction", "constant-force")  # what the published values are sizes of
 MOTOR_N_PER_V = 35.15
 EVERY = 5  # samples of the linear drive that become one: 200 of 1000 a second
-MOST = 5000  # samples of an arm
+MAX_SAMPLES = 5000  # samples of an arm
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ def linear_drive() -> Trajectory:
 
 def arm(path: str, first: int) -> Trajectory:
     """Angle by the motor's encoder (rad) and the torque (N m); ``first`` is the column of the time."""
-    table = columns(WORLD / "tab-torque-pendulum" / path)[:MOST]
+    table = columns(WORLD / "tab-torque-pendulum" / path)[:MAX_SAMPLES]
     later = np.concatenate([[True], np.diff(np.maximum.accumulate(table[:, first])) > 0])
     t_s, angle, _, torque = table[later, first : first + 4].T
     return record(t_s, angle, Quantity("theta", "rad"), torque, Quantity("u", "N m"))

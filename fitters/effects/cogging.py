@@ -9,9 +9,9 @@ import numpy as np
 from fitters.effects._domain import moves_on_a_line
 from iris_sysid.types import Array, Effect, EffectExample, OdeModel, Parameter
 
-MOST_WAVES = 40.0  # in the range of the motion
+MAX_WAVES = 40.0  # in the range of the motion
 STEP_WAVES = 0.5  # between two numbers of waves; what the range resolves
-FEWEST_WAVES = 1.5  # fewer are any smooth force of the position
+MIN_WAVES = 1.5  # fewer are any smooth force of the position
 SAMPLES_A_WAVE = 6  # at least
 PHASES = (0.0, 0.25 * np.pi, 0.5 * np.pi, 0.75 * np.pi)  # the nearest one explains 85 % of the force, or more
 
@@ -38,10 +38,10 @@ def trials(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
     span, way = float(np.ptp(known)), float(np.sum(np.abs(np.diff(known))))
     if not span > 0:
         return []
-    most = min(MOST_WAVES, known.size / SAMPLES_A_WAVE * span / way)
+    most = min(MAX_WAVES, known.size / SAMPLES_A_WAVE * span / way)
     return [
         (float(2 * np.pi * count / span), phase)
-        for count in np.arange(FEWEST_WAVES, max(most, FEWEST_WAVES + STEP_WAVES), STEP_WAVES)
+        for count in np.arange(MIN_WAVES, max(most, MIN_WAVES + STEP_WAVES), STEP_WAVES)
         for phase in PHASES
     ]
 
