@@ -11,7 +11,18 @@ from fitters.integrator.initial_value_problem import difference_steps, value_nam
 from fitters.ode.model_discrepancy import SOURCE
 from fitters.ode.simulation import problem_at
 from iris_sysid.errors import DataError, FitError
-from iris_sysid.types import NORMAL_975, Array, Diagnosis, Discovery, FitResult, Hold, OdeModel, Run, Shown, frozen_array
+from iris_sysid.types import (
+    NORMAL_975,
+    Array,
+    Diagnosis,
+    Discovery,
+    FitResult,
+    Hold,
+    OdeModel,
+    Run,
+    Shown,
+    frozen_array,
+)
 
 TOLERANCE = 1e-9
 SAME_TIME = 1e-6  # of a sample's interval: times this near are one, or their difference quotient is rounding error
