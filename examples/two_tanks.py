@@ -18,7 +18,6 @@ import pandas as pd
 
 from iris_sysid import (
     Array,
-    FitOptions,
     FitResult,
     OdeModel,
     Parameter,
@@ -190,14 +189,14 @@ def simulation_rmse(fitted: FitResult, record: Trajectory) -> float:
 
 def main(raw: Path, folder: Path) -> None:
     """Diagnose two tanks by Torricelli, then fit the model with all parts of the rig, and score both."""
-    estimation, validation = (read_trajectory(path) for path in write_tables(raw, folder))
+    estimation, validation = (read_trajectory(path).with_(hold=HOLD) for path in write_tables(raw, folder))
 
     plain, rimmed = (diagnose(estimation, model, effects=RIG, seconds=120) for model in (two_tanks, rimmed_tanks))
     for diagnosis in (plain, rimmed):
         print(f"{diagnosis.base.model.name}: {diagnosis_sentence(diagnosis)}")
         print(f"  the score test ranks first: {diagnosis.rounds[0][0].effect}")
 
-    better = fit(read_to_full_scale(estimation), real_tanks, options=FitOptions(hold=HOLD))
+    better = fit(read_to_full_scale(estimation), real_tanks)
     print(estimates_frame(better)[["value", "stderr", "unit"]])
 
     print(f"simulation RMSE on the validation record (best published: {BEST_PUBLISHED_V} V)")

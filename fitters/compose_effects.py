@@ -98,6 +98,7 @@ def with_effect(model: OdeModel, effect: Effect, view: View | None = None) -> Od
         guess=_guess(model, effect),
         observe=_observe(model, effect),
         warp=_warp(model, effect),
+        drive=_drive(model, effect),
         derive=model.derive,
         first_integral=None,
         events=within(model),
@@ -265,6 +266,25 @@ def _warp(model: OdeModel, effect: Effect) -> Callable[[Array, Array], Array] | 
 
 
 @picklable
+def _drive(model: OdeModel, effect: Effect) -> Callable[[Array, Array, Array], Array] | None:
+    count, before, added = len(model.parameters), model.drive, effect.drive
+    if added is None:
+        return None if before is None else lambda t_s, inputs, params: before(t_s, inputs, params[:count])
+    if before is None:
+        return lambda t_s, inputs, params: added(t_s, inputs, params[count:])
+    return lambda t_s, inputs, params: added(t_s, before(t_s, inputs, params[:count]), params[count:])
+
+
+@picklable
+def _own_drive(model: OdeModel) -> Callable[[Array, Array, Array], Array] | None:
+    """What acts of the first inputs; further ones are as they are."""
+    own, count = model.drive, len(model.inputs)
+    if own is None:
+        return None
+    return lambda t_s, inputs, params: np.hstack([own(t_s, inputs[:, :count], params), inputs[:, count:]])
+
+
+@picklable
 @functools.lru_cache(maxsize=64)
 def _forced_rhs(
     rhs: Callable[..., Any], n_states: int, n_forced: int, n_params: int, n_inputs: int
@@ -290,4 +310,5 @@ def forced(model: OdeModel) -> OdeModel:
     pushes = tuple(Quantity(f"force{k}", "1") for k in range(count))
     rhs = _forced_rhs(model.rhs, len(model.states), count, len(model.parameters), len(model.inputs))
     inputs = (*model.inputs, *pushes)
-    return replace(model, name=f"{model.name}, forced", rhs=rhs, inputs=inputs, events=within(model))
+    own = _own_drive(model)
+    return replace(model, name=f"{model.name}, forced", rhs=rhs, inputs=inputs, drive=own, events=within(model))

@@ -2,7 +2,8 @@
 
 An effect that acts on the motion is a small force e(t) along the motion without it. The response of the linearised
 motion is P(t) times the integral of P(t)^-1 e(t), where P(t) = d state(t) / d state(0): a few integrations for P serve
-all effects. An effect that acts on the observation needs no integration.
+all effects. Where a motion forgets its beginning, P becomes singular: then it begins anew, in blocks, and the response
+at the end of one is the initial state of the next. An effect that acts on the observation needs no integration.
 """
 
 from __future__ import annotations
@@ -17,18 +18,33 @@ from scipy.interpolate import CubicSpline
 
 from fitters.compose_effects import bodies_of, forced, plain_observation
 from fitters.image_effects import through, view_of
-from fitters.integrator.initial_value_problem import initial_value_problem
+from fitters.integrator.initial_value_problem import InitialValueProblem, initial_value_problem
 from fitters.ode import simulate
 from fitters.ode.simulation import problem_at
 from iris_sysid.io.kernels import kernel
-from iris_sysid.types import Array, Effect, FitResult, OdeModel, Trajectory
+from iris_sysid.types import Array, Effect, FitResult, Hold, OdeModel, Trajectory
 
 REFINEMENT = 4  # points in a sample interval at which the force is given; even, for Simpson's rule
 SIMPSON = np.array([1.0, *(4.0, 2.0) * (REFINEMENT // 2 - 1), 4.0, 1.0])  # weights of these points and of the end
 RESPONSE = 1e-4  # size of a trial change, relative to the range of what is changed
 TOLERANCE = 1e-9  # error of the motion from its time step, relative
 FORCES_AT_ONCE = 4_000_000  # numbers; more take memory, not less time
-WORST_CONDITION = 1e8  # of the transition matrix, which loses digits as initial conditions decay
+WORST_CONDITION = 1e5  # of the transition matrix of a block: so many digits are lost to its inverse
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Transitions:
+    """How a small change of the state acts on, in blocks of sample intervals that each begin anew.
+
+    ``at_points`` (m, s, s): d state / d state at the beginning of the block, at each point of the grid; where one block
+    ends and the next begins, of the former. ``inverse`` (i, REFINEMENT + 1, s, f): the columns of its inverse for the
+    highest derivatives, at the points of each interval. ``carried`` (i, s, s): at the first interval of each block
+    after the first, d state / d state at the beginning of the block before; zero elsewhere.
+    """
+
+    at_points: Array
+    inverse: Array
+    carried: Array
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,9 +52,8 @@ class EffectMotion:
     """A fitted motion on a grid finer than the samples, and its response to small forces.
 
     ``grid`` (m,) s, of which ``at_samples`` (n,) are the samples used; ``states`` and ``slopes`` (m, s);
-    ``values`` of the parameters by name; ``inputs`` (m, i) or None; ``transition`` (m, s, s) d state / d initial
-    state, and ``inverse`` (m, s, f) the columns of its inverse for the highest derivatives, None where it is
-    too near singular to be used.
+    ``values`` of the parameters by name; ``inputs`` (m, i) or None; ``response`` to forces, None where the motion
+    forgets its state within a sample interval. ``hold`` says how the inputs vary between the points of the grid.
     """
 
     model: OdeModel
@@ -48,8 +63,8 @@ class EffectMotion:
     inputs: Array | None
     states: Array
     slopes: Array
-    transition: Array
-    inverse: Array | None
+    response: Transitions | None
+    hold: Hold = "linear"
 
     def answer(self, force: Array) -> Array:
         """What is seen (n, d) of a unit of a small force (m, f) on the highest derivatives."""
@@ -59,8 +74,9 @@ class EffectMotion:
         """What is seen (k, n, d) of a unit of each of k small forces (k, m, f) on the highest derivatives."""
         with np.errstate(all="ignore"):
             acts = np.any(forces, axis=(1, 2)) & np.isfinite(np.sum(forces, axis=(1, 2)))
-        if self.inverse is not None:
-            return np.asarray(_responses(*_responding(self), forces, acts, self.at_samples // REFINEMENT))
+        if self.response is not None:
+            ends = self.at_samples // REFINEMENT
+            return np.asarray(_responses(*_responding(self), forces, acts, ends, self.response.carried))
         seen = np.zeros((len(forces), self.at_samples.size, len(self.model.observed)))
         for k in np.flatnonzero(acts):
             seen[k] = self._integrated(forces[k])
@@ -82,31 +98,34 @@ class EffectMotion:
         slopes = np.max(np.abs(self.slopes[:, -force.shape[1] :]), initial=0.0)
         factor = RESPONSE * max(float(slopes), 1e-12) / float(np.max(np.abs(force)))
         pushed = []
+        middles = np.vstack([(force[:-1] + force[1:]) / 2, force[-1:]]) if self.hold == "zero-order" else force
         for sign in (1.0, -1.0):
-            push = sign * factor * force
+            push = sign * factor * middles
             inputs = push if self.inputs is None else np.hstack([self.inputs, push])
-            pushed.append(simulate(forced(self.model), self.grid, self.values, inputs=inputs)[1])
+            pushed.append(simulate(forced(self.model), self.grid, self.values, inputs=inputs, hold=self.hold)[1])
         return np.asarray((pushed[0] - pushed[1])[self.at_samples] / (2 * factor))
 
 
 @functools.lru_cache(maxsize=2)
 def _responding(motion: EffectMotion) -> tuple[Array, Array]:
     """How a force acts back on the initial state, and what that changes: two arguments of :func:`_responses`."""
-    assert motion.inverse is not None
+    assert motion.response is not None
     steps_s = np.diff(motion.grid[::REFINEMENT]) / REFINEMENT
-    points = np.arange(steps_s.size)[:, None] * REFINEMENT + np.arange(REFINEMENT + 1)
-    drawing = motion.inverse[points] * (steps_s[:, None] * SIMPSON / 3.0)[:, :, None, None]
+    drawing = motion.response.inverse * (steps_s[:, None] * SIMPSON / 3.0)[:, :, None, None]
     by_state = motion.observed_by_state(motion.at_samples)
-    return drawing, np.einsum("nds,nst->ndt", by_state, motion.transition[motion.at_samples])
+    return drawing, np.einsum("nds,nst->ndt", by_state, motion.response.at_points[motion.at_samples])
 
 
 @kernel()
-def _responses(drawing: Array, shown: Array, forces: Array, acts: Array, ends: NDArray[np.int_]) -> Array:
+def _responses(
+    drawing: Array, shown: Array, forces: Array, acts: Array, ends: NDArray[np.int_], carried: Array
+) -> Array:
     """What is seen (k, n, d) of forces (k, m, f) on a grid of intervals with REFINEMENT steps.
 
-    ``drawing`` (i, REFINEMENT + 1, s, f) carries a force in an interval back to the initial state, where it is added
-    up; ``shown`` (n, d, s) is what a change of the initial state changes in each sample, of which ``ends`` (n,)
-    are the numbers of intervals before it. Forces that do not act (k,) have no response.
+    ``drawing`` (i, REFINEMENT + 1, s, f) carries a force in an interval back to the state at the beginning of its
+    block, where it is added up; ``carried`` (i, s, s) brings that sum to the beginning of the next block, at its first
+    interval, and is zero elsewhere. ``shown`` (n, d, s) is what a change of that state changes in each sample, of which
+    ``ends`` (n,) are the numbers of intervals before it. Forces that do not act (k,) have no response.
     """
     seen, drawn = np.zeros((len(forces), *shown.shape[:2])), np.zeros(shown.shape[2])
     for k in np.flatnonzero(acts):
@@ -114,6 +133,8 @@ def _responses(drawing: Array, shown: Array, forces: Array, acts: Array, ends: N
         done = 0
         for n in range(ends.size):
             for interval in range(done, ends[n]):
+                if carried[interval].any():
+                    drawn = carried[interval] @ drawn
                 for state in range(drawn.size):
                     total = 0.0
                     for point in range(REFINEMENT + 1):
@@ -139,30 +160,70 @@ def motion_of(fitted: FitResult, trajectory: Trajectory) -> EffectMotion:
         What it was fitted to, for its inputs.
     """
     model, values = fitted.model, {name: estimate.value for name, estimate in fitted.estimates.items()}
-    used_s = fitted.t_s[fitted.used]
-    before = [fitted.t0_s] if fitted.t0_s < used_s[0] else []  # the first samples may be outliers
-    grid, at_samples = refined(np.array([*before, *used_s]))
-    at_samples = at_samples[len(before) :]
-    known = _inputs_at(trajectory, grid)
-    problem, vector = problem_at(model, grid, values, known, "linear")
+    grid, at_samples = _grid(fitted, trajectory)
+    known = trajectory.inputs_at(grid)
+    problem, vector = problem_at(model, grid, values, known, trajectory.hold)
     problem = problem.planned(vector, TOLERANCE)
     states = problem.states(vector[:, None])[:, :, 0]
-    count = states.shape[1]
-    steps = RESPONSE * np.maximum(np.ptp(states, axis=0), 1e-9)
-    columns = np.repeat(vector[:, None], 2 * count, axis=1)
-    columns[-count:] += np.hstack([np.diag(steps), -np.diag(steps)])
-    moved = problem.states(columns)
-    transition = (moved[:, :, :count] - moved[:, :, count:]) / (2 * steps)
     slopes = rates(model, grid, states, values, known)
-    return EffectMotion(model, grid, at_samples, values, known, states, slopes, transition, _inverse(model, transition))
+    response = _transitions(problem.driven(vector[: len(model.parameters)]), vector, states)
+    return EffectMotion(model, grid, at_samples, values, known, states, slopes, response, trajectory.hold)
 
 
-def _inverse(model: OdeModel, transition: Array) -> Array | None:
-    """Columns (m, s, f) of the inverse that forces act through; None where a matrix is too near singular."""
-    count = model.degrees_of_freedom
-    if not np.all(np.isfinite(transition)) or np.max(np.linalg.cond(transition)) > WORST_CONDITION:
-        return None
-    return np.asarray(np.linalg.inv(transition)[:, :, -count:])
+def _grid(fitted: FitResult, trajectory: Trajectory) -> tuple[Array, NDArray[np.int_]]:
+    """Times (m,) s with REFINEMENT points in each interval, and where the samples used (n,) are among them.
+
+    With inputs, samples that are not used count as well: the input changes at each of them.
+    """
+    used_s = fitted.t_s[fitted.used]
+    driven = trajectory.t_s if trajectory.input_quantities else used_s
+    inside = driven[(driven > fitted.t0_s) & (driven <= used_s[-1])]  # the first samples may be outliers
+    grid, at_samples = refined(np.array([fitted.t0_s, *inside]))
+    return grid, at_samples[np.searchsorted(grid[at_samples], used_s)]
+
+
+def _transitions(problem: InitialValueProblem, vector: Array, states: Array) -> Transitions | None:
+    """How a change of state acts on, in blocks as long as it can be inverted; None where that is no interval.
+
+    A motion with events is one block: it cannot begin anew, in another mode.
+    """
+    count, intervals = states.shape[1], (len(states) - 1) // REFINEMENT
+    forced = problem.model.degrees_of_freedom
+    at_points, inverse = np.empty((len(states), count, count)), np.empty((intervals, REFINEMENT + 1, count, forced))
+    carried, begin, longest = np.zeros((intervals, count, count)), 0, intervals
+    at_points[0] = np.eye(count)
+    while begin < intervals:
+        first, stop = begin * REFINEMENT, min(begin + longest, intervals) * REFINEMENT
+        block = _block_transition(problem.part(first, stop), vector, states[first], np.ptp(states, axis=0))
+        longest = _invertible(block)
+        if longest == 0 or (problem.model.events and longest < intervals):
+            return None
+        block = block[: longest * REFINEMENT + 1]
+        if begin > 0:
+            carried[begin] = at_points[first]
+        at_points[first + 1 : first + len(block)] = block[1:]
+        points = np.arange(longest)[:, None] * REFINEMENT + np.arange(REFINEMENT + 1)
+        inverse[begin : begin + longest] = np.linalg.inv(block)[:, :, -forced:][points]
+        begin += longest
+    return Transitions(at_points, inverse, carried)
+
+
+def _block_transition(problem: InitialValueProblem, vector: Array, begin: Array, size: Array) -> Array:
+    """Derivatives (k, s, s) of the states at each time by those at the first, by central differences."""
+    count = begin.size
+    steps = RESPONSE * np.maximum(size, 1e-9)
+    columns = np.repeat(vector[:, None], 2 * count, axis=1)
+    columns[-count:] = begin[:, None] + np.hstack([np.diag(steps), -np.diag(steps)])
+    moved = problem.states(columns)
+    with np.errstate(all="ignore"):
+        return np.asarray((moved[:, :, :count] - moved[:, :, count:]) / (2 * steps))
+
+
+def _invertible(transition: Array) -> int:
+    """Number of sample intervals from the first on over which transitions (k, s, s) can be inverted."""
+    finite = np.asarray(np.isfinite(transition).all(axis=(1, 2)))
+    condition = np.asarray(np.linalg.cond(np.where(finite[:, None, None], transition, 0.0)))
+    return int(np.argmin(np.append(condition <= WORST_CONDITION, False)) - 1) // REFINEMENT
 
 
 def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory, motion: EffectMotion | None = None) -> Array:
@@ -229,6 +290,9 @@ def sensitivities(
     """
     size, *others = (parameter.default or 0.0 for parameter in effect.parameters)
     sizes = np.array([[size, *(shape or others)] for shape in shapes], dtype=np.float64)
+    if effect.drive is not None:
+        motion = motion or motion_of(fitted, trajectory)
+        return motion.answers(np.array([force_of_drive(effect, each, motion) for each in sizes]))
     if effect.acceleration is None:
         effect = through(effect, fitted.model, view_of(trajectory, fitted.model))
         return np.array([_seen_change(effect, fitted, each) for each in sizes])
@@ -237,6 +301,30 @@ def sensitivities(
     count = max(FORCES_AT_ONCE // motion.grid.size, 1)
     groups = (sizes[first : first + count] for first in range(0, len(sizes), count))
     return np.concatenate([motion.answers(forces_along(effect, group, *where)) for group in groups])
+
+
+def force_of_drive(effect: Effect, sizes: Array, motion: EffectMotion) -> Array:
+    """What a unit of an effect on the inputs adds to the highest derivatives (m, f) along a motion.
+
+    Parameters
+    ----------
+    effect
+        One that acts on the inputs.
+    sizes
+        Its parameters at size zero.
+    motion
+        Of the model without it.
+    """
+    assert effect.drive is not None
+    assert motion.inputs is not None
+    step = np.zeros_like(sizes)
+    per_unit = effect.drive(motion.grid, motion.inputs, sizes + np.eye(sizes.size)[0] * 1e-6) - motion.inputs
+    step[0] = RESPONSE * float(np.ptp(motion.inputs)) / max(float(np.max(np.abs(per_unit))) * 1e6, 1e-12)
+    where = motion.model, motion.grid, motion.states, motion.values
+    above, below = (
+        rates(*where, effect.drive(motion.grid, motion.inputs, sizes + sign * step)) for sign in (1.0, -1.0)
+    )
+    return np.asarray((above - below)[:, -motion.model.degrees_of_freedom :] / (2 * step[0]))
 
 
 def shaped(effect: Effect, shape: Sequence[float]) -> Effect:
@@ -290,12 +378,6 @@ def refined(t_s: Array) -> tuple[Array, NDArray[np.int_]]:
     inner = np.arange(REFINEMENT) / REFINEMENT
     grid = np.append((t_s[:-1, None] + inner * np.diff(t_s)[:, None]).ravel(), t_s[-1])
     return np.asarray(grid), np.arange(t_s.size) * REFINEMENT
-
-
-def _inputs_at(trajectory: Trajectory, grid: Array) -> Array | None:
-    if trajectory.inputs is None or not trajectory.input_quantities:
-        return None
-    return np.column_stack([np.interp(grid, trajectory.t_s, column) for column in trajectory.inputs.T])
 
 
 def rates(model: OdeModel, t_s: Array, states: Array, values: Mapping[str, float], inputs: Array | None) -> Array:

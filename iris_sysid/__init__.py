@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from fitters.selection.select import select_model as select_model
     from fitters.sindy.as_pysindy import to_pysindy as to_pysindy
     from fitters.sindy.discover import discover as discover
-    from fitters.validation_record import Validation as Validation
+    from fitters.validation_record import split_record as split_record
     from fitters.validation_record import validate_fit as validate_fit
     from iris_sysid.calibration.board.calibrate import calibrate_board as calibrate_board
     from iris_sysid.calibration.calibration_json import read_calibration as read_calibration
@@ -101,6 +101,7 @@ if TYPE_CHECKING:
     from iris_sysid.types import Frame as Frame
     from iris_sysid.types import FrameSource as FrameSource
     from iris_sysid.types import GeometryOptions as GeometryOptions
+    from iris_sysid.types import LinearModel as LinearModel
     from iris_sysid.types import ModelExample as ModelExample
     from iris_sysid.types import OdeModel as OdeModel
     from iris_sysid.types import Parameter as Parameter
@@ -118,6 +119,7 @@ if TYPE_CHECKING:
     from iris_sysid.types import TrackQuality as TrackQuality
     from iris_sysid.types import Trajectory as Trajectory
     from iris_sysid.types import Transfer as Transfer
+    from iris_sysid.types import Validation as Validation
     from iris_sysid.types import Verdict as Verdict
     from iris_sysid.types import View as View
     from iris_sysid.video.reader import open_video as open_video
@@ -141,7 +143,7 @@ _HOME = {
         "fitters.selection.select": "select_model",
         "fitters.sindy.as_pysindy": "to_pysindy",
         "fitters.sindy.discover": "discover",
-        "fitters.validation_record": "Validation validate_fit",
+        "fitters.validation_record": "split_record validate_fit",
         "iris_sysid.calibration.board.calibrate": "calibrate_board",
         "iris_sysid.calibration.calibration_json": "read_calibration write_calibration",
         "iris_sysid.calibration.known_size": "plane_from_ball plane_from_distance plane_from_size",
@@ -177,9 +179,9 @@ _HOME = {
         "iris_sysid.trajectory.smoothing": "smooth",
         "iris_sysid.types": (
             "Array Calibration ClipOptions Diagnosis Discovery Doubt Effect EffectExample Estimate Event "
-            "FitResult Frame FrameSource GeometryOptions ModelExample OdeModel Parameter Phenomenon "
+            "FitResult Frame FrameSource GeometryOptions LinearModel ModelExample OdeModel Parameter Phenomenon "
             "PooledFit Quantity Run Segment Smoothed Track TrackMark TrackQuality Tracker TrackerExample TrackOptions "
-            "Trajectory Transfer Verdict View"
+            "Trajectory Transfer Validation Verdict View"
         ),
         "iris_sysid.video.reader": "open_video",
     }.items()

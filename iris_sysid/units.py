@@ -40,6 +40,7 @@ UNITS: Mapping[str, tuple[str, float]] = MappingProxyType(
         "A": ("A", 1.0),
         "mA": ("A", 0.001),
         "N": ("N", 1.0),
+        "N_m": ("N m", 1.0),
         "kg": ("kg", 1.0),
         "K": ("K", 1.0),
         "Pa": ("Pa", 1.0),

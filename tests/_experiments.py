@@ -21,8 +21,10 @@ def correlated(rng, shape, rho, warm_up=300):
 
 def clip(model, noise) -> Trajectory:
     values, t_s = EXPERIMENTS[model.name]
-    position = simulate(model, t_s, values).observed + noise
-    return Trajectory(t_s, model.observed, position, np.full_like(position, np.nan), np.ones(t_s.size, bool))
+    inputs = model.example.driven(t_s)
+    position = simulate(model, t_s, values, inputs=inputs).observed + noise
+    unknown, valid = np.full_like(position, np.nan), np.ones(t_s.size, bool)
+    return Trajectory(t_s, model.observed, position, unknown, valid, model.inputs, inputs)
 
 
 def repeated(name, rho, seeds):
@@ -30,7 +32,8 @@ def repeated(name, rho, seeds):
     model = MODELS[name]
     values, t_s = EXPERIMENTS[name]
     truth = np.array(list(values.values()))
-    size = NOISE * np.std(simulate(model, t_s, values).observed, axis=0)
+    inputs = model.example.driven(t_s)
+    size = NOISE * np.std(simulate(model, t_s, values, inputs=inputs).observed, axis=0)
     rows, misfits = [], 0
     for seed in seeds:
         noise = size * correlated(np.random.default_rng(seed), (t_s.size, len(model.observed)), rho)

@@ -138,7 +138,7 @@ def bases_of(motion: EffectMotion, seen: Array, seen_rate: Array, scale: Scale) 
         _force_of_time(motion),
         _own_drift(motion),
     ]
-    if motion.inverse is not None:  # else each response is an integration, and these have hundreds
+    if motion.response is not None:  # else each response is an integration, and these have hundreds
         forces += [_pulse(motion), _periodic(motion)]
     if motion.model.second_order:
         forces = [_force_of_velocity(motion, scale), *forces]

@@ -6,6 +6,7 @@ from iris_sysid.types import OdeModel, Sensor, kind_of
 
 FILMED: frozenset[Sensor] = frozenset({"camera", "unknown"})
 CONTACT: frozenset[Sensor] = frozenset({"encoder", "gauge"})
+GAUGE: frozenset[Sensor] = frozenset({"gauge"})  # what has no place in an image is read by one
 
 
 def moves(model: OdeModel) -> bool:
@@ -49,6 +50,11 @@ def hangs(model: OdeModel) -> bool:
     return swings(model) and bool(model.with_role("gravity"))
 
 
+def hangs_freely(model: OdeModel) -> bool:
+    """Whether the model is of something that may hang on a cord: one angle under gravity, and nothing turns it."""
+    return hangs(model) and not model.inputs
+
+
 def drains(model: OdeModel) -> bool:
     """Whether the model is of first order in quantities of one kind: levels, or a brightness, that go down."""
     return not model.second_order and len({state.unit for state in model.states}) == 1
@@ -57,11 +63,6 @@ def drains(model: OdeModel) -> bool:
 def any_model(model: OdeModel) -> bool:
     """Every model."""
     return True
-
-
-def is_read_in_volts(model: OdeModel) -> bool:
-    """Whether what is observed is the voltage of one sensor."""
-    return on_a_line(model) and model.observed[0].unit == "V"
 
 
 def lies_in_image(model: OdeModel) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
 
-from fitters.effects._domain import hangs
+from fitters.effects._domain import hangs_freely
 from fitters.effects._times import own_rate_parameter, own_rates
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
@@ -45,7 +45,7 @@ EFFECT = Effect(
     ),
     component="own-force-drift",
     absorbs=True,
-    applies=hangs,
+    applies=hangs_freely,
     plausibility=0.2,
     sensors=frozenset({"camera", "gauge", "unknown"}),  # an axle with an encoder holds the plane
     observe=observe,

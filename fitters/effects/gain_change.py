@@ -1,10 +1,10 @@
-"""The sensor's gain is another one above some level: two ranges, another width, a plate that ends."""
+"""The sensor's gain is another one above some level: two ranges, another width, a plate that ends, saturation."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from fitters.effects._domain import is_read_in_volts
+from fitters.effects._domain import GAUGE, on_a_line
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 QUANTILES = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)  # of what was seen, tried as the level at which the gain changes
@@ -30,11 +30,12 @@ EFFECT = Effect(
     equation=r"x_\mathrm{seen} = x + g\,\max(x - x_g, 0)",
     source="first-order expansion of a calibration curve with two ranges",
     parameters=(
-        Parameter("gain_change", "1", "g", lower=-0.95, default=0.0),
+        Parameter("gain_change", "1", "g", lower=-1.0, default=0.0),
         Parameter("gain_level", "{x}", "x_g", default=0.0, role="location"),
     ),
     component="reading-of-position",
-    applies=is_read_in_volts,
+    applies=on_a_line,
+    sensors=GAUGE,
     cause="measurement",
     plausibility=0.1,
     observe=observe,

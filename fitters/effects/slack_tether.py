@@ -9,9 +9,9 @@ from iris_sysid.types import Array, Effect, EffectExample, OdeModel, Parameter
 
 
 def applies(model: OdeModel) -> bool:
-    """Where something pulls back to the middle."""
+    """Where something pulls back to the middle, and nothing turns it: no torque acts on a cord."""
     pulled = any(parameter.name == "stiffness" for parameter in model.parameters)
-    return swings(model) or (pulled and moves_on_a_line(model))
+    return (swings(model) or (pulled and moves_on_a_line(model))) and not model.inputs
 
 
 def acceleration(

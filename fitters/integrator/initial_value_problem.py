@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +11,7 @@ from fitters.integrator.compile_rhs import CompiledRhs, compiled_rhs, substeps_o
 from fitters.integrator.dormand_prince import ORDER, slopes_along
 from fitters.integrator.step_control import graded
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, OdeModel
-
-Hold = Literal["linear", "zero-order"]
+from iris_sysid.types import Array, Hold, OdeModel
 
 MOST_STEPS = (64, 20_000)  # for each sample, and in all if that is more; a problem that needs more is stiff
 BATCH_NUMBERS = 4_000_000  # numbers in the states of one batch of columns: 32 MB
@@ -48,8 +45,8 @@ class InitialValueProblem:
 
     def states(self, columns: Array) -> Array:
         """States (n, s, c) for c columns of values (p + s, c)."""
-        if self.model.warp is None:
-            return self._integrated(self.t_s, columns)
+        if self.model.warp is None and self.model.drive is None:
+            return self._integrated(self.t_s, columns, self.inputs)
         parts = [self._warped(columns[:, c : c + 1]) for c in range(columns.shape[1])]
         return np.concatenate(parts, axis=2)
 
@@ -65,14 +62,24 @@ class InitialValueProblem:
         times = self._times(column)
         if not np.all(np.diff(times) > 0):
             return np.full((self.t_s.size, len(self.model.states), 1), np.nan)
-        return self._integrated(times, column)
+        return self._integrated(times, column, self.acting(column[: len(self.model.parameters), 0]))
 
-    def _integrated(self, t_s: Array, columns: Array) -> Array:
+    def acting(self, params: Array) -> Array:
+        """The inputs (n, m) that really act at the samples; ``params`` (p,), each in its own unit."""
+        if self.model.drive is None:
+            return self.inputs
+        return np.ascontiguousarray(self.model.drive(self.t_s, self.inputs, params), dtype=np.float64)
+
+    def driven(self, params: Array) -> InitialValueProblem:
+        """The problem with the inputs that act for these ``params`` (p,), each in its own unit, as known ones."""
+        return replace(self, model=replace(self.model, drive=None), inputs=self.acting(params))
+
+    def _integrated(self, t_s: Array, columns: Array, inputs: Array) -> Array:
         n_params = len(self.model.parameters)
         params, initial = np.ascontiguousarray(columns[:n_params]), np.ascontiguousarray(columns[n_params:])
         out = np.empty((t_s.size, *initial.shape))
         linear = self.hold == "linear"
-        self.rhs.integrate(self.rhs.columns, t_s, self.ends, initial, params, self.inputs, linear, out)
+        self.rhs.integrate(self.rhs.columns, t_s, self.ends, initial, params, inputs, linear, out)
         return out
 
     def slopes(self, states: Array, params: Array) -> Array:
@@ -81,7 +88,7 @@ class InitialValueProblem:
         taken = np.hstack([states, mode])[:, :, None]
         columns, out = self.rhs.columns[1] if self.model.events else self.rhs.columns, np.zeros(taken.shape)
         along = slopes_along.py_func if self.rhs.note else slopes_along  # a note: it runs in plain Python
-        along(columns, self.t_s, taken, np.ascontiguousarray(params[:, None]), self.inputs, out)
+        along(columns, self.t_s, taken, np.ascontiguousarray(params[:, None]), self.acting(params), out)
         return out[:, : states.shape[1], 0]
 
     def observe(self, states: Array, values: Array) -> Array:
@@ -161,8 +168,14 @@ class InitialValueProblem:
 
     def first(self, n: int) -> InitialValueProblem:
         """The problem up to its n-th sample."""
-        ends = np.append(self.ends[self.ends < n - 1], n - 1.0)
-        return replace(self, t_s=self.t_s[:n], inputs=self.inputs[:n], ends=ends)
+        return self.part(0, n - 1)
+
+    def part(self, start: int, stop: int) -> InitialValueProblem:
+        """The problem from one sample to another, both included, with the same steps."""
+        inside = self.ends[(self.ends > start) & (self.ends < stop)]
+        ends = np.concatenate([[start], inside, [stop]])[: stop - start + inside.size + 1] - start
+        span = slice(start, stop + 1)
+        return replace(self, t_s=self.t_s[span], inputs=self.inputs[span], ends=ends)
 
     def every(self, k: int) -> InitialValueProblem:
         """The problem at every k-th sample, for a model without inputs, with one step in each sample interval."""
@@ -216,7 +229,7 @@ class InitialValueProblem:
         ends = np.empty(max(MOST_STEPS[0] * times.size, MOST_STEPS[1]) + 1)
         limits = np.array([tolerance, enough, (times[-1] - times[0]) / ends.size])
         params, initial = np.split(values[:, None], [len(self.model.parameters)])
-        known = self.inputs, self.hold == "linear"
+        known = self.acting(params[:, 0]), self.hold == "linear"
         count = self.rhs.choose(self.rhs.columns, times, initial, params, *known, limits, size, ends)
         return np.concatenate([ends[:count], np.arange(int(ends[count - 1]) + 1.0, times.size)])
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fitters.integrator.initial_value_problem import Hold, InitialValueProblem, initial_value_problem, value_names
+from fitters.integrator.initial_value_problem import InitialValueProblem, initial_value_problem, value_names
 from fitters.noise.measurement_noise import noise_from_differences, outliers_in_motion
 from fitters.ode.least_squares import Target, Unknowns
 from iris_sysid.errors import FitError
@@ -243,7 +243,6 @@ def prepare(
     model: OdeModel,
     selection: Selection,
     known: Mapping[str, Estimate],
-    hold: Hold,
     priors: Mapping[str, Estimate] = NO_PRIORS,
 ) -> Task:
     """Combine data and model into a fit that is ready to run.
@@ -254,8 +253,6 @@ def prepare(
         The data, the model, and the samples to use.
     known
         Values held; everything else is free.
-    hold
-        How inputs vary between samples.
     priors
         Values that are estimated and were also measured elsewhere.
     """
@@ -275,7 +272,7 @@ def prepare(
         known=known,
         priors=priors,
         free=free,
-        problem=initial_value_problem(model, t_s, known_inputs(trajectory, model, span), hold),
+        problem=initial_value_problem(model, t_s, known_inputs(trajectory, model, span), trajectory.hold),
         target=Target(observed, sigma, clean),
         unknowns=_unknowns(model, free, priors),
         noise=noise,

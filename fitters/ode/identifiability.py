@@ -8,7 +8,6 @@ import numpy as np
 
 from fitters.integrator.initial_value_problem import (
     BATCH_NUMBERS,
-    Hold,
     InitialValueProblem,
     difference_steps,
     initial_value_problem,
@@ -17,7 +16,7 @@ from fitters.integrator.initial_value_problem import (
 from fitters.ode.fit_problem import known_inputs
 from fitters.ode.least_squares import FINE_STEP
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, FitResult, Identifiability, Trajectory
+from iris_sysid.types import Array, FitResult, Hold, Identifiability, Trajectory
 
 WIDER = 10.0  # second differences lose twice the digits of first ones: steps this much longer
 
@@ -65,7 +64,7 @@ def _at_solution(result: FitResult, trajectory: Trajectory | None) -> tuple[Init
     used = np.flatnonzero(result.used)
     span = slice(int(np.searchsorted(result.t_s, result.t0_s)), int(used[-1]) + 1)
     inputs = None if trajectory is None else known_inputs(trajectory, model, span)
-    hold: Hold = "zero-order" if result.origin.get("hold") == "zero-order" else "linear"
+    hold: Hold = "linear" if trajectory is None else trajectory.hold
     values = np.array([result.estimates[name].value for name in names])
     problem = initial_value_problem(model, result.t_s[span], inputs, hold).planned(values, FINE_STEP)
     return problem, values, np.array([names.index(name) for name in result.free], dtype=np.intp)

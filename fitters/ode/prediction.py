@@ -7,11 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fitters.integrator.initial_value_problem import Hold, difference_steps, value_names
+from fitters.integrator.initial_value_problem import difference_steps, value_names
 from fitters.ode.model_discrepancy import SOURCE
 from fitters.ode.simulation import problem_at
 from iris_sysid.errors import DataError, FitError
-from iris_sysid.types import NORMAL_975, Array, Diagnosis, Discovery, FitResult, OdeModel, Run, Shown, frozen_array
+from iris_sysid.types import (
+    NORMAL_975,
+    Array,
+    Diagnosis,
+    Discovery,
+    FitResult,
+    Hold,
+    OdeModel,
+    Run,
+    Shown,
+    frozen_array,
+)
 
 TOLERANCE = 1e-9
 SAME_TIME = 1e-6  # of a sample's interval: times this near are one, or their difference quotient is rounding error

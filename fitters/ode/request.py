@@ -11,7 +11,6 @@ from fitters.ode.rest_position import held_zeros, off_zero
 from iris_sysid.trajectory.consistency.angle_unit import with_degrees_doubt
 
 if TYPE_CHECKING:
-    from fitters.integrator.initial_value_problem import Hold
     from fitters.ode.least_squares import Loss
     from iris_sysid.types import Estimate, OdeModel, SegmentLabel, Trajectory
 
@@ -24,8 +23,7 @@ class FitOptions:
 
     ``segments``: labels of the segments whose samples are used. ``loss``: ``linear`` (least squares) or ``soft_l1``
     (large residuals count less); with both, single samples far from their neighbours' residual are left out, and a
-    note says how many. ``hold``: inputs between samples vary on a line (``linear``) or keep the value of the last
-    sample (``zero-order``). ``multistart``: number of random starts to try when no start explains the data.
+    note says how many. ``multistart``: number of random starts to try when no start explains the data.
     ``local``: the start is near the minimum, e.g. that of a simpler model; minimise from it without a global search.
     ``discrepancy``: where the residual is more than noise, add to the errors what the equation may lack.
     ``unseen_drag``: with ``discrepancy``, add to the errors of a fall with gravity estimated the drag that its data
@@ -35,7 +33,6 @@ class FitOptions:
 
     segments: tuple[SegmentLabel, ...] = ("motion",)
     loss: Loss = "linear"
-    hold: Hold = "linear"
     multistart: int = 8
     local: bool = False
     discrepancy: bool = True

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fitters.integrator.initial_value_problem import (
-    Hold,
     InitialValueProblem,
     difference_steps,
     initial_value_problem,
@@ -19,7 +18,7 @@ from fitters.ode.fit_problem import check_names
 from fitters.ode.request import NOTHING
 from iris_sysid.errors import FitError
 from iris_sysid.registry import MODELS
-from iris_sysid.types import Array, Discovery, FitResult, OdeModel, Trajectory, frozen_array, increasing_times
+from iris_sysid.types import Array, Discovery, FitResult, Hold, OdeModel, Trajectory, frozen_array, increasing_times
 
 
 class Simulation(NamedTuple):
@@ -205,7 +204,6 @@ def predicted_by(
     """
     begin = int(np.searchsorted(trajectory.t_s, fitted.t0_s))
     known = trajectory.inputs[begin:stop] if trajectory.inputs is not None else None
-    hold: Hold = "zero-order" if fitted.origin.get("hold") == "zero-order" else "linear"
     times = trajectory.t_s[begin:stop]
-    _, predicted = simulate(fitted.model, times, values, inputs=known, hold=hold, tolerance=tolerance)
+    _, predicted = simulate(fitted.model, times, values, inputs=known, hold=trajectory.hold, tolerance=tolerance)
     return np.concatenate([np.full((begin, predicted.shape[1]), np.nan), predicted])

@@ -96,7 +96,7 @@ def fit(
         autocorrelation, as the estimates have it), ``profile`` (likelihood), ``bootstrap`` (of residuals in blocks),
         or ``all``. The notes say where they disagree.
     options
-        Which segments to use, the loss function, inputs between samples, how long to search.
+        Which segments to use, the loss function, how long to search.
     parameters
         lmfit ``Parameters`` by the model's names: values are starts, or held where ``vary`` is false; ``min`` and
         ``max`` are bounds; ``expr`` ties a parameter to others, which is then among the derived quantities. What
@@ -232,7 +232,7 @@ def _task_of(request: FitRequest) -> Task:
     n, needed = int(selection.used.sum()), needed_samples(len(model.observed), n_free)
     if n < needed:
         raise _failure(request, model, known, "too-short", too_few_samples(n, needed, n_free))
-    return prepare(trajectory, model, selection, known, request.options.hold, priors)
+    return prepare(trajectory, model, selection, known, priors)
 
 
 def _check_finite(request: FitRequest, task: Task, solution: Solution) -> None:

@@ -106,6 +106,7 @@ def tied_model(model: OdeModel, ties: tuple[tuple[str, str], ...]) -> OdeModel:
         guess=_guess(model.guess, tuple(read)),
         observe=None if model.observe is None else _observe(model.observe, full, names, ties),
         warp=None if model.warp is None else _warp(model.warp, full, names, ties),
+        drive=None if model.drive is None else _drive(model.drive, full, names, ties),
         derived=(*(Quantity(name, own[name].unit, own[name].symbol) for name in read), *model.derived),
         derive=_derive(model.derive, names, ties),
         first_integral=None,
@@ -153,6 +154,13 @@ def _warp(
     base: Callable[..., Array], full: tuple[str, ...], names: tuple[str, ...], ties: tuple[tuple[str, str], ...]
 ) -> Callable[[Array, Array], Array]:
     return lambda t_s, params: base(t_s, np.array(_all(full, names, ties)(params)))
+
+
+@picklable
+def _drive(
+    base: Callable[..., Array], full: tuple[str, ...], names: tuple[str, ...], ties: tuple[tuple[str, str], ...]
+) -> Callable[[Array, Array, Array], Array]:
+    return lambda t_s, inputs, params: base(t_s, inputs, np.array(_all(full, names, ties)(params)))
 
 
 @picklable

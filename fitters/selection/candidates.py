@@ -61,7 +61,7 @@ def all_tried(trials: Sequence[Trial], bank: Mapping[str, OdeModel], free: Seque
     begun: list[_Begun] = []
     for trial in trials:
         for model in bank.values():
-            if suits(model, trial.observable):
+            if not model.inputs and suits(model, trial.observable):  # an observable of a track has no inputs
                 candidate = _begun(model, trial, free)
                 if isinstance(candidate, _Begun):
                     begun.append(candidate)

@@ -178,9 +178,9 @@ def _linearised(clip: Trajectory, library: Library, fit: FitResult, index: int, 
     span = slice(first, int(used[-1]) + 1)
     states = [f"{state.name}_0" for state in model.states]
     values = {name: estimate.value for name, estimate in fit.estimates.items()}
-    slopes = sensitivity(
-        model, clip.t_s[span], values, [*library.names, *states], inputs=inputs_of(clip, library, span), tolerance=1e-7
-    )[used - first]
+    known, names = inputs_of(clip, library, span), [*library.names, *states]
+    slopes = sensitivity(model, clip.t_s[span], values, names, inputs=known, hold=clip.hold, tolerance=1e-7)
+    slopes = slopes[used - first]
     residual = fit.residual[used]
     slopes = np.where(np.isfinite(slopes), slopes, 0.0)
     coefficients = np.array([values[name] for name in library.names])

@@ -49,6 +49,7 @@ class EachRequest:
     seconds: float | None = None
     keep_component: Sequence[ComponentKind] = ()
     own_files: Sequence[str] = ()
+    hold: str = "auto"
 
 
 def diagnose_clips(
@@ -143,7 +144,7 @@ def prepared(request: EachRequest, model: Model | None, effects: tuple[Effect, .
         Its path.
     """
     from iris_sysid.benchmark.diagnose_each import DiagnosisRequest
-    from iris_sysid.cli import _parsing
+    from iris_sysid.cli import _parsing, _records
 
     described, free_by_default = model or _model_of(table, request)
     (clip,) = _terminal.read_tables([table], request.columns, described)
@@ -154,6 +155,8 @@ def prepared(request: EachRequest, model: Model | None, effects: tuple[Effect, .
     sensor = _parsing.sensor(request.sensor)
     if sensor is not None:
         clip = clip.with_(sensor=sensor)
+    if described is not None:
+        (clip,) = _records.held([clip], described, request.hold, fixed=fixed, free=tuple(free))
     ends = limits(request.seconds, request.keep_component)
     return DiagnosisRequest(clip, described, fixed, tuple(free), effects, request.holdout, ends)
 

@@ -14,10 +14,25 @@ if TYPE_CHECKING:
     from iris_sysid.types import ClipOptions
 
 Video = Annotated[Path, typer.Argument(help="Video, folder of images, GIF, or .zip/.trz that holds one.")]
-TABLE = "Table with t_s and <quantity>_<unit> columns, or of another program (CSV, text, Excel)"
+TABLE = "Table with t_s and <quantity>_<unit> columns, or of another program (CSV, text, Excel, .mat, .npy)"
 Table = Annotated[Path, typer.Argument(help=f"{TABLE}.")]
 Columns = Annotated[
     str | None, typer.Option(help='Columns of a table of another program: "t=Time (s),theta[deg]=Angle".')
+]
+SampleTime = Annotated[
+    str | None, typer.Option("--sample-time", help="Sample time of a table without a column of times: 4s, 20ms.")
+]
+InputHold = Annotated[
+    str,
+    typer.Option(
+        "--hold",
+        help="Inputs between samples: zero (held), linear, or auto (what fits better).",
+        autocompletion=_completion.values("auto", "zero", "linear"),
+    ),
+]
+Validate = Annotated[
+    str | None,
+    typer.Option(help="Simulate this with the fitted model, not fit it: a table, or the last share of this one, 30%."),
 ]
 Output = Annotated[Path, typer.Option("-o", "--output", help="File or folder for the result.")]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite existing results.")]

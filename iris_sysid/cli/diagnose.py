@@ -13,17 +13,21 @@ from iris_sysid.cli.arguments import (
     Equation,
     Force,
     Free,
+    InputHold,
     Json,
     Output,
+    SampleTime,
     Scheduler,
     Settings,
     Strict,
+    Validate,
     WorkerCount,
 )
 
 if TYPE_CHECKING:
     from iris_sysid.diagnosis.planning.plan import Plan
     from iris_sysid.report.film import Footage
+    from iris_sysid.report.validation_figure import ValidatedDiagnosis
     from iris_sysid.types import Diagnosis, OdeModel, Trajectory
 
 Clips = Annotated[
@@ -87,6 +91,9 @@ def diagnose(
     free: Free = None,
     sensor: Sensor = None,
     holdout: Holdout = 0.3,
+    sample_time: SampleTime = None,
+    hold: InputHold = "auto",
+    validate: Validate = None,
     seconds: Seconds = None,
     keep_component: KeepComponent = None,
     trials: Annotated[int | None, typer.Option(help="Number of clips of each setting of a data set.")] = None,
@@ -110,17 +117,25 @@ def diagnose(
       iris-sysid diagnose trajectory.csv --model pendulum -o diagnosis/
     """
     from iris_sysid.benchmark.clip_folders import is_dataset, tables_in
-    from iris_sysid.cli import _each, _model_choice, _parsing
+    from iris_sysid.cli import _each, _model_choice, _parsing, _records
     from iris_sysid.io.json_documents import document_text
     from iris_sysid.registry import EFFECTS, MODELS
     from iris_sysid.report.diagnosis_files import check_folder
 
+    _records.checked_hold(hold)
+    columns = _records.with_sample_time(columns, sample_time)
     if each:
-        joint = {"--clip-set": clip_set, "--trials": trials, "--board": board, "--square": square}
+        joint = {
+            "--validate": validate,
+            "--clip-set": clip_set,
+            "--trials": trials,
+            "--board": board,
+            "--square": square,
+        }
         _terminal.refuse(joint, "belongs to a joint diagnosis, not to --each; leave it out")
         lists = (bound or (), effect or (), columns, known or (), free or ())
         kept = _parsing.components(keep_component or ())
-        request = _each.EachRequest(model, phenomenon, equation, *lists, sensor, holdout, seconds, kept)
+        request = _each.EachRequest(model, phenomenon, equation, *lists, sensor, holdout, seconds, kept, hold=hold)
         processes = _terminal.workers_of(workers, scheduler)
         if not _each.diagnose_clips(clips, output, request, processes, force=force, json=json) and strict:
             raise typer.Exit(_terminal.NOT_GOOD)
@@ -150,6 +165,8 @@ def diagnose(
         "free": free,
         "sensor": sensor,
         "holdout": holdout,
+        "hold": hold,
+        "validate": validate,
         "seconds": seconds,
         "keep_component": keep_component,
     }
@@ -164,13 +181,16 @@ def diagnose(
     if stated is not None:
         trajectories = [clip.with_(sensor=stated) for clip in trajectories]
     stated_before = {name for clip in measured for name in (*fixed, *clip.known)}
-    estimated = [*(name for name in free_by_default if name not in stated_before), *(free or ())]
+    named = [*(name for name in free_by_default if name not in stated_before), *(free or ())]
+    estimated = list(dict.fromkeys(named))
+    trajectories, record = _records.split(trajectories, validate, columns, described)
+    trajectories = _records.held(trajectories, described, hold, fixed=fixed, free=estimated)
     with _terminal.phases(f"fitting {described.name}", _how_to_end(seconds)) as say:
         diagnosis = find_missing_effects(
             trajectories,
             described,
             fixed=fixed,
-            free=list(dict.fromkeys(estimated)),
+            free=estimated,
             effects=[*EFFECTS.values(), *map(EFFECTS.named, effect or ())],
             holdout=holdout,
             progress=say,
@@ -179,15 +199,18 @@ def diagnose(
     if not json:
         typer.echo(_terminal.lines(diagnosis_text(diagnosis)))
     _terminal.show_verdict(diagnosis.verdict, json)
+    validated = None if record is None else _validated(diagnosis, trajectories[0], record, f"{validate}", json)
     stopped = _stopped(diagnosis, json)
     # drawing the page takes longer than a short search: the answer is there before it
     from iris_sysid.report.diagnosis_page import diagnosis_document, write_diagnosis
 
     planned = None if stopped else _planned(diagnosis, trajectories)
     footage = _footage(clips[0], measured[0])
-    page = write_diagnosis(diagnosis, trajectories, output, planned=planned, footage=footage, overwrite=force)
+    page = write_diagnosis(
+        diagnosis, trajectories, output, planned=planned, footage=footage, validated=validated, overwrite=force
+    )
     if json:
-        typer.echo(document_text(diagnosis_document(diagnosis, trajectories)).rstrip("\n"))
+        typer.echo(document_text(diagnosis_document(diagnosis, trajectories, validated)).rstrip("\n"))
     typer.echo(f"report: {page}", err=True)
     tables = [] if any(map(is_dataset, clips)) else [table for path in clips for table in tables_in(path)]
     same = [] if columns is None else ["--columns", columns]
@@ -198,6 +221,23 @@ def diagnose(
         given = _terminal.repeated("--set", known)
         _terminal.suggest("discover", *tables, *named, *same, *given, "-o", found, json=json)
     _terminal.end(diagnosis.verdict, strict)
+
+
+def _validated(
+    diagnosis: "Diagnosis", clip: "Trajectory", record: "Trajectory", name: str, json: bool
+) -> "ValidatedDiagnosis":
+    """The record simulated by the model without the effects and with them, said on the terminal."""
+    from fitters.validation_record import validate_fit
+    from iris_sysid.cli import _records
+    from iris_sysid.report.validation_figure import ValidatedDiagnosis
+
+    held = record.with_(hold=clip.hold)
+    before = validate_fit(diagnosis.base, held, clip)
+    after = validate_fit(diagnosis.final, held, clip) if diagnosis.final is not diagnosis.base else before
+    if after is not before:
+        _records.tell(before, json, "validation without effects")
+    _records.tell(after, json)
+    return ValidatedDiagnosis(name, before, after)
 
 
 def _footage(path: Path, clip: "Trajectory") -> "Footage | None":

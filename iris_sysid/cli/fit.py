@@ -15,20 +15,20 @@ from iris_sysid.cli.arguments import (
     Equation,
     Force,
     Free,
+    InputHold,
     Json,
     Output,
+    SampleTime,
     Settings,
     Starts,
     Strict,
+    Validate,
 )
 
 if TYPE_CHECKING:
-    from fitters.integrator.initial_value_problem import Hold
-    from fitters.ode import FitOptions
-    from iris_sysid.types import Estimate, FitResult, OdeModel, Trajectory, Verdict
+    from iris_sysid.types import Estimate, FitResult, OdeModel, Trajectory, Validation, Verdict
 
 AUTO = "auto"
-HOLDS: dict[str, Hold] = {"zero": "zero-order", "linear": "linear"}
 
 
 def fit(
@@ -51,16 +51,13 @@ def fit(
     shared: Annotated[list[str] | None, typer.Option(help="Parameter with one value for all clips.")] = None,
     per_clip: Annotated[list[str] | None, typer.Option(help="Parameter fitted per clip; report no mean.")] = None,
     uncertainty: Annotated[list[str] | None, typer.Option(help="robust, profile, bootstrap or all.")] = None,
-    hold: Annotated[
-        str,
-        typer.Option(
-            help="Inputs between samples: zero (held) or linear.", autocompletion=_completion.values("zero", "linear")
-        ),
-    ] = "linear",
-    validate: Annotated[
-        Path | None, typer.Option(help="Table that is not fitted: simulation error of the fitted model on it.")
-    ] = None,
+    sample_time: SampleTime = None,
+    hold: InputHold = "auto",
+    validate: Validate = None,
     plot: Annotated[Path | None, typer.Option(help="Also draw the fit and its residual to this PNG file.")] = None,
+    validation_plot: Annotated[
+        Path | None, typer.Option(help="Also draw the validation, with the residual's correlations, to this PNG file.")
+    ] = None,
     force: Force = False,
     json: Json = False,
     strict: Strict = False,
@@ -74,24 +71,25 @@ def fit(
       iris-sysid fit trajectory.csv --model pendulum --set gravity=9.79 -o fit.json
       iris-sysid fit trajectory.csv --equation "theta'' = -g/L*sin(theta)" --set g=9.79 -o fit.json
     """
-    from iris_sysid.cli import _own_equation, _parsing
-    from iris_sysid.errors import DataError
+    from iris_sysid.cli import _own_equation, _parsing, _records
     from iris_sysid.registry import MODELS
 
     _own_equation.check_one(model, equation, bound or [])
     for table in tables:
-        _terminal.check_outputs(table, [output, plot], overwrite=force)
-    _terminal.check_suffix(plot, ".png")
-    if (shared or per_clip) and len(tables) < 2:
-        raise DataError("--shared and --per-clip are about several clips; give several tables")
-    if hold not in HOLDS:
-        raise DataError(f"inputs between samples are held: {' or '.join(HOLDS)}, not {hold!r:.40}")
-    if (validate or hold != "linear") and (len(tables) > 1 or model == AUTO):
-        raise DataError("--hold and --validate are about one table and the name of a model, or an equation")
-    if len(tables) > 1 and (plot or uncertainty or model == AUTO):
-        raise DataError("--plot, --uncertainty and --model auto are about one table; give one")
-    if model == AUTO and (plot or uncertainty or known or start):
-        raise DataError("--plot, --uncertainty, --set and --start-at need the name of a model, not --model auto")
+        _terminal.check_outputs(table, [output, plot, validation_plot], overwrite=force)
+    for picture in (plot, validation_plot):
+        _terminal.check_suffix(picture, ".png")
+    several, auto = len(tables) > 1, model == AUTO
+    _refuse(
+        not several and (shared or per_clip), "--shared and --per-clip are about several clips; give several tables"
+    )
+    _refuse(several and (plot or uncertainty or auto), "--plot, --uncertainty and --model auto are about one table")
+    unnamed = "need the name of a model, not --model auto"
+    _refuse(auto and (plot or uncertainty or known or start), f"--plot, --uncertainty, --set and --start-at {unnamed}")
+    _refuse(auto and (validate or hold != "auto"), f"--hold and --validate {unnamed}")
+    _refuse(validation_plot and not validate, "--validation-plot draws what --validate simulates; give both")
+    _records.checked_hold(hold)
+    columns = _records.with_sample_time(columns, sample_time)
     chosen: OdeModel | None
     if equation is not None:
         chosen = _own_equation.model_of(equation, bound or [], known or [], tables[0], columns)
@@ -110,26 +108,41 @@ def fit(
         "shared": shared,
         "uncertainty": uncertainty,
         "hold": hold,
+        "validate": validate,
     }
     clips = [_parsing.with_options(clip, **options) for clip in _terminal.read_tables(tables, columns, chosen)]
     starts = {name: value.value for name, value in first.items()}
+    record = None
+    if chosen is not None:
+        clips, record = _records.split(clips, validate, columns, chosen)
+        clips = _records.held(clips, chosen, hold, fixed=fixed, free=free or [], start=starts)
     if chosen is None:
         verdict, model = _choose(clips[0], free or [], output, force, json)
     elif len(tables) > 1:
         parts = (shared or [], per_clip or [], free or [])
         verdict = _pool(tables, clips, chosen, parts, fixed, starts, output, force, json)
     else:
-        record = _terminal.read_tables([validate], columns, chosen)[0] if validate is not None else None
+        validation = None if record is None else (f"{validate}", record, validation_plot)
         verdict = _fit_one(
-            clips[0], chosen, fixed, free or [], starts, uncertainty or ["robust"], HOLDS[hold], record,
+            clips[0], chosen, fixed, free or [], starts, uncertainty or ["robust"], validation,
             output, plot, force, json,
         )  # fmt: skip
     named = ["--model", model] if equation is None else ["--equation", equation]
     same = [*_terminal.repeated("--bound", bound), *_terminal.repeated("--set", known)]
     same += [*_terminal.repeated("--free", free), *_terminal.repeated("--columns", columns and [columns])]
+    same += [*_terminal.repeated("--validate", validate and [validate])]
+    same += ["--hold", hold] if hold != "auto" else []
     diagnosis = ("diagnose", *tables, *named, *same, "-o", output.parent / "diagnosis")
-    _terminal.suggest(*diagnosis, json=json or HOLDS[hold] != "linear")  # a diagnosis takes inputs as lines
+    _terminal.suggest(*diagnosis, json=json)
     _terminal.end(verdict, strict)
+
+
+def _refuse(wrong: object, text: str) -> None:
+    """DataError of that text where something is wrong."""
+    from iris_sysid.errors import DataError
+
+    if wrong:
+        raise DataError(text)
 
 
 def _fit_one(
@@ -139,8 +152,7 @@ def _fit_one(
     free: list[str],
     starts: dict[str, float],
     uncertainty: list[str],
-    hold: Hold,
-    record: Trajectory | None,
+    validation: tuple[str, Trajectory, Path | None] | None,
     output: Path,
     plot: Path | None,
     force: bool,
@@ -148,35 +160,47 @@ def _fit_one(
 ) -> Verdict:
     from dataclasses import replace
 
-    from fitters.ode import FitOptions
     from fitters.ode import fit as fit_model
     from fitters.ode.identifiability import identifiability
     from iris_sysid.io import json_documents
 
     methods = [method for text in uncertainty for method in text.split(",")]
     with _terminal.phases(f"fitting {model.name}"):
-        options = FitOptions(hold=hold)
-        result = fit_model(
-            trajectory, model, fixed=fixed, free=free, start=starts, uncertainty=methods, options=options
-        )
+        result = fit_model(trajectory, model, fixed=fixed, free=free, start=starts, uncertainty=methods)
     if result.identifiability is not None:
         result = replace(result, identifiability=identifiability(result, trajectory))
-    json_documents.write_fit(result, trajectory, output, overwrite=force)
+    found = None if validation is None or not result.usable else _validated(result, trajectory, validation[1])
+    document = json_documents.fit_document(result, trajectory)
+    if found is not None and validation is not None:
+        from iris_sysid.io.validation_json import validation_entry
+
+        document = document.model_copy(update={"validation": validation_entry(found, validation[0])})
+    json_documents.write_document(document, output, overwrite=force)
     _draw(trajectory, result, plot, force)
     _terminal.show_fit(result, trajectory, json)
     _terminal.check_usable(result)
-    if record is not None:
-        _show_validation(result, record, options, json)
+    if found is not None and validation is not None:
+        from iris_sysid.cli import _records
+
+        _records.tell(found, json)
+        _draw_validation(found, validation[2], force)
     return result.verdict
 
 
-def _show_validation(result: FitResult, record: Trajectory, options: FitOptions, json: bool) -> None:
+def _validated(result: FitResult, trajectory: Trajectory, record: Trajectory) -> Validation:
     from fitters.validation_record import validate_fit
 
-    found = validate_fit(result, record, options)
-    for quantity, rms, share in zip(found.quantities, found.rms, found.fit_percent, strict=True):
-        text = f"validation {quantity.name}: simulation error {rms:.3g} {quantity.unit} rms, fit {share:.1f} %"
-        typer.echo(text, err=json)
+    return validate_fit(result, record.with_(hold=trajectory.hold), trajectory)
+
+
+def _draw_validation(validation: Validation, picture: Path | None, force: bool) -> None:
+    if picture is None:
+        return
+    from iris_sysid.io import files
+    from iris_sysid.report.page import png_of
+    from iris_sysid.report.validation_figure import validation_figure
+
+    files.write_atomic(picture, png_of(validation_figure(validation)), overwrite=force)
 
 
 def _pool(

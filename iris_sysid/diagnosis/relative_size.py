@@ -33,6 +33,10 @@ def relative_size(effect: Effect, fitted: FitResult, model: OdeModel, trajectory
     sizes = np.array([values[parameter.name] for parameter in effect.parameters])
     if effect.acceleration is not None:
         return _of_force(effect, sizes, fitted, model, trajectory)
+    if effect.drive is not None:
+        known = trajectory.inputs_at(fitted.t_s[fitted.used])
+        change = 0.0 if known is None else effect.drive(fitted.t_s[fitted.used], known, sizes) - known
+        return _rms(np.asarray(change)) / max(float(np.std(known)) if known is not None else 0.0, 1e-300)
     seen_through = through(effect, fitted.model, view_of(trajectory, fitted.model))
     t_s, seen = fitted.t_s[fitted.used], fitted.predicted[fitted.used]
     if seen_through.observe is None or t_s.size < 2:
@@ -45,7 +49,7 @@ def _of_force(effect: Effect, sizes: Array, fitted: FitResult, model: OdeModel, 
     values = {name: estimate.value for name, estimate in fitted.estimates.items()}
     used = np.flatnonzero(fitted.used)
     inputs = None if trajectory.inputs is None or not trajectory.input_quantities else trajectory.inputs[used]
-    states = simulate(fitted.model, fitted.t_s[used], values, inputs=inputs)[0]
+    states = simulate(fitted.model, fitted.t_s[used], values, inputs=inputs, hold=trajectory.hold)[0]
     some = np.unique(np.linspace(0, used.size - 1, SAMPLES).astype(np.intp))
     t_s, states = fitted.t_s[used][some], states[some]
     base = rates(model, t_s, states, values, None if inputs is None else inputs[some])

@@ -226,12 +226,14 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
     means = block_means(Residuals(fitted, trajectory, noise, stated))
     fitted, trajectory, noise = means.fitted, means.trajectory, means.noise
     residual = _Residual.of(fitted, noise, means.stated)
-    forces = any(effect.acceleration is not None for effect in effects)
+    forces = any(effect.acceleration is not None or effect.drive is not None for effect in effects)
     motion = motion_of(fitted, trajectory) if forces else None
     observed = (fitted.predicted + fitted.residual)[fitted.used]
     scores, rows = {}, []
+    given = trajectory.inputs_at(residual.t_s)
     for effect in effects:
-        shapes = list(effect.trials(residual.t_s, observed)) if effect.trials is not None else [()]
+        tested = observed if effect.drive is None or given is None else given
+        shapes = list(effect.trials(residual.t_s, tested)) if effect.trials is not None else [()]
         directions_of = partial(_directions_of, effect, residual, noise, (fitted, trajectory, motion))
         visible = _visible_directions(effect, shapes, residual.t_s, directions_of)
         rows += visible

@@ -1,8 +1,8 @@
 """Column names of a trajectory table: ``[sigma_][smooth_|d_]<name>_<unit>``, and the units they may end in.
 
 ``theta_rad`` is a quantity, ``sigma_theta_rad`` its standard error, ``smooth_theta_rad`` and ``d_theta_rad_s`` its
-smoothed value and rate; ``u_V``, ``u1_V``, ``u2_m3_s`` are inputs. The longest unit that fits counts: ``x_m_s`` is x
-in m/s.
+smoothed value and rate; ``u_V``, ``u1_V``, ``u2_m3_s`` are inputs, and so is ``u``, which has no unit. The longest
+unit that fits counts: ``x_m_s`` is x in m/s.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Column:
 
 def parse_column(header: str) -> Column:
     """Take a column's name apart; DataError explains the grammar where it does not follow it."""
-    match = PATTERN.fullmatch(header)
+    match = PATTERN.fullmatch(header if INPUT.fullmatch(header) is None else f"{header}_1")
     if match is None:
         raise DataError(
             f"column {header!r:.60} is not <name>_<unit>{_nearest(header):.60}; units are {', '.join(COLUMN_UNITS)}"

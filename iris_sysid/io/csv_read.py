@@ -304,6 +304,7 @@ def trajectory_of_sheet(sheet: Sheet, document: OriginDocument | None, origin: M
         doubts=tuple(entry.doubt() for entry in document.doubts) if document else (),
         known={name: entry.estimate() for name, entry in document.known.items()} if document else {},
         free=_open_constants(measured, document),
+        hold=document.hold if document else "linear",
     )
 
 

@@ -121,6 +121,7 @@ def write_trajectory(trajectory: Trajectory, path: str | Path, *, overwrite: boo
         "sensor": trajectory.sensor,
         "view": ViewEntry.of(trajectory.view),
         "doubts": [asdict(doubt) for doubt in trajectory.doubts],
+        "hold": trajectory.hold,
         "known": entries_of(trajectory.known),
         "free": list(trajectory.free),
     }

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from iris_sysid.errors import DataError
 from iris_sysid.io.archives import ZIP_TROUBLE
+from iris_sysid.io.array_files import array_columns, is_array_file
 from iris_sysid.io.csv_cells import BLANK, UTF_16
 from iris_sysid.io.files import MAX_BYTES, read_file
 
@@ -46,13 +47,17 @@ class Cells:
 
 
 def read_cells(path: str | Path) -> Cells:
-    """Read a table: text with commas, semicolons, tabs or spaces between the cells, or the only filled Excel sheet.
+    """Read a table: text with commas, semicolons, tabs or spaces, the only filled Excel sheet, or arrays (.mat, .npy).
 
     ``FILE.xlsx:SHEET`` names one of several sheets. Text is UTF-8, UTF-16 or Windows-1252; blank lines and lines that
     begin with ``#``, ``//``, ``%`` or ``!`` are skipped. Raises DataError for what is no table.
     """
     file, sheet = _file_and_sheet(str(path))
     data = read_file(file)
+    if is_array_file(data):
+        titles, columns, said = array_columns(data, file)
+        rows = tuple(tuple(_cell(float(number)) for number in row) for row in zip(*columns, strict=True))
+        return Cells(str(path), file, (titles,), rows, tuple(range(1, len(rows) + 1)), False, said)
     if data.startswith(EXCEL):
         return _split_header(_sheet_rows(data, file, sheet), (str(path), file), False, ())
     if sheet is not None:

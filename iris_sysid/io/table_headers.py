@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 from iris_sysid.errors import DataError
 from iris_sysid.io.csv_cells import BLANK, Sheet
-from iris_sysid.io.csv_columns import SUFFIXES
+from iris_sysid.io.csv_columns import INPUT, SUFFIXES
 from iris_sysid.io.table_cells import Cells
 from iris_sysid.units import COLUMN_UNITS
 
@@ -39,6 +39,7 @@ SPELLED: Mapping[str, tuple[str, float]] = {
     "km": ("m", 1000.0),
     **dict.fromkeys(("pixel", "pixels", "pix", "pxl"), ("px", 1.0)),
     **dict.fromkeys(("volt", "volts"), ("V", 1.0)),
+    **dict.fromkeys(("Nm", "N m", "N*m", "N·m"), ("N_m", 1.0)),
     **dict.fromkeys(("°/s", "degrees/s", "grad/s"), ("deg_s", 1.0)),
 }
 TIMES = (
@@ -70,10 +71,12 @@ BRACKETED = re.compile(r"(?P<name>.*?)\s*[\(\[]\s*(?P<unit>[^()\[\]]*?)\s*[\)\]]
 RATE = r"(?:/s(?:\^?[23]|²)?)?"
 DIVIDED = re.compile(rf"(?P<name>.*?)(?:\s*/\s*|\s+in\s+)(?P<unit>[^\s/]+{RATE})\s*")
 ENDING = re.compile(rf"(?P<name>.*?)[_\s]+(?P<unit>(?![AVNKWL1]\b)[^\s/_]+{RATE})\s*")  # ball_A is no current
+OWN = re.compile(r"(?P<name>[uy][0-9]*)_(?P<unit>\S+)")  # u_V is a voltage, as in a table of this project
 STATED = re.compile(
     r"(?P<name>[A-Za-z]\w*)\s*(?:\[\s*(?:(?P<share>1/)?(?P<factor>-?[0-9]+\.?[0-9]*(?:[eE][-+]?[0-9]+)?)\s+)?(?P<unit>[^\]]*)\])?"
 )
 TIME_UNITS = ("s", "ms")
+RECORDED = re.compile(r"[uy][0-9]*")  # inputs and outputs of a record
 ROW = -1  # stands for the number of the row, as a column
 
 
@@ -112,7 +115,7 @@ def understood(cells: Cells, stated: Mapping[str, str] | None = None) -> tuple[S
         The cells of the table.
     stated
         Header, or number from 1, of the column of each quantity: ``{"t": "Zeit (s)", "theta[deg]": "Winkel"}``.
-        Only these columns are read; without it all that are understood.
+        Only these columns are read; without it, or where it states the time alone, all that are understood.
 
     Raises
     ------
@@ -120,7 +123,8 @@ def understood(cells: Cells, stated: Mapping[str, str] | None = None) -> tuple[S
         When a column is not there, has no unit that can be told, or is two quantities' at once.
     """
     titles = titles_of(cells)
-    meanings = _stated(cells, titles, stated) if stated else _guessed(cells, titles)
+    time = _stated_time(cells, titles, stated or {})
+    meanings = _stated(cells, titles, stated) if stated and time is None else _guessed(cells, titles, time)
     _check_names(cells, titles, meanings)
     columns = {
         "t_s" if meaning.name == "t" else meaning.header: _column_of(cells, meaning.column) for meaning in meanings
@@ -203,7 +207,7 @@ def _taken_apart(title: str) -> tuple[str, tuple[str, float] | None]:
     if len(title) > LONGEST_TITLE:
         return title, None
     title = title.rpartition("/")[2] if "/" in title and _unit(title.rpartition("/")[2]) is None else title
-    for pattern in (BRACKETED, DIVIDED, ENDING):
+    for pattern in (OWN, BRACKETED, DIVIDED, ENDING):
         match = pattern.fullmatch(title)
         unit = _unit(match["unit"]) if match and match["name"] else None
         if match and unit:
@@ -220,15 +224,21 @@ def _plain(name: str) -> str:
 # --------------------------------------------------------------------------- guess
 
 
-def _guessed(cells: Cells, titles: Sequence[str]) -> list[Meaning]:
-    """The time and every numeric column with a unit; DataError where that leaves no time or nothing to fit."""
+def _guessed(cells: Cells, titles: Sequence[str], time: Meaning | None = None) -> list[Meaning]:
+    """The time and every numeric column with a unit; DataError where that leaves no time or nothing to fit.
+
+    An input needs no unit, and beside one an output y, y1, ... neither.
+    """
     numeric = [k for k in range(len(titles)) if _is_numeric(cells, k)]
-    time = _time(cells, titles, numeric)
+    time = time or _time(cells, titles, numeric)
+    driven = any(INPUT.fullmatch(_plain(_taken_apart(titles[k])[0])) for k in numeric)
     meanings, unknown = [time], []
     for k in numeric:
         name, unit = _taken_apart(titles[k])
         if k == time.column or _plain(name) in (*TIMES, *FRAMES) or not name:
             continue
+        if unit is None and driven and RECORDED.fullmatch(_plain(name)):
+            unit = ("1", 1.0)
         if unit is None or unit[0] not in COLUMN_UNITS:
             unknown += [titles[k]] if unit is None else []  # a speed or an acceleration is read where it is asked for
             continue
@@ -245,6 +255,15 @@ def _guessed(cells: Cells, titles: Sequence[str]) -> list[Meaning]:
         "they hold",
         columns={"t": titles[time.column], **_example(unknown)},
     )
+
+
+def _stated_time(cells: Cells, titles: Sequence[str], stated: Mapping[str, str]) -> Meaning | None:
+    """The time where it is all that the user states; None otherwise."""
+    names = [match["name"] for match in map(STATED.fullmatch, map(str.strip, stated)) if match]
+    if names != ["t"] or len(stated) > 1:
+        return None
+    ((name, title),) = stated.items()
+    return _one_stated(cells, titles, name, title)
 
 
 def _example(titles: Sequence[str]) -> dict[str, str]:

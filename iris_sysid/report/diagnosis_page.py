@@ -10,7 +10,8 @@ from iris_sysid.diagnosis.planning.plan import Plan
 from iris_sysid.io.components_json import components_entry, finding_entry
 from iris_sysid.io.discovery_json import term_entry
 from iris_sysid.io.json_documents import checked, entries_of, fit_document, plain_origin, write_document
-from iris_sysid.io.schemas import DiagnosisDocument, VerdictEntry, known_number
+from iris_sysid.io.schemas import DiagnosisDocument, ValidationEntry, VerdictEntry, known_number
+from iris_sysid.io.validation_json import validation_entry
 from iris_sysid.report.clip_page import MOST_VALUES, write_page
 from iris_sysid.report.component_figure import component_caption, component_figure
 from iris_sysid.report.component_table import parts_sections
@@ -24,6 +25,7 @@ from iris_sysid.report.plan_figure import plan_figure
 from iris_sysid.report.plan_text import advice, plan_document, plan_rows
 from iris_sysid.report.plots import figure_of
 from iris_sysid.report.text import main_names
+from iris_sysid.report.validation_figure import CAPTION, ValidatedDiagnosis, validation_figure
 from iris_sysid.types import Diagnosis, FindingWord, Trajectory
 
 BEST_FIRST: tuple[FindingWord, ...] = ("named", "group", "located", "open")
@@ -36,6 +38,7 @@ def write_diagnosis(
     *,
     planned: Plan | None = None,
     footage: Filmed | None = None,
+    validated: ValidatedDiagnosis | None = None,
     overwrite: bool = False,
 ) -> Path:
     """Write ``diagnosis.json`` and ``report.html`` with its images into a folder, and ``plan.json`` where there is one.
@@ -52,6 +55,8 @@ def write_diagnosis(
         What :func:`iris_sysid.plan` says of these clips, for the page.
     footage
         The :class:`iris_sysid.Run` of the first clip: the page then shows it with the model before and after.
+    validated
+        How the models do on a record that was not used, for both files.
     overwrite
         Replace the files of an earlier diagnosis.
 
@@ -62,14 +67,24 @@ def write_diagnosis(
     """
     folder = check_folder(folder, overwrite=overwrite)
     clips = [trajectories] if isinstance(trajectories, Trajectory) else list(trajectories)
-    write_document(diagnosis_document(diagnosis, clips), folder / "diagnosis.json", overwrite=overwrite)
+    write_document(diagnosis_document(diagnosis, clips, validated), folder / "diagnosis.json", overwrite=overwrite)
     if planned is not None:
         write_document(plan_document(planned), folder / "plan.json", overwrite=overwrite)
-    return write_page(diagnosis_page(diagnosis, clips, planned, footage), folder, overwrite=overwrite)
+    return write_page(diagnosis_page(diagnosis, clips, planned, footage, validated), folder, overwrite=overwrite)
 
 
-def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> DiagnosisDocument:
-    """The content of diagnosis.json; ``clips`` as they were given to :func:`iris_sysid.diagnose`."""
+def diagnosis_document(
+    diagnosis: Diagnosis, clips: Sequence[Trajectory], validated: ValidatedDiagnosis | None = None
+) -> DiagnosisDocument:
+    """The content of diagnosis.json.
+
+    Parameters
+    ----------
+    diagnosis, validated
+        As for :func:`write_diagnosis`.
+    clips
+        As they were given to :func:`iris_sysid.diagnose`.
+    """
     sizes = diagnosis.sizes
     added = [
         {
@@ -107,11 +122,16 @@ def diagnosis_document(diagnosis: Diagnosis, clips: Sequence[Trajectory]) -> Dia
         proposed=[term_entry(term) for term in diagnosis.proposed],
         notes=[note.text for note in diagnosis.notes],
         further_clips=further,
+        **_validation_entries(validated),
     )
 
 
 def diagnosis_page(
-    diagnosis: Diagnosis, clips: Sequence[Trajectory], planned: Plan | None = None, footage: Filmed | None = None
+    diagnosis: Diagnosis,
+    clips: Sequence[Trajectory],
+    planned: Plan | None = None,
+    footage: Filmed | None = None,
+    validated: ValidatedDiagnosis | None = None,
 ) -> Page:
     """The page of a diagnosis; charts, film and values are those of the first clip.
 
@@ -123,12 +143,14 @@ def diagnosis_page(
         What to film next.
     footage
         The first clip with its tracks.
+    validated
+        How the models do on a record that was not used.
     """
     model, sentences = diagnosis.base.model, diagnosis_sentences(diagnosis)
     name = clip_name(clips[0]) + (f" and {len(clips) - 1} more" if len(clips) > 1 else "")
     first = headline(diagnosis)
     state = state_image(diagnosis)
-    plan_images = _plan_images(planned)
+    plan_images, validation_images = _plan_images(planned), _validation_images(validated)
     return Page(
         title=f"{name}: diagnosis of the model {model.name}",
         headline=first,
@@ -141,6 +163,7 @@ def diagnosis_page(
         charts=[*component_charts(diagnosis), *residual_charts(diagnosis, clips[0])],
         sections=[
             *_plan_section(planned, plan_images),
+            *_validation_section(validated, validation_images),
             *parts_sections(diagnosis),
             *diagnosis_sections(diagnosis, clips),
             *([Section("Residual in the phase plane", image=state)] if state is not None else []),
@@ -151,6 +174,7 @@ def diagnosis_page(
             PageImage("residual", png_of(figure_of(diagnosis)), "Motion and residual over time"),
             *([state] if state is not None else []),
             *plan_images,
+            *validation_images,
         ],
     )
 
@@ -198,6 +222,38 @@ def _component_images(diagnosis: Diagnosis) -> list[PageImage]:
     remaining = diagnosis.remaining if diagnosis.added else None
     figure = component_figure(components, remaining)
     return [PageImage("components", png_of(figure), component_caption(components, added=remaining is not None))]
+
+
+def _validation_entries(validated: ValidatedDiagnosis | None) -> dict[str, ValidationEntry]:
+    if validated is None:
+        return {}
+    return {
+        "validation": validation_entry(validated.after, validated.record),
+        "validation_before": validation_entry(validated.before, validated.record),
+    }
+
+
+def _validation_images(validated: ValidatedDiagnosis | None) -> list[PageImage]:
+    return [] if validated is None else [PageImage("validation", png_of(validation_figure(validated.after)), CAPTION)]
+
+
+def _validation_section(validated: ValidatedDiagnosis | None, images: Sequence[PageImage]) -> list[Section]:
+    """The simulation errors on the validation record, without the effects, with them, and of a linear model."""
+    if validated is None:
+        return []
+    same = validated.before is validated.after
+    rows = [(f"model {WITHOUT}", validated.before), *([] if same else [(f"model {WITH}", validated.after)])]
+    found = [(name, each.rms, each.fit_percent) for name, each in rows]
+    linear = validated.after.linear
+    if linear is not None:
+        found.append((f"linear model of order {linear.order}", linear.rms, linear.fit_percent))
+    cells = [
+        (name, quantity.name, f"{rms[k]:.4g} {quantity.unit}", f"{share[k]:.2f} %")
+        for k, quantity in enumerate(validated.after.quantities)
+        for name, rms, share in found
+    ]
+    header = words("model", "quantity", "simulation error", "fit")
+    return [Section("Validation on a record that was not used", header, cells, [], image=next(iter(images), None))]
 
 
 def _plan_images(planned: Plan | None) -> list[PageImage]:

@@ -155,7 +155,7 @@ def fit_figure(trajectory: Trajectory, fit: FitResult) -> Figure:
         draw_residual(rows[2 * k + 1], fit, k)
         rows[2 * k + 1].set_ylabel(f"residual ({quantity.unit})")
     for axes, name in zip(rows[2 * d :], driven, strict=True):
-        draw_input(axes, trajectory, name, held=fit.origin.get("hold") == "zero-order")
+        draw_input(axes, trajectory, name, held=trajectory.hold == "zero-order")
     rows[-1].set_xlabel("time (s)")
     return figure
 

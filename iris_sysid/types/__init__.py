@@ -68,6 +68,7 @@ from iris_sysid.types._model import Parameter as Parameter
 from iris_sysid.types._model import ParameterRole as ParameterRole
 from iris_sysid.types._model import Recurrence as Recurrence
 from iris_sysid.types._model import RightHandSide as RightHandSide
+from iris_sysid.types._motion import Hold as Hold
 from iris_sysid.types._motion import MotionKind as MotionKind
 from iris_sysid.types._motion import Segment as Segment
 from iris_sysid.types._motion import SegmentLabel as SegmentLabel
@@ -108,6 +109,9 @@ from iris_sysid.types._transfer import Transfer as Transfer
 from iris_sysid.types._transfer import TransferSource as TransferSource
 from iris_sysid.types._transfer import assumed_transfer as assumed_transfer
 from iris_sysid.types._transfer import transfer_tagged as transfer_tagged
+from iris_sysid.types._validation import NORMAL_995 as NORMAL_995
+from iris_sysid.types._validation import LinearModel as LinearModel
+from iris_sysid.types._validation import Validation as Validation
 from iris_sysid.types._verdict import SPOKEN as SPOKEN
 from iris_sysid.types._verdict import Completeness as Completeness
 from iris_sysid.types._verdict import Doubt as Doubt

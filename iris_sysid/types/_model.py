@@ -91,12 +91,18 @@ class ModelExample:
     """A motion that a model describes well: what the tests and the guide simulate.
 
     ``values`` holds parameters and initial states by name; constants may be left out. The motion is sampled
-    ``samples`` times, ``rate_hz`` times a second, from 0 s on.
+    ``samples`` times, ``rate_hz`` times a second, from 0 s on. ``inputs(t_s (n,))``, where the model has some, gives
+    them at these times, (n, m), on a line in between.
     """
 
     values: Mapping[str, float]
     samples: int
     rate_hz: float
+    inputs: Callable[[Array], Array] | None = None
+
+    def driven(self, t_s: Array) -> Array | None:
+        """The inputs (n, m) at times ``t_s`` (n,) s; None where the model has none."""
+        return None if self.inputs is None else self.inputs(t_s)
 
     @property
     def t_s(self) -> Array:
@@ -122,7 +128,8 @@ class OdeModel(Portable):
     ``derive(values)`` returns further quantities (declared in ``derived``) from all values by name.
     ``first_integral(states (n, s), params (p,)) -> (n,)`` is conserved when the parameters named in
     ``dissipative`` are zero. ``warp(t_s, params (p,))``, where given, returns the times of the motion
-    that the samples at ``t_s`` show. With ``events``, ``state`` ends with the mode; see :class:`Event`.
+    that the samples at ``t_s`` show. ``drive(t_s, inputs (n, m), params (p,))``, where given, returns the
+    inputs (n, m) that really act at these times. With ``events``, ``state`` ends with the mode; see :class:`Event`.
     ``typical``, which every registered model has, says which values one meets, in words. ``example``, which every
     registered model has, is a motion for the contract tests.
     """
@@ -143,6 +150,7 @@ class OdeModel(Portable):
     first_integral: Callable[[Array, Array], Array] | None = None
     dissipative: tuple[str, ...] = ()
     warp: Callable[[Array, Array], Array] | None = None
+    drive: Callable[[Array, Array, Array], Array] | None = None
     events: tuple[Event, ...] = ()
     typical: str = ""
     example: ModelExample | None = None
@@ -241,6 +249,7 @@ class Effect(Portable):
     ``image(t_s (n,), points_px (n, 2), params, view)`` returns the points (n, 2) px of the picture at which a camera
     shows what a perfect one would show at ``points_px``; the :class:`View` says how coordinates lie in the picture.
     ``warp(t_s, params)`` returns the times (n,) at which the motion really was.
+    ``drive(t_s, inputs (n, m), params)`` returns what acts of the known inputs (n, m).
     ``applies(model)`` says whether the effect makes sense for a model, ``sensors`` which sensors can have it.
     ``cause`` says where it comes from: the ``physics`` of the motion, its ``measurement`` (camera, scale, zero of a
     sensor), or the ``clock``.
@@ -248,7 +257,8 @@ class Effect(Portable):
     the more plausible one is named first.
     ``alike`` names effects and parameters that do nearly the same, in words; ``typical`` the sizes that one meets.
     ``trials(t_s (n,), observed (n, d))``, where given, returns the values of the parameters after the first to
-    try, e.g. times at which something may have happened: at size zero nothing tells one from another.
+    try, e.g. times at which something may have happened: at size zero nothing tells one from another. With ``drive``,
+    it is given the inputs (n, m) instead.
     ``nearby(t_s (n,), shape)``, where given, returns others around such values, which are then chosen, not fitted.
     ``sensible(t_s (n,), params)``, where given, says whether fitted parameters still mean the effect in a clip.
     ``example``, which every registered effect has, is a case for the contract tests.
@@ -273,6 +283,7 @@ class Effect(Portable):
     observe: Callable[[Array, Array, Array, Array], Array] | None = None
     image: Callable[[Array, Array, Array, View], Array] | None = None
     warp: Callable[[Array, Array], Array] | None = None
+    drive: Callable[[Array, Array, Array], Array] | None = None
     sensors: frozenset[Sensor] = ANY_SENSOR
     alike: str = ""
     typical: str = ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 MotionKind = Literal["oscillation", "slide", "flight", "any"]
 SegmentLabel = Literal["hand", "release", "motion", "contact", "rest"]
+Hold = Literal["linear", "zero-order"]  # how an input varies between samples
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +73,8 @@ class Trajectory(Shown, Portable):
 
     ``t_s`` (n,) s; ``position`` (n, d) as measured, in the units of ``quantities``; ``sigma`` (n, d)
     random standard error of each sample, NaN where unknown; ``valid`` (n,). ``inputs`` (n, m) are
-    known inputs u(t) in the units of ``input_quantities``. ``segments`` say what happens when.
+    known inputs u(t) in the units of ``input_quantities``; between samples they vary on a line (``hold`` is ``linear``)
+    or keep the value of the last sample (``zero-order``). ``segments`` say what happens when.
     ``geometry`` holds what was measured on the way here (pivot, angle of the board, scale), with its
     uncertainty, which is common to all samples. ``systematic`` holds, by source, what errors of the positions have in
     common: (r, n, d), r independent patterns, each the change of every position for one standard error; an average over
@@ -104,8 +106,11 @@ class Trajectory(Shown, Portable):
     doubts: tuple[Doubt, ...] = ()
     known: Mapping[str, Estimate] = field(default_factory=dict)
     free: tuple[str, ...] = ()
+    hold: Hold = "linear"
 
     def __post_init__(self) -> None:
+        if self.hold not in get_args(Hold):
+            raise DataError(f"hold must be {' or '.join(get_args(Hold))}, not {self.hold!r:.40}")
         times = increasing_times(self.t_s)
         n, d = times.size, len(self.quantities)
         if d == 0:
@@ -165,6 +170,15 @@ class Trajectory(Shown, Portable):
         if name not in names:
             raise DataError(f"the trajectory has no quantity {name!r}; it has {', '.join(names)}")
         return names.index(name)
+
+    def inputs_at(self, t_s: Array) -> Array | None:
+        """The inputs (k, m) at times ``t_s`` (k,) s, on a line or held between samples; None where there are none."""
+        if self.inputs is None or not self.input_quantities:
+            return None
+        if self.hold == "zero-order":
+            last = np.searchsorted(self.t_s, t_s, side="right") - 1
+            return np.asarray(self.inputs[np.maximum(last, 0)])
+        return np.column_stack([np.interp(t_s, self.t_s, column) for column in self.inputs.T])
 
     def mask(self, *labels: SegmentLabel) -> Mask:
         """True for samples in a segment of one of these labels (all samples when nothing is segmented). Shape (n,)."""

@@ -73,15 +73,14 @@ def test_python_of_the_guide_runs(folder, code, capsys):
 
 
 def test_hold_decides_how_inputs_go_on_between_samples(folder):
-    from iris_sysid import FitOptions, fit, model_from_equation
+    from iris_sysid import fit, model_from_equation
 
     model = model_from_equation("w' = -k*w + b*u")
-    held, drawn = (
-        fit(read_trajectory("motor.csv"), model, options=FitOptions(hold=hold)) for hold in ("zero-order", "linear")
-    )
+    clip = read_trajectory("motor.csv")
+    held, drawn = (fit(clip.with_(hold=hold), model) for hold in ("zero-order", "linear"))
     assert held.estimates["k"].value == pytest.approx(2.0, abs=4 * held.estimates["k"].stderr)
     assert drawn.rms[0] > 2 * held.rms[0]
-    found = validate_fit(held, read_trajectory("motor2.csv"), FitOptions(hold="zero-order"))
+    found = validate_fit(held, read_trajectory("motor2.csv").with_(hold="zero-order"))
     assert found.rms[0] == pytest.approx(1e-2, rel=0.2)
     assert found.fit_percent[0] == pytest.approx(100 * (1 - 1e-2 / np.std(motor_record())), abs=1)
 
@@ -98,8 +97,8 @@ def motor_record():
         ('--equation "x\' = 2x"', "column 7 .*operator is missing before x"),
         ('--equation "theta\' = k" --bound k=1', "cannot read the bounds 'k=1'"),
         ('--equation "theta\' = k" --bound m=1:2', "bounds: the equation has no 'm'; it has k"),
-        ('--equation "theta\' = k" --hold cubic', "inputs between samples are held: zero or linear"),
-        ("--model auto --validate swing2.csv", "--hold and --validate are about one table and the name of a model"),
+        ('--equation "theta\' = k" --hold cubic', "inputs between samples are held: zero, linear, auto"),
+        ("--model auto --validate swing2.csv", "--hold and --validate need the name of a model"),
     ],
 )
 def test_options_that_cannot_be_kept_are_refused(folder, options, message):

@@ -11,7 +11,14 @@ from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
 from iris_sysid.types import Quantity
 
-TESTED_ON = ("pendulum", "linear-oscillator", "projectile", "incline", "torricelli")  # besides its own example
+TESTED_ON = (
+    "pendulum",
+    "linear-oscillator",
+    "projectile",
+    "incline",
+    "torricelli",
+    "driven-pendulum",
+)  # besides its own example
 VOLTS = (Quantity("h", "V", "h"),)
 TANK = replace(MODELS["torricelli"], name="tank-in-volts", states=VOLTS, observed=VOLTS)  # as a user's own would be
 
@@ -43,12 +50,13 @@ def names(item) -> str:
 
 def motion(model, **more):
     values = {**model.example.values, **more}
-    return simulate(model, model.example.t_s[:90], values).observed
+    t_s = model.example.t_s[:90]
+    return simulate(model, t_s, values, inputs=model.example.driven(t_s)).observed
 
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=names)
 def test_effect_acts_by_exactly_one_map_and_states_its_unit_and_source(effect):
-    maps = [effect.acceleration, effect.observe, effect.image, effect.warp]
+    maps = [effect.acceleration, effect.observe, effect.image, effect.warp, effect.drive]
     assert sum(mapping is not None for mapping in maps) == 1
     assert effect.parameters[0].default == 0.0
     assert all(parameter.unit for parameter in effect.parameters)

@@ -22,10 +22,12 @@ def example(model: OdeModel):
 
 def clip(model: OdeModel, noise: float = 0.0, seed: int = 0) -> Trajectory:
     values, t_s = example(model)
-    observed = simulate(model, t_s, values).observed
+    inputs = model.example.driven(t_s)
+    observed = simulate(model, t_s, values, inputs=inputs).observed
     size = np.std(observed, axis=0)
     observed = observed + noise * size * np.random.default_rng(seed).standard_normal(observed.shape)
-    return Trajectory(t_s, model.observed, observed, np.full_like(observed, np.nan), np.ones(t_s.size, bool))
+    unknown, valid = np.full_like(observed, np.nan), np.ones(t_s.size, bool)
+    return Trajectory(t_s, model.observed, observed, unknown, valid, model.inputs, inputs)
 
 
 @every_model
@@ -92,12 +94,15 @@ def test_fit_recovers_the_truth_of_noisy_data_within_its_errors(model):
 def test_right_hand_side_is_the_derivative_of_the_solution(model):
     values, t_s = example(model)
     fine = t_s[len(t_s) // 2] + 1e-3 * np.arange(-1, 2)
-    states = simulate(model, np.concatenate([t_s[:1], fine]), values).states[1:]
+    times = np.concatenate([t_s[t_s < fine[0]], fine])
+    inputs = model.example.driven(times)
+    states = simulate(model, times, values, inputs=inputs).states[-3:]
+    given_inputs = () if inputs is None else (tuple(inputs[-2]),)
     given = {p.name: p.default for p in model.parameters} | values
     params = tuple(np.nan if given[p.name] is None else given[p.name] for p in model.parameters)
     modes = ((0.0,), (1.0,), (2.0,)) if model.events else ((),)
     differences = (states[2] - states[0]) / 2e-3
-    slopes = [np.array(model.rhs(fine[1], (*states[1], *mode), params)) for mode in modes]
+    slopes = [np.array(model.rhs(fine[1], (*states[1], *mode), params, *given_inputs)) for mode in modes]
     nearest = min(slopes, key=lambda slope: np.abs(slope - differences).max())
     np.testing.assert_allclose(nearest, differences, rtol=1e-4, atol=1e-4 * np.abs(nearest).max())
 
@@ -126,7 +131,7 @@ def test_dissipative_parameters_exist(model):
 def test_every_free_parameter_moves_the_prediction(model):
     values, t_s = example(model)
     names = [parameter.name for parameter in model.parameters if not parameter.constant]
-    slopes = sensitivity(model, t_s, values, names)
+    slopes = sensitivity(model, t_s, values, names, inputs=model.example.driven(t_s))
     assert np.all(np.max(np.abs(slopes), axis=(0, 1)) > 0)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from fitters.effect_sensitivity import motion_of
 from fitters.ode import fit
-from iris_sysid import MODELS, Quantity, Trajectory, simulate
+from iris_sysid import MODELS, Quantity, Trajectory, model_from_equation, simulate
 
 
 def a_motion():
@@ -20,11 +20,34 @@ def a_motion():
 def test_response_without_the_inverse_is_the_same():
     motion = a_motion()
     force = np.sin(motion.grid)[:, None]
-    np.testing.assert_allclose(replace(motion, inverse=None).answer(force), motion.answer(force), atol=1e-3)
+    np.testing.assert_allclose(replace(motion, response=None).answer(force), motion.answer(force), atol=1e-3)
 
 
 def test_no_force_has_no_response_with_or_without_the_inverse():
     motion = a_motion()
     nothing = np.zeros((1, motion.grid.size, 1))
-    for which in (motion, replace(motion, inverse=None)):
+    for which in (motion, replace(motion, response=None)):
         assert not which.answers(nothing).any()
+
+
+def a_decaying_motion():
+    """A body that forgets how it began, a hundred times over: v' = -20 v + 10 u over 30 s."""
+    t_s = np.arange(600) / 20
+    model = model_from_equation("x'' = -20*x' + 10*u", units={"x": "m"})
+    u = np.sign(np.sin(t_s))[:, None]
+    x = simulate(model, t_s, {"x_0": 0.0, "x_rate_0": 0.0}, inputs=u).observed
+    noisy = x + 1e-4 * np.random.default_rng(0).standard_normal(x.shape)
+    unknown, valid = np.full_like(noisy, np.nan), np.ones(t_s.size, bool)
+    clip = Trajectory(t_s, (Quantity("x", "m"),), noisy, unknown, valid, (Quantity("u", "1"),), u)
+    return motion_of(fit(clip, model, fixed={"x_0": 0.0, "x_rate_0": 0.0}), clip)
+
+
+def test_a_motion_that_forgets_its_beginning_answers_in_blocks_as_by_integration():
+    motion = a_decaying_motion()
+    assert np.count_nonzero(motion.response.carried.any(axis=(1, 2))) > 5
+    forces = np.stack([np.sin(k * motion.grid)[:, None] for k in (1.0, 3.0)])
+    whole, blocks = replace(motion, response=None).answers(forces), motion.answers(forces)
+    np.testing.assert_allclose(blocks, whole, atol=1e-4 * np.max(np.abs(whole)))
+    exact = (np.sin(motion.grid[motion.at_samples]) * 20 - np.cos(motion.grid[motion.at_samples])) / 401
+    slopes = np.gradient(blocks[0, :, 0], motion.grid[motion.at_samples])
+    np.testing.assert_allclose(slopes[40:-1], exact[40:-1], atol=2e-3 * np.max(np.abs(exact)))

@@ -456,7 +456,7 @@ def tank_clip(**more) -> Trajectory:
 
 
 def test_model_with_an_input_is_fitted_with_the_input_held():
-    result = fit(tank_clip(), TANK, options=FitOptions(hold="zero-order"))
+    result = fit(tank_clip(hold="zero-order"), TANK)
     assert result.ok
     assert_recovers(result, {"leak": 0.4, "gain": 0.8, "h_0": 1.0})
 
@@ -468,7 +468,7 @@ def test_model_in_plain_python_is_fitted_and_the_message_says_so():
     def slow(t, state, params, inputs):
         return (params[1] * inputs[0] + signs["minus"](params[names["a"]] * state[0]),)
 
-    result = fit(tank_clip(), dataclasses.replace(TANK, rhs=slow), options=FitOptions(hold="zero-order"))
+    result = fit(tank_clip(hold="zero-order"), dataclasses.replace(TANK, rhs=slow))
     assert "ran in plain Python" in result.message
     assert_recovers(result, {"leak": 0.4, "gain": 0.8, "h_0": 1.0})
 

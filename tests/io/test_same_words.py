@@ -18,9 +18,9 @@ T_S = np.arange(150) / 50
 OF_FILES = {"document", "version", "origin", "sentence"}  # every file has them, or some
 # what a file writes out of another object: of the trajectory that was fitted, of the fits of a discovery, of its clips
 FROM_BESIDE = {
-    FitDocument: {"equation", "quantities", "samples", "segments", "geometry", "clips", "selection"},
+    FitDocument: {"equation", "quantities", "samples", "segments", "geometry", "clips", "selection", "validation"},
     DiscoveryDocument: {"n", "noise", "rms"},
-    DiagnosisDocument: {"further_clips"},
+    DiagnosisDocument: {"further_clips", "validation", "validation_before"},
 }
 # what files had before the residual was split into parts
 FORMER = {"missing_force": {"t_s": [0.0], "force": [[0.1]], "form": None}, "remaining_force": None}

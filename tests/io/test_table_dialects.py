@@ -125,7 +125,7 @@ def test_path_is_read_from_the_table_of_any_program(tmp_path, dialect):
         (
             "time (s),x\n" + rows(T_S, X_M),
             "t=time",
-            r"name the time only.* columns=\{'t': 'time",
+            r"no column states a position.* columns=\{'t': 'time",
         ),
         ("time (s),x (m)\n" + rows(np.tile(T_S, 2), np.tile(X_M, 2)), None, "several runs below each other"),
         ("nothing\nof\nnumbers\n", None, "holds no rows of numbers"),

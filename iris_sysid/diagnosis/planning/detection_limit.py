@@ -118,10 +118,10 @@ def camera_limits(
     Raises
     ------
     FitError
-        Where the model has no example, or observes what a camera does not see in m or rad.
+        Where the model has no example or is driven, or observes what a camera does not see in m or rad.
     """
     unit = model.observed[0].unit
-    if model.example is None or unit not in ("m", "rad"):
+    if model.example is None or model.inputs or unit not in ("m", "rad"):
         raise FitError(f"the noise of a camera in what {model.name!r} observes ({unit}) is not known")
     values = {**model.example.values, **known}
     noise = camera_noise(distance_m, noise_px) / (values.get("length", 1.0) if unit == "rad" else 1.0)

@@ -12,7 +12,7 @@ from fitters.image_effects import view_of
 from fitters.ode.simulation import linearisation
 from iris_sysid.diagnosis.planning.changes import SetUpChange
 from iris_sysid.diagnosis.planning.rivals import Rival
-from iris_sysid.types import Array, Effect, OdeModel, Trajectory, View
+from iris_sysid.types import Array, Effect, Hold, OdeModel, Trajectory, View
 
 HIGHEST = 0.95  # lag-1 correlation of the noise that is allowed for
 SMALLEST = 1e-12  # relative variance below which a direction of today's values is known exactly
@@ -28,7 +28,7 @@ class Design:
     """One more clip: times ``t_s`` (n,) s, its change, the noise of a sample (d,) and its lag-1 correlation.
 
     ``model`` is the equation without effects, ``view`` how its coordinates lie in the image, None where not known;
-    ``inputs`` (n, m) or None.
+    ``inputs`` (n, m) or None, which go on between samples as ``hold`` says.
     """
 
     change: SetUpChange
@@ -38,6 +38,7 @@ class Design:
     correlation: float
     view: View | None
     inputs: Array | None
+    hold: Hold
 
     @classmethod
     def of(cls, change: SetUpChange, best: Rival, model: OdeModel, clip: Trajectory) -> Design:
@@ -67,7 +68,7 @@ class Design:
         noise = np.maximum(fitted.rms, smallest) * np.sqrt(fewer)
         t_s = fitted.t0_s + step * every * np.arange(-(-count // every))
         stated = view_of(clip, model) if clip.view is not None else None
-        return cls(change, model, t_s, noise, correlation, stated, _inputs(clip, t_s, change.driven))
+        return cls(change, model, t_s, noise, correlation, stated, _inputs(clip, t_s, change.driven), clip.hold)
 
     def whitened(self, values: Array) -> Array:
         """Values (n, d, ...) in the observed unit as independent ones of unit variance (n d, ...)."""
@@ -83,11 +84,9 @@ def _spread(correlation: float) -> float:
 
 def _inputs(clip: Trajectory, t_s: Array, driven: float) -> Array | None:
     """Today's inputs, times a factor, at times (n,) s of the new clip; from the beginning again where it is longer."""
-    if clip.inputs is None or not clip.input_quantities:
-        return None
     span = float(clip.t_s[-1] - clip.t_s[0])
-    again = clip.t_s[0] + np.mod(t_s - t_s[0], span)
-    return driven * np.column_stack([np.interp(again, clip.t_s, column) for column in clip.inputs.T])
+    known = clip.inputs_at(clip.t_s[0] + np.mod(t_s - t_s[0], span))
+    return None if known is None else driven * known
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -213,7 +212,9 @@ def predicted_clip(rival: Rival, design: Design, moved: Array | None = None) -> 
         off = moved[: len(part.shared)]
         steps = np.concatenate([root @ off, moved[len(part.shared) :]])
         values |= {name: values[name] + float(step) for name, step in zip(names, steps, strict=True)}
-    seen, slopes = linearisation(composed, design.t_s, values, names, inputs=design.inputs, tolerance=TOLERANCE)
+    seen, slopes = linearisation(
+        composed, design.t_s, values, names, inputs=design.inputs, hold=design.hold, tolerance=TOLERANCE
+    )
     if not (np.all(np.isfinite(seen)) and np.all(np.isfinite(slopes))):
         return None
     columns = design.whitened(slopes)

@@ -58,6 +58,8 @@ from iris_sysid.io.schemas._plan import NeedEntry as NeedEntry
 from iris_sysid.io.schemas._plan import PlanDocument as PlanDocument
 from iris_sysid.io.schemas._plan import PrecisionEntry as PrecisionEntry
 from iris_sysid.io.schemas._plan import ProposalEntry as ProposalEntry
+from iris_sysid.io.schemas._validation import LinearModelEntry as LinearModelEntry
+from iris_sysid.io.schemas._validation import ValidationEntry as ValidationEntry
 
 DOCUMENTS: dict[str, type[Document]] = {
     "fit": FitDocument,

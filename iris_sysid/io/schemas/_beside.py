@@ -16,6 +16,7 @@ from iris_sysid.types import (
     CurveName,
     ErrorAutocorrelation,
     Estimate,
+    Hold,
     PivotSource,
     Sensor,
     Track,
@@ -193,6 +194,8 @@ class OriginDocument(Document):
     """How the camera of a track's clip moved; null where it stands still."""
     doubts: list[DoubtEntry] = []
     """What speaks against the track from which a trajectory was made."""
+    hold: Hold = "linear"
+    """How the inputs of a trajectory vary between samples: on a line, or keeping the value of the last one."""
     known: dict[str, EstimateEntry] = {}
     """Constants of an equation that were stated when a trajectory was made."""
     free: list[str] | None = None

@@ -9,6 +9,7 @@ from pydantic import JsonValue
 from iris_sysid.io.schemas._discovery import TermEntry
 from iris_sysid.io.schemas._fit import FitDocument
 from iris_sysid.io.schemas._parts import Document, EstimateEntry, Number, Part, QuantityEntry, VerdictEntry
+from iris_sysid.io.schemas._validation import ValidationEntry
 from iris_sysid.types import ComponentKind, ComponentSide, FindingWord
 
 FORMER = ("missing_force", "remaining_force")  # keys of earlier files; ``components`` took their place
@@ -164,6 +165,10 @@ class DiagnosisDocument(Document):
     """Terms without a named effect that the remaining residual suggests; coefficients to first order."""
     notes: list[str] = []
     """What could not be tested, and which effects were rejected, with the reason."""
+    validation: ValidationEntry | None = None
+    """Of the model with the effects, where a record that was not used was given."""
+    validation_before: ValidationEntry | None = None
+    """The same of the model without them."""
     further_clips: list[FurtherClip] = []
     origin: dict[str, JsonValue]
 

@@ -15,6 +15,7 @@ from iris_sysid.io.schemas._parts import (
     SegmentEntry,
     VerdictEntry,
 )
+from iris_sysid.io.schemas._validation import ValidationEntry
 from iris_sysid.types import Estimate, FitProblem, FitReason, FitStatus
 
 
@@ -208,6 +209,8 @@ class FitDocument(Document):
     """Where several clips were fitted."""
     selection: SelectionEntry | None = None
     """Where the model was chosen from the bank."""
+    validation: ValidationEntry | None = None
+    """Where a record that was not fitted was given."""
     origin: dict[str, JsonValue]
 
     @classmethod

@@ -1,0 +1,136 @@
+"""Options about records of inputs and outputs: the sample time, the hold of the inputs, what is kept for validation."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from iris_sysid.cli import _terminal
+from iris_sysid.errors import DataError
+from iris_sysid.units import UNSIGNED
+
+if TYPE_CHECKING:
+    from iris_sysid.types import Estimate, Hold, OdeModel, Trajectory, Validation
+
+HOLDS: dict[str, Hold | None] = {"zero": "zero-order", "linear": "linear", "auto": None}
+IN_WORDS: dict[Hold, str] = {"zero-order": "held", "linear": "on a line"}
+SHARE = re.compile(rf"(?P<number>{UNSIGNED})\s*+(?P<percent>%)?+")
+SAMPLE_TIME = re.compile(rf"(?P<number>{UNSIGNED})\s*+(?P<unit>s|ms)?+")
+
+
+def checked_hold(hold: str) -> None:
+    """DataError where the option ``--hold`` is none of the words that it may be."""
+    if hold not in HOLDS:
+        raise DataError(f"inputs between samples are held: {', '.join(HOLDS)}, not {hold!r:.40}")
+
+
+def with_sample_time(columns: str | None, sample_time: str | None) -> str | None:
+    """The option ``--columns`` with the time from the number of the row, where a sample time is stated.
+
+    Parameters
+    ----------
+    columns, sample_time
+        As typed.
+    """
+    if sample_time is None:
+        return columns
+    match = SAMPLE_TIME.fullmatch(sample_time.strip())
+    if match is None or not float(match["number"]) > 0:
+        raise DataError(f"cannot read the sample time {sample_time!r:.40}: write it as 4s, 0.02 or 20ms")
+    if columns is not None and re.search(r"(?:^|,)\s*+t\s*+[\[=]", columns):
+        raise DataError("--sample-time and --columns both state the time; leave one out")
+    time = f"t[{match['number']} {match['unit'] or 's'}]=row"
+    return time if columns is None else f"{time},{columns}"
+
+
+def held(
+    clips: Sequence[Trajectory],
+    model: OdeModel,
+    hold: str,
+    *,
+    fixed: Mapping[str, Estimate],
+    free: Sequence[str],
+    start: Mapping[str, float] | None = None,
+) -> list[Trajectory]:
+    """The records with the hold of their inputs, which ``auto`` takes from the data and says on stderr.
+
+    Parameters
+    ----------
+    clips, model
+        The records, and what will be fitted to them.
+    hold
+        As typed.
+    fixed, free, start
+        As for :func:`fitters.ode.fit`.
+    """
+    stated = HOLDS[hold]
+    if stated is not None:
+        return [clip.with_(hold=stated) for clip in clips]
+    from fitters.input_hold import holds_compared
+
+    compared = holds_compared(clips, model, fixed=fixed, free=free, start=start)
+    if not compared:
+        return list(clips)
+    best, *_ = compared
+    residuals = ", ".join(f"{size:.3g} {IN_WORDS[each]}" for each, size in compared.items())
+    typer.echo(f"inputs between samples: {IN_WORDS[best]} (residual over noise {residuals})", err=True)
+    return [clip.with_(hold=best) for clip in clips]
+
+
+def split(
+    clips: Sequence[Trajectory], validate: str | None, columns: str | None, model: OdeModel
+) -> tuple[list[Trajectory], Trajectory | None]:
+    """The records to fit, and the one to validate with: another table, or the last share of the only record.
+
+    Parameters
+    ----------
+    clips
+        As read.
+    validate, columns
+        As typed.
+    model
+        What will be fitted.
+    """
+    if validate is None:
+        return list(clips), None
+    if len(clips) > 1:
+        raise DataError("--validate is about one table; give one, or validate the values with fit and --set")
+    (clip,) = clips
+    match = SHARE.fullmatch(validate.strip())
+    if match is None or Path(validate).exists():
+        (record,) = _terminal.read_tables([Path(validate)], columns, model)
+        return [clip], record
+    from fitters.validation_record import split_record
+
+    estimation, record = split_record(clip, float(match["number"]) * (0.01 if match["percent"] else 1.0))
+    return [estimation], record
+
+
+def tell(validation: Validation, json: bool, what: str = "validation") -> None:
+    """Say what a validation found: the simulation error, the linear model, and the correlations outside their bands.
+
+    Parameters
+    ----------
+    validation
+        What was found.
+    json
+        The result itself goes to stdout: this then goes to stderr.
+    what
+        Begins the line.
+    """
+    linear = validation.linear
+    for k, (quantity, rms, share) in enumerate(
+        zip(validation.quantities, validation.rms, validation.fit_percent, strict=True)
+    ):
+        text = f"{what} {quantity.name}: simulation error {rms:.3g} {quantity.unit} rms, fit {share:.1f} %"
+        if linear is not None:
+            text += f"; linear model of order {linear.order}: {linear.rms[k]:.3g}, {linear.fit_percent[k]:.1f} %"
+        outside = f"residual: {100 * validation.coloured[k]:.0f} % of its autocorrelations"
+        named = zip(validation.inputs, validation.input_left[k], strict=True)
+        outside += "".join(f", {100 * left:.0f} % of its correlations with {name.name}" for name, left in named)
+        typer.echo(text, err=json)
+        typer.echo(f"{outside} lie outside the 99 % bands", err=json)

@@ -1,0 +1,183 @@
+"""Driven rigs that others measured and identified: what a diagnosis names of them, beside the values they published.
+
+``python -m validation.driven [--only emps] [--sealed] [--seconds 300]`` needs the recordings in ``../shared/data``. The
+model of each rig has a known input and viscous friction; dry friction and an offset of the force are for the diagnosis
+to find. Each row gives the values found, those published, and the error of a free simulation of the record by both,
+and by a linear model of the same order that was fitted to it. Some of the arms are sealed by a hash of the name
+(:func:`validation.world_recordings.sealed`): they are scored with ``--sealed``. The linear drive was in view.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitters.ode.fit_problem import check_columns
+from iris_sysid import (
+    EFFECTS,
+    MODELS,
+    Diagnosis,
+    FitOptions,
+    OdeModel,
+    Quantity,
+    Trajectory,
+    diagnose,
+    fit,
+    validate_fit,
+    with_effects,
+)
+from iris_sysid.types import Array
+from validation.world_recordings import sealed
+from validation.world_tables import WORLD, WORLD2, columns
+
+NAMED = ("coulomb-friction", "constant-force")  # what the published values are sizes of
+MOTOR_N_PER_V = 35.15
+EVERY = 5  # samples of the linear drive that become one: 200 of 1000 a second
+MAX_SAMPLES = 5000  # samples of an arm
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """A recording, its model, and what its authors give: inertia, viscous and dry friction, constant force."""
+
+    name: str
+    model: OdeModel
+    read: Callable[[], Trajectory]
+    published: Mapping[str, float]
+    fixed: Mapping[str, float]
+    in_view: bool = False
+
+    @property
+    def sealed(self) -> bool:
+        """Whether it may not be looked at while the programs are written."""
+        return not self.in_view and sealed(self.name)
+
+    @property
+    def inertia(self) -> str:
+        """Name of the parameter by which forces are divided."""
+        return self.model.parameters[0].name
+
+
+def linear_drive() -> Trajectory:
+    """Position (m) and voltage of a linear drive; the voltage is its mean over the samples that become one."""
+    table = np.loadtxt(WORLD2 / "tab-emps" / "emps.csv", delimiter=",")
+    whole = table[: len(table) // EVERY * EVERY]
+    t_s = np.arange(len(whole))[::EVERY] * 1e-3
+    voltage = whole[:, 3].reshape(-1, EVERY).mean(axis=1)
+    return record(t_s, whole[::EVERY, 0], Quantity("q", "m"), voltage, Quantity("u", "V"))
+
+
+def arm(path: str, first: int) -> Trajectory:
+    """Angle by the motor's encoder (rad) and the torque (N m); ``first`` is the column of the time."""
+    table = columns(WORLD / "tab-torque-pendulum" / path)[:MAX_SAMPLES]
+    later = np.concatenate([[True], np.diff(np.maximum.accumulate(table[:, first])) > 0])
+    t_s, angle, _, torque = table[later, first : first + 4].T
+    return record(t_s, angle, Quantity("theta", "rad"), torque, Quantity("u", "N m"))
+
+
+def record(t_s: Array, values: Array, quantity: Quantity, inputs: Array, given: Quantity) -> Trajectory:
+    """A record of one held input and one output."""
+    unknown, valid = np.full((t_s.size, 1), np.nan), np.isfinite(values)
+    more = {"sensor": "encoder", "hold": "zero-order"}
+    return Trajectory(t_s, (quantity,), values[:, None], unknown, valid, (given,), inputs[:, None], **more)
+
+
+ARM_PUBLISHED = {"inertia": 0.06259, "moment": 0.1022, "damping": 0.04707, "dry": 0.1839, "offset": -0.0759}
+ARMS = {
+    "arm-collocation": ("results__control_method_direct_collocation__data_measured.csv", 0),
+    "arm-energy-shaping": ("results__control_method_energy_shaping__data_measured.csv", 0),
+    "arm-energy-shaping-1kg": ("data_measured_1kg.csv", 0),
+    "arm-frequency-sweep": ("measured_data.csv", 1),
+    "arm-pd": ("control_method_pd__system_identification__data_measured.csv", 0),
+    "arm-sac": ("results__control_method_sac__data_measured.csv", 0),
+}
+RIGS = [
+    Rig(
+        "emps",
+        MODELS["driven-cart"],
+        linear_drive,
+        {"mass": 95.1089, "damping": 203.5034, "dry": 20.3935, "offset": -3.1648},
+        {"gain": MOTOR_N_PER_V},
+        in_view=True,
+    ),
+    *(
+        Rig(name, MODELS["driven-pendulum"], lambda where=where: arm(*where), ARM_PUBLISHED, {})
+        for name, where in ARMS.items()
+    ),
+]
+
+
+def published_fit(rig: Rig, clip: Trajectory) -> float:
+    """Error (rms) of a free simulation with the published values; only the initial state is fitted."""
+    model = with_effects(rig.model, NAMED)
+    values = dict(rig.published)
+    dry, offset = values.pop("dry"), values.pop("offset")
+    sizes = {"coulomb_friction": dry / values[rig.inertia], "constant_force": -offset / values[rig.inertia]}
+    turnover = EFFECTS["coulomb-friction"].trials(clip.t_s, clip.position)[0][0]  # type: ignore[misc]
+    known = {**rig.fixed, **values, **sizes, "coulomb_turnover": turnover}
+    return float(fit(clip, model, fixed=known, options=FitOptions(discrepancy=False)).rms[0])
+
+
+def found_values(rig: Rig, diagnosis: Diagnosis) -> dict[str, tuple[float, float]]:
+    """The values found in the units of those published, each with its standard error."""
+    final = diagnosis.final
+    plain = {name: final.estimates[name] for name in rig.published if name in final.estimates}
+    found = {name: (estimate.value, estimate.stderr) for name, estimate in plain.items()}
+    by = final.estimates[rig.inertia].value
+    for name, effect, sign in (("dry", "coulomb_friction", 1.0), ("offset", "constant_force", -1.0)):
+        if effect in diagnosis.sizes:
+            found[name] = (sign * by * diagnosis.sizes[effect].value, by * diagnosis.sizes[effect].stderr)
+    return found
+
+
+def line(rig: Rig, seconds: float | None) -> str:
+    """One row of the table."""
+    clip = rig.read()
+    check_columns(clip, rig.model)
+    begin = time.process_time()
+    diagnosis = diagnose(clip, rig.model, fixed=rig.fixed, seconds=seconds)
+    spent = time.process_time() - begin
+    found = found_values(rig, diagnosis)
+    values = ", ".join(
+        f"{name} {found[name][0]:.4g} ± {found[name][1]:.2g} ({rig.published[name]:.4g})"
+        for name in rig.published
+        if name in found
+    )
+    validation = validate_fit(diagnosis.final, clip, clip)
+    linear = "" if validation.linear is None else f"{validation.linear.rms[0]:.3g}"
+    cells = (
+        f"{rig.name}{' (sealed)' if rig.sealed else ''}",
+        f"{clip.n}",
+        ", ".join(effect.name for effect in diagnosis.added) or "nothing",
+        values,
+        f"{validation.rms[0]:.3g}",
+        f"{published_fit(rig, clip):.3g}",
+        linear,
+        f"{spent:.0f}",
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def main() -> None:
+    """Print the table as Markdown."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", default="", help="only recordings whose name contains this")
+    parser.add_argument("--sealed", action="store_true", help="score the sealed recordings as well")
+    parser.add_argument("--seconds", type=float, help="after which a diagnosis gives its best answer so far")
+    options = parser.parse_args()
+    print("| recording | samples | named | found (published) | free run | with published values | linear model | s |")
+    print("|---|---|---|---|---|---|---|---|")
+    for rig in RIGS:
+        if options.only in rig.name and (options.sealed or not rig.sealed):
+            try:
+                print(line(rig, options.seconds), flush=True)
+            except Exception as error:  # a row that fails is a row
+                print(f"| {rig.name} | | failed: {error!s:.200} | | | | | |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
