@@ -29,7 +29,7 @@ SIMPSON = np.array([1.0, *(4.0, 2.0) * (REFINEMENT // 2 - 1), 4.0, 1.0])  # weig
 RESPONSE = 1e-4  # size of a trial change, relative to the range of what is changed
 TOLERANCE = 1e-9  # error of the motion from its time step, relative
 FORCES_AT_ONCE = 4_000_000  # numbers; more take memory, not less time
-WORST_CONDITION = 1e5  # of the transition matrix of a block: so many digits are lost to its inverse
+WORST_CONDITION = 1e5  # of the transition matrix of a block: its inverse loses five digits
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -183,7 +183,7 @@ def _grid(fitted: FitResult, trajectory: Trajectory) -> tuple[Array, NDArray[np.
 
 
 def _transitions(problem: InitialValueProblem, vector: Array, states: Array) -> Transitions | None:
-    """How a change of state acts on, in blocks as long as it can be inverted; None where that is no interval.
+    """How a change of state acts on, in blocks as long as it can be inverted; None where that is not even one interval.
 
     A motion with events is one block: it cannot begin anew, in another mode.
     """

@@ -17,7 +17,7 @@ import numpy as np
 
 from iris_sysid.errors import TrackingError
 from iris_sysid.types import RADIUS_ERRORS, FrameSource, Track, Tracker, TrackOptions, part_of_progress, with_progress
-from trackers._auto.scene import Scene
+from trackers._auto.scene import SampledScene
 from trackers._auto.verdict import judged
 from trackers._background.median import Background
 from trackers._detection.detect_frames import DetectionSetup, detection_setup, observe
@@ -109,7 +109,7 @@ def track(video: FrameSource, options: TrackOptions) -> list[Track]:
         _track_of(body, (fits[body], fitter.appearances[body]), all_detections, held[body], options)
         for body in range(len(fits))
     ]
-    scene = Scene(fitter.view, setup.stack.frames)
+    scene = SampledScene(fitter.view, setup.stack.frames)
     others = [[other for other in tracks if other is not track] for track in tracks]
     return [replace(track, quality=judged(track, scene, rest)) for track, rest in zip(tracks, others, strict=True)]
 

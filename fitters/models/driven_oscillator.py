@@ -29,7 +29,7 @@ MODEL = OdeModel(
     equation=r"m\ddot z = k_u u - c\,\dot z - k z",
     source="Newton; Hooke (1678); Ljung (1999), System Identification, section 4.3",
     states=(Quantity("z", "m", "z"), Quantity("vz", "m/s", "v_z")),
-    # A damping of zero is no bound: estimates scatter about it, and so must their intervals.
+    # A damping of zero is not a bound: estimates scatter about it, and so must their intervals.
     parameters=(
         Parameter("mass", "kg", "m", lower=0.0),
         Parameter("damping", "N s/m", "c", role="damping"),

@@ -1,4 +1,4 @@
-"""A motor that turns a load through an elastic shaft, of which only the motor's angle is seen."""
+"""A motor that turns a load through an elastic shaft; only the motor's angle is observed."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ from iris_sysid.calibration.vertical import upright
 from iris_sysid.errors import CalibrationError
 from iris_sysid.types import N_VALUES, Array, Calibration
 
-LEAST_SIDES = 10.0  # sides of a rectangle in standard errors of its corners: below that nothing is linear
+MIN_SIDES = 10.0  # sides of a rectangle in standard errors of its corners: below that nothing is linear
 
 
 def plane_from_rectangle(
@@ -50,7 +50,7 @@ def plane_from_rectangle(
     Raises
     ------
     CalibrationError
-        When a side is not a length, or the corners are no convex quadrilateral of some size.
+        When a side is not a length, or the corners do not form a convex quadrilateral of some size.
     """
     sides, stderr = np.array([width_m, height_m]), np.array([width_stderr_m, height_stderr_m])
     if not (np.isfinite(sides).all() and (sides > 0).all() and (stderr >= 0).all() and (stderr < sides).all()):
@@ -108,7 +108,7 @@ def _turn(corners_px: Array, stderr_px: float) -> float:
         )
     # the distance of each corner from the diagonal beside it tells the quadrilateral from a triangle
     heights = np.abs(turns) / np.linalg.norm(sides + after, axis=1)
-    if heights.min() < LEAST_SIDES * stderr_px:
+    if heights.min() < MIN_SIDES * stderr_px:
         raise CalibrationError(
             f"the four corners are known to {stderr_px:.2g} px and only {heights.min():.1f} px across; enlarge the "
             "image, or mark a larger rectangle"

@@ -24,7 +24,7 @@ PIECE = 1 << 20  # bytes unpacked at once
 SAMPLE_TIMES, SAMPLE_RATES = ("ts", "dt", "t_sample", "sampletime"), ("fs", "f_s", "samplerate")
 REMEDY = "save the columns as CSV, or as plain arrays with save -v7"
 
-Columns = tuple[tuple[str, ...], list[Array], tuple[str, ...]]  # titles, columns (n,), what is said of the others
+Columns = tuple[tuple[str, ...], list[Array], tuple[str, ...]]  # titles, columns (n,), notes on the others
 
 
 def is_array_file(data: bytes) -> bool:
@@ -69,7 +69,7 @@ def _matlab_arrays(data: bytes, label: str) -> dict[str, Array]:
     file: Any = io.BytesIO(data)  # the stubs know paths only
     try:
         found = loadmat(file, simplify_cells=True, mat_dtype=True)
-    except Exception as error:  # whatever SciPy raises on damaged files, which is no one kind
+    except Exception as error:  # whatever SciPy raises on damaged files, of several kinds
         raise DataError(f"{label} cannot be read as a .mat file: {str(error)[:200]}; {REMEDY}") from error
     return dict(_flat({name: value for name, value in found.items() if not name.startswith("__")}))
 

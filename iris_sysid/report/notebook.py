@@ -28,7 +28,7 @@ from iris_sysid.report.text import (
 from iris_sysid.types import Diagnosis, Discovery, Estimate, FitResult, Run, Track, Trajectory, Verdict
 
 DPI = 72
-MOST_ROWS = 12  # of a prediction; the picture shows them all
+MAX_ROWS = 12  # of a prediction; the picture shows them all
 VALUE_COLUMNS = ("", "value ± standard error", "95 % interval")
 
 
@@ -168,7 +168,7 @@ def _(result: Prediction) -> tuple[Sequence[str], Sequence[Sequence[str]]]:
     head = ["time (s)", *(quantity.name for quantity in quantities)]
     rows = [
         [f"{t_s:g}", *(_predicted(result, k, j) for j in range(len(quantities)))]
-        for k, t_s in enumerate(result.t_s[:MOST_ROWS])
+        for k, t_s in enumerate(result.t_s[:MAX_ROWS])
     ]
     return head, rows
 

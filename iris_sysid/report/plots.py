@@ -40,7 +40,7 @@ from iris_sysid.types import (
 
 WIDTH_IN = 8.0
 TALL_IN, LOW_IN = 2.6, 1.2  # rows of data, rows of residuals
-FEWEST_OF_A_LINE = 30  # times of a prediction: fewer are shown as points too
+MIN_OF_A_LINE = 30  # times of a prediction: fewer are shown as points too
 WITHOUT_COLOUR = "#D55E00"  # Okabe and Ito (2008), as on the page of a diagnosis
 Result = Trajectory | Track | Smoothed | FitResult | Diagnosis | Discovery | Run | Prediction | Plan
 
@@ -260,7 +260,7 @@ def _(result: Run, figure: Figure | SubFigure, heights: list[float]) -> list[Axe
 @_draw.register
 def _(result: Prediction, figure: Figure | SubFigure, heights: list[float]) -> list[Axes]:
     rows, along = _rows(figure, heights), np.argsort(result.t_s)
-    marker = "o" if along.size < FEWEST_OF_A_LINE else None
+    marker = "o" if along.size < MIN_OF_A_LINE else None
     for k, row in enumerate(rows):
         t_s, ends = result.t_s[along], (result.lower[along, k], result.upper[along, k])
         row.fill_between(t_s, *ends, color=WITHOUT_COLOUR, alpha=0.3, linewidth=0, label="95 % of the equation")

@@ -29,7 +29,7 @@ PER_FRAME: dict[str, Any] = {
     "sigma_intensity": np.nan,
 }
 MOST_BODIES = 64
-IGNORED_PX = 6.0  # a click on what is no body means what is so near at least
+IGNORED_PX = 6.0  # a click on something else than a body means what is at least as near
 LEAP_STEPS = 5.0  # median steps of a track, and IGNORED_PX: further is another thing
 
 Tracks = tuple[Track, ...]

@@ -25,7 +25,7 @@ from iris_sysid.types import (
 class ReviewRequest:
     """The options of a run; ``phenomenon`` is None until it is chosen, and nothing is fitted before.
 
-    ``ignored`` are marks on what is no body, such as a hand.
+    ``ignored`` are marks on things that are not bodies, such as a hand.
     """
 
     phenomenon: Phenomenon | None = None

@@ -362,7 +362,7 @@ def followed(video: Video, request: ReviewRequest, options: TrackOptions) -> lis
     try:
         tracks = pipeline.track(video, request.tracker, more)
     except TrackingError:
-        tracks = pipeline.track(video, request.tracker, options)  # the tracker does not find so many things
+        tracks = pipeline.track(video, request.tracker, options)  # the tracker finds fewer things
     left = [track for track in tracks if not any(passes(track, hand) for hand in hands)]
     if not left:
         raise TrackingError("nothing was found but what is to be ignored; show the body in a frame or two")

@@ -57,7 +57,7 @@ class ReviewWidget(anywidget.AnyWidget):  # type: ignore[misc]
         if outcome is None:
             raise DataError("nothing is fitted yet: wait for the tracker, or place points of the body")
         if outcome.run is None:
-            raise DataError(outcome.problem or "nothing is fitted: choose what moves in the clip (Phenomenon)")
+            raise DataError(outcome.problem or "nothing is fitted: choose the phenomenon of the clip (Phenomenon)")
         return outcome.run
 
     def close(self) -> None:

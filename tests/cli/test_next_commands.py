@@ -100,10 +100,11 @@ def test_throw_without_a_scale_is_offered_an_option_that_works(cli, tmp_path):
     assert again.status == 0, again.err
 
 
-def test_inputs_that_are_held_are_not_diagnosed_as_lines(cli, angles, tmp_path):
+def test_inputs_that_are_held_are_diagnosed_as_held(cli, angles, tmp_path):
     outcome = cli("fit", angles, "--model", "pendulum", "--hold", "zero", "-o", tmp_path / "fit.json")
     assert outcome.status == 0
-    assert "next:" not in outcome.err
+    (command,) = [line for line in outcome.err.splitlines() if line.startswith("next:")]
+    assert "--hold zero" in command
 
 
 @pytest.mark.slow

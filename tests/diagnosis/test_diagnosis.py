@@ -214,7 +214,7 @@ def test_answer_of_the_linearised_motion_is_that_of_integrating_the_force(name):
     effect = EFFECTS[name]
     sizes = np.array([parameter.default or 0.0 for parameter in effect.parameters])
     force = force_along(effect, sizes, PENDULUM, motion.grid, motion.states, motion.slopes)
-    integrated = replace(motion, inverse=None).answer(force)
+    integrated = replace(motion, response=None).answer(force)
     np.testing.assert_allclose(motion.answer(force), integrated, atol=2e-3 * np.max(np.abs(integrated)))
 
 

@@ -29,9 +29,10 @@ def clip(name: str, values: dict[str, float], hidden: dict[str, float], seconds:
     return Trajectory(t_s, MODELS[name].observed, seen, np.full_like(seen, np.nan), valid, sensor="gauge")
 
 
-def test_what_only_takes_energy_or_water_away_has_no_size_below_zero():
+def test_effects_that_only_take_away_have_no_size_below_zero():
     frictions = ["coulomb-friction", "linear-drag", "quadratic-drag", "velocity-weakening-friction"]
-    assert sorted(ONE_SIDED) == sorted([*frictions, "leak", "overflow"])
+    limits = ["input-backlash", "input-dead-zone", "input-saturation"]
+    assert sorted(ONE_SIDED) == sorted([*frictions, *limits, "leak", "overflow"])
 
 
 def test_throw_that_gains_energy_gets_a_note_and_no_drag():

@@ -588,7 +588,10 @@ def slow_with_events(name):
 def test_fit_of_garbage_gives_a_row_and_never_raises(name, kind):
     model = MODELS[name]
     position = GARBAGE[kind](np.random.default_rng(0), (40, len(model.observed)))
-    result = fit(trajectory_of(np.arange(40) / 60, position, model.observed), model, options=FitOptions(multistart=1))
+    clip = trajectory_of(np.arange(40) / 60, position, model.observed)
+    if model.inputs:
+        clip = clip.with_(inputs=np.sin(clip.t_s)[:, None] * np.ones(len(model.inputs)), input_quantities=model.inputs)
+    result = fit(clip, model, options=FitOptions(multistart=1))
     assert result.ok or result.message
     assert set(result.free) <= set(result.estimates)
 

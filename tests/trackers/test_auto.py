@@ -26,7 +26,7 @@ from trackers._auto.evidence import (
     unsteadiness,
 )
 from trackers._auto.known_looks import is_scenery
-from trackers._auto.scene import Scene
+from trackers._auto.scene import SampledScene
 from trackers._auto.survey import looks_like_shadow
 from trackers._auto.verdict import OFF, PROBABILITY, WORDS, judged, probability_of
 from trackers._auto.verdict_weights import DOUBTFUL, SURE, WEIGHTS
@@ -191,7 +191,7 @@ def a_track(xy_px, **more):
 
 
 def scene_of(clip):
-    return Scene(view_of(clip, TrackOptions()), clip.sample(40))
+    return SampledScene(view_of(clip, TrackOptions()), clip.sample(40))
 
 
 SWING = swing(40, (80, 48), (45, 20), period=37.3)
@@ -355,7 +355,7 @@ def test_radius_of_what_is_marked_is_where_its_colour_ends(radius):
 def test_things_that_move_are_sorted_by_colour_and_size_and_the_ball_is_the_likeliest_body():
     clip = phone.with_shadow(30)
     frames = clip.clip.sample(20)
-    first, second = Scene(view_of(clip.clip, TrackOptions()), frames).kinds[:2]
+    first, second = SampledScene(view_of(clip.clip, TrackOptions()), frames).kinds[:2]
     places = np.array([(thing.x, thing.y) for thing in first.seen])
     truth = np.array([clip.truth[0, frames[thing.sample].index] for thing in first.seen])
     assert np.median(np.hypot(*(places - truth).T)) < 3

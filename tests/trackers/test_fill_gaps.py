@@ -12,7 +12,7 @@ from trackers._auto.appearance import Peaks, learn
 from trackers._auto.best_path import MARKED, best_path
 from trackers._auto.fill_gaps import with_gaps_filled
 from trackers._auto.known_looks import KnownLooks
-from trackers._auto.scene import Scene
+from trackers._auto.scene import SampledScene
 from trackers._frames.working_image import view_of
 
 RADIUS, SHAPE = 9.0, (96, 160)
@@ -29,7 +29,7 @@ def with_gap(clip, truth=PATH):
 
 
 def filled(track, clip, *others):
-    return with_gaps_filled(clip, Scene(view_of(clip, TrackOptions()), clip.sample(40)), track, others)
+    return with_gaps_filled(clip, SampledScene(view_of(clip, TrackOptions()), clip.sample(40)), track, others)
 
 
 def test_gap_is_filled_where_the_body_is_seen_and_known_to_a_third_of_its_radius():

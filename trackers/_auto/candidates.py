@@ -12,7 +12,7 @@ from iris_sysid.errors import DataError
 from iris_sysid.types import Array, FrameSource, Track, TrackMark, TrackOptions
 from trackers._auto.appearance import learn, search_image
 from trackers._auto.follow_appearance import Body, follow_appearance
-from trackers._auto.scene import Scene
+from trackers._auto.scene import SampledScene
 from trackers._auto.survey import WEIGHTS, Kind
 from trackers._frames.arrays import Bytes
 from trackers._frames.working_image import View
@@ -35,7 +35,7 @@ class Way:
     against: tuple[str, ...] = ()
 
 
-def ways_by_looks(video: FrameSource, scene: Scene, options: TrackOptions) -> list[Way]:
+def ways_by_looks(video: FrameSource, scene: SampledScene, options: TrackOptions) -> list[Way]:
     """Following the likeliest things that move by their looks: as many of each kind as are seen at once."""
     bodies = [body for kind in scene.kinds for body in [_body_like(kind, scene.images)] * _count(kind)]
     ways = []

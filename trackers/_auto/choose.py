@@ -13,7 +13,7 @@ from trackers._auto.candidates import Way, check_marks, marks_by_body, way_by_ma
 from trackers._auto.evidence import missed_marks
 from trackers._auto.fill_gaps import with_gaps_filled
 from trackers._auto.sampled_once import SampledOnce
-from trackers._auto.scene import Scene
+from trackers._auto.scene import SampledScene
 from trackers._auto.verdict import PROBABILITY, judged
 from trackers._auto.verdict_weights import SURE
 from trackers._frames.working_image import view_of
@@ -33,7 +33,7 @@ class Choice:
 
     video: SampledOnce
     options: TrackOptions
-    scene: Scene
+    scene: SampledScene
     candidates: list[TrackCandidate] = field(default_factory=list)
     _moving: MovingBodies | None = None
 
@@ -41,7 +41,7 @@ class Choice:
     def of(cls, video: FrameSource, options: TrackOptions) -> Choice:
         """The choice for a clip."""
         once = SampledOnce(video)
-        return cls(once, options, Scene(view_of(video, options), once.sample(SAMPLES)))
+        return cls(once, options, SampledScene(view_of(video, options), once.sample(SAMPLES)))
 
     def attempt(self, way: Way) -> TrackCandidate:
         """Follow the bodies in one way, and judge the tracks."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from iris_sysid.types import Array, Frame, Mask, Track, TrackMark
 from trackers._auto.known_looks import known_looks
-from trackers._auto.scene import Place, Scene
+from trackers._auto.scene import Place, SampledScene
 from trackers._auto.survey import WEIGHTS, Kind, any_near, blob_at, colour_distance, looks_like_shadow
 from trackers._frames.arrays import Bytes, Flags
 from trackers._frames.working_image import View
@@ -37,7 +37,7 @@ MOST_REST = 0.5  # share of the samples: a body at rest for longer is to be foll
 MARK_RADII, MARK_PX = 1.0, 4.0  # how far a track may pass from a mark: radii, and px at least
 
 
-def evidence_against(track: Track, scene: Scene, others: Sequence[Track] = ()) -> dict[str, float]:
+def evidence_against(track: Track, scene: SampledScene, others: Sequence[Track] = ()) -> dict[str, float]:
     """What speaks against a track, by name, each from 0 to 1; ``coverage`` beside it, which is no evidence.
 
     Parameters
@@ -63,7 +63,7 @@ def evidence_against(track: Track, scene: Scene, others: Sequence[Track] = ()) -
         "leaps": leaps(track).size / max(track.n_valid, 1),
         "kinks": kinks(track),
         "changing size": unsteadiness(track),
-        "hardly moves": 1 / (1 + travel(track)),
+        "barely moves": 1 / (1 + travel(track)),
         "gaps": gap_share(track),
         "held": held_share(track),
         "at the edge": edge,
@@ -227,7 +227,7 @@ def held_share(track: Track) -> float:
     return float(np.mean(held_rows(track)[track.valid])) if track.n_valid else 0.0
 
 
-def _blobs_at(track: Track, scene: Scene, places: Mapping[int, Place]) -> tuple[float, float, float]:
+def _blobs_at(track: Track, scene: SampledScene, places: Mapping[int, Place]) -> tuple[float, float, float]:
     """How ragged what moves at the track is, and in which shares of samples it is far larger, or joined to the edge."""
     found = [blob_at(scene.foregrounds[k], at) for k, at in places.items()]
     blobs = [blob for blob in found if blob is not None]
@@ -239,7 +239,7 @@ def _blobs_at(track: Track, scene: Scene, places: Mapping[int, Place]) -> tuple[
     return 1 - round_, part, float(np.mean([blob.held or blob.at_edge for blob in blobs]))
 
 
-def _where_nothing_moves(track: Track, scene: Scene, places: Mapping[int, Place]) -> tuple[float, float]:
+def _where_nothing_moves(track: Track, scene: SampledScene, places: Mapping[int, Place]) -> tuple[float, float]:
     """Shares of the samples with the body in which nothing moves there, and in which it is off its usual place too.
 
     A body becomes background in one place only, where it is in most samples.
@@ -251,13 +251,13 @@ def _where_nothing_moves(track: Track, scene: Scene, places: Mapping[int, Place]
     return len(still) / count, float(np.count_nonzero(off > 2 * reach)) / count
 
 
-def missed(track: Track, scene: Scene, others: Sequence[Track]) -> float:
+def missed(track: Track, scene: SampledScene, others: Sequence[Track]) -> float:
     """Share of the samples that show the body in which it is plainly to be seen and the track has lost it."""
     seen = samples_missed(track, scene, others)
     return len(seen) / (len(scene.places(track)) + len(seen)) if seen else 0.0
 
 
-def samples_missed(track: Track, scene: Scene, others: Sequence[Track]) -> list[int]:
+def samples_missed(track: Track, scene: SampledScene, others: Sequence[Track]) -> list[int]:
     """The samples in which the body is plainly to be seen and the track has lost it."""
     held, rows, places = held_rows(track), scene.rows(track), scene.places(track)
     lost = [k for k, row in rows.items() if not track.valid[row] and not held[row]]
@@ -269,9 +269,9 @@ def samples_missed(track: Track, scene: Scene, others: Sequence[Track]) -> list[
 
 
 def _plainly_seen(
-    scene: Scene, places: Mapping[int, Place], reach: float, lost: Sequence[int], others: Sequence[Track]
+    scene: SampledScene, places: Mapping[int, Place], reach: float, lost: Sequence[int], others: Sequence[Track]
 ) -> dict[int, Place]:
-    """Where, px of the frame, what is at some places of the samples is to be seen in others, by their number."""
+    """Where the things at some places of the samples are visible in others: px of the frame, by sample number."""
     known = known_looks(scene.images, places, reach / scene.view.step)
     moving: dict[int, Place] = {}
     still: dict[int, Place] = {}
@@ -304,7 +304,7 @@ def _spread(places: Sequence[Place]) -> float:
     return float(np.hypot(*off.T).max())
 
 
-def rival(scene: Scene, track: Track, others: Sequence[Track]) -> tuple[float, Kind | None]:
+def rival(scene: SampledScene, track: Track, others: Sequence[Track]) -> tuple[float, Kind | None]:
     """How much more than the track another thing looks like a body that moves (0 not at all, 1), and that thing."""
     share = {id(kind): _share_on(scene, kind, [track]) for kind in scene.kinds}
     own = max((kind.salience for kind in scene.kinds if share[id(kind)] > ON_TRACK), default=0.0)
@@ -320,7 +320,7 @@ def rival(scene: Scene, track: Track, others: Sequence[Track]) -> tuple[float, K
     return (best.salience - own) / (best.salience + own), best
 
 
-def _share_on(scene: Scene, kind: Kind, tracks: Sequence[Track]) -> float:
+def _share_on(scene: SampledScene, kind: Kind, tracks: Sequence[Track]) -> float:
     """Share of the sightings of a kind that lie on one of the tracks."""
     on = 0
     for thing in kind.seen:
@@ -330,7 +330,7 @@ def _share_on(scene: Scene, kind: Kind, tracks: Sequence[Track]) -> float:
     return on / len(kind.seen)
 
 
-def disc_not_followed(track: Track, scene: Scene) -> float:
+def disc_not_followed(track: Track, scene: SampledScene) -> float:
     """Share of the samples that show a disc which changes its size, and in which the track does not pass it."""
     passed = [passes(track, number, (disc.x, disc.y), disc.radius) for number, disc in scene.receding.items()]
     return passed.count(False) / len(scene.frames)

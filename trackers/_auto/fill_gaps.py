@@ -14,11 +14,11 @@ from trackers._auto.best_path import MARKED, best_path
 from trackers._auto.evidence import passes
 from trackers._auto.follow_appearance import APART, REACH_RADII, REACH_SHARE, ROUGH
 from trackers._auto.known_looks import KnownLooks, known_looks
-from trackers._auto.scene import Place, Scene
+from trackers._auto.scene import Place, SampledScene
 from trackers._frames.working_image import View
 
 
-def with_gaps_filled(video: FrameSource, scene: Scene, track: Track, others: Sequence[Track] = ()) -> Track:
+def with_gaps_filled(video: FrameSource, scene: SampledScene, track: Track, others: Sequence[Track] = ()) -> Track:
     """A track with its gaps filled where the body is plainly to be seen on a path from end to end of the gap.
 
     Its outline told too little there, or there would be no gap: such a position is known to a third of the radius.

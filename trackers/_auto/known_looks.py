@@ -12,12 +12,12 @@ from trackers._auto.scene import Place
 from trackers._frames.arrays import Bytes, Image
 
 SCENERY = 0.5  # share of the samples with the body elsewhere: a place that looks like it there too is scenery
-PLAIN = 0.75  # of the usual score of the body: as plain as that is no chance likeness
+PLAIN = 0.75  # of the usual score of the body: chance does not look so plain
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class KnownLooks:
-    """What a tracked body looks like, the score from which on a place is plainly it, and where it is in the samples.
+    """What a tracked body looks like, the smallest score of a place that is plainly it, and where it is in the samples.
 
     ``maps`` are the scores (h, w) of the search images, ``places`` where the body is in them, by the sample's number.
     """
@@ -60,7 +60,7 @@ def is_scenery(
     reach
         Radius of the body, px.
     plain
-        Score from which on a place looks like the body.
+        Smallest score of a place that looks like the body.
     """
     away = [k for k, body in places.items() if np.hypot(body[0] - place[0], body[1] - place[1]) > 3 * reach]
     return bool(away) and bool(np.mean([score_at(maps[k], place) > plain for k in away]) > SCENERY)

@@ -19,7 +19,7 @@ Place = tuple[float, float]
 
 
 @dataclass(eq=False)
-class Scene:
+class SampledScene:
     """The sampled frames of a clip; what they show is worked out once, when it is first needed.
 
     ``view`` is the region looked at.

@@ -17,17 +17,17 @@ import numpy as np
 
 from iris_sysid.types import Doubt, DoubtKind, Track, TrackMark, TrackQuality
 from trackers._auto.evidence import evidence_against, missed_marks, rival, samples_missed
-from trackers._auto.scene import Scene
+from trackers._auto.scene import SampledScene
 from trackers._auto.verdict_weights import DOUBTFUL, INTERCEPT, WEIGHTS
 
 Said = tuple[DoubtKind, str, str]  # kind, finding and remedy of a doubt
 PROBABILITY = "probability"  # its name among the evidence
-# known by its looks only; the same where nothing is followed before the background; other things go farther
+# known by appearance only; the same where nothing is followed before the background; other things go farther
 OF_WAYS = ("guessed", "alone", "beside")
 OFF = ("missed", "other colours")  # shares of the samples in which the track is not on the body
-HELD_SHARE = 0.5  # of the frames with the body: more often in a hand is no free motion, however well it is followed
-MOST_REASONS = 3
-LEAST_PART = 0.25  # of all that speaks against a track: weaker evidence is not said
+HELD_SHARE = 0.5  # of the frames with the body: more often in a hand is not a free motion, even if it is followed well
+MAX_REASONS = 3
+MIN_PART = 0.25  # of all that speaks against a track: weaker evidence is not said
 # what helps where marks do not: a body that covers much of its own way is seen in no frame as a whole before it
 BY_TEMPLATE = "if it does not turn: --tracker template --roi x,y,width,height, its box in the first frame of the clip"
 BY_MARK = "check the overlay, and mark the body where it is lost: --mark {body}=x,y@frame"
@@ -39,7 +39,7 @@ HELD: Said = (
 )
 LOOKS: Said = (
     "ambiguous",
-    "tracked by its looks only: no body was followed well before the still background",
+    "tracked by appearance only: no body was followed well before the still background",
     "check the overlay, and mark it: --mark {body}=x,y@frame",
 )
 # kind, finding and remedy of each evidence: share of it, count of frames, extent in radii, place and frame of a thing
@@ -50,15 +50,15 @@ WORDS: Mapping[str, Said] = {
         BY_MARK,
     ),
     "shadow": ("shadow", "it looks like a shadow in {share:.0%} of the sampled frames", BY_MARK),
-    "faint": ("faint", "the tracked thing hardly differs from its surroundings", BY_MARK),
+    "faint": ("faint", "the tracked thing barely differs from its surroundings", BY_MARK),
     "leaps": ("jumps", "the track leaps {count} times", BY_MARK),
     "kinks": ("jumps", "its path is broken by more than a radius in {share:.0%} of the frames", BY_MARK),
     "changing size": ("unsteady-size", "the apparent radius changes by {share:.0%} a frame", BY_MARK),
-    "hardly moves": ("ambiguous", "it moves by {radii:.1f} radii only", BY_MARK),
+    "barely moves": ("ambiguous", "it moves by {radii:.1f} radii only", BY_MARK),
     "gaps": ("missed", "it is not found in {share:.0%} of the frames between the first and the last", BY_MARK),
     "held": HELD,
     "at the edge": HELD,
-    "ragged": ("another-body", "what moves there is ragged, as people are", BY_MARK),
+    "ragged": ("another-body", "the moving thing is ragged, as people are", BY_MARK),
     "part": ("another-body", "in {share:.0%} of the sampled frames it is a part of something larger", BY_MARK),
     "nothing moves": ("another-body", "in {share:.0%} of the sampled frames nothing moves where the track is", BY_MARK),
     "scenery": (
@@ -115,7 +115,7 @@ def _parts(against: Mapping[str, float]) -> dict[str, float]:
 
 def judged(
     track: Track,
-    scene: Scene,
+    scene: SampledScene,
     others: Sequence[Track] = (),
     marks: Sequence[TrackMark] = (),
     way: Collection[str] = (),
@@ -149,12 +149,12 @@ def judged(
 
 
 def _reasons(
-    track: Track, scene: Scene, others: Sequence[Track], against: Mapping[str, float], marked: bool
+    track: Track, scene: SampledScene, others: Sequence[Track], against: Mapping[str, float], marked: bool
 ) -> list[Doubt]:
     """What speaks most against a track, in words, the strongest first."""
     parts = {name: part for name, part in _parts(against).items() if part > 0}
-    strongest = sorted(parts, key=lambda name: -parts[name])[:MOST_REASONS]
-    least = LEAST_PART * sum(parts.values())
+    strongest = sorted(parts, key=lambda name: -parts[name])[:MAX_REASONS]
+    least = MIN_PART * sum(parts.values())
     reasons = []
     for name in [name for k, name in enumerate(strongest) if k == 0 or parts[name] > least]:
         reason = _said(name, against[name], track, _where(name, track, scene, others))
@@ -171,7 +171,7 @@ def _said(name: str, share: float, track: Track, where: Mapping[str, float]) -> 
     return Doubt(kind, finding.format(**known), remedy.format(**known))
 
 
-def _where(name: str, track: Track, scene: Scene, others: Sequence[Track]) -> dict[str, float]:
+def _where(name: str, track: Track, scene: SampledScene, others: Sequence[Track]) -> dict[str, float]:
     """Frame, and x and y in px, of the thing that an evidence is about, where it is about one."""
     if name == "missed":
         return {"frame": scene.frames[samples_missed(track, scene, others)[0]].index}

@@ -5,7 +5,7 @@ Fitted to 307 tracks of 66 recordings (42 real ones with 220 tracks),
 """
 
 INTERCEPT = 4.208  # log odds of a track against which nothing speaks
-DOUBTFUL = 0.85  # a smaller probability is said with the reasons
+DOUBTFUL = 0.85  # the program states a smaller probability with its reasons
 SURE = 0.9  # with this probability no other way is tried
 WEIGHTS = {  # what each evidence takes from the log odds
     "two on one": 8.500,
@@ -22,7 +22,7 @@ WEIGHTS = {  # what each evidence takes from the log odds
     "faint": 0.470,
     "kinks": 0.426,
     "gaps": 0.307,
-    "hardly moves": 0.237,
+    "barely moves": 0.237,
     "changing size": 0.228,
     "leaps": 0.173,
     "at the edge": 0.085,

@@ -68,7 +68,7 @@ class MovingBodies:
 
 
 def is_apart(tracks: Sequence[Track], tracklet: Tracklet) -> bool:
-    """Whether a path is hardly ever within two radii of one of the tracks."""
+    """Whether a path is rarely within two radii of one of the tracks."""
     at = [dict(zip(track.frame.tolist(), track.xy_px, strict=True)) for track in tracks]
     near = [
         any(np.hypot(*(places[seen.frame] - (seen.x, seen.y))) < 2 * seen.radius for places in at)
