@@ -134,7 +134,9 @@ def test_whitening_makes_autocorrelated_noise_white(rivals, small):
     for step in rng.standard_normal(20_000):
         series.append(rho * series[-1] + np.sqrt(1 - rho**2) * step)
     noise = np.array([0.2])
-    whitened = Design(REPEAT, PENDULUM, design.t_s, noise, rho, None, None, "linear").whitened(0.2 * np.array(series)[:, None])
+    whitened = Design(REPEAT, PENDULUM, design.t_s, noise, rho, None, None, "linear").whitened(
+        0.2 * np.array(series)[:, None]
+    )
     assert np.std(whitened) == pytest.approx(1.0, abs=0.03)
     assert np.corrcoef(whitened[1:], whitened[:-1])[0, 1] == pytest.approx(0.0, abs=0.03)
 

@@ -12,7 +12,7 @@ from tests._project import ROOT
 
 CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text("utf-8")
 FORMS = sorted((ROOT / ".github" / "ISSUE_TEMPLATE").glob("[!c]*.yml"))
-MAPS = {"acceleration", "observe", "image", "warp"}
+MAPS = {"acceleration", "observe", "image", "warp", "drive"}
 KINDS = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
 
 
