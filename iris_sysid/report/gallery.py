@@ -242,7 +242,8 @@ def _motion(model: OdeModel, more: dict[str, float]) -> tuple[Array, Array]:
     """Times (n,) s and what is observed (n, d) in the example of a model, with further values."""
     assert model.example is not None
     times = model.example.t_s[:: -(-model.example.samples // MAX_POINTS)]
-    return times, simulate(model, times, {**model.example.values, **more}).observed
+    driven = model.example.driven(times)
+    return times, simulate(model, times, {**model.example.values, **more}, inputs=driven).observed
 
 
 def _values_of(effect: Effect, times: Array, observed: Array) -> dict[str, float]:
