@@ -140,7 +140,7 @@ def share_apart(name: str, alone: Screen) -> float:
     if name not in alone.visible:
         return 0.0
     others = [alone.cosine(name, other) for other in alone.scores if other != name]
-    return float(np.sqrt(1.0 - sum(others) ** 2))
+    return float(np.sqrt(max(1.0 - sum(others) ** 2, 0.0)))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -45,7 +45,7 @@ MODEL = OdeModel(
     inputs=(Quantity("u", "N m", "u"),),
     typical="a quasi-direct drive with 0.5 kg at 0.5 m: 0.06 kg m^2, 0.1 kg m times gravity, 0.05 N m s",
     example=ModelExample(
-        {"inertia": 0.06, "moment": 0.1, "damping": 0.05, "theta_0": 0.3, "omega_0": -0.5},
+        {"inertia": 0.06, "moment": 0.5, "damping": 0.05, "theta_0": 0.3, "omega_0": -0.5},
         samples=400,
         rate_hz=50.0,
         inputs=multisine,

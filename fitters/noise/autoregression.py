@@ -23,7 +23,6 @@ MAX_ORDER = 8
 LONGEST_GAP = 5000  # samples; noise is not correlated over more
 RESTRICTED_UP_TO = 5000  # samples; beyond, the share that the fit absorbs is negligible
 EDGE = 0.999  # largest partial autocorrelation; 1 is the unit circle
-FARTHEST = 6.0  # of the unbounded values: tanh of it is 1 to 1e-5, and beyond it the likelihood is flat
 TOLERANCE = 1e-10  # relative, of the likelihood
 DIGITS_LOST = 1e-4  # largest rounding error of -2 log L: products of very smooth columns cancel when whitened
 
@@ -176,7 +175,6 @@ def fit_autoregression(residual: Array, basis: Array) -> Autoregression:
 
 def _most_likely(residual: Array, basis: Array, start: Array) -> Array:
     """Partial autocorrelations of largest restricted likelihood, from a start; tanh keeps them below 1."""
-    bounds = [(-FARTHEST, FARTHEST)] * start.size
     products = _LaggedProducts.of(residual, basis, start.size)
 
     def quick(unbounded: Vector) -> tuple[float, Vector]:
@@ -187,16 +185,14 @@ def _most_likely(residual: Array, basis: Array, start: Array) -> Array:
     def exact(unbounded: Vector) -> float:
         return minus_restricted(residual, basis, EDGE * np.tanh(unbounded))[0]
 
-    unbounded = cast("Vector", np.clip(np.arctanh(start / EDGE * (1 - 1e-6)), -FARTHEST, FARTHEST))
-    near = unbounded
+    unbounded = cast("Vector", np.arctanh(start / EDGE * (1 - 1e-6)))
     try:
-        minimum = minimize(quick, unbounded, method="L-BFGS-B", jac=True, tol=TOLERANCE, bounds=bounds)
+        minimum = minimize(quick, unbounded, method="L-BFGS-B", jac=True, tol=TOLERANCE)
         holds = minimum.success and abs(minimum.fun - exact(minimum.x)) < DIGITS_LOST
-        near = minimum.x  # where rounding ended the search: not far from the end
     except (LinAlgError, ValueError):  # singular to rounding, or too large to be squared
         holds = False
     if not holds:
-        minimum = minimize(exact, near, method="L-BFGS-B", jac="2-point", tol=TOLERANCE, bounds=bounds)
+        minimum = minimize(exact, unbounded, method="L-BFGS-B", jac="3-point", tol=TOLERANCE)
     return np.asarray(EDGE * np.tanh(minimum.x), dtype=np.float64)
 
 
