@@ -94,7 +94,7 @@ def test_drag_too_small_to_be_seen_beside_a_friction_is_in_the_interval_of_that(
 
 @pytest.mark.slow
 def test_intervals_of_sizes_cover_where_one_or_two_effects_are_hidden():
-    seeds = range(50_000, 50_096)
+    seeds = range(50_000, 50_128)
     every = [case(seed, 1 + seed % 2) for seed in seeds]
     off = [
         outcome.off[k]
