@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from iris_sysid.errors import CalibrationError
@@ -41,6 +43,15 @@ def homography_sensitivity(homography: Array, points: Array) -> Array:
     out[:, 0, :3] = out[:, 1, 3:6] = ones
     out[:, :, 6:] = -flat[:, :, None] * ones[:, None, :]
     return out / mapped[:, 2, None, None]
+
+
+def slopes_at_zero(function: Callable[[Array], Array], steps: Array) -> Array:
+    """Derivatives (m, k) of a function of k numbers, at zero, by central differences with ``steps`` (k,).
+
+    In the unit of each of the m results per unit of each number.
+    """
+    columns = [(function(step) - function(-step)) / (2 * step.max()) for step in np.diag(steps)]
+    return np.column_stack(columns)
 
 
 def fit_homography(source: Array, target: Array) -> tuple[Array, Array]:

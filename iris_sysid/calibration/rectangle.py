@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from iris_sysid.calibration.homography import fit_homography
+from iris_sysid.calibration.homography import fit_homography, slopes_at_zero
 from iris_sysid.calibration.pixel_scale import NO_LENS
 from iris_sysid.calibration.plane import UNKNOWN_SCALE, with_scale
 from iris_sysid.calibration.vertical import upright
@@ -73,10 +73,7 @@ def plane_from_rectangle(
     corner_variance = corner_stderr_px**2 * covariance[:8, :8]
     steps = np.append(1e-2 * np.sqrt(np.diag(corner_variance)), [1e-4, 1e-4])
     slopes = np.zeros((N_VALUES, 10))
-    for column, step in enumerate(steps):
-        change = np.zeros(10)
-        change[column] = step
-        slopes[:9, column] = (numbers(change) - numbers(-change)) / (2 * step)
+    slopes[:9] = slopes_at_zero(numbers, steps)
     relative = slopes[:, 8:] * (stderr / sides)
     plane = with_scale(
         Calibration(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,7 +12,12 @@ from iris_sysid.calibration.board.board import Board, BoardView
 from iris_sysid.calibration.bundle_adjustment import Points, matrix_of, pose_of, projected, rotation_of
 from iris_sysid.calibration.camera import USUAL_FOCAL, CameraCalibration
 from iris_sysid.calibration.distortion import distort
-from iris_sysid.calibration.homography import apply_homography, fit_homography, homography_sensitivity
+from iris_sysid.calibration.homography import (
+    apply_homography,
+    fit_homography,
+    homography_sensitivity,
+    slopes_at_zero,
+)
 from iris_sysid.calibration.pixel_scale import NO_LENS, STRAIGHT_ON
 from iris_sysid.calibration.plane import UNKNOWN_SCALE, check_image_size, with_scale
 from iris_sysid.calibration.vertical import upright
@@ -131,7 +135,7 @@ def _with_camera(
             "behind the camera; the offset is positive where the board is further away than the motion"
         )
     steps = np.concatenate([0.1 * np.sqrt(np.diag(inverse)), 1e-4 * np.abs(parameters[:4]), [1e-4] * 7])
-    slopes = _slopes(numbers, steps)
+    slopes = slopes_at_zero(numbers, steps)
     # a change of the camera also moves the fitted pose: implicit function of the normal equations
     slopes[:, 6:15] -= slopes[:, :6] @ inverse @ by_pose.T @ by_camera
     variance = _variance(residual, unknowns=6) * camera.clustering
@@ -171,12 +175,6 @@ def _homography(pose: Array, parameters: Array, behind_m: float, size: float, ce
 def _in_front(pose: Array, behind_m: float) -> bool:
     """Whether the centre of the plane of motion is in front of the camera."""
     return bool(pose[5] - behind_m * rotation_of(pose)[2, 2] > 0)
-
-
-def _slopes(function: Callable[[Array], Array], steps: Array) -> Array:
-    """Derivatives (m, k) of a function of k numbers, at zero, by central differences."""
-    columns = [(function(step) - function(-step)) / (2 * step.max()) for step in np.diag(steps)]
-    return np.column_stack(columns)
 
 
 # --------------------------------------------------------------------------- without a camera
@@ -222,7 +220,7 @@ def _without_camera(
 
     steps = 1e-2 * np.sqrt(np.diag(fit.unit))
     steps[8] = steps[8] or 1e-4
-    slopes = _slopes(numbers, np.append(steps, [1e-4] * 3))
+    slopes = slopes_at_zero(numbers, np.append(steps, [1e-4] * 3))
     inverse_stderr = 0.0 if math.isinf(distance[0]) else distance[1] / distance[0] ** 2
     values = numbers(np.zeros(12))
     return with_scale(
