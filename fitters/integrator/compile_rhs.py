@@ -125,11 +125,11 @@ def _jitted(rhs: Callable[..., Any]) -> Any:
 
 @functools.lru_cache(maxsize=512)
 def _compile(rhs: Callable[..., Any], n_states: int, n_params: int, n_inputs: int) -> CompiledRhs:
-    source = _loop_source(n_states, n_params, n_inputs)
-    plain = _quiet(generated(source, {"rhs": rhs}))
     chained = _chained(rhs, n_states)
     if chained is not None:
         return CompiledRhs(integrate, controlled_steps, chained)
+    source = _loop_source(n_states, n_params, n_inputs)
+    plain = _quiet(generated(source, {"rhs": rhs}))
     try:
         values = {"rhs": callable_in_kernels(rhs)}
         columns = compiled_columns(generated(source, values))

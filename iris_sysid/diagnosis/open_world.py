@@ -231,14 +231,14 @@ class OpenWorld:
         apart, but not what imitates anything from formulas.
         """
         itself = (1.0 - self._alone(model, effect)) * self._cache.base.squares
-        alone = [each for each in self._cache.tried if len(each.effects) == 1 and self.allows(each)]
         most = (1.0 - MOSTLY) * self._cache.base.squares
-        formulas = ALIKE * itself if itself < most else 0.0
+        formulas = ALIKE * itself if itself < most else 0.0  # squares below which one with a formula is as good
+        absorbing = itself if itself < most and not sure else 0.0  # and one that imitates anything
         if sure:
             formulas = (formulas if self._components_turn else most) if effect.absorbs else 0.0
-        limits = {False: formulas, True: itself if itself < most and not sure else 0.0}
-        others = [each for each in alone if each.names != {effect.name}]
-        return [each.effects[0].name for each in others if each.squares < limits[each.effects[0].absorbs]]
+        alone = [each for each in self._cache.tried if len(each.effects) == 1 and self.allows(each)]
+        good = [each for each in alone if each.squares < (absorbing if each.effects[0].absorbs else formulas)]
+        return [each.effects[0].name for each in good if each.effects[0].name != effect.name]
 
     # the search ------------------------------------------------------------------------------------------------------
 

@@ -29,7 +29,7 @@ from iris_sysid.types import (
     student_sf,
 )
 
-MOST_HALVINGS = 6  # of a size to first order
+MAX_HALVINGS = 6  # of a size to first order
 MOST_MOVES = 4  # steps from an effect's shape to a better one nearby
 ACCURATE = 1e-6  # error of a predicted state from its time step, relative: far below the noise of any sensor
 FAR_OFF, AT_NOISE = 10.0, 1.1  # residual over noise
@@ -224,9 +224,11 @@ def _refitted(
     """One clip's fit; an effect whose shape is chosen and not fitted gets the best shape near its starting shape."""
     values = _no_worse(clip, fitted, start, unit, model, effects)
     best = _fit_from(clip, values, fitted.free, model, effects)
-    if len(effects) == 1 and best.usable and _misfit(clip, best, unit) > FAR_OFF**2 * best.n * len(best.rms):
-        grown = _fit_from(clip, values, fitted.free, model, effects, growing=True)
-        best = grown if grown.usable and _misfit(clip, grown, unit) < _misfit(clip, best, unit) else best
+    if len(effects) == 1 and best.usable:
+        misfit = _misfit(clip, best, unit)
+        if misfit > FAR_OFF**2 * best.n * len(best.rms):
+            grown = _fit_from(clip, values, fitted.free, model, effects, growing=True)
+            best = grown if grown.usable and _misfit(clip, grown, unit) < misfit else best
     for effect in effects:
         for _ in range(MOST_MOVES):
             values = _in_better_shape(effect, clip, best, unit)
@@ -252,7 +254,7 @@ def _no_worse(
         return values
     whole = replace(fitted, model=_composed(clip, values, model, effects))
     without = _misfit(clip, whole, unit, {**values, **dict.fromkeys(sizes, 0.0)})
-    for _ in range(MOST_HALVINGS):
+    for _ in range(MAX_HALVINGS):
         if _misfit(clip, whole, unit, values) <= without:
             break
         values |= {name: values[name] / 2 for name in sizes}
