@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from iris_sysid.types import Array, OdeModel, Parameter
+from iris_sysid.types import Array, OdeModel, Parameter, picklable
 
 
 def is_driven(model: OdeModel) -> bool:
@@ -18,10 +20,22 @@ def which_parameter(name: str) -> Parameter:
     return Parameter(name, "1", "j", lower=0.0, default=0.0, constant=True, source=source)
 
 
-def chosen(inputs: Array, which: float) -> tuple[Array, int]:
-    """A copy of the inputs (n, m) in their units, and the column that is meant; the first where there are fewer."""
-    column = round(which)
-    return np.array(inputs, dtype=np.float64), column if 0 <= column < inputs.shape[1] else 0
+@picklable
+def on_one_input(change: Callable[..., Array]) -> Callable[[Array, Array, Array], Array]:
+    """The ``drive`` of an effect on one input, whose number is its last parameter; the first if there is none such.
+
+    ``change(t_s (n,), given (n,), *params)`` returns what acts (n,) of that input, in its unit.
+    """
+
+    def drive(t_s: Array, inputs: Array, params: Array) -> Array:
+        *own, which = params
+        column = round(which)
+        column = column if 0 <= column < inputs.shape[1] else 0
+        acting = np.array(inputs, dtype=np.float64)
+        acting[:, column] = change(t_s, np.ascontiguousarray(acting[:, column]), *own)
+        return acting
+
+    return drive
 
 
 def each(t_s: Array, inputs: Array) -> list[tuple[float, ...]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import types
 
-from fitters.effects._drives import chosen, each, is_driven, which_parameter
+from fitters.effects._drives import each, is_driven, on_one_input, which_parameter
 from iris_sysid.io.kernels import kernel
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
@@ -19,17 +19,13 @@ def play(values: Array, half: float) -> Array:
     return followed
 
 
-def drive(t_s: Array, inputs: Array, params: Array) -> Array:
+def loose(t_s: Array, given: Array, gap: float) -> Array:
     """What follows the input with a play of half the gap to each side; a gap below zero leads instead.
 
-    ``t_s`` (n,), s; ``inputs`` (n, m), in their units; ``params`` (k,).
+    ``t_s`` (n,), s; ``given`` (n,) and ``gap``, in its unit.
     """
-    gap, which = params
-    acting, column = chosen(inputs, which)
-    given = np.ascontiguousarray(inputs[:, column], dtype=np.float64)
     followed = play(given, abs(gap) / 2)
-    acting[:, column] = followed if gap >= 0 else 2.0 * given - followed
-    return acting
+    return followed if gap >= 0 else np.asarray(2.0 * given - followed)
 
 
 EFFECT = Effect(
@@ -44,7 +40,7 @@ EFFECT = Effect(
     component="input",
     applies=is_driven,
     plausibility=0.2,
-    drive=drive,
+    drive=on_one_input(loose),
     alike="input-delay, where the input goes up and down evenly; input-dead-zone",
     trials=each,
     typical="a train of gears: 0.1 to 1 degree at the shaft",

@@ -4,19 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitters.effects._drives import chosen, each, is_driven, which_parameter
+from fitters.effects._drives import each, is_driven, on_one_input, which_parameter
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 
-def drive(t_s: Array, inputs: Array, params: Array) -> Array:
-    """sign(u) max(|u| - w, 0).
-
-    ``t_s`` (n,), s; ``inputs`` (n, m), in their units; ``params`` (k,).
-    """
-    width, which = params
-    acting, column = chosen(inputs, which)
-    acting[:, column] = np.sign(inputs[:, column]) * np.maximum(np.abs(inputs[:, column]) - width, 0.0)
-    return acting
+def narrowed(t_s: Array, given: Array, width: float) -> Array:
+    """sign(u) max(|u| - w, 0) of ``given`` (n,) and ``width`` in its unit, at ``t_s`` (n,) s."""
+    return np.asarray(np.sign(given) * np.maximum(np.abs(given) - width, 0.0))
 
 
 EFFECT = Effect(
@@ -31,7 +25,7 @@ EFFECT = Effect(
     component="input",
     applies=is_driven,
     plausibility=0.3,
-    drive=drive,
+    drive=on_one_input(narrowed),
     alike="coulomb-friction, where the motion follows the sign of the input",
     trials=each,
     typical="a valve that overlaps: 1 to 5 % of its range",

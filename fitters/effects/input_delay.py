@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitters.effects._drives import chosen, each, is_driven, which_parameter
+from fitters.effects._drives import each, is_driven, on_one_input, which_parameter
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 
-def drive(t_s: Array, inputs: Array, params: Array) -> Array:
+def late(t_s: Array, given: Array, delay: float) -> Array:
     """u(t - delay), on a line between samples: of a held input, its mean until the next one.
 
-    ``t_s`` (n,), s; ``inputs`` (n, m), in their units; ``params`` (k,).
+    ``t_s`` (n,) and ``delay``, s; ``given`` (n,), in its unit.
     """
-    delay, which = params
-    acting, column = chosen(inputs, which)
-    acting[:, column] = np.interp(t_s - delay, t_s, inputs[:, column])
-    return acting
+    return np.interp(t_s - delay, t_s, given)
 
 
 EFFECT = Effect(
@@ -31,7 +28,7 @@ EFFECT = Effect(
     component="input",
     applies=is_driven,
     plausibility=0.5,
-    drive=drive,
+    drive=on_one_input(late),
     alike="exposure-lag, of the only reading; an actuator of the first order",
     trials=each,
     typical="a command over a bus: 0.001 to 0.02 s; hot water in a pipe: seconds",

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from fitters.effects._drives import chosen, is_driven, which_parameter
+from fitters.effects._drives import is_driven, on_one_input, which_parameter
 from iris_sysid.types import Array, Effect, EffectExample, Parameter
 
 SHARES = (0.95, 0.85, 0.7, 0.5, 0.3)  # of the largest input, tried as the level at which it is cut
 
 
-def drive(t_s: Array, inputs: Array, params: Array) -> Array:
+def cut(t_s: Array, given: Array, share: float, level: float) -> Array:
     """What is above the level counts less: u - c (u - clip(u)); at c = 1 it is cut.
 
-    ``t_s`` (n,), s; ``inputs`` (n, m), in their units; ``params`` (k,).
+    ``t_s`` (n,), s; ``given`` (n,) and ``level``, in its unit.
     """
-    share, level, which = params
-    acting, column = chosen(inputs, which)
-    given = inputs[:, column]
-    acting[:, column] = given - share * (given - np.clip(given, -abs(level), abs(level)))
-    return acting
+    return np.asarray(given - share * (given - np.clip(given, -abs(level), abs(level))))
 
 
 def trials(t_s: Array, inputs: Array) -> list[tuple[float, ...]]:
@@ -41,7 +37,7 @@ EFFECT = Effect(
     component="input",
     applies=is_driven,
     plausibility=0.3,
-    drive=drive,
+    drive=on_one_input(cut),
     alike="quadratic-drag, where the speed follows the input",
     trials=trials,
     typical="an amplifier at its supply: 10 V or 24 V, cut whole",

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitters.ode.simulation import predicted_by
 from iris_sysid.errors import FitError
-from iris_sysid.types import Array, FitResult, Trajectory
+from iris_sysid.types import Array, FitResult, Trajectory, correlation_matrix
 
 if TYPE_CHECKING:
     import lmfit
@@ -80,9 +80,7 @@ def lmfit_minimizer(fitted: FitResult, trajectory: Trajectory) -> lmfit.Minimize
 
 def _state_errors(parameters: lmfit.Parameters, fitted: FitResult) -> None:
     """Give the parameters the standard errors of the fit, and the correlations that belong to them."""
-    with np.errstate(all="ignore"):
-        sizes = np.sqrt(np.diag(fitted.total_covariance))
-        correlation = fitted.total_covariance / np.outer(sizes, sizes)
+    correlation = correlation_matrix(fitted.total_covariance)
     for k, name in enumerate(fitted.free):
         if np.isfinite(fitted.estimates[name].stderr):
             parameters[name].stderr = float(fitted.estimates[name].stderr)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from iris_sysid.errors import FitError
-from iris_sysid.types import Estimate, FitResult
+from iris_sysid.types import Estimate, FitResult, correlation_matrix
 
 MIN_CORRELATION = 0.1  # as lmfit's default
 
@@ -95,10 +95,7 @@ def _value(estimate: Estimate) -> str:
 
 def _correlations(fitted: FitResult, min_correl: float) -> list[str]:
     """Pairs of values from the most to the least correlated, below a heading with the smallest correlation listed."""
-    sizes = np.sqrt(np.diag(fitted.total_covariance))
-    with np.errstate(all="ignore"):
-        matrix = fitted.total_covariance / np.outer(sizes, sizes)
-    names = fitted.free
+    matrix, names = correlation_matrix(fitted.total_covariance), fitted.free
     pairs = {(names[i], names[j]): matrix[i, j] for i, j in zip(*np.triu_indices(len(names), 1), strict=True)}
     listed = {pair: value for pair, value in pairs.items() if np.isfinite(value) and abs(value) >= min_correl}
     if not listed:

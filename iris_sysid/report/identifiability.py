@@ -6,7 +6,7 @@ import numpy as np
 
 from iris_sysid.report.page import Section, numbers, words
 from iris_sysid.report.text import as_sentence
-from iris_sysid.types import FitResult
+from iris_sysid.types import FitResult, correlation_matrix
 
 CORRELATED = 0.9  # above this correlation, two values are known only in combination
 MOST = 5  # largest number of pairs shown
@@ -28,9 +28,7 @@ def identifiability_sections(fit: FitResult) -> list[Section]:
 
 def correlations(fit: FitResult) -> list[tuple[float, str, str]]:
     """Pairs of free values whose errors correlate by more than 0.9, the strongest first."""
-    size = np.sqrt(np.diag(fit.covariance))
-    with np.errstate(all="ignore"):
-        matrix = fit.covariance / np.outer(size, size)
+    matrix = correlation_matrix(fit.covariance)
     first, second = np.triu_indices(len(fit.free), 1)
     pairs = [(float(matrix[i, j]), fit.free[i], fit.free[j]) for i, j in zip(first, second, strict=True)]
     strong = [pair for pair in pairs if np.isfinite(pair[0]) and abs(pair[0]) > CORRELATED]

@@ -7,6 +7,7 @@ World: x right, z up.
 
 from iris_sysid.types._arrays import Array as Array
 from iris_sysid.types._arrays import Mask as Mask
+from iris_sysid.types._arrays import correlation_matrix as correlation_matrix
 from iris_sysid.types._arrays import frozen_array as frozen_array
 from iris_sysid.types._arrays import frozen_mask as frozen_mask
 from iris_sysid.types._arrays import increasing_times as increasing_times

@@ -61,3 +61,10 @@ def increasing_times(t_s: ArrayLike) -> Array:
             "is the file sorted by time, without duplicates?"
         )
     return times
+
+
+def correlation_matrix(covariance: Array) -> Array:
+    """Correlations (k, k) of a covariance (k, k) in any units; not finite where a variance is zero or not known."""
+    with np.errstate(all="ignore"):
+        sizes = np.sqrt(np.diag(covariance))
+        return np.asarray(covariance / np.outer(sizes, sizes))

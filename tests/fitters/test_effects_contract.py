@@ -9,6 +9,7 @@ from fitters.compose_effects import with_effect, with_effects
 from fitters.ode import simulate
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
+from iris_sysid.report.gallery import example_model
 from iris_sysid.types import Quantity
 
 TESTED_ON = (
@@ -21,19 +22,6 @@ TESTED_ON = (
 )  # besides its own example
 VOLTS = (Quantity("h", "V", "h"),)
 TANK = replace(MODELS["torricelli"], name="tank-in-volts", states=VOLTS, observed=VOLTS)  # as a user's own would be
-
-
-def example_model(effect):
-    """The model that the effect names in its example, read in another unit where the example says so."""
-    assert effect.example is not None, f"{effect.name} has no example; give Effect(example=EffectExample(...))"
-    model = MODELS[effect.example.model]
-    if not effect.example.unit:
-        return model
-    states, observed = (
-        tuple(replace(quantity, unit=effect.example.unit) for quantity in quantities)
-        for quantities in (model.states, model.observed)
-    )
-    return replace(model, name=f"{model.name}-in-{effect.example.unit}", states=states, observed=observed)
 
 
 PAIRS = [
