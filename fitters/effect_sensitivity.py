@@ -223,7 +223,8 @@ def _invertible(transition: Array) -> int:
     """Number of sample intervals from the first on over which transitions (k, s, s) can be inverted."""
     finite = np.asarray(np.isfinite(transition).all(axis=(1, 2)))
     condition = np.asarray(np.linalg.cond(np.where(finite[:, None, None], transition, 0.0)))
-    return int(np.argmin(np.append(condition <= WORST_CONDITION, False)) - 1) // REFINEMENT
+    followed = int(np.argmin(np.append(condition <= WORST_CONDITION, False)))  # 0: not even where it begins
+    return max(followed - 1, 0) // REFINEMENT
 
 
 def sensitivity(effect: Effect, fitted: FitResult, trajectory: Trajectory, motion: EffectMotion | None = None) -> Array:

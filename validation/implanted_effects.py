@@ -37,7 +37,8 @@ MOST_LOST = 0.1  # of the samples
 TURNOVER = 1e-3  # of the largest speed, over which dry friction changes its sign
 OFF_OWN_RATE = 1.618  # rate of the forcing over the motion's own: near neither it nor a harmonic
 CYCLES = 2.7  # of the forcing in a clip that does not swing
-SLOW = 6  # half cycles of the fastest part of a wander in the clip
+SLOW = 6  # half cycles of the fastest part of a wander in the clip, or
+SLOWER = 0.5  # of the half cycles of the motion: what is as fast as a swing is no slow wander
 
 
 class NotShownError(ArithmeticError):
@@ -92,7 +93,7 @@ def states(model: str, values: Values, start: tuple[float, ...], t_s: Array, for
     values
         Its parameters by name.
     start
-        State at the first of the times: position, and velocity unless the law is of first order.
+        State at the time 0: position, and velocity unless the law is of first order.
     t_s
         Increasing, s.
     force
@@ -109,8 +110,8 @@ def states(model: str, values: Values, start: tuple[float, ...], t_s: Array, for
             return (highest(t, float(state[0]), 0.0),)
         return float(state[1]), highest(t, float(state[0]), float(state[1]))
 
-    span, fine = (float(t_s[0]), float(t_s[-1])), 1e-11 * max(map(abs, start))
-    solved = solve_ivp(rates, span, start, "DOP853", t_s, rtol=1e-10, atol=fine, max_step=(span[1] - span[0]) / 50)
+    span, fine = (0.0, float(t_s[-1])), 1e-11 * max(map(abs, start))  # the first samples may be outliers
+    solved = solve_ivp(rates, span, start, "DOP853", t_s, rtol=1e-10, atol=fine, max_step=span[1] / 50)
     if not solved.success or solved.y.shape[1] < t_s.size:
         raise NotShownError(f"the motion diverges: {solved.message}")
     x = solved.y[0]
@@ -276,9 +277,13 @@ def shifted(base: Base, size: float) -> Changed:
 
 
 def wandering(base: Base, size: float) -> Changed:
-    """The clip read from a zero that wanders: half cosines of the clip, rms ``size``, the same in every run."""
+    """The clip read from a zero that wanders: half cosines of the clip, rms ``size``, the same in every run.
+
+    It is slower than the motion, where that turns.
+    """
     share = base.times() / float(np.ptp(base.times()))
-    weights = np.random.default_rng(7).standard_normal(SLOW)
+    turns = int(np.sum(np.diff(np.sign(base.motion(base.times())[1])) != 0))
+    weights = np.random.default_rng(7).standard_normal(min(SLOW, max(1, int(SLOWER * turns))) if turns else SLOW)
     course = sum(weight * np.cos(np.pi * (k + 1) * share) for k, weight in enumerate(weights))
     return _read_as(base, size * course / rms(course), size)
 
@@ -336,7 +341,10 @@ IMPLANTS: tuple[Implant, ...] = (
 def trace(base: Base, changed: Changed) -> float:
     """Root mean square of what a change leaves in the residual once the base model is fitted again."""
     start = {name: base.values[name] for name in base.fit.free}
-    again = based(base.recording, changed.clip, start).fit
+    try:
+        again = based(base.recording, changed.clip, start).fit
+    except NotShownError:  # too far downhill
+        again = based(base.recording, changed.clip).fit
     both = base.fit.used[changed.kept] & again.used
     return rms(again.residual[both] - base.fit.residual[changed.kept][both])
 

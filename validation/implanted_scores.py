@@ -38,7 +38,8 @@ class Answer:
 
     ``size`` is that of the implant, ``ratio`` its trace over the recording's residual; ``skipped`` says why there is
     no implant, ``failed`` why no diagnosis. ``classes`` are the names added, each with those indistinguishable from it;
-    ``findings`` are (word, component, effects), ``components`` (kind, share). ``values`` are the parameters of the
+    ``findings`` are (word, component, effects), ``similar`` the kinds that can take the place of a component that is
+    left, ``components`` (kind, share). ``values`` are the parameters of the
     model and ``sizes`` those of the effects, each with its standard error; ``residual`` is the root mean square of the
     base model's; ``doubts`` are kinds of doubt of the run.
     """
@@ -52,6 +53,7 @@ class Answer:
     failed: str = ""
     classes: Mapping[str, Sequence[str]] = field(default_factory=dict)
     findings: Sequence[tuple[str, str, Sequence[str]]] = ()
+    similar: Mapping[str, Sequence[str]] = field(default_factory=dict)
     components: Sequence[tuple[str, float]] = ()
     values: Mapping[str, Number] = field(default_factory=dict)
     sizes: Mapping[str, Number] = field(default_factory=dict)
@@ -74,9 +76,11 @@ def said(found: Diagnosis) -> dict[str, Any]:
     """The part of an :class:`Answer` that comes from a diagnosis, by field; it may lack components and findings."""
     free = [parameter.name for parameter in found.base.model.parameters if parameter.name in found.final.free]
     parts = found.components.parts if found.components is not None else ()
+    left = found.remaining.parts if found.remaining is not None else ()
     return {
         "classes": {effect.name: [effect.name, *found.indistinguishable[effect.name]] for effect in found.added},
         "findings": [(each.word, each.component or "", list(each.effects)) for each in found.findings],
+        "similar": {part.kind: list(part.similar) for part in left},
         "components": [(part.kind, float(part.share)) for part in parts],
         "values": {name: _number(found.final.estimates[name]) for name in free},
         "sizes": {name: _number(estimate) for name, estimate in found.sizes.items()},
@@ -122,11 +126,12 @@ def level(hidden: Hidden, answer: Answer, before: Answer | None = None) -> str:
     before
         What was said of the recording as it is, for a video.
     """
-    told = {component for word, component, effects in answer.findings if word == "located" and not effects}
+    told = {component for word, component, effects in answer.findings if word in ("located", "open") and not effects}
     if hidden.right & (answer.added | told):
         return "named"
     groups = [effects for word, _, effects in answer.findings if word == "group"]
-    if any(hidden.right & set(names) for names in [*answer.classes.values(), *groups]):
+    alike = [answer.similar.get(component, ()) for component in told]
+    if any(hidden.right & set(names) for names in [*answer.classes.values(), *groups, *alike]):
         return "class"
     if hidden.kinds & {component for _, component, _ in answer.findings}:
         return "located"
@@ -152,9 +157,13 @@ def extra_names(hidden: Hidden, answer: Answer, before: Answer, recording: Recor
 
 
 def changed_names(hidden: Hidden, answer: Answer, before: Answer) -> tuple[str, ...]:
-    """Names that came or went, but for those that stand for the implant."""
+    """Names that came, or went from all findings, but for those that stand for the implant.
+
+    What was the largest part of a residual is a small one beside the implant: then it may be told without a name.
+    """
     standing = {name for each in (answer, before) for name, names in each.classes.items() if hidden.right & set(names)}
-    return tuple(sorted((answer.added ^ before.added) - standing))
+    came, gone = answer.added - _effects(before), before.added - _effects(answer)
+    return tuple(sorted((came | gone) - standing))
 
 
 def same(first: Number, second: Number) -> bool:

@@ -20,7 +20,7 @@ from iris_sysid.types import Array, Quantity
 JUMP = 0.03  # of the largest speed: below it dry friction is rounded off, as its reversal is between two samples
 SLOW = 0.7  # of the motion's own frequency: what is faster may be the motion itself
 MAX_WAVES = 24  # half cycles of a slow course in a clip
-WAVES_OF_A_FALL = 5  # the same where the motion does not repeat
+WAVES_OF_A_FALL = 8  # the same where the motion does not repeat
 MIN_TURNS = 3  # reversals of a velocity from which a motion repeats: then the zero of its position has a meaning
 CLOCK_WAVES = 16
 DRIFT_WAVES = 6

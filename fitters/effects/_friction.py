@@ -6,8 +6,8 @@ import numpy as np
 
 from iris_sysid.types import Array, Parameter, ParameterRole
 
-TURNOVER = 0.01  # of the largest speed, within which dry friction turns over so that the solution is differentiable
-ASSUMED = 3e-2  # unit/s: 1 % of a speed of 3 rad/s or 3 m/s
+TURNOVER = 0.001  # of the largest speed, within which dry friction turns over so that the solution is differentiable
+ASSUMED = 3e-3  # unit/s: 0.1 % of a speed of 3 rad/s or 3 m/s
 STRETCHES = 100  # of the clip, over which speeds are averaged, so that noise does not make them
 
 
@@ -37,5 +37,5 @@ def turnover_parameter(name: str, role: ParameterRole = "shape") -> Parameter:
     """The speed within which dry friction turns over smoothly about standstill; a ``form`` where it may be wide."""
     return Parameter(
         name, "{x}/s", "v_0", lower=1e-12, default=ASSUMED, constant=True, role=role,
-        source="assumed; a diagnosis takes 1 % of the largest speed",
+        source="assumed; a diagnosis takes 0.1 % of the largest speed",
     )  # fmt: skip

@@ -258,10 +258,10 @@ def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffe
     sure = _residual_ratio(final, cache.base) <= COMPLETE
     if (weak and not _is_complete(cache.clips, final, cache.base)) or world.rests_on_absorbing(final, sure):
         return None
-    shares = {
-        effect.name: with_others(report.probabilities(effect), world.as_good_alone(final, effect, sure))
-        for effect in final.effects
-    }
+    shares = {}
+    for effect in final.effects:
+        decided = sure and world.is_decided(final, effect, lambda model: _residual_ratio(model, cache.base) <= COMPLETE)
+        shares[effect.name] = with_others(report.probabilities(effect), world.as_good_alone(final, effect, decided))
     rivals = {name: [other for other in names if other != name] for name, names in shares.items()}
     findings = world.of_complete(final, rivals, sure)
     said = {name for finding in findings if finding.word in ("named", "group") for name in finding.effects[:1]}

@@ -9,8 +9,8 @@ imitate a piece of anything (a force of any frequency, a blow at any moment) is 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,6 +39,7 @@ ALIKE = 1.2  # ratio of squared errors over blocks up to which the more plausibl
 DISAGREES = 0.1  # factor on the odds of an effect of a kind that the components do not have
 MOSTLY = 0.75  # of the residual's squares that an effect explains, to be named beside one that imitates anything
 DOMINANT_SHARE = 0.85  # the same where the components do not say it
+AS_WELL = 0.9  # of what an effect explains: on a motion that never turns, one that explains so much is as good
 LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is told
 
 
@@ -117,8 +118,8 @@ class OpenWorld:
             effect.name: with_others(self._rivals(current, effect), self.as_good_alone(current, effect, sure=False))
             for effect in current.effects
         }
-        findings = tuple(self._finding(current, effect, tuple(rivals[effect.name])) for effect in current.effects)
-        return Judgement(current, findings, rivals)
+        findings = [self._finding(current, effect, tuple(rivals[effect.name])) for effect in current.effects]
+        return Judgement(current, self.surviving(current, findings), rivals)
 
     def so_far(self) -> Judgement:
         """What a search that was stopped has reached: in the fit, without a name, as rivals were not tried."""
@@ -149,13 +150,47 @@ class OpenWorld:
             names, share = (effect.name, *rivals.get(effect.name, ())), self._removed(model, effect)
             if effect.absorbs and not self._is_evident(model, effect, sure):
                 findings.append(_absorbing(effect, share))
-            elif self.share_of(model, effect) < SMALLEST_SHARE and not share >= NAMED_SHARE:
+            elif self._is_small(model, effect):
                 findings.append(Finding("located", effect.component, names, share, "a small part of the residual"))
             elif len(names) > 1:
                 findings.append(Finding("group", effect.component, names, share, "each explains the data as well"))
             else:
                 findings.append(Finding("named", effect.component, names, share))
-        return tuple(findings)
+        return self.surviving(model, findings)
+
+    def surviving(self, model: ModelWithEffects, findings: Sequence[Finding]) -> tuple[Finding, ...]:
+        """The findings, one an effect; named is only what is needed with each rival of a larger effect in its place.
+
+        An effect beside one whose form is not known may only make up for the wrong form.
+        """
+        kept = []
+        for effect, finding in zip(model.effects, findings, strict=True):
+            rival = self._not_needed_beside(model, effect, findings) if finding.word in ("named", "group") else ""
+            kept.append(replace(finding, word="located", reason=f"not needed with {rival}") if rival else finding)
+        return tuple(kept)
+
+    def _not_needed_beside(self, model: ModelWithEffects, effect: Effect, findings: Sequence[Finding]) -> str:
+        """The rival of a larger effect that predicts as well in its place without this one; empty where none does."""
+        for main, finding in zip(model.effects, findings, strict=True):
+            is_larger = main is not effect and self._alone(model, main) > self._alone(model, effect)
+            if finding.word != "group" or not is_larger:
+                continue
+            rest = self._cache.without(model, main)
+            for name in finding.effects[1 : 1 + RIVALS]:
+                if name == effect.name or not rest.usable:
+                    continue
+                inside = name in model.names
+                swapped = rest if inside else self._cache.with_added(rest, self._cache.screening(rest).single(name))
+                if self._is_as_good(swapped, model) and not self._removed_in(swapped, effect) >= NAMED_SHARE:
+                    return f"{name.replace('-', ' ')} in the place of {main.name.replace('-', ' ')}"
+        return ""
+
+    def _is_as_good(self, model: ModelWithEffects, other: ModelWithEffects) -> bool:
+        """Whether a model with possible sizes predicts blocks left out about as well as another one."""
+        if not self.allows(model):
+            return False
+        errors, others = self._estimate(model), self._estimate(other)
+        return errors.mean <= ALIKE * others.mean or others.share_below(errors) < WINS
 
     def rests_on_absorbing(self, model: ModelWithEffects, sure: bool) -> bool:
         """Whether a good part of what a model explains is due to effects without evidence that imitate anything."""
@@ -165,6 +200,10 @@ class OpenWorld:
             and self.share_of(model, effect) >= EVIDENT_SHARE
             for effect in model.effects
         )
+
+    def _is_small(self, model: ModelWithEffects, effect: Effect) -> bool:
+        """Whether an effect is a small part of what the model explains, and of the error over blocks left out."""
+        return self.share_of(model, effect) < SMALLEST_SHARE and not self._removed(model, effect) >= NAMED_SHARE
 
     def share_of(self, model: ModelWithEffects, effect: Effect) -> float:
         """The fraction that an effect has in what all effects of a model remove of the residual."""
@@ -208,6 +247,10 @@ class OpenWorld:
         return bool(sure and blind and share >= DOMINANT_SHARE)
 
     @property
+    def _never_turns(self) -> bool:
+        return self._components is not None and not self._components.turns
+
+    @property
     def _components_turn(self) -> bool:
         return self._components is not None and self._components.turns
 
@@ -228,17 +271,52 @@ class OpenWorld:
         """Effects that alone explain about as much as one does alone, where that is most of the residual.
 
         What can imitate anything must explain more. Where the size of the noise is known, a likelihood tells effects
-        apart, but not what imitates anything from formulas.
+        apart, but not what imitates anything from formulas. On a motion that never turns, a force or a reading that
+        depends on anything is a function of the time: each effect is tried, and is as good as a component would be.
         """
-        itself = (1.0 - self._alone(model, effect)) * self._cache.base.squares
-        most = (1.0 - MOSTLY) * self._cache.base.squares
-        formulas = ALIKE * itself if itself < most else 0.0  # squares below which one with a formula is as good
-        absorbing = itself if itself < most and not sure else 0.0  # and one that imitates anything
-        if sure:
-            formulas = (formulas if self._components_turn else most) if effect.absorbs else 0.0
-        alone = [each for each in self._cache.tried if len(each.effects) == 1 and self.allows(each)]
-        good = [each for each in alone if each.squares < (absorbing if each.effects[0].absorbs else formulas)]
-        return [each.effects[0].name for each in good if each.effects[0].name != effect.name]
+        base, removed = self._cache.base.squares, self._alone(model, effect)
+        if self._never_turns and not sure:
+            alone, formulas = self._each_alone(), base * (1.0 - AS_WELL * removed)
+            absorbing = formulas
+        else:
+            alone = [each for each in self._cache.tried if len(each.effects) == 1]
+            itself, most = base * (1.0 - removed), base * (1.0 - MOSTLY)
+            formulas = ALIKE * itself if itself < most else 0.0  # squares below which one with a formula is as good
+            absorbing = itself if itself < most and not sure else 0.0  # and one that imitates anything
+            if sure:
+                formulas = (formulas if self._components_turn else most) if effect.absorbs else 0.0
+        good = [
+            each
+            for each in alone
+            if self.allows(each) and each.squares < (absorbing if each.effects[0].absorbs else formulas)
+        ]
+        names = [each.effects[0].name for each in good if each.effects[0].name != effect.name]
+        return list(dict.fromkeys([*names, *self._exchangeable(model, effect)]))
+
+    def _exchangeable(self, model: ModelWithEffects, effect: Effect) -> list[str]:
+        """Effects of the same model that alone explain as much as one does alone, and little beside it."""
+        left = 1.0 - self._alone(model, effect)
+        return [
+            other.name
+            for other in model.effects
+            if other is not effect
+            and 1.0 - self._alone(model, other) <= (left if other.absorbs else ALIKE * left)
+            and self._is_small(model, other)
+        ]
+
+    def _each_alone(self) -> list[ModelWithEffects]:
+        """Refits of each effect alone that the parameters cannot imitate."""
+        screening, testable = self._cache.screening(self.base), self._cache.testable(self.base)
+        candidates = [screening.single(name) for name in screening.names if name in testable]
+        allowed = [each for each in candidates if self._cache.library.allows(each)]
+        return [self._cache.with_added(self.base, each) for each in allowed]
+
+    def is_decided(self, model: ModelWithEffects, effect: Effect, complete: Callable[[ModelWithEffects], bool]) -> bool:
+        """Whether a model explains the data to the noise without what only absorbs a part of the residual."""
+        kept = [
+            each for each in model.effects if each is effect or not each.absorbs or self._is_evident(model, each, True)
+        ]
+        return complete(self._cache.with_effects(kept, starts_of(model, kept)))
 
     # the search ------------------------------------------------------------------------------------------------------
 
@@ -326,8 +404,9 @@ class OpenWorld:
         return math.prod(effect.plausibility * (1.0 if self._agrees(effect) else DISAGREES) for effect in model.effects)
 
     def _is_near(self, model: ModelWithEffects, best: ModelWithEffects) -> bool:
+        """Whether the best predicts no better than by a standard error, or removes hardly more of the residual."""
         gain, stderr = self._estimate(best).gain_over(self._estimate(model))
-        return model is best or gain < stderr
+        return model is best or gain < stderr or model.squares - best.squares < SMALLEST_SHARE * self.base.squares
 
     def _is_resolved(self, before: ModelWithEffects, after: ModelWithEffects) -> bool:
         """Whether a step changes the prediction of a clip by more than its stated errors."""
@@ -406,7 +485,7 @@ class OpenWorld:
         share, rest = self._removed(model, effect), self._cache.without(model, effect)
         if effect.absorbs and not self._is_named_absorbing(model, effect, share):
             return _absorbing(effect, share)
-        is_rest = self._dominant(model) not in (None, effect) and self._share_in(model, effect) < SMALLEST_SHARE
+        is_rest = len(model.effects) > 1 and self.share_of(model, effect) < SMALLEST_SHARE
         if share < NAMED_SHARE or is_rest:
             return Finding("located", effect.component, names, share, "it is a small part of the residual")
         if rest.usable and not self._is_resolved(rest, model):
@@ -417,18 +496,17 @@ class OpenWorld:
 
     def _is_named_absorbing(self, model: ModelWithEffects, effect: Effect, removed: float) -> bool:
         """Whether what imitates anything is what the components say, or alone nearly all of it if they allow that."""
-        if not self._components_turn:
-            return False
-        return (removed >= ABSORBED_SHARE and self._agrees(effect)) or self._dominant(model) is effect
+        said = self._components_turn and removed >= ABSORBED_SHARE and self._agrees(effect)
+        return said or self._dominant(model) is effect
 
     def _dominant(self, model: ModelWithEffects) -> Effect | None:
         """What imitates anything and alone explains nearly all, more than any other, if the components allow it."""
-        if not self._components_turn or not model.effects:
+        if self._components is None or not model.effects:
             return None
         shares = {effect.name: self._alone(model, effect) for effect in model.effects}
         most = max(model.effects, key=lambda effect: shares[effect.name])
         is_main = most.absorbs and shares[most.name] >= DOMINANT_SHARE
-        return most if is_main and self._agrees(most, of_range=True) else None
+        return most if is_main and (self._never_turns or self._agrees(most, of_range=True)) else None
 
     def _alone(self, model: ModelWithEffects, effect: Effect) -> float:
         """The fraction of the residual that an effect of a model removes without the others."""
