@@ -38,6 +38,7 @@ TURNOVER = 1e-3  # of the largest speed, over which dry friction changes its sig
 OFF_OWN_RATE = 1.618  # rate of the forcing over the motion's own: near neither it nor a harmonic
 CYCLES = 2.7  # of the forcing in a clip that does not swing
 SLOW = 6  # half cycles of the fastest part of a wander in the clip, or
+REPEATS = 3  # reversals from which a motion has swings
 SLOWER = 0.5  # of the half cycles of the motion: what is as fast as a swing is no slow wander
 
 
@@ -283,7 +284,8 @@ def wandering(base: Base, size: float) -> Changed:
     """
     share = base.times() / float(np.ptp(base.times()))
     turns = int(np.sum(np.diff(np.sign(base.motion(base.times())[1])) != 0))
-    weights = np.random.default_rng(7).standard_normal(min(SLOW, max(1, int(SLOWER * turns))) if turns else SLOW)
+    waves = min(SLOW, int(SLOWER * turns)) if turns >= REPEATS else SLOW
+    weights = np.random.default_rng(7).standard_normal(waves)
     course = sum(weight * np.cos(np.pi * (k + 1) * share) for k, weight in enumerate(weights))
     return _read_as(base, size * course / rms(course), size)
 

@@ -6,8 +6,9 @@ import numpy as np
 
 from iris_sysid.types import Array, Parameter, ParameterRole
 
-TURNOVER = 0.001  # of the largest speed, within which dry friction turns over so that the solution is differentiable
-ASSUMED = 3e-3  # unit/s: 0.1 % of a speed of 3 rad/s or 3 m/s
+TURNOVER = 0.01  # of the largest speed, within which dry friction turns over so that the solution is differentiable
+ASSUMED = 3e-2  # unit/s: 1 % of a speed of 3 rad/s or 3 m/s
+SHARPER = 10.0  # the factor to the next turnover that is tried: a body at rest creeps in a wide one
 STRETCHES = 100  # of the clip, over which speeds are averaged, so that noise does not make them
 
 
@@ -33,9 +34,14 @@ def turnovers(t_s: Array, observed: Array) -> list[tuple[float, ...]]:
     return [(turnover(t_s, observed),)]
 
 
+def sharper(t_s: Array, shape: tuple[float, ...]) -> list[tuple[float, ...]]:
+    """A turnover within a smaller speed: a fit finds its way with a wide one, and ends with what the data show."""
+    return [(shape[0] / SHARPER,)]
+
+
 def turnover_parameter(name: str, role: ParameterRole = "shape") -> Parameter:
     """The speed within which dry friction turns over smoothly about standstill; a ``form`` where it may be wide."""
     return Parameter(
         name, "{x}/s", "v_0", lower=1e-12, default=ASSUMED, constant=True, role=role,
-        source="assumed; a diagnosis takes 0.1 % of the largest speed",
+        source="assumed; a diagnosis takes 1 % of the largest speed",
     )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fitters.effects._domain import rubs
-from fitters.effects._friction import turnover_parameter, turnovers
+from fitters.effects._friction import sharper, turnover_parameter, turnovers
 from iris_sysid.types import Effect, EffectExample, Parameter
 
 
@@ -32,6 +32,7 @@ EFFECT = Effect(
     # Rolling resistance is this law with a coefficient of 0.001 to 0.02; what of it grows with v^2 is quadratic drag.
     alike="constant-force, while the motion keeps its direction; rolling resistance, which is the same law",
     trials=turnovers,
+    nearby=sharper,
     typical=(
         "a ball that rolls on a hard floor: 0.02 to 0.1 m/s^2; wood on wood: 2 to 5 m/s^2; a pendulum of 0.5 m that "
         "loses 0.1° in half a swing: 0.017 rad/s^2"

@@ -324,10 +324,10 @@ def _with_all_samples(cache: FitCache, judged: ModelWithEffects) -> ModelWithEff
     """
     if not judged.effects or judged.fits[0].used.size == cache.base.fits[0].used.size:
         return judged if judged.effects else cache.base
-    lasting = [effect for effect in judged.effects if effect.nearby is None]
+    lasting = [effect for effect in judged.effects if not effect.is_placed]
     final = cache.with_effects(lasting, starts_of(judged, lasting)) if lasting else cache.base
     for effect in judged.effects:
-        if effect.nearby is not None and final.usable:
+        if effect.is_placed and final.usable:
             final = cache.with_added(final, cache.screening(final).single(effect.name))
     return final if final.usable else cache.base
 

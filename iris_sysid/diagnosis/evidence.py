@@ -36,7 +36,7 @@ def best_first(models: Sequence[ModelWithEffects]) -> list[ModelWithEffects]:
 
 def _chosen(model: ModelWithEffects) -> int:
     """How many values a clip has that were chosen among many and not fitted, such as the moment of a lost frame."""
-    return sum(effect.nearby is not None for effect in model.effects)
+    return sum(effect.is_placed for effect in model.effects)
 
 
 def _whole_cost(model: ModelWithEffects) -> float:

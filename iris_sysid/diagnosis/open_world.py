@@ -345,10 +345,20 @@ class OpenWorld:
         chosen = [*few, *(each for each in [*singles[:AT_ONCE], *located[:TRIED]] if each not in few)]
         chosen = list({each.names: each for each in chosen}.values())
         models = [self._added(current, dict(each.sizes)) for each in chosen]
-        models += [self._cache.with_free_form(current, effect) for effect in current.effects if _has_form(effect)]
+        models += [
+            self._cache.with_free_form(current, each) for each in current.effects if self._may_be_freed(current, each)
+        ]
         if current.far_off:  # what an effect removes to first order tells little along a motion that is far off
             models += [self._cache.with_added(current, each) for each in self._cache.best_of(current, names)]
         return [model for model in models if self.allows(model)]
+
+    def _may_be_freed(self, current: ModelWithEffects, effect: Effect) -> bool:
+        """Whether an effect has a form that is not fitted, and was not found in another one near that already."""
+        if not _has_form(effect) or effect.nearby is None:
+            return _has_form(effect)
+        first = self._cache.screening(self.base).scores_of(effect.name)
+        found = [start[effect.name][1] for start in starts_of(current, [effect])]
+        return all(np.allclose(shape, score.shape) for shape, score in zip(found, first, strict=True))
 
     def _added(self, current: ModelWithEffects, sizes: dict[str, float]) -> ModelWithEffects:
         screening = self._cache.screening(current)
@@ -410,6 +420,8 @@ class OpenWorld:
 
     def _is_resolved(self, before: ModelWithEffects, after: ModelWithEffects) -> bool:
         """Whether a step changes the prediction of a clip by more than its stated errors."""
+        if not before.usable:
+            return True
         fits = zip(before.fits, after.fits, self._cache.clips, strict=True)
         return any(is_resolved(one, other, clip.trajectory) for one, other, clip in fits)
 
@@ -482,13 +494,15 @@ class OpenWorld:
         return self._cache.library.by_name
 
     def _finding(self, model: ModelWithEffects, effect: Effect, names: tuple[str, ...]) -> Finding:
-        share, rest = self._removed(model, effect), self._cache.without(model, effect)
+        share = self._removed(model, effect)
         if effect.absorbs and not self._is_named_absorbing(model, effect, share):
             return _absorbing(effect, share)
         is_rest = len(model.effects) > 1 and self.share_of(model, effect) < SMALLEST_SHARE
         if share < NAMED_SHARE or is_rest:
             return Finding("located", effect.component, names, share, "it is a small part of the residual")
-        if rest.usable and not self._is_resolved(rest, model):
+        if not any(
+            self._is_resolved(self._cache.without(each, effect), each) for each in self._contexts(model, effect)
+        ):
             return Finding("located", effect.component, names, share, "the stated errors of the samples can hide it")
         if len(names) > 1:
             return Finding("group", effect.component, names, share, "blocks that were left out are predicted as well")

@@ -32,6 +32,7 @@ from iris_sysid.types import (
 MAX_HALVINGS = 6  # of a size to first order
 MOST_MOVES = 4  # steps from an effect's shape to a better one nearby
 ACCURATE = 1e-6  # error of a predicted state from its time step, relative: far below the noise of any sensor
+MATERIAL = 0.01  # of the squares, by which a better form of an effect reduces them
 FAR_OFF, AT_NOISE = 10.0, 1.1  # residual over noise
 BODY = ("mass", "radius", "length")  # of which a clip may state a value
 HIGHEST = 0.95  # largest lag-1 correlation that is allowed for
@@ -230,12 +231,14 @@ def _refitted(
             grown = _fit_from(clip, values, fitted.free, model, effects, growing=True)
             best = grown if grown.usable and _misfit(clip, grown, unit) < misfit else best
     for effect in effects:
-        for _ in range(MOST_MOVES):
+        moves = MOST_MOVES if effect.is_placed else int(effect.name in start)
+        for _ in range(moves):
             values = _in_better_shape(effect, clip, best, unit)
             if not values:
                 break
             moved = _fit_from(clip, values, fitted.free, model, effects)
-            if not moved.usable or _misfit(clip, moved, unit) >= _misfit(clip, best, unit):
+            least = 0.0 if effect.is_placed else MATERIAL
+            if not moved.usable or _misfit(clip, moved, unit) >= (1.0 - least) * _misfit(clip, best, unit):
                 break
             best = moved
     return best

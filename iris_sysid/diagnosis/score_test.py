@@ -237,7 +237,7 @@ def screen(effects: Sequence[Effect], fitted: FitResult, trajectory: Trajectory)
         directions_of = partial(_directions_of, effect, residual, noise, (fitted, trajectory, motion))
         visible = _visible_directions(effect, shapes, residual.t_s, directions_of)
         rows += visible
-        tried = len(shapes) if effect.nearby is None else residual.t_s.size  # the best of all, whatever the start
+        tried = residual.t_s.size if effect.is_placed else len(shapes)  # the best of all, whatever the start
         scores[effect.name] = residual.score(effect, visible, tried)
     return Screen(
         scores,
@@ -275,7 +275,7 @@ def _visible_directions(
         if len(shapes) * t_s.size > MOST_NUMBERS:
             directions = [replace(each, unit=each.unit.copy()) for each in _best_of(directions)]
     best = next(iter(_best_of(directions)), None)
-    while effect.trials is not None and effect.nearby is not None and best is not None:
+    while effect.nearby is not None and effect.is_placed and best is not None:
         nearby = directions_of(effect.nearby(t_s, best.shape))
         directions += nearby
         previous, best = best, _best_of([best, *nearby])[0]

@@ -299,6 +299,12 @@ class Effect(Portable):
     absorbs: bool = False
     largest: float = 10.0
 
+    @property
+    def is_placed(self) -> bool:
+        """Whether the moment or the place at which it acts is chosen among many, and not fitted."""
+        located = any(parameter.constant and parameter.role == "location" for parameter in self.parameters)
+        return located and self.nearby is not None
+
     def factor(self, body: Mapping[str, float]) -> float | None:
         """The factor on the size with another body, from those on its mass, radius or cord; None where not known."""
         changed = {name: factor for name, factor in body.items() if factor != 1.0}

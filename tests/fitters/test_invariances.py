@@ -192,4 +192,4 @@ def test_shape_that_a_diagnosis_takes_from_the_motion_holds_where_the_scale_is_n
     way = simulate(MODELS["coasting-ball"], t_s, dict(MODELS["coasting-ball"].example.values)).observed
     pixels = tuple(replace(quantity, unit="px") for quantity in model.observed)
     clip = replace(clip_of(model, 1e3 * way, t_s), quantities=pixels)
-    assert known_values(model, clip, {}, ())["coulomb_turnover"].value == 0.003
+    assert known_values(model, clip, {}, ())["coulomb_turnover"].value == 0.03
