@@ -442,6 +442,9 @@ class OpenWorld:
             formulas = [model for model in singles if not model.effects[0].absorbs]
             alike = [model for model in formulas if self._estimate(model).mean <= least]
             best = min(alike, key=lambda model: self._estimate(model).mean, default=best)
+            if not several and best.effects[0].absorbs:  # a formula stays unless blocks say surely otherwise
+                is_better = _is_surely_better(best, self.errors(best), self.errors(current))
+                return best if is_better else current
             if self._is_main(best, current):
                 return best
         is_better = self._estimate(current).share_below(self._estimate(best)) >= SURE
