@@ -275,7 +275,7 @@ def _visible_directions(
         if len(shapes) * t_s.size > MOST_NUMBERS:
             directions = [replace(each, unit=each.unit.copy()) for each in _best_of(directions)]
     best = next(iter(_best_of(directions)), None)
-    while effect.nearby is not None and effect.is_placed and best is not None:
+    while best is not None and best.shape and effect.nearby is not None and effect.is_placed:
         nearby = directions_of(effect.nearby(t_s, best.shape))
         directions += nearby
         previous, best = best, _best_of([best, *nearby])[0]
