@@ -67,7 +67,10 @@ if TYPE_CHECKING:
     from iris_sysid.pipeline import run as run
     from iris_sysid.pipeline import save as save
     from iris_sysid.pipeline import track as track
+    from iris_sysid.registry import DETECTORS as DETECTORS
     from iris_sysid.registry import EFFECTS as EFFECTS
+    from iris_sysid.registry import LINKERS as LINKERS
+    from iris_sysid.registry import MEASURERS as MEASURERS
     from iris_sysid.registry import MODELS as MODELS
     from iris_sysid.registry import PHENOMENA as PHENOMENA
     from iris_sysid.registry import TRACKERS as TRACKERS
@@ -80,6 +83,9 @@ if TYPE_CHECKING:
     from iris_sysid.report.plots import plot as plot
     from iris_sysid.report.text import discovery_sentence as discovery_sentence
     from iris_sysid.review.notebook import review_widget as review_widget
+    from iris_sysid.stages import detect as detect
+    from iris_sysid.stages import link as link
+    from iris_sysid.stages import measure as measure
     from iris_sysid.synthetic.board import render_checkerboard as render_checkerboard
     from iris_sysid.synthetic.clip import render_clip as render_clip
     from iris_sysid.synthetic.scene import SCENES as SCENES
@@ -90,6 +96,8 @@ if TYPE_CHECKING:
     from iris_sysid.types import Array as Array
     from iris_sysid.types import Calibration as Calibration
     from iris_sysid.types import ClipOptions as ClipOptions
+    from iris_sysid.types import Detections as Detections
+    from iris_sysid.types import Detector as Detector
     from iris_sysid.types import Diagnosis as Diagnosis
     from iris_sysid.types import Discovery as Discovery
     from iris_sysid.types import Doubt as Doubt
@@ -102,6 +110,9 @@ if TYPE_CHECKING:
     from iris_sysid.types import FrameSource as FrameSource
     from iris_sysid.types import GeometryOptions as GeometryOptions
     from iris_sysid.types import LinearModel as LinearModel
+    from iris_sysid.types import Linker as Linker
+    from iris_sysid.types import LinkOptions as LinkOptions
+    from iris_sysid.types import Measurer as Measurer
     from iris_sysid.types import ModelExample as ModelExample
     from iris_sysid.types import OdeModel as OdeModel
     from iris_sysid.types import Parameter as Parameter
@@ -122,6 +133,7 @@ if TYPE_CHECKING:
     from iris_sysid.types import Validation as Validation
     from iris_sysid.types import Verdict as Verdict
     from iris_sysid.types import View as View
+    from iris_sysid.video.array_frames import frames_from_array as frames_from_array
     from iris_sysid.video.reader import open_video as open_video
 
 DISTRIBUTION = "iris-sysid"
@@ -162,7 +174,7 @@ _HOME = {
         "iris_sysid.io.frame_read": "from_frame",
         "iris_sysid.io.osp_tracker": "read_osp marked_tracks",
         "iris_sysid.pipeline": "run track observe save",
-        "iris_sysid.registry": "TRACKERS MODELS EFFECTS PHENOMENA",
+        "iris_sysid.registry": "TRACKERS DETECTORS LINKERS MEASURERS MODELS EFFECTS PHENOMENA",
         "iris_sysid.report.clip_page": "write_report",
         "iris_sysid.report.diagnosis_page": "write_diagnosis",
         "iris_sysid.report.fit_report": "fit_report",
@@ -171,6 +183,7 @@ _HOME = {
         "iris_sysid.report.diagnosis_text": "diagnosis_sentence diagnosis_text",
         "iris_sysid.report.text": "discovery_sentence",
         "iris_sysid.review.notebook": "review_widget",
+        "iris_sysid.stages": "detect link measure",
         "iris_sysid.synthetic.board": "render_checkerboard",
         "iris_sysid.synthetic.clip": "render_clip",
         "iris_sysid.synthetic.scene": "SCENES",
@@ -178,11 +191,12 @@ _HOME = {
         "iris_sysid.trajectory.segmentation": "segment",
         "iris_sysid.trajectory.smoothing": "smooth",
         "iris_sysid.types": (
-            "Array Calibration ClipOptions Diagnosis Discovery Doubt Effect EffectExample Estimate Event "
-            "FitResult Frame FrameSource GeometryOptions LinearModel ModelExample OdeModel Parameter Phenomenon "
-            "PooledFit Quantity Run Segment Smoothed Track TrackMark TrackQuality Tracker TrackerExample TrackOptions "
-            "Trajectory Transfer Validation Verdict View"
+            "Array Calibration ClipOptions Detections Detector Diagnosis Discovery Doubt Effect EffectExample Estimate "
+            "Event FitResult Frame FrameSource GeometryOptions LinearModel Linker LinkOptions Measurer ModelExample "
+            "OdeModel Parameter Phenomenon PooledFit Quantity Run Segment Smoothed Track TrackMark TrackQuality "
+            "Tracker TrackerExample TrackOptions Trajectory Transfer Validation Verdict View"
         ),
+        "iris_sysid.video.array_frames": "frames_from_array",
         "iris_sysid.video.reader": "open_video",
     }.items()
     for name in names.split()

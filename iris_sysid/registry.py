@@ -1,4 +1,4 @@
-"""Find every tracker, model, effect and phenomenon by name: one file each, or an entry point, or a user's own file.
+"""Find every tracker, stage, model, effect and phenomenon by name: one file each, an entry point, or a user's own file.
 
 A plugin file defines one module-level instance of the type that its folder holds. Files whose name
 starts with ``_`` are helpers. Nothing else has to be edited to add one.
@@ -23,12 +23,12 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from iris_sysid.errors import DataError, PluginError, UnknownNameError
-from iris_sysid.types import OWN_FILE, Effect, OdeModel, Phenomenon, Tracker
+from iris_sysid.types import OWN_FILE, Detector, Effect, Linker, Measurer, OdeModel, Phenomenon, Tracker
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
-Item = TypeVar("Item", Tracker, OdeModel, Effect, Phenomenon)
+Item = TypeVar("Item", Tracker, Detector, Linker, Measurer, OdeModel, Effect, Phenomenon)
 
 DISTRIBUTION = "iris-sysid"
 
@@ -260,6 +260,9 @@ def _owners(folder: str, package: str) -> frozenset[str]:
 
 
 TRACKERS: Registry[Tracker] = Registry("tracker", "trackers", Tracker, "iris_sysid.trackers")
+DETECTORS: Registry[Detector] = Registry("detector", "trackers.detectors", Detector, "iris_sysid.detectors")
+LINKERS: Registry[Linker] = Registry("linker", "trackers.linkers", Linker, "iris_sysid.linkers")
+MEASURERS: Registry[Measurer] = Registry("measurer", "trackers.measurers", Measurer, "iris_sysid.measurers")
 MODELS: Registry[OdeModel] = Registry("model", "fitters.models", OdeModel, "iris_sysid.models")
 EFFECTS: Registry[Effect] = Registry("effect", "fitters.effects", Effect, "iris_sysid.effects")
 PHENOMENA: Registry[Phenomenon] = Registry("phenomenon", "iris_sysid.phenomena", Phenomenon, "iris_sysid.phenomena")

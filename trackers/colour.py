@@ -103,4 +103,5 @@ TRACKER = Tracker(
     summary="bodies of one colour, also before a camera that moves, or at rest",
     track=track,
     example=TrackerExample(options=TrackOptions(colour="#b4b4b4")),
+    suits=lambda video, options, moving: options.colour is not None,
 )

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from iris_sysid.registry import TRACKERS
 from iris_sysid.types import Array, Frame, Track, TrackOptions
-from trackers._auto import receding_disc
+from trackers._disc import receding_disc
 from trackers._frames.working_image import view_of
 from validation import pages
 

@@ -38,6 +38,11 @@ from iris_sysid.types._components import FindingWord as FindingWord
 from iris_sysid.types._departure import DEPARTURE_SIGMAS as DEPARTURE_SIGMAS
 from iris_sysid.types._departure import N_REST_SAMPLES as N_REST_SAMPLES
 from iris_sysid.types._departure import departure as departure
+from iris_sysid.types._detections import Detections as Detections
+from iris_sysid.types._detections import Detector as Detector
+from iris_sysid.types._detections import Linker as Linker
+from iris_sysid.types._detections import LinkOptions as LinkOptions
+from iris_sysid.types._detections import Measurer as Measurer
 from iris_sysid.types._diagnosis import Diagnosis as Diagnosis
 from iris_sysid.types._diagnosis import DiagnosticNote as DiagnosticNote
 from iris_sysid.types._diagnosis import Errors as Errors

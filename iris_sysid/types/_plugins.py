@@ -27,12 +27,17 @@ class TrackerExample:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Tracker:
-    """A tracking algorithm: frames in, one Track a body out. One file in ``trackers`` holds one."""
+    """A tracking algorithm: frames in, one Track a body out. One file in ``trackers`` holds one.
+
+    ``suits(video, options, moving)`` says whether ``auto`` is to try it on a clip; None: never. ``moving`` says whether
+    anything moves before a still background.
+    """
 
     name: str
     summary: str
     track: Callable[[FrameSource, TrackOptions], list[Track]]
     example: TrackerExample = field(default_factory=TrackerExample)
+    suits: Callable[[FrameSource, TrackOptions, bool], bool] | None = None
 
     def __repr__(self) -> str:
         return text_of(f"Tracker {self.name}: {self.summary}")

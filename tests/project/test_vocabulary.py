@@ -11,7 +11,7 @@ from tests._project import ROOT, python_files
 OLD_NAMES = {
     "Sighting": "Detection",
     "Glimpse": "FrameDetections",
-    "Lens": "Detector or Distortion",
+    "Lens": "BlobDetector or Distortion",
     "Intruder": "EdgeObject",
     "Workshop": "DiscFitter",
     "Lesson": "DiscAppearance",

@@ -7,7 +7,7 @@ import pytest
 
 from iris_sysid.errors import DataError
 from iris_sysid.registry import TRACKERS
-from iris_sysid.types import Track, TrackMark, TrackOptions
+from iris_sysid.types import Track, Tracker, TrackMark, TrackOptions
 from tests import _phone_clips as phone
 from tests._drawn import DrawnClip, disc, moving_disc, noisy, paint, swing
 from trackers._auto.appearance import Peaks
@@ -130,6 +130,38 @@ def test_next_best_is_what_moves_beside_all_that_was_tried():
     assert np.nanmax(np.hypot(*(choice.attempt(Way("first", choice.first)).tracks[0].xy_px - large).T)) < 0.5
     (track,) = choice.next_best()
     assert np.nanmax(np.hypot(*(track.xy_px - small).T)) < 0.5
+
+
+@pytest.fixture
+def with_plug_in(monkeypatch):
+    """Adds a tracker to the registry as an entry point would."""
+
+    def add(tracker):
+        len(TRACKERS)  # all are known before this one
+        monkeypatch.setattr(TRACKERS, "_items", {**TRACKERS, tracker.name: tracker})
+
+    return add
+
+
+@pytest.mark.parametrize("suited", [True, False])
+def test_registered_tracker_takes_part_where_it_suits_and_wins_by_its_tracks(with_plug_in, suited):
+    clip = phone.like_the_wall(50)
+    asked = []
+
+    def known(video, options):
+        t_s = np.array([frame.t_s for frame in video.frames()])
+        radius = np.full(len(t_s), 8.0)
+        return [Track(t_s, clip.truth[0], np.full((len(t_s), 2), 0.2), t_s >= 0, np.arange(len(t_s)), radius_px=radius)]
+
+    def suits(video, options, moving):
+        asked.append((video.width, options.bodies, moving))
+        return suited
+
+    with_plug_in(Tracker(name="foreign", summary="knows where the ball is", track=known, suits=suits))
+    (track,) = AUTO.track(clip.clip, TrackOptions())
+    assert asked == [(clip.clip.width, 1, True)]
+    assert ("foreign" in track.origin["tried"]) == suited
+    assert (track.origin["chosen"] == "foreign") == suited
 
 
 def test_fewer_marked_bodies_than_asked_for_are_refused():

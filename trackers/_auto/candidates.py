@@ -37,7 +37,7 @@ class Way:
 
 def ways_by_looks(video: FrameSource, scene: SampledScene, options: TrackOptions) -> list[Way]:
     """Following the likeliest things that move by their looks: as many of each kind as are seen at once."""
-    bodies = [body for kind in scene.kinds for body in [_body_like(kind, scene.images)] * _count(kind)]
+    bodies = [body for kind in scene.kinds for body in [body_like(kind, scene.images)] * _count(kind)]
     ways = []
     for start in range(max(1, len(bodies) - options.bodies + 1)):
         chosen = bodies[start : start + options.bodies]
@@ -58,8 +58,8 @@ def _count(kind: Kind) -> int:
     return max(1, round(len(kind.seen) / len(kind.samples)))
 
 
-def _body_like(kind: Kind, images: Sequence[Bytes]) -> Body:
-    """A body that looks like the things of a kind."""
+def body_like(kind: Kind, images: Sequence[Bytes]) -> Body:
+    """A body that looks like the things of a kind, seen in the search images (h, w, 3) of a scene."""
     of_sample: dict[int, tuple[float, float]] = {thing.sample: (thing.x, thing.y) for thing in kind.seen}
     radius = max(1.5, LEARNED * float(kind.typical("inscribed")))
     return Body("1", learn(images, [of_sample.get(k) for k in range(len(images))], radius), {})

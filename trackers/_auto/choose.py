@@ -24,7 +24,6 @@ SAMPLES = 40  # as many as the background is made of
 FEW = 3  # bodies: of more, each is too like the others to be known by its looks
 MOST_WAYS, NEXT = 3, 2  # by looks; further things that move before the still background
 FIRST = "median-background"
-BESIDE = "disc"  # the registered tracker that also finds what does not move sideways
 
 
 @dataclass(eq=False)
@@ -146,10 +145,10 @@ def _ways(choice: Choice) -> Iterator[Way]:
         return
     if options.bodies == 1:
         yield from [Way(f"{FIRST}-{k}", choice.next_best, ("beside",)) for k in range(2, 2 + NEXT)]
-    if options.colour is not None:
-        yield _registered("colour", choice)
-    if (options.bodies == 1 and scene.receding) or not choice.candidates[0].tracks:
-        yield _registered(BESIDE, choice)
+    moving = bool(choice.candidates[0].tracks)
+    for tracker in TRACKERS.values():
+        if tracker.suits is not None and tracker.suits(video, options, moving):
+            yield Way(tracker.name, partial(tracker.track, video, options))
     yield from ways_by_looks(video, scene, options)[:MOST_WAYS]
 
 
@@ -157,7 +156,3 @@ def _has_gaps(candidate: TrackCandidate) -> bool:
     """Whether a body is lost in some frames."""
     evidence = [track.quality.evidence for track in candidate.tracks if track.quality is not None]
     return any(known["gaps"] > 0 or known["missed"] > 0 for known in evidence)
-
-
-def _registered(name: str, choice: Choice) -> Way:
-    return Way(name, lambda: TRACKERS[name].track(choice.video, choice.options))

@@ -8,10 +8,10 @@ from functools import cached_property
 
 from iris_sysid.types import Frame, Track
 from trackers._auto.appearance import search_image
-from trackers._auto.receding_disc import receding_disc
 from trackers._auto.survey import Kind, foregrounds_of, kinds_of
 from trackers._detection.foreground import Blob
 from trackers._disc.model import Disc
+from trackers._disc.receding_disc import receding_disc
 from trackers._frames.arrays import Bytes, Image
 from trackers._frames.working_image import View
 

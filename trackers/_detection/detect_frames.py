@@ -22,7 +22,7 @@ from trackers._background.median import (
 from trackers._detection.background_samples import usable_samples
 from trackers._detection.coded_planes import plane_limits_of
 from trackers._detection.connected import filled_round
-from trackers._detection.detection import THINNEST_BODY, Detection, Detector, FrameCandidates, FrameDetections
+from trackers._detection.detection import THINNEST_BODY, BlobDetector, Detection, FrameCandidates, FrameDetections
 from trackers._detection.foreground import BackgroundRange, background_range_of, blobs
 from trackers._detection.search_window import SearchWindows, sparse_range_of
 from trackers._frames.ahead import ahead
@@ -48,7 +48,7 @@ class DetectionSetup:
 
     view: View
     background_range: BackgroundRange
-    detector: Detector
+    detector: BlobDetector
     stack: SampledFrames
     search_images: Bytes
 
@@ -107,7 +107,7 @@ def detection_setup(video: FrameSource, view: View, coarse: bool = False) -> Det
         search_images = np.ascontiguousarray(search_images[..., 0])
         estimate = known.channel(0) if known else estimate_background(search_images)
     stack = SampledFrames(samples, view)
-    detector = Detector(background_of(stack, estimate, None), view, noise_inflation(search_images, estimate))
+    detector = BlobDetector(background_of(stack, estimate, None), view, noise_inflation(search_images, estimate))
     setup = DetectionSetup(view, background_range_of(estimate), detector, stack, search_images)
     usable = usable_samples(search_images, estimate)
     if usable is not None:

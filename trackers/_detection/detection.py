@@ -117,7 +117,7 @@ class FrameCandidates:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Detector:
+class BlobDetector:
     """Measures blobs: background, region of interest, reduction for the search, inflation of the noise.
 
     ``streaks`` says that a body that moves far during an exposure is fitted as a swept disc, ``refined`` that a centre

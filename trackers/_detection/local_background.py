@@ -9,7 +9,7 @@ import numpy as np
 
 from iris_sysid.types import Frame
 from trackers._background.median import Background, BackgroundEstimate
-from trackers._detection.detection import Detector
+from trackers._detection.detection import BlobDetector
 from trackers._detection.foreground import SMALLEST_AREA, Blob, Component
 from trackers._frames.arrays import MAD_TO_SD, QUANTISATION_SD, Bytes, Image
 from trackers._frames.sampled_frames import SampledFrames
@@ -32,7 +32,7 @@ def components_of(mask: Bytes) -> list[Component]:
     return components
 
 
-def local_detector(view: View, frame: Frame, image: Bytes, covered: Bytes, blob: Blob) -> Detector | None:
+def local_detector(view: View, frame: Frame, image: Bytes, covered: Bytes, blob: Blob) -> BlobDetector | None:
     """The measurement of one body against the colour just outside of it; None where nothing is visible outside.
 
     Parameters
@@ -62,7 +62,7 @@ def local_detector(view: View, frame: Frame, image: Bytes, covered: Bytes, blob:
         size: Background(samples, None, _even(middle, noise, (view.height // size, view.width // size)))
         for size in sizes
     }
-    return Detector(replace(coarser[1], coarser=coarser), view, 1.0)
+    return BlobDetector(replace(coarser[1], coarser=coarser), view, 1.0)
 
 
 def _even(middle: Image, noise: Image, size: tuple[int, int]) -> BackgroundEstimate:

@@ -18,7 +18,7 @@ import numpy as np
 from iris_sysid.types import Frame
 from trackers._background.median import estimate_background
 from trackers._detection.coded_planes import PlaneLimits
-from trackers._detection.detection import THINNEST_BODY, Detector, FrameCandidates
+from trackers._detection.detection import THINNEST_BODY, BlobDetector, FrameCandidates
 from trackers._detection.foreground import (
     BackgroundRange,
     Blob,
@@ -95,7 +95,7 @@ class SearchWindows:
         """Every frame with its :meth:`blobs`, one after the other."""
         return ((frame, *self.blobs(frame)) for frame in frames)
 
-    def candidates(self, detector: Detector, frames: Iterable[Frame]) -> Iterator[FrameCandidates]:
+    def candidates(self, detector: BlobDetector, frames: Iterable[Frame]) -> Iterator[FrameCandidates]:
         """What may be a body in every frame, in order."""
         if self.sparse_range is None:
             yield from self.each(detector.candidates, frames)

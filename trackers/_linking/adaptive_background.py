@@ -13,7 +13,7 @@ from iris_sysid.errors import TrackingError
 from iris_sysid.types import Frame, FrameSource, Track, TrackOptions, with_progress
 from trackers._background.median import Background, BackgroundEstimate
 from trackers._detection.detect_frames import REPORT_EVERY, DetectionSetup, detection_setup
-from trackers._detection.detection import Detector, FrameDetections
+from trackers._detection.detection import BlobDetector, FrameDetections
 from trackers._detection.foreground import SMALLEST_AREA, SQUARE, Component, blobs_of, most_of_channels
 from trackers._frames.arrays import Bytes, Flags
 from trackers._frames.working_image import view_of
@@ -52,7 +52,7 @@ class _Adaptive:
         bodies = foreground if colour_mask is None else blobs_of(_components(shown & colour_mask, level), shown.shape)
         return self._detector(learned).detect(frame, bodies, foreground)
 
-    def _detector(self, learned: Bytes) -> Detector:
+    def _detector(self, learned: Bytes) -> BlobDetector:
         """The detector before the background as it is now, where it is known pixel by pixel."""
         detector = self.setup.detector
         if detector.background.whole is None:

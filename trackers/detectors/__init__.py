@@ -1,0 +1,1 @@
+"""Detectors: frames to detections, one file each; see iris_sysid.detect."""

@@ -1,0 +1,65 @@
+"""What looks like the things that move in sampled frames, by the colours of its pixels; also what has come to rest."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from iris_sysid.errors import TrackingError
+from iris_sysid.types import Detections, Detector, FrameSource, TrackOptions, with_progress
+from trackers._auto.appearance import search_image
+from trackers._auto.candidates import body_like
+from trackers._auto.scene import SampledScene
+from trackers._detection.detect_frames import REPORT_EVERY, SAMPLES
+from trackers._frames.working_image import view_of
+from trackers.detectors._rows import DetectionRows
+
+ROUGH = 0.35  # of the radius: standard error of a position by the looks alone
+MAX_KINDS = 2  # of things that are looked for beside as many as bodies are meant
+SPREAD = 0.3  # of the score of a body from frame to frame
+
+
+def detect(video: FrameSource, options: TrackOptions) -> Detections:
+    """Detect places whose colours are those of things that move (Swain and Ballard 1991), in one pass over the clip.
+
+    Parameters
+    ----------
+    video
+        The clip.
+    options
+        ``roi`` limits the image; ``bodies`` are meant; ``progress`` is called every ten frames.
+
+    Raises
+    ------
+    TrackingError
+        When nothing moves in sampled frames whose looks could be learnt.
+    DataError
+        When the options do not fit the clip.
+    """
+    scene = SampledScene(view_of(video, options), video.sample(SAMPLES))
+    bodies = [body_like(kind, scene.images) for kind in scene.kinds[: options.bodies + MAX_KINDS]]
+    if not bodies:
+        raise TrackingError("nothing moves in sampled frames whose looks could be learnt; try the detector disc")
+    table = DetectionRows(DETECTOR.name, (video.width, video.height))
+    for frame in with_progress(video.frames(), options.progress, video.n_expected, every=REPORT_EVERY):
+        table.begin(frame.index, frame.t_s)
+        image = search_image(scene.view, frame)
+        for number, body in enumerate(bodies):
+            found = body.appearance.peaks(image)
+            radius = body.appearance.radius * scene.view.step
+            for (x, y), score in zip(found.xy, found.score, strict=True):
+                evidence = {
+                    "likeness": float(score),
+                    "beside": float(found.score[0] - score),
+                    "rank": float(number),
+                    "smallness": float(np.log(table.diagonal / radius)),
+                }
+                place = (*scene.view.in_frame(float(x), float(y)), max(ROUGH * radius, 0.5), radius)
+                table.add(place, (float(score) / SPREAD, 10.0 * number), evidence)
+    return table.detections()
+
+
+DETECTOR = Detector(
+    name="appearance",
+    summary="what has the colours of the things that move, also at rest",
+    detect=detect,
+)

@@ -1,0 +1,1 @@
+"""Linkers: detections to tracks, one file each; see iris_sysid.link."""

@@ -1,0 +1,1 @@
+"""Measurers: tracks to sub-pixel positions, one file each; see iris_sysid.measure."""
