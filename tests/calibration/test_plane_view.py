@@ -1,5 +1,6 @@
 """Which view of a board lies in the plane of motion: by evidence, or said to be a guess."""
 
+import itertools
 import json
 from dataclasses import replace
 
@@ -8,6 +9,7 @@ import pytest
 
 from iris_sysid import render_checkerboard
 from iris_sysid.calibration.board.board import Board
+from iris_sysid.calibration.board.calibrate import BoardPlacement
 from iris_sysid.calibration.board.plane_view import plane_view_doubt
 from iris_sysid.calibration.calibration_json import read_calibration, write_calibration
 from iris_sysid.calibration.camera import calibrate_camera
@@ -79,3 +81,20 @@ def test_small_board_is_seen_in_the_first_frame_and_gives_scale_and_axes(tmp_pat
     assert found.scale.stderr < 1e-3 * found.scale.value
     _, stretch, shear_rad, _ = geometry_of(found.values, found.centre_px)
     assert (stretch, shear_rad) == pytest.approx((1.0, 0.0), abs=1e-3)
+
+
+@pytest.mark.slow
+def test_error_of_the_scale_from_one_view_covers_over_scenes_and_sizes(tmp_path, monkeypatch):
+    """Corners of one column lie at the same place in their pixels and share their error: more corners help little."""
+    monkeypatch.setattr("iris_sysid.synthetic.board.POSES", 2)  # the board at rest in the plane of motion
+    sizes = [(312, 176), (328, 184), (368, 208), (400, 226), (480, 270)]
+    scenes = ("pendulum", "dropping-ball", "sliding-cone", "hitting-cones")
+    pulls = []
+    for seed, (size, scene) in enumerate(itertools.product(sizes, scenes)):
+        clip = tmp_path / f"{seed}.mp4"
+        render_checkerboard(scene, clip, size=size, fps=10.0, seed=seed)
+        truth = json.loads(clip.with_suffix(".truth.json").read_text())
+        by_board = ByBoard(Board(9, 6, truth["board"]["square_m"]), BoardPlacement(view=2), one_image=True)
+        found = calibrate_plane(CalibrationRequest((clip,), by_board)).calibration.scale
+        pulls.append((found.value - truth["camera"]["pixels_per_metre"]) / found.stderr)
+    assert 0.8 < np.sqrt(np.mean(np.square(pulls))) < 1.25
