@@ -20,9 +20,9 @@ EXACT_PX2 = 1e-24  # px^2, corners without an error
 def covariance_of_fit(slopes: Array, residual: Array, corners_px: Array) -> Array:
     """Covariance of parameters fitted by least squares to a board's corners, whose errors are common in part.
 
-    The covariance of the errors, ``s^2 ((1 - share) I + share K)``, has ``K = exp(-d^2 / 2 length^2)`` less its mean
-    between equal coordinates, d px apart within their pixels. It is averaged over shares and lengths, each weighted by the restricted
-    likelihood of the residual (Patterson and Thompson 1971), and taken to the parameters by the sandwich
+    The errors have the covariance ``s^2 ((1 - share) I + share K)``: ``K = exp(-d^2 / 2 length^2)``, less its mean,
+    between equal coordinates, d px apart within their pixels. It is averaged over shares and lengths, each weighted by
+    the restricted likelihood of the residual (Patterson and Thompson 1971), and taken to the parameters by the sandwich
     ``(J'J)^-1 J' C J (J'J)^-1``.
 
     Parameters
