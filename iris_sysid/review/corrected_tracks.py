@@ -223,8 +223,8 @@ def _with_end_of(track: Track, other: Track, row: int) -> Track:
 
 
 def _confirmed(track: Track, edit: Confirm) -> Track:
-    """The track without the doubts that a person has looked into."""
-    if track.quality is None or not edit.doubts:
+    """The track without the doubts about all of it that a person has looked into, once that is in all of its frames."""
+    if track.quality is None or edit.first > track.frame[0] or edit.last < track.frame[-1]:
         return track
     left = tuple(doubt for doubt in track.quality.doubts if doubt.kind not in edit.doubts)
     return replace(track, quality=replace(track.quality, doubts=left))

@@ -15,7 +15,8 @@ import numpy as np
 from iris_sysid.review.corrected_tracks import doubts_of, edited_mask, in_frame_px
 from iris_sysid.types import Array, DoubtKind, FitResult, Mask, Track, Trajectory
 
-LEAST_GAP = 3  # frames: a shorter gap is bridged without harm
+MIN_GAP = 3  # frames: a shorter gap is bridged without harm
+MIN_STRETCH, MAX_STRETCHES = 5, 6  # frames that a look is worth, and looks at a doubted track
 EDGE_RADII = 2.0  # a body whose centre is nearer to the edge, and a step, may leave the image with the next frame
 OFF_SCALES, OFF_RADII, OFF_PX = (
     8.0,
@@ -39,7 +40,7 @@ class Question:
     """Frames ``first`` to ``last`` in which the track of a body is doubtful; ``frame`` is where to look first.
 
     ``reasons`` are the findings, the gravest first; ``severity`` orders questions, largest first.
-    ``doubts`` are those of the whole track that it asks about.
+    ``doubts`` are those of the whole track, where it asks about a stretch of a track that is doubted as a whole.
     ``answered`` says whether a person has corrected or confirmed it.
     """
 
@@ -94,12 +95,37 @@ def _of_track(track: Track, tracks: Sequence[Track], image_size: tuple[int, int]
 
 
 def _of_quality(track: Track) -> Iterable[Question]:
-    """One question for each doubt about the whole track, in the middle of the frames with the body."""
-    rows = np.flatnonzero(track.valid)
-    middle = int(track.frame[rows[rows.size // 2]]) if rows.size else int(track.frame[0])
-    first, last = int(track.frame[0]), int(track.frame[-1])
-    for doubt in doubts_of(track):
-        yield Question(track.body, middle, first, last, (doubt.finding,), 3.0, (doubt.kind,))
+    """What speaks against a whole track, once for each stretch in which it follows one thing: one look tells there."""
+    doubts = doubts_of(track)
+    if not doubts:
+        return
+    findings, kinds = tuple(doubt.finding for doubt in doubts), tuple(doubt.kind for doubt in doubts)
+    for start, stop in _stretches(track):
+        found = start + np.flatnonzero(track.valid[start:stop])
+        look = int(found[found.size // 2]) if found.size else start
+        share = found.size / max(track.n_valid, 1)
+        frame = track.frame
+        yield Question(
+            track.body, int(frame[look]), int(frame[start]), int(frame[stop - 1]), findings, 3.0 + share, kinds
+        )
+
+
+def _stretches(track: Track) -> list[tuple[int, int]]:
+    """Start and stop of the parts of a track between gaps and places off the course: they hold all of its frames."""
+    cuts = [start for start, stop in _runs(~track.valid) if start and stop - start >= MIN_GAP]
+    cuts += [start for start, _ in _off_places(track)]
+    ends, before = [], 0
+    for cut in sorted(cuts):
+        if cut - before >= MIN_STRETCH and track.valid.size - cut >= MIN_STRETCH:
+            ends.append(cut)
+            before = cut
+    longest = sorted(sorted(ends, key=lambda cut: -_apart(cut, ends, track.valid.size))[: MAX_STRETCHES - 1])
+    return list(zip([0, *longest], [*longest, track.valid.size], strict=True))
+
+
+def _apart(cut: int, ends: Sequence[int], frames: int) -> int:
+    """Frames between a cut and the nearest other, or the nearer end of the track."""
+    return min(abs(cut - other) for other in (0, *ends, frames) if other != cut)
 
 
 def _lost(track: Track, image_size: tuple[int, int] | None) -> Iterable[Question]:
@@ -111,7 +137,7 @@ def _lost(track: Track, image_size: tuple[int, int] | None) -> Iterable[Question
     inside = np.zeros(track.valid.size, np.bool_)
     inside[found[0] : found[-1]] = True
     for start, stop in _runs(~track.valid & ~held & inside):
-        if stop - start >= LEAST_GAP and not _out_of_image(track, start, stop, image_size):
+        if stop - start >= MIN_GAP and not _out_of_image(track, start, stop, image_size):
             reason = f"body {track.body} is lost for {stop - start} frames"
             yield _question(track, start, stop, start, reason, 2.0 + min(stop - start, 100) / 100)
 
@@ -131,11 +157,8 @@ def _out_of_image(track: Track, start: int, stop: int, image_size: tuple[int, in
 def _off_course(track: Track) -> Iterable[Question]:
     """Positions far from the cubic through their four neighbours."""
     off = _off_neighbours(track.xy_px, track.valid)
-    known = np.isfinite(off)
-    if known.sum() < 10:
-        return
-    limit = max(OFF_SCALES * MAD * float(np.median(off[known])), OFF_RADII * _radius(track), OFF_PX)
-    places = _runs(known & (off > limit))
+    limit = _off_limit(track, off)
+    places = _off_places(track)
     excursions = list(_excursions(track, places))
     for start, stop in excursions:
         reason = f"body {track.body} is elsewhere for {stop - start} frames"
@@ -147,6 +170,20 @@ def _off_course(track: Track) -> Iterable[Question]:
         size = float(off[worst])
         reason = f"body {track.body} is {size:.0f} px off the course of its neighbours"
         yield _question(track, start, stop, worst, reason, 4.0 + min(size / limit, 20.0) / 10)
+
+
+def _off_places(track: Track) -> list[tuple[int, int]]:
+    """Start and stop of the runs of positions off the course of their neighbours."""
+    off = _off_neighbours(track.xy_px, track.valid)
+    return _runs(np.isfinite(off) & (off > _off_limit(track, off)))
+
+
+def _off_limit(track: Track, off: Array) -> float:
+    """Distance, px, from the course of the neighbours above which a position is doubtful; infinite for few of them."""
+    known = off[np.isfinite(off)]
+    if known.size < 10:
+        return np.inf
+    return max(OFF_SCALES * MAD * float(np.median(known)), OFF_RADII * _radius(track), OFF_PX)
 
 
 def _excursions(track: Track, places: Sequence[tuple[int, int]]) -> Iterable[tuple[int, int]]:

@@ -66,15 +66,17 @@ def test_preview_is_shown_until_all_frames_are_fitted():
 
 
 def test_fit_that_an_edit_has_made_old_is_what_was_before():
-    release = threading.Event()
+    started, release = threading.Event(), threading.Event()
 
     def whole(state):
+        started.set()
         release.wait(20)
         return f"all of {state}"
 
     queue = FitQueue(whole, lambda state: (f"some of {state}", 18))
     queue.ask(1, "one")
     queue.outcome(1, 20)
+    assert started.wait(20)
     queue.ask(2, "two")
     assert queue.outcome(2, 20).run == "some of two"  # while all frames of the first state are being fitted
     release.set()
