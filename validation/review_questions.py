@@ -17,7 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from iris_sysid.errors import IrisError
 from iris_sysid.pipeline import track
-from iris_sysid.review.doubtful_frames import Question, questions_of
+from iris_sysid.review.doubtful_frames import FrameQuestion, questions_of
 from iris_sysid.types import Track, TrackOptions
 from iris_sysid.video.reader import open_video
 from validation.real_marks import LEAST_PX, OF_WIDTH, MarkedClip, at_frames, marked_clips
@@ -75,7 +75,7 @@ def _wrong(body: Track, rows, width: int):
     return (free & ~met) | (out & np.isfinite(xy_px[:, 0]))
 
 
-def _held(frames, body: str, questions: Sequence[Question]):
+def _held(frames, body: str, questions: Sequence[FrameQuestion]):
     """Of each frame (n,), whether a question about that body holds it."""
     own = [(one.first, one.last) for one in questions if one.body == body]
     return np.array([any(first <= frame <= last for first, last in own) for frame in frames], dtype=bool)

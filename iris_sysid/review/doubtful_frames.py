@@ -36,7 +36,7 @@ MOST_QUESTIONS = 60
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class FrameQuestion:
     """Frames ``first`` to ``last`` in which the track of a body is doubtful; ``frame`` is where to look first.
 
     ``reasons`` are the findings, the gravest first; ``severity`` orders questions, largest first.
@@ -60,7 +60,7 @@ def questions_of(
     trajectory: Trajectory | None = None,
     confirmed: Sequence[tuple[str, int, int]] = (),
     image_size: tuple[int, int] | None = None,
-) -> list[Question]:
+) -> list[FrameQuestion]:
     """The doubtful frames of all tracks, most doubtful first.
 
     Parameters
@@ -83,7 +83,7 @@ def questions_of(
     return [_with_answer(question, by_body[question.body], confirmed) for question in found[:MOST_QUESTIONS]]
 
 
-def _of_track(track: Track, tracks: Sequence[Track], image_size: tuple[int, int] | None) -> Iterable[Question]:
+def _of_track(track: Track, tracks: Sequence[Track], image_size: tuple[int, int] | None) -> Iterable[FrameQuestion]:
     yield from _lost(track, image_size)
     yield from _off_course(track)
     yield from _odd_size(track)
@@ -94,7 +94,7 @@ def _of_track(track: Track, tracks: Sequence[Track], image_size: tuple[int, int]
     yield from _of_quality(track)
 
 
-def _of_quality(track: Track) -> Iterable[Question]:
+def _of_quality(track: Track) -> Iterable[FrameQuestion]:
     """What speaks against a whole track, once for each stretch in which it follows one thing: one look tells there."""
     doubts = doubts_of(track)
     if not doubts:
@@ -105,7 +105,7 @@ def _of_quality(track: Track) -> Iterable[Question]:
         look = int(found[found.size // 2]) if found.size else start
         share = found.size / max(track.n_valid, 1)
         frame = track.frame
-        yield Question(
+        yield FrameQuestion(
             track.body, int(frame[look]), int(frame[start]), int(frame[stop - 1]), findings, 3.0 + share, kinds
         )
 
@@ -128,7 +128,7 @@ def _apart(cut: int, ends: Sequence[int], frames: int) -> int:
     return min(abs(cut - other) for other in (0, *ends, frames) if other != cut)
 
 
-def _lost(track: Track, image_size: tuple[int, int] | None) -> Iterable[Question]:
+def _lost(track: Track, image_size: tuple[int, int] | None) -> Iterable[FrameQuestion]:
     """Runs of frames between others in which the body is neither found nor held, and has not left the image."""
     held = np.zeros(track.valid.size, np.bool_) if track.hand is None else track.hand
     found = np.flatnonzero(track.valid)
@@ -154,7 +154,7 @@ def _out_of_image(track: Track, start: int, stop: int, image_size: tuple[int, in
     return bool((inside < reach).all())
 
 
-def _off_course(track: Track) -> Iterable[Question]:
+def _off_course(track: Track) -> Iterable[FrameQuestion]:
     """Positions far from the cubic through their four neighbours."""
     off = _off_neighbours(track.xy_px, track.valid)
     limit = _off_limit(track, off)
@@ -229,7 +229,7 @@ def _off_neighbours(xy: Array, valid: Mask) -> Array:
     return off
 
 
-def _odd_size(track: Track) -> Iterable[Question]:
+def _odd_size(track: Track) -> Iterable[FrameQuestion]:
     """Frames in which the apparent radius is not that of the frames around."""
     if track.radius_px is None:
         return
@@ -244,7 +244,7 @@ def _odd_size(track: Track) -> Iterable[Question]:
         yield _question(track, start, stop, worst, reason, 1.5 + min(float(ratio[worst]), 5.0) / 5)
 
 
-def _uncertain(track: Track) -> Iterable[Question]:
+def _uncertain(track: Track) -> Iterable[FrameQuestion]:
     """Frames in which the tracker itself knows the position badly."""
     sigma = np.where(track.valid & ~edited_mask(track), track.sigma_px.max(axis=1), np.nan)
     if not np.isfinite(sigma).any():
@@ -256,7 +256,7 @@ def _uncertain(track: Track) -> Iterable[Question]:
         yield _question(track, start, stop, worst, reason, 1.0 + min(float(sigma[worst]) / usual, 50.0) / 50)
 
 
-def _meeting(track: Track, other: Track) -> Iterable[Question]:
+def _meeting(track: Track, other: Track) -> Iterable[FrameQuestion]:
     """Frames in which two bodies are so near that their names may be exchanged."""
     apart = np.hypot(*(track.xy_px - other.xy_px).T)
     reach = MEETING_RADII * max(_radius(track), _radius(other))
@@ -266,7 +266,7 @@ def _meeting(track: Track, other: Track) -> Iterable[Question]:
         yield _question(track, start, stop, after, reason, 2.5)
 
 
-def _of_residual(track: Track, fit: FitResult, trajectory: Trajectory) -> Iterable[Question]:
+def _of_residual(track: Track, fit: FitResult, trajectory: Trajectory) -> Iterable[FrameQuestion]:
     """Frames in which the data are farthest from the fit, if far beyond its usual residual."""
     size = np.abs(fit.residual)
     used = fit.used & np.isfinite(size).all(axis=1)
@@ -281,14 +281,14 @@ def _of_residual(track: Track, fit: FitResult, trajectory: Trajectory) -> Iterab
         yield _question(track, at[0], at[1] + 1, at[2], reason, 1.0 + min(float(ratio[worst]), 100.0) / 50)
 
 
-def _question(track: Track, start: int, stop: int, worst: int, reason: str, severity: float) -> Question:
+def _question(track: Track, start: int, stop: int, worst: int, reason: str, severity: float) -> FrameQuestion:
     frame = track.frame
-    return Question(track.body, int(frame[worst]), int(frame[start]), int(frame[stop - 1]), (reason,), severity)
+    return FrameQuestion(track.body, int(frame[worst]), int(frame[start]), int(frame[stop - 1]), (reason,), severity)
 
 
-def _merged(questions: Iterable[Question]) -> list[Question]:
+def _merged(questions: Iterable[FrameQuestion]) -> list[FrameQuestion]:
     """Questions about neighbouring frames of one body as one, with all reasons, the gravest first."""
-    merged: list[Question] = []
+    merged: list[FrameQuestion] = []
     for question in sorted(questions, key=lambda q: (q.doubts, q.first)):
         before = merged[-1] if merged else None
         if before is None or before.doubts or question.doubts or question.first - before.last > NEAR:
@@ -304,7 +304,7 @@ def _merged(questions: Iterable[Question]) -> list[Question]:
     return merged
 
 
-def _with_answer(question: Question, track: Track, confirmed: Sequence[tuple[str, int, int]]) -> Question:
+def _with_answer(question: FrameQuestion, track: Track, confirmed: Sequence[tuple[str, int, int]]) -> FrameQuestion:
     inside = (track.frame >= question.first) & (track.frame <= question.last)
     corrected = bool(edited_mask(track)[inside].any()) and not question.doubts
     said = any(

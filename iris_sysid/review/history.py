@@ -22,8 +22,8 @@ from iris_sysid.review.edits import (
     Mark,
     PlumbLine,
     Point,
-    Region,
     ScaleBar,
+    SearchRegion,
     Tracked,
 )
 from iris_sysid.review.log import Entry
@@ -66,7 +66,7 @@ def after(state: ReviewState, edit: Edit, read_tracks: TrackReader) -> ReviewSta
             first, last = _joined([part[1:] for part in confirmed if part[0] == edit.body], edit)
             tracks = corrected(state.tracks, edit.model_copy(update={"first": first, "last": last}))
             return replace(state, tracks=tracks, confirmed=confirmed)
-        case Region() | ScaleBar() | BoardCorners() | Point() | PlumbLine() | Mark() | ChoosePhenomenon():
+        case SearchRegion() | ScaleBar() | BoardCorners() | Point() | PlumbLine() | Mark() | ChoosePhenomenon():
             return replace(state, request=_with_request(state.request, edit))
     return replace(state, tracks=corrected(state.tracks, edit))
 
@@ -80,13 +80,13 @@ def _joined(parts: Sequence[tuple[int, ...]], edit: Confirm) -> tuple[int, int]:
     return first, last
 
 
-RequestEdit = Region | ScaleBar | BoardCorners | Ignore | Point | PlumbLine | Mark | ChoosePhenomenon
+RequestEdit = SearchRegion | ScaleBar | BoardCorners | Ignore | Point | PlumbLine | Mark | ChoosePhenomenon
 
 
 def _with_request(request: ReviewRequest, edit: RequestEdit) -> ReviewRequest:
     geometry, tracking = request.geometry, request.tracking
     match edit:
-        case Region():
+        case SearchRegion():
             return replace(request, tracking=replace(tracking, roi=edit.roi))
         case ScaleBar():
             length = parse_measure(edit.length, LENGTHS, LENGTH_EXAMPLE)
