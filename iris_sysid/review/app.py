@@ -108,7 +108,9 @@ class _Pages:
 
     def fit(self, request: Request) -> Response:
         version = _whole(request, "version", 10**9)
-        outcome = self.session.fits.outcome(self.session.version if version is None else version, PATIENCE_S)
+        version = self.session.version if version is None else version
+        whole = "whole" in request.query_params
+        outcome = self.session.fits.outcome(version, PATIENCE_S, whole=whole)
         if outcome is None:
             return JSONResponse({"pending": True}, 202)
         return JSONResponse(fit_view(self.session, outcome))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from iris_sysid.errors import DataError
-from iris_sysid.review.edits import Confirm, Delete, Drop, Edit, Place, Split, Swap
+from iris_sysid.review.edits import Confirm, Delete, Drop, Edit, Place, SplitTrack, Swap
 from iris_sysid.types import Array, Doubt, Mask, Track, TrackMark, TrackQuality, mapped
 
 # what a track has for every frame, and what stands for a frame without the body
@@ -49,7 +49,7 @@ def corrected(tracks: Tracks, edit: Edit) -> Tracks:
             return _placed(tracks, edit)
         case Delete():
             return _changed(tracks, edit.body, lambda track: _deleted(track, edit.first, edit.last))
-        case Split():
+        case SplitTrack():
             return _split(tracks, edit)
         case Swap():
             return _swapped(tracks, edit)
@@ -185,7 +185,7 @@ def _with_rows(track: Track, rows: Whole, values: dict[str, Any]) -> Track:
     return replace(track, **changes)
 
 
-def _split(tracks: Tracks, edit: Split) -> Tracks:
+def _split(tracks: Tracks, edit: SplitTrack) -> Tracks:
     at = _index(tracks, edit.body)
     if edit.name in [track.body for track in tracks]:
         raise DataError(f"there is a body {edit.name!r} already; give another name")
@@ -223,8 +223,8 @@ def _with_end_of(track: Track, other: Track, row: int) -> Track:
 
 
 def _confirmed(track: Track, edit: Confirm) -> Track:
-    """The track without the doubts that a person has looked into."""
-    if track.quality is None or not edit.doubts:
+    """The track without the doubts about all of it that a person has looked into, once that is in all of its frames."""
+    if track.quality is None or edit.first > track.frame[0] or edit.last < track.frame[-1]:
         return track
     left = tuple(doubt for doubt in track.quality.doubts if doubt.kind not in edit.doubts)
     return replace(track, quality=replace(track.quality, doubts=left))

@@ -15,7 +15,8 @@ import numpy as np
 from iris_sysid.review.corrected_tracks import doubts_of, edited_mask, in_frame_px
 from iris_sysid.types import Array, DoubtKind, FitResult, Mask, Track, Trajectory
 
-LEAST_GAP = 3  # frames: a shorter gap is bridged without harm
+MIN_GAP = 3  # frames: a shorter gap is bridged without harm
+MIN_STRETCH, MAX_STRETCHES = 5, 6  # frames that a look is worth, and looks at a doubted track
 EDGE_RADII = 2.0  # a body whose centre is nearer to the edge, and a step, may leave the image with the next frame
 OFF_SCALES, OFF_RADII, OFF_PX = (
     8.0,
@@ -35,11 +36,11 @@ MOST_QUESTIONS = 60
 
 
 @dataclass(frozen=True, slots=True)
-class Question:
+class FrameQuestion:
     """Frames ``first`` to ``last`` in which the track of a body is doubtful; ``frame`` is where to look first.
 
     ``reasons`` are the findings, the gravest first; ``severity`` orders questions, largest first.
-    ``doubts`` are those of the whole track that it asks about.
+    ``doubts`` are those of the whole track, where it asks about a stretch of a track that is doubted as a whole.
     ``answered`` says whether a person has corrected or confirmed it.
     """
 
@@ -59,7 +60,7 @@ def questions_of(
     trajectory: Trajectory | None = None,
     confirmed: Sequence[tuple[str, int, int]] = (),
     image_size: tuple[int, int] | None = None,
-) -> list[Question]:
+) -> list[FrameQuestion]:
     """The doubtful frames of all tracks, most doubtful first.
 
     Parameters
@@ -82,7 +83,7 @@ def questions_of(
     return [_with_answer(question, by_body[question.body], confirmed) for question in found[:MOST_QUESTIONS]]
 
 
-def _of_track(track: Track, tracks: Sequence[Track], image_size: tuple[int, int] | None) -> Iterable[Question]:
+def _of_track(track: Track, tracks: Sequence[Track], image_size: tuple[int, int] | None) -> Iterable[FrameQuestion]:
     yield from _lost(track, image_size)
     yield from _off_course(track)
     yield from _odd_size(track)
@@ -93,16 +94,41 @@ def _of_track(track: Track, tracks: Sequence[Track], image_size: tuple[int, int]
     yield from _of_quality(track)
 
 
-def _of_quality(track: Track) -> Iterable[Question]:
-    """One question for each doubt about the whole track, in the middle of the frames with the body."""
-    rows = np.flatnonzero(track.valid)
-    middle = int(track.frame[rows[rows.size // 2]]) if rows.size else int(track.frame[0])
-    first, last = int(track.frame[0]), int(track.frame[-1])
-    for doubt in doubts_of(track):
-        yield Question(track.body, middle, first, last, (doubt.finding,), 3.0, (doubt.kind,))
+def _of_quality(track: Track) -> Iterable[FrameQuestion]:
+    """What speaks against a whole track, once for each stretch in which it follows one thing: one look tells there."""
+    doubts = doubts_of(track)
+    if not doubts:
+        return
+    findings, kinds = tuple(doubt.finding for doubt in doubts), tuple(doubt.kind for doubt in doubts)
+    for start, stop in _stretches(track):
+        found = start + np.flatnonzero(track.valid[start:stop])
+        look = int(found[found.size // 2]) if found.size else start
+        share = found.size / max(track.n_valid, 1)
+        frame = track.frame
+        yield FrameQuestion(
+            track.body, int(frame[look]), int(frame[start]), int(frame[stop - 1]), findings, 3.0 + share, kinds
+        )
 
 
-def _lost(track: Track, image_size: tuple[int, int] | None) -> Iterable[Question]:
+def _stretches(track: Track) -> list[tuple[int, int]]:
+    """Start and stop of the parts of a track between gaps and places off the course: they hold all of its frames."""
+    cuts = [start for start, stop in _runs(~track.valid) if start and stop - start >= MIN_GAP]
+    cuts += [start for start, _ in _off_places(track)]
+    ends, before = [], 0
+    for cut in sorted(cuts):
+        if cut - before >= MIN_STRETCH and track.valid.size - cut >= MIN_STRETCH:
+            ends.append(cut)
+            before = cut
+    longest = sorted(sorted(ends, key=lambda cut: -_apart(cut, ends, track.valid.size))[: MAX_STRETCHES - 1])
+    return list(zip([0, *longest], [*longest, track.valid.size], strict=True))
+
+
+def _apart(cut: int, ends: Sequence[int], frames: int) -> int:
+    """Frames between a cut and the nearest other, or the nearer end of the track."""
+    return min(abs(cut - other) for other in (0, *ends, frames) if other != cut)
+
+
+def _lost(track: Track, image_size: tuple[int, int] | None) -> Iterable[FrameQuestion]:
     """Runs of frames between others in which the body is neither found nor held, and has not left the image."""
     held = np.zeros(track.valid.size, np.bool_) if track.hand is None else track.hand
     found = np.flatnonzero(track.valid)
@@ -111,7 +137,7 @@ def _lost(track: Track, image_size: tuple[int, int] | None) -> Iterable[Question
     inside = np.zeros(track.valid.size, np.bool_)
     inside[found[0] : found[-1]] = True
     for start, stop in _runs(~track.valid & ~held & inside):
-        if stop - start >= LEAST_GAP and not _out_of_image(track, start, stop, image_size):
+        if stop - start >= MIN_GAP and not _out_of_image(track, start, stop, image_size):
             reason = f"body {track.body} is lost for {stop - start} frames"
             yield _question(track, start, stop, start, reason, 2.0 + min(stop - start, 100) / 100)
 
@@ -128,14 +154,11 @@ def _out_of_image(track: Track, start: int, stop: int, image_size: tuple[int, in
     return bool((inside < reach).all())
 
 
-def _off_course(track: Track) -> Iterable[Question]:
+def _off_course(track: Track) -> Iterable[FrameQuestion]:
     """Positions far from the cubic through their four neighbours."""
     off = _off_neighbours(track.xy_px, track.valid)
-    known = np.isfinite(off)
-    if known.sum() < 10:
-        return
-    limit = max(OFF_SCALES * MAD * float(np.median(off[known])), OFF_RADII * _radius(track), OFF_PX)
-    places = _runs(known & (off > limit))
+    limit = _off_limit(track, off)
+    places = _off_places(track)
     excursions = list(_excursions(track, places))
     for start, stop in excursions:
         reason = f"body {track.body} is elsewhere for {stop - start} frames"
@@ -147,6 +170,20 @@ def _off_course(track: Track) -> Iterable[Question]:
         size = float(off[worst])
         reason = f"body {track.body} is {size:.0f} px off the course of its neighbours"
         yield _question(track, start, stop, worst, reason, 4.0 + min(size / limit, 20.0) / 10)
+
+
+def _off_places(track: Track) -> list[tuple[int, int]]:
+    """Start and stop of the runs of positions off the course of their neighbours."""
+    off = _off_neighbours(track.xy_px, track.valid)
+    return _runs(np.isfinite(off) & (off > _off_limit(track, off)))
+
+
+def _off_limit(track: Track, off: Array) -> float:
+    """Distance, px, from the course of the neighbours above which a position is doubtful; infinite for few of them."""
+    known = off[np.isfinite(off)]
+    if known.size < 10:
+        return np.inf
+    return max(OFF_SCALES * MAD * float(np.median(known)), OFF_RADII * _radius(track), OFF_PX)
 
 
 def _excursions(track: Track, places: Sequence[tuple[int, int]]) -> Iterable[tuple[int, int]]:
@@ -192,7 +229,7 @@ def _off_neighbours(xy: Array, valid: Mask) -> Array:
     return off
 
 
-def _odd_size(track: Track) -> Iterable[Question]:
+def _odd_size(track: Track) -> Iterable[FrameQuestion]:
     """Frames in which the apparent radius is not that of the frames around."""
     if track.radius_px is None:
         return
@@ -207,7 +244,7 @@ def _odd_size(track: Track) -> Iterable[Question]:
         yield _question(track, start, stop, worst, reason, 1.5 + min(float(ratio[worst]), 5.0) / 5)
 
 
-def _uncertain(track: Track) -> Iterable[Question]:
+def _uncertain(track: Track) -> Iterable[FrameQuestion]:
     """Frames in which the tracker itself knows the position badly."""
     sigma = np.where(track.valid & ~edited_mask(track), track.sigma_px.max(axis=1), np.nan)
     if not np.isfinite(sigma).any():
@@ -219,7 +256,7 @@ def _uncertain(track: Track) -> Iterable[Question]:
         yield _question(track, start, stop, worst, reason, 1.0 + min(float(sigma[worst]) / usual, 50.0) / 50)
 
 
-def _meeting(track: Track, other: Track) -> Iterable[Question]:
+def _meeting(track: Track, other: Track) -> Iterable[FrameQuestion]:
     """Frames in which two bodies are so near that their names may be exchanged."""
     apart = np.hypot(*(track.xy_px - other.xy_px).T)
     reach = MEETING_RADII * max(_radius(track), _radius(other))
@@ -229,7 +266,7 @@ def _meeting(track: Track, other: Track) -> Iterable[Question]:
         yield _question(track, start, stop, after, reason, 2.5)
 
 
-def _of_residual(track: Track, fit: FitResult, trajectory: Trajectory) -> Iterable[Question]:
+def _of_residual(track: Track, fit: FitResult, trajectory: Trajectory) -> Iterable[FrameQuestion]:
     """Frames in which the data are farthest from the fit, if far beyond its usual residual."""
     size = np.abs(fit.residual)
     used = fit.used & np.isfinite(size).all(axis=1)
@@ -244,14 +281,14 @@ def _of_residual(track: Track, fit: FitResult, trajectory: Trajectory) -> Iterab
         yield _question(track, at[0], at[1] + 1, at[2], reason, 1.0 + min(float(ratio[worst]), 100.0) / 50)
 
 
-def _question(track: Track, start: int, stop: int, worst: int, reason: str, severity: float) -> Question:
+def _question(track: Track, start: int, stop: int, worst: int, reason: str, severity: float) -> FrameQuestion:
     frame = track.frame
-    return Question(track.body, int(frame[worst]), int(frame[start]), int(frame[stop - 1]), (reason,), severity)
+    return FrameQuestion(track.body, int(frame[worst]), int(frame[start]), int(frame[stop - 1]), (reason,), severity)
 
 
-def _merged(questions: Iterable[Question]) -> list[Question]:
+def _merged(questions: Iterable[FrameQuestion]) -> list[FrameQuestion]:
     """Questions about neighbouring frames of one body as one, with all reasons, the gravest first."""
-    merged: list[Question] = []
+    merged: list[FrameQuestion] = []
     for question in sorted(questions, key=lambda q: (q.doubts, q.first)):
         before = merged[-1] if merged else None
         if before is None or before.doubts or question.doubts or question.first - before.last > NEAR:
@@ -267,7 +304,7 @@ def _merged(questions: Iterable[Question]) -> list[Question]:
     return merged
 
 
-def _with_answer(question: Question, track: Track, confirmed: Sequence[tuple[str, int, int]]) -> Question:
+def _with_answer(question: FrameQuestion, track: Track, confirmed: Sequence[tuple[str, int, int]]) -> FrameQuestion:
     inside = (track.frame >= question.first) & (track.frame <= question.last)
     corrected = bool(edited_mask(track)[inside].any()) and not question.doubts
     said = any(

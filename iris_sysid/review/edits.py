@@ -53,7 +53,7 @@ class Delete(Part):
     last: FrameNumber
 
 
-class Split(Part):
+class SplitTrack(Part):
     """From that frame on, the track is that of another body."""
 
     kind: Literal["split"] = "split"
@@ -88,7 +88,7 @@ class Confirm(Part):
     doubts: tuple[DoubtKind, ...] = ()
 
 
-class Region(Part):
+class SearchRegion(Part):
     """The tracker looks for bodies in x, y, width, height px only; null: in the whole image."""
 
     kind: Literal["region"] = "region"
@@ -173,11 +173,11 @@ class Tracked(Part):
 Edit = Annotated[
     Place
     | Delete
-    | Split
+    | SplitTrack
     | Swap
     | Drop
     | Confirm
-    | Region
+    | SearchRegion
     | ScaleBar
     | BoardCorners
     | Ignore

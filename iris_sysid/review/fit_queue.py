@@ -1,10 +1,11 @@
-"""Fits that follow the edits: one at a time, the newest state first, states that are out of date left out."""
+"""Fits that follow the edits: a quick one of a long clip first, then that of all frames; the newest state first."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
 from threading import Condition, Thread
 
 from iris_sysid.errors import IrisError
@@ -14,16 +15,31 @@ from iris_sysid.types import Run
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FitOutcome:
-    """The run of one version of a review, or the problem that there is none; ``seconds`` it took."""
+    """The run of one version of a review, or the problem that there is none; ``seconds`` it took.
+
+    ``every`` is above 1 for a preview: it used one frame in ``every``, and the fit of all frames follows.
+    """
 
     version: int
     run: Run | None
     problem: str = ""
     seconds: float = 0.0
+    every: int = 1
+
+
+Fitting = Callable[[ReviewState], Run | None]
+Previewing = Callable[[ReviewState], tuple[Run | None, int] | None]
+
+
+class FitStage(Enum):
+    """What a thread fits."""
+
+    PREVIEW = "previews"
+    WHOLE = "fits"
 
 
 class FitQueue:
-    """Fits states of a review in a thread.
+    """Fits states of a review in two threads: its preview, then all frames; the newest state first.
 
     Attributes
     ----------
@@ -32,56 +48,86 @@ class FitQueue:
     before
         The newest run of an earlier version than that of ``latest``.
     opened
-        The first run of all.
+        The first run of all frames.
     """
 
-    def __init__(self, compute: Callable[[ReviewState], Run | None]) -> None:
+    def __init__(self, compute: Fitting, preview: Previewing) -> None:
         self.latest: FitOutcome | None = None
         self.before: FitOutcome | None = None
         self.opened: FitOutcome | None = None
-        self._compute = compute
-        self._wanted: tuple[int, ReviewState] | None = None
+        self._compute, self._preview = compute, preview
+        self._wanted: dict[FitStage, tuple[int, ReviewState]] = {}
         self._changed = Condition()
         self._closed = False
-        self._worker = Thread(target=self._work, name="fits", daemon=True)
-        self._worker.start()
+        for stage in FitStage:
+            Thread(target=self._work, args=(stage,), name=stage.value, daemon=True).start()
 
     def ask(self, version: int, state: ReviewState) -> None:
         """Have the ``state`` of that ``version`` fitted next."""
         with self._changed:
-            self._wanted = (version, state)
+            self._wanted[FitStage.PREVIEW] = (version, state)
             self._changed.notify_all()
 
-    def outcome(self, version: int, timeout_s: float) -> FitOutcome | None:
-        """The outcome of that version or of a later one; None where it takes longer than ``timeout_s``."""
+    def outcome(self, version: int, timeout_s: float, *, whole: bool = False) -> FitOutcome | None:
+        """The outcome of that version or of a later one; None where it takes longer than ``timeout_s``.
+
+        ``whole`` waits for the fit of all frames where there is a preview.
+        """
         with self._changed:
-            self._changed.wait_for(lambda: self._is_done(version), timeout_s)
-            return self.latest if self._is_done(version) else None
+            self._changed.wait_for(lambda: self._is_done(version, whole), timeout_s)
+            return self.latest if self._is_done(version, whole) else None
 
     def close(self) -> None:
-        """End the thread after the fit that it is at."""
+        """End the threads after the fits that they are at."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
 
-    def _is_done(self, version: int) -> bool:
-        return self.latest is not None and self.latest.version >= version
+    def _is_done(self, version: int, whole: bool) -> bool:
+        latest = self.latest
+        return latest is not None and latest.version >= version and not (whole and latest.every > 1)
 
-    def _work(self) -> None:
+    def _work(self, stage: FitStage) -> None:
+        fit = self._previewed if stage is FitStage.PREVIEW else self._fitted
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: self._closed or self._wanted is not None)
-                if self._closed or self._wanted is None:
+                self._changed.wait_for(lambda: self._closed or stage in self._wanted)
+                if self._closed:
                     return
-                version, state = self._wanted
-                self._wanted = None
-            outcome = self._fitted(version, state)
+                version, state = self._wanted.pop(stage)
+            outcome = fit(version, state)
             with self._changed:
-                if self.latest is not None and self.latest.run is not None:
-                    self.before = self.latest
-                self.latest = outcome
-                self.opened = self.opened or (outcome if outcome.run is not None else None)
-                self._changed.notify_all()
+                if outcome is not None:
+                    self._take(outcome)
+                if stage is FitStage.PREVIEW:
+                    self._wanted[FitStage.WHOLE] = (version, state)
+                    self._changed.notify_all()
+
+    def _take(self, outcome: FitOutcome) -> None:
+        """Publish an outcome, unless it is out of date: of an older version, or a preview of what is fitted already."""
+        latest = self.latest
+        if outcome.every == 1 and outcome.run is not None:
+            self.opened = self.opened or outcome
+        if latest is not None and (outcome.version, -outcome.every) < (latest.version, -latest.every):
+            if outcome.run is not None and outcome.every == 1 and outcome.version < latest.version:
+                self.before = outcome
+            return
+        if latest is not None and latest.run is not None and latest.version < outcome.version:
+            self.before = latest
+        self.latest = outcome
+        self._changed.notify_all()
+
+    def _previewed(self, version: int, state: ReviewState) -> FitOutcome | None:
+        """The quick fit; None where the clip is short, or where only the fit of all frames says what is wrong."""
+        start = time.perf_counter()
+        try:
+            found = self._preview(state)
+        except Exception:  # the whole fit meets the same problem, and says it
+            return None
+        if found is None:
+            return None
+        run, every = found
+        return FitOutcome(version, run, "", time.perf_counter() - start, every)
 
     def _fitted(self, version: int, state: ReviewState) -> FitOutcome:
         start = time.perf_counter()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,8 +22,8 @@ from iris_sysid.review.edits import (
     Mark,
     PlumbLine,
     Point,
-    Region,
     ScaleBar,
+    SearchRegion,
     Tracked,
 )
 from iris_sysid.review.log import Entry
@@ -63,19 +63,30 @@ def after(state: ReviewState, edit: Edit, read_tracks: TrackReader) -> ReviewSta
             return replace(state, request=request, tracks=without_ignored(state.tracks, request.ignored[-1:]))
         case Confirm():
             confirmed = (*state.confirmed, (edit.body, edit.first, edit.last))
-            return replace(state, tracks=corrected(state.tracks, edit), confirmed=confirmed)
-        case Region() | ScaleBar() | BoardCorners() | Point() | PlumbLine() | Mark() | ChoosePhenomenon():
+            first, last = _joined([part[1:] for part in confirmed if part[0] == edit.body], edit)
+            tracks = corrected(state.tracks, edit.model_copy(update={"first": first, "last": last}))
+            return replace(state, tracks=tracks, confirmed=confirmed)
+        case SearchRegion() | ScaleBar() | BoardCorners() | Point() | PlumbLine() | Mark() | ChoosePhenomenon():
             return replace(state, request=_with_request(state.request, edit))
     return replace(state, tracks=corrected(state.tracks, edit))
 
 
-RequestEdit = Region | ScaleBar | BoardCorners | Ignore | Point | PlumbLine | Mark | ChoosePhenomenon
+def _joined(parts: Sequence[tuple[int, ...]], edit: Confirm) -> tuple[int, int]:
+    """First and last frame of all that is confirmed around the frames of an edit without a frame between."""
+    first, last = edit.first, edit.last
+    for _ in parts:
+        near = [part for part in parts if part[0] <= last + 1 and part[1] >= first - 1]
+        first, last = min(part[0] for part in near), max(part[1] for part in near)
+    return first, last
+
+
+RequestEdit = SearchRegion | ScaleBar | BoardCorners | Ignore | Point | PlumbLine | Mark | ChoosePhenomenon
 
 
 def _with_request(request: ReviewRequest, edit: RequestEdit) -> ReviewRequest:
     geometry, tracking = request.geometry, request.tracking
     match edit:
-        case Region():
+        case SearchRegion():
             return replace(request, tracking=replace(tracking, roi=edit.roi))
         case ScaleBar():
             length = parse_measure(edit.length, LENGTHS, LENGTH_EXAMPLE)

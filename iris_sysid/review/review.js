@@ -86,18 +86,19 @@ async function reload() {
   take(await ask("/api/state"));
 }
 
-async function askForFit() {
+async function askForFit(whole = false) {
   const version = state.version;
   if (!tracks.size) return;
-  $("fit-status").textContent = "fitting …";
+  if (!whole) $("fit-status").textContent = "fitting …";
   try {
-    const next = await ask(`/api/fit?version=${version}`);
+    const next = await ask(`/api/fit?version=${version}${whole ? "&whole" : ""}`);
     if (next.pending) {
-      setTimeout(() => version === state.version && askForFit(), 100);
+      setTimeout(() => version === state.version && askForFit(whole), 100);
     } else if (next.version === state.version) {
       fit = next;
       showFit();
       draw();
+      if (fit.preview) askForFit(true);
     }
   } catch (error) {
     say(error.message);
@@ -611,7 +612,8 @@ function showTracking(now) {
 }
 
 function showFit() {
-  $("fit-status").textContent = fit.values.length ? `fitted in ${fit.seconds.toFixed(2)} s` : "";
+  const seconds = `${fit.seconds.toFixed(2)} s`;
+  $("fit-status").textContent = !fit.values.length ? "" : fit.preview ? `preview of some frames in ${seconds}; all frames are being fitted …` : `fitted in ${seconds}`;
   const verdict = fit.verdict.map((line, k) => paragraph(line, k === 0 ? "word" : ""));
   const before = fit.verdict_before.filter((line) => !fit.verdict.includes(line)).map((line) => paragraph(line, "before"));
   if (fit.problem) verdict.push(paragraph(fit.problem, "word"));

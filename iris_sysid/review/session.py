@@ -24,6 +24,7 @@ from iris_sysid.review.edits import BoardCorners, Edit, ScaleBar, Tracked
 from iris_sysid.review.fit_queue import FitOutcome, FitQueue
 from iris_sysid.review.history import History, ReviewState
 from iris_sysid.review.log import LOG_NAME, Entry, LogWriter
+from iris_sysid.review.preview import MAX_FRAMES, thinned
 from iris_sysid.review.request import ReviewRequest
 from iris_sysid.types import Run, Track, TrackMark, TrackOptions
 from iris_sysid.video.frame_access import FrameAccess
@@ -83,7 +84,7 @@ class Session:
         self._lock = RLock()
         self._read: dict[str, Tracks] = {}
         self._history = History(start, self.tracks_in)
-        self.fits = FitQueue(self._run_of)
+        self.fits = FitQueue(self._run_of, self._preview_of)
 
     # ----------------------------------------------------------------------- state
 
@@ -201,12 +202,27 @@ class Session:
 
     def _run_of(self, state: ReviewState) -> Run | None:
         """The run of a state; None where no phenomenon was chosen, or nothing tracked."""
-        request = state.request
-        if request.phenomenon is None or not state.tracks:
+        return self._fitted(state.request, self._bodies(state))
+
+    def _preview_of(self, state: ReviewState) -> tuple[Run | None, int] | None:
+        """The run of some frames of a long clip, and of how many each is one; None where all are as quick."""
+        bodies = self._bodies(state)
+        if not bodies or bodies[0].t_s.size <= MAX_FRAMES:
+            return None
+        some, every = thinned(bodies)
+        return self._fitted(state.request, some), max(every, 2)
+
+    def _bodies(self, state: ReviewState) -> list[Track]:
+        """The tracks that are fitted; none where no phenomenon was chosen."""
+        phenomenon = state.request.phenomenon
+        return [] if phenomenon is None else self.with_origin(state)[: max(1, phenomenon.bodies)]
+
+    def _fitted(self, request: ReviewRequest, bodies: Sequence[Track]) -> Run | None:
+        if request.phenomenon is None or not bodies:
             return None
         return pipeline.run_tracked(
             self._whole_video,
-            self.with_origin(state)[: max(1, request.phenomenon.bodies)],
+            bodies,
             request.phenomenon,
             source=self.clip,
             calibration=request.calibration,
@@ -321,7 +337,7 @@ class Session:
         if version != self.version:
             raise BehindError(self.version)
         self.check_clip()
-        outcome = self.fits.outcome(version, timeout_s=120.0)
+        outcome = self.fits.outcome(version, timeout_s=120.0, whole=True)
         with self._lock:
             if version != self.version:
                 raise BehindError(self.version)

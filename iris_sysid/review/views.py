@@ -73,6 +73,7 @@ def fit_view(session: Session, outcome: FitOutcome) -> dict[str, Any]:
         "version": outcome.version,
         "problem": outcome.problem,
         "seconds": round(outcome.seconds, 3),
+        "preview": outcome.every > 1,
         "verdict": [] if fit is None else verdict_lines(fit.verdict),
         "word": "" if fit is None else fit.verdict.word,
         "equation": "" if fit is None else fit.model.equation,

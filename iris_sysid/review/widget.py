@@ -53,7 +53,7 @@ class ReviewWidget(anywidget.AnyWidget):  # type: ignore[misc]
     @property
     def run(self) -> Run:
         """The run of the tracks as edited, once its fit is done; DataError says why there is none."""
-        outcome = self.session.fits.outcome(self.session.version, FIT_PATIENCE_S)
+        outcome = self.session.fits.outcome(self.session.version, FIT_PATIENCE_S, whole=True)
         if outcome is None:
             raise DataError("nothing is fitted yet: wait for the tracker, or place points of the body")
         if outcome.run is None:

@@ -11,11 +11,8 @@ KNOWN = {
     "Component",
     "Errors",
     "Pixels",
-    "Question",
-    "Region",
     "Rival",
     "Solution",
-    "Split",
     "View",
     "_Linear",
 }

@@ -5,7 +5,7 @@ import pytest
 
 from iris_sysid.errors import DataError
 from iris_sysid.review.corrected_tracks import corrected, in_frame_px, with_edits_of
-from iris_sysid.review.edits import Delete, Drop, Place, Split, Swap
+from iris_sysid.review.edits import Delete, Drop, Place, SplitTrack, Swap
 from iris_sysid.types import Track
 from tests.review.test_doubtful_frames import N, swing
 
@@ -50,7 +50,7 @@ def test_swap_twice_is_no_swap():
 
 
 def test_split_then_swap_puts_the_track_together_again():
-    parts = corrected((swing(),), Split(body="1", frame=110, name="2"))
+    parts = corrected((swing(),), SplitTrack(body="1", frame=110, name="2"))
     assert [part.n_valid for part in parts] == [100, N - 100]
     whole = corrected(parts, Swap(body="1", other="2", frame=110))
     assert same(whole[0], swing())
@@ -94,7 +94,7 @@ def test_edits_in_frames_that_the_new_tracks_lack_are_left_out():
         (Place(body="1", frame=5, x=0, y=0), "frame 5 is not among the frames that were tracked, 10 to 309"),
         (Delete(body="1", first=500, last=600), "frames 500 to 600 are not among"),
         (Delete(body="3", first=10, last=11), "there is no body '3'; there are 1, 2"),
-        (Split(body="1", frame=20, name="2"), "there is a body '2' already"),
+        (SplitTrack(body="1", frame=20, name="2"), "there is a body '2' already"),
         (Swap(body="1", other="1", frame=20), "cannot be exchanged with itself"),
         (Drop(body="x"), "there is no body 'x'"),
     ],

@@ -1,11 +1,15 @@
 """Which frames a review asks about: those that are wrong, and few that are right."""
 
+import itertools
+
 import numpy as np
 import pytest
 
 from iris_sysid.review.corrected_tracks import corrected
 from iris_sysid.review.doubtful_frames import questions_of
 from iris_sysid.review.edits import Confirm, Place
+from iris_sysid.review.history import ReviewState, after
+from iris_sysid.review.request import ReviewRequest
 from iris_sysid.types import Doubt, Track, TrackQuality
 
 N = 300
@@ -122,11 +126,27 @@ def test_bodies_that_meet_are_asked_about_once():
 def test_doubt_about_the_whole_track_is_a_question_that_can_be_confirmed():
     doubt = Doubt("jumps", "the track leaps 7 times", "mark it")
     (question,) = asked(swing(quality=TrackQuality((doubt,))))
-    assert question.doubts == ("jumps",)
+    assert (question.doubts, question.first, question.last) == (("jumps",), 10, 309)
     (track,) = corrected(
         (swing(quality=TrackQuality((doubt,))),), Confirm(body="1", first=10, last=309, doubts=("jumps",))
     )
     assert asked(track) == []
+
+
+def test_track_doubted_as_a_whole_is_asked_about_a_stretch_at_a_time_in_all_of_its_frames():
+    doubt = Doubt("jumps", "the track leaps 7 times", "mark it")
+    track = swing(**moved(swing(), range(100, 300), (90.0, 0.0)), quality=TrackQuality((doubt,)))
+    stretches = sorted((one for one in asked(track) if one.doubts), key=lambda one: one.first)
+    assert 2 <= len(stretches) <= 6
+    assert (stretches[0].first, stretches[-1].last) == (10, 309)
+    assert all(one.last + 1 == later.first for one, later in itertools.pairwise(stretches))
+    assert any(abs(one.first - 110) <= 2 for one in stretches)  # where the track leaps
+    state = ReviewState(ReviewRequest(), (track,))
+    for k, one in enumerate(stretches):
+        assert state.tracks[0].quality.doubts, f"stretch {k}"
+        confirm = Confirm(body="1", first=one.first, last=one.last, doubts=one.doubts)
+        state = after(state, confirm, lambda file: ())
+    assert state.tracks[0].quality.doubts == ()
 
 
 def test_question_is_answered_by_a_correction_or_by_saying_that_it_is_right():

@@ -16,7 +16,7 @@ from iris_sysid.calibration.board.board import Board, BoardError, BoardView
 from iris_sysid.calibration.board.detect import find_board, find_boards, grey_image
 from iris_sysid.calibration.board.frame_selection import choose_frames
 from iris_sysid.calibration.board.plane_pose import plane_from_board
-from iris_sysid.calibration.board.plane_view import plane_view_doubt
+from iris_sysid.calibration.board.plane_view import with_plane_view_doubt
 from iris_sysid.calibration.camera import CameraCalibration, FittedView, calibrate_camera, fitted_view
 from iris_sysid.errors import CalibrationError
 from iris_sysid.types import Array, Calibration, Frame
@@ -133,11 +133,10 @@ def calibrate_board(
     paths = [] if clip else _images_of(sources)
     view, image = _plane_view(clip, paths, board, placement.view, options)
     notes: tuple[str, ...] = ()
-    doubt = None
+    views: Views | None = None
     if camera is None and not one_image:
         views = _views(clip, paths, board, options, progress)
         camera, notes = _camera(views, board, options)
-        doubt = plane_view_doubt(view, views.views, board, camera, views.seen_px) if placement.view is None else None
     plane = plane_from_board(
         view,
         board,
@@ -150,7 +149,8 @@ def calibrate_board(
     )
     first = () if placement.view is not None else (f"{view.name}, the first that shows the board, lies in its plane",)
     calibration = replace(plane, assumed=(*plane.assumed, *first), notes=(*plane.notes, *notes))
-    calibration = calibration if doubt is None else replace(calibration, doubts=(doubt,))
+    if views is not None and camera is not None and placement.view is None:
+        calibration = with_plane_view_doubt(calibration, view, views.views, board, camera, views.seen_px)
     if camera is None or one_image:
         return BoardCalibration(calibration, None, None, image)
     return BoardCalibration(calibration, camera, fitted_view(camera.parameters, view, board), image)

@@ -16,7 +16,8 @@ REACH_SQUARES = 0.42
 LARGEST_REACH_PX = 24
 STEPS = 25
 ENOUGH_PX = 1e-4
-SHARPEST_PX = 0.3  # a pixel's own width, as a Gaussian's
+SHARPEST_PX = 0.05  # blur of the lens: an edge as sharp as this changes no pixel but those that it crosses
+PIXEL_VARIANCE = 1 / 12  # px^2, of a pixel's own width
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -113,7 +114,7 @@ def _refine_one(
     # E(d1) E(d2) is positive where a and b have opposite signs seen from the directions of the edges
     contrast = -params[7] * np.sign(np.sin(params[3] - params[2]))
     x, y = start + params[:2]
-    return x, y, stderr, float(np.abs(params[4:6]).max()), float(contrast)
+    return x, y, stderr, float(np.hypot(params[4:6].max(), PIXEL_VARIANCE**0.5)), float(contrast)
 
 
 def _patch(grey: NDArray[np.uint8], start: Array, sides: Array, clear: float) -> tuple[Array, Array]:
@@ -161,7 +162,7 @@ def _equations(pixels: Array, levels: Array, params: Array) -> _Equations:
 
 
 def _step(params: Array, now: _Equations, damping: float) -> Array:
-    """A damped step; a blur that would become sharper than a pixel goes to that value, and the others allow for it."""
+    """A damped step; a blur below the sharpest goes to that value, and the others allow for it."""
     damped = now.normal + damping * np.diag(np.diag(now.normal) + 1e-9)
     step = np.linalg.solve(damped, now.gradient)
     held = np.zeros(params.size, dtype=np.bool_)

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from iris_sysid.calibration.board.board import Board, BoardView
+from iris_sysid.calibration.board.corner_errors import covariance_of_fit
 from iris_sysid.calibration.bundle_adjustment import Points, matrix_of, pose_of, projected, rotation_of
 from iris_sysid.calibration.camera import USUAL_FOCAL, CameraCalibration
 from iris_sysid.calibration.distortion import distort
@@ -121,6 +122,7 @@ def _with_camera(
     pose = pose_of(parameters, points)
     pixels, by_pose, by_camera = projected(parameters, pose, points.board_m)
     residual = points.seen_px - pixels
+    _check_freedom(residual, unknowns=6)
     inverse = np.linalg.inv(by_pose.T @ by_pose)
 
     def numbers(change: Array) -> Array:
@@ -138,7 +140,7 @@ def _with_camera(
     slopes = slopes_at_zero(numbers, steps)
     # a change of the camera also moves the fitted pose: implicit function of the normal equations
     slopes[:, 6:15] -= slopes[:, :6] @ inverse @ by_pose.T @ by_camera
-    variance = _variance(residual, unknowns=6) * camera.clustering
+    corners = covariance_of_fit(by_pose, residual, points.seen_px)
     distorts = bool(np.any(camera.distortion))
     return with_scale(
         Calibration(
@@ -147,7 +149,7 @@ def _with_camera(
             camera_matrix=camera.camera_matrix,
             distortion=camera.distortion,
             budget={
-                "corners": variance * slopes[:, :6] @ inverse @ slopes[:, :6].T,
+                "corners": slopes[:, :6] @ corners @ slopes[:, :6].T,
                 "camera": slopes[:, 6:15] @ camera.covariance @ slopes[:, 6:15].T,
                 "square": _squared(board.square_stderr_m / board.square_m * slopes[:, 16]),
                 "offset": _squared(offset_stderr_m * slopes[:, 15]),
@@ -184,22 +186,18 @@ def _in_front(pose: Array, behind_m: float) -> bool:
 class _OneView:
     """A map of the board to one image: homography to undistorted px, camera matrix, k1, and the residual (n, 2) px.
 
-    ``unit`` (9, 9) is the covariance of the homography's first eight entries and of k1 for corners of variance 1.
+    ``covariance`` (9, 9) is that of the homography's first eight entries and of k1.
     """
 
     to_image: Array
     camera_matrix: Array
     k1: float
     residual: Array
-    unit: Array
+    covariance: Array
 
     @property
     def lens(self) -> bool:
         return self.k1 != 0.0
-
-    @property
-    def variance(self) -> float:
-        return _variance(self.residual, unknowns=9 if self.lens else 8)
 
 
 def _without_camera(
@@ -218,7 +216,7 @@ def _without_camera(
         camera = np.concatenate([np.diag(fit.camera_matrix)[:2], middle, [fit.k1 + change[8], 0, 0, 0, 0]])
         return np.append((homography / homography[2, 2]).ravel(), camera)
 
-    steps = 1e-2 * np.sqrt(np.diag(fit.unit))
+    steps = 0.1 * np.sqrt(np.diag(fit.covariance))
     steps[8] = steps[8] or 1e-4
     slopes = slopes_at_zero(numbers, np.append(steps, [1e-4] * 3))
     inverse_stderr = 0.0 if math.isinf(distance[0]) else distance[1] / distance[0] ** 2
@@ -230,7 +228,7 @@ def _without_camera(
             camera_matrix=fit.camera_matrix,
             distortion=values[13:],
             budget={
-                "corners": fit.variance * slopes[:, :9] @ fit.unit @ slopes[:, :9].T,
+                "corners": slopes[:, :9] @ fit.covariance @ slopes[:, :9].T,
                 "square": _squared(board.square_stderr_m / board.square_m * slopes[:, 9]),
                 "offset": _squared(offset[1] * slopes[:, 10]),
                 "distance": _squared(inverse_stderr * slopes[:, 11]),
@@ -249,13 +247,15 @@ def _one_view(world: Array, seen: Array, image_size: tuple[int, int]) -> _OneVie
     """Fit a homography, and k1 of a lens centred in the image where it is significant."""
     focal = USUAL_FOCAL * max(image_size)  # only gives k1 its unit
     camera_matrix = matrix_of(np.array([focal, focal, (image_size[0] - 1) / 2, (image_size[1] - 1) / 2]))
-    to_image, covariance = fit_homography(world, seen)
-    unit = np.zeros((9, 9))
-    unit[:8, :8] = covariance[:8, :8]
-    plain = _OneView(to_image, camera_matrix, 0.0, seen - apply_homography(to_image, world), unit)
+    to_image = fit_homography(world, seen)[0]
+    residual = seen - apply_homography(to_image, world)
+    _check_freedom(residual, unknowns=9)
+    slopes = homography_sensitivity(to_image, world)[..., :8].reshape(-1, 8)
+    covariance = np.zeros((9, 9))
+    covariance[:8, :8] = covariance_of_fit(slopes, residual, seen)
+    plain = _OneView(to_image, camera_matrix, 0.0, residual, covariance)
     bowed = _with_lens(world, seen, plain)
-    known = math.sqrt(bowed.variance * bowed.unit[8, 8])
-    return bowed if abs(bowed.k1) > BOW_DEVIATIONS * known else plain
+    return bowed if abs(bowed.k1) > BOW_DEVIATIONS * math.sqrt(bowed.covariance[8, 8]) else plain
 
 
 def _with_lens(world: Array, seen: Array, start: _OneView) -> _OneView:
@@ -273,15 +273,13 @@ def _with_lens(world: Array, seen: Array, start: _OneView) -> _OneView:
         if np.abs(step).max() < 1e-9:
             break
         params = params + step / size
-    unit = np.linalg.inv((slopes / size).T @ (slopes / size)) / np.outer(size, size)
-    return _OneView(to_image, start.camera_matrix, float(params[8]), residual, unit)
+    covariance = covariance_of_fit(slopes, residual, seen)
+    return _OneView(to_image, start.camera_matrix, float(params[8]), residual, covariance)
 
 
-def _variance(residual: Array, unknowns: int) -> float:
-    freedom = residual.size - unknowns
-    if freedom < 1:
+def _check_freedom(residual: Array, unknowns: int) -> None:
+    if residual.size - unknowns < 1:
         raise CalibrationError(f"{len(residual)} corners are too few to say how well they fit; show more of the board")
-    return float(np.sum(np.square(residual)) / freedom)
 
 
 def _squared(column: Array) -> Array:
