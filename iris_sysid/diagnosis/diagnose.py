@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitters.components import marginal
-from fitters.ode import FitRequest
+from fitters.ode import FitRequest, solve
+from fitters.ode.weak_fit import is_observed, weak_fit
 from iris_sysid.diagnosis.evidence import best_first
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.kept_component import kept_effects
@@ -33,6 +34,7 @@ from iris_sysid.diagnosis.stepwise_search import StepwiseSearch
 from iris_sysid.diagnosis.time_budget import STOPPED, TimeBudget
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
+from iris_sysid.trajectory.smoothing import smooth
 from iris_sysid.types import (
     ComponentKind,
     Components,
@@ -120,9 +122,9 @@ def diagnose(
     budget = TimeBudget(seconds, progress or (lambda text: None))
     model, tested = MODELS.resolved(model), EFFECTS.all_resolved(EFFECTS if effects is None else effects)
     given = [trajectories] if isinstance(trajectories, Trajectory) else trajectories
-    measured = [model.taken_from(clip)[0] for clip in given]
+    measured = [_smoothed(model.taken_from(clip)[0], model) for clip in given]
     requests = [FitRequest.stated(clip, model, dict(fixed or {}), free) for clip in measured]
-    fitted = [with_free_geometry(request) for request in requests]
+    fitted = [_with_run(*with_free_geometry(request)) for request in requests]
     clips = [request for request, _ in fitted]
     base = _base(clips, tuple(fit for _, fit in fitted))
     library = EffectLibrary(tested, model, measured)
@@ -153,6 +155,25 @@ def diagnose(
     budget.end()
     answer = answer or _of_open(cache, world, judgement)
     return _diagnosis(cache, answer.with_kept(cache, kept), components, stopped)
+
+
+def _smoothed(clip: Trajectory, model: OdeModel) -> Trajectory:
+    """The clip, smoothed where an input drives the motion: its equation is then fitted in weak form as well."""
+    needed = bool(model.inputs) and is_observed(model) and clip.smoothed is None and clip.valid.any()
+    return smooth(clip) if needed else clip
+
+
+def _with_run(request: FitRequest, fitted: FitResult) -> tuple[FitRequest, FitResult]:
+    """A request and its fit; where a driven model cannot follow the data, the free run with the values in weak form.
+
+    A drive without its friction, for one, fits best with a mass so large that nothing moves.
+    """
+    found = weak_fit(request) if request.model.inputs and not fitted.usable else None
+    if found is None:
+        return request, fitted
+    own = {name: found.values[name] for name in found.stderr}
+    start = {name: found.values[name] for name in request.model.initial_names}
+    return request, solve(request.with_(fixed={**own, **request.fixed}, free=()).from_near(start))
 
 
 def _complete_start(cache: FitCache, world: OpenWorld, judged: ModelWithEffects) -> ModelWithEffects | None:
