@@ -310,7 +310,10 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
     order = {effect.name: k for k, effect in enumerate(judgement.model.effects)}
     final = replace(final, effects=tuple(sorted(final.effects, key=lambda effect: order[effect.name])))
     finals = tuple(
-        _in_open_world(world, judgement.model, fitted, k, cache.clips[k]) for k, fitted in enumerate(final.fits)
+        _in_weak_form(cache.clips[k], fitted, judgement.weak[k])
+        if judgement.weak
+        else _in_open_world(world, judgement.model, fitted, k, cache.clips[k])
+        for k, fitted in enumerate(final.fits)
     )
     model = replace(final, fits=finals)
     findings = tuple(
@@ -322,7 +325,7 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
     return _Answer(
         world,
         judgement.model,
-        (cache.base, final) if final.effects else (cache.base,),
+        (cache.base, model if judgement.weak else final) if final.effects else (cache.base,),
         finals,
         added,
         tuple(effect for effect in final.effects if effect not in added),
@@ -351,6 +354,20 @@ def _with_all_samples(cache: FitCache, judged: ModelWithEffects) -> ModelWithEff
         if effect.nearby is not None and final.usable:
             final = cache.with_added(final, cache.screening(final).single(effect.name))
     return final if final.usable else cache.base
+
+
+def _in_weak_form(clip: FitRequest, fitted: FitResult, values: Mapping[str, tuple[float, float]]) -> FitResult:
+    """The free run with the values of the weak form and their errors; only its start is fitted.
+
+    What is missing of a force errs each window by itself, but adds up in a free run: the values of that are worse.
+    """
+    known = {
+        name: replace(fitted.estimates[name], value=value, stderr=error, ci95=None)
+        for name, (value, error) in values.items()
+    }
+    start = {name: fitted.estimates[name].value for name in fitted.model.initial_names}
+    run = solve(clip.with_(model=fitted.model, fixed={**clip.fixed, **known}, free=()).from_near(start))
+    return run if run.usable else fitted
 
 
 def _in_open_world(

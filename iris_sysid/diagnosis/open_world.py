@@ -46,12 +46,14 @@ LOCATED_SHARE = 0.05  # of the residual's variance from which a component withou
 class Judgement:
     """The model in the end, what is said of each of its effects, and the rivals of each.
 
-    ``rivals`` holds, by effect, the probability of it and of those that predict as well.
+    ``rivals`` holds, by effect, the probability of it and of those that predict as well. ``weak`` holds, one a clip
+    and by name, the values in weak form and their standard errors where that form decided; else it is empty.
     """
 
     model: ModelWithEffects
     findings: tuple[Finding, ...]
     rivals: dict[str, dict[str, float]]
+    weak: tuple[Mapping[str, tuple[float, float]], ...] = ()
 
 
 class OpenWorld:
@@ -133,7 +135,7 @@ class OpenWorld:
             return None
         judged = {effect.name: self._cache.weak.judged(found, effect) for effect in found.effects}
         findings = tuple(_weak_finding(effect, *judged[effect.name]) for effect in found.effects)
-        return Judgement(model, findings, {name: odds for name, (_, odds) in judged.items()})
+        return Judgement(model, findings, {name: odds for name, (_, odds) in judged.items()}, found.estimates)
 
     def so_far(self) -> Judgement:
         """What a search that was stopped has reached: in the fit, without a name, as rivals were not tried."""

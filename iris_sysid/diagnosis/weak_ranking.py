@@ -67,6 +67,11 @@ class WeakSet:
             for fit in self.fits
         )
 
+    @property
+    def estimates(self) -> tuple[dict[str, tuple[float, float]], ...]:
+        """The fitted values and their standard errors by name, one a clip."""
+        return tuple({name: (fit.values[name], error) for name, error in fit.stderr.items()} for fit in self.fits)
+
     def errors(self) -> BlockErrors:
         """The mean squared residual of each block of windows by a fit without it."""
         parts = [fit.block_squares() for fit in self.fits]
