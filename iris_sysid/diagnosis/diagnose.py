@@ -357,16 +357,18 @@ def _with_all_samples(cache: FitCache, judged: ModelWithEffects) -> ModelWithEff
 
 
 def _in_weak_form(clip: FitRequest, fitted: FitResult, values: Mapping[str, tuple[float, float]]) -> FitResult:
-    """The free run with the values of the weak form and their errors; only its start is fitted.
+    """The free run with the values of the weak form and their errors as a prior.
 
-    What is missing of a force errs each window by itself, but adds up in a free run: the values of that are worse.
+    What is missing of a force errs each window by itself, but adds up in a free run: that knows far less of most
+    values, and its weight is what its correlated residual is worth. As both are of one record, errors are a little
+    small.
     """
     known = {
         name: replace(fitted.estimates[name], value=value, stderr=error, ci95=None)
         for name, (value, error) in values.items()
     }
     start = {name: fitted.estimates[name].value for name in fitted.model.initial_names}
-    run = solve(clip.with_(model=fitted.model, fixed={**clip.fixed, **known}, free=()).from_near(start))
+    run = solve(clip.with_(model=fitted.model, fixed={**clip.fixed, **known}, free=[*known]).from_near(start))
     return run if run.usable else fitted
 
 
