@@ -8,7 +8,7 @@ from typing import get_args
 import numpy as np
 
 from fitters.ode import FitOptions, FitRequest, solve
-from iris_sysid.types import Estimate, Hold, OdeModel, Trajectory
+from iris_sysid.types import Estimate, FitResult, Hold, OdeModel, Trajectory
 
 QUICK = FitOptions(discrepancy=False)
 
@@ -40,7 +40,7 @@ def holds_compared(
     """
     if not model.inputs:
         return {}
-    squares: dict[Hold, list[float]] = {}
+    found: dict[Hold, list[FitResult]] = {}
     for clip in clips:
         known = dict(start or {})
         for hold in get_args(Hold):
@@ -49,7 +49,12 @@ def holds_compared(
             fitted = solve(request if hold == "linear" else request.from_near(known))
             if fitted.usable:
                 known = {name: fitted.estimates[name].value for name in fitted.free}
-                noise = np.where(fitted.noise > 0, fitted.noise, 1.0)
-                squares.setdefault(hold, []).append(float(np.mean((fitted.rms / noise) ** 2)))
-    whole = {hold: float(np.sqrt(np.mean(each))) for hold, each in squares.items() if len(each) == len(clips)}
+                found.setdefault(hold, []).append(fitted)
+    whole = {hold: residual_over_noise(fits) for hold, fits in found.items() if len(fits) == len(clips)}
     return dict(sorted(whole.items(), key=lambda item: item[1]))
+
+
+def residual_over_noise(fits: Sequence[FitResult]) -> float:
+    """Root mean square of the residuals of fits to several clips, in units of the noise; 1 is the noise alone."""
+    ratios = [fitted.rms / np.where(fitted.noise > 0, fitted.noise, 1.0) for fitted in fits]
+    return float(np.sqrt(np.mean([np.mean(ratio**2) for ratio in ratios])))

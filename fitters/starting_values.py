@@ -117,16 +117,16 @@ def weak_system(t_s: Array, values: Array, terms: Array, order: int, half_width_
         u = (t_s[first:last] - centre_s) / half_width_s
         if u.size < 5 or np.max(u[1:] - u[:-1]) > 0.6:
             continue
-        bump, slope, curve = _bump(u, half_width_s)
+        weight, slope, curve = bump(u, half_width_s)
         measured = weight_s[first:last, None] * columns[first:last]
-        right = bump @ measured
+        right = weight @ measured
         right[-1] = -slope @ measured[:, -1]
         rows.append([curve @ measured[:, -1] if order == 2 else right[-1], *right])
     table = np.array(rows).reshape(-1, columns.shape[1] + 1)
     return table[:, 0], table[:, 1:] if order == 2 else table[:, 1:-1]
 
 
-def _bump(u: Array, half_width_s: float) -> tuple[Array, Array, Array]:
+def bump(u: Array, half_width_s: float) -> tuple[Array, Array, Array]:
     """(1 - u^2)^4 with its first and second derivative in time."""
     square = u * u
     inner = 1.0 - square

@@ -2,9 +2,10 @@
 
 ``python -m validation.driven [--only emps] [--sealed] [--seconds 300]`` needs the recordings in ``../shared/data``. The
 model of each rig has a known input and viscous friction; dry friction and an offset of the force are for the diagnosis
-to find. Each row gives the values found, those published, and the error of a free simulation of the record by both,
-and by a linear model of the same order that was fitted to it. Some of the arms are sealed by a hash of the name
-(:func:`validation.world_recordings.sealed`): they are scored with ``--sealed``. The linear drive was in view.
+to find, and in one row the viscous friction as well. Each row gives the values found, those published, and the error of
+a free simulation of the record by both, and by a linear model of the same order that was fitted to it. Some of the arms
+are sealed by a hash of the name (:func:`validation.world_recordings.sealed`): they are scored with ``--sealed``. The
+linear drive was in view.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from iris_sysid import (
     Trajectory,
     diagnose,
     fit,
+    model_from_equation,
     validate_fit,
     with_effects,
 )
@@ -36,6 +38,7 @@ from validation.world_tables import WORLD, WORLD2, columns
 
 NAMED = ("coulomb-friction", "constant-force")  # what the published values are sizes of
 MOTOR_N_PER_V = 35.15
+SIZES = (("damping", "linear_drag", 1.0), ("dry", "coulomb_friction", 1.0), ("offset", "constant_force", -1.0))
 EVERY = 5  # samples of the linear drive that become one: 200 of 1000 a second
 MAX_SAMPLES = 5000  # samples of an arm
 
@@ -104,6 +107,14 @@ RIGS = [
         {"gain": MOTOR_N_PER_V},
         in_view=True,
     ),
+    Rig(
+        "emps-without-friction",
+        model_from_equation(f"q'' = {MOTOR_N_PER_V}*u/mass", units={"q": "m", "u": "V", "mass": "kg"}),
+        linear_drive,
+        {"mass": 95.1089, "damping": 203.5034, "dry": 20.3935, "offset": -3.1648},
+        {},
+        in_view=True,
+    ),
     *(
         Rig(name, MODELS["driven-pendulum"], lambda where=where: arm(*where), ARM_PUBLISHED, {})
         for name, where in ARMS.items()
@@ -113,11 +124,13 @@ RIGS = [
 
 def published_fit(rig: Rig, clip: Trajectory) -> float:
     """Error (rms) of a free simulation with the published values; only the initial state is fitted."""
-    model = with_effects(rig.model, NAMED)
-    values = dict(rig.published)
+    values, viscous = dict(rig.published), "damping" not in rig.model.units()
+    model = with_effects(rig.model, (*NAMED, "linear-drag") if viscous else NAMED)
     dry, offset = values.pop("dry"), values.pop("offset")
     sizes = {"coulomb_friction": dry / values[rig.inertia], "constant_force": -offset / values[rig.inertia]}
     turnover = EFFECTS["coulomb-friction"].trials(clip.t_s, clip.position)[0][0]  # type: ignore[misc]
+    if viscous:
+        sizes["linear_drag"] = values.pop("damping") / values[rig.inertia]
     known = {**rig.fixed, **values, **sizes, "coulomb_turnover": turnover}
     return float(fit(clip, model, fixed=known, options=FitOptions(discrepancy=False)).rms[0])
 
@@ -128,7 +141,7 @@ def found_values(rig: Rig, diagnosis: Diagnosis) -> dict[str, tuple[float, float
     plain = {name: final.estimates[name] for name in rig.published if name in final.estimates}
     found = {name: (estimate.value, estimate.stderr) for name, estimate in plain.items()}
     by = final.estimates[rig.inertia].value
-    for name, effect, sign in (("dry", "coulomb_friction", 1.0), ("offset", "constant_force", -1.0)):
+    for name, effect, sign in SIZES:
         if effect in diagnosis.sizes:
             found[name] = (sign * by * diagnosis.sizes[effect].value, by * diagnosis.sizes[effect].stderr)
     return found

@@ -196,7 +196,7 @@ def find_minimum(request: FitRequest) -> Minimum:
     FitError
         As for :func:`fit`.
     """
-    task = _task_of(request)
+    task = task_of(request)
     if not task.free:
         return Minimum(task, task.target, _nothing_to_fit(task))
     options = request.options
@@ -219,7 +219,7 @@ def find_minimum(request: FitRequest) -> Minimum:
     return Minimum(task, target, solution)
 
 
-def _task_of(request: FitRequest) -> Task:
+def task_of(request: FitRequest) -> Task:
     """The checked and prepared request; NoMinimumError when it has too few samples for its unknowns."""
     trajectory, model = request.trajectory, request.model
     check_names(model, fixed=list(request.fixed), free=list(request.free), start=list(request.start))

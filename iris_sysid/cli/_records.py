@@ -75,10 +75,37 @@ def held(
     compared = holds_compared(clips, model, fixed=fixed, free=free, start=start)
     if not compared:
         return list(clips)
-    best, *_ = compared
-    residuals = ", ".join(f"{size:.3g} {IN_WORDS[each]}" for each, size in compared.items())
-    typer.echo(f"inputs between samples: {IN_WORDS[best]} (residual over noise {residuals})", err=True)
+    best = tell_hold(compared)
     return [clip.with_(hold=best) for clip in clips]
+
+
+def each_hold(clips: Sequence[Trajectory], hold: str) -> dict[Hold, list[Trajectory]]:
+    """The records with each hold of their inputs to try: the stated one, or both where there are inputs.
+
+    Parameters
+    ----------
+    clips
+        As read.
+    hold
+        As typed.
+    """
+    stated = HOLDS[hold]
+    driven = any(clip.input_quantities for clip in clips)
+    tried: Sequence[Hold] = [stated] if stated is not None else [*IN_WORDS] if driven else [clips[0].hold]
+    return {each: [clip.with_(hold=each) for clip in clips] for each in tried}
+
+
+def recorded_hold(origin: Mapping[str, object]) -> Hold | None:
+    """The hold of the inputs that the origin of a fit on disk tells; None where it tells none."""
+    return next((each for each in IN_WORDS if origin.get("hold") == each), None)
+
+
+def tell_hold(compared: Mapping[Hold, float]) -> Hold:
+    """Say on stderr which hold of the inputs fits best, and return it; ``compared`` is by hold residual over noise."""
+    best, *others = sorted(compared, key=lambda each: compared[each])
+    residuals = ", ".join(f"{compared[each]:.3g} {IN_WORDS[each]}" for each in (best, *others))
+    typer.echo(f"inputs between samples: {IN_WORDS[best]} (residual over noise {residuals})", err=True)
+    return best
 
 
 def split(

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from iris_sysid.cli import _completion, _terminal
-from iris_sysid.cli.arguments import TABLE, Columns, Force, Json, Output, Settings, Strict
+from iris_sysid.cli.arguments import TABLE, Columns, Force, InputHold, Json, Output, SampleTime, Settings, Strict
 
 Tables = Annotated[list[Path], typer.Argument(help=f"{TABLE}; several clips of one.")]
 
@@ -22,6 +22,8 @@ def discover(
         typer.Option(help="Keep this model's terms; find the missing ones.", autocompletion=_completion.models),
     ] = None,
     plot: Annotated[Path | None, typer.Option(help="Also draw terms and fit to this PNG file.")] = None,
+    sample_time: SampleTime = None,
+    hold: InputHold = "auto",
     seed: Annotated[int, typer.Option(help="Random seed of the resampling.", min=0)] = 0,
     force: Force = False,
     json: Json = False,
@@ -35,12 +37,15 @@ def discover(
       iris-sysid discover trajectory.csv --residual-of pendulum -o lacking.json
     """
     _terminal.check_sources(tables)
+    from fitters.input_hold import residual_over_noise
     from fitters.sindy import discover as find
-    from iris_sysid.cli import _parsing
+    from iris_sysid.cli import _parsing, _records
     from iris_sysid.io import discovery_json, files, json_documents
     from iris_sysid.registry import MODELS
     from iris_sysid.report.text import discovery_sentence, discovery_text
 
+    _records.checked_hold(hold)
+    columns = _records.with_sample_time(columns, sample_time)
     for table in tables:
         _terminal.check_outputs(table, [output, plot], overwrite=force)
     _terminal.check_suffix(plot, ".png")
@@ -49,10 +54,17 @@ def discover(
     constants = _parsing.settings(known or (), units)
     read = _terminal.read_tables(tables, columns)
     read = read if kept is None else [_terminal.from_positions(clip, kept)[0] for clip in read]
-    options = {"columns": columns, "quantity": quantity, "set": known, "residual_of": residual_of, "seed": seed}
-    clips = [_parsing.with_options(clip, **options) for clip in read]
+    options = {"columns": columns, "quantity": quantity, "set": known, "residual_of": residual_of, "hold": hold}
+    clips = [_parsing.with_options(clip, **options, seed=seed) for clip in read]
     with _terminal.phases("searching for the equation"):
-        discovery = find(clips, quantities=quantity or (), known=constants, residual_of=residual_of, seed=seed)
+        found = {
+            each: find(held, quantities=quantity or (), known=constants, residual_of=residual_of, seed=seed)
+            for each, held in _records.each_hold(clips, hold).items()
+        }
+    if len(found) > 1:
+        _records.tell_hold({each: residual_over_noise(discovery.fits) for each, discovery in found.items()})
+    discovery = min(found.values(), key=lambda each: residual_over_noise(each.fits))
+    clips = [clip.with_(hold=discovery.fits[0].origin["hold"]) for clip in clips]
     document = discovery_json.discovery_document(discovery, discovery_sentence(discovery))
     json_documents.write_document(document, output, overwrite=force)
     if plot is not None:
@@ -65,6 +77,7 @@ def discover(
     if discovery.matched is not None:
         model, fitted = discovery.matched.model, output.parent / "fit.json"
         same = [*_terminal.repeated("--set", _of(model, known)), *([] if columns is None else ["--columns", columns])]
+        same += [] if hold == "auto" else ["--hold", hold]
         _terminal.suggest("fit", *tables, "--model", model, *same, "-o", fitted, json=json)
     _terminal.end(discovery.verdict, strict)
 

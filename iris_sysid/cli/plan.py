@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from iris_sysid.cli import _completion, _terminal
-from iris_sysid.cli.arguments import TABLE, Columns, Force, Json, Settings
+from iris_sysid.cli.arguments import TABLE, Columns, Force, Json, SampleTime, Settings
 
 if TYPE_CHECKING:
     from iris_sysid.diagnosis.planning.changes import SetUpChange
@@ -52,6 +52,14 @@ NoisePx = Annotated[float, typer.Option("--noise-px", help="Noise of a tracked p
 Precise = Annotated[
     list[str] | None, typer.Option("--precise", help="Say what a value needs to be known that well: gravity=0.1%.")
 ]
+InputHold = Annotated[
+    str,
+    typer.Option(
+        "--hold",
+        help="Inputs between samples: zero (held), linear, or auto (as in the diagnosis).",
+        autocompletion=_completion.values("auto", "zero", "linear"),
+    ),
+]
 Folder = Annotated[Path | None, typer.Option("-o", "--output", help="Folder for plan.json and plan.png.")]
 
 
@@ -71,6 +79,8 @@ def plan(
     fps: Rate = 60.0,
     noise_px: NoisePx = 0.1,
     columns: Columns = None,
+    sample_time: SampleTime = None,
+    hold: InputHold = "auto",
     force: Force = False,
     json: Json = False,
 ) -> None:
@@ -89,7 +99,11 @@ def plan(
         raise typer.BadParameter("give a diagnosis and its clips, or --phenomenon and --to")
     else:
         asked = (name or [], cost or [], precise or [])
-        _after_a_clip(diagnosis, clips, asked, (filmed, change), columns, output, force, json)
+        from iris_sysid.cli import _records
+
+        _records.checked_hold(hold)
+        columns = _records.with_sample_time(columns, sample_time)
+        _after_a_clip(diagnosis, clips, asked, (filmed, change), columns, hold, output, force, json)
 
 
 def _after_a_clip(
@@ -98,6 +112,7 @@ def _after_a_clip(
     asked: tuple[list[str], list[str], list[str]],
     made: tuple[Path | None, str],
     columns: str | None,
+    hold: str,
     output: Path | None,
     force: bool,
     json: bool,
@@ -108,9 +123,11 @@ def _after_a_clip(
     _check_folder(output, force)
     filmed, change = made
     stated, costs, errors = _stated(change), dict(map(_number, asked[1])), dict(map(_error, asked[2]))
-    question = _question(diagnosis, tuple(asked[0]), clips[0], columns)
-    trajectories = _terminal.read_tables(clips, columns, question.model)
-    new = _terminal.read_tables([filmed], columns, question.model) if filmed is not None else []
+    document = _diagnosed(diagnosis)
+    question = _question(document, tuple(asked[0]), clips[0], columns)
+    trajectories = _as_diagnosed(_terminal.read_tables(clips, columns, question.model), document, hold)
+    filmed_clips = _terminal.read_tables([filmed], columns, question.model) if filmed is not None else []
+    new = _as_diagnosed(filmed_clips, document, hold)
     # imported after the clips are read, so that an unreadable file is reported without delay
     from iris_sysid.diagnosis.planning.plan import plan as rank_changes
     from iris_sysid.report.plan_text import decision_text, needs_text, plan_document, plan_text
@@ -118,17 +135,17 @@ def _after_a_clip(
     only = [stated] if stated is not None and not new else None
     planned = rank_changes(question, trajectories, changes=only, costs=costs)
     wanted = _in_units(errors, planned)
-    document = plan_document(planned, wanted)
+    written = plan_document(planned, wanted)
     said = "\n".join([plan_text(planned), *(needs_text(planned, *each) for each in wanted.items())])
     if new:
         from iris_sysid.diagnosis.planning.decide import decide
 
         decision = decide(question, trajectories, new, stated or planned.named(change).change)
-        document = document.model_copy(update={"decision": dict(decision.probabilities)})
+        written = written.model_copy(update={"decision": dict(decision.probabilities)})
         said += f"\n{decision_text(decision)}"
     if output is not None:
-        _write(planned, document_text(document), trajectories[0], output, force)
-    typer.echo(document_text(document).rstrip("\n") if json else said)
+        _write(planned, document_text(written), trajectories[0], output, force)
+    typer.echo(document_text(written).rstrip("\n") if json else said)
 
 
 def _check_folder(folder: Path | None, force: bool) -> None:
@@ -176,14 +193,26 @@ def _before_any_clip(
     typer.echo(text.rstrip("\n") if json else limits_text(limits, wanted))
 
 
-def _question(path: Path, names: tuple[str, ...], clip: Path, columns: str | None) -> "Question":
-    """What a diagnosis of a clip left open; ``names``, where given, are asked about instead."""
-    from dataclasses import replace
-
+def _diagnosed(path: Path) -> "DiagnosisDocument":
     from iris_sysid.io.json_documents import read_document
     from iris_sysid.io.schemas import DiagnosisDocument
 
-    document = read_document(path / "diagnosis.json" if path.is_dir() else path, DiagnosisDocument)
+    return read_document(path / "diagnosis.json" if path.is_dir() else path, DiagnosisDocument)
+
+
+def _as_diagnosed(clips: "list[Trajectory]", document: "DiagnosisDocument", hold: str) -> "list[Trajectory]":
+    """The clips with the hold of their inputs: the stated one, or else that of the diagnosis."""
+    from iris_sysid.cli import _records
+
+    stated = _records.HOLDS[hold]
+    found = stated if stated is not None else _records.recorded_hold(document.base.origin)
+    return clips if found is None else [clip.with_(hold=found) for clip in clips]
+
+
+def _question(document: "DiagnosisDocument", names: tuple[str, ...], clip: Path, columns: str | None) -> "Question":
+    """What a diagnosis of a clip left open; ``names``, where given, are asked about instead."""
+    from dataclasses import replace
+
     question = _asked(document, _model_of(document, clip, columns))
     return replace(question, names=names) if names else question
 

@@ -17,7 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitters.components import marginal
-from fitters.ode import FitRequest
+from fitters.ode import FitRequest, solve
+from fitters.ode.weak_fit import is_observed, weak_fit
 from iris_sysid.diagnosis.evidence import best_first
 from iris_sysid.diagnosis.fit_cache import FitCache
 from iris_sysid.diagnosis.kept_component import kept_effects
@@ -33,6 +34,7 @@ from iris_sysid.diagnosis.stepwise_search import StepwiseSearch
 from iris_sysid.diagnosis.time_budget import STOPPED, TimeBudget
 from iris_sysid.errors import FitError
 from iris_sysid.registry import EFFECTS, MODELS
+from iris_sysid.trajectory.smoothing import smooth
 from iris_sysid.types import (
     ComponentKind,
     Components,
@@ -120,9 +122,9 @@ def diagnose(
     budget = TimeBudget(seconds, progress or (lambda text: None))
     model, tested = MODELS.resolved(model), EFFECTS.all_resolved(EFFECTS if effects is None else effects)
     given = [trajectories] if isinstance(trajectories, Trajectory) else trajectories
-    measured = [model.taken_from(clip)[0] for clip in given]
+    measured = [_smoothed(model.taken_from(clip)[0], model) for clip in given]
     requests = [FitRequest.stated(clip, model, dict(fixed or {}), free) for clip in measured]
-    fitted = [with_free_geometry(request) for request in requests]
+    fitted = [_with_run(*with_free_geometry(request)) for request in requests]
     clips = [request for request, _ in fitted]
     base = _base(clips, tuple(fit for _, fit in fitted))
     library = EffectLibrary(tested, model, measured)
@@ -153,6 +155,25 @@ def diagnose(
     budget.end()
     answer = answer or _of_open(cache, world, judgement)
     return _diagnosis(cache, answer.with_kept(cache, kept), components, stopped)
+
+
+def _smoothed(clip: Trajectory, model: OdeModel) -> Trajectory:
+    """The clip, smoothed where an input drives the motion: its equation is then fitted in weak form as well."""
+    needed = bool(model.inputs) and is_observed(model) and clip.smoothed is None and clip.valid.any()
+    return smooth(clip) if needed else clip
+
+
+def _with_run(request: FitRequest, fitted: FitResult) -> tuple[FitRequest, FitResult]:
+    """A request and its fit; where a driven model cannot follow the data, the free run with the values in weak form.
+
+    A drive without its friction, for one, fits best with a mass so large that nothing moves.
+    """
+    found = weak_fit(request) if request.model.inputs and not fitted.usable else None
+    if found is None:
+        return request, fitted
+    own = {name: found.values[name] for name in found.stderr}
+    start = {name: found.values[name] for name in request.model.initial_names}
+    return request, solve(request.with_(fixed={**own, **request.fixed}, free=()).from_near(start))
 
 
 def _complete_start(cache: FitCache, world: OpenWorld, judged: ModelWithEffects) -> ModelWithEffects | None:
@@ -289,7 +310,10 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
     order = {effect.name: k for k, effect in enumerate(judgement.model.effects)}
     final = replace(final, effects=tuple(sorted(final.effects, key=lambda effect: order[effect.name])))
     finals = tuple(
-        _in_open_world(world, judgement.model, fitted, k, cache.clips[k]) for k, fitted in enumerate(final.fits)
+        _in_weak_form(cache.clips[k], fitted, judgement.weak[k])
+        if judgement.weak
+        else _in_open_world(world, judgement.model, fitted, k, cache.clips[k])
+        for k, fitted in enumerate(final.fits)
     )
     model = replace(final, fits=finals)
     findings = tuple(
@@ -301,7 +325,7 @@ def _of_open(cache: FitCache, world: OpenWorld, judgement: Judgement) -> _Answer
     return _Answer(
         world,
         judgement.model,
-        (cache.base, final) if final.effects else (cache.base,),
+        (cache.base, model if judgement.weak else final) if final.effects else (cache.base,),
         finals,
         added,
         tuple(effect for effect in final.effects if effect not in added),
@@ -330,6 +354,22 @@ def _with_all_samples(cache: FitCache, judged: ModelWithEffects) -> ModelWithEff
         if effect.is_placed and final.usable:
             final = cache.with_added(final, cache.screening(final).single(effect.name))
     return final if final.usable else cache.base
+
+
+def _in_weak_form(clip: FitRequest, fitted: FitResult, values: Mapping[str, tuple[float, float]]) -> FitResult:
+    """The free run with the values of the weak form and their errors as a prior.
+
+    What is missing of a force errs each window by itself, but adds up in a free run: that knows far less of most
+    values, and its weight is what its correlated residual is worth. As both are of one record, errors are a little
+    small.
+    """
+    known = {
+        name: replace(fitted.estimates[name], value=value, stderr=error, ci95=None)
+        for name, (value, error) in values.items()
+    }
+    start = {name: fitted.estimates[name].value for name in fitted.model.initial_names}
+    run = solve(clip.with_(model=fitted.model, fixed={**clip.fixed, **known}, free=[*known]).from_near(start))
+    return run if run.usable else fitted
 
 
 def _in_open_world(

@@ -21,6 +21,7 @@ from iris_sysid.diagnosis.refit import (
     with_free_form,
 )
 from iris_sysid.diagnosis.screening import Candidate, Screening
+from iris_sysid.diagnosis.weak_ranking import WeakRanking
 from iris_sysid.types import Array, Effect, FitResult, OdeModel
 
 REFITTED = 4  # best candidates that are refitted in each round
@@ -60,6 +61,7 @@ class FitCache:
     ) -> None:
         self.clips, self.library, self.base, self.report = clips, library, base, report
         self._model, self._holdout = model, holdout
+        self.weak = WeakRanking(clips, model, library)
         self._models: dict[frozenset[str], ModelWithEffects] = {base.key: base}
         self._screenings: dict[frozenset[str], Screening] = {}
         self._errors: dict[frozenset[str], float] = {}

@@ -47,12 +47,14 @@ LOCATED_SHARE = 0.05  # of the residual's variance from which a component withou
 class Judgement:
     """The model in the end, what is said of each of its effects, and the rivals of each.
 
-    ``rivals`` holds, by effect, the probability of it and of those that predict as well.
+    ``rivals`` holds, by effect, the probability of it and of those that predict as well. ``weak`` holds, one a clip
+    and by name, the values in weak form and their standard errors where that form decided; else it is empty.
     """
 
     model: ModelWithEffects
     findings: tuple[Finding, ...]
     rivals: dict[str, dict[str, float]]
+    weak: tuple[Mapping[str, tuple[float, float]], ...] = ()
 
 
 class OpenWorld:
@@ -113,6 +115,9 @@ class OpenWorld:
         """Search for the effects that predict, and say what each is."""
         if not self.testable:
             return Judgement(self._cache.base, (), {})
+        driven = self._in_weak_form()
+        if driven is not None:
+            return driven
         current = self._with_nuisances(self._in_one(self._pruned(self._with_formulas())))
         rivals = {
             effect.name: with_others(self._rivals(current, effect), self.as_good_alone(current, effect, sure=False))
@@ -120,6 +125,18 @@ class OpenWorld:
         }
         findings = [self._finding(current, effect, tuple(rivals[effect.name])) for effect in current.effects]
         return Judgement(current, self.surviving(current, findings), rivals)
+
+    def _in_weak_form(self) -> Judgement | None:
+        """What the weak form of a driven motion says, whose free run is far off; None where it says nothing."""
+        found = self._cache.weak.best(self._cache.base, MAX_EFFECTS)
+        if found is None or not found.effects:
+            return None
+        model = self._cache.with_added(self._cache.base, self._cache.weak.candidate(found))
+        if not self.allows(model):
+            return None
+        judged = {effect.name: self._cache.weak.judged(found, effect) for effect in found.effects}
+        findings = tuple(_weak_finding(effect, *judged[effect.name]) for effect in found.effects)
+        return Judgement(model, findings, {name: odds for name, (_, odds) in judged.items()}, found.estimates)
 
     def so_far(self) -> Judgement:
         """What a search that was stopped has reached: in the fit, without a name, as rivals were not tried."""
@@ -627,6 +644,15 @@ def starts_of(model: ModelWithEffects, effects: Sequence[Effect]) -> tuple[Start
         }
         for fitted in model.fits
     )
+
+
+def _weak_finding(effect: Effect, share: float, odds: Mapping[str, float]) -> Finding:
+    names = (effect.name, *(name for name in odds if name != effect.name))
+    if not share >= NAMED_SHARE:
+        return Finding("located", effect.component, names, share, "it is a small part of the residual")
+    if len(names) > 1:
+        return Finding("group", effect.component, names, share, "each explains the force in short windows as well")
+    return Finding("named", effect.component, names, share)
 
 
 def _absorbing(effect: Effect, share: float) -> Finding:

@@ -13,6 +13,7 @@ from fitters.image_effects import view_of
 from fitters.noise.sandwich_covariance import inverse_normal
 from fitters.ode import FitRequest, solve
 from fitters.ode.simulation import predicted_by
+from fitters.ode.weak_fit import weak_fit
 from iris_sysid.diagnosis.measurement_errors import observed_columns, unit_noise
 from iris_sysid.diagnosis.score_test import common_size
 from iris_sysid.errors import FitError
@@ -223,9 +224,9 @@ def _refitted(
     clip: FitRequest, fitted: FitResult, start: Starts, unit: Array, model: OdeModel, effects: Sequence[Effect]
 ) -> FitResult:
     """One clip's fit; an effect whose shape is chosen and not fitted gets the best shape near its starting shape."""
-    values = _no_worse(clip, fitted, start, unit, model, effects)
+    values, weak = _nearest_start(clip, fitted, start, unit, model, effects)
     best = _fit_from(clip, values, fitted.free, model, effects)
-    if len(effects) == 1 and best.usable:
+    if len(effects) == 1 and best.usable and not weak:
         misfit = _misfit(clip, best, unit)
         if misfit > FAR_OFF**2 * best.n * len(best.rms):
             grown = _fit_from(clip, values, fitted.free, model, effects, growing=True)
@@ -244,6 +245,37 @@ def _refitted(
     return best
 
 
+def _nearest_start(
+    clip: FitRequest, fitted: FitResult, start: Starts, unit: Array, model: OdeModel, effects: Sequence[Effect]
+) -> tuple[dict[str, float], bool]:
+    """Of the present values and those of the weak form the ones whose free run is nearer; whether there were both."""
+    values = _no_worse(clip, fitted, start, unit, model, effects)
+    composed = composed_model(clip, values, model, effects)
+    request = weak_request(clip, composed, values)
+    found = weak_fit(request) if composed.inputs else None
+    if found is None:
+        return values, False
+    whole = replace(fitted, model=composed)
+    nearer = _misfit(clip, whole, unit, found.values) < _misfit(clip, whole, unit, request.start)
+    return (dict(found.values) if nearer else values), True
+
+
+def weak_request(clip: FitRequest, composed: OdeModel, values: Mapping[str, float]) -> FitRequest:
+    """The request to fit a model with effects, in place of the one of a clip, from these values.
+
+    Parameters
+    ----------
+    clip
+        What is known of it is held.
+    composed
+        The model with effects.
+    values
+        By name; those that the model has not are left out.
+    """
+    names = {parameter.name for parameter in composed.parameters} | set(composed.initial_names)
+    return clip.with_(model=composed, start={name: value for name, value in values.items() if name in names})
+
+
 def _no_worse(
     clip: FitRequest, fitted: FitResult, start: Starts, unit: Array, model: OdeModel, effects: Sequence[Effect]
 ) -> dict[str, float]:
@@ -255,7 +287,7 @@ def _no_worse(
     sizes = [effect.parameters[0].name for effect in effects if effect.name in start]
     if not sizes:
         return values
-    whole = replace(fitted, model=_composed(clip, values, model, effects))
+    whole = replace(fitted, model=composed_model(clip, values, model, effects))
     without = _misfit(clip, whole, unit, {**values, **dict.fromkeys(sizes, 0.0)})
     for _ in range(MAX_HALVINGS):
         if _misfit(clip, whole, unit, values) <= without:
@@ -264,7 +296,20 @@ def _no_worse(
     return values
 
 
-def _composed(clip: FitRequest, values: Mapping[str, float], model: OdeModel, effects: Sequence[Effect]) -> OdeModel:
+def composed_model(
+    clip: FitRequest, values: Mapping[str, float], model: OdeModel, effects: Sequence[Effect]
+) -> OdeModel:
+    """The model with effects, in the shapes that ``values`` give them by name.
+
+    Parameters
+    ----------
+    clip
+        Its view of the motion is that of effects of the camera.
+    values
+        Of the effects' parameters.
+    model, effects
+        What is composed.
+    """
     composed = model
     for effect in effects:
         variant = shaped(effect, [values[parameter.name] for parameter in effect.parameters[1:]])
@@ -285,7 +330,7 @@ def _fit_from(
 
     ``growing`` fits the first samples first: slower, and it finds a minimum that is farther away.
     """
-    composed = _composed(clip, values, model, effects)
+    composed = composed_model(clip, values, model, effects)
     free_now = {parameter.name for parameter in composed.parameters if not parameter.constant} | {*free, *clip.free}
     names = {parameter.name for parameter in composed.parameters} | set(composed.initial_names)
     held = {*clip.fixed} - {*clip.free}  # a name in both has a prior

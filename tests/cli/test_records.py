@@ -109,6 +109,26 @@ def test_sample_time_is_an_option_of_the_commands(folder):
     assert float(re.search(r"^k\s+([\d.]+)", said, re.MULTILINE)[1]) == pytest.approx(2.0, rel=0.02)
 
 
+@pytest.mark.slow
+def test_discover_and_plan_take_bare_tables_and_the_hold(folder):
+    u, w = motor(0)
+    rows = "\n".join(f"{float(a)!r},{float(b)!r}" for a, b in zip(u, w, strict=True))
+    (folder / "even.csv").write_text(f"u_V,w_rad\n{rows}\n")
+    said = output_of("iris-sysid discover even.csv --sample-time 100ms -o found.json")
+    assert "inputs between samples: held" in said
+    held = output_of("iris-sysid discover even.csv --sample-time 100ms --hold zero -o held.json")
+    assert "inputs between samples" not in held
+    found, stated = (json.loads((folder / name).read_text()) for name in ("found.json", "held.json"))
+    assert found["equations"] == stated["equations"]
+    equation = f'--equation "{MODEL}"'
+    output_of(f"iris-sysid diagnose even.csv --sample-time 100ms --hold zero {equation} -o diagnosis")
+    told = [
+        output_of(f"iris-sysid plan diagnosis even.csv --sample-time 100ms --name input-delay {end}")
+        for end in ("--name nothing", "--name nothing --hold zero", "--name nothing --hold linear")
+    ]
+    assert told[0] == told[1] != told[2]
+
+
 def test_structures_and_a_sampling_rate_of_a_mat_file_are_read(folder):
     u, w = motor(0)
     savemat("nested.mat", {"data": {"u": u, "y": w, "fs": 10.0}})

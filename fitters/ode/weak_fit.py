@@ -1,0 +1,231 @@
+"""Fit a model in weak form: nothing is integrated, so a poor or unstable free run is no obstacle.
+
+Both sides of y'' = f(t, y, y', u; p), or of y' = f for states of first order, are multiplied by a bump on a window and
+integrated; by parts, the derivatives of the data go over to the bump (Messenger and Bortz 2021, Multiscale Model.
+Simul. 19, 1474). The right side is evaluated along the smoothed motion. What the equation lacks errs each window by
+itself, where a free run adds it up: the values are good starts for one, and effects can be ranked, even where the free
+run of the model without them leaves the data at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.sparse import csr_array
+
+from fitters.integrator.initial_value_problem import InitialValueProblem, value_names
+from fitters.ode.fit_problem import Task, guesses, starting_values
+from fitters.ode.request import FitRequest
+from fitters.ode.single_clip import NoMinimumError, task_of
+from fitters.starting_values import bump
+from iris_sysid.types import Array, OdeModel, Smoothed
+
+SHORTEST, LONGEST = 6.0, 0.05  # half a window: least number of samples in it, and largest share of the record
+GROWTH = 1.5  # of half a window, until the noise is negligible in it
+NOISE_SHARE = 0.1  # of the left side's size, up to which noise is negligible: a hundredth of its variance
+EVALUATIONS = 50
+BLOCKS = 20  # of windows, by which errors are judged
+LARGEST = 1e6  # of a residual, in standard deviations of the left side
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class WeakFit:
+    """Values of a model in weak form.
+
+    ``values`` by name, initial states among them, and ``stderr`` of those fitted, each in its own unit; ``residual``
+    (w, q) of w windows and q equations, in standard deviations of the left side, and ``left_out`` (w, q) the same by a
+    fit without each of BLOCKS blocks of windows, to first order. Standard errors are those of BLOCKS of
+    windows (sandwich estimator, clustered: Cameron and Miller 2015, J. Human Resources 50, 317, eq. 11): what the
+    equation lacks lasts longer than a window.
+    """
+
+    values: Mapping[str, float]
+    stderr: Mapping[str, float]
+    residual: Array
+    left_out: Array
+
+    @property
+    def squares(self) -> float:
+        """Sum of squares of the residual."""
+        return float(np.sum(self.residual**2))
+
+    def block_squares(self) -> tuple[Array, Array]:
+        """Mean square of each block of windows that is left out (b,), and the windows of each (b,)."""
+        parts = np.array_split(self.left_out, BLOCKS)
+        return np.array([np.mean(part**2) for part in parts]), np.array([len(part) for part in parts])
+
+
+def weak_fit(request: FitRequest) -> WeakFit | None:
+    """Fit a request in weak form, along the smoothed motion of its trajectory.
+
+    Parameters
+    ----------
+    request
+        Its ``start`` goes before the model's guess. The trajectory must be smoothed.
+
+    Returns
+    -------
+    WeakFit or None
+        None where the form does not apply: states that are not observed, events, effects on the reading, no smoothed
+        motion, or too few samples.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from fitters.ode import FitRequest
+    >>> from fitters.ode.weak_fit import weak_fit
+    >>> from iris_sysid import Quantity, Trajectory, model_from_equation, simulate, smooth
+    >>> fall, t_s = model_from_equation("z'' = -g - c*z'"), np.arange(600) / 100
+    >>> z = simulate(fall, t_s, {"g": 9.81, "c": 0.5, "z_0": 0.0, "z_rate_0": 5.0}).observed
+    >>> clip = smooth(Trajectory(t_s, fall.observed, z, np.full_like(z, np.nan), np.ones(600, bool)))
+    >>> values = weak_fit(FitRequest(clip, fall, start={"g": 5.0, "c": 0.0})).values
+    >>> f"{values['g']:.2f} {values['c']:.2f}"
+    '9.81 0.50'
+    """
+    smoothed = request.trajectory.smoothed
+    if smoothed is None or not is_observed(request.model):
+        return None
+    try:
+        task = task_of(request)
+    except NoMinimumError:
+        return None
+    form = _WeakForm.of(task, smoothed)
+    return None if form is None else form.fitted(request.start)
+
+
+def is_observed(model: OdeModel) -> bool:
+    """Whether the weak form applies to a model: every state is observed, or is the velocity of one that is."""
+    names = {quantity.name for quantity in model.observed}
+    positions = {state.name for state in model.states[: model.degrees_of_freedom]}
+    return model.observe is None and model.warp is None and not model.events and positions <= names
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _WeakForm:
+    """The smoothed ``states`` (n, s), the ``left`` side (w, q), and the ``windows`` (w, n) that average the right.
+
+    The inputs of ``problem`` are those at the samples: of one that is held, the mean of before and after.
+    """
+
+    task: Task
+    problem: InitialValueProblem
+    states: Array
+    left: Array
+    windows: csr_array
+
+    @classmethod
+    def of(cls, task: Task, smoothed: Smoothed) -> _WeakForm | None:
+        model, span = task.model, task.selection.span
+        names = [quantity.name for quantity in model.observed]
+        which = [names.index(state.name) for state in model.states[: model.degrees_of_freedom]]
+        columns = [task.trajectory.column(names[k]) for k in which]
+        position, velocity = smoothed.position[span][:, columns], smoothed.velocity[span][:, columns]
+        if not (np.isfinite(position).all() and np.isfinite(velocity).all()):
+            return None
+        values = np.where(task.target.used[:, None], task.target.observed[:, which], position)
+        states = np.hstack([position, velocity]) if model.second_order else position
+        t_s, order = task.problem.t_s, 2 if model.second_order else 1
+        half_s, longest_s = SHORTEST * float(np.median(np.diff(t_s))), LONGEST * float(t_s[-1] - t_s[0])
+        while half_s <= longest_s:
+            mean, derivative = _windows(t_s, half_s, order)
+            left = derivative @ values
+            noise = np.sqrt(np.asarray((derivative.power(2)).sum(axis=1)).mean()) * task.noise[which]
+            if left.shape[0] > 2 * max(len(task.free), BLOCKS) and np.all(noise <= NOISE_SHARE * np.std(left, axis=0)):
+                return cls(task, _at_samples(task.problem), np.ascontiguousarray(states), left, mean)
+            half_s *= GROWTH
+        return None
+
+    def residual(self, params: Array) -> Array:
+        """Residual (w, q) of the parameters (p,), in units of the left side."""
+        with np.errstate(all="ignore"):
+            slopes = self.problem.slopes(self.states, params)[:, -self.left.shape[1] :]
+            return np.asarray(self.left - self.windows @ slopes)
+
+    def fitted(self, start: Mapping[str, float]) -> WeakFit:
+        """Least squares from a start, which goes before the model's guess."""
+        task, names = self.task, value_names(self.task.model)
+        vector = next(starting_values(task, start, guesses(task, start)))
+        vector[len(task.model.parameters) :] = [
+            task.known[name].value if name in task.known else value
+            for name, value in zip(task.model.initial_names, self.states[0].tolist(), strict=True)
+        ]
+        free = [k for k, name in enumerate(task.unknowns.names) if name not in task.model.initial_names]
+        which, size = task.unknowns.which[free], np.std(self.left, axis=0)
+
+        def flat(now: Array) -> Array:
+            params = vector[: len(task.model.parameters)].copy()
+            params[which] = now
+            return np.clip(np.nan_to_num(self.residual(params) / size, nan=LARGEST), -LARGEST, LARGEST).ravel()
+
+        errors: dict[str, float] = {}
+        jacobian = np.zeros((self.left.size, 0))
+        if which.size:
+            bounds = task.unknowns.lower[free], task.unknowns.upper[free]
+            inside = task.unknowns.inside(vector)[which]
+            found = least_squares(flat, inside, bounds=bounds, x_scale="jac", max_nfev=EVALUATIONS)
+            slopes = np.asarray(found.jac, dtype=np.float64)
+            vector[which], jacobian = found.x, slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300)
+            errors = dict(zip([task.unknowns.names[k] for k in free], _errors(slopes, found.fun), strict=True))
+        residual = flat(vector[which]).reshape(self.left.shape)
+        left_out = _left_out(jacobian.reshape(*self.left.shape, -1), residual)
+        return WeakFit(dict(zip(names, vector.tolist(), strict=True)), errors, residual, left_out)
+
+
+def _left_out(jacobian: Array, residual: Array) -> Array:
+    """Residual (w, q) of each block of windows by a fit without it, to first order in the values: (1 - H)^-1 r."""
+    flat = jacobian.reshape(residual.size, -1)
+    inverse = np.linalg.pinv(flat.T @ flat)
+    parts = []
+    for rows, values in zip(np.array_split(jacobian, BLOCKS), np.array_split(residual, BLOCKS), strict=True):
+        block = rows.reshape(values.size, -1)
+        hat = block @ inverse @ block.T
+        parts.append(np.linalg.lstsq(np.eye(values.size) - hat, values.ravel(), rcond=None)[0].reshape(values.shape))
+    return np.concatenate(parts)
+
+
+def _errors(jacobian: Array, residual: Array) -> list[float]:
+    """Standard errors (k,) that allow for any correlation of the residual within a block."""
+    scale = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale))
+    parts = zip(np.array_split(jacobian / scale, BLOCKS), np.array_split(residual, BLOCKS), strict=True)
+    sums = np.array([rows.T @ values for rows, values in parts])
+    covariance = inverse @ (sums.T @ sums) @ inverse * BLOCKS / (BLOCKS - 1)
+    return [float(error) for error in np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale]
+
+
+def _at_samples(problem: InitialValueProblem) -> InitialValueProblem:
+    if problem.hold == "linear" or not problem.inputs.size:
+        return problem
+    before = np.concatenate([problem.inputs[:1], problem.inputs[:-1]])
+    return replace(problem, inputs=np.ascontiguousarray((before + problem.inputs) / 2))
+
+
+def _windows(t_s: Array, half_s: float, order: int) -> tuple[csr_array, csr_array]:
+    """Weights (w, n) of the mean over each window, and those of the derivative of that order; half a window apart.
+
+    Those of the derivative are exact for polynomials of that order, as the integrals are, whatever the sampling.
+    """
+    centres_s = np.arange(t_s[0] + half_s, t_s[-1] - half_s, half_s)
+    firsts, lasts = np.searchsorted(t_s, [centres_s - half_s, centres_s + half_s])
+    counts = lasts - firsts
+    rows = np.repeat(np.arange(centres_s.size), counts)
+    columns = np.arange(rows.size) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(firsts, counts)
+    u = (t_s[columns] - centres_s[rows]) / half_s
+    value, slope, curve = bump(u, 1.0) * np.gradient(t_s)[columns]  # the trapezoidal rule; the bump is zero at the ends
+
+    def total(each: Array) -> Array:
+        return np.asarray(np.bincount(rows, each, minlength=centres_s.size), dtype=np.float64)
+
+    moments = np.array([total(value * u**k) for k in range(2 * order)])
+    gram = np.moveaxis(moments[np.add.outer(np.arange(order), np.arange(order))], 2, 0)
+    derivative = curve if order == 2 else -slope
+    wrong = np.stack([total(derivative * u**k) for k in range(order)], axis=1)
+    taken = np.linalg.solve(gram, wrong[:, :, None])[:, :, 0]
+    derivative = derivative - value * sum(taken[rows, k] * u**k for k in range(order))
+    scale = total(derivative * u**order) * half_s**order / order
+    shape = centres_s.size, t_s.size
+    mean = csr_array((value / moments[0][rows], (rows, columns)), shape=shape)
+    return mean, csr_array((derivative / scale[rows], (rows, columns)), shape=shape)

@@ -1,0 +1,195 @@
+"""Sets of effects on a driven motion, ranked in weak form: without a free run, in milliseconds each.
+
+Where an input drives a body against what its equation lacks, the free run leaves the data, and neither its residual nor
+first-order tests along it tell what is missing. In weak form each window errs by itself (:mod:`fitters.ode.weak_fit`):
+effects are added one by one while they remove a good part of what remains. The free run of the sets that come out of it
+then decides, over blocks left out, as everywhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitters.ode import FitRequest
+from fitters.ode.weak_fit import WeakFit, is_observed, weak_fit
+from iris_sysid.diagnosis.evidence import DECISIVE
+from iris_sysid.diagnosis.held_out_blocks import BlockErrors, wins
+from iris_sysid.diagnosis.library import EffectLibrary
+from iris_sysid.diagnosis.refit import ModelWithEffects, Starts, composed_model, estimate_values, weak_request
+from iris_sysid.diagnosis.screening import Candidate
+from iris_sysid.types import Effect, OdeModel
+
+SMALLEST_SHARE = 0.03  # of the sum of squares that remains, which one more effect must remove
+NAMED_SHARE = 0.25  # the same for a name
+SURE = 0.9  # share of block bootstraps in which an effect must lessen the residual
+ALIKE = 1.2  # ratio of sums of squares up to which two sets explain the windows alike
+MAX_SHAPES = 12  # of an effect that are tried
+OVERLAP = 2.0  # windows are half a window apart: so many are one independent value
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class WeakSet:
+    """Effects and their weak fit to each clip."""
+
+    effects: tuple[Effect, ...]
+    fits: tuple[WeakFit, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects in the order in which they were added."""
+        return tuple(effect.name for effect in self.effects)
+
+    @property
+    def squares(self) -> float:
+        """Sum of squares of the residual in weak form."""
+        return sum(fit.squares for fit in self.fits)
+
+    @property
+    def free(self) -> int:
+        """Number of values fitted, in all clips."""
+        return sum(len(fit.stderr) for fit in self.fits)
+
+    @property
+    def cost(self) -> float:
+        """Bayesian information criterion of the windows."""
+        independent = sum(fit.residual.size for fit in self.fits) / OVERLAP
+        return float(independent * np.log(max(self.squares, 1e-300)) + self.free * np.log(max(independent, 2.0)))
+
+    @property
+    def starts(self) -> tuple[Starts, ...]:
+        """The sizes and shapes of the effects, one a clip."""
+        names = {effect.name: [parameter.name for parameter in effect.parameters] for effect in self.effects}
+        return tuple(
+            {name: (fit.values[own[0]], tuple(fit.values[each] for each in own[1:])) for name, own in names.items()}
+            for fit in self.fits
+        )
+
+    @property
+    def estimates(self) -> tuple[dict[str, tuple[float, float]], ...]:
+        """The fitted values and their standard errors by name, one a clip."""
+        return tuple({name: (fit.values[name], error) for name, error in fit.stderr.items()} for fit in self.fits)
+
+    def errors(self) -> BlockErrors:
+        """The mean squared residual of each block of windows by a fit without it."""
+        parts = [fit.block_squares() for fit in self.fits]
+        squares, counts = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return BlockErrors(squares, counts, float("nan"))
+
+    def share_over(self, shorter: WeakSet) -> float:
+        """The fraction of another set's squared residual over blocks left out that this one removes."""
+        return 1.0 - self.errors().mean / max(shorter.errors().mean, 1e-300)
+
+
+class WeakRanking:
+    """Effects of a library that act on the force or on the input of driven clips, ranked in weak form.
+
+    Parameters
+    ----------
+    clips
+        The fit requests, whose trajectories are smoothed.
+    model
+        The governing equation without effects.
+    library
+        The effects to test.
+    """
+
+    def __init__(self, clips: Sequence[FitRequest], model: OdeModel, library: EffectLibrary) -> None:
+        self._clips, self._model, self._library = clips, model, library
+        self._found: dict[frozenset[str], list[WeakSet]] = {}
+
+    def best(self, base: ModelWithEffects, most: int) -> WeakSet | None:
+        """The effects that each remove a good part of what remains; None where the weak form does not apply.
+
+        Parameters
+        ----------
+        base
+            The model without effects. Where its free run follows the data, that says more.
+        most
+            Largest number of effects.
+        """
+        smoothed = all(clip.trajectory.smoothed is not None for clip in self._clips)
+        if not (self._model.inputs and is_observed(self._model) and smoothed and base.far_off):
+            return None
+        best = self._of((), [estimate_values(fitted) for fitted in base.fits])
+        while best is not None and len(best.effects) < most:
+            longer = next(iter(self._longer(best)), None)
+            if longer is None or not _is_better(longer, best):
+                break
+            best = longer
+        return best
+
+    def judged(self, found: WeakSet, effect: Effect) -> tuple[float, dict[str, float]]:
+        """The share of the squares that an effect removes beside the others, and the odds of it and its rivals by name.
+
+        Parameters
+        ----------
+        found
+            The set.
+        effect
+            One of its effects.
+        """
+        others = [other for other in found.effects if other.name != effect.name]
+        rest = self._of(others, [fit.values for fit in found.fits])
+        if rest is None:
+            return float("nan"), {effect.name: 1.0}
+        alike = [
+            each
+            for each in self._longer(rest)
+            if each.names[-1] not in found.names
+            and each.squares <= ALIKE * found.squares
+            and (each.free <= found.free or each.cost < found.cost)
+        ]
+        odds = {effect.name: found, **{each.names[-1]: each for each in alike}}
+        return found.share_over(rest), wins({name: each.errors() for name, each in odds.items()})
+
+    def candidate(self, found: WeakSet) -> Candidate:
+        """The effects of a set, to be refitted."""
+        return Candidate(found.names, found.starts, 0.0, 1.0)
+
+    def _longer(self, current: WeakSet) -> list[WeakSet]:
+        """All sets with one more effect, each in its best shape and of a possible sign, best first."""
+        key = frozenset(current.names)
+        if key not in self._found:
+            others = [effect for effect in self._library.by_name.values() if _acts(effect) and effect.name not in key]
+            sets = [self._added(current, effect) for effect in others]
+            self._found[key] = sorted([each for each in sets if each is not None], key=lambda each: each.squares)
+        return self._found[key]
+
+    def _added(self, current: WeakSet, effect: Effect) -> WeakSet | None:
+        clip = self._clips[0].trajectory
+        valid = np.flatnonzero(clip.valid)
+        given = clip.inputs_at(clip.t_s[valid])
+        tested = clip.position[valid] if effect.drive is None or given is None else given
+        shapes = [()] if effect.trials is None else list(effect.trials(clip.t_s[valid], tested))[:MAX_SHAPES]
+        names = [parameter.name for parameter in effect.parameters]
+        sets = []
+        for shape in shapes:
+            chosen = shape or [parameter.default or 0.0 for parameter in effect.parameters[1:]]
+            begin = dict(zip(names, (0.0, *chosen), strict=True))
+            sets.append(self._of((*current.effects, effect), [{**fit.values, **begin} for fit in current.fits]))
+        fitted = [each for each in sets if each is not None and self._library.allows(self.candidate(each))]
+        return min(fitted, key=lambda each: each.squares, default=None)
+
+    def _of(self, effects: Sequence[Effect], starts: Sequence[Mapping[str, float]]) -> WeakSet | None:
+        fits: list[WeakFit] = []
+        for clip, start in zip(self._clips, starts, strict=True):
+            composed = composed_model(clip, start, self._model, effects)
+            found = weak_fit(weak_request(clip, composed, start))
+            if found is None:
+                return None
+            fits.append(found)
+        return WeakSet(tuple(effects), tuple(fits))
+
+
+def _acts(effect: Effect) -> bool:
+    """Whether an effect is a force or changes the input, and cannot imitate a piece of anything."""
+    return (effect.acceleration is not None or effect.drive is not None) and not effect.absorbs
+
+
+def _is_better(longer: WeakSet, current: WeakSet) -> bool:
+    """Whether one more effect removes enough, surely and in most block bootstraps."""
+    enough = longer.share_over(current) >= SMALLEST_SHARE and current.cost - longer.cost > DECISIVE
+    return enough and longer.errors().share_below(current.errors()) >= SURE
