@@ -98,10 +98,15 @@ def _largest(tracklets: list[Tracklet], options: TrackOptions) -> list[Tracklet]
     return with_fragments(chosen, [tracklet for tracklet in tracklets if not any(tracklet is body for body in chosen)])
 
 
+def _suits(video: FrameSource, options: TrackOptions, moving: bool) -> bool:
+    """Whether a colour is given."""
+    return options.colour is not None
+
+
 TRACKER = Tracker(
     name="colour",
     summary="bodies of one colour, also before a camera that moves, or at rest",
     track=track,
     example=TrackerExample(options=TrackOptions(colour="#b4b4b4")),
-    suits=lambda video, options, moving: options.colour is not None,
+    suits=_suits,
 )

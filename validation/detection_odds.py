@@ -26,10 +26,10 @@ from iris_sysid.errors import IrisError
 from iris_sysid.registry import DETECTORS
 from iris_sysid.types import Array, Detections, Frame, FrameSource, TrackOptions
 from trackers.detectors._weights import WEIGHTS
-from validation import pages
+from validation.pages import ROOT
 from validation.track_verdict import DRAWN, MADE_UP, RENDERED, Recording, recordings
 
-FILE = pages.ROOT / "trackers" / "detectors" / "_weights.py"
+FILE = ROOT / "trackers" / "detectors" / "_weights.py"
 RIDGE = 0.003  # on the weights, over the number of recordings
 LEAST_PX, OF_WIDTH = 6.0, 640.0  # a body smaller than this in an image so wide is met within this, px
 BINS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0)
@@ -159,7 +159,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--table", type=Path, help="read the detections instead of measuring them")
     parser.add_argument("--keep", type=Path, help="keep the detections in this table")
     parser.add_argument("--write", action="store_true", help=f"write the weights to {FILE.name}")
-    pages.add_option(parser)
     options = parser.parse_args(arguments)
     if options.table:
         rows = pd.read_csv(options.table)
@@ -169,8 +168,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             rows = pd.concat([part for one in recordings(Path(folder)) for part in measured(one)])
     if options.keep:
         rows.to_csv(options.keep, index=False)
-    with pages.table("detection-odds", options.write_docs):
-        print("\n".join(report(rows)))
+    print("\n".join(report(rows)))
     if options.write:
         FILE.write_text(written(rows), "utf-8")
 

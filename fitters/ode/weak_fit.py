@@ -1,4 +1,4 @@
-"""Fit a model in weak form: nothing is integrated, so a poor or unstable free run is no obstacle.
+"""Fit a model in weak form: nothing is integrated, so a poor or unstable free run does no harm.
 
 Both sides of y'' = f(t, y, y', u; p), or of y' = f for states of first order, are multiplied by a bump on a window and
 integrated; by parts, the derivatives of the data go over to the bump (Messenger and Bortz 2021, Multiscale Model.

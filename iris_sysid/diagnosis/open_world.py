@@ -39,7 +39,7 @@ ALIKE = 1.2  # ratio of squared errors over blocks up to which the more plausibl
 DISAGREES = 0.1  # factor on the odds of an effect of a kind that the components do not have
 MOSTLY = 0.75  # of the residual's squares that an effect explains, to be named beside one that imitates anything
 DOMINANT_SHARE = 0.85  # the same where the components do not say it
-AS_WELL = 0.9  # of what an effect explains: on a motion that never turns, one that explains so much is as good
+AS_WELL = 0.9  # of what an effect explains: on a motion that never turns, one that explains this share is as good
 LOCATED_SHARE = 0.05  # of the residual's variance from which a component without an effect is told
 
 

@@ -27,7 +27,7 @@ NAMED_SHARE = 0.25  # the same for a name
 SURE = 0.9  # share of block bootstraps in which an effect must lessen the residual
 ALIKE = 1.2  # ratio of sums of squares up to which two sets explain the windows alike
 MAX_SHAPES = 12  # of an effect that are tried
-OVERLAP = 2.0  # windows are half a window apart: so many are one independent value
+OVERLAP = 2.0  # windows that count as one independent value: they are half a window apart
 
 
 @dataclass(frozen=True, eq=False, slots=True)
