@@ -329,9 +329,14 @@ class OpenWorld:
         return [self._cache.with_added(self.base, each) for each in allowed]
 
     def is_decided(self, model: ModelWithEffects, effect: Effect, complete: Callable[[ModelWithEffects], bool]) -> bool:
-        """Whether a model explains the data to the noise without what only absorbs a part of the residual."""
+        """Whether a model explains the data to the noise without what only absorbs a part of the residual.
+
+        On a motion that never turns, the effect must do so alone: there two together imitate anything.
+        """
         kept = [
-            each for each in model.effects if each is effect or not each.absorbs or self._is_evident(model, each, True)
+            each
+            for each in model.effects
+            if each is effect or not (self._never_turns or (each.absorbs and not self._is_evident(model, each, True)))
         ]
         return complete(self._cache.with_effects(kept, starts_of(model, kept)))
 
