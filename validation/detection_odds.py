@@ -24,7 +24,8 @@ from scipy.special import expit
 
 from iris_sysid.errors import IrisError
 from iris_sysid.registry import DETECTORS
-from iris_sysid.types import Array, Detections, Frame, FrameSource, TrackOptions
+from iris_sysid.types import Array, Detections, Frame, TrackOptions
+from trackers._auto.sampled_once import SampledOnce
 from trackers.detectors._weights import WEIGHTS
 from validation.pages import ROOT
 from validation.track_verdict import DRAWN, MADE_UP, RENDERED, Recording, recordings
@@ -38,21 +39,10 @@ IN_VIEW = ("free", "held", "edge")
 
 
 @dataclass(eq=False)
-class MarkedFrames:
-    """The marked frames of a clip, kept in memory, and its samples."""
+class MarkedFrames(SampledOnce):
+    """A clip of which only the marked frames are read, from memory."""
 
-    video: FrameSource
-    kept: Sequence[Frame]
-
-    @property
-    def width(self) -> int:
-        """As that of the clip."""
-        return self.video.width
-
-    @property
-    def height(self) -> int:
-        """As that of the clip."""
-        return self.video.height
+    kept: Sequence[Frame] = ()
 
     @property
     def n_expected(self) -> int:
@@ -63,16 +53,12 @@ class MarkedFrames:
         """The marked frames."""
         return iter(self.kept)
 
-    def sample(self, count: int) -> list[Frame]:
-        """Frames spread over the whole clip."""
-        return self.video.sample(count)
-
 
 def measured(recording: Recording) -> Iterator[pd.DataFrame]:
     """The detections of every detector in the marked frames: evidence, and whether each is of a body."""
     marks, video = recording.marks(), recording.video()
     wanted = set(marks["frame"])
-    frames = MarkedFrames(video, [frame for frame in video.frames() if frame.index in wanted])
+    frames = MarkedFrames(video, kept=[frame for frame in video.frames() if frame.index in wanted])
     for name, detector in DETECTORS.items():
         try:
             found = detector.detect(frames, TrackOptions(bodies=recording.bodies))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -22,14 +22,15 @@ Columns = Annotated[
 SampleTime = Annotated[
     str | None, typer.Option("--sample-time", help="Sample time of a table without a column of times: 4s, 20ms.")
 ]
-InputHold = Annotated[
-    str,
-    typer.Option(
-        "--hold",
-        help="Inputs between samples: zero (held), linear, or auto (what fits better).",
-        autocompletion=_completion.values("auto", "zero", "linear"),
-    ),
-]
+
+
+def hold_option(auto: str) -> Any:
+    """The option ``--hold``; ``auto`` says what that choice takes."""
+    help_text = f"Inputs between samples: zero (held), linear, or auto ({auto})."
+    return typer.Option("--hold", help=help_text, autocompletion=_completion.values("auto", "zero", "linear"))
+
+
+InputHold = Annotated[str, hold_option("what fits better")]
 Validate = Annotated[
     str | None,
     typer.Option(help="Simulate this with the fitted model, not fit it: a table, or the last share of this one, 30%."),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from iris_sysid.cli import _completion, _terminal
-from iris_sysid.cli.arguments import TABLE, Columns, Force, Json, SampleTime, Settings
+from iris_sysid.cli.arguments import TABLE, Columns, Force, Json, SampleTime, Settings, hold_option
 
 if TYPE_CHECKING:
     from iris_sysid.diagnosis.planning.changes import SetUpChange
@@ -52,14 +52,7 @@ NoisePx = Annotated[float, typer.Option("--noise-px", help="Noise of a tracked p
 Precise = Annotated[
     list[str] | None, typer.Option("--precise", help="Say what a value needs to be known that well: gravity=0.1%.")
 ]
-InputHold = Annotated[
-    str,
-    typer.Option(
-        "--hold",
-        help="Inputs between samples: zero (held), linear, or auto (as in the diagnosis).",
-        autocompletion=_completion.values("auto", "zero", "linear"),
-    ),
-]
+InputHold = Annotated[str, hold_option("as in the diagnosis")]
 Folder = Annotated[Path | None, typer.Option("-o", "--output", help="Folder for plan.json and plan.png.")]
 
 

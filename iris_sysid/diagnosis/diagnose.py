@@ -281,7 +281,7 @@ def _of_complete(cache: FitCache, world: OpenWorld, path: Sequence[ModelWithEffe
         return None
     shares = {}
     for effect in final.effects:
-        decided = sure and world.is_decided(final, effect, lambda model: _residual_ratio(model, cache.base) <= COMPLETE)
+        decided = sure and _residual_ratio(world.without_absorbing(final, effect), cache.base) <= COMPLETE
         shares[effect.name] = with_others(report.probabilities(effect), world.as_good_alone(final, effect, decided))
     rivals = {name: [other for other in names if other != name] for name, names in shares.items()}
     findings = world.of_complete(final, rivals, sure)

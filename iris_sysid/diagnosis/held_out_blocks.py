@@ -24,6 +24,9 @@ FEW_BLOCKS = 4  # the same where there are several clips, or a driven motion, wh
 SAMPLES_A_VALUE = 2  # samples per free value that a fit needs after a block is left out
 MIN_FITS = 3  # without a block, whose scatter tells an error
 DRAWS = 2000  # of blocks with replacement
+SMALLEST_SHARE = 0.03  # of a sum of squares, that an effect must remove to be kept
+SURE = 0.9  # share of block bootstraps in which it must improve the prediction
+ALIKE = 1.2  # ratio of squared errors over blocks, up to which two models explain them alike
 SEED = 0
 
 

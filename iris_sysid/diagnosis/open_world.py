@@ -9,13 +9,21 @@ imitate a piece of anything (a force of any frequency, a blow at any moment) is 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from iris_sysid.diagnosis.fit_cache import FitCache
-from iris_sysid.diagnosis.held_out_blocks import BlockErrors, every_block, held_out_errors, wins
+from iris_sysid.diagnosis.held_out_blocks import (
+    ALIKE,
+    SMALLEST_SHARE,
+    SURE,
+    BlockErrors,
+    every_block,
+    held_out_errors,
+    wins,
+)
 from iris_sysid.diagnosis.linearised_blocks import linearised_errors
 from iris_sysid.diagnosis.measurement_errors import is_resolved
 from iris_sysid.diagnosis.refit import ModelWithEffects, Starts, fitted_forms, forms
@@ -27,15 +35,12 @@ from iris_sysid.types import Component, Components, Effect, Finding
 MAX_EFFECTS = 3  # that are kept
 AT_ONCE = 2  # effects that are tried together
 TRIED = 4  # best sets that are refitted in each round
-SURE = 0.9  # share of block bootstraps in which an effect must improve the prediction
 WINS = 0.8  # share of block bootstraps in which a named effect must predict better than a rival
 EVEN = 0.5  # the same against a rival that can imitate anything
 RIVALS = 3  # of an effect that are refitted
-SMALLEST_SHARE = 0.03  # of the residual's variance that an effect must remove
 NAMED_SHARE = 0.25  # of the squared error over blocks left out that a named effect removes, others being in the model
 ABSORBED_SHARE = 0.5  # the same of what can imitate a piece of anything
 EVIDENT_SHARE = 0.2  # of what all effects remove, that one must remove which can imitate anything
-ALIKE = 1.2  # ratio of squared errors over blocks up to which the more plausible of two models is taken
 DISAGREES = 0.1  # factor on the odds of an effect of a kind that the components do not have
 MOSTLY = 0.75  # of the residual's squares that an effect explains, to be named beside one that imitates anything
 DOMINANT_SHARE = 0.85  # the same where the components do not say it
@@ -328,17 +333,17 @@ class OpenWorld:
         allowed = [each for each in candidates if self._cache.library.allows(each)]
         return [self._cache.with_added(self.base, each) for each in allowed]
 
-    def is_decided(self, model: ModelWithEffects, effect: Effect, complete: Callable[[ModelWithEffects], bool]) -> bool:
-        """Whether a model explains the data to the noise without what only absorbs a part of the residual.
+    def without_absorbing(self, model: ModelWithEffects, effect: Effect) -> ModelWithEffects:
+        """A model without what only absorbs a part of the residual: it must explain the data for a name of ``effect``.
 
-        On a motion that never turns, the effect must do so alone: there two together imitate anything.
+        On a motion that never turns, that is the effect alone: there two together imitate anything.
         """
         kept = [
             each
             for each in model.effects
             if each is effect or not (self._never_turns or (each.absorbs and not self._is_evident(model, each, True)))
         ]
-        return complete(self._cache.with_effects(kept, starts_of(model, kept)))
+        return self._cache.with_effects(kept, starts_of(model, kept))
 
     # the search ------------------------------------------------------------------------------------------------------
 
@@ -376,8 +381,10 @@ class OpenWorld:
 
     def _may_be_freed(self, current: ModelWithEffects, effect: Effect) -> bool:
         """Whether an effect has a form that is not fitted, and was not found in another one near that already."""
-        if not _has_form(effect) or effect.nearby is None:
-            return _has_form(effect)
+        if not forms(effect) or fitted_forms(effect):
+            return False
+        if effect.nearby is None:
+            return True
         first = self._cache.screening(self.base).scores_of(effect.name)
         found = [start[effect.name][1] for start in starts_of(current, [effect])]
         return all(np.allclose(shape, score.shape) for shape, score in zip(found, first, strict=True))
@@ -614,10 +621,6 @@ def _is_surely_better(model: ModelWithEffects, errors: BlockErrors, before: Bloc
     """Whether errors are smaller than those before in most bootstraps, and no size changes its sign without a block."""
     steady = all(errors.is_steady(effect.parameters[0].name) for effect in model.effects)
     return steady and errors.share_below(before) >= SURE
-
-
-def _has_form(effect: Effect) -> bool:
-    return bool(forms(effect)) and not fitted_forms(effect)
 
 
 def _removed_share(before: ModelWithEffects, after: ModelWithEffects) -> float:

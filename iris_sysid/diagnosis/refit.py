@@ -250,9 +250,11 @@ def _nearest_start(
 ) -> tuple[dict[str, float], bool]:
     """Of the present values and those of the weak form the ones whose free run is nearer; whether there were both."""
     values = _no_worse(clip, fitted, start, unit, model, effects)
+    if not model.inputs:
+        return values, False
     composed = composed_model(clip, values, model, effects)
     request = weak_request(clip, composed, values)
-    found = weak_fit(request) if composed.inputs else None
+    found = weak_fit(request)
     if found is None:
         return values, False
     whole = replace(fitted, model=composed)

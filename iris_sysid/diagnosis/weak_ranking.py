@@ -16,16 +16,12 @@ import numpy as np
 from fitters.ode import FitRequest
 from fitters.ode.weak_fit import WeakFit, is_observed, weak_fit
 from iris_sysid.diagnosis.evidence import DECISIVE
-from iris_sysid.diagnosis.held_out_blocks import BlockErrors, wins
+from iris_sysid.diagnosis.held_out_blocks import ALIKE, SMALLEST_SHARE, SURE, BlockErrors, wins
 from iris_sysid.diagnosis.library import EffectLibrary
 from iris_sysid.diagnosis.refit import ModelWithEffects, Starts, composed_model, estimate_values, weak_request
 from iris_sysid.diagnosis.screening import Candidate
 from iris_sysid.types import Effect, OdeModel
 
-SMALLEST_SHARE = 0.03  # of the sum of squares that remains, which one more effect must remove
-NAMED_SHARE = 0.25  # the same for a name
-SURE = 0.9  # share of block bootstraps in which an effect must lessen the residual
-ALIKE = 1.2  # ratio of sums of squares up to which two sets explain the windows alike
 MAX_SHAPES = 12  # of an effect that are tried
 OVERLAP = 2.0  # windows that count as one independent value: they are half a window apart
 

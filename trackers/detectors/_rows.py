@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from iris_sysid.errors import TrackingError
 from iris_sysid.types import Array, Detections
 from trackers.detectors._weights import INTERCEPTS, WEIGHTS
 
@@ -31,11 +32,6 @@ class DetectionRows:
         """Of the image, px."""
         return float(np.hypot(*self.size))
 
-    @property
-    def frames_seen(self) -> int:
-        """Number of frames so far."""
-        return len(self._frames)
-
     def begin(self, number: int, t_s: float) -> None:
         """The next frame, in which all detections are that are added."""
         self._frames.append((number, t_s))
@@ -48,7 +44,15 @@ class DetectionRows:
         self._evidence.append(evidence)
 
     def detections(self) -> Detections:
-        """All that was found."""
+        """All that was found.
+
+        Raises
+        ------
+        TrackingError
+            When there was no frame.
+        """
+        if not self._frames:
+            raise TrackingError("the clip gave no frames; is the part between --start and --stop empty?")
         rows = np.array(self._rows, dtype=np.float64).reshape(len(self._rows), 4)
         evidence = {
             name: np.array([found[name] for found in self._evidence], dtype=np.float64)
