@@ -5,11 +5,11 @@ import os
 import pytest
 
 from iris_sysid.benchmark.dataset import benchmark_classes, list_clips
-from iris_sysid.benchmark.sources.folder import PARAMETERS
 from iris_sysid.benchmark.sources.published import truths
 from iris_sysid.errors import DataError
 from iris_sysid.registry import MODELS, PHENOMENA
 from iris_sysid.synthetic import SCENES
+from validation.audit.folder import PARAMETERS
 
 
 def put(folder, *places):
