@@ -1,7 +1,7 @@
 """Whether a file's own structure is whole to its end, where neither its header nor a decoder tells.
 
 Ogg and MPEG-TS state no duration, and a fragmented MP4 none of its last fragments: cut off, they play as shorter clips.
-Ogg numbers its pages, packets of MPEG-TS have one length, boxes of MP4 state theirs.
+Ogg numbers its pages, packets of MPEG-TS have one length, boxes of MP4 state theirs, and WMV that of the whole file.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ OGG_HEADER, OGG_LAST = 27, 0x04  # bytes; flag of a stream's last page (RFC 3533
 REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 TS_SYNC, TS_PACKET = b"\x47", 188  # ISO 13818-1, 2.4.3
 BOX_HEADER = 8  # bytes of a box's length and kind
+FILE_PROPERTIES = bytes.fromhex("a1dcab8c47a9cf118ee400c00c205365")  # ASF specification, 10.1
+ASF_BROADCAST = 0x01
 
 
 def truncation_reason(path: Path, kind: str) -> str:
@@ -87,4 +89,19 @@ def _mp4(file: BinaryIO, size: int) -> str:
     return "its last box is cut off" if any(end > size for _, end in boxes(file, size)) else ""
 
 
-CHECKS: dict[str, Callable[[BinaryIO, int], str]] = {"ogg": _ogg, "mpegts": _transport_stream, "mov": _mp4}
+def _windows_media(file: BinaryIO, size: int) -> str:
+    """The header states the size of the file, unless it was made for a broadcast (ASF specification, 3.2)."""
+    header = file.read(4096)
+    at = header.find(FILE_PROPERTIES)
+    if at < 0 or len(header) < at + 92 or header[at + 88] & ASF_BROADCAST:
+        return ""
+    stated = int.from_bytes(header[at + 40 : at + 48], "little")
+    return f"the file has {size} bytes, its header says {stated}" if size < stated else ""
+
+
+CHECKS: dict[str, Callable[[BinaryIO, int], str]] = {
+    "ogg": _ogg,
+    "mpegts": _transport_stream,
+    "mov": _mp4,
+    "asf": _windows_media,
+}
