@@ -114,7 +114,7 @@ def _checked_part(rows: Sequence[Sequence[float]], name: str, path: Path) -> Arr
     size = np.sqrt(np.maximum(np.diag(part), 0.0))
     scaled = part / np.outer(*[np.where(size > 0, size, 1.0)] * 2)
     if not np.allclose(scaled, scaled.T, atol=ROUNDING) or np.linalg.eigvalsh(scaled).min() < -ROUNDING * N_VALUES:
-        raise DataError(f"{path}: budget.{name} is no covariance: it must be symmetric and positive semidefinite")
+        raise DataError(f"{path}: budget.{name} is not a covariance: it must be symmetric and positive semidefinite")
     return part
 
 

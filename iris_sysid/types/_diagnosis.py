@@ -212,7 +212,7 @@ class Diagnosis(Shown):
         return Completeness(fitted.explained, False, self.residual_ratio, rest)
 
     def _unsure(self) -> list[str]:
-        """The added effects instead of which another one may act."""
+        """The added effects that another one may replace."""
         return [
             effect.name
             for effect in self.added

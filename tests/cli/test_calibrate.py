@@ -270,7 +270,7 @@ def edited(document, **changes):
     [
         ({"budget": {"corners": [[1.0]]}}, DataError, "budget.corners must have 18 rows of 18 numbers"),
         ({"budget": {"corners": [[1.0, 2.0], [3.0]]}}, DataError, "budget.corners must have 18 rows of 18 numbers"),
-        ({"budget": {"corners": (-np.eye(18)).tolist()}}, DataError, "budget.corners is no covariance"),
+        ({"budget": {"corners": (-np.eye(18)).tolist()}}, DataError, "budget.corners is not a covariance"),
         ({"budget": {"corners": np.triu(np.ones((18, 18))).tolist()}}, DataError, "must be symmetric"),
         ({"camera_matrix": [[0, 0, 0], [0, 1, 0], [0, 0, 1]]}, DataError, "camera_matrix"),
         ({"camera_matrix": [[9.0, 1.0, 0.0], [0.0, 9.0, 0.0], [0.0, 0.0, 1.0]]}, DataError, "camera_matrix must be"),

@@ -124,7 +124,7 @@ class ComponentsEntry(Part):
 
 
 class FindingEntry(Part):
-    """What is said of one part of the residual: a named effect, a group of effects, its place, or that it is open."""
+    """The finding on one part of the residual: a named effect, a group of effects, its place, or that it is open."""
 
     word: FindingWord
     component: ComponentKind | None
@@ -143,13 +143,13 @@ class DiagnosisDocument(Document):
     document: Literal["diagnosis"] = "diagnosis"
     version: Literal[2] = 2
     sentence: str
-    """The result in a few sentences: the parts of the residual, what is said of each, the error before and after."""
+    """The result in a few sentences: the parts of the residual, the finding on each, the error before and after."""
     components: ComponentsEntry | None = None
     """Parts of the residual of the first clip without effects; null where the clip is too short to be split."""
     remaining: ComponentsEntry | None = None
     """Parts of the residual with the effects."""
     findings: list[FindingEntry] = []
-    """What is said of each part."""
+    """The finding on each part."""
     nuisances: list[str] = []
     """Effects that are in the final fit because they improve the prediction, but which are not named."""
     verdict: VerdictEntry | None = None

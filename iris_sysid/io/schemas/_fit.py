@@ -85,7 +85,7 @@ class PopulationEntry(Part):
     """Squared distances from the weighted mean in standard errors, summed."""
     degrees: int
     p_value: Number
-    """Chance of so much when all clips have one value."""
+    """Chance of such a ``q`` when all clips have one value."""
 
 
 class ClipEntry(Part):

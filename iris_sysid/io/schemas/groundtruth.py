@@ -229,7 +229,7 @@ class RegeneratedValue(ValueEntry):
     within: Number
     """Typical random standard error in one clip."""
     p_value: Number
-    """Chance of so much scatter when all clips have one value."""
+    """Chance of such a scatter when all clips have one value."""
     budget: dict[str, Number]
     """Standard uncertainty from each source."""
     clips: dict[str, ClipValue]
