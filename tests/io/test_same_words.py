@@ -7,7 +7,7 @@ import pytest
 
 from iris_sysid import Diagnosis, Discovery, FitResult
 from iris_sysid.io.schemas import CandidateEntry, DiagnosisDocument, DiscoveryDocument, FitDocument
-from iris_sysid.types import Errors, Identifiability, Limit, Match, ModelCandidate
+from iris_sysid.types import Identifiability, Limit, Match, ModelCandidate, PredictionErrors
 
 T_S = np.arange(150) / 50
 OF_FILES = {"document", "version", "origin", "sentence"}  # every file has them, or some
@@ -38,7 +38,7 @@ def test_every_key_of_a_file_is_an_attribute(kind, document):
     [
         (Identifiability, FitDocument.model_fields["identifiability"]),
         (Limit, DiagnosisDocument.model_fields["ruled_out"]),
-        (Errors, DiagnosisDocument.model_fields["before"]),
+        (PredictionErrors, DiagnosisDocument.model_fields["before"]),
         (Match, DiscoveryDocument.model_fields["nearest"]),
         (ModelCandidate, CandidateEntry),
     ],
